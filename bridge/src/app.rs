@@ -2,7 +2,12 @@
 
 mod bridge;
 mod command_line;
+mod convert;
 mod outlets;
+mod record;
+mod recording_file;
+mod replay;
+mod replay_port;
 mod ros_node;
 mod shutdown;
 mod sinks;
@@ -17,7 +22,9 @@ use neuro_ros::ros1::NodeOptions;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
 
-use crate::app::command_line::{Options, PortOptions, Task};
+use crate::app::command_line::{
+    ConvertOptions, Options, PortOptions, RecordOptions, ReplayOptions, Task,
+};
 use crate::error::BridgeError;
 use crate::query::protocol::{Answer, Request};
 use crate::query::query_port;
@@ -28,7 +35,8 @@ use crate::query::query_port;
 /// Status 0 means success, 1 a failed check, 2 wrong usage, 3 that the device or ROS is not
 /// reachable, and 4 that the device refuses the request. Without a subcommand the bridge streams
 /// until a signal or ROS ends it. `selftest` and `reset` send the device one request and print its
-/// answer.
+/// answer. `record` writes everything on the wire to a file,
+/// which `replay` and `convert` read.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
     let task = Task::parse_from(arguments.into_iter().map(Into::into));
@@ -37,6 +45,9 @@ pub fn run() -> ExitCode {
         Task::Bridge(options) => stream(*options, ros).map(|()| ExitCode::SUCCESS),
         Task::SelfTest(options) => send_request(&options.at, Request::SelfTest, options.json),
         Task::Reset(options) => send_request(&options.at, Request::Reset(options.target()), false),
+        Task::Record(options) => record(options, &ros).map(|()| ExitCode::SUCCESS),
+        Task::Replay(options) => replay(&options, &ros).map(|()| ExitCode::SUCCESS),
+        Task::Convert(options) => convert(&options, &ros).map(|()| ExitCode::SUCCESS),
     };
     match done {
         Ok(code) => code,
@@ -58,6 +69,33 @@ fn stream(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {
         .enable_all()
         .build()?;
     let summary = runtime.block_on(bridge::stream(options, ros))?;
+    eprintln!("corticode-bridge: {summary}");
+    Ok(())
+}
+
+fn record(options: RecordOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
+    init_log(ros)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()?;
+    let summary = runtime.block_on(record::record(options))?;
+    eprintln!("corticode-bridge: {summary}");
+    Ok(())
+}
+
+fn replay(options: &ReplayOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
+    init_log(ros)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()?;
+    let summary = runtime.block_on(replay::replay(options))?;
+    eprintln!("corticode-bridge: {summary}");
+    Ok(())
+}
+
+fn convert(options: &ConvertOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
+    init_log(ros)?;
+    let summary = convert::convert(options)?;
     eprintln!("corticode-bridge: {summary}");
     Ok(())
 }

@@ -46,14 +46,19 @@ impl Core {
 
     /// Handles bytes from the device that were read at `read`, and sends the next command if one is
     /// due.
-    pub fn receive(&mut self, mut bytes: &[u8], read: HostTime, effects: &mut dyn Effects) {
+    pub fn receive(&mut self, bytes: &[u8], read: HostTime, effects: &mut dyn Effects) {
+        self.handle(bytes, read, effects);
+        self.session.tick(read, effects);
+    }
+
+    /// Handles bytes from the device like [`Core::receive`], but sends no command.
+    pub(crate) fn handle(&mut self, mut bytes: &[u8], read: HostTime, effects: &mut dyn Effects) {
         while let Some(outcome) = self.decoder.next::<ToHost>(&mut bytes) {
             match outcome {
                 Ok(frame) => self.session.handle_frame(&frame, read, effects),
                 Err(error) => self.session.handle_error(error, read),
             }
         }
-        self.session.tick(read, effects);
     }
 
     /// Sends the next command if one is due. Call this at least every 100 ms.

@@ -1,4 +1,4 @@
-//! Errors that end the bridge or a query.
+//! Errors that end the bridge or one of its subcommands.
 
 use std::path::PathBuf;
 
@@ -8,6 +8,7 @@ use neuro_ros::ros1::NodeError;
 use thiserror::Error;
 
 use crate::query::report::DeviceSummary;
+use crate::recording::error::RecordingError;
 
 /// Error that ends the bridge or a query. The streaming bridge waits for an absent device or ROS
 /// master, without an error.
@@ -98,6 +99,50 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
+    /// The file to write exists already. Recordings and their conversions never replace a file.
+    #[error("{path} exists already; name another file, or move that one away")]
+    FileExists {
+        /// Path of the file.
+        path: PathBuf,
+    },
+    /// The file to write cannot be created.
+    #[error("{path} cannot be created; name a file in a folder that exists and is writable")]
+    FileCreation {
+        /// Path of the file.
+        path: PathBuf,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
+    /// A file cannot be written any further, because the disk is full or fails.
+    #[error(
+        "{path} cannot be written any further; everything up to here is in the file, so make room \
+         on the disk and go on with another file"
+    )]
+    FileWrite {
+        /// Path of the file.
+        path: PathBuf,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
+    /// The port at which a recording shall be played cannot be made.
+    #[error(
+        "{output} cannot be made a port; choose pty:PATH with a path in a writable folder that no \
+         file has, or tcp:HOST:PORT with a free port"
+    )]
+    Output {
+        /// Address from `--output`.
+        output: String,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
+    /// The file to read is not a usable recording.
+    #[error("{path} cannot be used as a recording")]
+    Recording {
+        /// Path of the file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: RecordingError,
+    },
     /// The operating system does not provide a signal handler, a thread or stdout.
     #[error("the operating system refuses a resource that the bridge needs")]
     System(#[from] std::io::Error),
@@ -110,11 +155,16 @@ impl BridgeError {
         match self {
             BridgeError::Sink(_)
             | BridgeError::System(_)
+            | BridgeError::FileWrite { .. }
             | BridgeError::RestartedDuringTest { .. } => 1,
             BridgeError::Port { .. }
             | BridgeError::Speed { .. }
             | BridgeError::Model(_)
             | BridgeError::Log { .. }
+            | BridgeError::FileExists { .. }
+            | BridgeError::FileCreation { .. }
+            | BridgeError::Recording { .. }
+            | BridgeError::Output { .. }
             | BridgeError::AnnouncedNotStreamed
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
             BridgeError::Node(_)

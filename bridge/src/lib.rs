@@ -63,6 +63,7 @@
 #![forbid(unsafe_code)]
 
 mod app;
+mod conversion;
 mod core;
 mod decoder;
 mod device;
@@ -70,6 +71,7 @@ mod diagnostics;
 mod effects;
 mod error;
 mod query;
+mod recording;
 mod session;
 mod settings;
 mod streams;
@@ -87,6 +89,12 @@ pub use effects::{Announcement, Effects};
 pub use error::BridgeError;
 pub use query::protocol::{Answer, Query, QueryResult, Request};
 pub use query::report::{ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport};
+pub use recording::error::RecordingError;
+pub use recording::file_header::FileHeader;
+pub use recording::reader::{LeftOut, RecordingReader};
+pub use recording::record::{Record, RecordKind};
+pub use recording::recorder::Recorder;
+pub use recording::replayer::{Pace, ReplayCounts, Replayer};
 pub use settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint, StreamKind};
 pub use streams::ledger::{Arrival, Ledger};
 pub use streams::tri::{TRI_LABELS, TriWords};

@@ -3,6 +3,8 @@
 //! Sources: Kemp et al. 1992 (EDF), Kemp and Olivan 2003 (EDF+), BioSemi's description of BDF.
 
 pub(crate) mod annotations;
+mod date;
+pub(crate) mod writer;
 
 use std::str::FromStr;
 

@@ -5,6 +5,8 @@
 
 pub(crate) mod events;
 pub(crate) mod record_count;
+mod time;
+pub(crate) mod writer;
 
 use crate::{
     error::RecordingError,

@@ -1,4 +1,4 @@
-//! EEG recordings (EDF, BDF, GDF) played through a virtual ADC.
+//! EEG recordings (EDF, BDF, GDF): read, played through a virtual ADC, and written.
 //!
 //! Device code that reads from this crate receives the samples that an ADC would deliver, whatever the
 //! rate, unit and channel order of the file. File formats are recognised by content, not by file name.
@@ -42,6 +42,7 @@ mod edf;
 pub mod electrode;
 mod error;
 mod event;
+mod file_to_write;
 mod format;
 mod gdf;
 mod header;
@@ -54,10 +55,13 @@ mod source;
 pub mod virtual_adc;
 mod warning;
 
+pub use edf::writer::{BdfWriter, RowAnnotation};
 pub use electrode::Electrode;
 pub use error::RecordingError;
 pub use event::{Event, EventLabel};
+pub use file_to_write::{FileToWrite, SignalToWrite};
 pub use format::Format;
+pub use gdf::writer::GdfWriter;
 pub use montage_map::{Missing, MontageMap, MontageMapError};
 pub use position::Position;
 pub use ratio::Ratio;

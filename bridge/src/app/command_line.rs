@@ -49,25 +49,14 @@ pub(crate) struct Options {
     /// Point of a frame that its stamp refers to
     #[arg(long, env = "CORTICODE_STAMP", value_enum, default_value_t)]
     pub(crate) stamp: StampPoint,
-    /// Mains frequency that the device shall remove, Hz; the device chooses by default
-    #[arg(long, env = "CORTICODE_MAINS", value_parser = mains)]
-    pub(crate) mains: Option<u8>,
+    #[command(flatten)]
+    pub(crate) asked: StreamOptions,
     /// Replacement of a lost code, sample or step
     #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
     pub(crate) filler: FillerPolicy,
     /// Reconstruct from the newest window alone: 62.5 ms earlier, with a slightly larger error
     #[arg(long, env = "CORTICODE_LOW_LATENCY")]
     pub(crate) low_latency: bool,
-    /// Streams of the device, comma-separated; codes are always included. If the device refuses
-    /// some streams, the bridge requests fewer
-    #[arg(
-        long,
-        env = "CORTICODE_STREAMS",
-        value_enum,
-        value_delimiter = ',',
-        default_value = "codes,audit,events"
-    )]
-    pub(crate) streams: Vec<StreamKind>,
     /// Time that the stamp of an event refers to: where rosneuro_recorder places it in a recording of
     /// the announced stream, or the event itself, as the frames' stamps
     #[arg(long, env = "CORTICODE_EVENT_STAMPS", value_enum, default_value_t)]
@@ -93,6 +82,37 @@ pub(crate) struct PortOptions {
     pub(crate) baud: u32,
 }
 
+/// What the device is asked for; options of the bridge and of `record`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct StreamOptions {
+    /// Mains frequency that the device shall remove, Hz; the device chooses by default
+    #[arg(long, env = "CORTICODE_MAINS", value_parser = mains)]
+    pub(crate) mains: Option<u8>,
+    /// Streams of the device, comma-separated; codes are always included. A device that refuses
+    /// some is asked for fewer
+    #[arg(
+        long,
+        env = "CORTICODE_STREAMS",
+        value_enum,
+        value_delimiter = ',',
+        default_value = "codes,audit,events"
+    )]
+    pub(crate) streams: Vec<StreamKind>,
+}
+
+impl StreamOptions {
+    /// Returns the mains frequency to remove, Hz; 0 leaves the choice to the device.
+    pub(crate) fn mains_hz(&self) -> u8 {
+        self.mains.unwrap_or(0)
+    }
+
+    /// Returns the streams to ask for, codes included.
+    pub(crate) fn streams(&self) -> Streams {
+        let asked = self.streams.iter();
+        asked.fold(Streams::CODES, |streams, kind| streams | kind.bit())
+    }
+}
+
 /// Destination of the frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum SinkKind {
@@ -108,15 +128,12 @@ impl Options {
     pub(crate) fn settings(&self) -> Settings {
         Settings {
             stamp: self.stamp,
-            mains_hz: self.mains.unwrap_or(0),
+            mains_hz: self.asked.mains_hz(),
             filler: self.filler,
             low_latency: self.low_latency,
             announced: self.announce,
             event_stamps: self.event_stamps,
-            streams: self
-                .streams
-                .iter()
-                .fold(Streams::CODES, |streams, kind| streams | kind.bit()),
+            streams: self.asked.streams(),
         }
     }
 
@@ -144,6 +161,12 @@ pub(crate) enum Task {
     /// `reset`: the device restarts, and the program prints the cause of the restart that the
     /// device reports.
     Reset(ResetOptions),
+    /// `record`: writes everything on the wire to a file.
+    Record(RecordOptions),
+    /// `replay`: plays a recording as a device.
+    Replay(ReplayOptions),
+    /// `convert`: writes a recording as files of samples.
+    Convert(ConvertOptions),
 }
 
 /// Test the device's converters with their internal signals, and print the results.
@@ -183,6 +206,94 @@ impl ResetOptions {
     }
 }
 
+/// Record everything that a device sends, byte for byte, with the time of every reading.
+///
+/// Asks the device for its streams as the bridge does, waits for an absent device and reconnects
+/// when it returns. Needs no ROS and decodes nothing. Ends on Ctrl-C or SIGTERM; a file that was
+/// not ended, because of kill -9 or an empty battery, is readable to its last whole frame. `replay`
+/// plays the file as a device, and `convert` writes it as GDF, BDF, CSV or NPZ. An existing file is
+/// never replaced.
+///
+/// Exit status: 0 done, 1 the file cannot be written any further, 2 wrong usage or an existing file.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "record")]
+pub(crate) struct RecordOptions {
+    /// File to write; it must not exist
+    pub(crate) file: PathBuf,
+    #[command(flatten)]
+    pub(crate) at: PortOptions,
+    #[command(flatten)]
+    pub(crate) asked: StreamOptions,
+}
+
+/// Play a recording as the device that was recorded, at a pseudoterminal or a TCP port.
+///
+/// The bridge connects to it with --port as to a board: Identify is answered with the recorded
+/// device's introduction, and each Start plays the recording from its beginning. Self-test, reset
+/// and clock queries are answered with NotSupported. Ends after the last frame.
+///
+/// Exit status: 0 done, 2 wrong usage, no usable recording or port.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "replay")]
+pub(crate) struct ReplayOptions {
+    /// Recording to read
+    pub(crate) file: PathBuf,
+    /// Port to make: pty:PATH (a link to a pseudoterminal) or tcp:HOST:PORT
+    #[arg(long, value_name = "pty:PATH|tcp:HOST:PORT")]
+    pub(crate) output: PortAddress,
+    /// Send as fast as the host reads, not in real time; times of arrival then mean nothing
+    #[arg(long)]
+    pub(crate) fast: bool,
+}
+
+/// Write a recording as files of codes and samples, one for each stream in it.
+///
+/// FILE.codes.gdf has the codes and FILE.reconstructed.gdf the EEG decoded from them;
+/// FILE.raw.gdf and FILE.filtered.gdf exist if these streams were recorded. Each row stands at its
+/// time: what was lost, or is missing between two runs of the device, is a filler with a flag. Each
+/// event stands at the first row that happened at its time or later. An existing file is never
+/// replaced.
+///
+/// Exit status: 0 done, 1 a file cannot be written, 2 wrong usage, no usable recording or an existing
+/// file.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "convert")]
+pub(crate) struct ConvertOptions {
+    /// Recording to read
+    pub(crate) file: PathBuf,
+    /// Format of the files to write
+    #[arg(long, value_enum)]
+    pub(crate) to: FileFormat,
+    /// Folder of the model to decode with, instead of the built-in one
+    #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
+    pub(crate) model: Option<PathBuf>,
+}
+
+/// Format of the files that `convert` writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum FileFormat {
+    /// GDF 2.20: float32, and the events in a table.
+    Gdf,
+    /// BDF+: 24 bits, and the events as annotations.
+    Bdf,
+    /// Comma-separated values with a header line.
+    Csv,
+    /// Arrays for numpy.
+    Npz,
+}
+
+impl FileFormat {
+    /// Ending of the names of files.
+    pub(crate) fn extension(self) -> &'static str {
+        match self {
+            FileFormat::Gdf => "gdf",
+            FileFormat::Bdf => "bdf",
+            FileFormat::Csv => "csv",
+            FileFormat::Npz => "npz",
+        }
+    }
+}
+
 impl Task {
     /// Parses the arguments; the first one is the program's name.
     ///
@@ -194,10 +305,16 @@ impl Task {
             .args_conflicts_with_subcommands(true)
             .subcommand_negates_reqs(true)
             .subcommand(SelfTestOptions::command())
-            .subcommand(ResetOptions::command());
+            .subcommand(ResetOptions::command())
+            .subcommand(RecordOptions::command())
+            .subcommand(ReplayOptions::command())
+            .subcommand(ConvertOptions::command());
         let matches = command.try_get_matches_from_mut(arguments)?;
         let task = match matches.subcommand() {
             Some(("selftest", of)) => SelfTestOptions::from_arg_matches(of).map(Task::SelfTest),
+            Some(("record", of)) => RecordOptions::from_arg_matches(of).map(Task::Record),
+            Some(("replay", of)) => ReplayOptions::from_arg_matches(of).map(Task::Replay),
+            Some(("convert", of)) => ConvertOptions::from_arg_matches(of).map(Task::Convert),
             Some((_, of)) => ResetOptions::from_arg_matches(of).map(Task::Reset),
             None => {
                 Options::from_arg_matches(&matches).map(|options| Task::Bridge(Box::new(options)))

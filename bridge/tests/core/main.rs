@@ -19,6 +19,7 @@ mod other_devices;
 mod query;
 mod reconstruction;
 mod recorder;
+mod recording;
 mod restart;
 mod round_trip;
 mod samples;

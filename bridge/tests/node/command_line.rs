@@ -53,6 +53,9 @@ fn help_names_every_option() {
         "--streams",
         "selftest",
         "reset",
+        "record",
+        "replay",
+        "convert",
         "/diagnostics keeps its name",
     ] {
         assert!(help.contains(option), "{help}");

@@ -7,9 +7,13 @@ mod abuse;
 #[allow(dead_code, reason = "the other tests use more of it")]
 mod board;
 mod command_line;
+mod convert;
 mod device;
 mod graph;
 mod lines;
 mod process;
 mod query;
+mod record;
+mod replay;
 mod replug;
+mod synthetic_recording;

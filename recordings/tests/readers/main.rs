@@ -12,6 +12,8 @@ mod real_files;
 mod synthetic_edf;
 mod synthetic_gdf;
 mod virtual_adc;
+mod written_bdf;
+mod written_gdf;
 
 use std::io::Cursor;
 

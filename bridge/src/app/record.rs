@@ -1,0 +1,231 @@
+//! The subcommand `record`: connects the core to a port and to a file.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use indicatif::{DecimalBytes, FormattedDuration, ProgressBar};
+use neuro_ros::{NeuroEvent, NeuroFrame};
+use tokio::time::{MissedTickBehavior, interval};
+
+use crate::app::command_line::RecordOptions;
+use crate::app::recording_file::RecordingFile;
+use crate::app::shutdown::Shutdown;
+use crate::core::Core;
+use crate::decoder::audit::AuditedWindow;
+use crate::decoder::reconstruction::TimedCode;
+use crate::diagnostics::summary::Summary;
+use crate::effects::{Announcement, Effects};
+use crate::error::BridgeError;
+use crate::recording::file_header::FileHeader;
+use crate::recording::recorder::Recorder;
+use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
+use crate::time::host_time::HostTime;
+use crate::wire::connection::{Connection, Event};
+
+/// Time between two ticks of the core.
+const TICK: Duration = Duration::from_millis(100);
+/// Longest time at the end to wait until the device has stopped.
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// What a finished recording holds; prints as one line.
+#[derive(Debug)]
+pub(crate) struct RecordSummary {
+    path: PathBuf,
+    duration: Duration,
+    bytes: u64,
+    core: Summary,
+}
+
+impl fmt::Display for RecordSummary {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            formatter,
+            "{}: {}, {}; {}",
+            self.path.display(),
+            FormattedDuration(self.duration),
+            DecimalBytes(self.bytes),
+            self.core
+        )
+    }
+}
+
+/// Records until SIGTERM or Ctrl-C, then stops the device and closes the file.
+///
+/// # Errors
+///
+/// [`BridgeError`] if the file or the port cannot be used. An absent device is not an error; the
+/// recording waits.
+pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, BridgeError> {
+    let mut shutdown = Shutdown::new()?;
+    let settings = Settings {
+        stamp: StampPoint::First,
+        mains_hz: options.asked.mains_hz(),
+        filler: FillerPolicy::Off,
+        low_latency: false,
+        event_stamps: EventStamps::Scalp,
+        announced: AnnouncedStream::Encoded,
+        streams: options.asked.streams(),
+    };
+    let now = HostTime::now();
+    let header = FileHeader {
+        created_ns: now.wall_ns,
+        streams: settings.streams,
+        mains_hz: settings.mains_hz,
+    };
+    let mut recording = Recording {
+        core: Core::new(settings, None),
+        connection: Connection::new(options.at.port, options.at.baud),
+        port: RecordedPort {
+            recorder: Recorder::new(header),
+            outgoing: Vec::new(),
+            now,
+        },
+        file: RecordingFile::create(&options.file)?,
+        start: Instant::now(),
+    };
+    let ended = recording.run(&mut shutdown).await;
+    recording.port.recorder.finish_piece(HostTime::now());
+    recording.write();
+    let summary = RecordSummary {
+        path: options.file,
+        duration: recording.start.elapsed(),
+        bytes: recording.port.recorder.bytes(),
+        core: recording.core.summary(),
+    };
+    let written = recording.file.finish();
+    if written.is_err() {
+        eprintln!("corticode-bridge: {summary}");
+    }
+    written.and(ended).map(|()| summary)
+}
+
+/// The core with its port and its file.
+struct Recording {
+    core: Core,
+    connection: Connection,
+    port: RecordedPort,
+    file: RecordingFile,
+    start: Instant,
+}
+
+impl Recording {
+    async fn run(&mut self, shutdown: &mut Shutdown) -> Result<(), BridgeError> {
+        let spinner = ProgressBar::new_spinner();
+        spinner.enable_steady_tick(TICK);
+        let mut buffer = vec![0; 4096];
+        let mut ticks = interval(TICK);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        let mut deadline: Option<Instant> = None;
+        loop {
+            tokio::select! {
+                event = self.connection.next_event(&mut buffer, &mut self.port.outgoing) => self.handle_connection(event?, &buffer),
+                reason = shutdown.requested(), if deadline.is_none() => {
+                    tracing::info!("ending the recording: {reason}");
+                    let now = self.port.set_now();
+                    self.port.recorder.ending(now);
+                    self.core.set_streaming(false);
+                    self.core.tick(now, &mut self.port);
+                    deadline = Some(Instant::now() + DRAIN_TIMEOUT);
+                }
+                _ = ticks.tick() => {
+                    let now = self.port.set_now();
+                    self.core.tick(now, &mut self.port);
+                    if self.connection.is_open() && self.core.is_unresponsive(now) {
+                        tracing::warn!("the device is silent; reopening the port");
+                        self.connection.close();
+                        self.closed(now);
+                    }
+                    spinner.set_message(self.progress_text());
+                }
+            }
+            if !self.write() && deadline.is_none() {
+                shutdown.request("the file cannot be written any further");
+            }
+            let is_done = !self.connection.is_open() || self.core.is_stopped();
+            if deadline.is_some_and(|deadline| is_done || Instant::now() >= deadline) {
+                spinner.finish_and_clear();
+                return Ok(());
+            }
+        }
+    }
+
+    fn handle_connection(&mut self, event: Event, buffer: &[u8]) {
+        // Read the time directly after the bytes, because the clock is fitted to this time.
+        let now = self.port.set_now();
+        match event {
+            Event::Opened => {
+                self.port.recorder.opened(now);
+                self.core.connected(now, &mut self.port);
+            }
+            Event::Bytes(count) => {
+                self.port.recorder.received(&buffer[..count], now);
+                self.core.receive(&buffer[..count], now, &mut self.port);
+            }
+            Event::Closed => self.closed(now),
+        }
+    }
+
+    fn closed(&mut self, now: HostTime) {
+        self.port.recorder.closed(now);
+        self.core.disconnected();
+        self.port.outgoing.clear();
+    }
+
+    /// Writes what was recorded, and returns whether the file still accepts bytes.
+    fn write(&mut self) -> bool {
+        self.file.append(self.port.recorder.take())
+    }
+
+    fn progress_text(&self) -> String {
+        let summary = self.core.summary();
+        let time = FormattedDuration(self.start.elapsed());
+        let bytes = DecimalBytes(self.port.recorder.bytes());
+        let absent = if self.connection.is_open() {
+            ""
+        } else {
+            ", waiting for the device"
+        };
+        format!(
+            "{time}, {bytes}, {} codes, {} lost{absent}",
+            summary.received, summary.lost
+        )
+    }
+}
+
+/// Records the core's commands and keeps them for the port. Everything else that the core requests
+/// is for somebody who publishes.
+struct RecordedPort {
+    recorder: Recorder,
+    outgoing: Vec<u8>,
+    /// Time of the event that the core handles.
+    now: HostTime,
+}
+
+impl RecordedPort {
+    fn set_now(&mut self) -> HostTime {
+        self.now = HostTime::now();
+        self.now
+    }
+}
+
+impl Effects for RecordedPort {
+    fn send(&mut self, frame: &[u8]) {
+        self.recorder.sent(frame, self.now);
+        self.outgoing.extend_from_slice(frame);
+    }
+
+    fn announce(&mut self, _: &Announcement) {}
+
+    fn publish_encoded(&mut self, _: &NeuroFrame) {}
+
+    fn decode(&mut self, _: TimedCode) {}
+
+    fn publish_raw(&mut self, _: &NeuroFrame) {}
+
+    fn publish_filtered(&mut self, _: &NeuroFrame) {}
+
+    fn publish_event(&mut self, _: &NeuroEvent) {}
+
+    fn audit(&mut self, _: AuditedWindow) {}
+}

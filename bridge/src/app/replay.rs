@@ -1,0 +1,120 @@
+//! The subcommand `replay`: plays a recording at a port.
+
+use std::fmt;
+use std::fs::File;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use indicatif::ProgressBar;
+use tokio::time::{Instant, sleep, sleep_until};
+
+use crate::app::command_line::ReplayOptions;
+use crate::app::replay_port::ReplayPort;
+use crate::app::shutdown::Shutdown;
+use crate::error::BridgeError;
+use crate::recording::error::RecordingError;
+use crate::recording::replayer::{Pace, ReplayCounts, Replayer};
+use crate::time::host_time::HostTime;
+use crate::wire::port::Transfer;
+
+/// Time after the last frame in which the host can still send commands and get answers.
+const LINGER: Duration = Duration::from_secs(1);
+/// Longest time at the end to wait until the host has read everything.
+const DRAIN_TIMEOUT: Duration = Duration::from_secs(5);
+/// Number of bytes that wait for the host before the replay waits too.
+const MAX_WAITING: usize = 64 * 1024;
+/// Time between two updates of the progress.
+const TICK: Duration = Duration::from_millis(100);
+
+/// What a replay has sent; prints as one line.
+#[derive(Debug)]
+pub(crate) struct ReplaySummary {
+    path: PathBuf,
+    counts: ReplayCounts,
+}
+
+impl fmt::Display for ReplaySummary {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ReplayCounts {
+            frames,
+            codes,
+            unusable,
+        } = self.counts;
+        let path = self.path.display();
+        write!(
+            formatter,
+            "{path}: played {codes} codes in {frames} frames; left out {unusable} damaged or newer \
+             frames"
+        )
+    }
+}
+
+/// Plays a recording until its end, SIGTERM or Ctrl-C.
+///
+/// # Errors
+///
+/// [`BridgeError`] if the recording or the port cannot be used.
+pub(super) async fn replay(options: &ReplayOptions) -> Result<ReplaySummary, BridgeError> {
+    let mut shutdown = Shutdown::new()?;
+    let unusable = |source| BridgeError::Recording {
+        path: options.file.clone(),
+        source,
+    };
+    let unopened = |source| BridgeError::Output {
+        output: options.output.to_string(),
+        source,
+    };
+    let file = File::open(&options.file);
+    let file = file.map_err(|error| unusable(RecordingError::Read(error)))?;
+    let pace = if options.fast {
+        Pace::Fast
+    } else {
+        Pace::RealTime
+    };
+    let mut replayer = Replayer::new(file, pace).map_err(unusable)?;
+    let mut port = ReplayPort::open(&options.output).await.map_err(unopened)?;
+    tracing::info!("playing at {}", options.output);
+    let spinner = ProgressBar::new_spinner();
+    spinner.enable_steady_tick(TICK);
+    let (mut buffer, mut outgoing) = (vec![0; 4096], Vec::new());
+    let mut last_sent: Option<Instant> = None;
+    loop {
+        outgoing.extend(replayer.take());
+        spinner.set_message(format!("{} codes", replayer.counts().codes));
+        if replayer.is_finished() {
+            let since = last_sent.get_or_insert_with(Instant::now).elapsed();
+            let is_read = outgoing.is_empty() && port.unread() == 0;
+            if (is_read && since > LINGER) || since > DRAIN_TIMEOUT {
+                break;
+            }
+        }
+        let due = next_due(&replayer, outgoing.len());
+        tokio::select! {
+            transfer = port.exchange(&mut buffer, &outgoing) => match transfer.map_err(unopened)? {
+                Transfer::Read(count) => replayer.receive(&buffer[..count]).map_err(unusable)?,
+                Transfer::Written(count) => drop(outgoing.drain(..count)),
+            },
+            () = sleep_until(due.unwrap_or_else(Instant::now)), if due.is_some() => {
+                replayer.play(HostTime::now().monotonic_us).map_err(unusable)?;
+            }
+            () = sleep(TICK) => {}
+            reason = shutdown.requested() => {
+                tracing::info!("ending the replay: {reason}");
+                break;
+            }
+        }
+    }
+    spinner.finish_and_clear();
+    Ok(ReplaySummary {
+        path: options.file.clone(),
+        counts: replayer.counts(),
+    })
+}
+
+/// Returns when the next frame is due; `None` while nothing is played, or the host reads slowly.
+fn next_due(replayer: &Replayer<File>, waiting: usize) -> Option<Instant> {
+    let now_us = HostTime::now().monotonic_us;
+    let due_us = replayer.due_us(now_us).filter(|_| waiting < MAX_WAITING)?;
+    let wait_us = u64::try_from(due_us - now_us).unwrap_or(0);
+    Some(Instant::now() + Duration::from_micros(wait_us))
+}

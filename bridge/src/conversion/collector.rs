@@ -1,0 +1,181 @@
+//! Conversion of the core's effects to blocks of rows and to events.
+
+use std::sync::Arc;
+
+use neuro_ros::{NeuroEvent, NeuroFrame};
+
+use crate::conversion::block::{Block, Stream, TimedEvent};
+use crate::decoder::audit::AuditedWindow;
+use crate::decoder::model::Model;
+use crate::decoder::reconstruction::{Reconstruction, TimedCode};
+use crate::device::Device;
+use crate::effects::{Announcement, Effects};
+use crate::settings::Settings;
+
+/// Event code of the trigger input, without the bit for a falling edge.
+const TRIGGER: u16 = 1;
+
+/// Receives what a recording holds, in the order of publication.
+pub(crate) trait Listener {
+    /// Whether the values of reconstructed rows matter. Decoding them takes most of the time.
+    const DECODES: bool;
+
+    /// Receives the rows of a frame.
+    fn block(&mut self, block: Block);
+
+    /// Receives an event.
+    fn event(&mut self, event: TimedEvent);
+}
+
+/// Converts the core's effects and passes them to a [`Listener`].
+pub(crate) struct Collector<L> {
+    pub(crate) listener: L,
+    settings: Settings,
+    model: Arc<Model>,
+    device: Option<Arc<Device>>,
+    reconstruction: Option<Reconstruction>,
+    /// Number of restarts of the device so far.
+    pub(crate) run: u32,
+    /// Device time in the header of the frame that the core handles, microseconds.
+    pub(crate) frame_us: u64,
+    /// Commands that the core has sent since the caller took them.
+    pub(crate) commands: Vec<Vec<u8>>,
+    /// Newest block of raw samples and of filtered steps.
+    newest: [Option<Block>; 2],
+}
+
+impl<L: Listener> Collector<L> {
+    pub(crate) fn new(listener: L, settings: Settings, model: Arc<Model>) -> Collector<L> {
+        Collector {
+            listener,
+            settings,
+            model,
+            device: None,
+            reconstruction: None,
+            run: 0,
+            frame_us: 0,
+            commands: Vec::new(),
+            newest: [None, None],
+        }
+    }
+
+    /// Passes a frame on. Its first row happened `delay_us` before the device time in its status
+    /// words.
+    fn publish(&mut self, stream: Stream, frame: &NeuroFrame, delay_us: i64) {
+        let word = |index: usize| i64::from(frame.tri.data.get(index).copied().unwrap_or(0));
+        let device_us = word(3) | word(4) << 16 | word(5) << 32;
+        let number = (word(1) | word(2) << 16).unsigned_abs();
+        let rows = u64::from(frame.eeg.info.nsamples);
+        let has_index = matches!(stream, Stream::Raw | Stream::Filtered);
+        let block = Block {
+            stream,
+            frame: frame.clone(),
+            run: self.run,
+            first_us: device_us - delay_us,
+            wall_ns: frame.header.stamp.nanoseconds(),
+            index: has_index.then_some(number * rows),
+        };
+        self.fill_skipped(&block);
+        self.listener.block(block);
+    }
+
+    /// Passes on fillers for the frames before `block` that the core skipped, because subscribers
+    /// could not have kept so many.
+    fn fill_skipped(&mut self, block: &Block) {
+        let newest = match block.stream {
+            Stream::Raw => &mut self.newest[0],
+            Stream::Filtered => &mut self.newest[1],
+            Stream::Codes | Stream::Reconstructed => return,
+        };
+        let rows = block.rows() as u64;
+        if let (Some(filler), Some(index)) = (newest.as_mut(), block.index) {
+            filler.run = block.run;
+            let mut next = filler.index.unwrap_or(0) + rows;
+            while next < index {
+                filler.become_filler(rows);
+                self.listener.block(filler.clone());
+                next += rows;
+            }
+        }
+        *newest = Some(block.clone());
+    }
+
+    /// Returns the time from a code's first step on the scalp to its device time.
+    fn code_delay_us(&self) -> i64 {
+        self.device.as_ref().map_or(0, |device| {
+            let lookback = u32::from(device.window_steps) - 1;
+            device.steps_us(lookback) + i64::from(device.group_delay_us)
+        })
+    }
+}
+
+impl<L: Listener> Effects for Collector<L> {
+    fn send(&mut self, frame: &[u8]) {
+        self.commands.push(frame.to_vec());
+    }
+
+    fn announce(&mut self, announcement: &Announcement) {
+        self.device = Some(Arc::clone(&announcement.device));
+        if announcement.decodable {
+            let model = Arc::clone(&self.model);
+            let mut next = Reconstruction::new(&announcement.device, model, self.settings);
+            if let Some(before) = &self.reconstruction {
+                next.continue_from(before);
+            }
+            self.reconstruction = Some(next);
+        }
+    }
+
+    fn publish_encoded(&mut self, frame: &NeuroFrame) {
+        self.publish(Stream::Codes, frame, self.code_delay_us());
+    }
+
+    fn decode(&mut self, mut window: TimedCode) {
+        let delay_us = self.code_delay_us();
+        if !L::DECODES {
+            // Without the code the frame is a filler, of the same time and length.
+            window.z = None;
+        }
+        let Some(mut reconstruction) = self.reconstruction.take() else {
+            return;
+        };
+        if let Some(frame) = reconstruction.next_frame(&window) {
+            self.publish(Stream::Reconstructed, frame, delay_us);
+        }
+        self.reconstruction = Some(reconstruction);
+    }
+
+    fn publish_raw(&mut self, frame: &NeuroFrame) {
+        self.publish(Stream::Raw, frame, 0);
+    }
+
+    fn publish_filtered(&mut self, frame: &NeuroFrame) {
+        let delay_us = self
+            .device
+            .as_ref()
+            .map_or(0, |device| device.group_delay_us);
+        self.publish(Stream::Filtered, frame, delay_us.into());
+    }
+
+    fn publish_event(&mut self, event: &NeuroEvent) {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "an event's type has 16 bits"
+        )]
+        let code = event.event as u16;
+        // The bus also reports missing data, of the announced stream; the rows of all streams are flagged.
+        if code & 0x7fff != TRIGGER {
+            return;
+        }
+        self.listener.event(TimedEvent {
+            run: self.run,
+            device_us: i64::try_from(self.frame_us).unwrap_or(i64::MAX),
+            wall_ns: event.header.stamp.nanoseconds(),
+            code,
+            description: event.description.clone(),
+        });
+    }
+
+    fn audit(&mut self, _: AuditedWindow) {}
+}

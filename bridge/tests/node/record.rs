@@ -1,0 +1,155 @@
+//! The subcommand `record`: files of a killed program, a full disk, an existing file.
+
+use std::fs::File;
+use std::io::Read;
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+
+use bridge::{LeftOut, RecordKind, RecordingReader};
+use link::{Decoder, MAX_FRAME, ToHost};
+use rustix::process::Signal;
+
+use crate::board::Board;
+use crate::device::Device;
+use crate::process::{Bridge, TIMEOUT};
+
+/// What a recording holds, as far as a test needs it.
+#[derive(Debug, Default)]
+struct Content {
+    windows: Vec<u32>,
+    events: u32,
+    kinds: Vec<RecordKind>,
+    left_out: LeftOut,
+}
+
+/// Reads a recording, every received frame of which must be intact.
+fn read(path: &Path) -> Content {
+    let mut content = Content::default();
+    let mut reader = RecordingReader::new(File::open(path).unwrap()).unwrap();
+    let mut decoder = Decoder::<MAX_FRAME>::new();
+    while let Some(record) = reader.next_record().unwrap() {
+        content.kinds.push(record.kind);
+        if record.kind != RecordKind::Received {
+            continue;
+        }
+        let mut bytes = record.payload;
+        let frame = decoder.next::<ToHost>(&mut bytes).unwrap();
+        assert!(bytes.is_empty(), "one record holds one frame");
+        match frame.unwrap().message {
+            ToHost::Code(code) => content.windows.push(code.window),
+            ToHost::Event(_) => content.events += 1,
+            _ => {}
+        }
+    }
+    content.left_out = reader.left_out();
+    content
+}
+
+fn start(device: &Device, path: &Path) -> Bridge {
+    Bridge::start(&["record", path.to_str().unwrap(), "--port", &device.port])
+}
+
+/// Waits until the file has at least `bytes` bytes.
+fn wait_for_bytes(path: &Path, bytes: u64) {
+    let deadline = Instant::now() + TIMEOUT;
+    while std::fs::metadata(path).map_or(0, |file| file.len()) < bytes {
+        assert!(Instant::now() < deadline, "nothing is recorded");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn a_recording_holds_every_code_and_ends_with_a_summary() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording");
+    let device = Device::tcp(Board::new());
+    let bridge = start(&device, &path);
+    wait_for_bytes(&path, 20_000);
+    bridge.signal(Signal::INT);
+    let (status, log) = bridge.wait();
+    assert!(status.success(), "{log}");
+    let made = device.controls.made.load(Relaxed);
+    assert!(log.contains(&format!("received {made} lost 0")), "{log}");
+    let content = read(&path);
+    assert!(content.windows.iter().copied().eq(0..made), "{content:?}");
+    assert_eq!(content.events, made / 10);
+    assert_eq!(content.left_out, LeftOut::default());
+    assert_eq!(content.kinds[0], RecordKind::Opened);
+    assert!(content.kinds.contains(&RecordKind::Ending));
+}
+
+#[test]
+fn a_recording_that_was_killed_is_readable_to_its_last_whole_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut codes = 0;
+    for round in 0..100_u64 {
+        let path = folder.path().join(format!("recording-{round}"));
+        let device = Device::tcp(Board::new());
+        let bridge = start(&device, &path);
+        // The header alone is there at once; the delays after it differ from round to round.
+        wait_for_bytes(&path, 28);
+        std::thread::sleep(Duration::from_micros(round * 7_919 % 150_000));
+        bridge.signal(Signal::KILL);
+        bridge.wait();
+        let content = read(&path);
+        assert_eq!(content.left_out.within, 0);
+        let recorded = u32::try_from(content.windows.len()).unwrap();
+        assert!(
+            content.windows.iter().copied().eq(0..recorded),
+            "{content:?}"
+        );
+        codes += recorded;
+    }
+    assert!(codes > 100, "only {codes} codes in 100 rounds");
+}
+
+#[test]
+fn an_existing_file_is_refused_and_not_touched() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording");
+    std::fs::write(&path, "mine").unwrap();
+    let file = path.to_str().unwrap();
+    let (status, log) = Bridge::start(&["record", file, "--port", "tcp:127.0.0.1:1"]).wait();
+    assert_eq!(status.code(), Some(2), "{log}");
+    assert!(log.contains("exists already"), "{log}");
+    assert_eq!(std::fs::read(&path).unwrap(), b"mine");
+    let nowhere = folder.path().join("no/recording");
+    let file = nowhere.to_str().unwrap();
+    let (status, log) = Bridge::start(&["record", file, "--port", "tcp:127.0.0.1:1"]).wait();
+    assert_eq!(status.code(), Some(2), "{log}");
+    assert!(log.contains("cannot be created"), "{log}");
+}
+
+#[test]
+fn a_full_disk_ends_the_recording_and_keeps_what_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording");
+    let device = Device::tcp(Board::new());
+    // A limit of the file's size stands for a full disk: 32 blocks of 512 or 1024 bytes. Without
+    // the trap the kernel would end the program by a signal.
+    let script = "trap '' XFSZ; ulimit -f 32; exec \"$@\"";
+    let mut child = Command::new("sh")
+        .args(["-c", script, "sh", env!("CARGO_BIN_EXE_corticode-bridge")])
+        .args(["record", path.to_str().unwrap(), "--port", &device.port])
+        .stdin(Stdio::null())
+        .stderr(Stdio::piped())
+        .process_group(0)
+        .spawn()
+        .unwrap();
+    let status = child.wait().unwrap();
+    let mut log = String::new();
+    child.stderr.unwrap().read_to_string(&mut log).unwrap();
+    assert_eq!(status.code(), Some(1), "{log}");
+    assert!(
+        log.contains("cannot be written any further") && log.contains("File too large"),
+        "{log}"
+    );
+    let content = read(&path);
+    let length = std::fs::metadata(&path).unwrap().len();
+    assert!(length.is_multiple_of(512) && length >= 16_384, "{length}");
+    assert!(content.left_out.at_end < 2_100, "{content:?}");
+    assert!(content.windows.len() > 40, "{content:?}");
+}

@@ -1,0 +1,237 @@
+//! Writes BDF+: 24-bit samples of one rate, and events as annotations.
+//!
+//! Sources: Kemp and Olivan 2003 (EDF+), BioSemi's description of BDF.
+
+use std::io::{self, Seek, SeekFrom, Write};
+
+use crate::edf::date::DateTime;
+use crate::file_to_write::{FileToWrite, SignalToWrite, invalid};
+use crate::signal::calibration::Calibration;
+
+/// Offset of the number of records in the header.
+const RECORDS_AT: u64 = 236;
+/// Smallest and largest digital value: 24 bits.
+const DIGITAL: [f64; 2] = [-8_388_608.0, 8_388_607.0];
+/// Bytes of a record's own time stamp in its annotations: `+`, 16 digits with a point, 0x14 0x14 0.
+const TIME_STAMP: usize = 20;
+
+/// An annotation to write: the row at which it stands, and its text.
+pub type RowAnnotation = (u64, String);
+
+/// Writes a BDF+ file record by record. Values are rounded to 24 bits of their signal's range.
+#[derive(Debug)]
+pub struct BdfWriter<W> {
+    out: W,
+    lines: Vec<Calibration>,
+    rows_per_record: usize,
+    rate_hz: u32,
+    /// Bytes of the annotation signal in a record, a multiple of 3.
+    annotation_bytes: usize,
+    /// Annotations with the record that holds them, the next one last.
+    annotations: Vec<(u64, RowAnnotation)>,
+    records: u64,
+    record: Vec<u8>,
+}
+
+impl<W: Write + Seek> BdfWriter<W> {
+    /// Writes the header of a file with `rows` rows. `annotations` are in the order of their rows;
+    /// one after the last row is in the last record.
+    ///
+    /// # Errors
+    /// `InvalidInput` if the file does not fit the format; otherwise the operating system's error.
+    pub fn new(
+        mut out: W,
+        file: &FileToWrite,
+        rows: u64,
+        annotations: Vec<RowAnnotation>,
+    ) -> io::Result<BdfWriter<W>> {
+        let rows_per_record = u64::from(file.rows_per_record.max(1));
+        let record_of = |row: u64| row.min(rows.saturating_sub(1)) / rows_per_record;
+        let annotations = annotations.into_iter();
+        let mut annotations: Vec<_> = annotations.map(|of| (record_of(of.0), of)).collect();
+        let in_record = annotations.chunk_by(|a, b| a.0 == b.0).map(|of| {
+            let lists = of.iter().map(|(_, of)| list(of, file.rate_hz).len());
+            lists.sum::<usize>()
+        });
+        let annotation_bytes = (TIME_STAMP + in_record.max().unwrap_or(0)).next_multiple_of(3);
+        annotations.reverse();
+        let ranges: Vec<Range> = file.signals.iter().map(Range::new).collect();
+        out.write_all(&header(file, &ranges, annotation_bytes / 3)?)?;
+        Ok(BdfWriter {
+            out,
+            lines: ranges.iter().map(Range::calibration).collect(),
+            rows_per_record: file.rows_per_record as usize,
+            rate_hz: file.rate_hz,
+            annotation_bytes,
+            annotations,
+            records: 0,
+            record: Vec::new(),
+        })
+    }
+
+    /// Writes one record: its values row by row, and within a row in the order of the signals.
+    ///
+    /// # Errors
+    /// `InvalidInput` if this is not one record; otherwise the operating system's error.
+    pub fn write_record(&mut self, rows: &[f32]) -> io::Result<()> {
+        let signals = self.lines.len();
+        if rows.len() != signals * self.rows_per_record {
+            return Err(invalid("a record has another number of values"));
+        }
+        self.record.clear();
+        for (signal, line) in self.lines.iter().enumerate() {
+            for value in rows.iter().skip(signal).step_by(signals) {
+                let digital = (f64::from(*value) - line.physical_min) / line.gain();
+                let digital = (digital + line.digital_min).round();
+                #[expect(clippy::cast_possible_truncation, reason = "clamped to 24 bits")]
+                let digital = digital.clamp(line.digital_min, line.digital_max) as i32;
+                self.record.extend(&digital.to_le_bytes()[..3]);
+            }
+        }
+        let end = self.record.len() + self.annotation_bytes;
+        let first_row = self.records * self.rows_per_record as u64;
+        let start = onset(first_row, self.rate_hz);
+        self.record.extend(format!("+{start}\x14\x14\0").bytes());
+        let records = self.records;
+        while let Some((_, annotation)) = self.annotations.pop_if(|(record, _)| *record == records)
+        {
+            self.record.extend(list(&annotation, self.rate_hz));
+        }
+        if self.record.len() > end {
+            return Err(invalid("a BDF file with so many records cannot be written"));
+        }
+        self.record.resize(end, 0);
+        self.records += 1;
+        self.out.write_all(&self.record)
+    }
+
+    /// Completes the header and returns the output.
+    ///
+    /// # Errors
+    /// The operating system's error.
+    pub fn finish(mut self) -> io::Result<W> {
+        self.out.seek(SeekFrom::Start(RECORDS_AT))?;
+        let records = self.records;
+        self.out.write_all(format!("{records:<8}").as_bytes())?;
+        self.out.flush()?;
+        Ok(self.out)
+    }
+}
+
+/// Ranges of a signal as its header states them.
+struct Range {
+    /// Physical ends, as text of at most 8 characters.
+    physical: [String; 2],
+    digital: [f64; 2],
+}
+
+impl Range {
+    fn new(signal: &SignalToWrite) -> Range {
+        let [least, most] = signal.range;
+        let [least, most] = if least < most {
+            [least, most]
+        } else {
+            [least - 1.0, least + 1.0]
+        };
+        Range {
+            physical: [least, most].map(number),
+            digital: if signal.is_integer {
+                [least, most]
+            } else {
+                DIGITAL
+            },
+        }
+    }
+
+    /// Returns the line that a reader finds in the header.
+    fn calibration(&self) -> Calibration {
+        let [physical_min, physical_max] =
+            [0, 1].map(|end| self.physical[end].parse().unwrap_or(f64::NAN));
+        Calibration {
+            digital_min: self.digital[0],
+            digital_max: self.digital[1],
+            physical_min,
+            physical_max,
+        }
+    }
+}
+
+/// Returns a number in at most 8 characters, with as many digits as fit.
+fn number(value: f64) -> String {
+    let texts = (0..8).rev().map(|digits| format!("{value:.digits$}"));
+    let mut fitting = texts.filter(|text| text.len() <= 8);
+    fitting.next().unwrap_or_else(|| "99999999".to_owned())
+}
+
+/// Returns the time of a row, seconds since the start of the file.
+fn onset(row: u64, rate_hz: u32) -> String {
+    let rate_hz = u64::from(rate_hz.max(1));
+    let (whole, rest) = (row / rate_hz, row % rate_hz);
+    format!("{whole}.{:07}", rest * 10_000_000 / rate_hz)
+}
+
+/// Returns the bytes of an annotation.
+fn list((row, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
+    // The separators of the format cannot be part of a text.
+    let text = text.replace(['\x14', '\x15', '\0'], " ");
+    format!("+{}\x14{text}\x14\0", onset(*row, rate_hz)).into_bytes()
+}
+
+fn header(file: &FileToWrite, ranges: &[Range], annotation_samples: usize) -> io::Result<Vec<u8>> {
+    file.check()?;
+    let duration = f64::from(file.rows_per_record) / f64::from(file.rate_hz);
+    let duration = duration.to_string();
+    if file.signals.len() > 9_998 || duration.len() > 8 {
+        return Err(invalid(
+            "a BDF file holds at most 9,998 signals, and records whose duration has 8 digits",
+        ));
+    }
+    let signals = file.signals.len() + 1;
+    let date = DateTime::new(file.start_ns);
+    let mut bytes = b"\xffBIOSEMI".to_vec();
+    let mut field = |text: &str, width: usize| {
+        let ascii = text.chars().filter(char::is_ascii).take(width);
+        let text: String = ascii.collect();
+        bytes.extend(format!("{text:width$}").bytes());
+    };
+    field("X X X X", 80);
+    let device = file.description.replace(' ', "_");
+    field(&format!("Startdate {} X X {device}", date.long_date()), 80);
+    field(&date.short_date(), 8);
+    field(&date.time(), 8);
+    field(&(256 * (signals + 1)).to_string(), 8);
+    field("BDF+C", 44);
+    field("-1", 8);
+    field(&duration, 8);
+    field(&signals.to_string(), 4);
+    let mut fields = |width: usize, last: &str, of: &dyn Fn(usize) -> String| {
+        (0..signals - 1).for_each(|signal| field(&of(signal), width));
+        field(last, width);
+    };
+    fields(16, "BDF Annotations", &|signal| {
+        file.signals[signal].label.clone()
+    });
+    fields(80, "", &|_| String::new());
+    let unit = |signal: usize| {
+        if file.signals[signal].is_microvolt {
+            "uV"
+        } else {
+            ""
+        }
+    };
+    fields(8, "", &|signal| unit(signal).to_owned());
+    fields(8, "-1", &|signal| ranges[signal].physical[0].clone());
+    fields(8, "1", &|signal| ranges[signal].physical[1].clone());
+    fields(8, "-8388608", &|signal| {
+        ranges[signal].digital[0].to_string()
+    });
+    fields(8, "8388607", &|signal| {
+        ranges[signal].digital[1].to_string()
+    });
+    fields(80, "", &|_| String::new());
+    fields(8, &annotation_samples.to_string(), &|_| {
+        file.rows_per_record.to_string()
+    });
+    fields(32, "", &|_| String::new());
+    Ok(bytes)
+}

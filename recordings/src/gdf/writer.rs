@@ -1,0 +1,160 @@
+//! Writes GDF 2.20: signals of one rate, and an event table of mode 1.
+//!
+//! Source: A. Schlögl, "GDF - A general dataformat for biosignals", arXiv cs/0608052v10.
+
+use std::io::{self, Seek, SeekFrom, Write};
+
+use crate::file_to_write::{FileToWrite, SignalToWrite, invalid};
+use crate::gdf::time::gdf_time;
+
+/// Identification of the format and version at the start of a file.
+const MAGIC: &[u8; 8] = b"GDF 2.20";
+/// Offset of the number of records in the header.
+const RECORDS_AT: u64 = 236;
+/// GDF's number of the sample type float32.
+const FLOAT32: u32 = 16;
+/// GDF 2 physical dimension codes: microvolt, and a number without a unit.
+const MICROVOLT: u16 = 4275;
+const DIMENSIONLESS: u16 = 512;
+/// Number of rows in an event table: 24 bits.
+const MAX_EVENTS: usize = 0xff_ffff;
+
+/// Writes a GDF file record by record. The values are float32 and are stored unchanged.
+#[derive(Debug)]
+pub struct GdfWriter<W> {
+    out: W,
+    signals: usize,
+    rate_hz: u32,
+    values_per_record: usize,
+    records: i64,
+    record: Vec<u8>,
+}
+
+impl<W: Write + Seek> GdfWriter<W> {
+    /// Writes the header.
+    ///
+    /// # Errors
+    /// `InvalidInput` if there are no signals or no rows in a record, or more signals than a GDF
+    /// file holds; otherwise the operating system's error.
+    pub fn new(mut out: W, file: &FileToWrite) -> io::Result<GdfWriter<W>> {
+        out.write_all(&header(file)?)?;
+        let signals = file.signals.len();
+        Ok(GdfWriter {
+            out,
+            signals,
+            rate_hz: file.rate_hz,
+            values_per_record: signals * file.rows_per_record as usize,
+            records: 0,
+            record: Vec::new(),
+        })
+    }
+
+    /// Writes one record: its values row by row, and within a row in the order of the signals.
+    ///
+    /// # Errors
+    /// `InvalidInput` if this is not one record; otherwise the operating system's error.
+    pub fn write_record(&mut self, rows: &[f32]) -> io::Result<()> {
+        if rows.len() != self.values_per_record {
+            return Err(invalid("a record has another number of values"));
+        }
+        self.record.clear();
+        for signal in 0..self.signals {
+            let values = rows.iter().skip(signal).step_by(self.signals);
+            self.record
+                .extend(values.flat_map(|value| value.to_le_bytes()));
+        }
+        self.records += 1;
+        self.out.write_all(&self.record)
+    }
+
+    /// Writes the event table from (row, type) pairs, rows counted from 0, and completes the header.
+    /// Returns the output.
+    ///
+    /// # Errors
+    /// `InvalidInput` if an event's row or the number of events does not fit the table; otherwise
+    /// the operating system's error.
+    pub fn finish(mut self, events: &[(u64, u16)]) -> io::Result<W> {
+        let count = u32::try_from(events.len()).ok();
+        let count = count.filter(|_| events.len() <= MAX_EVENTS);
+        let [c0, c1, c2, _] = count
+            .ok_or_else(|| invalid("a GDF file holds at most 16,777,215 events"))?
+            .to_le_bytes();
+        #[expect(clippy::cast_precision_loss, reason = "GDF stores the rate as float32")]
+        let rate_hz = self.rate_hz as f32;
+        let mut table = vec![1, c0, c1, c2];
+        table.extend(rate_hz.to_le_bytes());
+        for (row, _) in events {
+            let position = u32::try_from(row.saturating_add(1));
+            let position =
+                position.map_err(|_| invalid("an event is later than row 2^32 of a GDF file"))?;
+            table.extend(position.to_le_bytes());
+        }
+        table.extend(events.iter().flat_map(|(_, kind)| kind.to_le_bytes()));
+        self.out.write_all(&table)?;
+        self.out.seek(SeekFrom::Start(RECORDS_AT))?;
+        self.out.write_all(&self.records.to_le_bytes())?;
+        self.out.flush()?;
+        Ok(self.out)
+    }
+}
+
+/// Returns `text` in `width` bytes, cut off at a character or padded with zeros.
+fn padded(text: &str, width: usize) -> Vec<u8> {
+    let end = (0..=width.min(text.len())).rev();
+    let end = end.into_iter().find(|end| text.is_char_boundary(*end));
+    let mut bytes = text.as_bytes()[..end.unwrap_or(0)].to_vec();
+    bytes.resize(width, 0);
+    bytes
+}
+
+fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
+    let count = u16::try_from(file.signals.len()).ok();
+    let Some(count) = count.filter(|count| (1..u16::MAX).contains(count)) else {
+        return Err(invalid("a GDF file has 1 to 65,534 signals"));
+    };
+    file.check()?;
+    let mut bytes = MAGIC.to_vec();
+    // Patient: unknown. `X` stands for a name that is not given.
+    bytes.extend(padded("X X", 66));
+    bytes.resize(88, 0);
+    bytes.extend(padded(&file.description, 64));
+    // No place of the recording.
+    bytes.resize(168, 0);
+    bytes.extend(gdf_time(file.start_ns).to_le_bytes());
+    // No birthday.
+    bytes.resize(184, 0);
+    bytes.extend((count + 1).to_le_bytes());
+    bytes.resize(236, 0);
+    // -1: unknown, until the file is finished.
+    bytes.extend((-1_i64).to_le_bytes());
+    bytes.extend(file.rows_per_record.to_le_bytes());
+    bytes.extend(file.rate_hz.to_le_bytes());
+    bytes.extend(count.to_le_bytes());
+    bytes.extend([0; 2]);
+    let mut field = |of: &dyn Fn(&SignalToWrite) -> Vec<u8>| {
+        bytes.extend(file.signals.iter().flat_map(of));
+    };
+    field(&|signal| padded(&signal.label, 16));
+    field(&|_| vec![0; 80]);
+    field(&|signal| padded(if signal.is_microvolt { "uV" } else { "" }, 6));
+    field(&|signal| {
+        let code = if signal.is_microvolt {
+            MICROVOLT
+        } else {
+            DIMENSIONLESS
+        };
+        code.to_le_bytes().to_vec()
+    });
+    // The physical range, and the same as digital range: the values are stored unchanged.
+    for end in [0, 1, 0, 1] {
+        field(&|signal| signal.range[end].to_le_bytes().to_vec());
+    }
+    // Prefilter, time offset, low-pass, high-pass, notch: not stated.
+    field(&|_| vec![0; 68]);
+    field(&|_| f32::NAN.to_le_bytes().repeat(3));
+    field(&|_| file.rows_per_record.to_le_bytes().to_vec());
+    field(&|_| FLOAT32.to_le_bytes().to_vec());
+    // Position and properties of the sensors: not stated.
+    field(&|_| vec![0; 32]);
+    Ok(bytes)
+}
