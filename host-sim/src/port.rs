@@ -3,7 +3,7 @@
 use std::{
     fmt,
     fs::{self, File},
-    io::{self, Read, Write},
+    io::{self, Write},
     net::TcpListener,
     os::fd::OwnedFd,
     path::{Path, PathBuf},
