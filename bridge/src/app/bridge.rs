@@ -82,7 +82,9 @@ pub(super) async fn stream(
     };
     let outcome = bridge.run(&mut shutdown).await;
     let mut summary = bridge.core.summary();
-    summary.decoder = outlets.finish();
+    // In a thread of its own, because the tasks that write the sockets must go on meanwhile.
+    let finished = tokio::task::spawn_blocking(move || outlets.finish()).await;
+    summary.decoder = finished.unwrap_or_default();
     if let Some(ros) = ros {
         ros.shutdown().await;
     }
@@ -143,6 +145,7 @@ impl Bridge<'_> {
                     }
                 }
             }
+            self.outlets.start_decoding().await;
             if let Some(error) = self.outlets.sink_error.take()
                 && failure.is_none()
             {

@@ -68,6 +68,16 @@ impl Outlets {
         })
     }
 
+    /// Passes queued codes and audits to the decoder after everything that was published has been
+    /// written to the subscribers' sockets, so that decoding does not delay a code.
+    pub(crate) async fn start_decoding(&mut self) {
+        if self.decoder.has_prepared_work() {
+            // The tasks that write the sockets run in the same thread, meanwhile.
+            tokio::task::yield_now().await;
+            self.decoder.start_work();
+        }
+    }
+
     /// Returns whether the decoder is far behind a source that can wait. The port is then not read.
     pub(crate) fn must_pause(&self) -> bool {
         !self.decoder.has_ended() && self.back_pressure.must_pause(self.decoder.counts().waiting)

@@ -31,6 +31,8 @@ const NICE: i32 = 10;
 #[derive(Debug)]
 pub(crate) struct DecoderThread {
     work: Sender<Work>,
+    /// Work that [`DecoderThread::start_work`] has not passed to the thread yet.
+    prepared: Vec<Work>,
     progress: Arc<Progress>,
     thread: JoinHandle<()>,
     not_decoded: u64,
@@ -51,6 +53,7 @@ struct Progress {
     audits: Mutex<AuditCounts>,
 }
 
+#[derive(Debug)]
 enum Work {
     /// Reconstruction for the device that sends the codes queued after this item.
     Device(Box<Reconstruction>),
@@ -69,6 +72,7 @@ impl DecoderThread {
             .spawn(move || run(sink, &receiver, &thread_progress))?;
         Ok(DecoderThread {
             work,
+            prepared: Vec::new(),
             progress,
             thread,
             not_decoded: 0,
@@ -77,9 +81,8 @@ impl DecoderThread {
     }
 
     /// Sets the reconstruction for the device that sends the following codes.
-    pub(crate) fn start_device(&self, reconstruction: Reconstruction) {
-        // Sending fails only if the thread has ended because its sink failed.
-        let _ = self.work.send(Work::Device(Box::new(reconstruction)));
+    pub(crate) fn start_device(&mut self, reconstruction: Reconstruction) {
+        self.prepared.push(Work::Device(Box::new(reconstruction)));
     }
 
     /// Queues a code without blocking. If the queue is full, the code is discarded and counted, and
@@ -94,7 +97,7 @@ impl DecoderThread {
                 self.not_decoded += 1;
             }
         }
-        let _ = self.work.send(Work::Code(window, Instant::now()));
+        self.prepared.push(Work::Code(window, Instant::now()));
     }
 
     /// Queues an audit without blocking. If the queue is full, the audit is skipped and counted.
@@ -104,7 +107,21 @@ impl DecoderThread {
             return;
         }
         self.progress.audits_waiting.fetch_add(1, Ordering::Relaxed);
-        let _ = self.work.send(Work::Audit(Box::new(window), model));
+        self.prepared.push(Work::Audit(Box::new(window), model));
+    }
+
+    /// Returns whether work is queued that the thread does not know yet.
+    pub(crate) fn has_prepared_work(&self) -> bool {
+        !self.prepared.is_empty()
+    }
+
+    /// Wakes the thread for the queued work. Call this after the codes themselves were written to
+    /// the subscribers, because the thread takes the processor for milliseconds.
+    pub(crate) fn start_work(&mut self) {
+        for work in self.prepared.drain(..) {
+            // Sending fails only if the thread has ended because its sink failed.
+            let _ = self.work.send(work);
+        }
     }
 
     /// Returns the results of the audits for `/diagnostics`; `None` before the first audit.
@@ -129,7 +146,8 @@ impl DecoderThread {
     }
 
     /// Waits until the queue is empty and returns the final counts.
-    pub(crate) fn finish(self) -> DecoderCounts {
+    pub(crate) fn finish(mut self) -> DecoderCounts {
+        self.start_work();
         drop(self.work);
         if self.thread.join().is_err() {
             tracing::error!("the decoder thread panicked; reconstructed frames are missing");
@@ -193,6 +211,11 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
         let Some(known) = reconstruction.as_mut() else {
             continue;
         };
+        if holds_code && !sink.has_receivers() {
+            known.skip_frame();
+            progress.not_needed.fetch_add(1, Ordering::Relaxed);
+            continue;
+        }
         let frame = known.next_frame(&window);
         if holds_code {
             progress.decoded.fetch_add(1, Ordering::Relaxed);
@@ -207,133 +230,4 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
 }
 
 #[cfg(test)]
-mod tests {
-    use std::sync::{Arc, Mutex};
-
-    use link::{CODE_LEN, Capabilities, Hello, ResetCause};
-    use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp};
-
-    use super::{DecoderThread, Ordering, QUEUE_WINDOWS};
-    use crate::decoder::model::Model;
-    use crate::decoder::reconstruction::{Reconstruction, TimedCode};
-    use crate::device::Device;
-    use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
-    use crate::streams::tri::TriWords;
-
-    /// Sink that records the sequence number of every frame.
-    struct Numbers(Arc<Mutex<Vec<u32>>>);
-
-    impl Sink<NeuroFrame> for Numbers {
-        fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
-            self.0.lock().unwrap().push(frame.neuroheader.seq);
-            Ok(())
-        }
-
-        fn dropped(&self) -> u64 {
-            0
-        }
-    }
-
-    fn reconstruction() -> Reconstruction {
-        let model = Arc::new(Model::embedded().unwrap());
-        let labels = model.electrodes().join(" ");
-        let hello = Hello {
-            firmware: "test",
-            board: "board",
-            chip_uid: [7; 12],
-            model_id: model.id(),
-            session_id: 1,
-            reset_cause: ResetCause::PowerOn,
-            fault: "",
-        };
-        let capabilities = Capabilities {
-            adc_rate_hz: 512,
-            step_rate_hz: 128,
-            window_steps: 16,
-            hop_steps: 8,
-            channels: 64,
-            lsb_nv: 22.351_742,
-            mains_hz: 50,
-            group_delay_us: 10_000,
-            labels: &labels,
-            filters: "none",
-            code_format: link::CodeFormat::Int8,
-            code_scale: heapless::Vec::from_array([0.5; CODE_LEN]),
-            code_zero_point: heapless::Vec::from_array([1; CODE_LEN]),
-        };
-        let device = Device::new(&hello, &capabilities).unwrap();
-        let settings = Settings {
-            stamp: StampPoint::First,
-            mains_hz: 0,
-            filler: FillerPolicy::Last,
-            low_latency: false,
-            announced: AnnouncedStream::Encoded,
-            streams: link::Streams::CODES,
-            event_stamps: EventStamps::Scalp,
-        };
-        Reconstruction::new(&device, model, settings)
-    }
-
-    #[test]
-    fn codes_beyond_a_full_queue_are_counted() {
-        let count = Arc::new(Mutex::new(Vec::new()));
-        let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
-        // Simulate more waiting codes than the thread can decode during this test.
-        decoder
-            .progress
-            .waiting
-            .store(QUEUE_WINDOWS, Ordering::Relaxed);
-        let (stamp, words) = (Stamp::default(), TriWords::default());
-        for _ in 0..3 {
-            let z = Some(Box::new([0.0; 128]));
-            decoder.decode(TimedCode { z, stamp, words });
-        }
-        // No device was announced with `start_device`, so there is nothing to publish.
-        assert_eq!(decoder.finish().not_decoded, 3);
-        assert!(count.lock().unwrap().is_empty());
-    }
-
-    #[test]
-    fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_device() {
-        let count = Arc::new(Mutex::new(Vec::new()));
-        let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
-        for _ in 0..2 {
-            decoder.start_device(reconstruction());
-            for window in 0..2500 {
-                decoder.decode(TimedCode {
-                    z: None,
-                    stamp: Stamp::default(),
-                    words: TriWords {
-                        window,
-                        ..TriWords::default()
-                    },
-                });
-            }
-        }
-        assert_eq!(decoder.dropped(), 0);
-        assert_eq!(decoder.finish().not_decoded, 0);
-        assert_eq!(*count.lock().unwrap(), (1..=5000).collect::<Vec<u32>>());
-    }
-
-    #[test]
-    fn every_code_of_a_burst_after_a_stall_is_decoded() {
-        let count = Arc::new(Mutex::new(Vec::new()));
-        let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
-        decoder.start_device(reconstruction());
-        // 37 s of codes at once, far more than the thread decodes meanwhile.
-        for window in 0..600 {
-            decoder.decode(TimedCode {
-                z: Some(Box::new([0.0; CODE_LEN])),
-                stamp: Stamp::default(),
-                words: TriWords {
-                    window,
-                    ..TriWords::default()
-                },
-            });
-        }
-        let counts = decoder.finish();
-        assert_eq!((counts.decoded, counts.not_decoded), (600, 0));
-        assert_eq!((counts.waiting, count.lock().unwrap().len()), (0, 600));
-        assert!(counts.longest_wait > std::time::Duration::ZERO);
-    }
-}
+mod tests;
