@@ -8,7 +8,7 @@ use std::{
     os::fd::OwnedFd,
     path::{Path, PathBuf},
     str::FromStr,
-    sync::mpsc,
+    sync::{atomic::AtomicBool, mpsc},
     thread,
     time::{Duration, Instant},
 };
@@ -188,12 +188,12 @@ impl Port {
     /// Waits until the host has read everything, at most `timeout`, and returns the number of
     /// unread bytes. Closing a pseudo-terminal discards unread bytes.
     ///
-    /// A TCP port in virtual time waits until the host closes the connection, at most
+    /// A TCP port in virtual time waits until the host closes the connection, `stop` is set, or at most
     /// a minute: a command that arrives after this program has ended would discard what the
     /// host has not read. Returns 0 then, and for other outputs at once.
-    pub fn wait_until_read(&self, timeout: Duration) -> u64 {
+    pub fn wait_until_read(&self, timeout: Duration, stop: &AtomicBool) -> u64 {
         if let Some(host) = &self.waiting_host {
-            wait_until_closed(host);
+            wait_until_closed(host, stop);
             return 0;
         }
         let Some(pty) = &self.pty else { return 0 };

@@ -49,13 +49,16 @@ pub(crate) struct Host {
 pub(crate) type CurrentHost = Arc<Mutex<Option<Arc<Host>>>>;
 
 /// Tells the host that no frame follows, and waits until the host closes the connection.
-pub(crate) fn wait_until_closed(host: &CurrentHost) {
+pub(crate) fn wait_until_closed(host: &CurrentHost, stop: &AtomicBool) {
     let current = host.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let Some(host) = current else { return };
     // An error means that the host has already disconnected.
     let _ = host.stream.shutdown(std::net::Shutdown::Write);
     let deadline = Instant::now() + CLOSE_TIMEOUT;
-    while !host.ended.load(Ordering::Relaxed) && Instant::now() < deadline {
+    while !host.ended.load(Ordering::Relaxed)
+        && !stop.load(Ordering::Relaxed)
+        && Instant::now() < deadline
+    {
         thread::sleep(RETRY);
     }
 }
