@@ -65,7 +65,9 @@ pub fn run() -> ExitCode {
 
 fn stream(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {
     init_log(&ros)?;
-    let runtime = tokio::runtime::Builder::new_multi_thread()
+    // One thread reads the port and writes the sockets: passing a code to another thread would delay
+    // it by the time in which that thread wakes up.
+    let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
     let summary = runtime.block_on(bridge::stream(options, ros))?;

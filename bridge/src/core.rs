@@ -1,6 +1,7 @@
 //! The pure core: frame decoder and session. It performs no I/O itself.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use link::{Counters, Decoder, MAX_FRAME, ToHost};
 use neuro_ros::DiagnosticArray;
@@ -76,10 +77,12 @@ impl Core {
         self.session.commands.is_stopped()
     }
 
-    /// Returns whether the connected device has been silent for more than 5 s. The caller should
-    /// then reopen the port.
-    pub fn is_unresponsive(&self, now: HostTime) -> bool {
-        self.session.commands.is_unresponsive(now.monotonic_us)
+    /// Returns whether the connected device has been silent for longer than `limit`, although it is
+    /// pinged after 2 s. The caller should then reopen the port.
+    pub fn is_unresponsive(&self, now: HostTime, limit: Duration) -> bool {
+        let limit_us = i64::try_from(limit.as_micros()).unwrap_or(i64::MAX);
+        let commands = &self.session.commands;
+        commands.is_unresponsive(now.monotonic_us, limit_us)
     }
 
     /// Returns the frame decoder's counts of bytes, frames and errors.

@@ -81,6 +81,7 @@ mod wire;
 pub use app::run;
 pub use core::Core;
 pub use decoder::audit::{AuditResult, AuditedWindow};
+pub use decoder::counts::DecoderCounts;
 pub use decoder::model::Model;
 pub use decoder::reconstruction::{Reconstruction, TimedCode};
 pub use device::{Device, DeviceError};

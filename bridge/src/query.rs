@@ -71,8 +71,8 @@ async fn run_query(
                 }
             }
             Ok(Ok(Transfer::Written(count))) => drop(outgoing.drain(..count)),
-            Ok(Err(_)) if query.expects_reconnect() => port = None,
-            Ok(Err(source)) => {
+            Ok(Err(_) | Ok(Transfer::NotWritten(_))) if query.expects_reconnect() => port = None,
+            Ok(Err(source) | Ok(Transfer::NotWritten(source))) => {
                 return Err(BridgeError::Unreachable {
                     port: address.to_string(),
                     what: "was lost before the device answered",

@@ -41,6 +41,7 @@ mod port;
 mod session;
 mod source;
 pub mod synthetic;
+mod tcp;
 mod trigger;
 mod virtual_board;
 

@@ -3,12 +3,12 @@
 use std::{
     fmt,
     fs::{self, File},
-    io::{self, Read, Write},
-    net::{TcpListener, TcpStream},
+    io::{self, Write},
+    net::TcpListener,
     os::fd::OwnedFd,
     path::{Path, PathBuf},
     str::FromStr,
-    sync::{Arc, Mutex, PoisonError, mpsc},
+    sync::{atomic::AtomicBool, mpsc},
     thread,
     time::{Duration, Instant},
 };
@@ -18,10 +18,10 @@ use rustix::{
     termios::{OptionalActions, tcgetattr, tcsetattr},
 };
 
-use crate::outbox::{Outbox, WhenFull};
-
-/// Pause before a failed operation is tried again.
-const RETRY: Duration = Duration::from_millis(20);
+use crate::{
+    outbox::{Outbox, WhenFull},
+    tcp::{CurrentHost, RETRY, forward, serve, wait_until_closed},
+};
 
 /// Interval between checks of how many bytes a slow host has not read.
 const POLL: Duration = Duration::from_millis(2);
@@ -113,6 +113,8 @@ pub enum PortError {
 pub struct Port {
     commands: mpsc::Receiver<Vec<u8>>,
     pty: Option<Pty>,
+    /// The connected host of a TCP port in virtual time.
+    waiting_host: Option<CurrentHost>,
 }
 
 struct Pty {
@@ -128,6 +130,7 @@ impl Port {
     /// [`PortError`] if the terminal, its link, the TCP port or the file cannot be opened.
     pub fn open(output: &Output, outbox: &Outbox) -> Result<Self, PortError> {
         let (sender, commands) = mpsc::channel();
+        let mut waiting_host = None;
         let pty = match output {
             Output::Pty(link) => {
                 let (controller, pty) = open_pty(link)?;
@@ -144,7 +147,8 @@ impl Port {
                     source,
                 };
                 let listener = TcpListener::bind(address).map_err(listen)?;
-                serve(listener, outbox, &sender);
+                let host = serve(listener, outbox, &sender);
+                waiting_host = (outbox.when_full() == WhenFull::Wait).then_some(host);
                 None
             }
             Output::File(path) => {
@@ -157,7 +161,11 @@ impl Port {
                 None
             }
         };
-        Ok(Self { commands, pty })
+        Ok(Self {
+            commands,
+            pty,
+            waiting_host,
+        })
     }
 
     /// Returns the chunks of bytes that the host has sent since the last call, without waiting.
@@ -178,9 +186,16 @@ impl Port {
     }
 
     /// Waits until the host has read everything, at most `timeout`, and returns the number of
-    /// unread bytes. Closing a pseudo-terminal discards unread bytes. Returns 0 at once for other
-    /// outputs.
-    pub fn wait_until_read(&self, timeout: Duration) -> u64 {
+    /// unread bytes. Closing a pseudo-terminal discards unread bytes.
+    ///
+    /// A TCP port in virtual time waits until the host closes the connection, `stop` is set, or at most
+    /// a minute: a command that arrives after this program has ended would discard what the
+    /// host has not read. Returns 0 then, and for other outputs at once.
+    pub fn wait_until_read(&self, timeout: Duration, stop: &AtomicBool) -> u64 {
+        if let Some(host) = &self.waiting_host {
+            wait_until_closed(host, stop);
+            return 0;
+        }
         let Some(pty) = &self.pty else { return 0 };
         let unread = || unread_in(&pty.terminal);
         let deadline = Instant::now() + timeout;
@@ -264,79 +279,6 @@ fn write_all_to(mut out: impl Write, unread: impl Fn() -> u64, outbox: &Outbox) 
             Ok(()) => outbox.mark_written(),
             Err(error) => outbox.mark_lost(error),
         }
-    }
-}
-
-/// Forwards the host's bytes to the board until the host disconnects or the board ends.
-fn forward(mut input: impl Read, commands: &mpsc::Sender<Vec<u8>>) {
-    let mut buffer = [0; 512];
-    loop {
-        match input.read(&mut buffer) {
-            Ok(0) => return,
-            Ok(count) => {
-                if commands.send(buffer[..count].to_vec()).is_err() {
-                    return;
-                }
-            }
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            Err(_) => return,
-        }
-    }
-}
-
-/// The connected host; `None` without one.
-type CurrentHost = Arc<Mutex<Option<Arc<TcpStream>>>>;
-
-/// Serves one host at a time; a new connection replaces the old one. Without a host, frames are
-/// dropped and counted in real time; in virtual time they wait.
-fn serve(listener: TcpListener, outbox: &Outbox, commands: &mpsc::Sender<Vec<u8>>) {
-    let host = CurrentHost::default();
-    let (current, commands) = (host.clone(), commands.clone());
-    thread::spawn(move || accept(&listener, &current, &commands));
-    let outbox = outbox.clone();
-    thread::spawn(move || {
-        while let Some(frame) = outbox.pop() {
-            match send(&frame, &host, &outbox) {
-                Ok(()) => outbox.mark_written(),
-                Err(error) => outbox.mark_lost(error),
-            }
-        }
-    });
-}
-
-fn accept(listener: &TcpListener, current: &CurrentHost, commands: &mpsc::Sender<Vec<u8>>) {
-    loop {
-        let Ok((stream, _)) = listener.accept() else {
-            // Most likely the process is out of file descriptors. Wait, because an immediate retry
-            // would fail again.
-            thread::sleep(RETRY);
-            continue;
-        };
-        let (Ok(()), Ok(reader)) = (stream.set_nodelay(true), stream.try_clone()) else {
-            continue;
-        };
-        let mut current = current.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(old) = current.replace(Arc::new(stream)) {
-            // An error means that the old host has already disconnected.
-            let _ = old.shutdown(std::net::Shutdown::Both);
-        }
-        let commands = commands.clone();
-        thread::spawn(move || forward(reader, &commands));
-    }
-}
-
-/// Sends a frame to the current host. In virtual time, tries again until a host accepts the frame.
-fn send(frame: &[u8], host: &CurrentHost, outbox: &Outbox) -> io::Result<()> {
-    loop {
-        let current = host.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let outcome = match current {
-            Some(current) => (&*current).write_all(frame),
-            None => Err(io::ErrorKind::NotConnected.into()),
-        };
-        if outcome.is_ok() || outbox.when_full() == WhenFull::DropOldest || outbox.is_closed() {
-            return outcome;
-        }
-        thread::sleep(RETRY);
     }
 }
 

@@ -60,4 +60,8 @@ impl<M: RosMessage> Sink<M> for RosSink<M> {
     fn dropped(&self) -> u64 {
         self.publisher.dropped()
     }
+
+    fn has_receivers(&self) -> bool {
+        self.subscribers() > 0
+    }
 }

@@ -16,6 +16,12 @@ pub trait Sink<M>: Send {
 
     /// Number of messages dropped because a receiver was too slow.
     fn dropped(&self) -> u64;
+
+    /// Returns whether a message published now would reach anyone. Sinks that cannot tell return
+    /// true.
+    fn has_receivers(&self) -> bool {
+        true
+    }
 }
 
 /// A sink for [`NeuroFrame`]s. The trait exists to shorten the trait object `dyn Sink<NeuroFrame>`.

@@ -81,8 +81,10 @@ pub(super) async fn stream(
         outlets: &mut outlets,
     };
     let outcome = bridge.run(&mut shutdown).await;
-    let summary = bridge.core.summary();
-    outlets.finish();
+    let mut summary = bridge.core.summary();
+    // In a thread of its own, because the tasks that write the sockets must go on meanwhile.
+    let finished = tokio::task::spawn_blocking(move || outlets.finish()).await;
+    summary.decoder = finished.unwrap_or_default();
     if let Some(ros) = ros {
         ros.shutdown().await;
     }
@@ -111,8 +113,10 @@ impl Bridge<'_> {
         let mut deadline: Option<Instant> = None;
         let mut failure = None;
         loop {
+            // Every tick asks again. In a pause the source waits, and its data stays in the port.
+            let paused = self.outlets.must_pause();
             tokio::select! {
-                event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing) => self.handle_connection(event?, &buffer),
+                event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing), if !paused => self.handle_connection(event?, &buffer),
                 Some(command) = self.commands.recv() => match command {
                     AcquisitionCommand::Start => self.core.set_streaming(true),
                     AcquisitionCommand::Stop => self.core.set_streaming(false),
@@ -133,12 +137,15 @@ impl Bridge<'_> {
                         let report = self.core.diagnostics(now);
                         self.outlets.publish_diagnostics(report);
                     }
-                    if self.connection.is_open() && self.core.is_unresponsive(now) {
+                    let limit = self.connection.silence_limit();
+                    let is_read = self.connection.is_open() && !paused;
+                    if is_read && self.core.is_unresponsive(now, limit) {
                         tracing::warn!("the device is silent; reopening the port");
                         self.close();
                     }
                 }
             }
+            self.outlets.start_decoding().await;
             if let Some(error) = self.outlets.sink_error.take()
                 && failure.is_none()
             {

@@ -10,11 +10,14 @@ use tokio::sync::mpsc::UnboundedSender;
 
 use crate::app::sinks::Sinks;
 use crate::decoder::audit::AuditedWindow;
+use crate::decoder::back_pressure::BackPressure;
+use crate::decoder::counts::DecoderCounts;
 use crate::decoder::model::Model;
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::decoder::thread::DecoderThread;
 use crate::effects::{Announcement, Effects};
 use crate::settings::Settings;
+use crate::time::host_time::HostTime;
 
 /// Executes the core's effects: publishes frames, queues codes for the decoder thread, and collects
 /// bytes for the device. None of the effects waits for the network or the device.
@@ -27,6 +30,7 @@ pub(crate) struct Outlets {
     events: Option<Box<dyn Sink<NeuroEvent>>>,
     diagnostics: Box<dyn Sink<DiagnosticArray>>,
     decoder: DecoderThread,
+    back_pressure: BackPressure,
     /// Channel to the task that serves `/acquisition/get_info`; `None` if frames go to stdout.
     announcements: Option<UnboundedSender<AcquisitionInfo>>,
     /// Last announcement that was sent. An equal announcement is not sent again.
@@ -55,6 +59,7 @@ impl Outlets {
             events: sinks.events,
             diagnostics: sinks.diagnostics,
             decoder: DecoderThread::start(sinks.reconstructed)?,
+            back_pressure: BackPressure::default(),
             announcements,
             announced: None,
             reported: 0,
@@ -63,20 +68,37 @@ impl Outlets {
         })
     }
 
-    /// Waits until queued codes are decoded. Logs the number of codes that were not decoded, and of
-    /// frames on `/encoded` that were dropped for slow subscribers.
-    pub(crate) fn finish(self) {
+    /// Passes queued codes and audits to the decoder after everything that was published has been
+    /// written to the subscribers' sockets, so that decoding does not delay a code.
+    pub(crate) async fn start_decoding(&mut self) {
+        if self.decoder.has_prepared_work() {
+            // The tasks that write the sockets run in the same thread, meanwhile.
+            tokio::task::yield_now().await;
+            self.decoder.start_work();
+        }
+    }
+
+    /// Returns whether the decoder is far behind a source that can wait. The port is then not read.
+    pub(crate) fn must_pause(&self) -> bool {
+        !self.decoder.has_ended() && self.back_pressure.must_pause(self.decoder.counts().waiting)
+    }
+
+    /// Waits until queued codes are decoded, and returns the decoder's counts. Logs the number of
+    /// codes that were not decoded, and of frames on `/encoded` that were dropped for slow
+    /// subscribers.
+    pub(crate) fn finish(self) -> DecoderCounts {
         let dropped = self.encoded.dropped();
-        let undecoded = self.decoder.finish();
-        if undecoded > 0 {
+        let counts = self.decoder.finish();
+        if counts.not_decoded > 0 {
             tracing::warn!(
-                undecoded,
+                not_decoded = counts.not_decoded,
                 "codes replaced by fillers because the decoder was too slow"
             );
         }
         if dropped > 0 {
             tracing::warn!(dropped, "codes dropped for slow subscribers");
         }
+        counts
     }
 
     /// Publishes the core's report, extended by the status of the outlets and of the audits.
@@ -94,10 +116,11 @@ impl Outlets {
     fn status(&mut self) -> DiagnosticStatus {
         let dropped = |sink: &Option<Box<dyn FrameSink>>| sink.as_ref().map(|sink| sink.dropped());
         let events = self.events.as_ref().map(|sink| sink.dropped());
+        let decoder = self.decoder.counts();
         let figures = [
             ("encoded frames dropped", Some(self.encoded.dropped())),
             ("reconstructed frames dropped", Some(self.decoder.dropped())),
-            ("windows not decoded", Some(self.decoder.undecoded())),
+            ("windows not decoded", Some(decoder.not_decoded)),
             ("raw frames dropped", dropped(&self.raw)),
             ("filtered frames dropped", dropped(&self.filtered)),
             ("events dropped", events),
@@ -115,12 +138,21 @@ impl Outlets {
         };
         let figures = figures.into_iter();
         let values = figures.filter_map(|(name, figure)| Some(KeyValue::new(name, &figure?)));
+        let work = [
+            KeyValue::new("windows decoded", &decoder.decoded),
+            KeyValue::new("windows waiting", &decoder.waiting),
+            KeyValue::new(
+                "windows' longest wait ms",
+                &decoder.longest_wait.as_millis(),
+            ),
+            KeyValue::new("windows not needed", &decoder.not_needed),
+        ];
         DiagnosticStatus {
             level,
             name: "corticode: outlets".to_owned(),
             message: message.to_owned(),
             hardware_id: String::new(),
-            values: values.collect(),
+            values: values.chain(work).collect(),
         }
     }
 
@@ -168,6 +200,11 @@ impl Effects for Outlets {
     }
 
     fn decode(&mut self, window: TimedCode) {
+        if window.z.is_some() {
+            let read_us = HostTime::now().monotonic_us;
+            self.back_pressure
+                .record(window.words.device_time_us, read_us);
+        }
         self.decoder.decode(window);
     }
 

@@ -82,6 +82,13 @@ impl Reconstruction {
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
     }
 
+    /// Counts the frame of a window that is not decoded because nobody receives it. The first frame
+    /// after it is decoded from one window alone.
+    pub(crate) fn skip_frame(&mut self) {
+        self.previous = None;
+        self.count_frame();
+    }
+
     /// Returns the frame that `window` completes. With low latency, the frame holds the window's
     /// last hop of steps; otherwise it holds the first hop, which the window shares with the
     /// previous window. Returns `None` if no code with these steps was received and lost codes are
@@ -136,10 +143,15 @@ impl Reconstruction {
         Some(&self.frame)
     }
 
+    fn count_frame(&mut self) {
+        let header = &mut self.frame.neuroheader;
+        header.seq = header.seq.wrapping_add(1);
+        self.frame.header.seq = header.seq;
+    }
+
     fn finish_frame(&mut self, stamp: Stamp, words: &TriWords) {
+        self.count_frame();
         let frame = &mut self.frame;
-        frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
-        frame.header.seq = frame.neuroheader.seq;
         frame.header.stamp = stamp;
         for row in frame.tri.data.chunks_exact_mut(8) {
             row.copy_from_slice(&words.words());

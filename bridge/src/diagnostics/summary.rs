@@ -4,6 +4,7 @@ use std::fmt;
 
 use link::{Counters, StageTiming};
 
+use crate::decoder::counts::DecoderCounts;
 use crate::diagnostics::timing::worst_of_deadline;
 use crate::session::state::Session;
 
@@ -41,6 +42,8 @@ pub struct Summary {
     /// The device's stage with the largest ratio of worst time to deadline so far; `None` if the
     /// device reports no stages.
     pub worst_stage: Option<StageTiming>,
+    /// Counts of the decoder, which is no part of the core; all 0 in a summary of the core alone.
+    pub decoder: DecoderCounts,
 }
 
 impl Summary {
@@ -62,6 +65,7 @@ impl Summary {
             unused: session.counts.codes_unused + counts.foreign,
             drift_ppm: session.clock.drift_ppm(),
             worst_stage: session.worst_stage,
+            decoder: DecoderCounts::default(),
         }
     }
 }
@@ -102,6 +106,7 @@ impl fmt::Display for Summary {
             wire.malformed,
             wire.resyncs
         )?;
+        write!(formatter, "; {}", self.decoder)?;
         if let Some(stage) = &self.worst_stage {
             write!(
                 formatter,

@@ -9,8 +9,6 @@ use crate::wire::pending::{PendingCommand, RETRY_US};
 const REFUSED_RETRY_US: i64 = 10_000_000;
 /// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
 const PING_AFTER_US: i64 = 2_000_000;
-/// Silence after which the port counts as unresponsive, microseconds. Pings start after 2 s.
-const UNRESPONSIVE_AFTER_US: i64 = 5_000_000;
 /// Time without a code or `Stats` after which a streaming device must identify itself again,
 /// microseconds. The `Hello` of a reset may be lost, or another program may have sent `Stop`.
 const STARVED_AFTER_US: i64 = 2_000_000;
@@ -223,9 +221,9 @@ impl Commands {
         !self.streaming_wanted && self.stream == StreamState::Stopped
     }
 
-    /// Returns whether the connected device has been silent for more than 5 s.
-    pub(crate) fn is_unresponsive(&self, now_us: i64) -> bool {
-        self.connected && now_us - self.last_frame_us > UNRESPONSIVE_AFTER_US
+    /// Returns whether the connected device has been silent for more than `limit_us`, microseconds.
+    pub(crate) fn is_unresponsive(&self, now_us: i64, limit_us: i64) -> bool {
+        self.connected && now_us - self.last_frame_us > limit_us
     }
 
     /// Returns the command that is due now, if any. The caller sends it in the frame with number

@@ -14,6 +14,14 @@ use crate::wire::port::{PORT_TIMEOUT, Port, Transfer};
 /// within 1 s, which allows several attempts.
 const RETRY: Duration = Duration::from_millis(250);
 
+/// Silence after which a serial port is reopened. A board sends `Stats` every second and keeps at
+/// most 4 s of frames, so a board that is silent for longer has stopped, or its port has.
+const TTY_SILENCE_LIMIT: Duration = Duration::from_secs(5);
+
+/// Silence after which a TCP port is reopened. A broken connection is detected earlier, by TCP
+/// itself. An intact one keeps the data of a peer that stands still, and reopening would lose them.
+const TCP_SILENCE_LIMIT: Duration = Duration::from_mins(1);
+
 /// A port that is reopened whenever it disappears.
 #[derive(Debug)]
 pub(crate) struct Connection {
@@ -58,6 +66,14 @@ impl Connection {
 
     pub(crate) fn is_open(&self) -> bool {
         matches!(self.state, State::Open(_))
+    }
+
+    /// Silence of the device after which the port should be reopened.
+    pub(crate) fn silence_limit(&self) -> Duration {
+        match self.address {
+            PortAddress::Tty(_) => TTY_SILENCE_LIMIT,
+            PortAddress::Tcp(_) => TCP_SILENCE_LIMIT,
+        }
     }
 
     pub(crate) fn close(&mut self) {
@@ -128,6 +144,13 @@ impl Connection {
                     };
                     match exchanged {
                         Ok(Transfer::Read(count)) => return Ok(Event::Bytes(count)),
+                        // The other end may be gone, but what it sent before can still be read, and
+                        // reading then reports the end.
+                        Ok(Transfer::NotWritten(error)) => {
+                            tracing::debug!(%error, "commands cannot be written");
+                            outgoing.clear();
+                            self.stuck_since = None;
+                        }
                         Ok(Transfer::Written(count)) => {
                             outgoing.drain(..count);
                             self.stuck_since = None;

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use rustix::fs::{FlockOperation, Mode, OFlags};
 use rustix::io::Errno;
+use rustix::net::sockopt;
 use rustix::termios::{self, ControlModes, OptionalActions};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::TcpStream;
@@ -39,6 +40,7 @@ impl Port {
             PortAddress::Tcp(address) => {
                 let stream = timeout(PORT_TIMEOUT, TcpStream::connect(address)).await??;
                 stream.set_nodelay(true)?;
+                detect_broken_connection(&stream)?;
                 Ok(Port::Tcp(stream))
             }
             PortAddress::Tty(path) => {
@@ -71,12 +73,14 @@ impl Port {
 }
 
 /// Result of [`Port::exchange`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Debug)]
 pub(crate) enum Transfer {
     /// Number of bytes read into the front of the buffer.
     Read(usize),
     /// Number of bytes written from the front of `outgoing`.
     Written(usize),
+    /// Nothing can be written any more. Bytes that arrived before may still be unread.
+    NotWritten(io::Error),
 }
 
 async fn exchange(
@@ -90,8 +94,23 @@ async fn exchange(
             0 => Err(io::ErrorKind::UnexpectedEof.into()),
             count => Ok(Transfer::Read(count)),
         },
-        count = writer.write(outgoing), if !outgoing.is_empty() => count.map(Transfer::Written),
+        count = writer.write(outgoing), if !outgoing.is_empty() => {
+            Ok(count.map_or_else(Transfer::NotWritten, Transfer::Written))
+        }
     }
+}
+
+/// Makes TCP report a peer whose machine does not answer for 10 s (power cut, unplugged cable). The
+/// machine of a program that stands still does answer.
+fn detect_broken_connection(stream: &TcpStream) -> io::Result<()> {
+    sockopt::set_socket_keepalive(stream, true)?;
+    sockopt::set_tcp_keepidle(stream, Duration::from_secs(4))?;
+    sockopt::set_tcp_keepintvl(stream, Duration::from_secs(2))?;
+    sockopt::set_tcp_keepcnt(stream, 3)?;
+    // Keepalive does not apply while commands are unacknowledged.
+    #[cfg(target_os = "linux")]
+    sockopt::set_tcp_user_timeout(stream, 10_000)?;
+    Ok(())
 }
 
 fn open_raw(path: &Path, baud: u32) -> io::Result<File> {

@@ -1,9 +1,14 @@
 //! Devices that stop sending, and devices that refuse commands.
 
+use std::time::Duration;
+
 use link::{AckResult, ToDevice, ToHost};
 
 use crate::board::{Board, at};
 use crate::recorder::{Harness, SETTINGS, commands};
+
+/// Silence after which a serial port is reopened.
+const LIMIT: Duration = Duration::from_secs(5);
 
 #[test]
 fn a_silent_device_is_pinged_and_then_unresponsive() {
@@ -12,7 +17,11 @@ fn a_silent_device_is_pinged_and_then_unresponsive() {
     for tick in 1..=51 {
         let now = at(start + tick * 100_000);
         harness.core.tick(now, &mut harness.recorder);
-        assert_eq!(harness.core.is_unresponsive(now), tick > 50, "tick {tick}");
+        assert_eq!(
+            harness.core.is_unresponsive(now, LIMIT),
+            tick > 50,
+            "tick {tick}"
+        );
         assert!(tick > 20 || harness.recorder.sent.is_empty());
     }
     let sent = std::mem::take(&mut harness.recorder.sent);
@@ -33,7 +42,7 @@ fn a_suspended_host_does_not_count_as_silence_of_the_device() {
     }
     harness.now_us = start + 10_000_000;
     harness.core.tick(at(harness.now_us), &mut harness.recorder);
-    assert!(!harness.core.is_unresponsive(at(harness.now_us)));
+    assert!(!harness.core.is_unresponsive(at(harness.now_us), LIMIT));
     harness.receive(&waiting);
     let summary = harness.core.summary();
     assert_eq!((summary.received, summary.lost), (160, 0));
@@ -99,7 +108,11 @@ fn a_device_that_falls_silent_at_the_start_is_unresponsive() {
     for tick in 1..=51 {
         let now = at(start + tick * 100_000);
         harness.core.tick(now, &mut harness.recorder);
-        assert_eq!(harness.core.is_unresponsive(now), tick > 50, "tick {tick}");
+        assert_eq!(
+            harness.core.is_unresponsive(now, LIMIT),
+            tick > 50,
+            "tick {tick}"
+        );
     }
 }
 

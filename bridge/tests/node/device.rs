@@ -29,6 +29,9 @@ pub(crate) struct Controls {
     pub(crate) made: AtomicU32,
     /// Whether the board refuses connections.
     pub(crate) unplugged: AtomicBool,
+    /// Whether the board stands still, like a program that is suspended. Afterwards the board makes
+    /// the codes of that time at once.
+    pub(crate) stand_still: AtomicBool,
     stop: AtomicBool,
     received: Mutex<Vec<ToDevice>>,
 }
@@ -83,6 +86,10 @@ impl Device {
             let start = Instant::now();
             let mut line = None;
             while !shared.stop.load(Relaxed) {
+                if shared.stand_still.load(Relaxed) {
+                    sleep(PACE);
+                    continue;
+                }
                 if shared.hang_up.swap(false, Relaxed) {
                     line = None;
                     // Remove the symbolic link, because another program may get a pseudoterminal of

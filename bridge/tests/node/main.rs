@@ -3,6 +3,7 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod abuse;
+mod backlog;
 #[path = "../core/board.rs"]
 #[allow(dead_code, reason = "the other tests use more of it")]
 mod board;

@@ -1,0 +1,177 @@
+//! Tests of the decoder thread with sinks that record.
+
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+
+use link::{CODE_LEN, Capabilities, Hello, ResetCause};
+use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp};
+
+use super::{DecoderThread, Ordering, QUEUE_WINDOWS};
+use crate::decoder::model::Model;
+use crate::decoder::reconstruction::{Reconstruction, TimedCode};
+use crate::device::Device;
+use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
+use crate::streams::tri::TriWords;
+
+/// Sink that records the sequence number of every frame.
+struct Numbers(Arc<Mutex<Vec<u32>>>);
+
+impl Sink<NeuroFrame> for Numbers {
+    fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
+        self.0.lock().unwrap().push(frame.neuroheader.seq);
+        Ok(())
+    }
+
+    fn dropped(&self) -> u64 {
+        0
+    }
+}
+
+fn reconstruction() -> Reconstruction {
+    let model = Arc::new(Model::embedded().unwrap());
+    let labels = model.electrodes().join(" ");
+    let hello = Hello {
+        firmware: "test",
+        board: "board",
+        chip_uid: [7; 12],
+        model_id: model.id(),
+        session_id: 1,
+        reset_cause: ResetCause::PowerOn,
+        fault: "",
+    };
+    let capabilities = Capabilities {
+        adc_rate_hz: 512,
+        step_rate_hz: 128,
+        window_steps: 16,
+        hop_steps: 8,
+        channels: 64,
+        lsb_nv: 22.351_742,
+        mains_hz: 50,
+        group_delay_us: 10_000,
+        labels: &labels,
+        filters: "none",
+        code_format: link::CodeFormat::Int8,
+        code_scale: heapless::Vec::from_array([0.5; CODE_LEN]),
+        code_zero_point: heapless::Vec::from_array([1; CODE_LEN]),
+    };
+    let device = Device::new(&hello, &capabilities).unwrap();
+    let settings = Settings {
+        stamp: StampPoint::First,
+        mains_hz: 0,
+        filler: FillerPolicy::Last,
+        low_latency: false,
+        announced: AnnouncedStream::Encoded,
+        streams: link::Streams::CODES,
+        event_stamps: EventStamps::Scalp,
+    };
+    Reconstruction::new(&device, model, settings)
+}
+
+#[test]
+fn codes_beyond_a_full_queue_are_counted() {
+    let count = Arc::new(Mutex::new(Vec::new()));
+    let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+    // Simulate more waiting codes than the thread can decode during this test.
+    decoder
+        .progress
+        .waiting
+        .store(QUEUE_WINDOWS, Ordering::Relaxed);
+    let (stamp, words) = (Stamp::default(), TriWords::default());
+    for _ in 0..3 {
+        let z = Some(Box::new([0.0; 128]));
+        decoder.decode(TimedCode { z, stamp, words });
+    }
+    // No device was announced with `start_device`, so there is nothing to publish.
+    assert_eq!(decoder.finish().not_decoded, 3);
+    assert!(count.lock().unwrap().is_empty());
+}
+
+#[test]
+fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_device() {
+    let count = Arc::new(Mutex::new(Vec::new()));
+    let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+    for _ in 0..2 {
+        decoder.start_device(reconstruction());
+        for window in 0..2500 {
+            decoder.decode(TimedCode {
+                z: None,
+                stamp: Stamp::default(),
+                words: TriWords {
+                    window,
+                    ..TriWords::default()
+                },
+            });
+        }
+    }
+    assert_eq!(decoder.dropped(), 0);
+    assert_eq!(decoder.finish().not_decoded, 0);
+    assert_eq!(*count.lock().unwrap(), (1..=5000).collect::<Vec<u32>>());
+}
+
+#[test]
+fn every_code_of_a_burst_after_a_stall_is_decoded() {
+    let count = Arc::new(Mutex::new(Vec::new()));
+    let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+    decoder.start_device(reconstruction());
+    // 37 s of codes at once, far more than the thread decodes meanwhile.
+    for window in 0..600 {
+        decoder.decode(TimedCode {
+            z: Some(Box::new([0.0; CODE_LEN])),
+            stamp: Stamp::default(),
+            words: TriWords {
+                window,
+                ..TriWords::default()
+            },
+        });
+    }
+    let counts = decoder.finish();
+    assert_eq!((counts.decoded, counts.not_decoded), (600, 0));
+    assert_eq!((counts.waiting, count.lock().unwrap().len()), (0, 600));
+    assert!(counts.longest_wait > std::time::Duration::ZERO);
+}
+
+/// Sink that has a receiver while the flag is set.
+struct Switched(Numbers, Arc<AtomicBool>);
+
+impl Sink<NeuroFrame> for Switched {
+    fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
+        self.0.publish(frame)
+    }
+
+    fn dropped(&self) -> u64 {
+        0
+    }
+
+    fn has_receivers(&self) -> bool {
+        self.1.load(Ordering::Relaxed)
+    }
+}
+
+#[test]
+fn codes_are_decoded_only_while_someone_receives_them_and_numbers_continue() {
+    let count = Arc::new(Mutex::new(Vec::new()));
+    let receiver = Arc::new(AtomicBool::new(false));
+    let sink = Switched(Numbers(Arc::clone(&count)), Arc::clone(&receiver));
+    let mut decoder = DecoderThread::start(Box::new(sink)).unwrap();
+    decoder.start_device(reconstruction());
+    for window in 0..20 {
+        if window == 10 {
+            while decoder.counts().not_needed < 10 {
+                std::thread::yield_now();
+            }
+            receiver.store(true, Ordering::Relaxed);
+        }
+        decoder.decode(TimedCode {
+            z: Some(Box::new([0.0; CODE_LEN])),
+            stamp: Stamp::default(),
+            words: TriWords {
+                window,
+                ..TriWords::default()
+            },
+        });
+        decoder.start_work();
+    }
+    let counts = decoder.finish();
+    assert_eq!((counts.not_needed, counts.decoded), (10, 10));
+    assert_eq!(*count.lock().unwrap(), (11..=20).collect::<Vec<u32>>());
+}
