@@ -131,7 +131,8 @@ impl Recording {
                 _ = ticks.tick() => {
                     let now = self.port.set_now();
                     self.core.tick(now, &mut self.port);
-                    if self.connection.is_open() && self.core.is_unresponsive(now) {
+                    let limit = self.connection.silence_limit();
+                    if self.connection.is_open() && self.core.is_unresponsive(now, limit) {
                         tracing::warn!("the device is silent; reopening the port");
                         self.connection.close();
                         self.closed(now);

@@ -93,6 +93,7 @@ pub(super) async fn replay(options: &ReplayOptions) -> Result<ReplaySummary, Bri
             transfer = port.exchange(&mut buffer, &outgoing) => match transfer.map_err(unopened)? {
                 Transfer::Read(count) => replayer.receive(&buffer[..count]).map_err(unusable)?,
                 Transfer::Written(count) => drop(outgoing.drain(..count)),
+                Transfer::NotWritten(error) => return Err(unopened(error)),
             },
             () = sleep_until(due.unwrap_or_else(Instant::now)), if due.is_some() => {
                 replayer.play(HostTime::now().monotonic_us).map_err(unusable)?;
