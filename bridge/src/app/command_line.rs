@@ -14,7 +14,7 @@ use crate::wire::address::PortAddress;
 /// Publish the codes and signals of a Corticode board as ROS-Neuro NeuroFrames.
 ///
 /// Publishes /encoded, /neurodata_reconstructed, /events/bus and /diagnostics, on request also
-/// /neurodata and /neurodata_filtered, and serves /acquisition/get_info, ~start, ~stop and ~quit,
+/// /neurodata and /neurodata_corticode, and serves /acquisition/get_info, ~start, ~stop and ~quit,
 /// as the node `acquisition`. The answer of get_info describes ONE of the streams, /encoded unless
 /// --announce selects another: a rosneuro_recorder or visualizer that is remapped to another stream
 /// receives frames that are larger than it allocated. Waits for an absent device or ROS master and

@@ -47,7 +47,7 @@ impl Names {
             encoded: options.topic("encoded"),
             reconstructed: options.topic("neurodata_reconstructed"),
             raw: requested(Streams::RAW, "neurodata"),
-            filtered: requested(Streams::FILTERED, "neurodata_filtered"),
+            filtered: requested(Streams::FILTERED, "neurodata_corticode"),
             // These topics have no prefix: all of ROS-Neuro shares one event bus, and one
             // aggregator collects all diagnostics.
             events: streams.contains(Streams::EVENTS).then_some("/events/bus"),

@@ -107,7 +107,7 @@ fn the_shift_of_each_topic_is_in_the_diagnostics() {
     assert_eq!(shift("/encoded"), 117_187 + 10_000 - 62_500);
     assert_eq!(shift("/neurodata_reconstructed"), 117_187 + 10_000 - 62_500);
     assert_eq!(shift("/neurodata"), 60_546 - 62_500);
-    assert_eq!(shift("/neurodata_filtered"), 54_687 + 10_000 - 62_500);
+    assert_eq!(shift("/neurodata_corticode"), 54_687 + 10_000 - 62_500);
 }
 
 /// Returns code, duration and stamp (microseconds since the start) of each event on the bus.
