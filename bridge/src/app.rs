@@ -1,9 +1,12 @@
 //! The program `corticode-bridge`: tasks, log and exit status.
 
 mod bridge;
+mod claim;
 mod command_line;
+mod namespace;
 mod outlets;
 mod ros_node;
+mod ros_topics;
 mod shutdown;
 mod sinks;
 

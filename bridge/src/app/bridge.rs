@@ -5,10 +5,11 @@ use std::time::Duration;
 
 use neuro_ros::ros1::NodeOptions;
 use neuro_ros::{AcquisitionCommand, NdjsonWriter};
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use crate::app::command_line::{Options, SinkKind};
+use crate::app::namespace::Namespace;
 use crate::app::outlets::Outlets;
 use crate::app::ros_node::RosNode;
 use crate::app::shutdown::Shutdown;
@@ -49,6 +50,10 @@ pub(super) async fn stream(
     if let Some(uri) = &options.ros_master_uri {
         ros_options.master_uri.clone_from(uri);
     }
+    let namespace = Namespace::new(&ros_options.namespace, &options.topic_prefix);
+    namespace
+        .as_ros_name()
+        .clone_into(&mut ros_options.namespace);
     let settings = options.settings();
     if !settings.streams.contains(settings.announced.needs()) {
         return Err(BridgeError::AnnouncedNotStreamed);
@@ -59,17 +64,17 @@ pub(super) async fn stream(
     match options.sink {
         SinkKind::Ros => {
             let node = RosNode::start(ros_options).await?;
-            let sinks = Sinks::ros(&node, &options).await?;
-            let (announcement_sender, announcements) = mpsc::unbounded_channel();
+            let (announcement_sender, announced) = watch::channel(None);
+            node.serve(&namespace, announced, command_sender);
+            let sinks = Sinks::ros(&node, &options, &namespace).await?;
             let model = Arc::clone(&model);
             outlets = Outlets::new(sinks, settings, model, Some(announcement_sender))?;
-            node.serve_announcements(announcements, command_sender);
             shutdown.watch_node(Arc::clone(&node.node));
             ros = Some(node);
         }
         SinkKind::Ndjson => {
             let lines = NdjsonWriter::start(std::io::stdout());
-            let sinks = Sinks::ndjson(&lines, &options);
+            let sinks = Sinks::ndjson(&lines, &options, &namespace);
             outlets = Outlets::new(sinks, settings, Arc::clone(&model), None)?;
             writer = Some(lines);
         }

@@ -34,8 +34,8 @@ pub(crate) struct Options {
     /// Destination of the frames: ROS topics, or lines of JSON on stdout
     #[arg(long, env = "CORTICODE_SINK", value_enum, default_value_t)]
     pub(crate) sink: SinkKind,
-    /// Prefix of the names of the streams, such as /left; /diagnostics keeps its name, and so does
-    /// /events/bus
+    /// Namespace of the node, its topics and services, such as /left for /left/encoded and
+    /// /left/acquisition/get_info; /diagnostics keeps its name
     #[arg(
         long,
         env = "CORTICODE_TOPIC_PREFIX",
@@ -118,11 +118,6 @@ impl Options {
                 .iter()
                 .fold(Streams::CODES, |streams, kind| streams | kind.bit()),
         }
-    }
-
-    /// Returns the name of the topic `name` with the prefix applied, such as `/left/encoded`.
-    pub(crate) fn topic(&self, name: &str) -> String {
-        format!("{}/{name}", self.topic_prefix.trim_end_matches('/'))
     }
 }
 

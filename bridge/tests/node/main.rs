@@ -10,6 +10,7 @@ mod command_line;
 mod device;
 mod graph;
 mod lines;
+mod names;
 mod process;
 mod query;
 mod replug;
