@@ -5,6 +5,7 @@ mod claim;
 mod command_line;
 mod namespace;
 mod outlets;
+mod parameters;
 mod ros_node;
 mod ros_topics;
 mod shutdown;
@@ -20,7 +21,7 @@ use neuro_ros::ros1::NodeOptions;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
 
-use crate::app::command_line::{Options, PortOptions, Task};
+use crate::app::command_line::{GivenOptions, Options, PortOptions, SinkKind, Task};
 use crate::error::BridgeError;
 use crate::query::protocol::{Answer, Request};
 use crate::query::query_port;
@@ -34,13 +35,11 @@ use crate::query::query_port;
 /// answer.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
-    let task = Task::parse_from(arguments.into_iter().map(Into::into));
-    let task = task.unwrap_or_else(|error| error.exit());
-    let done = match task {
+    let done = read_task(&ros, arguments).and_then(|task| match task {
         Task::Bridge(options) => stream(*options, ros).map(|()| ExitCode::SUCCESS),
         Task::SelfTest(options) => send_request(&options.at, Request::SelfTest, options.json),
         Task::Reset(options) => send_request(&options.at, Request::Reset(options.target()), false),
-    };
+    });
     match done {
         Ok(code) => code,
         Err(error) => {
@@ -53,6 +52,28 @@ pub fn run() -> ExitCode {
             ExitCode::from(error.exit_code())
         }
     }
+}
+
+/// Reads the options from command line, environment and parameter server, in this order of
+/// precedence. Wrong usage and requests for help end the process.
+fn read_task(ros: &NodeOptions, arguments: Vec<String>) -> Result<Task, BridgeError> {
+    let mut arguments = parameters::to_flags(arguments)?;
+    let given = GivenOptions::parse_from(&arguments).unwrap_or_else(|error| error.exit());
+    if let Some(given) = given
+        && given.sink == SinkKind::Ros
+    {
+        let master_uri = given.ros_master_uri.as_ref().unwrap_or(&ros.master_uri);
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()?;
+        for (name, argument) in runtime.block_on(parameters::read(ros, master_uri))? {
+            if !given.is_set(&name) {
+                arguments.push(argument);
+            }
+        }
+    }
+    let task = Task::parse_from(arguments.into_iter().map(Into::into));
+    Ok(task.unwrap_or_else(|error| error.exit()))
 }
 
 fn stream(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {

@@ -3,7 +3,9 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::{Args, CommandFactory, Error, FromArgMatches, Parser};
+use clap::builder::BoolishValueParser;
+use clap::parser::ValueSource;
+use clap::{ArgAction, ArgMatches, Args, Command, CommandFactory, Error, FromArgMatches, Parser};
 use link::{ResetInto, Streams};
 
 use crate::settings::{
@@ -19,7 +21,8 @@ use crate::wire::address::PortAddress;
 /// --announce selects another: a rosneuro_recorder or visualizer that is remapped to another stream
 /// receives frames that are larger than it allocated. Waits for an absent device or ROS master and
 /// reconnects when it returns. ROS's own arguments work too: __name:=, __ns:=,
-/// /encoded:=/neurodata. The log goes to stderr; RUST_LOG=debug shows more.
+/// /encoded:=/neurodata. Each option is a private parameter as well: _port:=/dev/ttyACM0, or
+/// ~port on the parameter server, which flags and environment override. The log goes to stderr; RUST_LOG=debug shows more.
 ///
 /// Exit status: 0 done, 1 a check failed, 2 wrong usage, 3 device or ROS not reachable, 4 the
 /// device refuses.
@@ -56,7 +59,16 @@ pub(crate) struct Options {
     #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
     pub(crate) filler: FillerPolicy,
     /// Reconstruct from the newest window alone: 62.5 ms earlier, with a slightly larger error
-    #[arg(long, env = "CORTICODE_LOW_LATENCY")]
+    #[arg(
+        long,
+        env = "CORTICODE_LOW_LATENCY",
+        action = ArgAction::Set,
+        num_args = 0..=1,
+        require_equals = true,
+        default_value = "false",
+        default_missing_value = "true",
+        value_parser = BoolishValueParser::new()
+    )]
     pub(crate) low_latency: bool,
     /// Streams of the device, comma-separated; codes are always included. If the device refuses
     /// some streams, the bridge requests fewer
@@ -104,6 +116,17 @@ pub(crate) enum SinkKind {
 }
 
 impl Options {
+    /// Returns the names of the private parameters that set options. The address of the ROS master
+    /// is none of them, because the parameters are read from that master.
+    pub(crate) fn parameter_names() -> Vec<String> {
+        let command = Options::command();
+        let names = command
+            .get_arguments()
+            .filter_map(|argument| argument.get_long());
+        let names = names.filter(|name| !["help", "version", "ros-master-uri"].contains(name));
+        names.map(|name| name.replace('-', "_")).collect()
+    }
+
     /// Converts the options to the settings of the core.
     pub(crate) fn settings(&self) -> Settings {
         Settings {
@@ -185,11 +208,7 @@ impl Task {
     ///
     /// [`Error`] for wrong usage or a request for help; [`Error::exit`] prints it.
     pub(crate) fn parse_from(arguments: impl IntoIterator<Item = OsString>) -> Result<Task, Error> {
-        let mut command = Options::command()
-            .args_conflicts_with_subcommands(true)
-            .subcommand_negates_reqs(true)
-            .subcommand(SelfTestOptions::command())
-            .subcommand(ResetOptions::command());
+        let mut command = command();
         let matches = command.try_get_matches_from_mut(arguments)?;
         let task = match matches.subcommand() {
             Some(("selftest", of)) => SelfTestOptions::from_arg_matches(of).map(Task::SelfTest),
@@ -199,5 +218,52 @@ impl Task {
             }
         };
         task.map_err(|error| error.format(&mut command))
+    }
+}
+
+fn command() -> Command {
+    Options::command()
+        .args_conflicts_with_subcommands(true)
+        .subcommand_negates_reqs(true)
+        .subcommand(SelfTestOptions::command())
+        .subcommand(ResetOptions::command())
+}
+
+/// Options of the bridge on the command line and in the environment, without those that the
+/// parameter server has.
+#[derive(Debug)]
+pub(crate) struct GivenOptions {
+    pub(crate) sink: SinkKind,
+    pub(crate) ros_master_uri: Option<String>,
+    matches: ArgMatches,
+}
+
+impl GivenOptions {
+    /// Parses the arguments; the first one is the program's name. Required options can be missing.
+    /// Returns `None` for a subcommand.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for wrong usage or a request for help; [`Error::exit`] prints it.
+    pub(crate) fn parse_from(arguments: &[String]) -> Result<Option<GivenOptions>, Error> {
+        let command = command().mut_arg("port", |port| port.required(false));
+        let matches = command.try_get_matches_from(arguments)?;
+        if matches.subcommand().is_some() {
+            return Ok(None);
+        }
+        Ok(Some(GivenOptions {
+            sink: matches.get_one("sink").copied().unwrap_or_default(),
+            ros_master_uri: matches.get_one("ros_master_uri").cloned(),
+            matches,
+        }))
+    }
+
+    /// Returns whether the option with the identifier `id` is set.
+    pub(crate) fn is_set(&self, id: &str) -> bool {
+        let source = self.matches.value_source(id);
+        matches!(
+            source,
+            Some(ValueSource::CommandLine | ValueSource::EnvVariable)
+        )
     }
 }

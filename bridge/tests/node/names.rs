@@ -1,6 +1,7 @@
 //! Names in the ROS graph: namespaces, several bridges on one master, and other publishers of the
 //! bridge's topics.
 
+use neuro_ros::ros1::xmlrpc::{Value, call_ros};
 use neuro_ros::ros1::{Node, PublisherOptions, Subscriber};
 use neuro_ros::{
     DiagnosticArray, DiagnosticLevel, DiagnosticStatus, EMPTY, GET_ACQUISITION_INFO,
@@ -172,4 +173,42 @@ async fn the_status_outlets_shows_how_far_each_subscriber_is_behind() {
         .unwrap();
     assert!(lag.value.parse::<u32>().unwrap() < 50, "{lag:?}");
     end(bridge).await;
+}
+
+#[tokio::test]
+async fn flags_override_the_environment_which_overrides_the_parameter_server() {
+    let master = master().await;
+    let device = Device::tcp(Board::new());
+    let set = async |name: &str, value: Value| {
+        let arguments = [
+            Value::from("/test"),
+            format!("/acquisition/{name}").into(),
+            value,
+        ];
+        let set = call_ros(master.uri(), "setParam", &arguments).await;
+        set.unwrap();
+    };
+    set("port", device.port.as_str().into()).await;
+    set("streams", Value::from(["codes", "raw", "filtered"])).await;
+    set("announce", "raw".into()).await;
+    set("event_stamps", "nonsense".into()).await;
+    let bridge = Bridge::start_with(
+        &["--ros-master-uri", master.uri(), "_event_stamps:=scalp"],
+        &[("CORTICODE_ANNOUNCE", "filtered")],
+    );
+    let node = node("recorder", master.uri()).await;
+    let announced = announcement(&node, GET_INFO_SERVICE).await;
+    assert_eq!(
+        (announced.frame().sr, announced.frame().eeg.info.nsamples),
+        (128, 8)
+    );
+    assert_eq!(publishers(&node, "/neurodata").await, ["/acquisition"]);
+    end(bridge).await;
+
+    set("plugin", "eegdev".into()).await;
+    let bridge = Bridge::start(&["--ros-master-uri", master.uri()]);
+    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
+    assert_eq!(status.code(), Some(2), "{log}");
+    assert!(log.contains("rosparam delete /acquisition/plugin"), "{log}");
+    assert!(log.contains("known are port, baud, sink"), "{log}");
 }

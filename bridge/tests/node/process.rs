@@ -16,6 +16,11 @@ pub(crate) struct Bridge {
 
 impl Bridge {
     pub(crate) fn start(arguments: &[&str]) -> Bridge {
+        Bridge::start_with(arguments, &[])
+    }
+
+    /// Starts the bridge with additional environment variables.
+    pub(crate) fn start_with(arguments: &[&str], variables: &[(&str, &str)]) -> Bridge {
         let mut command = Command::new(env!("CARGO_BIN_EXE_corticode-bridge"));
         for variable in [
             "ROS_MASTER_URI",
@@ -26,6 +31,7 @@ impl Bridge {
             command.env_remove(variable);
         }
         command.env("ROS_IP", "127.0.0.1").args(arguments);
+        command.envs(variables.iter().copied());
         command
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
