@@ -9,7 +9,9 @@ mod parameters;
 mod ros_node;
 mod ros_topics;
 mod shutdown;
+mod silence_log;
 mod sinks;
+mod whole_lines;
 
 use std::error::Error;
 use std::fs::File;

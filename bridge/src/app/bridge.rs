@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use neuro_ros::ros1::NodeOptions;
-use neuro_ros::{AcquisitionCommand, NdjsonWriter};
+use neuro_ros::{AcquisitionCommand, NdjsonWriter, SinkError};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
@@ -13,7 +13,9 @@ use crate::app::namespace::Namespace;
 use crate::app::outlets::Outlets;
 use crate::app::ros_node::RosNode;
 use crate::app::shutdown::Shutdown;
+use crate::app::silence_log::SilenceLog;
 use crate::app::sinks::Sinks;
+use crate::app::whole_lines::WholeLines;
 use crate::core::Core;
 use crate::decoder::model::Model;
 use crate::diagnostics::summary::Summary;
@@ -73,7 +75,7 @@ pub(super) async fn stream(
             ros = Some(node);
         }
         SinkKind::Ndjson => {
-            let lines = NdjsonWriter::start(std::io::stdout());
+            let lines = NdjsonWriter::start(WholeLines::stdout()?);
             let sinks = Sinks::ndjson(&lines, &options, &namespace);
             outlets = Outlets::new(sinks, settings, Arc::clone(&model), None)?;
             writer = Some(lines);
@@ -83,6 +85,8 @@ pub(super) async fn stream(
         core: Core::new(settings, Some(model)),
         connection: Connection::new(options.at.port.clone(), options.at.baud),
         commands,
+        port: &options.at.port.to_string(),
+        silence_log: SilenceLog::default(),
         outlets: &mut outlets,
     };
     let outcome = bridge.run(&mut shutdown).await;
@@ -92,18 +96,26 @@ pub(super) async fn stream(
         ros.shutdown().await;
     }
     let written = writer.map_or(Ok(()), |writer| writer.finish(DRAIN_TIMEOUT));
-    match outcome.and(written.map_err(BridgeError::Sink)) {
+    // A sink reports only that the writer has ended; the writer knows why.
+    let outcome = match outcome {
+        Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => written.map_err(BridgeError::Sink),
+        Err(error) => Err(error),
+    };
+    match outcome {
         // The process that reads the JSON lines has closed the pipe, which is a normal end.
-        Ok(()) | Err(BridgeError::Sink(neuro_ros::SinkError::Closed)) => Ok(summary),
+        Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => Ok(summary),
         Err(error) => Err(error),
     }
 }
 
-/// The core with its port, the commands from ROS services, and the outlets for its effects.
+/// The core with its port, the commands from ROS services, and the outlets for its effects. `port`
+/// is the address of the port.
 struct Bridge<'a> {
     core: Core,
     connection: Connection,
     commands: mpsc::UnboundedReceiver<AcquisitionCommand>,
+    port: &'a str,
+    silence_log: SilenceLog,
     outlets: &'a mut Outlets,
 }
 
@@ -139,7 +151,7 @@ impl Bridge<'_> {
                         self.outlets.publish_diagnostics(report);
                     }
                     if self.connection.is_open() && self.core.is_unresponsive(now) {
-                        tracing::warn!("the device is silent; reopening the port");
+                        self.silence_log.log(self.port, self.core.wire_counters());
                         self.close();
                     }
                 }
@@ -165,8 +177,14 @@ impl Bridge<'_> {
         let now = HostTime::now();
         match event {
             Event::Opened => self.core.connected(now, self.outlets),
-            Event::Bytes(count) => self.core.receive(&buffer[..count], now, self.outlets),
+            Event::Bytes(count) => {
+                self.core.receive(&buffer[..count], now, self.outlets);
+                self.connection.is_stranger = self.core.wire_counters().frames == 0;
+            }
             Event::Closed => {
+                if self.connection.is_stranger {
+                    self.silence_log.log(self.port, self.core.wire_counters());
+                }
                 self.core.disconnected();
                 self.outlets.outgoing.clear();
             }
@@ -174,7 +192,7 @@ impl Bridge<'_> {
     }
 
     fn close(&mut self) {
-        self.connection.close();
+        self.connection.close_silently();
         self.core.disconnected();
         self.outlets.outgoing.clear();
     }

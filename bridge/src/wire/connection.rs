@@ -25,6 +25,11 @@ pub(crate) struct Connection {
     stuck_since: Option<Instant>,
     /// Kind of the last failure that was logged, so that an absent device does not fill the log.
     reported: Option<io::ErrorKind>,
+    /// Whether the next opening of the port is not logged.
+    silently: bool,
+    /// Whether the port sends bytes and has sent no valid frame yet. Its interruptions are not
+    /// logged.
+    pub(crate) is_stranger: bool,
 }
 
 #[derive(Debug)]
@@ -53,6 +58,8 @@ impl Connection {
             },
             stuck_since: None,
             reported: None,
+            silently: false,
+            is_stranger: false,
         }
     }
 
@@ -60,7 +67,13 @@ impl Connection {
         matches!(self.state, State::Open(_))
     }
 
-    pub(crate) fn close(&mut self) {
+    /// Closes the port, which is opened again without a message in the log.
+    pub(crate) fn close_silently(&mut self) {
+        self.silently = true;
+        self.close();
+    }
+
+    fn close(&mut self) {
         self.state = State::Closed {
             retry_at: Instant::now() + RETRY,
         };
@@ -94,7 +107,11 @@ impl Connection {
                         .unwrap_or_else(|error| Err(io::Error::other(error)));
                     match opened {
                         Ok(port) => {
-                            tracing::info!("{} is open", self.address);
+                            if std::mem::take(&mut self.silently) {
+                                tracing::debug!("{} is open again", self.address);
+                            } else {
+                                tracing::info!("{} is open", self.address);
+                            }
                             self.reported = None;
                             self.stuck_since = None;
                             self.state = State::Open(port);
@@ -133,8 +150,16 @@ impl Connection {
                             self.stuck_since = None;
                         }
                         Err(error) => {
-                            tracing::warn!("{} was lost ({error}); waiting for it", self.address);
-                            self.close();
+                            if self.is_stranger {
+                                tracing::debug!("{} was lost ({error})", self.address);
+                                self.close_silently();
+                            } else {
+                                tracing::warn!(
+                                    "{} was lost ({error}); waiting for it",
+                                    self.address
+                                );
+                                self.close();
+                            }
                             return Ok(Event::Closed);
                         }
                     }

@@ -14,3 +14,4 @@ mod names;
 mod process;
 mod query;
 mod replug;
+mod trouble;

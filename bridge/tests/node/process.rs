@@ -21,6 +21,10 @@ impl Bridge {
 
     /// Starts the bridge with additional environment variables.
     pub(crate) fn start_with(arguments: &[&str], variables: &[(&str, &str)]) -> Bridge {
+        Bridge::spawn(arguments, variables, Stdio::piped())
+    }
+
+    fn spawn(arguments: &[&str], variables: &[(&str, &str)], stdout: Stdio) -> Bridge {
         let mut command = Command::new(env!("CARGO_BIN_EXE_corticode-bridge"));
         for variable in [
             "ROS_MASTER_URI",
@@ -34,11 +38,16 @@ impl Bridge {
         command.envs(variables.iter().copied());
         command
             .stdin(Stdio::null())
-            .stdout(Stdio::piped())
+            .stdout(stdout)
             .stderr(Stdio::piped());
         Bridge {
             child: command.spawn().unwrap(),
         }
+    }
+
+    /// Starts the bridge with its output in a file.
+    pub(crate) fn start_into(file: std::fs::File, arguments: &[&str]) -> Bridge {
+        Bridge::spawn(arguments, &[], file.into())
     }
 
     pub(crate) fn stdout(&mut self) -> std::process::ChildStdout {
