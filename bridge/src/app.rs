@@ -8,6 +8,7 @@ mod outlets;
 mod parameters;
 mod ros_node;
 mod ros_topics;
+mod rosout;
 mod shutdown;
 mod silence_log;
 mod sinks;
@@ -19,11 +20,16 @@ use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 use std::sync::Arc;
 
+use neuro_ros::Log;
 use neuro_ros::ros1::NodeOptions;
+use tokio::sync::mpsc::Receiver;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
 use crate::app::command_line::{GivenOptions, Options, PortOptions, SinkKind, Task};
+use crate::app::rosout::RosoutLayer;
 use crate::error::BridgeError;
 use crate::query::protocol::{Answer, Request};
 use crate::query::query_port;
@@ -79,11 +85,11 @@ fn read_task(ros: &NodeOptions, arguments: Vec<String>) -> Result<Task, BridgeEr
 }
 
 fn stream(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {
-    init_log(&ros)?;
+    let lines = init_log(&ros)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()?;
-    let summary = runtime.block_on(bridge::stream(options, ros))?;
+    let summary = runtime.block_on(bridge::stream(options, ros, lines))?;
     eprintln!("corticode-bridge: {summary}");
     Ok(())
 }
@@ -118,8 +124,9 @@ fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCo
     Ok(ExitCode::from(u8::from(!passed)))
 }
 
-/// Sends the log to stderr, and also to the log file if roslaunch names one.
-fn init_log(ros: &NodeOptions) -> Result<(), BridgeError> {
+/// Sends the log to stderr, and also to the log file if roslaunch names one. Returns the lines for
+/// `/rosout`.
+fn init_log(ros: &NodeOptions) -> Result<Receiver<Log>, BridgeError> {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
     let writer = match &ros.log {
         None => BoxMakeWriter::new(std::io::stderr),
@@ -132,10 +139,14 @@ fn init_log(ros: &NodeOptions) -> Result<(), BridgeError> {
             BoxMakeWriter::new(std::io::stderr.and(Arc::new(file)))
         }
     };
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let (rosout, lines) = RosoutLayer::new();
+    let written = tracing_subscriber::fmt::layer()
         .with_ansi(false)
-        .with_writer(writer)
+        .with_writer(writer);
+    tracing_subscriber::registry()
+        .with(filter)
+        .with(written)
+        .with(rosout)
         .init();
-    Ok(())
+    Ok(lines)
 }

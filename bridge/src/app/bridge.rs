@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use neuro_ros::ros1::NodeOptions;
-use neuro_ros::{AcquisitionCommand, NdjsonWriter, SinkError};
+use neuro_ros::{AcquisitionCommand, Log, NdjsonWriter, SinkError};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
@@ -12,6 +12,7 @@ use crate::app::command_line::{Options, SinkKind};
 use crate::app::namespace::Namespace;
 use crate::app::outlets::Outlets;
 use crate::app::ros_node::RosNode;
+use crate::app::rosout;
 use crate::app::shutdown::Shutdown;
 use crate::app::silence_log::SilenceLog;
 use crate::app::sinks::Sinks;
@@ -42,6 +43,7 @@ const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 pub(super) async fn stream(
     options: Options,
     mut ros_options: NodeOptions,
+    log: mpsc::Receiver<Log>,
 ) -> Result<Summary, BridgeError> {
     let mut shutdown = Shutdown::new()?;
     let model = match &options.model {
@@ -66,6 +68,7 @@ pub(super) async fn stream(
     match options.sink {
         SinkKind::Ros => {
             let node = RosNode::start(ros_options).await?;
+            rosout::publish(Arc::clone(&node.node), log);
             let (announcement_sender, announced) = watch::channel(None);
             node.serve(&namespace, announced, command_sender);
             let sinks = Sinks::ros(&node, &options, &namespace).await?;

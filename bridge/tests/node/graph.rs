@@ -171,6 +171,7 @@ async fn a_node_with_the_same_name_takes_over_and_the_bridge_shuts_down() {
     let master = master().await;
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
+    until("codes", async || device.controls.made.load(Relaxed) > 5).await;
     until("the services", async || registered(master.uri()).await).await;
     let namesake = node("acquisition", master.uri()).await;
     let _topic = namesake

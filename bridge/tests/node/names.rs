@@ -5,7 +5,7 @@ use neuro_ros::ros1::xmlrpc::{Value, call_ros};
 use neuro_ros::ros1::{Node, PublisherOptions, Subscriber};
 use neuro_ros::{
     DiagnosticArray, DiagnosticLevel, DiagnosticStatus, EMPTY, GET_ACQUISITION_INFO,
-    GET_INFO_SERVICE, NeuroFrame, RosMessage, Wire,
+    GET_INFO_SERVICE, Log, NeuroFrame, RosMessage, Wire,
 };
 use rustix::process::Signal;
 use tokio::time::timeout;
@@ -211,4 +211,36 @@ async fn flags_override_the_environment_which_overrides_the_parameter_server() {
     assert_eq!(status.code(), Some(2), "{log}");
     assert!(log.contains("rosparam delete /acquisition/plugin"), "{log}");
     assert!(log.contains("known are port, baud, sink"), "{log}");
+}
+
+#[tokio::test]
+async fn the_log_is_on_rosout_from_the_first_line() {
+    let master = master().await;
+    let node = node("rosout", master.uri()).await;
+    let mut lines = node.subscribe("/rosout", Log::TYPE, 64).await.unwrap();
+    let device = Device::tcp(Board::new());
+    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
+    let mut next = async || {
+        let line = timeout(TIMEOUT, lines.recv()).await.unwrap().unwrap();
+        Log::from_bytes(&line).unwrap()
+    };
+    let first = next().await;
+    assert_eq!(
+        (first.name.as_str(), first.level),
+        ("/acquisition", Log::INFO)
+    );
+    assert!(first.msg.starts_with("node /acquisition at"), "{first:?}");
+    while !next().await.msg.starts_with("streaming codes") {}
+    device
+        .controls
+        .hang_up
+        .store(true, std::sync::atomic::Ordering::Relaxed);
+    loop {
+        let line = next().await;
+        if line.msg.contains("was lost") {
+            assert_eq!(line.level, Log::WARN);
+            break;
+        }
+    }
+    end(bridge).await;
 }
