@@ -1,16 +1,23 @@
 //! The program `corticode-bridge`: tasks, log and exit status.
 
 mod bridge;
+mod claim;
 mod command_line;
 mod convert;
+mod namespace;
 mod outlets;
+mod parameters;
 mod record;
 mod recording_file;
 mod replay;
 mod replay_port;
 mod ros_node;
+mod ros_topics;
+mod rosout;
 mod shutdown;
+mod silence_log;
 mod sinks;
+mod whole_lines;
 
 use std::error::Error;
 use std::fs::File;
@@ -18,13 +25,19 @@ use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 use std::sync::Arc;
 
+use neuro_ros::Log;
 use neuro_ros::ros1::NodeOptions;
+use tokio::sync::mpsc::Receiver;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
 use crate::app::command_line::{
-    ConvertOptions, Options, PortOptions, RecordOptions, ReplayOptions, Task,
+    ConvertOptions, GivenOptions, Options, PortOptions, RecordOptions, ReplayOptions, SinkKind,
+    Task,
 };
+use crate::app::rosout::RosoutLayer;
 use crate::error::BridgeError;
 use crate::query::protocol::{Answer, Request};
 use crate::query::query_port;
@@ -39,16 +52,14 @@ use crate::query::query_port;
 /// which `replay` and `convert` read.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
-    let task = Task::parse_from(arguments.into_iter().map(Into::into));
-    let task = task.unwrap_or_else(|error| error.exit());
-    let done = match task {
+    let done = read_task(&ros, arguments).and_then(|task| match task {
         Task::Bridge(options) => stream(*options, ros).map(|()| ExitCode::SUCCESS),
         Task::SelfTest(options) => send_request(&options.at, Request::SelfTest, options.json),
         Task::Reset(options) => send_request(&options.at, Request::Reset(options.target()), false),
         Task::Record(options) => record(options, &ros).map(|()| ExitCode::SUCCESS),
         Task::Replay(options) => replay(&options, &ros).map(|()| ExitCode::SUCCESS),
         Task::Convert(options) => convert(&options, &ros).map(|()| ExitCode::SUCCESS),
-    };
+    });
     match done {
         Ok(code) => code,
         Err(error) => {
@@ -63,14 +74,36 @@ pub fn run() -> ExitCode {
     }
 }
 
+/// Reads the options from command line, environment and parameter server, in this order of
+/// precedence. Wrong usage and requests for help end the process.
+fn read_task(ros: &NodeOptions, arguments: Vec<String>) -> Result<Task, BridgeError> {
+    let mut arguments = parameters::to_flags(arguments)?;
+    let given = GivenOptions::parse_from(&arguments).unwrap_or_else(|error| error.exit());
+    if let Some(given) = given
+        && given.sink == SinkKind::Ros
+    {
+        let master_uri = given.ros_master_uri.as_ref().unwrap_or(&ros.master_uri);
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()?;
+        for (name, argument) in runtime.block_on(parameters::read(ros, master_uri))? {
+            if !given.is_set(&name) {
+                arguments.push(argument);
+            }
+        }
+    }
+    let task = Task::parse_from(arguments.into_iter().map(Into::into));
+    Ok(task.unwrap_or_else(|error| error.exit()))
+}
+
 fn stream(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {
-    init_log(&ros)?;
+    let lines = init_log(&ros)?;
     // One thread reads the port and writes the sockets: passing a code to another thread would delay
     // it by the time in which that thread wakes up.
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
-    let summary = runtime.block_on(bridge::stream(options, ros))?;
+    let summary = runtime.block_on(bridge::stream(options, ros, lines))?;
     eprintln!("corticode-bridge: {summary}");
     Ok(())
 }
@@ -132,8 +165,9 @@ fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCo
     Ok(ExitCode::from(u8::from(!passed)))
 }
 
-/// Sends the log to stderr, and also to the log file if roslaunch names one.
-fn init_log(ros: &NodeOptions) -> Result<(), BridgeError> {
+/// Sends the log to stderr, and also to the log file if roslaunch names one. Returns the lines for
+/// `/rosout`.
+fn init_log(ros: &NodeOptions) -> Result<Receiver<Log>, BridgeError> {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
     let writer = match &ros.log {
         None => BoxMakeWriter::new(std::io::stderr),
@@ -146,10 +180,14 @@ fn init_log(ros: &NodeOptions) -> Result<(), BridgeError> {
             BoxMakeWriter::new(std::io::stderr.and(Arc::new(file)))
         }
     };
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let (rosout, lines) = RosoutLayer::new();
+    let written = tracing_subscriber::fmt::layer()
         .with_ansi(false)
-        .with_writer(writer)
+        .with_writer(writer);
+    tracing_subscriber::registry()
+        .with(filter)
+        .with(written)
+        .with(rosout)
         .init();
-    Ok(())
+    Ok(lines)
 }

@@ -2,6 +2,7 @@
 
 pub(crate) mod audit;
 pub(crate) mod converters;
+pub(crate) mod link_log;
 pub(crate) mod signal_quality;
 pub(crate) mod status;
 pub(crate) mod summary;
@@ -38,6 +39,9 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
         link_status(session, wire),
         clock_status(session, now),
     ];
+    if let Some(line) = session.link_log.next_line(now.monotonic_us) {
+        tracing::warn!("{line}");
+    }
     if let Some((report, codes)) = session.converters.as_mut().zip(session.codes.as_ref()) {
         let device = codes.device();
         status.push(report.status(device.adc_rate_hz, &device.labels));
@@ -166,6 +170,9 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
     if session.commands.streams().contains(Streams::EVENTS) {
         side_values.extend(side_events);
     }
+    for (lost, _) in &losses {
+        session.link_log.add_missing(*lost);
+    }
     losses.retain(|(lost, _)| *lost > 0);
     let state = if losses.is_empty() {
         (DiagnosticLevel::Ok, "nothing lost".to_owned())
@@ -217,8 +224,9 @@ fn link_status(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
     let damaged = damaged.into_iter().fold(0, u32::wrapping_add);
     let since = damaged.wrapping_sub(session.counts.damaged_reported);
     session.counts.damaged_reported = damaged;
-    if since > 0 {
-        tracing::warn!(since, "frames damaged; check cable, connectors and --baud");
+    // Another device's bytes are no damaged frames.
+    if wire.frames > 0 {
+        session.link_log.add_damaged(since);
     }
     let state = if wire.version > 0 && wire.frames == 0 {
         let message = "the device speaks another version of the wire format; bring firmware and \

@@ -28,7 +28,7 @@ pub trait Effects {
     /// Publishes a frame of ADC samples on `/neurodata`.
     fn publish_raw(&mut self, frame: &NeuroFrame);
 
-    /// Publishes a frame of filtered steps on `/neurodata_filtered`.
+    /// Publishes a frame of filtered steps on `/neurodata_corticode`.
     fn publish_filtered(&mut self, frame: &NeuroFrame);
 
     /// Publishes an edge of the trigger input on `/events/bus`.

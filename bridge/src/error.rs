@@ -43,6 +43,22 @@ pub enum BridgeError {
          --streams codes,raw --announce raw"
     )]
     AnnouncedNotStreamed,
+    /// A private parameter, `_name:=` or `~name`, has the name of no option.
+    #[error("the private parameter {name} is not known; {remedy}; known are {known}")]
+    UnknownParameter {
+        /// Name of the parameter, without the node's name.
+        name: String,
+        /// Advice for the user.
+        remedy: String,
+        /// Names of all known parameters.
+        known: String,
+    },
+    /// A parameter on the parameter server has a value that no option can have.
+    #[error("the parameter {name} is neither text, number, truth value nor list; set it again")]
+    ParameterType {
+        /// Full name of the parameter.
+        name: String,
+    },
     /// During a query, the port does not open or disappears. Queries do not wait for a port.
     #[error("{port} {what}; {remedy}")]
     Unreachable {
@@ -166,6 +182,8 @@ impl BridgeError {
             | BridgeError::Recording { .. }
             | BridgeError::Output { .. }
             | BridgeError::AnnouncedNotStreamed
+            | BridgeError::UnknownParameter { .. }
+            | BridgeError::ParameterType { .. }
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
             BridgeError::Node(_)
             | BridgeError::Unreachable { .. }

@@ -44,7 +44,7 @@ pub enum AnnouncedStream {
     Reconstructed,
     /// `/neurodata`: every ADC sample in microvolts.
     Raw,
-    /// `/neurodata_filtered`: the encoder's input in microvolts, before quantisation.
+    /// `/neurodata_corticode`: the encoder's input in microvolts, before quantisation.
     Filtered,
 }
 
@@ -54,7 +54,7 @@ impl AnnouncedStream {
         ("/encoded", AnnouncedStream::Encoded),
         ("/neurodata_reconstructed", AnnouncedStream::Reconstructed),
         ("/neurodata", AnnouncedStream::Raw),
-        ("/neurodata_filtered", AnnouncedStream::Filtered),
+        ("/neurodata_corticode", AnnouncedStream::Filtered),
     ];
 
     /// Returns the streams that the device must send so that this stream can be published.
@@ -74,7 +74,7 @@ pub enum StreamKind {
     Codes,
     /// `/neurodata`: every ADC sample, 101 kB/s.
     Raw,
-    /// `/neurodata_filtered`: every filtered step that the encoder reads, 33 kB/s.
+    /// `/neurodata_corticode`: every filtered step that the encoder reads, 33 kB/s.
     Filtered,
     /// A window with its code every 10 s; the bridge computes the code again and reports the
     /// difference on /diagnostics.

@@ -36,9 +36,6 @@ pub enum AcquisitionCommand {
 }
 
 /// Handles of an acquisition node's services. Dropping the value unregisters them.
-///
-/// Start the services only when the announcement is complete. The recorder requests it as soon as
-/// the service appears and does not check `result`.
 #[derive(Debug)]
 pub struct AcquisitionServices {
     /// Kept only because dropping a handle unregisters its service.
@@ -46,32 +43,32 @@ pub struct AcquisitionServices {
 }
 
 impl AcquisitionServices {
-    /// Provides [`GET_INFO_SERVICE`] with the response `info`, and the services `~start`, `~stop`
-    /// and `~quit`.
+    /// Provides `get_info` (by default [`GET_INFO_SERVICE`]) with the announcement that `on_info`
+    /// returns, and the services `~start`, `~stop` and `~quit`.
     ///
-    /// `on_command` is called for each command and must not block. If `on_command` returns an error
-    /// message, the caller of the service receives the message.
+    /// `on_info` and `on_command` are called for each call and must not block. If they return an
+    /// error message, the call fails and the caller of the service receives the message. Without an
+    /// announcement `on_info` must fail: the recorder repeats a failed call and does not check
+    /// `result`.
     ///
     /// # Errors
     ///
     /// [`NodeError`] if this node already has one of the services or the master refuses one.
     pub async fn serve(
         node: &Node,
-        info: &AcquisitionInfo,
+        get_info: &str,
+        on_info: impl Fn() -> Result<AcquisitionInfo, String> + Send + Sync + 'static,
         on_command: impl Fn(AcquisitionCommand) -> Result<(), String> + Send + Sync + 'static,
     ) -> Result<AcquisitionServices, NodeError> {
-        let response = info.to_response();
         let on_command = Arc::new(on_command);
         let command = |command: AcquisitionCommand| {
             let on_command = Arc::clone(&on_command);
             move |_request: &[u8]| on_command(command).map(|()| Vec::new())
         };
         let info = node
-            .serve(
-                GET_INFO_SERVICE,
-                &GET_ACQUISITION_INFO,
-                move |_request: &[u8]| Ok(response.clone()),
-            )
+            .serve(get_info, &GET_ACQUISITION_INFO, move |_request: &[u8]| {
+                on_info().map(|info| info.to_response())
+            })
             .await?;
         let start = node
             .serve("~start", &EMPTY, command(AcquisitionCommand::Start))

@@ -4,6 +4,7 @@
 use ros1::MessageType;
 
 use crate::diagnostics::DiagnosticArray;
+use crate::log::Log;
 use crate::neuro_event::NeuroEvent;
 use crate::neuro_frame::NeuroFrame;
 use crate::wire::Wire;
@@ -24,6 +25,10 @@ impl RosMessage for NeuroEvent {
 
 impl RosMessage for DiagnosticArray {
     const TYPE: &'static MessageType = &DIAGNOSTIC_ARRAY;
+}
+
+impl RosMessage for Log {
+    const TYPE: &'static MessageType = &LOG;
 }
 
 /// Formats an embedded type for a full definition as `gendeps --cat` does: a line of 80 equals
@@ -77,5 +82,14 @@ static DIAGNOSTIC_ARRAY: MessageType = MessageType {
             "diagnostic_msgs/KeyValue",
             "../foreign/diagnostic_msgs/KeyValue.msg"
         ),
+    ),
+};
+
+static LOG: MessageType = MessageType {
+    name: "rosgraph_msgs/Log",
+    md5: "acffd30cd6b6de30f120938c17c593fb",
+    definition: concat!(
+        include_str!("../foreign/rosgraph_msgs/Log.msg"),
+        part!("std_msgs/Header", "../foreign/std_msgs/Header.msg"),
     ),
 };

@@ -50,6 +50,7 @@ mod acquisition_services;
 mod definition;
 mod diagnostics;
 mod header;
+mod log;
 mod ndjson_sink;
 mod neuro_event;
 mod neuro_frame;
@@ -66,6 +67,7 @@ pub use acquisition_services::{
 pub use definition::RosMessage;
 pub use diagnostics::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, KeyValue};
 pub use header::{Header, NeuroHeader};
+pub use log::Log;
 pub use ndjson_sink::{NdjsonSink, NdjsonWriter};
 pub use neuro_event::NeuroEvent;
 pub use neuro_frame::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};

@@ -101,12 +101,15 @@ impl NdjsonWriter {
     /// # Errors
     ///
     /// [`SinkError::Closed`] if the reader has closed the output, [`SinkError::Stuck`] if the time
-    /// limit expired, [`SinkError::Output`] if writing failed.
+    /// limit expired, [`SinkError::DiskFull`] or [`SinkError::Output`] if writing failed.
     pub fn finish(self, timeout: Duration) -> Result<(), SinkError> {
         drop(self.lines);
         match self.done.recv_timeout(timeout) {
             Ok(Err(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => {
                 Err(SinkError::Closed)
+            }
+            Ok(Err(error)) if error.kind() == std::io::ErrorKind::StorageFull => {
+                Err(SinkError::DiskFull)
             }
             Ok(Err(error)) => Err(SinkError::Output(error)),
             Ok(Ok(())) => Ok(()),

@@ -45,6 +45,11 @@ impl<M: RosMessage> RosSink<M> {
     pub fn subscribers(&self) -> usize {
         self.publisher.subscribers()
     }
+
+    /// The topic's publisher.
+    pub fn publisher(&self) -> &Publisher {
+        &self.publisher
+    }
 }
 
 impl<M: RosMessage> Sink<M> for RosSink<M> {

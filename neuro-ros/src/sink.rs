@@ -41,6 +41,9 @@ pub enum SinkError {
         /// Number of lines that were not written.
         lines: usize,
     },
+    /// The disk of the output has no room for another line.
+    #[error("the disk of the output is full; free some space, or write to another disk")]
+    DiskFull,
     /// Writing to the output failed.
     #[error("the output cannot be written; check the file or the disk: {0}")]
     Output(#[from] std::io::Error),

@@ -6,7 +6,9 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use md5::{Digest, Md5};
-use neuro_ros::{DiagnosticArray, EMPTY, GET_ACQUISITION_INFO, NeuroEvent, NeuroFrame, RosMessage};
+use neuro_ros::{
+    DiagnosticArray, EMPTY, GET_ACQUISITION_INFO, Log, NeuroEvent, NeuroFrame, RosMessage,
+};
 
 /// Reads every `.msg` file; the keys are `package/Name`.
 fn definitions() -> HashMap<String, String> {
@@ -15,6 +17,7 @@ fn definitions() -> HashMap<String, String> {
         ("rosneuro_msgs", "msg"),
         ("std_msgs", "foreign/std_msgs"),
         ("diagnostic_msgs", "foreign/diagnostic_msgs"),
+        ("rosgraph_msgs", "foreign/rosgraph_msgs"),
     ] {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
         for entry in std::fs::read_dir(folder).unwrap() {
@@ -136,6 +139,7 @@ fn md5_sums_equal_those_of_the_original_packages() {
             "diagnostic_msgs/DiagnosticArray",
             "60810da900de1dd6ddd437c3503511da",
         ),
+        ("rosgraph_msgs/Log", "acffd30cd6b6de30f120938c17c593fb"),
     ] {
         assert_eq!(md5(name, &all), expected, "{name}");
     }
@@ -144,7 +148,12 @@ fn md5_sums_equal_those_of_the_original_packages() {
 #[test]
 fn types_in_code_match_the_definition_files() {
     let all = definitions();
-    for announced in [NeuroFrame::TYPE, NeuroEvent::TYPE, DiagnosticArray::TYPE] {
+    for announced in [
+        NeuroFrame::TYPE,
+        NeuroEvent::TYPE,
+        DiagnosticArray::TYPE,
+        Log::TYPE,
+    ] {
         assert_eq!(
             announced.md5,
             md5(announced.name, &all),

@@ -47,6 +47,11 @@ impl<T> DropOldestQueue<T> {
         }
     }
 
+    /// Number of items that wait to be popped.
+    pub(crate) fn len(&self) -> usize {
+        lock(&self.state).items.len()
+    }
+
     /// Appends an item without waiting.
     pub(crate) fn push(&self, item: T) -> Push {
         let outcome = {

@@ -86,6 +86,7 @@ pub use node::{
     publisher::Publisher,
     service::Service,
     subscriber::Subscriber,
+    system_state::SystemState,
 };
 pub use service::client::{ServiceClient, ServiceError};
-pub use topic::publication::PublisherOptions;
+pub use topic::publication::{PublisherOptions, SubscriberLag};

@@ -10,6 +10,7 @@ mod registrar;
 pub(crate) mod service;
 mod slave;
 pub(crate) mod subscriber;
+pub(crate) mod system_state;
 
 use std::{io, net::IpAddr, sync::Arc};
 
@@ -40,6 +41,7 @@ use registrar::Registrar;
 use service::Service;
 use slave::Slave;
 use subscriber::Subscriber;
+use system_state::SystemState;
 
 /// Why a node could not be started, or why a topic or service could not be added to a node.
 #[derive(Debug, thiserror::Error)]
@@ -265,6 +267,14 @@ impl Node {
     /// this node has been offered for registration. The master can have refused some of them.
     pub fn master_online(&self) -> watch::Receiver<bool> {
         self.registrar.online.subscribe()
+    }
+
+    /// Asks the master which nodes publish topics and provide services.
+    ///
+    /// # Errors
+    /// All variants of [`CallError`].
+    pub async fn system_state(&self) -> Result<SystemState, CallError> {
+        self.registrar.system_state().await
     }
 
     /// Waits until the master asks this node to shut down, because of `rosnode kill` or because

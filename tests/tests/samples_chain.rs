@@ -29,7 +29,7 @@ fn samples_and_steps_reach_rospy_together_with_the_codes() {
     let folder = tempfile::tempdir().expect("a folder");
     let chain = Chain::start_with(folder.path(), &["--streams=codes,raw,filtered"]);
     let mut raw = chain.subscriber_of("/neurodata");
-    let mut filtered = chain.subscriber_of("/neurodata_filtered");
+    let mut filtered = chain.subscriber_of("/neurodata_corticode");
     let duration = SECONDS.to_string();
     let mut board = chain.board(&["--input=synthetic", "--seed=7", "--duration", &duration]);
     let ended = board.wait(SLACK);

@@ -4,15 +4,19 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use neuro_ros::ros1::NodeOptions;
-use neuro_ros::{AcquisitionCommand, NdjsonWriter};
-use tokio::sync::mpsc;
+use neuro_ros::{AcquisitionCommand, Log, NdjsonWriter, SinkError};
+use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use crate::app::command_line::{Options, SinkKind};
+use crate::app::namespace::Namespace;
 use crate::app::outlets::Outlets;
 use crate::app::ros_node::RosNode;
+use crate::app::rosout;
 use crate::app::shutdown::Shutdown;
+use crate::app::silence_log::SilenceLog;
 use crate::app::sinks::Sinks;
+use crate::app::whole_lines::WholeLines;
 use crate::core::Core;
 use crate::decoder::model::Model;
 use crate::diagnostics::summary::Summary;
@@ -39,6 +43,7 @@ const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 pub(super) async fn stream(
     options: Options,
     mut ros_options: NodeOptions,
+    log: mpsc::Receiver<Log>,
 ) -> Result<Summary, BridgeError> {
     let mut shutdown = Shutdown::new()?;
     let model = match &options.model {
@@ -49,6 +54,10 @@ pub(super) async fn stream(
     if let Some(uri) = &options.ros_master_uri {
         ros_options.master_uri.clone_from(uri);
     }
+    let namespace = Namespace::new(&ros_options.namespace, &options.topic_prefix);
+    namespace
+        .as_ros_name()
+        .clone_into(&mut ros_options.namespace);
     let settings = options.settings();
     if !settings.streams.contains(settings.announced.needs()) {
         return Err(BridgeError::AnnouncedNotStreamed);
@@ -59,17 +68,18 @@ pub(super) async fn stream(
     match options.sink {
         SinkKind::Ros => {
             let node = RosNode::start(ros_options).await?;
-            let sinks = Sinks::ros(&node, &options).await?;
-            let (announcement_sender, announcements) = mpsc::unbounded_channel();
+            rosout::publish(Arc::clone(&node.node), log);
+            let (announcement_sender, announced) = watch::channel(None);
+            node.serve(&namespace, announced, command_sender);
+            let sinks = Sinks::ros(&node, &options, &namespace).await?;
             let model = Arc::clone(&model);
             outlets = Outlets::new(sinks, settings, model, Some(announcement_sender))?;
-            node.serve_announcements(announcements, command_sender);
             shutdown.watch_node(Arc::clone(&node.node));
             ros = Some(node);
         }
         SinkKind::Ndjson => {
-            let lines = NdjsonWriter::start(std::io::stdout());
-            let sinks = Sinks::ndjson(&lines, &options);
+            let lines = NdjsonWriter::start(WholeLines::stdout()?);
+            let sinks = Sinks::ndjson(&lines, &options, &namespace);
             outlets = Outlets::new(sinks, settings, Arc::clone(&model), None)?;
             writer = Some(lines);
         }
@@ -78,6 +88,8 @@ pub(super) async fn stream(
         core: Core::new(settings, Some(model)),
         connection: Connection::new(options.at.port.clone(), options.at.baud),
         commands,
+        port: &options.at.port.to_string(),
+        silence_log: SilenceLog::default(),
         outlets: &mut outlets,
     };
     let outcome = bridge.run(&mut shutdown).await;
@@ -89,18 +101,26 @@ pub(super) async fn stream(
         ros.shutdown().await;
     }
     let written = writer.map_or(Ok(()), |writer| writer.finish(DRAIN_TIMEOUT));
-    match outcome.and(written.map_err(BridgeError::Sink)) {
+    // A sink reports only that the writer has ended; the writer knows why.
+    let outcome = match outcome {
+        Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => written.map_err(BridgeError::Sink),
+        Err(error) => Err(error),
+    };
+    match outcome {
         // The process that reads the JSON lines has closed the pipe, which is a normal end.
-        Ok(()) | Err(BridgeError::Sink(neuro_ros::SinkError::Closed)) => Ok(summary),
+        Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => Ok(summary),
         Err(error) => Err(error),
     }
 }
 
-/// The core with its port, the commands from ROS services, and the outlets for its effects.
+/// The core with its port, the commands from ROS services, and the outlets for its effects. `port`
+/// is the address of the port.
 struct Bridge<'a> {
     core: Core,
     connection: Connection,
     commands: mpsc::UnboundedReceiver<AcquisitionCommand>,
+    port: &'a str,
+    silence_log: SilenceLog,
     outlets: &'a mut Outlets,
 }
 
@@ -140,7 +160,7 @@ impl Bridge<'_> {
                     let limit = self.connection.silence_limit();
                     let is_read = self.connection.is_open() && !paused;
                     if is_read && self.core.is_unresponsive(now, limit) {
-                        tracing::warn!("the device is silent; reopening the port");
+                        self.silence_log.log(self.port, self.core.wire_counters());
                         self.close();
                     }
                 }
@@ -167,8 +187,14 @@ impl Bridge<'_> {
         let now = HostTime::now();
         match event {
             Event::Opened => self.core.connected(now, self.outlets),
-            Event::Bytes(count) => self.core.receive(&buffer[..count], now, self.outlets),
+            Event::Bytes(count) => {
+                self.core.receive(&buffer[..count], now, self.outlets);
+                self.connection.is_stranger = self.core.wire_counters().frames == 0;
+            }
             Event::Closed => {
+                if self.connection.is_stranger {
+                    self.silence_log.log(self.port, self.core.wire_counters());
+                }
                 self.core.disconnected();
                 self.outlets.outgoing.clear();
             }
@@ -176,7 +202,7 @@ impl Bridge<'_> {
     }
 
     fn close(&mut self) {
-        self.connection.close();
+        self.connection.close_silently();
         self.core.disconnected();
         self.outlets.outgoing.clear();
     }

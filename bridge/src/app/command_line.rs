@@ -3,7 +3,9 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::{Args, CommandFactory, Error, FromArgMatches, Parser};
+use clap::builder::BoolishValueParser;
+use clap::parser::ValueSource;
+use clap::{ArgAction, ArgMatches, Args, Command, CommandFactory, Error, FromArgMatches, Parser};
 use link::{ResetInto, Streams};
 
 use crate::settings::{
@@ -14,12 +16,13 @@ use crate::wire::address::PortAddress;
 /// Publish the codes and signals of a Corticode board as ROS-Neuro NeuroFrames.
 ///
 /// Publishes /encoded, /neurodata_reconstructed, /events/bus and /diagnostics, on request also
-/// /neurodata and /neurodata_filtered, and serves /acquisition/get_info, ~start, ~stop and ~quit,
+/// /neurodata and /neurodata_corticode, and serves /acquisition/get_info, ~start, ~stop and ~quit,
 /// as the node `acquisition`. The answer of get_info describes ONE of the streams, /encoded unless
 /// --announce selects another: a rosneuro_recorder or visualizer that is remapped to another stream
 /// receives frames that are larger than it allocated. Waits for an absent device or ROS master and
 /// reconnects when it returns. ROS's own arguments work too: __name:=, __ns:=,
-/// /encoded:=/neurodata. The log goes to stderr; RUST_LOG=debug shows more.
+/// /encoded:=/neurodata. Each option is a private parameter as well: _port:=/dev/ttyACM0, or
+/// ~port on the parameter server, which flags and environment override. The log goes to stderr; RUST_LOG=debug shows more.
 ///
 /// Exit status: 0 done, 1 a check failed, 2 wrong usage, 3 device or ROS not reachable, 4 the
 /// device refuses.
@@ -34,8 +37,8 @@ pub(crate) struct Options {
     /// Destination of the frames: ROS topics, or lines of JSON on stdout
     #[arg(long, env = "CORTICODE_SINK", value_enum, default_value_t)]
     pub(crate) sink: SinkKind,
-    /// Prefix of the names of the streams, such as /left; /diagnostics keeps its name, and so does
-    /// /events/bus
+    /// Namespace of the node, its topics and services, such as /left for /left/encoded and
+    /// /left/acquisition/get_info; /diagnostics keeps its name
     #[arg(
         long,
         env = "CORTICODE_TOPIC_PREFIX",
@@ -55,7 +58,16 @@ pub(crate) struct Options {
     #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
     pub(crate) filler: FillerPolicy,
     /// Reconstruct from the newest window alone: 62.5 ms earlier, with a slightly larger error
-    #[arg(long, env = "CORTICODE_LOW_LATENCY")]
+    #[arg(
+        long,
+        env = "CORTICODE_LOW_LATENCY",
+        action = ArgAction::Set,
+        num_args = 0..=1,
+        require_equals = true,
+        default_value = "false",
+        default_missing_value = "true",
+        value_parser = BoolishValueParser::new()
+    )]
     pub(crate) low_latency: bool,
     /// Time that the stamp of an event refers to: where rosneuro_recorder places it in a recording of
     /// the announced stream, or the event itself, as the frames' stamps
@@ -124,6 +136,17 @@ pub(crate) enum SinkKind {
 }
 
 impl Options {
+    /// Returns the names of the private parameters that set options. The address of the ROS master
+    /// is none of them, because the parameters are read from that master.
+    pub(crate) fn parameter_names() -> Vec<String> {
+        let command = Options::command();
+        let names = command
+            .get_arguments()
+            .filter_map(|argument| argument.get_long());
+        let names = names.filter(|name| !["help", "version", "ros-master-uri"].contains(name));
+        names.map(|name| name.replace('-', "_")).collect()
+    }
+
     /// Converts the options to the settings of the core.
     pub(crate) fn settings(&self) -> Settings {
         Settings {
@@ -135,11 +158,6 @@ impl Options {
             event_stamps: self.event_stamps,
             streams: self.asked.streams(),
         }
-    }
-
-    /// Returns the name of the topic `name` with the prefix applied, such as `/left/encoded`.
-    pub(crate) fn topic(&self, name: &str) -> String {
-        format!("{}/{name}", self.topic_prefix.trim_end_matches('/'))
     }
 }
 
@@ -301,14 +319,7 @@ impl Task {
     ///
     /// [`Error`] for wrong usage or a request for help; [`Error::exit`] prints it.
     pub(crate) fn parse_from(arguments: impl IntoIterator<Item = OsString>) -> Result<Task, Error> {
-        let mut command = Options::command()
-            .args_conflicts_with_subcommands(true)
-            .subcommand_negates_reqs(true)
-            .subcommand(SelfTestOptions::command())
-            .subcommand(ResetOptions::command())
-            .subcommand(RecordOptions::command())
-            .subcommand(ReplayOptions::command())
-            .subcommand(ConvertOptions::command());
+        let mut command = command();
         let matches = command.try_get_matches_from_mut(arguments)?;
         let task = match matches.subcommand() {
             Some(("selftest", of)) => SelfTestOptions::from_arg_matches(of).map(Task::SelfTest),
@@ -321,5 +332,55 @@ impl Task {
             }
         };
         task.map_err(|error| error.format(&mut command))
+    }
+}
+
+fn command() -> Command {
+    Options::command()
+        .args_conflicts_with_subcommands(true)
+        .subcommand_negates_reqs(true)
+        .subcommand(SelfTestOptions::command())
+        .subcommand(ResetOptions::command())
+        .subcommand(RecordOptions::command())
+        .subcommand(ReplayOptions::command())
+        .subcommand(ConvertOptions::command())
+}
+
+/// Options of the bridge on the command line and in the environment, without those that the
+/// parameter server has.
+#[derive(Debug)]
+pub(crate) struct GivenOptions {
+    pub(crate) sink: SinkKind,
+    pub(crate) ros_master_uri: Option<String>,
+    matches: ArgMatches,
+}
+
+impl GivenOptions {
+    /// Parses the arguments; the first one is the program's name. Required options can be missing.
+    /// Returns `None` for a subcommand.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for wrong usage or a request for help; [`Error::exit`] prints it.
+    pub(crate) fn parse_from(arguments: &[String]) -> Result<Option<GivenOptions>, Error> {
+        let command = command().mut_arg("port", |port| port.required(false));
+        let matches = command.try_get_matches_from(arguments)?;
+        if matches.subcommand().is_some() {
+            return Ok(None);
+        }
+        Ok(Some(GivenOptions {
+            sink: matches.get_one("sink").copied().unwrap_or_default(),
+            ros_master_uri: matches.get_one("ros_master_uri").cloned(),
+            matches,
+        }))
+    }
+
+    /// Returns whether the option with the identifier `id` is set.
+    pub(crate) fn is_set(&self, id: &str) -> bool {
+        let source = self.matches.value_source(id);
+        matches!(
+            source,
+            Some(ValueSource::CommandLine | ValueSource::EnvVariable)
+        )
     }
 }

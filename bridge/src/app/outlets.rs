@@ -6,8 +6,10 @@ use neuro_ros::{
     AcquisitionInfo, DiagnosticArray, DiagnosticLevel, DiagnosticStatus, FrameSink, KeyValue,
     NeuroEvent, NeuroFrame, Sink, SinkError,
 };
-use tokio::sync::mpsc::UnboundedSender;
+use tokio::sync::watch::Sender;
 
+use crate::app::namespace::Namespace;
+use crate::app::ros_topics::RosTopics;
 use crate::app::sinks::Sinks;
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::back_pressure::BackPressure;
@@ -29,10 +31,13 @@ pub(crate) struct Outlets {
     filtered: Option<Box<dyn FrameSink>>,
     events: Option<Box<dyn Sink<NeuroEvent>>>,
     diagnostics: Box<dyn Sink<DiagnosticArray>>,
+    /// The topics of the sinks; `None` if frames go to stdout.
+    topics: Option<Arc<RosTopics>>,
+    namespace: Namespace,
     decoder: DecoderThread,
     back_pressure: BackPressure,
     /// Channel to the task that serves `/acquisition/get_info`; `None` if frames go to stdout.
-    announcements: Option<UnboundedSender<AcquisitionInfo>>,
+    announcements: Option<Sender<Option<AcquisitionInfo>>>,
     /// Last announcement that was sent. An equal announcement is not sent again.
     announced: Option<AcquisitionInfo>,
     /// Sum of all dropped and undecoded frames at the last report to `/diagnostics`.
@@ -48,7 +53,7 @@ impl Outlets {
         sinks: Sinks,
         settings: Settings,
         model: Arc<Model>,
-        announcements: Option<UnboundedSender<AcquisitionInfo>>,
+        announcements: Option<Sender<Option<AcquisitionInfo>>>,
     ) -> std::io::Result<Outlets> {
         Ok(Outlets {
             settings,
@@ -58,6 +63,8 @@ impl Outlets {
             filtered: sinks.filtered,
             events: sinks.events,
             diagnostics: sinks.diagnostics,
+            topics: sinks.topics,
+            namespace: sinks.namespace,
             decoder: DecoderThread::start(sinks.reconstructed)?,
             back_pressure: BackPressure::default(),
             announcements,
@@ -108,6 +115,9 @@ impl Outlets {
             audits.name.insert_str(0, "corticode: ");
             report.status.push(audits);
         }
+        for status in &mut report.status {
+            status.name = self.namespace.status_name(&status.name);
+        }
         let published = self.diagnostics.publish(&report);
         self.record_error(published);
     }
@@ -127,14 +137,17 @@ impl Outlets {
         ];
         let now = figures.iter().filter_map(|(_, figure)| *figure).sum();
         let lost = now > std::mem::replace(&mut self.reported, now);
+        let objection = self.topics.as_ref().and_then(|topics| topics.objection());
         let (level, message) = if self.decoder.has_ended() {
             let message = "the decoder has ended; restart the bridge for reconstructed frames";
-            (DiagnosticLevel::Error, message)
+            (DiagnosticLevel::Error, message.to_owned())
+        } else if let Some(objection) = objection {
+            objection
         } else if lost {
             let message = "frames dropped since the last report: a subscriber or the host is slow";
-            (DiagnosticLevel::Warn, message)
+            (DiagnosticLevel::Warn, message.to_owned())
         } else {
-            (DiagnosticLevel::Ok, "nothing dropped")
+            (DiagnosticLevel::Ok, "nothing dropped".to_owned())
         };
         let figures = figures.into_iter();
         let values = figures.filter_map(|(name, figure)| Some(KeyValue::new(name, &figure?)));
@@ -147,12 +160,13 @@ impl Outlets {
             ),
             KeyValue::new("windows not needed", &decoder.not_needed),
         ];
+        let topics = self.topics.iter().flat_map(|topics| topics.values());
         DiagnosticStatus {
             level,
             name: "corticode: outlets".to_owned(),
-            message: message.to_owned(),
+            message,
             hardware_id: String::new(),
-            values: values.chain(work).collect(),
+            values: values.chain(work).chain(topics).collect(),
         }
     }
 
@@ -188,9 +202,7 @@ impl Effects for Outlets {
         };
         if self.announced.as_ref() != Some(info) {
             self.announced = Some(info.clone());
-            // Sending fails only while the node shuts down, when no client can call the service any
-            // more.
-            let _ = announcements.send(info.clone());
+            announcements.send_replace(Some(info.clone()));
         }
     }
 

@@ -4,10 +4,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
-use neuro_ros::{AcquisitionCommand, AcquisitionInfo, AcquisitionServices, RosMessage, RosSink};
-use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender};
+use neuro_ros::{AcquisitionCommand, AcquisitionInfo, AcquisitionServices, GET_INFO_SERVICE};
+use tokio::sync::mpsc::UnboundedSender;
 use tokio::sync::watch::Receiver;
 use tokio::task::JoinHandle;
+
+use crate::app::namespace::Namespace;
 
 /// Time after the node's start at which a missing ROS master is first logged.
 const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
@@ -34,43 +36,50 @@ impl RosNode {
         self.node.shutdown().await;
     }
 
-    /// Advertises a topic with a queue of `queue` messages for each subscriber.
-    pub(crate) async fn sink<M: RosMessage>(
+    /// Serves the newest announcement as `acquisition/get_info` in `namespace`, and sends calls of
+    /// `~start`, `~stop` and `~quit` to `commands`. Runs in a task of its own, because registration
+    /// can take long.
+    ///
+    /// Before the first announcement a call of `get_info` fails: rosneuro_recorder repeats a failed
+    /// call, but would accept an answer without a frame.
+    pub(crate) fn serve(
         &self,
-        topic: &str,
-        queue: usize,
-    ) -> Result<RosSink<M>, NodeError> {
-        RosSink::advertise(&self.node, topic, queue).await
-    }
-
-    /// Serves `/acquisition/get_info` with the newest announcement, and sends calls of `~start`,
-    /// `~stop` and `~quit` to `commands`. Runs in a task of its own, because registration can take
-    /// long.
-    pub(crate) fn serve_announcements(
-        &self,
-        mut announcements: UnboundedReceiver<AcquisitionInfo>,
+        namespace: &Namespace,
+        announced: Receiver<Option<AcquisitionInfo>>,
         commands: UnboundedSender<AcquisitionCommand>,
     ) {
         let node = Arc::clone(&self.node);
+        let get_info = namespace.resolve(GET_INFO_SERVICE);
         tokio::spawn(async move {
-            let mut services: Option<AcquisitionServices> = None;
-            while let Some(info) = announcements.recv().await {
-                drop(services.take());
-                let commands = commands.clone();
-                let on_command = move |command| {
-                    commands
-                        .send(command)
-                        .map_err(|_| "the bridge is shutting down".to_owned())
-                };
-                match AcquisitionServices::serve(&node, &info, on_command).await {
-                    Ok(new) => services = Some(new),
-                    Err(error) => tracing::error!(
-                        %error,
-                        "services are not registered; recorders cannot find this acquisition"
-                    ),
-                }
+            let on_info = move || {
+                let info = announced.borrow().clone();
+                info.ok_or_else(|| "no device has introduced itself yet; try again".to_owned())
+            };
+            let on_command = move |command| {
+                tracing::info!("{} was called", command_name(command));
+                commands
+                    .send(command)
+                    .map_err(|_| "the bridge is shutting down".to_owned())
+            };
+            let services = AcquisitionServices::serve(&node, &get_info, on_info, on_command).await;
+            match services {
+                // Dropping the services would unregister them; they are served until the node shuts
+                // down.
+                Ok(_services) => std::future::pending().await,
+                Err(error) => tracing::error!(
+                    %error,
+                    "services are not registered; recorders cannot find this acquisition"
+                ),
             }
         });
+    }
+}
+
+fn command_name(command: AcquisitionCommand) -> &'static str {
+    match command {
+        AcquisitionCommand::Start => "~start",
+        AcquisitionCommand::Stop => "~stop",
+        AcquisitionCommand::Quit => "~quit",
     }
 }
 

@@ -1,11 +1,15 @@
 //! The sinks of all topics.
 
+use std::sync::Arc;
+
 use link::Streams;
 use neuro_ros::ros1::NodeError;
 use neuro_ros::{DiagnosticArray, FrameSink, NdjsonWriter, NeuroEvent, Sink};
 
 use crate::app::command_line::Options;
+use crate::app::namespace::Namespace;
 use crate::app::ros_node::RosNode;
+use crate::app::ros_topics::RosTopics;
 
 /// Queue length per subscriber for frames of codes and of reconstructed signals: 8.5 minutes at 16
 /// frames per second. After a long outage all fillers are published at once, and a recorder must
@@ -28,30 +32,32 @@ pub(crate) struct Sinks {
     pub(crate) filtered: Option<Box<dyn FrameSink>>,
     pub(crate) events: Option<Box<dyn Sink<NeuroEvent>>>,
     pub(crate) diagnostics: Box<dyn Sink<DiagnosticArray>>,
+    /// The topics of the sinks; `None` if frames go to stdout.
+    pub(crate) topics: Option<Arc<RosTopics>>,
+    pub(crate) namespace: Namespace,
 }
 
-/// Topic names with the prefix applied; `None` for streams that are not requested.
+/// Full names of the topics; `None` for streams that are not requested.
 struct Names {
     encoded: String,
     reconstructed: String,
     raw: Option<String>,
     filtered: Option<String>,
-    events: Option<&'static str>,
+    events: Option<String>,
     diagnostics: &'static str,
 }
 
 impl Names {
-    fn new(options: &Options) -> Names {
+    fn new(options: &Options, namespace: &Namespace) -> Names {
         let streams = options.settings().streams;
-        let requested = |stream, name| streams.contains(stream).then(|| options.topic(name));
+        let requested = |stream, name| streams.contains(stream).then(|| namespace.resolve(name));
         Names {
-            encoded: options.topic("encoded"),
-            reconstructed: options.topic("neurodata_reconstructed"),
+            encoded: namespace.resolve("encoded"),
+            reconstructed: namespace.resolve("neurodata_reconstructed"),
             raw: requested(Streams::RAW, "neurodata"),
-            filtered: requested(Streams::FILTERED, "neurodata_filtered"),
-            // These topics have no prefix: all of ROS-Neuro shares one event bus, and one
-            // aggregator collects all diagnostics.
-            events: streams.contains(Streams::EVENTS).then_some("/events/bus"),
+            filtered: requested(Streams::FILTERED, "neurodata_corticode"),
+            events: requested(Streams::EVENTS, "events/bus"),
+            // One aggregator collects the diagnostics of all namespaces.
             diagnostics: "/diagnostics",
         }
     }
@@ -59,31 +65,40 @@ impl Names {
 
 impl Sinks {
     /// Advertises the topics at a ROS node.
-    pub(crate) async fn ros(ros: &RosNode, options: &Options) -> Result<Sinks, NodeError> {
-        let names = Names::new(options);
-        let mut sinks = Sinks {
-            encoded: Box::new(ros.sink(&names.encoded, QUEUE_FRAMES).await?),
-            reconstructed: Box::new(ros.sink(&names.reconstructed, QUEUE_FRAMES).await?),
-            raw: None,
-            filtered: None,
-            events: None,
-            diagnostics: Box::new(ros.sink(names.diagnostics, QUEUE_EVENTS).await?),
+    pub(crate) async fn ros(
+        ros: &RosNode,
+        options: &Options,
+        namespace: &Namespace,
+    ) -> Result<Sinks, NodeError> {
+        let names = Names::new(options, namespace);
+        let topics = Arc::new(RosTopics::new(Arc::clone(&ros.node)));
+        let frames = |name: &str, queue| -> Result<Box<dyn FrameSink>, NodeError> {
+            Ok(Box::new(topics.frames(name, queue)?))
         };
-        if let Some(raw) = &names.raw {
-            sinks.raw = Some(Box::new(ros.sink(raw, QUEUE_SAMPLES).await?));
-        }
-        if let Some(filtered) = &names.filtered {
-            sinks.filtered = Some(Box::new(ros.sink(filtered, QUEUE_SAMPLES).await?));
-        }
+        let optional = |name: &Option<String>| {
+            let name = name.as_ref();
+            name.map(|name| frames(name, QUEUE_SAMPLES)).transpose()
+        };
+        let mut sinks = Sinks {
+            encoded: frames(&names.encoded, QUEUE_FRAMES)?,
+            reconstructed: frames(&names.reconstructed, QUEUE_FRAMES)?,
+            raw: optional(&names.raw)?,
+            filtered: optional(&names.filtered)?,
+            events: None,
+            diagnostics: Box::new(topics.shared(names.diagnostics, QUEUE_EVENTS).await?),
+            topics: Some(Arc::clone(&topics)),
+            namespace: namespace.clone(),
+        };
         if let Some(events) = names.events {
-            sinks.events = Some(Box::new(ros.sink(events, QUEUE_EVENTS).await?));
+            sinks.events = Some(Box::new(topics.shared(&events, QUEUE_EVENTS).await?));
         }
+        topics.start().await?;
         Ok(sinks)
     }
 
     /// Creates sinks that write lines of JSON.
-    pub(crate) fn ndjson(lines: &NdjsonWriter, options: &Options) -> Sinks {
-        let names = Names::new(options);
+    pub(crate) fn ndjson(lines: &NdjsonWriter, options: &Options, namespace: &Namespace) -> Sinks {
+        let names = Names::new(options, namespace);
         let frames = |name: String| Box::new(lines.sink(&name)) as Box<dyn FrameSink>;
         Sinks {
             encoded: frames(names.encoded),
@@ -92,8 +107,10 @@ impl Sinks {
             filtered: names.filtered.map(frames),
             events: names
                 .events
-                .map(|name| Box::new(lines.sink(name)) as Box<dyn Sink<NeuroEvent>>),
+                .map(|name| Box::new(lines.sink(&name)) as Box<dyn Sink<NeuroEvent>>),
             diagnostics: Box::new(lines.sink(names.diagnostics)),
+            topics: None,
+            namespace: namespace.clone(),
         }
     }
 }

@@ -7,6 +7,7 @@ use link::{Encoder, Quality, StageTiming, Stats, Timing};
 use crate::decoder::model::Model;
 use crate::device::Device;
 use crate::diagnostics::converters::ChainReport;
+use crate::diagnostics::link_log::LinkLog;
 use crate::settings::Settings;
 use crate::streams::code::CodeStream;
 use crate::streams::ledger::Ledger;
@@ -48,6 +49,7 @@ pub(crate) struct Session {
     pub(crate) worst_stage: Option<StageTiming>,
     pub(crate) converters: Option<ChainReport>,
     pub(super) logged: LoggedOnce,
+    pub(crate) link_log: LinkLog,
 }
 
 /// Flags of the warnings that were logged; each of these warnings is logged once.
@@ -99,6 +101,7 @@ impl Session {
             worst_stage: None,
             converters: None,
             logged: LoggedOnce::default(),
+            link_log: LinkLog::default(),
         }
     }
 }

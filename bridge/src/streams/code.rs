@@ -282,7 +282,7 @@ impl CodeStream {
         if missing == 0 {
             return;
         }
-        tracing::warn!(
+        tracing::debug!(
             lost = gap.lost,
             between_runs = gap.between_runs,
             before = window,

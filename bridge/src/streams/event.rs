@@ -53,7 +53,7 @@ impl EventStream {
         let time = device_us.and_then(|us| reception.clock.wall_ns(i128::from(us)));
         let wall_ns = time.unwrap_or(reception.read.wall_ns);
         if lost > 0 {
-            tracing::warn!(lost, before = event.number, "events lost");
+            tracing::debug!(lost, before = event.number, "events lost");
             bus.publish(&BusEvent::EdgesLost(lost), wall_ns, effects);
         }
         let (edge, level) = match event.kind {

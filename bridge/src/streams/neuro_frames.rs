@@ -39,7 +39,7 @@ impl Device {
         frame(self.step_rate_hz, eeg, NeuroDataInfo::default())
     }
 
-    /// Returns a frame for `/neurodata_filtered` that holds the steps of one hop, all zeros.
+    /// Returns a frame for `/neurodata_corticode` that holds the steps of one hop, all zeros.
     pub fn filtered_frame(&self) -> NeuroFrame {
         let eeg = self.electrodes(u16::from(self.hop_steps));
         frame(self.step_rate_hz, eeg, NeuroDataInfo::default())

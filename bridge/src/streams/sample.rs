@@ -14,7 +14,7 @@ use crate::streams::tri::TriWords;
 const MAX_FILL_SECONDS: u64 = 120;
 
 /// Converts ADC samples to NeuroFrames of `/neurodata`, or filtered steps to NeuroFrames of
-/// `/neurodata_filtered`, and fills gaps. In this file, "sample" means an ADC sample or a filtered
+/// `/neurodata_corticode`, and fills gaps. In this file, "sample" means an ADC sample or a filtered
 /// step.
 ///
 /// Samples have an index in the topic. It goes on when the device restarts, and the time between two

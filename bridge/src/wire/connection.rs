@@ -33,6 +33,11 @@ pub(crate) struct Connection {
     stuck_since: Option<Instant>,
     /// Kind of the last failure that was logged, so that an absent device does not fill the log.
     reported: Option<io::ErrorKind>,
+    /// Whether the next opening of the port is not logged.
+    silently: bool,
+    /// Whether the port sends bytes and has sent no valid frame yet. Its interruptions are not
+    /// logged.
+    pub(crate) is_stranger: bool,
 }
 
 #[derive(Debug)]
@@ -61,6 +66,8 @@ impl Connection {
             },
             stuck_since: None,
             reported: None,
+            silently: false,
+            is_stranger: false,
         }
     }
 
@@ -74,6 +81,12 @@ impl Connection {
             PortAddress::Tty(_) => TTY_SILENCE_LIMIT,
             PortAddress::Tcp(_) => TCP_SILENCE_LIMIT,
         }
+    }
+
+    /// Closes the port, which is opened again without a message in the log.
+    pub(crate) fn close_silently(&mut self) {
+        self.silently = true;
+        self.close();
     }
 
     pub(crate) fn close(&mut self) {
@@ -110,7 +123,11 @@ impl Connection {
                         .unwrap_or_else(|error| Err(io::Error::other(error)));
                     match opened {
                         Ok(port) => {
-                            tracing::info!("{} is open", self.address);
+                            if std::mem::take(&mut self.silently) {
+                                tracing::debug!("{} is open again", self.address);
+                            } else {
+                                tracing::info!("{} is open", self.address);
+                            }
                             self.reported = None;
                             self.stuck_since = None;
                             self.state = State::Open(port);
@@ -156,8 +173,16 @@ impl Connection {
                             self.stuck_since = None;
                         }
                         Err(error) => {
-                            tracing::warn!("{} was lost ({error}); waiting for it", self.address);
-                            self.close();
+                            if self.is_stranger {
+                                tracing::debug!("{} was lost ({error})", self.address);
+                                self.close_silently();
+                            } else {
+                                tracing::warn!(
+                                    "{} was lost ({error}); waiting for it",
+                                    self.address
+                                );
+                                self.close();
+                            }
                             return Ok(Event::Closed);
                         }
                     }

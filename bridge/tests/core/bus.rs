@@ -114,7 +114,7 @@ fn the_shift_of_each_topic_is_in_the_diagnostics() {
     );
     assert_eq!(shift("/neurodata"), 60_546 - 62_500 + 2_930);
     assert_eq!(
-        shift("/neurodata_filtered"),
+        shift("/neurodata_corticode"),
         54_687 + 10_000 - 62_500 + 11_719
     );
 }

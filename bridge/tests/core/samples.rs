@@ -1,4 +1,4 @@
-//! Publication of ADC samples on `/neurodata` and of filtered steps on `/neurodata_filtered`.
+//! Publication of ADC samples on `/neurodata` and of filtered steps on `/neurodata_corticode`.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,

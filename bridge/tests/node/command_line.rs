@@ -14,6 +14,8 @@ fn wrong_usage_is_status_2_with_advice() {
         (&["--port", "tcp:nowhere"], "tcp:127.0.0.1:5555"),
         (&["--port", "/dev/null", "--mains", "55"], "50 or 60"),
         (&["--port", "/dev/null", "--baud", "0"], "--baud"),
+        (&["_prot:=/dev/null"], "known are port, baud"),
+        (&["_port:=tcp:nowhere"], "tcp:127.0.0.1:5555"),
         (
             &["--port", "/dev/null", "--model", "/nowhere"],
             "model.toml",

@@ -23,6 +23,8 @@ pub(crate) const PACE: Duration = Duration::from_millis(20);
 pub(crate) struct Controls {
     /// Number of codes that the board makes next but does not send.
     pub(crate) lose: AtomicU32,
+    /// Whether a byte of every third code is changed on its way.
+    pub(crate) damage: AtomicBool,
     /// Set by a test to close the connection once, while the board keeps running.
     pub(crate) hang_up: AtomicBool,
     /// Number of codes made so far.
@@ -104,6 +106,9 @@ impl Device {
                     next_code += PACE;
                     let device_us = u64::try_from(start.elapsed().as_micros()).unwrap();
                     let mut bytes = board.code(device_us, 3);
+                    if shared.damage.load(Relaxed) && board.next_window.is_multiple_of(3) {
+                        bytes[20] ^= 1;
+                    }
                     bytes.extend(side_messages(&mut board, device_us));
                     shared.made.store(board.next_window, Relaxed);
                     let lose = |left: u32| left.checked_sub(1);

@@ -56,6 +56,21 @@ pub(crate) async fn registered(uri: &str) -> bool {
     call_ros(uri, "lookupService", &arguments).await.is_ok()
 }
 
+/// Calls the service `get_info` until it answers, as rosneuro_recorder does.
+pub(crate) async fn announcement(node: &Node, get_info: &str) -> AcquisitionInfo {
+    let deadline = Instant::now() + TIMEOUT;
+    loop {
+        match node.call(get_info, &GET_ACQUISITION_INFO, &[]).await {
+            Ok(answer) => {
+                let info = AcquisitionInfo::from_response(&answer).unwrap();
+                return info.expect("a result").unwrap();
+            }
+            Err(error) => assert!(Instant::now() < deadline, "{get_info}: {error}"),
+        }
+        sleep(Duration::from_millis(20)).await;
+    }
+}
+
 #[tokio::test]
 async fn codes_reach_a_subscriber_and_match_the_announcement() {
     let master = master().await;
@@ -72,15 +87,7 @@ async fn codes_reach_a_subscriber_and_match_the_announcement() {
         .subscribe("/diagnostics", DiagnosticArray::TYPE, 8)
         .await
         .unwrap();
-    until("the services", async || registered(master.uri()).await).await;
-    let answer = node
-        .call(GET_INFO_SERVICE, &GET_ACQUISITION_INFO, &[])
-        .await
-        .unwrap();
-    let info = AcquisitionInfo::from_response(&answer)
-        .unwrap()
-        .unwrap()
-        .unwrap();
+    let info = announcement(&node, GET_INFO_SERVICE).await;
     let mut next = frame(&mut encoded).await.neuroheader.seq;
     for _ in 0..20 {
         let frame = frame(&mut encoded).await;
@@ -164,6 +171,7 @@ async fn a_node_with_the_same_name_takes_over_and_the_bridge_shuts_down() {
     let master = master().await;
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
+    until("codes", async || device.controls.made.load(Relaxed) > 5).await;
     until("the services", async || registered(master.uri()).await).await;
     let namesake = node("acquisition", master.uri()).await;
     let _topic = namesake
@@ -231,7 +239,7 @@ async fn node_and_topics_can_be_renamed_on_the_command_line() {
         .unwrap();
     frame(&mut encoded).await;
     until("the service", async || {
-        node.call("/amplifier/quit", &EMPTY, &[]).await.is_ok()
+        node.call("/left/amplifier/quit", &EMPTY, &[]).await.is_ok()
     })
     .await;
     let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();

@@ -135,7 +135,7 @@ fn all_streams_are_written_as_lines_and_a_wrong_code_is_an_error() {
     let (encoded, raw) = (counts["/encoded"], counts["/neurodata"]);
     assert!(raw.abs_diff(encoded) <= 8, "{counts:?}");
     assert!(
-        counts["/neurodata_filtered"].abs_diff(encoded) <= 8,
+        counts["/neurodata_corticode"].abs_diff(encoded) <= 8,
         "{counts:?}"
     );
     assert!(counts["/events/bus"] >= 4, "{counts:?}");

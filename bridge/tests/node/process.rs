@@ -16,6 +16,15 @@ pub(crate) struct Bridge {
 
 impl Bridge {
     pub(crate) fn start(arguments: &[&str]) -> Bridge {
+        Bridge::start_with(arguments, &[])
+    }
+
+    /// Starts the bridge with additional environment variables.
+    pub(crate) fn start_with(arguments: &[&str], variables: &[(&str, &str)]) -> Bridge {
+        Bridge::spawn(arguments, variables, Stdio::piped())
+    }
+
+    fn spawn(arguments: &[&str], variables: &[(&str, &str)], stdout: Stdio) -> Bridge {
         let mut command = Command::new(env!("CARGO_BIN_EXE_corticode-bridge"));
         for variable in [
             "ROS_MASTER_URI",
@@ -26,13 +35,19 @@ impl Bridge {
             command.env_remove(variable);
         }
         command.env("ROS_IP", "127.0.0.1").args(arguments);
+        command.envs(variables.iter().copied());
         command
             .stdin(Stdio::null())
-            .stdout(Stdio::piped())
+            .stdout(stdout)
             .stderr(Stdio::piped());
         Bridge {
             child: command.spawn().unwrap(),
         }
+    }
+
+    /// Starts the bridge with its output in a file.
+    pub(crate) fn start_into(file: std::fs::File, arguments: &[&str]) -> Bridge {
+        Bridge::spawn(arguments, &[], file.into())
     }
 
     pub(crate) fn stdout(&mut self) -> std::process::ChildStdout {

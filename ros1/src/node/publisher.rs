@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::lease::Lease;
-use crate::topic::publication::Publication;
+use crate::topic::publication::{Publication, SubscriberLag};
 
 /// Handle of a topic that this node publishes. All clones publish on the same topic; dropping the
 /// last clone unregisters the topic.
@@ -40,6 +40,11 @@ impl Publisher {
     /// Number of messages dropped so far, summed over all subscribers, including disconnected ones.
     pub fn dropped(&self) -> u64 {
         self.publication.dropped()
+    }
+
+    /// Returns the lag of every subscriber with an open connection.
+    pub fn lags(&self) -> Vec<SubscriberLag> {
+        self.publication.lags()
     }
 
     /// Full name of the topic after remapping.

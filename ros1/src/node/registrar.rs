@@ -13,7 +13,10 @@ use tokio::{
     time::{Instant, sleep_until, timeout},
 };
 
-use super::graph::{Graph, Key};
+use super::{
+    graph::{Graph, Key},
+    system_state::SystemState,
+};
 use crate::{
     lock::lock,
     xmlrpc::{CallError, Value, call_ros},
@@ -125,6 +128,7 @@ impl Registrar {
                 return Vec::new();
             }
         }
+        self.find_lost_services().await;
         let refused = self.register_missing().await;
         refused.unwrap_or_else(|error| {
             self.set_offline(&error);
@@ -143,6 +147,33 @@ impl Registrar {
             self.unresponsive.store(true, Relaxed);
             Vec::new()
         })
+    }
+
+    /// Asks the master for its publishers and services.
+    pub(crate) async fn system_state(&self) -> Result<SystemState, CallError> {
+        let method = "getSystemState";
+        let state = self.call(method, &[]).await?;
+        SystemState::from_value(&state).ok_or_else(|| CallError::Shape {
+            uri: self.master_uri.clone(),
+            method: method.to_owned(),
+        })
+    }
+
+    /// Marks the services that no node provides any more as not registered. A node that registers
+    /// the same service takes it over, and the master does not return it when that node leaves.
+    async fn find_lost_services(&self) {
+        let services = |key: &Key| matches!(key, Key::Service(_));
+        if !lock(&self.graph).registered.iter().any(services) {
+            return;
+        }
+        // An error is left to the calls that follow, which reach the same master.
+        let Ok(state) = self.system_state().await else {
+            return;
+        };
+        lock(&self.graph).registered.retain(|key| match key {
+            Key::Service(name) => state.has_service(name),
+            Key::Publisher(_) | Key::Subscriber(_) => true,
+        });
     }
 
     async fn register_missing(&self) -> Result<Vec<(Key, CallError)>, CallError> {

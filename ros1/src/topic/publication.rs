@@ -30,6 +30,16 @@ pub struct PublisherOptions {
     pub latch: bool,
 }
 
+/// Number of messages that wait for one subscriber of a topic.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SubscriberLag {
+    /// Name of the subscribing node.
+    pub subscriber: String,
+    /// Messages in the subscriber's queue. Those in the buffers of the operating system are not
+    /// counted.
+    pub waiting: usize,
+}
+
 #[derive(Debug)]
 pub(crate) struct Publication {
     /// Full name of the topic.
@@ -110,6 +120,15 @@ impl Publication {
 
     pub(crate) fn links(&self) -> Vec<Arc<SubscriberLink>> {
         lock(&self.state).links.clone()
+    }
+
+    pub(crate) fn lags(&self) -> Vec<SubscriberLag> {
+        let state = lock(&self.state);
+        let lags = state.links.iter().map(|link| SubscriberLag {
+            subscriber: link.caller.clone(),
+            waiting: link.queue.len(),
+        });
+        lags.collect()
     }
 
     pub(crate) fn subscribers(&self) -> usize {

@@ -1,12 +1,12 @@
 //! The XML-RPC server of nodes and masters.
 
-use std::{io, sync::Arc, time::Duration};
+use std::{collections::VecDeque, io, sync::Arc, time::Duration};
 
 use tokio::{
     io::{AsyncBufReadExt as _, AsyncWriteExt as _, BufReader},
     net::{TcpListener, TcpStream},
     sync::watch,
-    task::{JoinHandle, JoinSet},
+    task::{AbortHandle, JoinHandle, JoinSet},
     time::{sleep, timeout},
 };
 
@@ -23,7 +23,8 @@ const IDLE_TIMEOUT: Duration = Duration::from_mins(2);
 /// Time limit for each of three phases: waiting for the first byte of a connection's first request,
 /// receiving the rest of a request, and sending a response.
 const TRANSFER_TIMEOUT: Duration = Duration::from_secs(10);
-/// Maximum number of open connections; further connections wait in the operating system's backlog.
+/// Maximum number of open connections. Each further connection closes the oldest one: a call takes
+/// milliseconds, so the oldest of so many is idle or slow.
 const MAX_CONNECTIONS: usize = 256;
 /// Delay after a failed accept, for example when no file descriptor is left.
 const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
@@ -67,13 +68,15 @@ where
     F: Fn(&str, &[Value]) -> Result<Value, Fault> + Send + Sync + 'static,
 {
     let mut connections = JoinSet::new();
+    let mut by_age = VecDeque::new();
     loop {
         tokio::select! {
             () = async { let _ = stopped.wait_for(|stop| *stop).await; } => break,
             Some(_) = connections.join_next() => {}
-            accepted = listener.accept(), if connections.len() < MAX_CONNECTIONS => match accepted {
+            accepted = listener.accept() => match accepted {
                 Ok((stream, _)) => {
-                    connections.spawn(serve(stream, Arc::clone(&answer)));
+                    make_room(&mut by_age);
+                    by_age.push_back(connections.spawn(serve(stream, Arc::clone(&answer))));
                 }
                 Err(error) => {
                     tracing::warn!(%error, "an XML-RPC connection could not be accepted");
@@ -84,6 +87,17 @@ where
     }
     drop(listener);
     connections.shutdown().await;
+}
+
+/// Closes the oldest connections, until fewer than [`MAX_CONNECTIONS`] are open. `by_age` holds the
+/// connections in the order in which they were accepted.
+fn make_room(by_age: &mut VecDeque<AbortHandle>) {
+    by_age.retain(|connection| !connection.is_finished());
+    while by_age.len() >= MAX_CONNECTIONS {
+        if let Some(oldest) = by_age.pop_front() {
+            oldest.abort();
+        }
+    }
 }
 
 async fn serve<F>(stream: TcpStream, answer: Arc<F>)

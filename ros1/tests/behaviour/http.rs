@@ -1,5 +1,7 @@
 //! XML-RPC peers that are slow, send invalid data or use unusual HTTP.
 
+use std::time::{Duration, Instant};
+
 use ros1::{
     PublisherOptions,
     xmlrpc::{CallError, call_ros},
@@ -153,4 +155,35 @@ async fn invalid_and_missing_answers_are_errors_within_the_timeout() {
         ]
     );
     server.abort();
+}
+
+#[tokio::test]
+async fn four_hundred_slow_connections_do_not_delay_a_new_subscriber() {
+    let master = start_master().await;
+    let talker = start_node("talker", &master).await;
+    let publisher = talker.advertise("/chat", &STRING, QUEUE).await.unwrap();
+    let address = talker.uri().trim_start_matches("http://");
+    let listener = start_node("listener", &master).await;
+    let received = async {
+        let mut slow = Vec::new();
+        for _ in 0..400 {
+            let stream = TcpStream::connect(address.trim_end_matches('/')).await;
+            let mut stream = stream.unwrap();
+            stream.write_all(b"POST / HT").await.unwrap();
+            slow.push(stream);
+        }
+        let mut subscriber = listener.subscribe("/chat", &STRING, 8).await.unwrap();
+        loop {
+            publisher.publish(b"\x01\0\0\0a");
+            let message = timeout(Duration::from_millis(50), subscriber.recv());
+            if message.await.is_ok() {
+                return;
+            }
+        }
+    };
+    // A slow connection is closed after 10 s, so a subscriber that waits for one takes longer.
+    let began = Instant::now();
+    let limit = Duration::from_secs(5);
+    timeout(limit, received).await.expect("a message");
+    println!("subscribed after {:?}", began.elapsed());
 }

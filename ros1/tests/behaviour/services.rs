@@ -1,5 +1,7 @@
 //! Services with failing handlers and misbehaving clients.
 
+use std::time::Duration;
+
 use ros1::{
     tcpros::Header,
     xmlrpc::{Value, call_ros},
@@ -7,7 +9,7 @@ use ros1::{
 use tokio::{io::AsyncWriteExt as _, net::TcpStream};
 
 use crate::{
-    local::{is_closed, read_header, start_master, start_node},
+    local::{is_closed, read_header, start_master, start_node, wait_until},
     types::SET_BOOL,
 };
 
@@ -98,4 +100,25 @@ async fn service_address(master: &ros1::Master) -> String {
         .unwrap()
         .trim_start_matches("rosrpc://")
         .to_owned()
+}
+
+#[tokio::test]
+async fn a_service_returns_when_the_node_that_took_it_over_leaves() {
+    let master = start_master().await;
+    let answers = |byte: u8| move |_request: &[u8]| Ok(vec![byte, 0, 0, 0, 0]);
+    let first = start_node("first", &master).await;
+    let _kept = first.serve("/info", &SET_BOOL, answers(1)).await.unwrap();
+    let second = start_node("second", &master).await;
+    let _taken = second.serve("/info", &SET_BOOL, answers(2)).await.unwrap();
+    let client = start_node("client", &master).await;
+    let call = async || client.call("/info", &SET_BOOL, &[0]).await;
+    assert_eq!(call().await.unwrap()[0], 2);
+    // The first node does not take the service back while the other one provides it.
+    tokio::time::sleep(Duration::from_millis(2500)).await;
+    assert_eq!(call().await.unwrap()[0], 2);
+    second.shutdown().await;
+    wait_until("the service of the first node", async || {
+        call().await.is_ok_and(|answer| answer[0] == 1)
+    })
+    .await;
 }

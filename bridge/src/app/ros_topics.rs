@@ -1,0 +1,246 @@
+//! The bridge's ROS topics: which of them are published, and how far their subscribers lag.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use neuro_ros::ros1::{Node, NodeError, Publisher, PublisherOptions};
+use neuro_ros::{
+    DiagnosticLevel, KeyValue, NeuroFrame, RosMessage, RosSink, Sink, SinkError, Wire,
+};
+
+use crate::app::claim::{Change, Claim};
+
+/// Period at which the publishers of the topics are compared with the ROS master's list.
+const CHECK_PERIOD: Duration = Duration::from_secs(1);
+
+/// All topics of the bridge. A topic of frames is published only while no other node publishes it.
+#[derive(Debug)]
+pub(crate) struct RosTopics {
+    node: Arc<Node>,
+    frames: Mutex<Vec<Arc<FrameTopic>>>,
+    /// Publishers of topics that other nodes publish as well.
+    shared: Mutex<Vec<Publisher>>,
+}
+
+/// A topic of frames.
+#[derive(Debug)]
+struct FrameTopic {
+    /// Full name after remapping.
+    name: String,
+    queue: usize,
+    state: Mutex<TopicState>,
+}
+
+#[derive(Debug, Default)]
+struct TopicState {
+    claim: Claim,
+    publisher: Option<Publisher>,
+    /// Messages dropped by earlier publishers of this topic.
+    dropped: u64,
+    /// Frames made while another node published the topic.
+    withheld: u64,
+}
+
+impl RosTopics {
+    pub(crate) fn new(node: Arc<Node>) -> RosTopics {
+        RosTopics {
+            node,
+            frames: Mutex::default(),
+            shared: Mutex::default(),
+        }
+    }
+
+    /// Adds a topic of frames with a queue of `queue` messages for each subscriber. The topic is
+    /// advertised by [`RosTopics::check`].
+    pub(crate) fn frames(&self, name: &str, queue: usize) -> Result<FrameTopicSink, NodeError> {
+        let name = self.node.resolve(name)?;
+        let mut frames = lock(&self.frames);
+        if frames.iter().any(|topic| topic.name == name) {
+            return Err(NodeError::Duplicate(format!("publisher of {name}")));
+        }
+        let topic = Arc::new(FrameTopic {
+            name,
+            queue,
+            state: Mutex::default(),
+        });
+        frames.push(Arc::clone(&topic));
+        let body = Vec::new();
+        Ok(FrameTopicSink { topic, body })
+    }
+
+    /// Advertises a topic that other nodes publish as well.
+    pub(crate) async fn shared<M: RosMessage>(
+        &self,
+        name: &str,
+        queue: usize,
+    ) -> Result<RosSink<M>, NodeError> {
+        let sink = RosSink::advertise(&self.node, name, queue).await?;
+        lock(&self.shared).push(sink.publisher().clone());
+        Ok(sink)
+    }
+
+    /// Checks the topics of frames now, and from then on every second in a task of its own.
+    ///
+    /// # Errors
+    ///
+    /// [`NodeError`] if a topic cannot be advertised. An absent ROS master is not an error.
+    pub(crate) async fn start(self: &Arc<Self>) -> Result<(), NodeError> {
+        self.check().await?;
+        let topics = Arc::clone(self);
+        tokio::spawn(async move {
+            loop {
+                tokio::time::sleep(CHECK_PERIOD).await;
+                if let Err(error) = topics.check().await {
+                    tracing::error!(%error, "a topic is not published");
+                }
+            }
+        });
+        Ok(())
+    }
+
+    /// Asks the ROS master who publishes the topics of frames. Advertises free ones, and withdraws
+    /// those that another node publishes. Checks again after advertising, because another node can
+    /// have done the same at the same time.
+    async fn check(&self) -> Result<(), NodeError> {
+        loop {
+            // Without a master nobody can subscribe, so topics can wait for its answer.
+            let Ok(state) = self.node.system_state().await else {
+                return Ok(());
+            };
+            let frames = lock(&self.frames).clone();
+            let mut advertised = false;
+            for topic in frames {
+                let change = topic.observe(self.node.name(), state.publishers(&topic.name));
+                if change == Change::Publish {
+                    topic.advertise(&self.node).await?;
+                    advertised = true;
+                }
+            }
+            if !advertised {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Returns level and message for `/diagnostics` if a topic is withheld.
+    pub(crate) fn objection(&self) -> Option<(DiagnosticLevel, String)> {
+        let frames = lock(&self.frames);
+        let objections: Vec<String> = frames.iter().filter_map(|t| t.objection()).collect();
+        let message = objections.join("; ");
+        (!message.is_empty()).then_some((DiagnosticLevel::Error, message))
+    }
+
+    /// Returns the number of messages that wait for each subscriber, and the withheld frames.
+    pub(crate) fn values(&self) -> Vec<KeyValue> {
+        let mut values = Vec::new();
+        let mut publishers = lock(&self.shared).clone();
+        for topic in &*lock(&self.frames) {
+            let state = lock(&topic.state);
+            if state.withheld > 0 {
+                let key = format!("frames withheld from {}", topic.name);
+                values.push(KeyValue::new(&key, &state.withheld));
+            }
+            publishers.extend(state.publisher.clone());
+        }
+        for publisher in publishers {
+            for lag in publisher.lags() {
+                let key = format!(
+                    "messages behind: {} on {}",
+                    lag.subscriber,
+                    publisher.topic()
+                );
+                values.push(KeyValue::new(&key, &lag.waiting));
+            }
+        }
+        values
+    }
+}
+
+impl FrameTopic {
+    /// Compares the topic with its list of publishers, and stops publishing if that is required.
+    fn observe(&self, own: &str, publishers: &[String]) -> Change {
+        let mut state = lock(&self.state);
+        let before = state.claim.others().to_vec();
+        let change = state.claim.check(own, publishers);
+        if change == Change::Withdraw
+            && let Some(publisher) = state.publisher.take()
+        {
+            state.dropped += publisher.dropped();
+        }
+        let others = state.claim.others();
+        if !others.is_empty() && (change == Change::Withdraw || before != others) {
+            let others = others.join(" and ");
+            if state.publisher.is_none() {
+                tracing::error!(
+                    "{} is not published, because {others} publishes it too, and a recorder \
+                     cannot tell their frames apart; stop that node, remap one of the topics, or \
+                     set --topic-prefix",
+                    self.name
+                );
+            }
+        }
+        change
+    }
+
+    async fn advertise(&self, node: &Node) -> Result<(), NodeError> {
+        let options = PublisherOptions {
+            queue: self.queue,
+            latch: false,
+        };
+        let advertised = node.advertise(&self.name, NeuroFrame::TYPE, options).await;
+        let mut state = lock(&self.state);
+        match advertised {
+            Ok(publisher) => {
+                if state.withheld > 0 {
+                    tracing::info!("{} is published again", self.name);
+                }
+                state.publisher = Some(publisher);
+                Ok(())
+            }
+            Err(error) => {
+                state.claim.refused();
+                Err(error)
+            }
+        }
+    }
+
+    fn objection(&self) -> Option<String> {
+        let state = lock(&self.state);
+        let withheld = state.publisher.is_none() && !state.claim.others().is_empty();
+        withheld.then(|| {
+            let others = state.claim.others().join(" and ");
+            format!("{} is not published beside {others}", self.name)
+        })
+    }
+}
+
+/// Sink of a topic of frames.
+#[derive(Debug)]
+pub(crate) struct FrameTopicSink {
+    topic: Arc<FrameTopic>,
+    /// Buffer for the encoded message, kept to avoid an allocation per message.
+    body: Vec<u8>,
+}
+
+impl Sink<NeuroFrame> for FrameTopicSink {
+    fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
+        let mut state = lock(&self.topic.state);
+        if let Some(publisher) = &state.publisher {
+            self.body.clear();
+            frame.write(&mut self.body);
+            publisher.publish(&self.body);
+        } else if !state.claim.others().is_empty() {
+            state.withheld += 1;
+        }
+        Ok(())
+    }
+
+    fn dropped(&self) -> u64 {
+        let state = lock(&self.topic.state);
+        state.dropped + state.publisher.as_ref().map_or(0, Publisher::dropped)
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
