@@ -26,6 +26,8 @@ use crate::wire::connection::{Connection, Event};
 
 /// Time between two calls of [`Core::tick`].
 const TICK: Duration = Duration::from_millis(100);
+/// Silence of the device that is logged.
+const SILENCE: Duration = Duration::from_secs(5);
 /// Number of ticks per report to `/diagnostics`: one report per second.
 const TICKS_PER_REPORT: u32 = 10;
 /// Timeout of each of the two waits at shutdown: until the device has stopped, and until queued
@@ -159,8 +161,10 @@ impl Bridge<'_> {
                     }
                     let limit = self.connection.silence_limit();
                     let is_read = self.connection.is_open() && !paused;
-                    if is_read && self.core.is_unresponsive(now, limit) {
+                    if is_read && self.core.is_unresponsive(now, SILENCE) {
                         self.silence_log.log(self.port, self.core.wire_counters());
+                    }
+                    if is_read && self.core.is_unresponsive(now, limit) {
                         self.close();
                     }
                 }

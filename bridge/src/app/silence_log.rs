@@ -23,7 +23,9 @@ impl SilenceLog {
                 wire.bytes
             );
         } else {
-            tracing::warn!("the device at {port} is silent; reopening the port until it answers");
+            tracing::warn!(
+                "the device at {port} is silent; waiting for it, and reopening the port if it stays silent"
+            );
         }
     }
 }

@@ -59,7 +59,7 @@ fn log_of(port: &str, time: Duration) -> String {
 
 #[test]
 fn a_port_that_sends_something_else_is_logged_once() {
-    // The bridge reopens a silent port every 5 s, and one that closes every 250 ms.
+    // A silence is logged after 5 s. A port that closes is reopened every 250 ms.
     for (lines, time) in [(u32::MAX, 12), (5, 3)] {
         let log = log_of(&stranger(lines), Duration::from_secs(time));
         let said = log.matches("nothing here speaks Corticode").count();
