@@ -86,7 +86,10 @@ fn read_task(ros: &NodeOptions, arguments: Vec<String>) -> Result<Task, BridgeEr
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()?;
-        for (name, argument) in runtime.block_on(parameters::read(ros, master_uri))? {
+        let parameters = runtime.block_on(parameters::read(ros, master_uri));
+        // A name that does not resolve would hold the runtime's end for as long as the resolver tries.
+        runtime.shutdown_background();
+        for (name, argument) in parameters? {
             if !given.is_set(&name) {
                 arguments.push(argument);
             }

@@ -87,6 +87,8 @@ pub(super) async fn replay(options: &ReplayOptions) -> Result<ReplaySummary, Bri
             if (is_read && since > LINGER) || since > DRAIN_TIMEOUT {
                 break;
             }
+        } else {
+            last_sent = None;
         }
         let due = next_due(&replayer, outgoing.len());
         tokio::select! {

@@ -239,6 +239,12 @@ impl Sink<NeuroFrame> for FrameTopicSink {
         let state = lock(&self.topic.state);
         state.dropped + state.publisher.as_ref().map_or(0, Publisher::dropped)
     }
+
+    fn has_receivers(&self) -> bool {
+        let state = lock(&self.topic.state);
+        let publisher = state.publisher.as_ref();
+        publisher.is_some_and(|publisher| publisher.subscribers() > 0)
+    }
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -80,7 +80,7 @@ impl<L: Listener> Collector<L> {
     }
 
     /// Passes on fillers for the frames before `block` that the core skipped, because subscribers
-    /// could not have kept so many.
+    /// could not have kept so many. They continue the times of the run before them.
     fn fill_skipped(&mut self, block: &Block) {
         let newest = match block.stream {
             Stream::Raw => &mut self.newest[0],
@@ -89,7 +89,6 @@ impl<L: Listener> Collector<L> {
         };
         let rows = block.rows() as u64;
         if let (Some(filler), Some(index)) = (newest.as_mut(), block.index) {
-            filler.run = block.run;
             let mut next = filler.index.unwrap_or(0) + rows;
             while next < index {
                 filler.become_filler(rows);

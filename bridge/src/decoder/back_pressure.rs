@@ -5,9 +5,11 @@
 const WAITING_WINDOWS: u64 = 256;
 
 /// How far the device's time must have run ahead of the host's time before the source counts as
-/// faster than real time, microseconds. The clocks of a device in real time differ by at most
-/// 100 ppm, 9 s per day.
+/// faster than real time, microseconds.
 const AHEAD_US: i64 = 10_000_000;
+/// Part of the elapsed time by which the device's clock may be fast in addition: 1000 ppm. Two crystals
+/// never differ by more than 500 ppm.
+const DRIFT: i64 = 1000;
 
 /// Compares the device's time with the host's. A source that runs ahead of real time, such as
 /// `host-sim run --fast`, waits for its reader and loses nothing when the bridge stops reading. A
@@ -34,7 +36,8 @@ impl BackPressure {
         let (first_device_us, first_read_us) = *self.first.get_or_insert((device_us, read_us));
         let device_elapsed_us = i64::try_from(device_us - first_device_us).unwrap_or(i64::MAX);
         let host_elapsed_us = read_us.saturating_sub(first_read_us);
-        self.runs_ahead = device_elapsed_us.saturating_sub(host_elapsed_us) > AHEAD_US;
+        let limit_us = AHEAD_US.saturating_add(host_elapsed_us / DRIFT);
+        self.runs_ahead = device_elapsed_us.saturating_sub(host_elapsed_us) > limit_us;
     }
 
     /// Returns whether reading must pause while `waiting` windows wait for the decoder.
@@ -57,6 +60,16 @@ mod tests {
         }
         assert!(pressure.must_pause(WAITING_WINDOWS + 1));
         assert!(!pressure.must_pause(WAITING_WINDOWS));
+    }
+
+    #[test]
+    fn a_device_whose_clock_is_fast_by_100_ppm_is_in_real_time_after_days() {
+        let mut pressure = BackPressure::default();
+        for day in 0..30_i64 {
+            let host_us = day * 86_400_000_000;
+            pressure.record((host_us + host_us / 10_000).unsigned_abs(), host_us);
+            assert!(!pressure.must_pause(WAITING_WINDOWS + 1), "day {day}");
+        }
     }
 
     #[test]

@@ -60,7 +60,7 @@ impl RecordKind {
 pub struct Record<'a> {
     /// What happened.
     pub kind: RecordKind,
-    /// When it happened. The monotonic clock starts at 0 when the recording program does.
+    /// When it happened. The monotonic clock counts from the start of the host.
     pub time: HostTime,
     /// Bytes that were received or sent; otherwise empty.
     pub payload: &'a [u8],

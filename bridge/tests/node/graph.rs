@@ -245,3 +245,23 @@ async fn node_and_topics_can_be_renamed_on_the_command_line() {
     let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
     assert!(status.success(), "{log}");
 }
+
+#[tokio::test]
+async fn nothing_is_decoded_while_nobody_subscribes_to_the_reconstruction() {
+    let master = master().await;
+    let device = Device::tcp(Board::new());
+    let master_uri = format!("__master:={}", master.uri());
+    let bridge = Bridge::start(&["--port", &device.port, &master_uri]);
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    bridge.signal(Signal::TERM);
+    let (status, log) = tokio::task::spawn_blocking(move || bridge.wait())
+        .await
+        .unwrap();
+    assert!(status.success(), "{log}");
+    let summary = log.lines().last().unwrap();
+    assert!(
+        summary.contains("windows: decoded 0 not decoded 0"),
+        "{log}"
+    );
+    assert!(!summary.contains("not needed 0"), "{log}");
+}
