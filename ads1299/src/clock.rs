@@ -14,7 +14,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// External clock of 2^21 Hz, which gives 512 samples per second and a test signal of 1 Hz.
+    /// External clock of 2^21 Hz, for 512 samples per second and a test signal of 1 Hz.
     pub const EEG: Self = Self {
         hz: 1 << 21,
         internal: false,

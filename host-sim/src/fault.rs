@@ -66,7 +66,7 @@ pub enum FaultError {
     /// kind.
     #[error("{0} affects DRDY, and only that of chip0 is wired; write chip0")]
     NotWired(String),
-    /// The text gives an end (TO) to `missed-drdy`, which always ends after one sample.
+    /// The text states an end (TO) for `missed-drdy`, which always ends after one sample.
     #[error("a missed edge of DRDY ends by itself; omit ..TO")]
     Passing,
     /// Two faults of one chip overlap in time; holds the number of the chip.

@@ -1,5 +1,5 @@
 //! A recording of `/neurodata` in ROS-Neuro's format shows every event at its sample, also after the device
-//! restarted or the bridge stood still, and every status word as it was published.
+//! restarted or the bridge was suspended, and every status word as it was published.
 #![forbid(unsafe_code)]
 #![expect(
     clippy::cast_possible_truncation,

@@ -107,7 +107,8 @@ fn channel_set(chip: &Chip, channel: usize) -> u8 {
     register.map_or(0, |register| chip.register(register))
 }
 
-/// Rounds to a count and clips to 24 bits. NaN, which 0 V gives while the reference is off, becomes 0.
+/// Rounds to a count and clips to 24 bits. NaN, the quotient of 0 V and a reference that is off, becomes
+/// 0.
 #[expect(clippy::cast_possible_truncation, reason = "clamped to 24 bits")]
 fn clip(counts: f64) -> i32 {
     counts.round().clamp(-8_388_608.0, 8_388_607.0) as i32

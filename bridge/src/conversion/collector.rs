@@ -79,8 +79,8 @@ impl<L: Listener> Collector<L> {
         self.listener.block(block);
     }
 
-    /// Passes on fillers for the frames before `block` that the core skipped, because subscribers
-    /// could not have kept so many. They continue the times of the run before them.
+    /// Passes on fillers for the frames before `block` that the core skipped, because they would not
+    /// have fitted into the queues of subscribers. The fillers continue the times of the previous run.
     fn fill_skipped(&mut self, block: &Block) {
         let newest = match block.stream {
             Stream::Raw => &mut self.newest[0],
@@ -99,7 +99,7 @@ impl<L: Listener> Collector<L> {
         *newest = Some(block.clone());
     }
 
-    /// Returns the time from a code's first step on the scalp to its device time.
+    /// Returns the time from when a code's first step was at the electrodes to the code's device time.
     fn code_delay_us(&self) -> i64 {
         self.device.as_ref().map_or(0, |device| {
             let lookback = u32::from(device.window_steps) - 1;

@@ -8,12 +8,12 @@
 )]
 
 use bridge::{AnnouncedStream, EventStamps, Settings};
-use link::{Converters, Event, EventKind, Flags, Raw, Streams, ToHost};
+use link::{Converters, Event, EventKind, Flags, Streams, ToHost};
 use neuro_ros::NeuroFrame;
 
 use crate::board::{Board, WALL_START_NS};
 use crate::recorder::{Harness, SETTINGS};
-use crate::samples::counts;
+use crate::samples::send_samples_at;
 
 const EVENTS: Settings = Settings {
     streams: Streams::from_bits(0b10111),
@@ -52,16 +52,9 @@ fn an_event_is_recorded_at_the_sample_that_was_at_the_electrodes() {
         for hop in 0..4_u64 {
             for message in 0..4 {
                 let first = hop * 32 + message * 8;
-                let counts = counts(first, 8, 64);
-                let raw = Raw {
-                    first_sample: first,
-                    channels: 64,
-                    flags: Flags::empty(),
-                    counts: &counts,
-                };
                 let device_us = (first + 7) * 1_000_000 / 512;
                 harness.now_us = start_us + device_us.cast_signed();
-                harness.send(device_us, &ToHost::Raw(raw));
+                send_samples_at(&mut harness, device_us, first, Flags::empty());
                 if !harness.recorder.raw.is_empty() {
                     raw_us.get_or_insert(harness.now_us);
                 }
@@ -168,15 +161,9 @@ fn samples_lost_in_another_stream_than_the_announced_one_are_no_event() {
     let mut harness = Harness::streaming(EVENTS, Board::new());
     harness.code(1, false);
     for first in [0, 64] {
-        let counts = counts(first, 8, 64);
-        let raw = Raw {
-            first_sample: first,
-            channels: 64,
-            flags: Flags::empty(),
-            counts: &counts,
-        };
         harness.now_us += 125_000;
-        harness.send(harness.now_us as u64, &ToHost::Raw(raw));
+        let device_us = harness.now_us.cast_unsigned();
+        send_samples_at(&mut harness, device_us, first, Flags::empty());
     }
     assert_eq!(events(&harness), []);
     harness.code(1, false);

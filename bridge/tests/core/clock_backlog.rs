@@ -173,8 +173,8 @@ fn a_step_of_the_wall_clock_during_a_stall_moves_all_stamps_alike() {
 }
 
 #[test]
-fn a_delay_that_lasts_is_learnt_slowly_and_a_clock_that_drifted_in_a_long_silence_at_all() {
-    // An hour of silence, in which the drift differs by 30 ppm from the one before: 108 ms.
+fn a_clock_that_drifted_during_an_hour_of_stall_is_followed_again() {
+    // During an hour of stall the drift differs by 30 ppm from the one before, which adds up to 108 ms.
     let ppm = |t| {
         if (100.0..3_700.0).contains(&t) {
             70.0

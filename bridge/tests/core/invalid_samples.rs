@@ -3,7 +3,7 @@
 use link::{Filtered, Flags, Raw, ToHost};
 
 use crate::recorder::SETTINGS;
-use crate::samples::{SAMPLES, counts, harness, send_samples};
+use crate::samples::{SAMPLES, counts, harness, send_samples, send_samples_at};
 
 #[test]
 fn samples_that_do_not_match_the_device_are_counted_and_not_published() {
@@ -89,14 +89,12 @@ fn a_restarted_stream_starts_a_new_frame() {
         .tick(crate::board::at(harness.now_us), &mut harness.recorder);
     harness.exchange();
     for first in [0, 8, 16, 24] {
-        let counts = counts(first, 8, 64);
-        let raw = Raw {
-            first_sample: first,
-            channels: 64,
-            flags: Flags::empty(),
-            counts: &counts,
-        };
-        harness.send(3_000_000 + first * 1953, &ToHost::Raw(raw));
+        send_samples_at(
+            &mut harness,
+            3_000_000 + first * 1953,
+            first,
+            Flags::empty(),
+        );
     }
     assert_eq!(harness.recorder.raw.len(), 1);
     assert!(
@@ -130,14 +128,7 @@ fn stamps_that_were_moved_forwards_are_counted() {
     // The next samples carry device time 1 s, although the previous samples carry times from 2 s
     // on.
     for first in (32..64).step_by(8) {
-        let counts = counts(first, 8, 64);
-        let raw = Raw {
-            first_sample: first,
-            channels: 64,
-            flags: Flags::empty(),
-            counts: &counts,
-        };
-        harness.send(1_000_000, &ToHost::Raw(raw));
+        send_samples_at(&mut harness, 1_000_000, first, Flags::empty());
     }
     assert_eq!(harness.recorder.raw.len(), 2);
     let status = harness.status("clock").unwrap();

@@ -8,12 +8,12 @@
 )]
 
 use bridge::{FillerPolicy, Settings};
-use link::{Filtered, Flags, Raw, Streams, ToHost};
+use link::{Filtered, Flags, Streams, ToHost};
 use neuro_ros::{DiagnosticLevel, NeuroFrame};
 
 use crate::board::Board;
 use crate::recorder::{Harness, SETTINGS};
-use crate::samples::{SAMPLES, counts};
+use crate::samples::{SAMPLES, send_samples_at};
 
 /// Time from one code to the next, microseconds.
 const HOP_US: i64 = 62_500;
@@ -42,15 +42,8 @@ impl Recording {
     fn hop(&mut self) {
         for message in 0..4 {
             let first = self.hops * 32 + message * 8;
-            let counts = counts(first, 8, 64);
-            let raw = Raw {
-                first_sample: first,
-                channels: 64,
-                flags: Flags::empty(),
-                counts: &counts,
-            };
             let us = self.at((first + 7) * 1_000_000 / 512);
-            self.harness.send(us, &ToHost::Raw(raw));
+            send_samples_at(&mut self.harness, us, first, Flags::empty());
             if message % 2 == 1 {
                 let first_step = self.hops * 8 + (message - 1) * 2;
                 let values = [0_u8; 4 * 61 * 4];

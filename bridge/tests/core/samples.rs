@@ -50,6 +50,13 @@ fn time(sample: u64) -> u64 {
 
 /// Delivers eight ADC samples from sample `first` on, at the device time of the last of them.
 pub(crate) fn send_samples(harness: &mut Harness, first: u64, flags: Flags) {
+    let us = time(first + 7);
+    harness.now_us = us.cast_signed();
+    send_samples_at(harness, us, first, flags);
+}
+
+/// Delivers eight ADC samples, starting with sample `first`, in a message made at `device_us`.
+pub(crate) fn send_samples_at(harness: &mut Harness, device_us: u64, first: u64, flags: Flags) {
     let counts = counts(first, 8, 64);
     let raw = Raw {
         first_sample: first,
@@ -57,8 +64,7 @@ pub(crate) fn send_samples(harness: &mut Harness, first: u64, flags: Flags) {
         flags,
         counts: &counts,
     };
-    harness.now_us = time(first + 7).cast_signed();
-    harness.send(time(first + 7), &ToHost::Raw(raw));
+    harness.send(device_us, &ToHost::Raw(raw));
 }
 
 /// Returns the values of one sample in a frame: those of 61 electrodes and of 3 spare channels.

@@ -142,6 +142,48 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
 }
 
 #[test]
+fn events_after_an_outage_longer_than_the_bridge_fills_stand_at_their_samples() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rig = Rig::new(5);
+    rig.run(200, 7);
+    // The bridge fills 2 minutes of samples, the conversion all.
+    rig.restart(300_000_000);
+    rig.run(200, 7);
+    let times_us = rig.event_times_us.clone();
+    let path = folder.path().join("session.wire");
+    std::fs::write(&path, rig.finish()).unwrap();
+    let (status, log) = convert(&path, "gdf");
+    assert_eq!(status, Some(0), "{log}");
+    let mut raw = Recording::open(folder.path().join("session.raw.gdf")).unwrap();
+    let events = raw.events().unwrap();
+    let events: Vec<usize> = events
+        .iter()
+        .map(|event| (event.onset_s * 512.0).round() as usize)
+        .collect();
+    let flags = raw.labels().iter().position(|label| *label == "flags");
+    let (mut block, mut ticks) = (Block::default(), Vec::new());
+    while raw.read_block(&mut block).unwrap() {
+        let rows = block.samples[0].iter().zip(&block.samples[flags.unwrap()]);
+        // The first channel states the time of a sample in ticks. A count is 22.351742 nV.
+        ticks.extend(rows.map(|(microvolts, flags)| {
+            (*flags < 32_768.0).then_some((microvolts / 0.022_351_742).round())
+        }));
+    }
+    assert!(ticks.len() > 320 * 512, "{} rows", ticks.len());
+    assert_eq!(events.len(), times_us.len());
+    for (row, us) in events.into_iter().zip(&times_us) {
+        let found = (row..ticks.len()).find_map(|at| Some((at, ticks[at]?)));
+        let Some((at, tick)) = found else { continue };
+        let event = *us as f64 * TICKS_PER_SECOND as f64 / 1e6;
+        let off = tick - (at - row) as f64 - event;
+        assert!(
+            off.abs() <= 1.1,
+            "the event at {us} us is off by {off} rows"
+        );
+    }
+}
+
+#[test]
 fn all_formats_hold_the_rows_and_events_of_csv() {
     let folder = tempfile::tempdir().unwrap();
     let mut rig = Rig::new(5);

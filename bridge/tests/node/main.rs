@@ -5,7 +5,7 @@
 mod abuse;
 mod backlog;
 #[path = "../core/board.rs"]
-#[allow(dead_code, reason = "the other tests use more of it")]
+#[expect(dead_code, reason = "the tests of the core use more of it")]
 mod board;
 mod command_line;
 mod convert;

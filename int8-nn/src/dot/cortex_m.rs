@@ -51,7 +51,7 @@ pub(super) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usiz
     }
     // SAFETY: `arguments` points to the `Arguments` above, which lives until this function returns; the
     // kernel only reads it. The pointers in it come from slices that are borrowed until this function
-    // returns, and only the kernel uses them. The match gives each kernel the number of segments that
+    // returns, and only the kernel uses them. The match passes each kernel the number of segments that
     // it expects. A position reads WIDTH inputs of each segment, STRIDE after those of the previous
     // position; a block reads OUTPUTS * SEGMENTS * WIDTH weights and writes POSITIONS * OUTPUTS sums.
     // `super::dots` cut the slices to the number of blocks in `sums`, which is a whole number of

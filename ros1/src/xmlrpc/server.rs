@@ -24,7 +24,7 @@ const IDLE_TIMEOUT: Duration = Duration::from_mins(2);
 /// receiving the rest of a request, and sending a response.
 const TRANSFER_TIMEOUT: Duration = Duration::from_secs(10);
 /// Maximum number of open connections. Each further connection closes the oldest one: a call takes
-/// milliseconds, so the oldest of so many is idle or slow.
+/// milliseconds, so the oldest of 256 connections is idle or its peer is slow.
 const MAX_CONNECTIONS: usize = 256;
 /// Delay after a failed accept, for example when no file descriptor is left.
 const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
