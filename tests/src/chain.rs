@@ -42,6 +42,8 @@ pub struct Message {
     pub seq: u32,
     /// `sr`, samples per second.
     pub sr: u16,
+    /// Origin of the block `eeg`, with the electrodes that were not recorded.
+    pub transducter: String,
     /// Shape of the block with the code, or with the EEG samples.
     pub eeg: Block,
     /// Shape of the block with the spare channels; empty for codes.

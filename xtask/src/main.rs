@@ -46,7 +46,7 @@ enum Verb {
         seed: u64,
     },
     /// Count instructions on an emulated microcontroller, measure and draw the filters' noise, or time the
-    /// encoder on this PC; `cargo xtask bench --help` lists the options
+    /// encoder or the bridge on this PC; `cargo xtask bench --help` lists the options
     #[command(disable_help_flag = true)]
     Bench {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]

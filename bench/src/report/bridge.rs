@@ -11,6 +11,7 @@
 //! codes half an interval later than the bridge, so that neither waits for the processor because of the other.
 
 mod contestant;
+mod part;
 mod relay;
 mod rospy;
 mod setup;
@@ -20,22 +21,12 @@ mod usage;
 use std::fs;
 
 use anyhow::Context;
-use picture::intervals::{Intervals, Series};
-use serde_json::{Value as Json, json};
+use serde_json::json;
 
 use self::contestant::Figures;
+use self::part::Part;
 use self::setup::{Programs, Setup};
 use super::figures::Report;
-
-/// Figures of both nodes over the same time.
-#[derive(Debug)]
-struct Part {
-    /// What was subscribed to.
-    name: &'static str,
-    bridge: Figures,
-    /// `None` where rospy is not installed.
-    rospy: Option<Figures>,
-}
 
 /// Measures both nodes in two parts of `seconds` each: with subscribers of the codes alone, and with one of
 /// the reconstructed signals too. Without rospy, the bridge is measured alone.
@@ -52,7 +43,7 @@ pub(crate) fn measure(seconds: u32) -> anyhow::Result<Report> {
     let picture = folder.join("bridge-intervals.svg");
     fs::create_dir_all(folder)
         .map_err(anyhow::Error::from)
-        .and_then(|()| Ok(intervals(&parts[0]).draw(&picture)?))
+        .and_then(|()| Ok(parts[0].intervals().draw(&picture)?))
         .with_context(|| format!("{} cannot be written", picture.display()))?;
     eprintln!("picture: {}", picture.display());
     report(&parts, seconds)
@@ -87,41 +78,11 @@ fn report(parts: &[Part], seconds: u32) -> anyhow::Result<Report> {
         "rss_mb": worst(&|node| node.rss_mb),
         "codes_lost": worst(&|node| f64::from(node.lost)),
         "seconds": seconds,
-        "nodes": parts.iter().flat_map(nodes).collect::<Vec<_>>(),
+        "nodes": parts.iter().flat_map(Part::nodes).collect::<Vec<_>>(),
     });
     let next =
         "end other programs and repeat; then compare bridge/src/app/bridge.rs with `git log`";
     Report::new("bridge", figures, next)
-}
-
-/// Returns the figures of both nodes as objects with the nodes' names.
-fn nodes(part: &Part) -> impl Iterator<Item = Json> {
-    let nodes = [
-        ("bridge", Some(&part.bridge)),
-        ("rospy", part.rospy.as_ref()),
-    ];
-    nodes.into_iter().filter_map(|(node, figures)| {
-        let mut object = json!(figures?);
-        object["name"] = format!("{node}: {}", part.name).into();
-        Some(object)
-    })
-}
-
-fn intervals(part: &Part) -> Intervals {
-    let series = |name: &str, ms: &[f64]| Series {
-        name: name.to_owned(),
-        ms: ms.to_owned(),
-    };
-    let rospy = part.rospy.as_ref();
-    Intervals {
-        arrival: series("through the bridge", &part.bridge.intervals_ms),
-        source: series("sent by host-sim", &part.bridge.sent_intervals_ms),
-        rival: rospy.map(|rospy| series("through rospy", &rospy.intervals_ms)),
-        subtitle: format!(
-            "{} codes from host-sim to a subscriber, all on this machine",
-            part.bridge.codes
-        ),
-    }
 }
 
 #[cfg(test)]

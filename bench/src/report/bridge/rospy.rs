@@ -9,9 +9,6 @@ use neuro_ros::{NeuroFrame, RosMessage};
 
 use crate::report::tools;
 
-/// Python interpreters, tried in this order.
-const PYTHONS: [&str; 2] = ["python3", "/usr/bin/python3"];
-
 /// A Python interpreter that imports rospy.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rospy(&'static str);
@@ -19,16 +16,7 @@ pub(super) struct Rospy(&'static str);
 impl Rospy {
     /// Finds an interpreter that imports rospy; `None` if there is none.
     pub(super) fn find() -> Option<Self> {
-        let python = PYTHONS.into_iter().find(|python| {
-            tools::output_of(Command::new(python).args(["-c", "import rospy"])).is_some()
-        });
-        if python.is_none() {
-            eprintln!(
-                "SKIPPED: rospy: neither {} imports it; `apt-get install python3-rospy`, then again",
-                PYTHONS.join(" nor ")
-            );
-        }
-        python.map(Self)
+        tools::python("rospy", "`apt-get install python3-rospy`, then again").map(Self)
     }
 
     /// Starts `rospy_bridge.py`, which connects to `port` of 127.0.0.1 and publishes on `topic`.

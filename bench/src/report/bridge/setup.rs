@@ -13,8 +13,8 @@ use ros1::{Master, Node, NodeOptions};
 use tempfile::TempDir;
 use tokio::time::{interval, sleep};
 
-use super::Part;
 use super::contestant::Figures;
+use super::part::Part;
 use super::relay::Relay;
 use super::rospy::Rospy;
 use super::subscriber::Subscriber;
