@@ -7,6 +7,7 @@ mod convert;
 mod namespace;
 mod outlets;
 mod parameters;
+mod ports;
 mod record;
 mod recording_file;
 mod replay;
@@ -20,6 +21,7 @@ mod sinks;
 mod whole_lines;
 
 use std::error::Error;
+use std::fmt;
 use std::fs::File;
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
@@ -27,6 +29,7 @@ use std::sync::Arc;
 
 use neuro_ros::Log;
 use neuro_ros::ros1::NodeOptions;
+use serde::Serialize;
 use tokio::sync::mpsc::Receiver;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
@@ -34,11 +37,13 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
 use crate::app::command_line::{
-    ConvertOptions, GivenOptions, Options, PortOptions, RecordOptions, ReplayOptions, SinkKind,
-    Task,
+    ConvertOptions, GivenOptions, Options, PortOptions, PortsOptions, RecordOptions, ReplayOptions,
+    SinkKind, Task,
 };
+use crate::app::ports::PortList;
 use crate::app::rosout::RosoutLayer;
 use crate::error::BridgeError;
+use crate::ports::system_root::SystemRoot;
 use crate::query::protocol::{Answer, Request};
 use crate::query::query_port;
 
@@ -59,6 +64,7 @@ pub fn run() -> ExitCode {
         Task::Record(options) => record(options, &ros).map(|()| ExitCode::SUCCESS),
         Task::Replay(options) => replay(&options, &ros).map(|()| ExitCode::SUCCESS),
         Task::Convert(options) => convert(&options, &ros).map(|()| ExitCode::SUCCESS),
+        Task::Ports(options) => list_ports(&options),
     });
     match done {
         Ok(code) => code,
@@ -159,13 +165,32 @@ fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCo
             true,
         ),
     };
+    print(&text)?;
+    Ok(ExitCode::from(u8::from(!passed)))
+}
+
+fn list_ports(options: &PortsOptions) -> Result<ExitCode, BridgeError> {
+    let ports = PortList::read(&SystemRoot::machine());
+    print_report(&ports, options.json)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints a report as text or as JSON.
+fn print_report(report: &(impl Serialize + fmt::Display), json: bool) -> Result<(), BridgeError> {
+    if json {
+        print(&serde_json::to_string_pretty(report).map_err(std::io::Error::from)?)
+    } else {
+        print(&report.to_string())
+    }
+}
+
+fn print(text: &str) -> Result<(), BridgeError> {
     match writeln!(std::io::stdout(), "{text}") {
         // The process that reads the output, such as `head`, has closed the pipe, which is not an
         // error.
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
-        written => written?,
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => Ok(written?),
     }
-    Ok(ExitCode::from(u8::from(!passed)))
 }
 
 /// Sends the log to stderr, and also to the log file if roslaunch names one. Returns the lines for

@@ -63,6 +63,7 @@
 #![forbid(unsafe_code)]
 
 mod app;
+mod columns;
 mod conversion;
 mod core;
 mod decoder;
@@ -70,6 +71,7 @@ mod device;
 mod diagnostics;
 mod effects;
 mod error;
+mod ports;
 mod query;
 mod recording;
 mod session;

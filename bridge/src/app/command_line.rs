@@ -81,8 +81,9 @@ pub(crate) struct Options {
 /// Address and speed of the port; options of the bridge and of its subcommands.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct PortOptions {
-    /// Serial port, pseudoterminal, or tcp:HOST:PORT
-    #[arg(long, env = "CORTICODE_PORT", value_name = "PATH|tcp:HOST:PORT")]
+    /// Serial port, pseudoterminal, tcp:HOST:PORT, or auto: the only board on USB, or the one with a
+    /// serial number, auto:SERIAL. The board is found again after it was unplugged; `ports` lists all
+    #[arg(long, env = "CORTICODE_PORT", value_name = "PATH|tcp:HOST:PORT|auto")]
     pub(crate) port: PortAddress,
     /// Baud rate of a serial port; USB and pseudoterminals ignore it
     #[arg(
@@ -185,6 +186,8 @@ pub(crate) enum Task {
     Replay(ReplayOptions),
     /// `convert`: writes a recording as files of samples.
     Convert(ConvertOptions),
+    /// `ports`: lists the serial ports.
+    Ports(PortsOptions),
 }
 
 /// Test the device's converters with their internal signals, and print the results.
@@ -287,6 +290,20 @@ pub(crate) struct ConvertOptions {
     pub(crate) model: Option<PathBuf>,
 }
 
+/// List the serial ports of this machine, and say which are Corticode boards.
+///
+/// A port that cannot be opened has a line with the reason and the command that helps. No port is
+/// opened. An ST-LINK `may be` a board: the UART of whatever board it is on.
+///
+/// Exit status: 0, also without any port.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "ports")]
+pub(crate) struct PortsOptions {
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 /// Format of the files that `convert` writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum FileFormat {
@@ -326,6 +343,7 @@ impl Task {
             Some(("record", of)) => RecordOptions::from_arg_matches(of).map(Task::Record),
             Some(("replay", of)) => ReplayOptions::from_arg_matches(of).map(Task::Replay),
             Some(("convert", of)) => ConvertOptions::from_arg_matches(of).map(Task::Convert),
+            Some(("ports", of)) => PortsOptions::from_arg_matches(of).map(Task::Ports),
             Some((_, of)) => ResetOptions::from_arg_matches(of).map(Task::Reset),
             None => {
                 Options::from_arg_matches(&matches).map(|options| Task::Bridge(Box::new(options)))
@@ -344,6 +362,7 @@ fn command() -> Command {
         .subcommand(RecordOptions::command())
         .subcommand(ReplayOptions::command())
         .subcommand(ConvertOptions::command())
+        .subcommand(PortsOptions::command())
 }
 
 /// Options of the bridge on the command line and in the environment, without those that the

@@ -58,6 +58,8 @@ fn help_names_every_option() {
         "record",
         "replay",
         "convert",
+        "ports",
+        "auto:SERIAL",
         "/diagnostics keeps its name",
     ] {
         assert!(help.contains(option), "{help}");

@@ -40,6 +40,11 @@ impl Bridge {
             .stdin(Stdio::null())
             .stdout(stdout)
             .stderr(Stdio::piped());
+        Bridge::spawn_command(&mut command)
+    }
+
+    /// Starts a command that runs the bridge.
+    pub(crate) fn spawn_command(command: &mut Command) -> Bridge {
         Bridge {
             child: command.spawn().unwrap(),
         }
