@@ -1,9 +1,11 @@
 //! The program `corticode-bridge`: tasks, log and exit status.
 
 mod bridge;
+mod check_options;
 mod claim;
 mod command_line;
 mod convert;
+mod doctor;
 mod namespace;
 mod outlets;
 mod parameters;
@@ -17,6 +19,7 @@ mod ros_topics;
 mod rosout;
 mod shutdown;
 mod silence_log;
+mod sink_kind;
 mod sinks;
 mod whole_lines;
 
@@ -36,12 +39,13 @@ use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
+use crate::app::check_options::{DoctorOptions, PortsOptions};
 use crate::app::command_line::{
-    ConvertOptions, GivenOptions, Options, PortOptions, PortsOptions, RecordOptions, ReplayOptions,
-    SinkKind, Task,
+    ConvertOptions, GivenOptions, Options, PortOptions, RecordOptions, ReplayOptions, Task,
 };
 use crate::app::ports::PortList;
 use crate::app::rosout::RosoutLayer;
+use crate::app::sink_kind::SinkKind;
 use crate::error::BridgeError;
 use crate::ports::system_root::SystemRoot;
 use crate::query::protocol::{Answer, Request};
@@ -65,6 +69,7 @@ pub fn run() -> ExitCode {
         Task::Replay(options) => replay(&options, &ros).map(|()| ExitCode::SUCCESS),
         Task::Convert(options) => convert(&options, &ros).map(|()| ExitCode::SUCCESS),
         Task::Ports(options) => list_ports(&options),
+        Task::Doctor(options) => examine(&options, &ros),
     });
     match done {
         Ok(code) => code,
@@ -173,6 +178,18 @@ fn list_ports(options: &PortsOptions) -> Result<ExitCode, BridgeError> {
     let ports = PortList::read(&SystemRoot::machine());
     print_report(&ports, options.json)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Checks this machine and prints the findings. The exit status is 1 if one is an error.
+fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, BridgeError> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let report = runtime.block_on(doctor::examine(options, ros));
+    // A name that does not resolve would hold the runtime's end for as long as the resolver tries.
+    runtime.shutdown_background();
+    print_report(&report, options.json)?;
+    Ok(ExitCode::from(u8::from(report.errors > 0)))
 }
 
 /// Prints a report as text or as JSON.

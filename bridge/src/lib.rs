@@ -69,6 +69,7 @@ mod core;
 mod decoder;
 mod device;
 mod diagnostics;
+mod doctor;
 mod effects;
 mod error;
 mod ports;

@@ -8,13 +8,14 @@ use neuro_ros::{AcquisitionCommand, Log, NdjsonWriter, SinkError};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
-use crate::app::command_line::{Options, SinkKind};
+use crate::app::command_line::Options;
 use crate::app::namespace::Namespace;
 use crate::app::outlets::Outlets;
 use crate::app::ros_node::RosNode;
 use crate::app::rosout;
 use crate::app::shutdown::Shutdown;
 use crate::app::silence_log::SilenceLog;
+use crate::app::sink_kind::SinkKind;
 use crate::app::sinks::Sinks;
 use crate::app::whole_lines::WholeLines;
 use crate::core::Core;

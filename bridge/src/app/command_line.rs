@@ -8,6 +8,8 @@ use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, Command, CommandFactory, Error, FromArgMatches, Parser};
 use link::{ResetInto, Streams};
 
+use crate::app::check_options::{DoctorOptions, PortsOptions};
+use crate::app::sink_kind::SinkKind;
 use crate::settings::{
     AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint, StreamKind,
 };
@@ -126,16 +128,6 @@ impl StreamOptions {
     }
 }
 
-/// Destination of the frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum SinkKind {
-    /// ROS 1 topics.
-    #[default]
-    Ros,
-    /// Lines of JSON on stdout.
-    Ndjson,
-}
-
 impl Options {
     /// Returns the names of the private parameters that set options. The address of the ROS master
     /// is none of them, because the parameters are read from that master.
@@ -188,6 +180,8 @@ pub(crate) enum Task {
     Convert(ConvertOptions),
     /// `ports`: lists the serial ports.
     Ports(PortsOptions),
+    /// `doctor`: checks port, device, ROS and clock.
+    Doctor(DoctorOptions),
 }
 
 /// Test the device's converters with their internal signals, and print the results.
@@ -290,20 +284,6 @@ pub(crate) struct ConvertOptions {
     pub(crate) model: Option<PathBuf>,
 }
 
-/// List the serial ports of this machine, and say which are Corticode boards.
-///
-/// A port that cannot be opened has a line with the reason and the command that helps. No port is
-/// opened. An ST-LINK `may be` a board: the UART of whatever board it is on.
-///
-/// Exit status: 0, also without any port.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "ports")]
-pub(crate) struct PortsOptions {
-    /// Print JSON instead of a table
-    #[arg(long)]
-    pub(crate) json: bool,
-}
-
 /// Format of the files that `convert` writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum FileFormat {
@@ -344,6 +324,7 @@ impl Task {
             Some(("replay", of)) => ReplayOptions::from_arg_matches(of).map(Task::Replay),
             Some(("convert", of)) => ConvertOptions::from_arg_matches(of).map(Task::Convert),
             Some(("ports", of)) => PortsOptions::from_arg_matches(of).map(Task::Ports),
+            Some(("doctor", of)) => DoctorOptions::from_arg_matches(of).map(Task::Doctor),
             Some((_, of)) => ResetOptions::from_arg_matches(of).map(Task::Reset),
             None => {
                 Options::from_arg_matches(&matches).map(|options| Task::Bridge(Box::new(options)))
@@ -363,6 +344,7 @@ fn command() -> Command {
         .subcommand(ReplayOptions::command())
         .subcommand(ConvertOptions::command())
         .subcommand(PortsOptions::command())
+        .subcommand(DoctorOptions::command())
 }
 
 /// Options of the bridge on the command line and in the environment, without those that the

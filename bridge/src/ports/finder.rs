@@ -88,7 +88,7 @@ impl BoardFinder {
         let ports = self.root.serial_ports();
         let found = choose(&ports, self.serial.as_deref())?;
         if self.serial.is_none() {
-            self.serial = found.serial.clone();
+            self.serial.clone_from(&found.serial);
         }
         Ok(found)
     }

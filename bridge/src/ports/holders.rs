@@ -24,14 +24,16 @@ impl SystemRoot {
     }
 
     /// Returns the other programs that have the port open. Programs of other users are visible only
-    /// to root, except those that have locked the port, as the bridge does.
+    /// to root, except those that have locked the port, as the bridge does. Of a pseudoterminal only
+    /// these count, because the program that made a pseudoterminal may hold both ends open.
     pub(crate) fn holders(&self, port: &Path) -> Vec<Program> {
         let Ok(target) = fs::canonicalize(port) else {
             return Vec::new();
         };
+        let is_pseudoterminal = target.starts_with(self.path("dev/pts"));
         let folders = entries(&self.path("proc"));
         let holders = folders.iter().filter_map(|folder| {
-            let pid = pid_of(folder)?;
+            let pid = pid_of(folder).filter(|_| !is_pseudoterminal)?;
             let mut files = entries(&folder.join("fd")).into_iter();
             let holds = files.any(|file| fs::read_link(file).is_ok_and(|file| file == target));
             holds.then_some(pid)
@@ -67,10 +69,15 @@ impl SystemRoot {
     }
 
     fn program(&self, pid: u32) -> Program {
-        let name = self.text(format!("proc/{pid}/comm"));
+        let name = self.text(format!("proc/{pid}/comm")).unwrap_or_default();
+        // The kernel cuts the name after 15 bytes; the command line has the rest.
+        let command = self.text(format!("proc/{pid}/cmdline")).unwrap_or_default();
+        let path = command.split('\0').next().unwrap_or_default();
+        let full = path.rsplit('/').next().unwrap_or_default();
+        let name = if full.starts_with(&name) { full } else { &name };
         Program {
             pid,
-            name: name.unwrap_or_else(|| "unknown".to_owned()),
+            name: if name.is_empty() { "unknown" } else { name }.to_owned(),
         }
     }
 }
@@ -107,6 +114,9 @@ mod tests {
                 .collect::<Vec<_>>()
         };
         assert_eq!(names(), [(41, "minicom".to_owned())]);
+        fs::write(root.path("proc/41/cmdline"), "/usr/bin/minicom-2\0-D\0").unwrap();
+        assert_eq!(names(), [(41, "minicom-2".to_owned())]);
+        fs::write(root.path("proc/41/cmdline"), "python3\0x.py\0").unwrap();
         // The kernel's own list of locks, with a lock of this file by process 42.
         let file = fs::File::open(&port).unwrap();
         rustix::fs::flock(&file, rustix::fs::FlockOperation::LockExclusive).unwrap();

@@ -10,7 +10,10 @@ const BOARD: (&str, &str) = ("1209:0001", "Corticode");
 /// USB vendor of STMicroelectronics, whose ST-LINK connects a board's UART.
 const ST_VENDOR: &str = "0483:";
 
-/// A serial port with a device behind it.
+/// Start of the names in `/dev` that the project's udev rule gives (`packaging/60-corticode.rules`).
+pub(crate) const OWN_NAME: &str = "corticode-";
+
+/// A serial port that has a device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct SerialPort {
     /// Path of the port, such as `/dev/ttyACM0`.
@@ -60,6 +63,15 @@ impl SerialPort {
         } else {
             Likeness::Other
         }
+    }
+
+    /// Returns whether udev has given the port a name by the project's rule, `/dev/corticode-SERIAL`.
+    pub(crate) fn has_own_name(&self) -> bool {
+        let name = self
+            .link
+            .as_ref()
+            .and_then(|link| link.file_name()?.to_str());
+        name.is_some_and(|name| name.starts_with(OWN_NAME))
     }
 
     /// Returns the serial number of the USB device.

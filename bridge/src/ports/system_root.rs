@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::ports::serial_port::{SerialPort, UsbIdentity};
+use crate::ports::serial_port::{OWN_NAME, SerialPort, UsbIdentity};
 
 /// Folder below which the files of the operating system are read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -71,7 +71,7 @@ impl SystemRoot {
         let own = entries(&self.path("dev"));
         let own = own.into_iter().filter(|path| {
             let name = path.file_name().and_then(OsStr::to_str);
-            name.is_some_and(|name| name.starts_with("corticode-"))
+            name.is_some_and(|name| name.starts_with(OWN_NAME))
         });
         let target = fs::canonicalize(port).ok()?;
         let mut links = own.chain(entries(&self.path("dev/serial/by-id")));

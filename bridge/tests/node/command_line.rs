@@ -59,6 +59,7 @@ fn help_names_every_option() {
         "replay",
         "convert",
         "ports",
+        "doctor",
         "auto:SERIAL",
         "/diagnostics keeps its name",
     ] {

@@ -10,6 +10,7 @@ mod board;
 mod command_line;
 mod convert;
 mod device;
+mod doctor;
 mod graph;
 mod lines;
 mod machine;
