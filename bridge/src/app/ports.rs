@@ -157,8 +157,8 @@ mod tests {
         assert_eq!(lines[2], ["/dev/ttyS0", "no", "-", "-", "-", "serial", "-"]);
         assert!(
             text.ends_with(
-                "1 Corticode board on USB\n/dev/ttyACM0: in use by ModemManager (pid 41); end \
-                 that program: kill 41"
+                "1 Corticode board on USB\n/dev/ttyACM0: in use by ModemManager (pid 41); \
+                 kill 41"
             ),
             "{text}"
         );

@@ -106,9 +106,14 @@ impl fmt::Display for Report {
                 writeln!(formatter, "{:<24}try: {remedy}", "")?;
             }
         }
-        match (self.errors, self.warnings) {
-            (0, 0) => write!(formatter, "\nno errors"),
-            (errors, warnings) => write!(formatter, "\n{errors} errors, {warnings} warnings"),
-        }
+        let plural = |count| if count == 1 { "" } else { "s" };
+        let Report {
+            errors, warnings, ..
+        } = self;
+        let (error_s, warning_s) = (plural(*errors), plural(*warnings));
+        write!(
+            formatter,
+            "\n{errors} error{error_s}, {warnings} warning{warning_s}"
+        )
     }
 }

@@ -15,7 +15,11 @@ pub(crate) fn check_clock(synchronised: Option<bool>) -> Check {
             "not synchronised by NTP: stamps do not agree with other machines",
             "sudo timedatectl set-ntp true",
         ),
-        None => Check::unknown(NAME, "its synchronisation cannot be read", "timedatectl"),
+        None => Check::unknown(
+            NAME,
+            "its synchronisation cannot be read here",
+            "timedatectl, or chronyc tracking",
+        ),
     }
 }
 

@@ -46,14 +46,15 @@ impl PortAccess {
                     .collect();
                 (
                     format!("in use by {}", names(programs)),
-                    format!("end that program: kill {}", pids.join(" ")),
+                    format!("kill {}", pids.join(" ")),
                 )
             }
             PortAccess::Denied(Membership::RootOnly) => (
                 "only root may open the port".to_owned(),
-                "install packaging/60-corticode.rules as docs/hardware.md says, then plug the \
-                 device in again"
-                    .to_owned(),
+                format!(
+                    "sudo chgrp dialout {port} && sudo chmod 660 {port} (until the next restart; a \
+                     board on USB needs the udev rule of docs/hardware.md instead)"
+                ),
             ),
             PortAccess::Denied(Membership::Outsider { group }) => (
                 format!("this user is not in the group {group}"),
@@ -172,9 +173,9 @@ mod tests {
                 "sudo usermod -aG dialout $USER, then log in again",
             ),
             (20, 0o20_660, Some("ada"), "newgrp dialout"),
-            (20, 0o20_600, Some("bob"), "packaging/60-corticode.rules"),
-            (0, 0o20_660, Some("bob"), "packaging/60-corticode.rules"),
-            (77, 0o20_660, Some("bob"), "packaging/60-corticode.rules"),
+            (20, 0o20_600, Some("bob"), "sudo chgrp dialout /dev/ttyACM0"),
+            (0, 0o20_660, Some("bob"), "sudo chgrp dialout /dev/ttyACM0"),
+            (77, 0o20_660, Some("bob"), "sudo chgrp dialout /dev/ttyACM0"),
         ] {
             let denied = PortAccess::Denied(membership(GROUPS, gid, mode, user));
             assert!(remedy(&denied).contains(expected), "{}", remedy(&denied));
@@ -191,7 +192,7 @@ mod tests {
             name: name.to_owned(),
         };
         let used = PortAccess::InUse(vec![program(7, "minicom"), program(9, "screen")]);
-        let expected = "in use by minicom (pid 7), screen (pid 9): end that program: kill 7 9";
+        let expected = "in use by minicom (pid 7), screen (pid 9): kill 7 9";
         assert_eq!(remedy(&used), expected);
         assert_eq!(PortAccess::Free.objection(Path::new("/dev/ttyACM0")), None);
     }

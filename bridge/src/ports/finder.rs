@@ -95,9 +95,11 @@ impl BoardFinder {
 }
 
 /// Returns the port of the board with the serial number `wanted`, or of the only board. A serial
-/// number also chooses an ST-LINK, which is never chosen without.
+/// number also chooses an ST-LINK, which is never chosen without. A port that udev has not finished
+/// does not count yet, because its permissions are not set.
 fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, FindError> {
-    let with = |likeness| ports.iter().filter(move |port| port.likeness() == likeness);
+    let settled = || ports.iter().filter(|port| port.is_settled);
+    let with = |likeness| settled().filter(move |port| port.likeness() == likeness);
     let found = |port: &SerialPort| FoundBoard {
         path: port.path.clone(),
         serial: port.serial().map(str::to_owned),
@@ -171,6 +173,17 @@ mod tests {
         );
         machine.plug(2, "ttyACM1", BOARD, None);
         assert_eq!(finder.find().unwrap().path, machine.path("dev/ttyACM1"));
+    }
+
+    #[test]
+    fn a_board_counts_once_udev_has_set_the_permissions_of_its_port() {
+        let machine = SimulatedMachine::new();
+        machine.write("run/udev/control", "");
+        machine.plug(2, "ttyACM0", BOARD, None);
+        let mut finder = finder(&machine, None);
+        assert_eq!(finder.find(), Err(FindError::NoBoard { maybe: Vec::new() }));
+        machine.write("run/udev/data/c166:0", "");
+        assert_eq!(finder.find().unwrap().path, machine.path("dev/ttyACM0"));
     }
 
     #[test]

@@ -23,6 +23,9 @@ pub(crate) struct SerialPort {
     pub(crate) link: Option<PathBuf>,
     /// Driver of the port in the kernel, such as `cdc_acm`.
     pub(crate) driver: Option<String>,
+    /// Whether udev has set names and permissions of the port; always true without udev.
+    #[serde(skip)]
+    pub(crate) is_settled: bool,
     /// Identity of the USB device; `None` for ports that are not on USB.
     pub(crate) usb: Option<UsbIdentity>,
 }
@@ -99,6 +102,7 @@ mod tests {
                 path: "/dev/ttyACM0".into(),
                 link: None,
                 driver: None,
+                is_settled: true,
                 usb: Some(UsbIdentity {
                     id: id.to_owned(),
                     product: product.map(str::to_owned),

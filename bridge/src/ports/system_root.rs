@@ -59,11 +59,21 @@ impl SystemRoot {
                 && folder.join("idProduct").is_file()
         });
         Some(SerialPort {
+            is_settled: self.is_settled(&folder),
             link: self.stable_link(&path),
             driver: device.ancestors().find_map(driver),
             usb: usb_device.and_then(usb_identity),
             path,
         })
+    }
+
+    /// Returns whether udev has processed the device of a folder in sysfs. udev then writes a file
+    /// named after the kind and the numbers of the device, such as `c166:0`.
+    fn is_settled(&self, folder: &Path) -> bool {
+        let numbers = text(&folder.join("dev")).unwrap_or_default();
+        // The socket of the running udev; a container can lack udev and still have its folders.
+        let has_udev = self.path("run/udev/control").exists();
+        !has_udev || self.path(format!("run/udev/data/c{numbers}")).exists()
     }
 
     /// Returns the link to `port` whose name does not depend on the order of plugging in.
