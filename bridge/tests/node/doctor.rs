@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::net::{SocketAddr, TcpListener};
 
+use link::ToDevice;
 use neuro_ros::ros1::xmlrpc::{Value as RosValue, call_ros};
 use neuro_ros::ros1::{MessageType, PublisherOptions};
 use serde_json::Value;
@@ -73,11 +74,11 @@ async fn a_machine_in_order_is_status_0() {
     }
     let (finding, _) = found(&checks, "device", "ok");
     assert!(finding.contains("board, firmware test") && finding.contains("wire format 1"));
-    assert_eq!(
-        device.received().len(),
-        2,
-        "one Identify from each run, and no other command"
-    );
+    // The streams of a running device are left as they are.
+    let received = device.received();
+    assert!(received.len() >= 2);
+    let identify = |command: &ToDevice| *command == ToDevice::Identify;
+    assert!(received.iter().all(identify), "{received:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

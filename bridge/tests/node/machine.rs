@@ -7,6 +7,7 @@ use std::process::{Command, Stdio};
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
+use link::SelfTest;
 use rustix::process::Signal;
 use serde_json::Value;
 
@@ -127,6 +128,52 @@ fn auto_finds_the_board_again_at_another_port() {
         let opened = format!("/dev/{tty} (board {}) is open", BOARD.serial);
         assert_eq!(log.matches(&opened).count(), 1, "{log}");
     }
+}
+
+#[test]
+fn selftest_reset_and_record_find_the_board_by_its_serial_number() {
+    if !namespaces("--port auto:SERIAL") {
+        return;
+    }
+    let machine = SimulatedMachine::new();
+    let folder = tempfile::tempdir().unwrap();
+    let link = folder.path().join("board");
+    let device = Device::pty(
+        Board {
+            restarts_on_reset: true,
+            self_test: Some(SelfTest::default()),
+            ..Board::new()
+        },
+        &link,
+    );
+    plug(&machine, 2, "ttyACM3", BOARD, &link);
+    let other = Descriptor {
+        serial: "3B",
+        ..BOARD
+    };
+    machine.plug(3, "ttyACM0", other, None);
+    // The device prints its serial number in small letters.
+    let auto = format!("auto:{}", BOARD.serial.to_lowercase());
+    for task in ["selftest", "reset"] {
+        let output = bridge_on(&machine, &[task, "--port", &auto])
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(text.contains("firmware test"), "{task}: {output:?}");
+    }
+    let file = folder.path().join("session.wire");
+    let file = file.to_str().unwrap();
+    let mut record = bridge_on(&machine, &["record", file, "--port", &auto]);
+    let record = Bridge::spawn_command(record.process_group(0));
+    let deadline = Instant::now() + TIMEOUT;
+    while device.controls.made.load(Relaxed) < 5 {
+        assert!(Instant::now() < deadline, "the board does not stream");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    record.signal(Signal::TERM);
+    let (status, log) = record.wait();
+    assert!(status.success(), "{log}");
+    assert!(log.contains("/dev/ttyACM3 (board "), "{log}");
 }
 
 #[test]
