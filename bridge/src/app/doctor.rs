@@ -17,7 +17,7 @@ use crate::decoder::model::Model;
 use crate::doctor::check::{Level, Report};
 use crate::doctor::device_checks::check_device;
 use crate::doctor::machine_checks::{check_clock, check_disk};
-use crate::doctor::port_checks::{PortFacts, PortPlace, UsbPort, check_port};
+use crate::doctor::port_checks::{PortFacts, PortPlace, UdevRule, UsbPort, check_port};
 use crate::doctor::probe::{DeviceAnswer, Probe};
 use crate::doctor::ros_checks::{MasterState, OwnHost, RosFacts, check_ros};
 use crate::ports::finder::{BoardFinder, FindError};
@@ -33,6 +33,13 @@ const TIMEOUT: Duration = Duration::from_secs(3);
 const TICK: Duration = Duration::from_millis(100);
 /// Topics of frames that the bridge publishes with its default options.
 const TOPICS: [&str; 2] = ["encoded", "neurodata_reconstructed"];
+
+/// Places of the udev rule: the administrator's, and those of packages.
+const RULE_FILES: [&str; 3] = [
+    "etc/udev/rules.d/60-corticode.rules",
+    "usr/lib/udev/rules.d/60-corticode.rules",
+    "lib/udev/rules.d/60-corticode.rules",
+];
 
 /// Makes all checks.
 pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Report {
@@ -116,9 +123,14 @@ fn usb_port(path: &Path, root: &SystemRoot) -> UsbPort {
         .iter()
         .find(|port| port.path.canonicalize().ok() == target);
     match port {
-        Some(port) if port.likeness() == Likeness::Board => UsbPort::Board {
-            rule_applied: port.has_own_name(),
-        },
+        Some(port) if port.likeness() == Likeness::Board => {
+            let is_installed = RULE_FILES.iter().any(|file| root.path(file).exists());
+            UsbPort::Board(match (port.has_own_name(), is_installed) {
+                (true, _) => UdevRule::Applied,
+                (false, true) => UdevRule::Installed,
+                (false, false) => UdevRule::Missing,
+            })
+        }
         Some(port) if port.usb.is_some() => UsbPort::Other,
         _ => UsbPort::None,
     }
@@ -249,7 +261,10 @@ async fn clock_is_synchronised() -> Option<bool> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Level, SystemRoot, UsbPort, addresses, check_port, host_of, locate, usb_port};
+    use super::{
+        Level, RULE_FILES, SystemRoot, UdevRule, UsbPort, addresses, check_port, host_of, locate,
+        usb_port,
+    };
     use crate::doctor::port_checks::PortFacts;
     use crate::ports::simulated_machine::{BOARD, Descriptor, SimulatedMachine};
     use crate::wire::address::PortAddress;
@@ -275,12 +290,13 @@ mod tests {
         let path = machine.path("dev/ttyACM0");
         let (_, address) = locate(&PortAddress::Auto(None), &root);
         assert_eq!(address, Some(PortAddress::Tty(path.clone())));
-        let board = |rule_applied| UsbPort::Board { rule_applied };
-        assert_eq!(usb_port(&path, &root), board(true));
+        assert_eq!(usb_port(&path, &root), UsbPort::Board(UdevRule::Applied));
         let own = machine.path(&format!("dev/corticode-{}", BOARD.serial));
-        assert_eq!(usb_port(&own, &root), board(true));
+        assert_eq!(usb_port(&own, &root), UsbPort::Board(UdevRule::Applied));
         std::fs::remove_file(own).unwrap();
-        assert_eq!(usb_port(&path, &root), board(false));
+        assert_eq!(usb_port(&path, &root), UsbPort::Board(UdevRule::Missing));
+        machine.write(RULE_FILES[1], "");
+        assert_eq!(usb_port(&path, &root), UsbPort::Board(UdevRule::Installed));
         machine.plug_ftdi(4, "ttyUSB0");
         assert_eq!(
             usb_port(&machine.path("dev/ttyUSB0"), &root),

@@ -10,6 +10,10 @@ const INSTALL_RULE: &str = "sudo install -m 644 packaging/60-corticode.rules /et
                             sudo udevadm control --reload && sudo udevadm trigger --action=add \
                             --subsystem-match=usb --subsystem-match=tty";
 
+/// Command that applies an installed rule to a board that is plugged in.
+const APPLY_RULE: &str = "sudo udevadm control --reload && sudo udevadm trigger --action=add \
+                          --subsystem-match=usb --subsystem-match=tty";
+
 /// What is known about the port without opening it.
 #[derive(Clone, Debug)]
 pub(crate) struct PortFacts {
@@ -36,12 +40,40 @@ pub(crate) enum PortPlace {
 /// USB device of a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum UsbPort {
-    /// A board, and whether udev has applied the rule to it.
-    Board { rule_applied: bool },
+    /// A board, with the state of the udev rule.
+    Board(UdevRule),
     /// Another USB device, such as an ST-LINK.
     Other,
     /// The terminal is not on USB.
     None,
+}
+
+/// State of the project's udev rule for a board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum UdevRule {
+    /// udev has named the board by the rule.
+    Applied,
+    /// The rule is installed, and the board was plugged in before.
+    Installed,
+    Missing,
+}
+
+impl UdevRule {
+    /// Returns what is wrong and the command that helps; `None` if the rule was applied.
+    fn objection(self) -> Option<(&'static str, &'static str)> {
+        match self {
+            UdevRule::Applied => None,
+            UdevRule::Installed => Some((
+                "installed after the board was plugged in: the board has no name \
+                 /dev/corticode-SERIAL",
+                APPLY_RULE,
+            )),
+            UdevRule::Missing => Some((
+                "not installed: the board has no name /dev/corticode-SERIAL",
+                INSTALL_RULE,
+            )),
+        }
+    }
 }
 
 /// Checks the port.
@@ -71,48 +103,37 @@ pub(crate) fn check_port(facts: &PortFacts) -> Vec<Check> {
 }
 
 fn check_rule(usb: UsbPort) -> Option<Check> {
-    match usb {
-        UsbPort::Board { rule_applied: true } => {
-            Some(Check::ok("udev rule", "the board has a name in /dev"))
-        }
-        UsbPort::Board {
-            rule_applied: false,
-        } => Some(Check::warning(
-            "udev rule",
-            "not installed: the board has no name /dev/corticode-SERIAL",
-            INSTALL_RULE,
-        )),
-        UsbPort::Other | UsbPort::None => None,
-    }
+    const NAME: &str = "udev rule";
+    let UsbPort::Board(rule) = usb else {
+        return None;
+    };
+    Some(match rule.objection() {
+        Some((finding, remedy)) => Check::warning(NAME, finding, remedy),
+        None => Check::ok(NAME, "the board has a name in /dev"),
+    })
 }
 
 fn check_modem_manager(usb: UsbPort, runs: bool) -> Option<Check> {
     const NAME: &str = "ModemManager";
-    const PROBES: &str = "runs, and may send commands for modems to the port";
-    match (usb, runs) {
-        (UsbPort::None, _) => None,
-        (_, false) => Some(Check::ok(NAME, "does not run")),
-        (UsbPort::Board { rule_applied: true }, true) => Some(Check::ok(
-            NAME,
-            "runs, and ignores the board because of the udev rule",
-        )),
-        (
-            UsbPort::Board {
-                rule_applied: false,
-            },
-            true,
-        ) => Some(Check::warning(NAME, PROBES, INSTALL_RULE)),
-        (UsbPort::Other, true) => Some(Check::warning(
-            NAME,
-            PROBES,
-            "sudo systemctl disable --now ModemManager (on a PC without a modem)",
-        )),
-    }
+    const DISABLE: &str = "sudo systemctl disable --now ModemManager (on a PC without a modem)";
+    let remedy = match usb {
+        UsbPort::None => return None,
+        _ if !runs => return Some(Check::ok(NAME, "does not run")),
+        UsbPort::Other => Some(DISABLE),
+        UsbPort::Board(rule) => rule.objection().map(|(_, remedy)| remedy),
+    };
+    Some(match remedy {
+        Some(remedy) => {
+            let finding = "runs, and may send commands for modems to the port";
+            Check::warning(NAME, finding, remedy)
+        }
+        None => Check::ok(NAME, "runs, and ignores the board because of the udev rule"),
+    })
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{PortFacts, PortPlace, UsbPort, check_port};
+    use super::{PortFacts, PortPlace, UdevRule, UsbPort, check_port};
     use crate::doctor::check::{Check, Level};
     use crate::ports::access::{Membership, PortAccess};
     use crate::ports::holders::Program;
@@ -133,7 +154,7 @@ mod tests {
 
     #[test]
     fn a_free_board_with_the_rule_passes_also_while_modem_manager_runs() {
-        let board = UsbPort::Board { rule_applied: true };
+        let board = UsbPort::Board(UdevRule::Applied);
         let checks = check(PortAccess::Free, board, true);
         assert_eq!(checks.len(), 5);
         assert_eq!(not_ok(&checks), []);
@@ -141,20 +162,26 @@ mod tests {
 
     #[test]
     fn a_board_without_the_rule_is_a_warning_and_modem_manager_another_one() {
-        let board = UsbPort::Board {
-            rule_applied: false,
-        };
-        let checks = check(PortAccess::Free, board, true);
-        let expected = [
-            ("udev rule", Level::Warning),
-            ("ModemManager", Level::Warning),
-        ];
-        assert_eq!(not_ok(&checks), expected);
-        for check in &checks[3..] {
-            let remedy = check.remedy.as_deref().unwrap();
-            assert!(remedy.starts_with("sudo install -m 644 packaging/60-corticode.rules"));
+        for (rule, command) in [
+            (
+                UdevRule::Missing,
+                "sudo install -m 644 packaging/60-corticode.rules",
+            ),
+            (UdevRule::Installed, "sudo udevadm control --reload"),
+        ] {
+            let board = UsbPort::Board(rule);
+            let checks = check(PortAccess::Free, board, true);
+            let expected = [
+                ("udev rule", Level::Warning),
+                ("ModemManager", Level::Warning),
+            ];
+            assert_eq!(not_ok(&checks), expected);
+            for check in &checks[3..] {
+                let remedy = check.remedy.as_deref().unwrap();
+                assert!(remedy.starts_with(command), "{remedy}");
+            }
+            assert_eq!(not_ok(&check(PortAccess::Free, board, false)).len(), 1);
         }
-        assert_eq!(not_ok(&check(PortAccess::Free, board, false)).len(), 1);
         let st_link = check(PortAccess::Free, UsbPort::Other, true);
         assert_eq!(not_ok(&st_link), [("ModemManager", Level::Warning)]);
         assert_eq!(not_ok(&check(PortAccess::Free, UsbPort::None, true)), []);
