@@ -14,10 +14,12 @@ const USB_DEVICE: &str = "/devices/pci0000:00/0000:00:14.0/usb1/1-2";
 const TTY: &str = "/devices/pci0000:00/0000:00:14.0/usb1/1-2/1-2:1.0/tty/ttyACM7";
 
 /// Runs `udevadm test` for the device in `description`, with `rules` added to those of the system.
-/// `/dev` and `/run/udev` are temporary file systems of a separate namespace, because udevadm
+/// `/dev` and `/run` are temporary file systems of a separate namespace, because udevadm
 /// creates the symbolic links. umockdev needs pseudoterminals.
 const SCRIPT: &str = r#"
 set -e
+mount -t tmpfs run /run
+mkdir -p /run/udev/rules.d
 mkdir "$1/dev"
 mount -t tmpfs dev "$1/dev"
 touch "$1/dev/null"
@@ -26,9 +28,6 @@ mkdir "$1/dev/pts"
 mount -t devpts -o newinstance,ptmxmode=0666 devpts "$1/dev/pts"
 ln -s pts/ptmx "$1/dev/ptmx"
 mount --move "$1/dev" /dev
-mkdir -p /run/udev
-mount -t tmpfs udev /run/udev
-mkdir /run/udev/rules.d
 cp "$2" /run/udev/rules.d/
 umockdev-run --device "$1/description" -- udevadm test "$3"
 "#;
