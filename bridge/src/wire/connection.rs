@@ -79,6 +79,11 @@ impl Connection {
         matches!(self.state, State::Open(_))
     }
 
+    /// Returns the address of the port; with `auto`, the port and the board that were found last.
+    pub(crate) fn name(&self) -> String {
+        self.opener.to_string()
+    }
+
     /// Silence of the device after which the port should be reopened.
     pub(crate) fn silence_limit(&self) -> Duration {
         match self.opener.address() {

@@ -131,6 +131,34 @@ fn auto_finds_the_board_again_at_another_port() {
 }
 
 #[test]
+fn a_board_that_is_silent_is_named_with_its_port() {
+    if !namespaces("--port auto with a silent board") {
+        return;
+    }
+    let machine = SimulatedMachine::new();
+    let folder = tempfile::tempdir().unwrap();
+    let link = folder.path().join("board");
+    let device = Device::pty(Board::new(), &link);
+    plug(&machine, 2, "ttyACM0", BOARD, &link);
+    device.controls.stand_still.store(true, Relaxed);
+    let mut command = bridge_on(&machine, &["--port", "auto", "--sink", "ndjson"]);
+    let mut bridge = Bridge::spawn_command(command.process_group(0));
+    let stdout = bridge.stdout();
+    let reader = std::thread::spawn(move || std::io::read_to_string(stdout));
+    // A silence is logged after 5 s.
+    std::thread::sleep(Duration::from_secs(7));
+    bridge.signal(Signal::TERM);
+    let (status, log) = bridge.wait();
+    assert!(status.success(), "{log}");
+    let named = format!(
+        "speaks Corticode: /dev/ttyACM0 (board {}) sent",
+        BOARD.serial
+    );
+    assert!(log.contains(&named), "{log}");
+    reader.join().unwrap().unwrap();
+}
+
+#[test]
 fn selftest_reset_and_record_find_the_board_by_its_serial_number() {
     if !namespaces("--port auto:SERIAL") {
         return;
