@@ -1,12 +1,15 @@
 //! The program `corticode-bridge`: tasks, log and exit status.
 
 mod bridge;
+mod check_options;
 mod claim;
 mod command_line;
 mod convert;
+mod doctor;
 mod namespace;
 mod outlets;
 mod parameters;
+mod ports;
 mod record;
 mod recording_file;
 mod replay;
@@ -16,10 +19,12 @@ mod ros_topics;
 mod rosout;
 mod shutdown;
 mod silence_log;
+mod sink_kind;
 mod sinks;
 mod whole_lines;
 
 use std::error::Error;
+use std::fmt;
 use std::fs::File;
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
@@ -27,18 +32,22 @@ use std::sync::Arc;
 
 use neuro_ros::Log;
 use neuro_ros::ros1::NodeOptions;
+use serde::Serialize;
 use tokio::sync::mpsc::Receiver;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
+use crate::app::check_options::{DoctorOptions, PortsOptions};
 use crate::app::command_line::{
-    ConvertOptions, GivenOptions, Options, PortOptions, RecordOptions, ReplayOptions, SinkKind,
-    Task,
+    ConvertOptions, GivenOptions, Options, PortOptions, RecordOptions, ReplayOptions, Task,
 };
+use crate::app::ports::PortList;
 use crate::app::rosout::RosoutLayer;
+use crate::app::sink_kind::SinkKind;
 use crate::error::BridgeError;
+use crate::ports::system_root::SystemRoot;
 use crate::query::protocol::{Answer, Request};
 use crate::query::query_port;
 
@@ -59,6 +68,8 @@ pub fn run() -> ExitCode {
         Task::Record(options) => record(options, &ros).map(|()| ExitCode::SUCCESS),
         Task::Replay(options) => replay(&options, &ros).map(|()| ExitCode::SUCCESS),
         Task::Convert(options) => convert(&options, &ros).map(|()| ExitCode::SUCCESS),
+        Task::Ports(options) => list_ports(&options),
+        Task::Doctor(options) => examine(&options, &ros),
     });
     match done {
         Ok(code) => code,
@@ -159,13 +170,44 @@ fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCo
             true,
         ),
     };
+    print(&text)?;
+    Ok(ExitCode::from(u8::from(!passed)))
+}
+
+fn list_ports(options: &PortsOptions) -> Result<ExitCode, BridgeError> {
+    let ports = PortList::read(&SystemRoot::machine());
+    print_report(&ports, options.json)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Checks this machine and prints the findings. The exit status is 1 if one is an error.
+fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, BridgeError> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let report = runtime.block_on(doctor::examine(options, ros));
+    // A name that does not resolve would hold the runtime's end for as long as the resolver tries.
+    runtime.shutdown_background();
+    print_report(&report, options.json)?;
+    Ok(ExitCode::from(u8::from(report.errors > 0)))
+}
+
+/// Prints a report as text or as JSON.
+fn print_report(report: &(impl Serialize + fmt::Display), json: bool) -> Result<(), BridgeError> {
+    if json {
+        print(&serde_json::to_string_pretty(report).map_err(std::io::Error::from)?)
+    } else {
+        print(&report.to_string())
+    }
+}
+
+fn print(text: &str) -> Result<(), BridgeError> {
     match writeln!(std::io::stdout(), "{text}") {
         // The process that reads the output, such as `head`, has closed the pipe, which is not an
         // error.
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
-        written => written?,
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => Ok(written?),
     }
-    Ok(ExitCode::from(u8::from(!passed)))
 }
 
 /// Sends the log to stderr, and also to the log file if roslaunch names one. Returns the lines for

@@ -63,13 +63,16 @@
 #![forbid(unsafe_code)]
 
 mod app;
+mod columns;
 mod conversion;
 mod core;
 mod decoder;
 mod device;
 mod diagnostics;
+mod doctor;
 mod effects;
 mod error;
+mod ports;
 mod query;
 mod recording;
 mod session;

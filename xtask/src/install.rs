@@ -7,13 +7,15 @@ use crate::command::{BOARD_TARGET, Failure, run, succeeds, typed, virtual_board_
 
 /// Debian packages: ROS 1 with roscore, rospy, rostopic, rosservice and rosbag; the service types of the node
 /// `acquisition`; numpy, with which tests read arrays; the library with which ROS-Neuro's
-/// recorder writes GDF; the emulator of the microcontrollers.
-const PACKAGES: [&str; 5] = [
+/// recorder writes GDF; the emulator of the microcontrollers; udev, and a testbed with simulated devices for it.
+const PACKAGES: [&str; 7] = [
     "ros-core",
     "python3-std-srvs",
     "python3-numpy",
     "libxdffileio0",
     "qemu-system-arm",
+    "udev",
+    "umockdev",
 ];
 
 /// Installs whatever `cargo xtask test` needs and this machine lacks.

@@ -8,6 +8,8 @@ use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args, Command, CommandFactory, Error, FromArgMatches, Parser};
 use link::{ResetInto, Streams};
 
+use crate::app::check_options::{DoctorOptions, PortsOptions};
+use crate::app::sink_kind::SinkKind;
 use crate::settings::{
     AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint, StreamKind,
 };
@@ -81,8 +83,9 @@ pub(crate) struct Options {
 /// Address and speed of the port; options of the bridge and of its subcommands.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct PortOptions {
-    /// Serial port, pseudoterminal, or tcp:HOST:PORT
-    #[arg(long, env = "CORTICODE_PORT", value_name = "PATH|tcp:HOST:PORT")]
+    /// Serial port, pseudoterminal, tcp:HOST:PORT, or auto: the only board on USB, or the one with a
+    /// serial number, auto:SERIAL. The board is found again after it was unplugged; `ports` lists all
+    #[arg(long, env = "CORTICODE_PORT", value_name = "PATH|tcp:HOST:PORT|auto")]
     pub(crate) port: PortAddress,
     /// Baud rate of a serial port; USB and pseudoterminals ignore it
     #[arg(
@@ -123,16 +126,6 @@ impl StreamOptions {
         let asked = self.streams.iter();
         asked.fold(Streams::CODES, |streams, kind| streams | kind.bit())
     }
-}
-
-/// Destination of the frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum SinkKind {
-    /// ROS 1 topics.
-    #[default]
-    Ros,
-    /// Lines of JSON on stdout.
-    Ndjson,
 }
 
 impl Options {
@@ -185,6 +178,10 @@ pub(crate) enum Task {
     Replay(ReplayOptions),
     /// `convert`: writes a recording as files of samples.
     Convert(ConvertOptions),
+    /// `ports`: lists the serial ports.
+    Ports(PortsOptions),
+    /// `doctor`: checks port, device, ROS and clock.
+    Doctor(DoctorOptions),
 }
 
 /// Test the device's converters with their internal signals, and print the results.
@@ -326,6 +323,8 @@ impl Task {
             Some(("record", of)) => RecordOptions::from_arg_matches(of).map(Task::Record),
             Some(("replay", of)) => ReplayOptions::from_arg_matches(of).map(Task::Replay),
             Some(("convert", of)) => ConvertOptions::from_arg_matches(of).map(Task::Convert),
+            Some(("ports", of)) => PortsOptions::from_arg_matches(of).map(Task::Ports),
+            Some(("doctor", of)) => DoctorOptions::from_arg_matches(of).map(Task::Doctor),
             Some((_, of)) => ResetOptions::from_arg_matches(of).map(Task::Reset),
             None => {
                 Options::from_arg_matches(&matches).map(|options| Task::Bridge(Box::new(options)))
@@ -344,6 +343,8 @@ fn command() -> Command {
         .subcommand(RecordOptions::command())
         .subcommand(ReplayOptions::command())
         .subcommand(ConvertOptions::command())
+        .subcommand(PortsOptions::command())
+        .subcommand(DoctorOptions::command())
 }
 
 /// Options of the bridge on the command line and in the environment, without those that the

@@ -58,6 +58,9 @@ fn help_names_every_option() {
         "record",
         "replay",
         "convert",
+        "ports",
+        "doctor",
+        "auto:SERIAL",
         "/diagnostics keeps its name",
     ] {
         assert!(help.contains(option), "{help}");

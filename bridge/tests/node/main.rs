@@ -10,13 +10,18 @@ mod board;
 mod command_line;
 mod convert;
 mod device;
+mod doctor;
 mod graph;
 mod lines;
+mod machine;
 mod names;
 mod process;
 mod query;
 mod record;
 mod replay;
 mod replug;
+#[path = "../../src/ports/simulated_machine.rs"]
+#[expect(dead_code, reason = "the tests of the crate use more of it")]
+mod simulated_machine;
 mod synthetic_recording;
 mod trouble;

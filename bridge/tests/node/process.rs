@@ -40,6 +40,11 @@ impl Bridge {
             .stdin(Stdio::null())
             .stdout(stdout)
             .stderr(Stdio::piped());
+        Bridge::spawn_command(&mut command)
+    }
+
+    /// Starts a command that runs the bridge.
+    pub(crate) fn spawn_command(command: &mut Command) -> Bridge {
         Bridge {
             child: command.spawn().unwrap(),
         }
@@ -52,6 +57,10 @@ impl Bridge {
 
     pub(crate) fn stdout(&mut self) -> std::process::ChildStdout {
         self.child.stdout.take().unwrap()
+    }
+
+    pub(crate) fn pid(&self) -> u32 {
+        self.child.id()
     }
 
     pub(crate) fn signal(&self, signal: Signal) {
