@@ -284,7 +284,7 @@ fn port(folder: &Path) -> PathBuf {
     folder.join("board-port")
 }
 
-/// Starts a rospy subscriber to a topic, with the Python class that genpy generates from `neuro-ros/msg`.
+/// Starts a rospy subscriber to a topic, with the Python class that genpy generates from `ros/rosneuro_msgs`.
 fn subscribe(ros: &Ros<'_>, folder: &Path, name: &str, topic: &str) -> Process {
     let script = workspace::root().join("tests/ros/subscribe.py");
     let script = script.canonicalize().expect("the script exists");

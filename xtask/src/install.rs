@@ -7,13 +7,21 @@ use crate::command::{BOARD_TARGET, Failure, run, succeeds, typed, virtual_board_
 
 /// Debian packages: ROS 1 with roscore, rospy, rostopic, rosservice and rosbag; the service types of the node
 /// `acquisition`; numpy, with which tests read arrays; the library with which ROS-Neuro's
-/// recorder writes GDF; the emulator of the microcontrollers.
-const PACKAGES: [&str; 5] = [
+/// recorder writes GDF; the emulator of the microcontrollers; what catkin builds the packages in `ros/` with.
+const PACKAGES: [&str; 13] = [
     "ros-core",
     "python3-std-srvs",
     "python3-numpy",
     "libxdffileio0",
     "qemu-system-arm",
+    "catkin",
+    "g++",
+    "make",
+    "rosbash",
+    "ros-message-generation",
+    "ros-message-runtime",
+    "ros-std-msgs",
+    "libstd-msgs-dev",
 ];
 
 /// Installs whatever `cargo xtask test` needs and this machine lacks.
