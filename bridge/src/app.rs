@@ -3,7 +3,9 @@
 mod bridge;
 mod claim;
 mod command_line;
+mod config_file;
 mod convert;
+mod given_options;
 mod namespace;
 mod outlets;
 mod parameters;
@@ -22,6 +24,7 @@ mod whole_lines;
 use std::error::Error;
 use std::fs::File;
 use std::io::{ErrorKind, Write};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -34,9 +37,10 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
 use crate::app::command_line::{
-    ConvertOptions, GivenOptions, Options, PortOptions, RecordOptions, ReplayOptions, SinkKind,
-    Task,
+    ConvertOptions, Options, PortOptions, RecordOptions, ReplayOptions, Task,
 };
+use crate::app::config_file::ConfigFile;
+use crate::app::given_options::GivenOptions;
 use crate::app::rosout::RosoutLayer;
 use crate::error::BridgeError;
 use crate::query::protocol::{Answer, Request};
@@ -52,13 +56,13 @@ use crate::query::query_port;
 /// which `replay` and `convert` read.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
-    let done = read_task(&ros, arguments).and_then(|task| match task {
-        Task::Bridge(options) => stream(*options, ros).map(|()| ExitCode::SUCCESS),
+    let done = read_task(&ros, arguments).and_then(|(task, config)| match task {
+        Task::Bridge(options) => stream(*options, ros, config).map(|()| ExitCode::SUCCESS),
         Task::SelfTest(options) => send_request(&options.at, Request::SelfTest, options.json),
         Task::Reset(options) => send_request(&options.at, Request::Reset(options.target()), false),
-        Task::Record(options) => record(options, &ros).map(|()| ExitCode::SUCCESS),
+        Task::Record(options) => record(options, &ros, config).map(|()| ExitCode::SUCCESS),
         Task::Replay(options) => replay(&options, &ros).map(|()| ExitCode::SUCCESS),
-        Task::Convert(options) => convert(&options, &ros).map(|()| ExitCode::SUCCESS),
+        Task::Convert(options) => convert(&options, &ros, config).map(|()| ExitCode::SUCCESS),
     });
     match done {
         Ok(code) => code,
@@ -74,15 +78,36 @@ pub fn run() -> ExitCode {
     }
 }
 
-/// Reads the options from command line, environment and parameter server, in this order of
-/// precedence. Wrong usage and requests for help end the process.
-fn read_task(ros: &NodeOptions, arguments: Vec<String>) -> Result<Task, BridgeError> {
-    let mut arguments = parameters::to_flags(arguments)?;
-    let given = GivenOptions::parse_from(&arguments).unwrap_or_else(|error| error.exit());
-    if let Some(given) = given
-        && given.sink == SinkKind::Ros
+/// Reads the options from command line, environment, parameter server and configuration file, in this
+/// order of precedence. Wrong usage and requests for help end the process. Also returns the path of
+/// the file, for the log, if it has options.
+fn read_task(
+    ros: &NodeOptions,
+    arguments: Vec<String>,
+) -> Result<(Task, Option<PathBuf>), BridgeError> {
+    let arguments = parameters::to_flags(arguments)?;
+    let parse = |arguments: &[String]| {
+        GivenOptions::parse_from(arguments).unwrap_or_else(|error| error.exit())
+    };
+    let given = parse(&arguments);
+    let (mut path, mut others) = (None, Vec::new());
+    if given.reads_config()
+        && let Some(file) = ConfigFile::read(given.config(), |name| std::env::var_os(name))?
     {
-        let master_uri = given.ros_master_uri.as_ref().unwrap_or(&ros.master_uri);
+        path = Some(file.path).filter(|_| !file.options.is_empty());
+        others = file.options;
+        others.retain(|(name, _)| given.knows(name) && !given.is_set(name));
+        if names_master() {
+            others.retain(|(name, _)| name != "ros_master_uri");
+        }
+    }
+    let values = |others: &[(String, String)]| {
+        let values = others.iter().map(|(_, argument)| argument.clone());
+        given.extend(&arguments, values)
+    };
+    let with_file = parse(&values(&others));
+    if with_file.is_ros_bridge() {
+        let master_uri = with_file.ros_master_uri().unwrap_or(&ros.master_uri);
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()?;
@@ -91,16 +116,31 @@ fn read_task(ros: &NodeOptions, arguments: Vec<String>) -> Result<Task, BridgeEr
         runtime.shutdown_background();
         for (name, argument) in parameters? {
             if !given.is_set(&name) {
-                arguments.push(argument);
+                others.retain(|(known, _)| *known != name);
+                others.push((name, argument));
             }
         }
     }
-    let task = Task::parse_from(arguments.into_iter().map(Into::into));
-    Ok(task.unwrap_or_else(|error| error.exit()))
+    let task = Task::parse_from(values(&others).into_iter().map(Into::into));
+    let task = task.unwrap_or_else(|error| error.exit());
+    if let (Task::SelfTest(_) | Task::Reset(_), Some(path)) = (&task, &path) {
+        // These tasks have no log.
+        eprintln!("corticode-bridge: options from {}", path.display());
+    }
+    Ok((task, path))
 }
 
-fn stream(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {
-    let lines = init_log(&ros)?;
+/// Returns whether `__master:=` or `ROS_MASTER_URI` names the ROS master. They override the
+/// configuration file.
+fn names_master() -> bool {
+    let variable = std::env::var_os("ROS_MASTER_URI");
+    let mut arguments = std::env::args_os();
+    variable.is_some_and(|uri| !uri.is_empty())
+        || arguments.any(|argument| argument.to_string_lossy().starts_with("__master:="))
+}
+
+fn stream(options: Options, ros: NodeOptions, config: Option<PathBuf>) -> Result<(), BridgeError> {
+    let lines = init_log(&ros, config)?;
     // One thread reads the port and writes the sockets: passing a code to another thread would delay
     // it by the time in which that thread wakes up.
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -111,8 +151,12 @@ fn stream(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {
     Ok(())
 }
 
-fn record(options: RecordOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
-    init_log(ros)?;
+fn record(
+    options: RecordOptions,
+    ros: &NodeOptions,
+    config: Option<PathBuf>,
+) -> Result<(), BridgeError> {
+    init_log(ros, config)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()?;
@@ -122,7 +166,7 @@ fn record(options: RecordOptions, ros: &NodeOptions) -> Result<(), BridgeError> 
 }
 
 fn replay(options: &ReplayOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
-    init_log(ros)?;
+    init_log(ros, None)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()?;
@@ -131,8 +175,12 @@ fn replay(options: &ReplayOptions, ros: &NodeOptions) -> Result<(), BridgeError>
     Ok(())
 }
 
-fn convert(options: &ConvertOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
-    init_log(ros)?;
+fn convert(
+    options: &ConvertOptions,
+    ros: &NodeOptions,
+    config: Option<PathBuf>,
+) -> Result<(), BridgeError> {
+    init_log(ros, config)?;
     let summary = convert::convert(options)?;
     eprintln!("corticode-bridge: {summary}");
     Ok(())
@@ -169,8 +217,8 @@ fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCo
 }
 
 /// Sends the log to stderr, and also to the log file if roslaunch names one. Returns the lines for
-/// `/rosout`.
-fn init_log(ros: &NodeOptions) -> Result<Receiver<Log>, BridgeError> {
+/// `/rosout`. `config` is the configuration file that was read.
+fn init_log(ros: &NodeOptions, config: Option<PathBuf>) -> Result<Receiver<Log>, BridgeError> {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
     let writer = match &ros.log {
         None => BoxMakeWriter::new(std::io::stderr),
@@ -192,5 +240,8 @@ fn init_log(ros: &NodeOptions) -> Result<Receiver<Log>, BridgeError> {
         .with(written)
         .with(rosout)
         .init();
+    if let Some(path) = config {
+        tracing::info!("options from {}", path.display());
+    }
     Ok(lines)
 }

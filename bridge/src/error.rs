@@ -7,6 +7,7 @@ use neuro_ros::SinkError;
 use neuro_ros::ros1::NodeError;
 use thiserror::Error;
 
+use crate::config_error::ConfigError;
 use crate::query::report::DeviceSummary;
 use crate::recording::error::RecordingError;
 
@@ -43,6 +44,14 @@ pub enum BridgeError {
          --streams codes,raw --announce raw"
     )]
     AnnouncedNotStreamed,
+    /// The configuration file cannot be used.
+    #[error("the configuration file {path} cannot be used")]
+    Config {
+        /// Path of the file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: ConfigError,
+    },
     /// A private parameter, `_name:=` or `~name`, has the name of no option.
     #[error("the private parameter {name} is not known; {remedy}; known are {known}")]
     UnknownParameter {
@@ -182,6 +191,7 @@ impl BridgeError {
             | BridgeError::Recording { .. }
             | BridgeError::Output { .. }
             | BridgeError::AnnouncedNotStreamed
+            | BridgeError::Config { .. }
             | BridgeError::UnknownParameter { .. }
             | BridgeError::ParameterType { .. }
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,

@@ -63,6 +63,7 @@
 #![forbid(unsafe_code)]
 
 mod app;
+mod config_error;
 mod conversion;
 mod core;
 mod decoder;
@@ -79,6 +80,7 @@ mod time;
 mod wire;
 
 pub use app::run;
+pub use config_error::ConfigError;
 pub use core::Core;
 pub use decoder::audit::{AuditResult, AuditedWindow};
 pub use decoder::counts::DecoderCounts;

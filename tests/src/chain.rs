@@ -143,6 +143,7 @@ impl<'a> Chain<'a> {
             .args(["--ros-master-uri", &ros.master_uri(), "--port", address])
             .args(options)
             .env("ROS_HOSTNAME", "127.0.0.1")
+            .env("CORTICODE_CONFIG", "/dev/null")
             .env_remove("ROS_IP");
         let bridge = Process::start("bridge", &mut bridge, folder).expect("the bridge starts");
         let subscriber = subscribe(&ros, folder, "subscriber", "/encoded");

@@ -4,14 +4,18 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::builder::BoolishValueParser;
-use clap::parser::ValueSource;
-use clap::{ArgAction, ArgMatches, Args, Command, CommandFactory, Error, FromArgMatches, Parser};
+use clap::{
+    Arg, ArgAction, Args, Command, CommandFactory, Error, FromArgMatches, Parser, ValueHint,
+};
 use link::{ResetInto, Streams};
 
 use crate::settings::{
     AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint, StreamKind,
 };
 use crate::wire::address::PortAddress;
+
+/// Identifier and name of the option for the configuration file.
+pub(crate) const CONFIG: &str = "config";
 
 /// Publish the codes and signals of a Corticode board as ROS-Neuro NeuroFrames.
 ///
@@ -22,7 +26,8 @@ use crate::wire::address::PortAddress;
 /// receives frames that are larger than it allocated. Waits for an absent device or ROS master and
 /// reconnects when it returns. ROS's own arguments work too: __name:=, __ns:=,
 /// /encoded:=/neurodata. Each option is a private parameter as well: _port:=/dev/ttyACM0, or
-/// ~port on the parameter server, which flags and environment override. The log goes to stderr; RUST_LOG=debug shows more.
+/// ~port on the parameter server, which flags and environment override. --config names a file of
+/// options, which all of these override. The log goes to stderr; RUST_LOG=debug shows more.
 ///
 /// Exit status: 0 done, 1 a check failed, 2 wrong usage, 3 device or ROS not reachable, 4 the
 /// device refuses.
@@ -140,11 +145,11 @@ impl Options {
     /// is none of them, because the parameters are read from that master.
     pub(crate) fn parameter_names() -> Vec<String> {
         let command = Options::command();
-        let names = command
+        let ids = command
             .get_arguments()
-            .filter_map(|argument| argument.get_long());
-        let names = names.filter(|name| !["help", "version", "ros-master-uri"].contains(name));
-        names.map(|name| name.replace('-', "_")).collect()
+            .map(|option| option.get_id().as_str());
+        let ids = ids.filter(|id| *id != "ros_master_uri");
+        ids.map(str::to_owned).collect()
     }
 
     /// Converts the options to the settings of the core.
@@ -335,52 +340,30 @@ impl Task {
     }
 }
 
-fn command() -> Command {
-    Options::command()
+/// Returns the command line with all subcommands.
+pub(crate) fn command() -> Command {
+    let with_config = |command: Command| command.arg(config_option());
+    with_config(Options::command())
         .args_conflicts_with_subcommands(true)
         .subcommand_negates_reqs(true)
-        .subcommand(SelfTestOptions::command())
-        .subcommand(ResetOptions::command())
-        .subcommand(RecordOptions::command())
+        .subcommand(with_config(SelfTestOptions::command()))
+        .subcommand(with_config(ResetOptions::command()))
+        .subcommand(with_config(RecordOptions::command()))
         .subcommand(ReplayOptions::command())
-        .subcommand(ConvertOptions::command())
+        .subcommand(with_config(ConvertOptions::command()))
 }
 
-/// Options of the bridge on the command line and in the environment, without those that the
-/// parameter server has.
-#[derive(Debug)]
-pub(crate) struct GivenOptions {
-    pub(crate) sink: SinkKind,
-    pub(crate) ros_master_uri: Option<String>,
-    matches: ArgMatches,
-}
-
-impl GivenOptions {
-    /// Parses the arguments; the first one is the program's name. Required options can be missing.
-    /// Returns `None` for a subcommand.
-    ///
-    /// # Errors
-    ///
-    /// [`Error`] for wrong usage or a request for help; [`Error::exit`] prints it.
-    pub(crate) fn parse_from(arguments: &[String]) -> Result<Option<GivenOptions>, Error> {
-        let command = command().mut_arg("port", |port| port.required(false));
-        let matches = command.try_get_matches_from(arguments)?;
-        if matches.subcommand().is_some() {
-            return Ok(None);
-        }
-        Ok(Some(GivenOptions {
-            sink: matches.get_one("sink").copied().unwrap_or_default(),
-            ros_master_uri: matches.get_one("ros_master_uri").cloned(),
-            matches,
-        }))
-    }
-
-    /// Returns whether the option with the identifier `id` is set.
-    pub(crate) fn is_set(&self, id: &str) -> bool {
-        let source = self.matches.value_source(id);
-        matches!(
-            source,
-            Some(ValueSource::CommandLine | ValueSource::EnvVariable)
+/// Option that names the configuration file. The file is read before the other options are complete,
+/// so this option is no field of their structs.
+fn config_option() -> Arg {
+    Arg::new(CONFIG)
+        .long(CONFIG)
+        .env("CORTICODE_CONFIG")
+        .value_name("FILE")
+        .value_hint(ValueHint::FilePath)
+        .value_parser(clap::value_parser!(PathBuf))
+        .help(
+            "TOML file with options, such as port = \"/dev/ttyACM0\" [default: \
+             ~/.config/corticode/bridge.toml, else /etc/corticode/bridge.toml, if one exists]",
         )
-    }
 }

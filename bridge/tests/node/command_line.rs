@@ -53,6 +53,7 @@ fn help_names_every_option() {
         "--low-latency",
         "--announce",
         "--streams",
+        "--config",
         "selftest",
         "reset",
         "record",

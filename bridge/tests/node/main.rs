@@ -8,6 +8,7 @@ mod backlog;
 #[expect(dead_code, reason = "the tests of the core use more of it")]
 mod board;
 mod command_line;
+mod config;
 mod convert;
 mod device;
 mod graph;

@@ -25,6 +25,14 @@ impl Bridge {
     }
 
     fn spawn(arguments: &[&str], variables: &[(&str, &str)], stdout: Stdio) -> Bridge {
+        Bridge {
+            child: Bridge::command(arguments, variables, stdout)
+                .spawn()
+                .unwrap(),
+        }
+    }
+
+    fn command(arguments: &[&str], variables: &[(&str, &str)], stdout: Stdio) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_corticode-bridge"));
         for variable in [
             "ROS_MASTER_URI",
@@ -35,11 +43,21 @@ impl Bridge {
             command.env_remove(variable);
         }
         command.env("ROS_IP", "127.0.0.1").args(arguments);
+        // Not the configuration of the user who runs the tests.
+        command.env("CORTICODE_CONFIG", "/dev/null");
         command.envs(variables.iter().copied());
         command
             .stdin(Stdio::null())
             .stdout(stdout)
             .stderr(Stdio::piped());
+        command
+    }
+
+    /// Starts the bridge with the configuration of a user. `home` is the variable that names the
+    /// user's folder.
+    pub(crate) fn start_in_home(arguments: &[&str], home: (&str, &str)) -> Bridge {
+        let mut command = Bridge::command(arguments, &[home], Stdio::piped());
+        command.env_remove("CORTICODE_CONFIG");
         Bridge {
             child: command.spawn().unwrap(),
         }
