@@ -7,8 +7,9 @@ use crate::command::{BOARD_TARGET, Failure, run, succeeds, typed, virtual_board_
 
 /// Debian packages: ROS 1 with roscore, rospy, rostopic, rosservice and rosbag; the service types of the node
 /// `acquisition`; numpy, with which tests read arrays; the library with which ROS-Neuro's
-/// recorder writes GDF; the emulator of the microcontrollers; what catkin builds the packages in `ros/` with.
-const PACKAGES: [&str; 13] = [
+/// recorder writes GDF; the emulator of the microcontrollers; what catkin builds the packages in `ros/`
+/// with; what makes the Debian package, and the clean Debian and the systemd that check it.
+const PACKAGES: [&str; 17] = [
     "ros-core",
     "python3-std-srvs",
     "python3-numpy",
@@ -22,6 +23,10 @@ const PACKAGES: [&str; 13] = [
     "ros-message-runtime",
     "ros-std-msgs",
     "libstd-msgs-dev",
+    "binutils",
+    "dpkg-dev",
+    "mmdebstrap",
+    "systemd",
 ];
 
 /// Installs whatever `cargo xtask test` needs and this machine lacks.

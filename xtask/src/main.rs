@@ -3,6 +3,8 @@
 
 mod board;
 mod command;
+mod deb;
+mod deb_check;
 mod docs;
 mod figures;
 mod figures_page;
@@ -100,6 +102,12 @@ enum Verb {
         #[arg(long)]
         json: bool,
     },
+    /// Build the Debian package of the bridge in target/debian/, for this distribution and later ones
+    Deb {
+        /// Also install it in a clean Debian 12, start it and purge it; needs root and mmdebstrap
+        #[arg(long)]
+        check: bool,
+    },
     /// Check licences, advisories and sources with cargo-deny, if it is installed
     Deny,
     /// Measure every figure of docs/figures.md and write the page
@@ -132,6 +140,7 @@ fn main() -> ExitCode {
         } => board::live(board, port, other_port),
         Verb::Board { board, json, .. } => board::board(board, json),
         Verb::Budget { json } => programs::budget(json),
+        Verb::Deb { check } => deb::deb(check),
         Verb::Deny => programs::deny(),
         Verb::Docs { measured } => docs::docs(measured.as_deref()),
         Verb::Install => install::install(),
