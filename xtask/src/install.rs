@@ -7,13 +7,14 @@ use crate::command::{BOARD_TARGET, Failure, run, succeeds, typed, virtual_board_
 
 /// Debian packages: ROS 1 with roscore, rospy, rostopic, rosservice and rosbag; the service types of the node
 /// `acquisition`; numpy, with which tests read arrays; the library with which ROS-Neuro's
-/// recorder writes GDF; the emulator of the microcontrollers.
-const PACKAGES: [&str; 5] = [
+/// recorder writes GDF; the emulator of the microcontrollers; the formatter of manual pages.
+const PACKAGES: [&str; 6] = [
     "ros-core",
     "python3-std-srvs",
     "python3-numpy",
     "libxdffileio0",
     "qemu-system-arm",
+    "groff-base",
 ];
 
 /// Installs whatever `cargo xtask test` needs and this machine lacks.
