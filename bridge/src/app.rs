@@ -3,9 +3,12 @@
 mod bridge;
 mod claim;
 mod command_line;
+mod completions;
 mod config_file;
 mod convert;
 mod given_options;
+mod man;
+mod master;
 mod namespace;
 mod outlets;
 mod parameters;
@@ -36,11 +39,12 @@ use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
-use crate::app::command_line::{
-    ConvertOptions, Options, PortOptions, RecordOptions, ReplayOptions, Task,
-};
+use crate::app::command_line::{Options, PortOptions, RecordOptions, Task, command};
 use crate::app::config_file::ConfigFile;
+use crate::app::convert::ConvertOptions;
 use crate::app::given_options::GivenOptions;
+use crate::app::master::MasterOptions;
+use crate::app::replay::ReplayOptions;
 use crate::app::rosout::RosoutLayer;
 use crate::error::BridgeError;
 use crate::query::protocol::{Answer, Request};
@@ -53,7 +57,8 @@ use crate::query::query_port;
 /// reachable, and 4 that the device refuses the request. Without a subcommand the bridge streams
 /// until a signal or ROS ends it. `selftest` and `reset` send the device one request and print its
 /// answer. `record` writes everything on the wire to a file,
-/// which `replay` and `convert` read.
+/// which `replay` and `convert` read. `master` runs a ROS master until a signal ends it;
+/// `completions` and `man` print.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
     let done = read_task(&ros, arguments).and_then(|(task, config)| match task {
@@ -63,6 +68,9 @@ pub fn run() -> ExitCode {
         Task::Record(options) => record(options, &ros, config).map(|()| ExitCode::SUCCESS),
         Task::Replay(options) => replay(&options, &ros).map(|()| ExitCode::SUCCESS),
         Task::Convert(options) => convert(&options, &ros, config).map(|()| ExitCode::SUCCESS),
+        Task::Master(options) => run_master(&options, &ros).map(|()| ExitCode::SUCCESS),
+        Task::Completions(options) => print(completions::script(&options, command()).as_bytes()),
+        Task::Man(options) => print(&man::pages(&options, command())?),
     });
     match done {
         Ok(code) => code,
@@ -186,6 +194,14 @@ fn convert(
     Ok(())
 }
 
+fn run_master(options: &MasterOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
+    init_log(ros, None)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()?;
+    runtime.block_on(master::run(options))
+}
+
 /// Sends one request to the device and prints the answer. The exit status is 1 if a self-test
 /// failed.
 fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCode, BridgeError> {
@@ -207,13 +223,19 @@ fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCo
             true,
         ),
     };
-    match writeln!(std::io::stdout(), "{text}") {
+    print(format!("{text}\n").as_bytes())?;
+    Ok(ExitCode::from(u8::from(!passed)))
+}
+
+/// Writes text to stdout.
+fn print(text: &[u8]) -> Result<ExitCode, BridgeError> {
+    match std::io::stdout().write_all(text) {
         // The process that reads the output, such as `head`, has closed the pipe, which is not an
         // error.
         Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
         written => written?,
     }
-    Ok(ExitCode::from(u8::from(!passed)))
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Sends the log to stderr, and also to the log file if roslaunch names one. Returns the lines for

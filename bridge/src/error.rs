@@ -112,6 +112,17 @@ pub enum BridgeError {
     /// opened.
     #[error("the ROS node cannot start; check the name, ROS_IP and ROS_MASTER_URI")]
     Node(#[from] NodeError),
+    /// The ROS master cannot listen on the address from `--bind`.
+    #[error(
+        "the ROS master cannot listen at {address}; end the master that uses this port, or choose \
+         an IP address of this machine and another port, such as --bind 127.0.0.1:11312"
+    )]
+    MasterAddress {
+        /// Address from `--bind`.
+        address: std::net::SocketAddr,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
     /// The JSON lines cannot be written: their reader closed the pipe or does not read, or the
     /// output failed.
     #[error("frames cannot be published")]
@@ -192,6 +203,7 @@ impl BridgeError {
             | BridgeError::Output { .. }
             | BridgeError::AnnouncedNotStreamed
             | BridgeError::Config { .. }
+            | BridgeError::MasterAddress { .. }
             | BridgeError::UnknownParameter { .. }
             | BridgeError::ParameterType { .. }
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,

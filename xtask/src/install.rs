@@ -7,9 +7,9 @@ use crate::command::{BOARD_TARGET, Failure, run, succeeds, typed, virtual_board_
 
 /// Debian packages: ROS 1 with roscore, rospy, rostopic, rosservice and rosbag; the service types of the node
 /// `acquisition`; numpy, with which tests read arrays; the library with which ROS-Neuro's
-/// recorder writes GDF; the emulator of the microcontrollers; what catkin builds the packages in `ros/`
-/// with; what makes the Debian package, and the clean Debian and the systemd that check it.
-const PACKAGES: [&str; 17] = [
+/// recorder writes GDF; the emulator of the microcontrollers; the formatter of manual pages; what catkin builds
+/// the packages in `ros/` with; what makes the Debian package, and the clean Debian and the systemd that check it.
+const PACKAGES: [&str; 18] = [
     "ros-core",
     "python3-std-srvs",
     "python3-numpy",
@@ -27,6 +27,7 @@ const PACKAGES: [&str; 17] = [
     "dpkg-dev",
     "mmdebstrap",
     "systemd",
+    "groff-base",
 ];
 
 /// Installs whatever `cargo xtask test` needs and this machine lacks.

@@ -4,7 +4,6 @@
 mod board;
 mod command;
 mod deb;
-mod deb_check;
 mod docs;
 mod figures;
 mod figures_page;
@@ -107,6 +106,9 @@ enum Verb {
         /// Also install it in a clean Debian 12, start it and purge it; needs root and mmdebstrap
         #[arg(long)]
         check: bool,
+        /// Pack this program instead of building one
+        #[arg(long)]
+        program: Option<PathBuf>,
     },
     /// Check licences, advisories and sources with cargo-deny, if it is installed
     Deny,
@@ -140,7 +142,7 @@ fn main() -> ExitCode {
         } => board::live(board, port, other_port),
         Verb::Board { board, json, .. } => board::board(board, json),
         Verb::Budget { json } => programs::budget(json),
-        Verb::Deb { check } => deb::deb(check),
+        Verb::Deb { check, program } => deb::deb(program, check),
         Verb::Deny => programs::deny(),
         Verb::Docs { measured } => docs::docs(measured.as_deref()),
         Verb::Install => install::install(),

@@ -9,6 +9,11 @@ use clap::{
 };
 use link::{ResetInto, Streams};
 
+use crate::app::completions::CompletionsOptions;
+use crate::app::convert::ConvertOptions;
+use crate::app::man::ManOptions;
+use crate::app::master::MasterOptions;
+use crate::app::replay::ReplayOptions;
 use crate::settings::{
     AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint, StreamKind,
 };
@@ -190,6 +195,12 @@ pub(crate) enum Task {
     Replay(ReplayOptions),
     /// `convert`: writes a recording as files of samples.
     Convert(ConvertOptions),
+    /// `master`: runs a ROS master.
+    Master(MasterOptions),
+    /// `completions`: prints a script for a shell.
+    Completions(CompletionsOptions),
+    /// `man`: writes manual pages.
+    Man(ManOptions),
 }
 
 /// Test the device's converters with their internal signals, and print the results.
@@ -249,74 +260,6 @@ pub(crate) struct RecordOptions {
     pub(crate) asked: StreamOptions,
 }
 
-/// Play a recording as the device that was recorded, at a pseudoterminal or a TCP port.
-///
-/// The bridge connects to it with --port as to a board: Identify is answered with the recorded
-/// device's introduction, and each Start plays the recording from its beginning. Self-test, reset
-/// and clock queries are answered with NotSupported. Ends after the last frame.
-///
-/// Exit status: 0 done, 2 wrong usage, no usable recording or port.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "replay")]
-pub(crate) struct ReplayOptions {
-    /// Recording to read
-    pub(crate) file: PathBuf,
-    /// Port to make: pty:PATH (a link to a pseudoterminal) or tcp:HOST:PORT
-    #[arg(long, value_name = "pty:PATH|tcp:HOST:PORT")]
-    pub(crate) output: PortAddress,
-    /// Send as fast as the host reads, not in real time; times of arrival then mean nothing
-    #[arg(long)]
-    pub(crate) fast: bool,
-}
-
-/// Write a recording as files of codes and samples, one for each stream in it.
-///
-/// FILE.codes.gdf has the codes and FILE.reconstructed.gdf the EEG decoded from them;
-/// FILE.raw.gdf and FILE.filtered.gdf exist if these streams were recorded. Each row stands at its
-/// time: what was lost, or is missing between two runs of the device, is a filler with a flag. Each
-/// event stands at the first row that happened at its time or later. An existing file is never
-/// replaced.
-///
-/// Exit status: 0 done, 1 a file cannot be written, 2 wrong usage, no usable recording or an existing
-/// file.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "convert")]
-pub(crate) struct ConvertOptions {
-    /// Recording to read
-    pub(crate) file: PathBuf,
-    /// Format of the files to write
-    #[arg(long, value_enum)]
-    pub(crate) to: FileFormat,
-    /// Folder of the model to decode with, instead of the built-in one
-    #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
-    pub(crate) model: Option<PathBuf>,
-}
-
-/// Format of the files that `convert` writes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum FileFormat {
-    /// GDF 2.20: float32, and the events in a table.
-    Gdf,
-    /// BDF+: 24 bits, and the events as annotations.
-    Bdf,
-    /// Comma-separated values with a header line.
-    Csv,
-    /// Arrays for numpy.
-    Npz,
-}
-
-impl FileFormat {
-    /// Ending of the names of files.
-    pub(crate) fn extension(self) -> &'static str {
-        match self {
-            FileFormat::Gdf => "gdf",
-            FileFormat::Bdf => "bdf",
-            FileFormat::Csv => "csv",
-            FileFormat::Npz => "npz",
-        }
-    }
-}
-
 impl Task {
     /// Parses the arguments; the first one is the program's name.
     ///
@@ -331,6 +274,11 @@ impl Task {
             Some(("record", of)) => RecordOptions::from_arg_matches(of).map(Task::Record),
             Some(("replay", of)) => ReplayOptions::from_arg_matches(of).map(Task::Replay),
             Some(("convert", of)) => ConvertOptions::from_arg_matches(of).map(Task::Convert),
+            Some(("master", of)) => MasterOptions::from_arg_matches(of).map(Task::Master),
+            Some(("completions", of)) => {
+                CompletionsOptions::from_arg_matches(of).map(Task::Completions)
+            }
+            Some(("man", of)) => ManOptions::from_arg_matches(of).map(Task::Man),
             Some((_, of)) => ResetOptions::from_arg_matches(of).map(Task::Reset),
             None => {
                 Options::from_arg_matches(&matches).map(|options| Task::Bridge(Box::new(options)))
@@ -351,6 +299,9 @@ pub(crate) fn command() -> Command {
         .subcommand(with_config(RecordOptions::command()))
         .subcommand(ReplayOptions::command())
         .subcommand(with_config(ConvertOptions::command()))
+        .subcommand(MasterOptions::command())
+        .subcommand(CompletionsOptions::command())
+        .subcommand(ManOptions::command())
 }
 
 /// Option that names the configuration file. The file is read before the other options are complete,

@@ -59,6 +59,9 @@ fn help_names_every_option() {
         "record",
         "replay",
         "convert",
+        "master",
+        "completions",
+        "man",
         "/diagnostics keeps its name",
     ] {
         assert!(help.contains(option), "{help}");
