@@ -34,13 +34,12 @@ const COMPLETIONS: [(&str, &str); 3] = [
 /// Packs `program`, or the bridge built in release, and prints the path of the package. With `check`, also runs
 /// the test that installs the package.
 pub(crate) fn deb(program: Option<PathBuf>, check: bool) -> Result<(), Failure> {
-    let program = match program {
-        Some(program) => program,
-        None => {
-            let build = "build --release --locked --package bridge --bin corticode-bridge";
-            run(&mut cargo(build), AFTER_A_BUILD)?;
-            target_folder().join("release/corticode-bridge")
-        }
+    let program = if let Some(program) = program {
+        program
+    } else {
+        let build = "build --release --locked --package bridge --bin corticode-bridge";
+        run(&mut cargo(build), AFTER_A_BUILD)?;
+        target_folder().join("release/corticode-bridge")
     };
     let package = package(&program)?;
     if check {
@@ -120,6 +119,11 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     write("DEBIAN/control", &control)?;
     let name = format!("corticode-bridge_{version}_{}.deb", architecture.trim());
     let package = folder.join(name);
+    // Independent of the umask.
+    run(
+        Command::new("chmod").args(["-R", "u=rwX,go=rX"]).arg(&tree),
+        NEXT,
+    )?;
     let mut build = Command::new("dpkg-deb");
     let build = build.args(["--root-owner-group", "--build"]).arg(&tree);
     output(build.arg(&package))?;
