@@ -43,7 +43,7 @@ pub(crate) fn deb(program: Option<PathBuf>, check: bool) -> Result<(), Failure> 
     };
     let package = package(&program)?;
     if check {
-        let mut test = cargo("test --package acceptance --test debian_package");
+        let mut test = cargo("test --package acceptance --test debian_package -- --nocapture");
         run(test.env("CORTICODE_DEB", &package), AFTER_A_TEST)?;
     }
     println!("{}", package.display());

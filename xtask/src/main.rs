@@ -103,7 +103,8 @@ enum Verb {
     },
     /// Build the Debian package of the bridge in target/debian/, for this distribution and later ones
     Deb {
-        /// Also install it in a clean Debian 12, start it and purge it; needs root and mmdebstrap
+        /// Also install it in a clean Debian 12, start and purge it, and start its service in a container; needs
+        /// root, mmdebstrap and systemd-container
         #[arg(long)]
         check: bool,
         /// Pack this program instead of building one
