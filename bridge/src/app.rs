@@ -4,8 +4,13 @@ mod bridge;
 mod check_options;
 mod claim;
 mod command_line;
+mod completions;
+mod config_file;
 mod convert;
 mod doctor;
+mod given_options;
+mod man;
+mod master;
 mod namespace;
 mod outlets;
 mod parameters;
@@ -27,6 +32,7 @@ use std::error::Error;
 use std::fmt;
 use std::fs::File;
 use std::io::{ErrorKind, Write};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -40,12 +46,14 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
 use crate::app::check_options::{DoctorOptions, PortsOptions};
-use crate::app::command_line::{
-    ConvertOptions, GivenOptions, Options, PortOptions, RecordOptions, ReplayOptions, Task,
-};
+use crate::app::command_line::{Options, PortOptions, RecordOptions, Task, command};
+use crate::app::config_file::ConfigFile;
+use crate::app::convert::ConvertOptions;
+use crate::app::given_options::GivenOptions;
+use crate::app::master::MasterOptions;
 use crate::app::ports::PortList;
+use crate::app::replay::ReplayOptions;
 use crate::app::rosout::RosoutLayer;
-use crate::app::sink_kind::SinkKind;
 use crate::error::BridgeError;
 use crate::ports::system_root::SystemRoot;
 use crate::query::protocol::{Answer, Request};
@@ -58,18 +66,25 @@ use crate::query::query_port;
 /// reachable, and 4 that the device refuses the request. Without a subcommand the bridge streams
 /// until a signal or ROS ends it. `selftest` and `reset` send the device one request and print its
 /// answer. `record` writes everything on the wire to a file,
-/// which `replay` and `convert` read.
+/// which `replay` and `convert` read. `master` runs a ROS master until a signal ends it;
+/// `completions` and `man` print.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
-    let done = read_task(&ros, arguments).and_then(|task| match task {
-        Task::Bridge(options) => stream(*options, ros).map(|()| ExitCode::SUCCESS),
+    let done = read_task(&ros, arguments).and_then(|(task, config)| match task {
+        Task::Bridge(options) => stream(*options, ros, config).map(|()| ExitCode::SUCCESS),
         Task::SelfTest(options) => send_request(&options.at, Request::SelfTest, options.json),
         Task::Reset(options) => send_request(&options.at, Request::Reset(options.target()), false),
-        Task::Record(options) => record(options, &ros).map(|()| ExitCode::SUCCESS),
+        Task::Record(options) => record(options, &ros, config).map(|()| ExitCode::SUCCESS),
         Task::Replay(options) => replay(&options, &ros).map(|()| ExitCode::SUCCESS),
-        Task::Convert(options) => convert(&options, &ros).map(|()| ExitCode::SUCCESS),
         Task::Ports(options) => list_ports(&options),
         Task::Doctor(options) => examine(&options, &ros),
+        Task::Convert(options) => convert(&options, &ros, config).map(|()| ExitCode::SUCCESS),
+        Task::Master(options) => run_master(&options, &ros).map(|()| ExitCode::SUCCESS),
+        Task::Completions(options) => {
+            let script = completions::script(&options, command());
+            print(script.as_bytes()).map(|()| ExitCode::SUCCESS)
+        }
+        Task::Man(options) => print(&man::pages(&options, command())?).map(|()| ExitCode::SUCCESS),
     });
     match done {
         Ok(code) => code,
@@ -85,15 +100,36 @@ pub fn run() -> ExitCode {
     }
 }
 
-/// Reads the options from command line, environment and parameter server, in this order of
-/// precedence. Wrong usage and requests for help end the process.
-fn read_task(ros: &NodeOptions, arguments: Vec<String>) -> Result<Task, BridgeError> {
-    let mut arguments = parameters::to_flags(arguments)?;
-    let given = GivenOptions::parse_from(&arguments).unwrap_or_else(|error| error.exit());
-    if let Some(given) = given
-        && given.sink == SinkKind::Ros
+/// Reads the options from command line, environment, parameter server and configuration file, in this
+/// order of precedence. Wrong usage and requests for help end the process. Also returns the path of
+/// the file, for the log, if it has options.
+fn read_task(
+    ros: &NodeOptions,
+    arguments: Vec<String>,
+) -> Result<(Task, Option<PathBuf>), BridgeError> {
+    let arguments = parameters::to_flags(arguments)?;
+    let parse = |arguments: &[String]| {
+        GivenOptions::parse_from(arguments).unwrap_or_else(|error| error.exit())
+    };
+    let given = parse(&arguments);
+    let (mut path, mut others) = (None, Vec::new());
+    if given.reads_config()
+        && let Some(file) = ConfigFile::read(given.config(), |name| std::env::var_os(name))?
     {
-        let master_uri = given.ros_master_uri.as_ref().unwrap_or(&ros.master_uri);
+        path = Some(file.path).filter(|_| !file.options.is_empty());
+        others = file.options;
+        others.retain(|(name, _)| given.knows(name) && !given.is_set(name));
+        if names_master() {
+            others.retain(|(name, _)| name != "ros_master_uri");
+        }
+    }
+    let values = |others: &[(String, String)]| {
+        let values = others.iter().map(|(_, argument)| argument.clone());
+        given.extend(&arguments, values)
+    };
+    let with_file = parse(&values(&others));
+    if with_file.is_ros_bridge() {
+        let master_uri = with_file.ros_master_uri().unwrap_or(&ros.master_uri);
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()?;
@@ -102,16 +138,31 @@ fn read_task(ros: &NodeOptions, arguments: Vec<String>) -> Result<Task, BridgeEr
         runtime.shutdown_background();
         for (name, argument) in parameters? {
             if !given.is_set(&name) {
-                arguments.push(argument);
+                others.retain(|(known, _)| *known != name);
+                others.push((name, argument));
             }
         }
     }
-    let task = Task::parse_from(arguments.into_iter().map(Into::into));
-    Ok(task.unwrap_or_else(|error| error.exit()))
+    let task = Task::parse_from(values(&others).into_iter().map(Into::into));
+    let task = task.unwrap_or_else(|error| error.exit());
+    if let (Task::SelfTest(_) | Task::Reset(_), Some(path)) = (&task, &path) {
+        // These tasks have no log.
+        eprintln!("corticode-bridge: options from {}", path.display());
+    }
+    Ok((task, path))
 }
 
-fn stream(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {
-    let lines = init_log(&ros)?;
+/// Returns whether `__master:=` or `ROS_MASTER_URI` names the ROS master. They override the
+/// configuration file.
+fn names_master() -> bool {
+    let variable = std::env::var_os("ROS_MASTER_URI");
+    let mut arguments = std::env::args_os();
+    variable.is_some_and(|uri| !uri.is_empty())
+        || arguments.any(|argument| argument.to_string_lossy().starts_with("__master:="))
+}
+
+fn stream(options: Options, ros: NodeOptions, config: Option<PathBuf>) -> Result<(), BridgeError> {
+    let lines = init_log(&ros, config)?;
     // One thread reads the port and writes the sockets: passing a code to another thread would delay
     // it by the time in which that thread wakes up.
     let runtime = tokio::runtime::Builder::new_current_thread()
@@ -122,8 +173,12 @@ fn stream(options: Options, ros: NodeOptions) -> Result<(), BridgeError> {
     Ok(())
 }
 
-fn record(options: RecordOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
-    init_log(ros)?;
+fn record(
+    options: RecordOptions,
+    ros: &NodeOptions,
+    config: Option<PathBuf>,
+) -> Result<(), BridgeError> {
+    init_log(ros, config)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()?;
@@ -133,7 +188,7 @@ fn record(options: RecordOptions, ros: &NodeOptions) -> Result<(), BridgeError> 
 }
 
 fn replay(options: &ReplayOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
-    init_log(ros)?;
+    init_log(ros, None)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()?;
@@ -142,11 +197,23 @@ fn replay(options: &ReplayOptions, ros: &NodeOptions) -> Result<(), BridgeError>
     Ok(())
 }
 
-fn convert(options: &ConvertOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
-    init_log(ros)?;
+fn convert(
+    options: &ConvertOptions,
+    ros: &NodeOptions,
+    config: Option<PathBuf>,
+) -> Result<(), BridgeError> {
+    init_log(ros, config)?;
     let summary = convert::convert(options)?;
     eprintln!("corticode-bridge: {summary}");
     Ok(())
+}
+
+fn run_master(options: &MasterOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
+    init_log(ros, None)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()?;
+    runtime.block_on(master::run(options))
 }
 
 /// Sends one request to the device and prints the answer. The exit status is 1 if a self-test
@@ -170,7 +237,7 @@ fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCo
             true,
         ),
     };
-    print(&text)?;
+    print(format!("{text}\n").as_bytes())?;
     Ok(ExitCode::from(u8::from(!passed)))
 }
 
@@ -194,15 +261,17 @@ fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, Bridg
 
 /// Prints a report as text or as JSON.
 fn print_report(report: &(impl Serialize + fmt::Display), json: bool) -> Result<(), BridgeError> {
-    if json {
-        print(&serde_json::to_string_pretty(report).map_err(std::io::Error::from)?)
+    let text = if json {
+        serde_json::to_string_pretty(report).map_err(std::io::Error::from)?
     } else {
-        print(&report.to_string())
-    }
+        report.to_string()
+    };
+    print(format!("{text}\n").as_bytes())
 }
 
-fn print(text: &str) -> Result<(), BridgeError> {
-    match writeln!(std::io::stdout(), "{text}") {
+/// Writes text to stdout.
+fn print(text: &[u8]) -> Result<(), BridgeError> {
+    match std::io::stdout().write_all(text) {
         // The process that reads the output, such as `head`, has closed the pipe, which is not an
         // error.
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
@@ -211,8 +280,8 @@ fn print(text: &str) -> Result<(), BridgeError> {
 }
 
 /// Sends the log to stderr, and also to the log file if roslaunch names one. Returns the lines for
-/// `/rosout`.
-fn init_log(ros: &NodeOptions) -> Result<Receiver<Log>, BridgeError> {
+/// `/rosout`. `config` is the configuration file that was read.
+fn init_log(ros: &NodeOptions, config: Option<PathBuf>) -> Result<Receiver<Log>, BridgeError> {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
     let writer = match &ros.log {
         None => BoxMakeWriter::new(std::io::stderr),
@@ -234,5 +303,8 @@ fn init_log(ros: &NodeOptions) -> Result<Receiver<Log>, BridgeError> {
         .with(written)
         .with(rosout)
         .init();
+    if let Some(path) = config {
+        tracing::info!("options from {}", path.display());
+    }
     Ok(lines)
 }

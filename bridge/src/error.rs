@@ -7,6 +7,7 @@ use neuro_ros::SinkError;
 use neuro_ros::ros1::NodeError;
 use thiserror::Error;
 
+use crate::config_error::ConfigError;
 use crate::query::report::DeviceSummary;
 use crate::recording::error::RecordingError;
 
@@ -49,6 +50,14 @@ pub enum BridgeError {
          --streams codes,raw --announce raw"
     )]
     AnnouncedNotStreamed,
+    /// The configuration file cannot be used.
+    #[error("the configuration file {path} cannot be used")]
+    Config {
+        /// Path of the file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: ConfigError,
+    },
     /// A private parameter, `_name:=` or `~name`, has the name of no option.
     #[error("the private parameter {name} is not known; {remedy}; known are {known}")]
     UnknownParameter {
@@ -109,6 +118,17 @@ pub enum BridgeError {
     /// opened.
     #[error("the ROS node cannot start; check the name, ROS_IP and ROS_MASTER_URI")]
     Node(#[from] NodeError),
+    /// The ROS master cannot listen on the address from `--bind`.
+    #[error(
+        "the ROS master cannot listen at {address}; end the master that uses this port, or choose \
+         an IP address of this machine and another port, such as --bind 127.0.0.1:11312"
+    )]
+    MasterAddress {
+        /// Address from `--bind`.
+        address: std::net::SocketAddr,
+        /// The operating system's error.
+        source: std::io::Error,
+    },
     /// The JSON lines cannot be written: their reader closed the pipe or does not read, or the
     /// output failed.
     #[error("frames cannot be published")]
@@ -189,6 +209,8 @@ impl BridgeError {
             | BridgeError::Recording { .. }
             | BridgeError::Output { .. }
             | BridgeError::AnnouncedNotStreamed
+            | BridgeError::Config { .. }
+            | BridgeError::MasterAddress { .. }
             | BridgeError::UnknownParameter { .. }
             | BridgeError::ParameterType { .. }
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,

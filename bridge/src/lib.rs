@@ -64,6 +64,7 @@
 
 mod app;
 mod columns;
+mod config_error;
 mod conversion;
 mod core;
 mod decoder;
@@ -82,6 +83,7 @@ mod time;
 mod wire;
 
 pub use app::run;
+pub use config_error::ConfigError;
 pub use core::Core;
 pub use decoder::audit::{AuditResult, AuditedWindow};
 pub use decoder::counts::DecoderCounts;

@@ -68,7 +68,13 @@ async fn path(seconds: u32, seed: u64, programs: &Path, folder: &Path) -> Result
     // The bridge starts first and waits for its port. The subscriber is therefore linked before the
     // board makes its first code.
     let port = folder.join("board").to_string_lossy().into_owned();
-    let arguments = ["--port", &port, "--ros-master-uri", master.uri()];
+    let arguments = [
+        "--port",
+        &port,
+        "--ros-master-uri",
+        master.uri(),
+        "--config=/dev/null",
+    ];
     let mut bridge = Program::start(&programs.join(BRIDGE), &arguments, folder)?;
     bar.set_message("waiting for the bridge to announce its topics");
     listener.wait_for_links(&mut bridge).await?;

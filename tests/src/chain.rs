@@ -101,10 +101,10 @@ impl Status {
     }
 }
 
-/// A bridge between a port and a roscore, with a subscriber to its codes and a recorder of them.
+/// A bridge between a port and a ROS master, with a subscriber to its codes and a recorder of them.
 #[derive(Debug)]
 pub struct Chain<'a> {
-    /// The roscore, and the environment of the ROS tools.
+    /// The ROS master, and the environment of the ROS tools.
     pub ros: Ros<'a>,
     folder: &'a Path,
     bridge: Process,
@@ -127,7 +127,17 @@ impl<'a> Chain<'a> {
     /// # Panics
     /// When a program does not start.
     pub fn start_with(folder: &'a Path, options: &[&str]) -> Self {
-        Self::start_bridge(folder, &port(folder).to_string_lossy(), options)
+        let ros = Ros::start(folder).expect("roscore starts");
+        Self::start_bridge(ros, folder, &port(folder).to_string_lossy(), options)
+    }
+
+    /// Like [`Self::start`], with the master of `corticode-bridge` instead of roscore.
+    ///
+    /// # Panics
+    /// When a program does not start.
+    pub fn start_without_roscore(folder: &'a Path) -> Self {
+        let ros = Ros::start_master_of(&programs().bridge, folder).expect("the master starts");
+        Self::start_bridge(ros, folder, &port(folder).to_string_lossy(), &[])
     }
 
     /// Like [`Self::start`], for a board at an address in the format of the bridge's `--port`.
@@ -135,16 +145,17 @@ impl<'a> Chain<'a> {
     /// # Panics
     /// When a program does not start.
     pub fn start_at(folder: &'a Path, address: &str) -> Self {
-        Self::start_bridge(folder, address, &[])
+        let ros = Ros::start(folder).expect("roscore starts");
+        Self::start_bridge(ros, folder, address, &[])
     }
 
-    fn start_bridge(folder: &'a Path, address: &str, options: &[&str]) -> Self {
-        let ros = Ros::start(folder).expect("roscore starts");
+    fn start_bridge(ros: Ros<'a>, folder: &'a Path, address: &str, options: &[&str]) -> Self {
         let mut bridge = Command::new(&programs().bridge);
         bridge
             .args(["--ros-master-uri", &ros.master_uri(), "--port", address])
             .args(options)
             .env("ROS_HOSTNAME", "127.0.0.1")
+            .env("CORTICODE_CONFIG", "/dev/null")
             .env_remove("ROS_IP");
         let bridge = Process::start("bridge", &mut bridge, folder).expect("the bridge starts");
         let subscriber = subscribe(&ros, folder, "subscriber", "/encoded");
@@ -286,7 +297,7 @@ fn port(folder: &Path) -> PathBuf {
     folder.join("board-port")
 }
 
-/// Starts a rospy subscriber to a topic, with the Python class that genpy generates from `neuro-ros/msg`.
+/// Starts a rospy subscriber to a topic, with the Python class that genpy generates from `ros/rosneuro_msgs`.
 fn subscribe(ros: &Ros<'_>, folder: &Path, name: &str, topic: &str) -> Process {
     let script = workspace::root().join("tests/ros/subscribe.py");
     let script = script.canonicalize().expect("the script exists");

@@ -67,6 +67,28 @@ impl<'a> Ros<'a> {
         })
     }
 
+    /// Like [`Self::start`], but with the master of `corticode-bridge` at the path `bridge` instead of roscore.
+    ///
+    /// # Errors
+    /// There is no free port, or the master does not start.
+    pub fn start_master_of(bridge: &Path, folder: &'a Path) -> io::Result<Self> {
+        ros_messages::generate(folder);
+        let port = free_port()?;
+        let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
+        let mut master = Command::new(bridge);
+        master.args(["master", "--bind", &address.to_string()]);
+        let mut core = Process::start("master", &mut master, folder)?;
+        core.wait_until("the master listens", TIMEOUT, |_| {
+            TcpStream::connect(address).is_ok()
+        });
+        Ok(Self {
+            port,
+            folder,
+            core,
+            starts: 1,
+        })
+    }
+
     /// Returns the master's address, for `ROS_MASTER_URI`.
     pub fn master_uri(&self) -> String {
         master_uri(self.port)

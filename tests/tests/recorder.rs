@@ -48,6 +48,7 @@ impl<'a> Session<'a> {
             "--port",
         ]);
         bridge.arg(folder.join("port"));
+        bridge.env("CORTICODE_CONFIG", "/dev/null");
         // The recorder reads what the bridge writes: a named pipe between them.
         let pipe = folder.join("lines");
         let made = Command::new("mkfifo")

@@ -4,16 +4,25 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::builder::BoolishValueParser;
-use clap::parser::ValueSource;
-use clap::{ArgAction, ArgMatches, Args, Command, CommandFactory, Error, FromArgMatches, Parser};
+use clap::{
+    Arg, ArgAction, Args, Command, CommandFactory, Error, FromArgMatches, Parser, ValueHint,
+};
 use link::{ResetInto, Streams};
 
 use crate::app::check_options::{DoctorOptions, PortsOptions};
+use crate::app::completions::CompletionsOptions;
+use crate::app::convert::ConvertOptions;
+use crate::app::man::ManOptions;
+use crate::app::master::MasterOptions;
+use crate::app::replay::ReplayOptions;
 use crate::app::sink_kind::SinkKind;
 use crate::settings::{
     AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint, StreamKind,
 };
 use crate::wire::address::PortAddress;
+
+/// Identifier and name of the option for the configuration file.
+pub(crate) const CONFIG: &str = "config";
 
 /// Publish the codes and signals of a Corticode board as ROS-Neuro NeuroFrames.
 ///
@@ -24,7 +33,8 @@ use crate::wire::address::PortAddress;
 /// receives frames that are larger than it allocated. Waits for an absent device or ROS master and
 /// reconnects when it returns. ROS's own arguments work too: __name:=, __ns:=,
 /// /encoded:=/neurodata. Each option is a private parameter as well: _port:=/dev/ttyACM0, or
-/// ~port on the parameter server, which flags and environment override. The log goes to stderr; RUST_LOG=debug shows more.
+/// ~port on the parameter server, which flags and environment override. --config names a file of
+/// options, which all of these override. The log goes to stderr; RUST_LOG=debug shows more.
 ///
 /// Exit status: 0 done, 1 a check failed, 2 wrong usage, 3 device or ROS not reachable, 4 the
 /// device refuses.
@@ -133,11 +143,11 @@ impl Options {
     /// is none of them, because the parameters are read from that master.
     pub(crate) fn parameter_names() -> Vec<String> {
         let command = Options::command();
-        let names = command
+        let ids = command
             .get_arguments()
-            .filter_map(|argument| argument.get_long());
-        let names = names.filter(|name| !["help", "version", "ros-master-uri"].contains(name));
-        names.map(|name| name.replace('-', "_")).collect()
+            .map(|option| option.get_id().as_str());
+        let ids = ids.filter(|id| *id != "ros_master_uri");
+        ids.map(str::to_owned).collect()
     }
 
     /// Converts the options to the settings of the core.
@@ -182,6 +192,12 @@ pub(crate) enum Task {
     Ports(PortsOptions),
     /// `doctor`: checks port, device, ROS and clock.
     Doctor(DoctorOptions),
+    /// `master`: runs a ROS master.
+    Master(MasterOptions),
+    /// `completions`: prints a script for a shell.
+    Completions(CompletionsOptions),
+    /// `man`: writes manual pages.
+    Man(ManOptions),
 }
 
 /// Test the device's converters with their internal signals, and print the results.
@@ -241,74 +257,6 @@ pub(crate) struct RecordOptions {
     pub(crate) asked: StreamOptions,
 }
 
-/// Play a recording as the device that was recorded, at a pseudoterminal or a TCP port.
-///
-/// The bridge connects to it with --port as to a board: Identify is answered with the recorded
-/// device's introduction, and each Start plays the recording from its beginning. Self-test, reset
-/// and clock queries are answered with NotSupported. Ends after the last frame.
-///
-/// Exit status: 0 done, 2 wrong usage, no usable recording or port.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "replay")]
-pub(crate) struct ReplayOptions {
-    /// Recording to read
-    pub(crate) file: PathBuf,
-    /// Port to make: pty:PATH (a link to a pseudoterminal) or tcp:HOST:PORT
-    #[arg(long, value_name = "pty:PATH|tcp:HOST:PORT")]
-    pub(crate) output: PortAddress,
-    /// Send as fast as the host reads, not in real time; times of arrival then mean nothing
-    #[arg(long)]
-    pub(crate) fast: bool,
-}
-
-/// Write a recording as files of codes and samples, one for each stream in it.
-///
-/// FILE.codes.gdf has the codes and FILE.reconstructed.gdf the EEG decoded from them;
-/// FILE.raw.gdf and FILE.filtered.gdf exist if these streams were recorded. Each row stands at its
-/// time: what was lost, or is missing between two runs of the device, is a filler with a flag. Each
-/// event stands at the first row that happened at its time or later. An existing file is never
-/// replaced.
-///
-/// Exit status: 0 done, 1 a file cannot be written, 2 wrong usage, no usable recording or an existing
-/// file.
-#[derive(Clone, Debug, Parser)]
-#[command(name = "convert")]
-pub(crate) struct ConvertOptions {
-    /// Recording to read
-    pub(crate) file: PathBuf,
-    /// Format of the files to write
-    #[arg(long, value_enum)]
-    pub(crate) to: FileFormat,
-    /// Folder of the model to decode with, instead of the built-in one
-    #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
-    pub(crate) model: Option<PathBuf>,
-}
-
-/// Format of the files that `convert` writes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum FileFormat {
-    /// GDF 2.20: float32, and the events in a table.
-    Gdf,
-    /// BDF+: 24 bits, and the events as annotations.
-    Bdf,
-    /// Comma-separated values with a header line.
-    Csv,
-    /// Arrays for numpy.
-    Npz,
-}
-
-impl FileFormat {
-    /// Ending of the names of files.
-    pub(crate) fn extension(self) -> &'static str {
-        match self {
-            FileFormat::Gdf => "gdf",
-            FileFormat::Bdf => "bdf",
-            FileFormat::Csv => "csv",
-            FileFormat::Npz => "npz",
-        }
-    }
-}
-
 impl Task {
     /// Parses the arguments; the first one is the program's name.
     ///
@@ -325,6 +273,11 @@ impl Task {
             Some(("convert", of)) => ConvertOptions::from_arg_matches(of).map(Task::Convert),
             Some(("ports", of)) => PortsOptions::from_arg_matches(of).map(Task::Ports),
             Some(("doctor", of)) => DoctorOptions::from_arg_matches(of).map(Task::Doctor),
+            Some(("master", of)) => MasterOptions::from_arg_matches(of).map(Task::Master),
+            Some(("completions", of)) => {
+                CompletionsOptions::from_arg_matches(of).map(Task::Completions)
+            }
+            Some(("man", of)) => ManOptions::from_arg_matches(of).map(Task::Man),
             Some((_, of)) => ResetOptions::from_arg_matches(of).map(Task::Reset),
             None => {
                 Options::from_arg_matches(&matches).map(|options| Task::Bridge(Box::new(options)))
@@ -334,54 +287,35 @@ impl Task {
     }
 }
 
-fn command() -> Command {
-    Options::command()
+/// Returns the command line with all subcommands.
+pub(crate) fn command() -> Command {
+    let with_config = |command: Command| command.arg(config_option());
+    with_config(Options::command())
         .args_conflicts_with_subcommands(true)
         .subcommand_negates_reqs(true)
-        .subcommand(SelfTestOptions::command())
-        .subcommand(ResetOptions::command())
-        .subcommand(RecordOptions::command())
+        .subcommand(with_config(SelfTestOptions::command()))
+        .subcommand(with_config(ResetOptions::command()))
+        .subcommand(with_config(RecordOptions::command()))
         .subcommand(ReplayOptions::command())
-        .subcommand(ConvertOptions::command())
         .subcommand(PortsOptions::command())
-        .subcommand(DoctorOptions::command())
+        .subcommand(with_config(DoctorOptions::command()))
+        .subcommand(with_config(ConvertOptions::command()))
+        .subcommand(MasterOptions::command())
+        .subcommand(CompletionsOptions::command())
+        .subcommand(ManOptions::command())
 }
 
-/// Options of the bridge on the command line and in the environment, without those that the
-/// parameter server has.
-#[derive(Debug)]
-pub(crate) struct GivenOptions {
-    pub(crate) sink: SinkKind,
-    pub(crate) ros_master_uri: Option<String>,
-    matches: ArgMatches,
-}
-
-impl GivenOptions {
-    /// Parses the arguments; the first one is the program's name. Required options can be missing.
-    /// Returns `None` for a subcommand.
-    ///
-    /// # Errors
-    ///
-    /// [`Error`] for wrong usage or a request for help; [`Error::exit`] prints it.
-    pub(crate) fn parse_from(arguments: &[String]) -> Result<Option<GivenOptions>, Error> {
-        let command = command().mut_arg("port", |port| port.required(false));
-        let matches = command.try_get_matches_from(arguments)?;
-        if matches.subcommand().is_some() {
-            return Ok(None);
-        }
-        Ok(Some(GivenOptions {
-            sink: matches.get_one("sink").copied().unwrap_or_default(),
-            ros_master_uri: matches.get_one("ros_master_uri").cloned(),
-            matches,
-        }))
-    }
-
-    /// Returns whether the option with the identifier `id` is set.
-    pub(crate) fn is_set(&self, id: &str) -> bool {
-        let source = self.matches.value_source(id);
-        matches!(
-            source,
-            Some(ValueSource::CommandLine | ValueSource::EnvVariable)
+/// Option that names the configuration file. The file is read before the other options are complete,
+/// so this option is no field of their structs.
+fn config_option() -> Arg {
+    Arg::new(CONFIG)
+        .long(CONFIG)
+        .env("CORTICODE_CONFIG")
+        .value_name("FILE")
+        .value_hint(ValueHint::FilePath)
+        .value_parser(clap::value_parser!(PathBuf))
+        .help(
+            "TOML file with options, such as port = \"/dev/ttyACM0\" [default: \
+             ~/.config/corticode/bridge.toml, else /etc/corticode/bridge.toml, if one exists]",
         )
-    }
 }

@@ -6,10 +6,10 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use tracing::subscriber::NoSubscriber;
 
-use crate::app::command_line::{ConvertOptions, FileFormat};
 use crate::app::recording_file::create_new;
 use crate::conversion::bdf::BdfRows;
 use crate::conversion::block::Stream;
@@ -27,6 +27,54 @@ use crate::recording::error::RecordingError;
 use crate::recording::file_header::FileHeader;
 use crate::recording::reader::{LeftOut, RecordingReader};
 use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
+
+/// Write a recording as files of codes and samples, one for each stream in it.
+///
+/// FILE.codes.gdf has the codes and FILE.reconstructed.gdf the EEG decoded from them;
+/// FILE.raw.gdf and FILE.filtered.gdf exist if these streams were recorded. Each row stands at its
+/// time: what was lost, or is missing between two runs of the device, is a filler with a flag. Each
+/// event stands at the first row that happened at its time or later. An existing file is never
+/// replaced.
+///
+/// Exit status: 0 done, 1 a file cannot be written, 2 wrong usage, no usable recording or an existing
+/// file.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "convert")]
+pub(crate) struct ConvertOptions {
+    /// Recording to read
+    pub(crate) file: PathBuf,
+    /// Format of the files to write
+    #[arg(long, value_enum)]
+    pub(crate) to: FileFormat,
+    /// Folder of the model to decode with, instead of the built-in one
+    #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
+    pub(crate) model: Option<PathBuf>,
+}
+
+/// Format of the files that `convert` writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum FileFormat {
+    /// GDF 2.20: float32, and the events in a table.
+    Gdf,
+    /// BDF+: 24 bits, and the events as annotations.
+    Bdf,
+    /// Comma-separated values with a header line.
+    Csv,
+    /// Arrays for numpy.
+    Npz,
+}
+
+impl FileFormat {
+    /// Ending of the names of files.
+    pub(crate) fn extension(self) -> &'static str {
+        match self {
+            FileFormat::Gdf => "gdf",
+            FileFormat::Bdf => "bdf",
+            FileFormat::Csv => "csv",
+            FileFormat::Npz => "npz",
+        }
+    }
+}
 
 /// What a conversion wrote and what it had to leave out; prints as lines.
 #[derive(Debug)]

@@ -86,7 +86,8 @@ fn check(name: &str, known: &[String], remedy: String) -> Result<(), BridgeError
     })
 }
 
-fn to_flag(name: &str, value: &str) -> String {
+/// Returns the option `name` with a value as an argument; its name has underscores.
+pub(crate) fn to_flag(name: &str, value: &str) -> String {
     format!("--{}={value}", name.replace('_', "-"))
 }
 

@@ -5,16 +5,17 @@ use std::fs::File;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use clap::Parser;
 use indicatif::ProgressBar;
 use tokio::time::{Instant, sleep, sleep_until};
 
-use crate::app::command_line::ReplayOptions;
 use crate::app::replay_port::ReplayPort;
 use crate::app::shutdown::Shutdown;
 use crate::error::BridgeError;
 use crate::recording::error::RecordingError;
 use crate::recording::replayer::{Pace, ReplayCounts, Replayer};
 use crate::time::host_time::HostTime;
+use crate::wire::address::PortAddress;
 use crate::wire::port::Transfer;
 
 /// Time after the last frame in which the host can still send commands and get answers.
@@ -25,6 +26,26 @@ const DRAIN_TIMEOUT: Duration = Duration::from_secs(5);
 const MAX_WAITING: usize = 64 * 1024;
 /// Time between two updates of the progress.
 const TICK: Duration = Duration::from_millis(100);
+
+/// Play a recording as the device that was recorded, at a pseudoterminal or a TCP port.
+///
+/// The bridge connects to it with --port as to a board: Identify is answered with the recorded
+/// device's introduction, and each Start plays the recording from its beginning. Self-test, reset
+/// and clock queries are answered with NotSupported. Ends after the last frame.
+///
+/// Exit status: 0 done, 2 wrong usage, no usable recording or port.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "replay")]
+pub(crate) struct ReplayOptions {
+    /// Recording to read
+    pub(crate) file: PathBuf,
+    /// Port to make: pty:PATH (a link to a pseudoterminal) or tcp:HOST:PORT
+    #[arg(long, value_name = "pty:PATH|tcp:HOST:PORT")]
+    pub(crate) output: PortAddress,
+    /// Send as fast as the host reads, not in real time; times of arrival then mean nothing
+    #[arg(long)]
+    pub(crate) fast: bool,
+}
 
 /// What a replay has sent; prints as one line.
 #[derive(Debug)]

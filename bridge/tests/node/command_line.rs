@@ -53,6 +53,7 @@ fn help_names_every_option() {
         "--low-latency",
         "--announce",
         "--streams",
+        "--config",
         "selftest",
         "reset",
         "record",
@@ -61,6 +62,9 @@ fn help_names_every_option() {
         "ports",
         "doctor",
         "auto:SERIAL",
+        "master",
+        "completions",
+        "man",
         "/diagnostics keeps its name",
     ] {
         assert!(help.contains(option), "{help}");

@@ -8,18 +8,21 @@ mod backlog;
 #[expect(dead_code, reason = "the tests of the core use more of it")]
 mod board;
 mod command_line;
+mod config;
 mod convert;
 mod device;
 mod doctor;
 mod graph;
 mod lines;
 mod machine;
+mod master;
 mod names;
 mod process;
 mod query;
 mod record;
 mod replay;
 mod replug;
+mod shell;
 #[path = "../../src/ports/simulated_machine.rs"]
 #[expect(dead_code, reason = "the tests of the crate use more of it")]
 mod simulated_machine;

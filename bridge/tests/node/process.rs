@@ -25,6 +25,17 @@ impl Bridge {
     }
 
     fn spawn(arguments: &[&str], variables: &[(&str, &str)], stdout: Stdio) -> Bridge {
+        Bridge::spawn_command(&mut Bridge::command(arguments, variables, stdout))
+    }
+
+    /// Starts a command that runs the bridge.
+    pub(crate) fn spawn_command(command: &mut Command) -> Bridge {
+        Bridge {
+            child: command.spawn().unwrap(),
+        }
+    }
+
+    fn command(arguments: &[&str], variables: &[(&str, &str)], stdout: Stdio) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_corticode-bridge"));
         for variable in [
             "ROS_MASTER_URI",
@@ -35,19 +46,21 @@ impl Bridge {
             command.env_remove(variable);
         }
         command.env("ROS_IP", "127.0.0.1").args(arguments);
+        // Not the configuration of the user who runs the tests.
+        command.env("CORTICODE_CONFIG", "/dev/null");
         command.envs(variables.iter().copied());
         command
             .stdin(Stdio::null())
             .stdout(stdout)
             .stderr(Stdio::piped());
-        Bridge::spawn_command(&mut command)
+        command
     }
 
-    /// Starts a command that runs the bridge.
-    pub(crate) fn spawn_command(command: &mut Command) -> Bridge {
-        Bridge {
-            child: command.spawn().unwrap(),
-        }
+    /// Starts the bridge with the configuration of a user. `home` is the variable that names the
+    /// user's folder.
+    pub(crate) fn start_in_home(arguments: &[&str], home: (&str, &str)) -> Bridge {
+        let mut command = Bridge::command(arguments, &[home], Stdio::piped());
+        Bridge::spawn_command(command.env_remove("CORTICODE_CONFIG"))
     }
 
     /// Starts the bridge with its output in a file.

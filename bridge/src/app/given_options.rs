@@ -1,0 +1,107 @@
+//! Options that the command line and the environment set.
+
+use std::path::PathBuf;
+
+use clap::parser::ValueSource;
+use clap::{Arg, ArgMatches, Command, Error};
+
+use crate::app::command_line::{CONFIG, command};
+use crate::app::sink_kind::SinkKind;
+
+/// Options on the command line and in the environment, without those that the parameter server and
+/// the configuration file set. Required options can be missing.
+#[derive(Debug)]
+pub(crate) struct GivenOptions {
+    /// Matches of the subcommand, or of the bridge without one.
+    matches: ArgMatches,
+    /// Identifiers of all options of the subcommand or of the bridge.
+    known: Vec<String>,
+    has_subcommand: bool,
+}
+
+impl GivenOptions {
+    /// Parses the arguments; the first one is the program's name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for wrong usage or a request for help; [`Error::exit`] prints it.
+    pub(crate) fn parse_from(arguments: &[String]) -> Result<GivenOptions, Error> {
+        let optional = |command: Command| {
+            if has_option(&command, "port") {
+                command.mut_arg("port", |port| port.required(false))
+            } else {
+                command
+            }
+        };
+        let mut command = optional(command()).mut_subcommands(optional);
+        let matches = command.try_get_matches_from_mut(arguments)?;
+        let ids = |command: &Command| -> Vec<String> {
+            let ids = command.get_arguments().map(Arg::get_id);
+            ids.map(ToString::to_string).collect()
+        };
+        Ok(match matches.subcommand() {
+            Some((name, of)) => GivenOptions {
+                known: command.find_subcommand(name).map_or(Vec::new(), ids),
+                matches: of.clone(),
+                has_subcommand: true,
+            },
+            None => GivenOptions {
+                known: ids(&command),
+                matches,
+                has_subcommand: false,
+            },
+        })
+    }
+
+    /// Returns whether the bridge shall stream to ROS.
+    pub(crate) fn is_ros_bridge(&self) -> bool {
+        let sink = || self.matches.get_one::<SinkKind>("sink");
+        !self.has_subcommand && sink().is_none_or(|sink| *sink == SinkKind::Ros)
+    }
+
+    /// Returns the address of the ROS master, if an option sets it.
+    pub(crate) fn ros_master_uri(&self) -> Option<&String> {
+        self.matches.get_one("ros_master_uri")
+    }
+
+    /// Returns the configuration file that an option or the environment names.
+    pub(crate) fn config(&self) -> Option<&PathBuf> {
+        self.matches.get_one(CONFIG)
+    }
+
+    /// Returns whether the subcommand, or the bridge without one, reads a configuration file.
+    pub(crate) fn reads_config(&self) -> bool {
+        self.knows(CONFIG)
+    }
+
+    /// Returns whether the subcommand, or the bridge without one, has the option `id`.
+    pub(crate) fn knows(&self, id: &str) -> bool {
+        self.known.iter().any(|known| known == id)
+    }
+
+    /// Returns whether the option with the identifier `id` is set.
+    pub(crate) fn is_set(&self, id: &str) -> bool {
+        let source = self.matches.value_source(id);
+        matches!(
+            source,
+            Some(ValueSource::CommandLine | ValueSource::EnvVariable)
+        )
+    }
+
+    /// Returns `arguments` with `others` added, options of the subcommand or of the bridge. They come
+    /// before the other arguments, which can end with names of files after `--`.
+    pub(crate) fn extend(
+        &self,
+        arguments: &[String],
+        others: impl IntoIterator<Item = String>,
+    ) -> Vec<String> {
+        let names = if self.has_subcommand { 2 } else { 1 };
+        let (names, rest) = arguments.split_at(names.min(arguments.len()));
+        let names = names.iter().cloned();
+        names.chain(others).chain(rest.iter().cloned()).collect()
+    }
+}
+
+fn has_option(command: &Command, id: &str) -> bool {
+    command.get_arguments().any(|option| option.get_id() == id)
+}
