@@ -22,7 +22,7 @@ const PACKAGE: &str = "CORTICODE_DEB";
 /// Log of a bridge that has neither board nor ROS master.
 const WAITING: [&str; 3] = [
     "options from /etc/corticode/bridge.toml",
-    "/dev/ttyACM0 does not open",
+    "no Corticode board on USB",
     "no ROS master answers",
 ];
 /// Files that the package must install.
@@ -36,14 +36,14 @@ const INSTALLED: [&str; 7] = [
     "/usr/share/doc/corticode-bridge/copyright",
 ];
 
-/// Unit of the container: looks at the service after 8 s, then without a port, and ends the container.
+/// Unit of the container: looks at the service after 8 s, then with a wrong option, and ends the container.
 const OBSERVER: &str = "[Unit]
 After=corticode-bridge.service
 [Service]
 Type=oneshot
 ExecStart=/bin/sh -c 'sleep 8; exec > /result 2>&1; journalctl -u corticode-bridge; \\
   pid=$$(systemctl show --value -p MainPID corticode-bridge); stat -c user=%%u /proc/$$pid; \\
-  grep Groups /proc/$$pid/status; echo > /etc/corticode/bridge.toml; systemctl restart corticode-bridge; \\
+  grep Groups /proc/$$pid/status; echo prot=1 > /etc/corticode/bridge.toml; systemctl restart corticode-bridge; \\
   sleep 7; systemctl show -p NRestarts,ExecMainStatus,Result corticode-bridge'
 ExecStopPost=systemctl poweroff
 [Install]
@@ -85,17 +85,17 @@ fn the_package_starts_in_a_clean_debian_and_purge_leaves_nothing() {
         .lines()
         .find_map(|line| line.strip_prefix("ExecStart="));
     let start = start.expect("a command in the unit");
-    // The configuration as it is installed names no port: status 2, with which systemd does not try again.
-    let refused = debian.run(start);
-    let errors = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert_eq!(refused.status.code(), Some(2), "{errors}");
-    assert!(errors.contains("--port"), "{errors}");
-    debian.succeed("sed -i 's/^#port/port/' /etc/corticode/bridge.toml");
     let stopped = format!("timeout --preserve-status --signal=TERM 4 {start} 2>&1");
     let log = debian.succeed(&stopped);
     for line in WAITING {
         assert!(log.contains(line), "no {line:?} in {log}");
     }
+    // Wrong usage has status 2, with which systemd does not try again.
+    debian.succeed("echo 'prot = 1' >> /etc/corticode/bridge.toml");
+    let refused = debian.run(start);
+    let errors = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(2), "{errors}");
+    assert!(errors.contains("prot"), "{errors}");
 
     debian.succeed("dpkg --remove corticode-bridge");
     debian.succeed("test -f /etc/corticode/bridge.toml");

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::Parser;
 
+use crate::app::port_options::PortOptions;
 use crate::app::sink_kind::SinkKind;
-use crate::wire::address::PortAddress;
 
 /// List the serial ports of this machine, and say which are Corticode boards.
 ///
@@ -30,22 +30,8 @@ pub(crate) struct PortsOptions {
 #[derive(Clone, Debug, Parser)]
 #[command(name = "doctor")]
 pub(crate) struct DoctorOptions {
-    /// Port to check: a path, tcp:HOST:PORT, auto, or auto:SERIAL
-    #[arg(
-        long,
-        env = "CORTICODE_PORT",
-        value_name = "PATH|tcp:HOST:PORT|auto",
-        default_value = "auto"
-    )]
-    pub(crate) port: PortAddress,
-    /// Baud rate of a serial port; USB and pseudoterminals ignore it
-    #[arg(
-        long,
-        env = "CORTICODE_BAUD",
-        default_value_t = 921_600,
-        value_parser = clap::value_parser!(u32).range(1..)
-    )]
-    pub(crate) baud: u32,
+    #[command(flatten)]
+    pub(crate) at: PortOptions,
     /// Folder of the model to decode with, instead of the built-in one
     #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,

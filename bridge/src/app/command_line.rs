@@ -14,12 +14,12 @@ use crate::app::completions::CompletionsOptions;
 use crate::app::convert::ConvertOptions;
 use crate::app::man::ManOptions;
 use crate::app::master::MasterOptions;
+use crate::app::port_options::PortOptions;
 use crate::app::replay::ReplayOptions;
 use crate::app::sink_kind::SinkKind;
 use crate::settings::{
     AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint, StreamKind,
 };
-use crate::wire::address::PortAddress;
 
 /// Identifier and name of the option for the configuration file.
 pub(crate) const CONFIG: &str = "config";
@@ -88,23 +88,6 @@ pub(crate) struct Options {
     /// Stream that /acquisition/get_info describes; record this one and no other
     #[arg(long, env = "CORTICODE_ANNOUNCE", value_enum, default_value_t)]
     pub(crate) announce: AnnouncedStream,
-}
-
-/// Address and speed of the port; options of the bridge and of its subcommands.
-#[derive(Clone, Debug, Args)]
-pub(crate) struct PortOptions {
-    /// Serial port, pseudoterminal, tcp:HOST:PORT, or auto: the only board on USB, or the one with a
-    /// serial number, auto:SERIAL. The board is found again after it was unplugged; `ports` lists all
-    #[arg(long, env = "CORTICODE_PORT", value_name = "PATH|tcp:HOST:PORT|auto")]
-    pub(crate) port: PortAddress,
-    /// Baud rate of a serial port; USB and pseudoterminals ignore it
-    #[arg(
-        long,
-        env = "CORTICODE_BAUD",
-        default_value_t = 921_600,
-        value_parser = clap::value_parser!(u32).range(1..)
-    )]
-    pub(crate) baud: u32,
 }
 
 /// What the device is asked for; options of the bridge and of `record`.

@@ -44,7 +44,7 @@ const RULE_FILES: [&str; 3] = [
 /// Makes all checks.
 pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Report {
     let root = SystemRoot::machine();
-    let (place, address) = locate(&options.port, &root);
+    let (place, address) = locate(&options.at.port, &root);
     let programs = root.programs();
     let mut checks = check_port(&PortFacts {
         place,
@@ -55,7 +55,7 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
     if let Some(address) = address {
         let can_open = checks.iter().all(|check| check.level != Level::Error);
         let answer = if can_open {
-            ask(&address, options.baud).await
+            ask(&address, options.at.baud).await
         } else {
             DeviceAnswer::NotAsked
         };

@@ -9,7 +9,7 @@ use crate::app::command_line::{CONFIG, command};
 use crate::app::sink_kind::SinkKind;
 
 /// Options on the command line and in the environment, without those that the parameter server and
-/// the configuration file set. Required options can be missing.
+/// the configuration file set.
 #[derive(Debug)]
 pub(crate) struct GivenOptions {
     /// Matches of the subcommand, or of the bridge without one.
@@ -26,14 +26,7 @@ impl GivenOptions {
     ///
     /// [`Error`] for wrong usage or a request for help; [`Error::exit`] prints it.
     pub(crate) fn parse_from(arguments: &[String]) -> Result<GivenOptions, Error> {
-        let optional = |command: Command| {
-            if has_option(&command, "port") {
-                command.mut_arg("port", |port| port.required(false))
-            } else {
-                command
-            }
-        };
-        let mut command = optional(command()).mut_subcommands(optional);
+        let mut command = command();
         let matches = command.try_get_matches_from_mut(arguments)?;
         let ids = |command: &Command| -> Vec<String> {
             let ids = command.get_arguments().map(Arg::get_id);
@@ -100,8 +93,4 @@ impl GivenOptions {
         let names = names.iter().cloned();
         names.chain(others).chain(rest.iter().cloned()).collect()
     }
-}
-
-fn has_option(command: &Command, id: &str) -> bool {
-    command.get_arguments().any(|option| option.get_id() == id)
 }

@@ -10,8 +10,7 @@ fn run(arguments: &[&str]) -> (Option<i32>, String) {
 #[test]
 fn wrong_usage_is_status_2_with_advice() {
     for (arguments, expected) in [
-        (&[][..], "--port"),
-        (&["--port", "tcp:nowhere"], "tcp:127.0.0.1:5555"),
+        (&["--port", "tcp:nowhere"][..], "tcp:127.0.0.1:5555"),
         (&["--port", "/dev/null", "--mains", "55"], "50 or 60"),
         (&["--port", "/dev/null", "--baud", "0"], "--baud"),
         (&["_prot:=/dev/null"], "known are port, baud"),

@@ -91,7 +91,7 @@ fn auto_finds_the_board_again_at_another_port() {
     let link = folder.path().join("board");
     let device = Device::pty(Board::new(), &link);
     plug(&machine, 2, "ttyACM0", BOARD, &link);
-    let mut command = bridge_on(&machine, &["--port", "auto", "--sink", "ndjson"]);
+    let mut command = bridge_on(&machine, &["--sink", "ndjson"]);
     let mut bridge = Bridge::spawn_command(command.process_group(0));
     let lines = BufReader::new(bridge.stdout())
         .lines()
