@@ -22,7 +22,7 @@ const PACKAGE: &str = "CORTICODE_DEB";
 /// Log of a bridge that has neither board nor ROS master.
 const WAITING: [&str; 3] = [
     "options from /etc/corticode/bridge.toml",
-    "no Corticode board on USB",
+    "no Corticode board is on USB",
     "no ROS master answers",
 ];
 /// Files that the package must install.
@@ -85,6 +85,7 @@ fn the_package_starts_in_a_clean_debian_and_purge_leaves_nothing() {
         .lines()
         .find_map(|line| line.strip_prefix("ExecStart="));
     let start = start.expect("a command in the unit");
+    debian.succeed("sed -i 's/^#mains/mains/' /etc/corticode/bridge.toml");
     let stopped = format!("timeout --preserve-status --signal=TERM 4 {start} 2>&1");
     let log = debian.succeed(&stopped);
     for line in WAITING {
