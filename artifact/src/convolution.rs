@@ -48,13 +48,18 @@ impl Volume {
     /// Returns a copy without the first and last `pads` positions of each axis: inverts
     /// [`Volume::padded`].
     pub(crate) fn cropped(&self, pads: [usize; 3]) -> Self {
-        let size: [usize; 3] = std::array::from_fn(|axis| self.size[axis] - 2 * pads[axis]);
+        let size = std::array::from_fn(|axis| self.size[axis] - 2 * pads[axis]);
+        self.part(pads, size)
+    }
+
+    /// Returns a copy of the positions from `first` on, as many on each axis as `size` states.
+    fn part(&self, first: [usize; 3], size: [usize; 3]) -> Self {
         let mut values = Vec::with_capacity(self.channels * size.iter().product::<usize>());
         for channel in 0..self.channels {
             for step in 0..size[0] {
                 for row in 0..size[1] {
-                    let from = self.row(channel, step + pads[0], row + pads[1]);
-                    values.extend_from_slice(&from[pads[2]..][..size[2]]);
+                    let from = self.row(channel, step + first[0], row + first[1]);
+                    values.extend_from_slice(&from[first[2]..][..size[2]]);
                 }
             }
         }
@@ -84,6 +89,11 @@ impl Volume {
         for value in &mut self.values {
             *value = value.max(0.0);
         }
+    }
+
+    fn channel_mut(&mut self, channel: usize) -> &mut [f32] {
+        let length = self.values.len() / self.channels;
+        &mut self.values[channel * length..(channel + 1) * length]
     }
 
     /// Returns the values of one channel: step, row, column.
@@ -129,41 +139,49 @@ impl Convolution {
     /// Convolves: y[o][t][r][c] = bias[o] + sum over i, kt, kr, kc of w[o][i][kt][kr][kc] x[i][t+kt][r+kr][c+kc].
     pub(crate) fn forward(&self, x: &Volume) -> Volume {
         let size = x.size.map(|length| length - (KERNEL - 1));
-        let mut y = Volume::filled(size, &self.bias);
-        let mut taps = self.weight.iter();
-        for output in 0..y.channels {
+        // The output has the input's row length, so that a tap is one product of long slices. `part`
+        // removes the positions beyond the output's own rows.
+        let mut wide = Volume::filled(x.size, &self.bias);
+        let count = x.row_start(0, size[0] - 1, size[1] - 1) + size[2];
+        let tap_rows = tap_rows(x);
+        let mut weights = self.weight.as_chunks::<KERNEL>().0.iter();
+        for output in 0..wide.channels {
             for input in 0..self.inputs {
-                for tap in 0..KERNEL.pow(3) {
-                    let [kt, kr, kc] = offsets(tap);
-                    let weight = *taps.next().expect("one weight per output, input and tap");
-                    for step in 0..size[0] {
-                        for row in 0..size[1] {
-                            let from = &x.row(input, step + kt, row + kr)[kc..];
-                            add_scaled(y.row_mut(output, step, row), weight, from);
-                        }
-                    }
+                for offset in tap_rows {
+                    let weights = weights.next().expect("weights of each row of taps");
+                    let x = &x.channel(input)[offset..];
+                    add_taps(
+                        &mut wide.channel_mut(output)[..count],
+                        weights,
+                        [x, &x[1..], &x[2..]],
+                    );
                 }
             }
         }
-        y
+        wide.part([0; 3], size)
     }
 
     /// Convolves, transposed: y[o][t+kt][r+kr][c+kc] = bias[o] + sum over i, kt, kr, kc of w[i][o][kt][kr][kc] x[i][t][r][c].
     pub(crate) fn forward_transposed(&self, x: &Volume) -> Volume {
         let size = x.size.map(|length| length + (KERNEL - 1));
         let mut y = Volume::filled(size, &self.bias);
-        let mut taps = self.weight.iter();
+        let length = y.row_start(0, x.size[0] - 1, x.size[1] - 1) + x.size[2];
+        let tap_rows = tap_rows(&y);
+        let mut weights = self.weight.as_chunks::<KERNEL>().0.iter();
+        // The input with the output's row length, and zeros before and behind it for the taps of a row.
+        let mut wide = vec![0.0; length + 2 * (KERNEL - 1)];
         for input in 0..self.inputs {
+            for step in 0..x.size[0] {
+                for row in 0..x.size[1] {
+                    let start = KERNEL - 1 + y.row_start(0, step, row);
+                    wide[start..][..x.size[2]].copy_from_slice(x.row(input, step, row));
+                }
+            }
             for output in 0..y.channels {
-                for tap in 0..KERNEL.pow(3) {
-                    let [kt, kr, kc] = offsets(tap);
-                    let weight = *taps.next().expect("one weight per input, output and tap");
-                    for step in 0..x.size[0] {
-                        for row in 0..x.size[1] {
-                            let to = &mut y.row_mut(output, step + kt, row + kr)[kc..];
-                            add_scaled(to, weight, x.row(input, step, row));
-                        }
-                    }
+                for offset in tap_rows {
+                    let weights = weights.next().expect("weights of each row of taps");
+                    let y = &mut y.channel_mut(output)[offset..][..length + KERNEL - 1];
+                    add_taps(y, weights, [&wide[2..], &wide[1..], &wide]);
                 }
             }
         }
@@ -171,15 +189,16 @@ impl Convolution {
     }
 }
 
-/// Returns step, row and column of a tap of the kernel.
-fn offsets(tap: usize) -> [usize; 3] {
-    [tap / (KERNEL * KERNEL), tap / KERNEL % KERNEL, tap % KERNEL]
+/// Returns, for each row of taps of the kernel, its distance in a channel of `volume` from the first row.
+fn tap_rows(volume: &Volume) -> [usize; KERNEL * KERNEL] {
+    std::array::from_fn(|index| volume.row_start(0, index / KERNEL, index % KERNEL))
 }
 
-/// Adds `weight * x` to `y`, up to the length of the shorter slice.
-fn add_scaled(y: &mut [f32], weight: f32, x: &[f32]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y += weight * x;
+/// Adds a row of taps to `y`: the product of each weight with its slice of x, in the order of the weights.
+fn add_taps(y: &mut [f32], weights: &[f32; KERNEL], x: [&[f32]; KERNEL]) {
+    let [first, second, third] = x.map(|x| &x[..y.len()]);
+    for (((y, a), b), c) in y.iter_mut().zip(first).zip(second).zip(third) {
+        *y = *y + weights[0] * a + weights[1] * b + weights[2] * c;
     }
 }
 

@@ -1,5 +1,6 @@
 //! The program `report`: runs a benchmark, prints its figures, and checks them against `bench/limits.toml`.
 
+mod bridge;
 mod checked_in;
 mod encoder;
 mod figures;
@@ -46,6 +47,13 @@ enum Benchmark {
     },
     /// Encoder on this PC: codes per second on one core, and PyTorch's where it is installed.
     Host,
+    /// Bridge on this PC: intervals and latency of codes at a subscriber, processor time and memory, beside a
+    /// node in rospy where it is installed.
+    Bridge {
+        /// Seconds of each of the two parts: codes alone, and codes with the reconstructed signals.
+        #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=86_400))]
+        seconds: u32,
+    },
 }
 
 /// Runs the program; returns 1 when a check failed and 2 when something must be installed.
@@ -68,6 +76,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
         Benchmark::Filters => filters::measure()?,
         Benchmark::Encoder { windows } => encoder::measure(windows as usize)?,
         Benchmark::Host => host::measure()?,
+        Benchmark::Bridge { seconds } => bridge::measure(seconds)?,
     };
     if let Some(file) = std::env::var_os(OBJECT) {
         let file = Path::new(&file);

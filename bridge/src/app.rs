@@ -1,17 +1,20 @@
 //! The program `corticode-bridge`: tasks, log and exit status.
 
 mod bridge;
+mod check_options;
 mod claim;
 mod command_line;
 mod completions;
 mod config_file;
 mod convert;
+mod doctor;
 mod given_options;
 mod man;
 mod master;
 mod namespace;
 mod outlets;
 mod parameters;
+mod ports;
 mod record;
 mod recording_file;
 mod replay;
@@ -21,10 +24,12 @@ mod ros_topics;
 mod rosout;
 mod shutdown;
 mod silence_log;
+mod sink_kind;
 mod sinks;
 mod whole_lines;
 
 use std::error::Error;
+use std::fmt;
 use std::fs::File;
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
@@ -33,20 +38,24 @@ use std::sync::Arc;
 
 use neuro_ros::Log;
 use neuro_ros::ros1::NodeOptions;
+use serde::Serialize;
 use tokio::sync::mpsc::Receiver;
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
+use crate::app::check_options::{DoctorOptions, PortsOptions};
 use crate::app::command_line::{Options, PortOptions, RecordOptions, Task, command};
 use crate::app::config_file::ConfigFile;
 use crate::app::convert::ConvertOptions;
 use crate::app::given_options::GivenOptions;
 use crate::app::master::MasterOptions;
+use crate::app::ports::PortList;
 use crate::app::replay::ReplayOptions;
 use crate::app::rosout::RosoutLayer;
 use crate::error::BridgeError;
+use crate::ports::system_root::SystemRoot;
 use crate::query::protocol::{Answer, Request};
 use crate::query::query_port;
 
@@ -67,10 +76,15 @@ pub fn run() -> ExitCode {
         Task::Reset(options) => send_request(&options.at, Request::Reset(options.target()), false),
         Task::Record(options) => record(options, &ros, config).map(|()| ExitCode::SUCCESS),
         Task::Replay(options) => replay(&options, &ros).map(|()| ExitCode::SUCCESS),
+        Task::Ports(options) => list_ports(&options),
+        Task::Doctor(options) => examine(&options, &ros),
         Task::Convert(options) => convert(&options, &ros, config).map(|()| ExitCode::SUCCESS),
         Task::Master(options) => run_master(&options, &ros).map(|()| ExitCode::SUCCESS),
-        Task::Completions(options) => print(completions::script(&options, command()).as_bytes()),
-        Task::Man(options) => print(&man::pages(&options, command())?),
+        Task::Completions(options) => {
+            let script = completions::script(&options, command());
+            print(script.as_bytes()).map(|()| ExitCode::SUCCESS)
+        }
+        Task::Man(options) => print(&man::pages(&options, command())?).map(|()| ExitCode::SUCCESS),
     });
     match done {
         Ok(code) => code,
@@ -227,15 +241,42 @@ fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCo
     Ok(ExitCode::from(u8::from(!passed)))
 }
 
+fn list_ports(options: &PortsOptions) -> Result<ExitCode, BridgeError> {
+    let ports = PortList::read(&SystemRoot::machine());
+    print_report(&ports, options.json)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Checks this machine and prints the findings. The exit status is 1 if one is an error.
+fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, BridgeError> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let report = runtime.block_on(doctor::examine(options, ros));
+    // A name that does not resolve would hold the runtime's end for as long as the resolver tries.
+    runtime.shutdown_background();
+    print_report(&report, options.json)?;
+    Ok(ExitCode::from(u8::from(report.errors > 0)))
+}
+
+/// Prints a report as text or as JSON.
+fn print_report(report: &(impl Serialize + fmt::Display), json: bool) -> Result<(), BridgeError> {
+    let text = if json {
+        serde_json::to_string_pretty(report).map_err(std::io::Error::from)?
+    } else {
+        report.to_string()
+    };
+    print(format!("{text}\n").as_bytes())
+}
+
 /// Writes text to stdout.
-fn print(text: &[u8]) -> Result<ExitCode, BridgeError> {
+fn print(text: &[u8]) -> Result<(), BridgeError> {
     match std::io::stdout().write_all(text) {
         // The process that reads the output, such as `head`, has closed the pipe, which is not an
         // error.
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => {}
-        written => written?,
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => Ok(written?),
     }
-    Ok(ExitCode::SUCCESS)
 }
 
 /// Sends the log to stderr, and also to the log file if roslaunch names one. Returns the lines for

@@ -1,6 +1,6 @@
 //! Properties of the connected device, from its `Hello` and `Capabilities`.
 
-use link::{CODE_LEN, Capabilities, CodeFormat, CodeValues, Hello};
+use link::{CODE_LEN, Capabilities, CodeFormat, CodeValues, Hello, Substitutes};
 use thiserror::Error;
 
 /// Properties of a device, which are needed to interpret its codes, samples and steps.
@@ -31,6 +31,8 @@ pub struct Device {
     pub channels: u8,
     /// Electrode labels in the order of the montage.
     pub labels: Vec<String>,
+    /// Electrodes whose signal was not recorded.
+    pub substitutes: Substitutes,
     /// Description of the filters, published as `prefiltering`.
     pub filters: String,
     /// Full scale of the ADC: the largest input voltage, microvolt.
@@ -167,6 +169,7 @@ impl Device {
                 .split_whitespace()
                 .map(str::to_owned)
                 .collect(),
+            substitutes: Substitutes::NONE,
             filters: capabilities.filters.to_owned(),
             // Full scale is 2^23 counts (24 bits with sign); 1000 nV is 1 uV.
             full_scale_uv: f64::from(capabilities.lsb_nv) * 8_388_608.0 / 1000.0,
@@ -176,6 +179,32 @@ impl Device {
             zero_point,
             code_range: code_range(levels, &scale, &zero_point),
         })
+    }
+
+    /// Returns the device with these substitutes.
+    #[must_use]
+    pub fn with_substitutes(self, substitutes: Substitutes) -> Device {
+        Device {
+            substitutes,
+            ..self
+        }
+    }
+
+    /// Returns the electrodes whose signal was not recorded, such as "interpolated: F1 F2; zero: Cz"; `None` if
+    /// every electrode is measured.
+    pub fn unrecorded(&self) -> Option<String> {
+        let kinds = [
+            ("interpolated", self.substitutes.interpolated),
+            ("zero", self.substitutes.zero),
+        ];
+        let lists = kinds.map(|(kind, bits)| {
+            let electrodes = self.labels.iter().enumerate();
+            let electrodes = electrodes.filter(|(index, _)| *index < 64 && bits >> index & 1 == 1);
+            let labels: Vec<&str> = electrodes.map(|(_, label)| label.as_str()).collect();
+            (!labels.is_empty()).then(|| format!("{kind}: {}", labels.join(" ")))
+        });
+        let lists: Vec<String> = lists.into_iter().flatten().collect();
+        (!lists.is_empty()).then(|| lists.join("; "))
     }
 
     /// Checks that frames from `other` match the announcement of this device. Mains frequency,

@@ -89,6 +89,9 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     if let Some(codes) = &session.codes {
         let device = codes.device();
         values.push(KeyValue::new("firmware", &device.firmware));
+        if let Some(unrecorded) = device.unrecorded() {
+            values.push(KeyValue::new("electrodes not recorded", &unrecorded));
+        }
         values.push(KeyValue::new("mains Hz", &device.mains_hz));
         values.push(KeyValue::new("code format", &device.code_format));
         for (topic, stream) in AnnouncedStream::TOPICS {

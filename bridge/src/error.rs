@@ -33,6 +33,12 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
+    /// `--port auto` finds several boards.
+    #[error("several Corticode boards are connected: {boards}; choose one, --port auto:SERIAL")]
+    SeveralBoards {
+        /// Serial numbers and ports of the boards.
+        boards: String,
+    },
     /// `--model` names no valid model, or a model whose codes cannot be decoded.
     #[error(
         "the model cannot be read; --model takes a folder with model.toml, weights.safetensors and calibration.safetensors"
@@ -195,6 +201,7 @@ impl BridgeError {
             | BridgeError::RestartedDuringTest { .. } => 1,
             BridgeError::Port { .. }
             | BridgeError::Speed { .. }
+            | BridgeError::SeveralBoards { .. }
             | BridgeError::Model(_)
             | BridgeError::Log { .. }
             | BridgeError::FileExists { .. }

@@ -63,14 +63,17 @@
 #![forbid(unsafe_code)]
 
 mod app;
+mod columns;
 mod config_error;
 mod conversion;
 mod core;
 mod decoder;
 mod device;
 mod diagnostics;
+mod doctor;
 mod effects;
 mod error;
+mod ports;
 mod query;
 mod recording;
 mod session;

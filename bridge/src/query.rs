@@ -14,6 +14,7 @@ use crate::error::BridgeError;
 use crate::query::protocol::{Answer, Query, QueryResult, Request};
 use crate::time::host_time::HostTime;
 use crate::wire::address::PortAddress;
+use crate::wire::opener::{OpenError, PortOpener};
 use crate::wire::port::{Port, Transfer};
 
 /// Interval at which timeouts are checked and a lost port is reopened.
@@ -41,7 +42,8 @@ async fn run_query(
     spinner: &ProgressBar,
 ) -> Result<Answer, BridgeError> {
     let mut query = Query::new(request);
-    let mut port = Some(open(address, baud).await?);
+    let mut opener = PortOpener::new(address.clone(), baud);
+    let mut port = Some(open(&mut opener).await?);
     query.connected(HostTime::now().monotonic_us);
     let (mut buffer, mut outgoing) = (vec![0; 4096], Vec::new());
     loop {
@@ -54,7 +56,7 @@ async fn run_query(
             sleep(TICK).await;
             // While the device restarts, its port is absent and cannot be opened. `query` times out
             // if the restart takes too long.
-            port = Port::open(address, baud).await.ok();
+            port = opener.open().await.ok();
             if port.is_some() {
                 outgoing.clear();
                 query.connected(HostTime::now().monotonic_us);
@@ -74,7 +76,7 @@ async fn run_query(
             Ok(Err(_) | Ok(Transfer::NotWritten(_))) if query.expects_reconnect() => port = None,
             Ok(Err(source) | Ok(Transfer::NotWritten(source))) => {
                 return Err(BridgeError::Unreachable {
-                    port: address.to_string(),
+                    port: opener.to_string(),
                     what: "was lost before the device answered",
                     remedy: "check cable and power, and whether another program uses it".to_owned(),
                     source,
@@ -84,17 +86,21 @@ async fn run_query(
     }
 }
 
-async fn open(address: &PortAddress, baud: u32) -> Result<Port, BridgeError> {
-    let opened = Port::open(address, baud).await;
-    opened.map_err(|source| {
-        let port = address.to_string();
+async fn open(opener: &mut PortOpener) -> Result<Port, BridgeError> {
+    let opened = opener.open().await;
+    opened.map_err(|error| {
+        let port = opener.to_string();
+        let source = match error {
+            OpenError::Ambiguous { boards } => return BridgeError::SeveralBoards { boards },
+            OpenError::Io(source) => source,
+        };
         match source.kind() {
             io::ErrorKind::InvalidInput => BridgeError::Port { port, source },
             io::ErrorKind::Unsupported => BridgeError::Speed { port, source },
             kind => BridgeError::Unreachable {
                 port,
                 what: "does not open",
-                remedy: address.remedy(kind),
+                remedy: opener.address().remedy(kind),
                 source,
             },
         }

@@ -95,6 +95,7 @@ impl Session {
         match &frame.message {
             // `Hello` was handled above, and a session never requests a self-test.
             ToHost::Hello(_) | ToHost::SelfTest(_) => {}
+            ToHost::Substitutes(substitutes) => self.substitutes = *substitutes,
             ToHost::Capabilities(capabilities) => {
                 self.handle_capabilities(capabilities, read, effects);
             }

@@ -5,5 +5,6 @@ mod clock_query;
 pub(crate) mod commands;
 pub(crate) mod connection;
 pub(crate) mod identity;
+pub(crate) mod opener;
 pub(crate) mod pending;
 pub(crate) mod port;

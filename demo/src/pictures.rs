@@ -7,7 +7,7 @@ use artifact::Artifact;
 use bench::response::{Response, Twin};
 use link::Flags;
 use picture::heat_map::HeatMap;
-use picture::intervals::Intervals;
+use picture::intervals::{Intervals, Series};
 use picture::traces::{Trace, Traces};
 
 use crate::comparison::Comparison;
@@ -94,8 +94,15 @@ fn heat_map(run: &Run) -> HeatMap {
 
 fn intervals(run: &Run) -> Intervals {
     Intervals {
-        arrival_ms: run.arrival_intervals_ms(),
-        device_ms: run.device_intervals_ms(),
+        arrival: Series {
+            name: "arrival at the subscriber".to_owned(),
+            ms: run.arrival_intervals_ms(),
+        },
+        source: Series {
+            name: "device stamps".to_owned(),
+            ms: run.device_intervals_ms(),
+        },
+        rival: None,
         subtitle: format!(
             "{} codes through PTY, bridge and TCPROS, all on this machine; the stamps are the device's own clock",
             run.received()

@@ -2,7 +2,7 @@
 
 use link::{
     Ack, AckResult, ClockReading, Converters, Counters, Decoder, Event, FrameError, ResetInto,
-    SelfTest, Start, Stats, Streams, Timing, ToDevice, ToHost,
+    SelfTest, Start, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
 };
 use pipeline::{Code, Mains, Quality};
 
@@ -29,6 +29,8 @@ pub struct Session<'i> {
     run: Run,
     /// False if the model is damaged.
     can_stream: bool,
+    /// Electrodes whose signal is not measured.
+    substitutes: Substitutes,
     /// Newest status of the converters; `None` before the first status.
     converters: Option<Converters>,
     /// True from the order of a self-test until its result is sent.
@@ -46,11 +48,19 @@ impl<'i> Session<'i> {
             abilities,
             run: Run { mains, ..Run::NONE },
             can_stream: true,
+            substitutes: Substitutes::NONE,
             converters: None,
             is_testing: false,
             decoder: Decoder::new(),
             stats: Stats::default(),
         }
+    }
+
+    /// States which electrodes are not measured, for a device that plays a recording.
+    #[must_use]
+    pub fn with_substitutes(mut self, substitutes: Substitutes) -> Self {
+        self.substitutes = substitutes;
+        self
     }
 
     /// Refuses every `Start` from now on. Call this if the model is damaged, and report the damage
@@ -69,9 +79,12 @@ impl<'i> Session<'i> {
         self.is_streaming() && run == self.run.number
     }
 
-    /// Sends `Hello`, `Capabilities` and, if known, `Converters`.
+    /// Sends `Hello`, `Substitutes` if there are any, `Capabilities` and, if known, `Converters`.
     pub fn introduce(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         self.send_hello(now_us, sender);
+        if self.substitutes != Substitutes::NONE {
+            sender.send(now_us, &ToHost::Substitutes(self.substitutes));
+        }
         self.send_capabilities(now_us, sender);
         self.send_converters(now_us, sender);
     }

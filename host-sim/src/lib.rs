@@ -17,7 +17,7 @@
 //! use link::{Start, Streams};
 //! use pipeline::{Mains, Sample};
 //!
-//! let identity = Identity { session_id: 1, chip_uid: [0; 12] };
+//! let identity = Identity { session_id: 1, ..Identity::default() };
 //! let outbox = Outbox::new(WhenFull::DropOldest);
 //! let mut board = VirtualBoard::new(identity, Mains::Hz50, outbox);
 //! board.start(Start { streams: Streams::CODES, mains_hz: 0 }, 0);

@@ -12,7 +12,9 @@ use host_sim::{
     synthetic::{Generator, SyntheticSpec},
 };
 use indicatif::{ProgressBar, ProgressStyle};
+use link::Substitutes;
 use pipeline::Mains;
+use recordings::montage_map::Origin;
 use recordings::{AdcSpec, MontageMap, Recording, VirtualAdc};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
@@ -23,8 +25,8 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
     for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, stop.clone())?;
     }
-    let mut source = open_source(options)?;
-    let session = session(options, Faults::new(&options.fault)?);
+    let (mut source, substitutes) = open_source(options)?;
+    let session = session(options, Faults::new(&options.fault)?, substitutes);
     let total = match (source.samples(), session.limit) {
         (Some(samples), Some(limit)) => Some(samples.min(limit)),
         (samples, limit) => samples.or(limit),
@@ -55,7 +57,7 @@ fn rate() -> u64 {
     model::ADC_RATE_HZ.into()
 }
 
-fn session(options: &RunOptions, faults: Faults) -> Session {
+fn session(options: &RunOptions, faults: Faults, substitutes: Substitutes) -> Session {
     let pace = match (options.pace.fast, options.pace.realtime, &options.output) {
         (true, _, _) | (false, false, Output::File(_)) => Pace::Fast,
         _ => Pace::Realtime,
@@ -87,6 +89,7 @@ fn session(options: &RunOptions, faults: Faults) -> Session {
         identity: Identity {
             session_id: options.session_id.unwrap_or_else(default_id),
             chip_uid: *b"\0host-sim\0\0\0",
+            substitutes,
         },
         limit,
         faults,
@@ -94,29 +97,35 @@ fn session(options: &RunOptions, faults: Faults) -> Session {
     }
 }
 
-fn open_source(options: &RunOptions) -> Result<Source, Box<dyn Error>> {
+/// Opens the input. Also returns the electrodes that it lacks.
+fn open_source(options: &RunOptions) -> Result<(Source, Substitutes), Box<dyn Error>> {
     Ok(match &options.input {
         Input::Synthetic => {
             let mut spec = SyntheticSpec::new(options.seed, model::LABELS.split(' '));
             spec.mains_hz = options.mains.hz().into();
             spec.rate_hz = model::ADC_RATE_HZ.into();
             spec.rails = options.rails;
-            Source::Synthetic(Box::new(Generator::new(&spec)?))
+            let generator = Generator::new(&spec)?;
+            (Source::Synthetic(Box::new(generator)), Substitutes::NONE)
         }
         Input::Recording(path) => {
-            let adc = open_recording(path, options)?;
+            let (adc, substitutes) = open_recording(path, options)?;
             if !options.quiet {
                 for warning in adc.recording().warnings() {
                     eprintln!("warning: {warning}");
                 }
             }
-            Source::Recording(Box::new(adc))
+            (Source::Recording(Box::new(adc)), substitutes)
         }
     })
 }
 
-/// Opens a recording and maps its signals to the model's montage.
-fn open_recording(path: &Path, options: &RunOptions) -> Result<VirtualAdc, Box<dyn Error>> {
+/// Opens a recording and maps its signals to the model's montage. Also returns the electrodes that the
+/// recording lacks.
+fn open_recording(
+    path: &Path,
+    options: &RunOptions,
+) -> Result<(VirtualAdc, Substitutes), Box<dyn Error>> {
     let recording = Recording::open(path)?;
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
     let map = MontageMap::new(&recording.labels(), &electrodes, options.missing.into())?;
@@ -127,7 +136,18 @@ fn open_recording(path: &Path, options: &RunOptions) -> Result<VirtualAdc, Box<d
         rate_hz: model::ADC_RATE_HZ.into(),
         lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
     };
-    Ok(VirtualAdc::new(recording, &map, spec)?)
+    let substitutes = Substitutes {
+        interpolated: bits(&map, |origin| matches!(origin, Origin::Interpolated(_))),
+        zero: bits(&map, |origin| matches!(origin, Origin::Zero)),
+    };
+    Ok((VirtualAdc::new(recording, &map, spec)?, substitutes))
+}
+
+/// Returns a bit set of the electrodes whose origin is `wanted`.
+fn bits(map: &MontageMap, wanted: impl Fn(&Origin) -> bool) -> u64 {
+    let electrodes = (0..u64::BITS).zip(map.origins());
+    let electrodes = electrodes.filter(|(_, origin)| wanted(origin));
+    electrodes.fold(0, |bits, (electrode, _)| bits | 1 << electrode)
 }
 
 fn progress_bar(seconds: Option<u64>, quiet: bool) -> ProgressBar {

@@ -5,7 +5,7 @@ use device::{
     Abilities, AcquiredSample, Counts, FrameQueue, Marks, Order, Output, Producer, Run, Sender,
     Session,
 };
-use link::{AckResult, ResetCause, Start, Stats, Streams};
+use link::{AckResult, ResetCause, Start, Stats, Streams, Substitutes};
 use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
 
 use crate::chain::CHIPS;
@@ -14,13 +14,15 @@ use crate::fault::Faults;
 use crate::outbox::Outbox;
 use crate::trigger::Trigger;
 
-/// The fields of `Hello` that the user of the virtual board chooses.
-#[derive(Clone, Copy, Debug)]
+/// What the virtual board says about itself, as far as its user chooses.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Identity {
     /// Session id, which should be different at each start of the board. A `Reset` increments it.
     pub session_id: u32,
     /// Unique id of 96 bits, in place of a microcontroller's.
     pub chip_uid: [u8; 12],
+    /// Electrodes that the source of the samples lacks.
+    pub substitutes: Substitutes,
 }
 
 impl Identity {
@@ -41,6 +43,12 @@ const ABILITIES: Abilities = Abilities {
     self_test: true,
     bootloader: false,
 };
+
+/// Creates the session of a board that has just started.
+fn session(identity: &Identity, cause: ResetCause, mains: Mains) -> Session<'static> {
+    let session = Session::new(identity.with_reset_cause(cause), ABILITIES, mains);
+    session.with_substitutes(identity.substitutes)
+}
 
 /// A board with simulated converters. Receives samples at the electrodes and bytes from the host;
 /// sends frames to an [`Outbox`].
@@ -78,11 +86,10 @@ impl VirtualBoard {
 
     /// Creates a board as [`Self::new`] does, with faults in its converters.
     pub fn with_faults(identity: Identity, mains: Mains, faults: Faults, outbox: Outbox) -> Self {
-        let boot = identity.with_reset_cause(ResetCause::PowerOn);
         let mut board = Self {
             identity,
             mains,
-            session: Session::new(boot, ABILITIES, mains),
+            session: session(&identity, ResetCause::PowerOn, mains),
             sender: Sender::new(outbox),
             converters: Converters::new(faults),
             trigger: None,
@@ -152,8 +159,7 @@ impl VirtualBoard {
     fn restart(&mut self, now_us: u64) {
         let outbox = self.sender.queue().clone();
         self.identity.session_id = self.identity.session_id.wrapping_add(1);
-        let identity = self.identity.with_reset_cause(ResetCause::Software);
-        self.session = Session::new(identity, ABILITIES, self.mains);
+        self.session = session(&self.identity, ResetCause::Software, self.mains);
         self.sender = Sender::new(outbox);
         self.acquisition = Acquisition::new(self.mains);
         self.new_run = None;

@@ -45,6 +45,7 @@ fn board(faults: &[&str]) -> (VirtualBoard, Outbox) {
     let identity = Identity {
         session_id: 1,
         chip_uid: [0; 12],
+        ..Identity::default()
     };
     let mut board = VirtualBoard::with_faults(identity, Mains::Hz50, faults, outbox.clone());
     let start = Start {

@@ -31,6 +31,7 @@ fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
         identity: Identity {
             session_id: 1,
             chip_uid: [0; 12],
+            ..Identity::default()
         },
         limit: seconds.map(|seconds| 512 * seconds),
         faults: Faults::NONE,

@@ -63,6 +63,7 @@ mod packed;
 mod quality;
 mod signal;
 mod stats;
+mod substitutes;
 mod timing;
 
 pub use answer::{Ack, AckResult, ClockReading};
@@ -79,4 +80,5 @@ pub use message::{Message, ToDevice, ToHost};
 pub use quality::{ElectrodeQuality, MAX_ELECTRODES, Quality};
 pub use signal::{COUNT_BYTES, FILTERED_STEPS, Filtered, RAW_SAMPLES, Raw, VALUE_BYTES};
 pub use stats::Stats;
+pub use substitutes::Substitutes;
 pub use timing::{MAX_STAGES, Stage, StageTiming, Timing};

@@ -11,6 +11,7 @@ use crate::introduction::{Capabilities, Hello};
 use crate::quality::Quality;
 use crate::signal::{Filtered, Raw};
 use crate::stats::Stats;
+use crate::substitutes::Substitutes;
 use crate::timing::Timing;
 
 /// The set of messages of one direction: [`ToHost`] or [`ToDevice`].
@@ -64,10 +65,12 @@ pub enum ToHost<'a> {
     SelfTest(SelfTest),
     /// 13: the device's clock; the answer to `SyncTime`.
     ClockReading(ClockReading),
+    /// 14: electrodes whose signal was not recorded.
+    Substitutes(Substitutes),
 }
 
 impl<'a> Message<'a> for ToHost<'a> {
-    const KINDS: u32 = 14;
+    const KINDS: u32 = 15;
     const DIRECTION: u8 = b'H';
 }
 

@@ -14,7 +14,7 @@ pub const GET_INFO_SERVICE: &str = "/acquisition/get_info";
 pub static GET_ACQUISITION_INFO: ServiceType = ServiceType {
     name: "rosneuro_msgs/GetAcquisitionInfo",
     md5: "8cf1aae8f1ae02fdc8775b1362badac5",
-    definition: include_str!("../srv/GetAcquisitionInfo.srv"),
+    definition: include_str!("../../ros/rosneuro_msgs/srv/GetAcquisitionInfo.srv"),
 };
 
 /// Type of `~start`, `~stop` and `~quit`: empty request and response.

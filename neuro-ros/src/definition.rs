@@ -49,12 +49,24 @@ static NEURO_FRAME: MessageType = MessageType {
     name: "rosneuro_msgs/NeuroFrame",
     md5: "797997e5036eb017437ce855856d3bad",
     definition: concat!(
-        include_str!("../msg/NeuroFrame.msg"),
+        include_str!("../../ros/rosneuro_msgs/msg/NeuroFrame.msg"),
         part!("std_msgs/Header", "../foreign/std_msgs/Header.msg"),
-        part!("rosneuro_msgs/NeuroHeader", "../msg/NeuroHeader.msg"),
-        part!("rosneuro_msgs/NeuroDataFloat", "../msg/NeuroDataFloat.msg"),
-        part!("rosneuro_msgs/NeuroDataInfo", "../msg/NeuroDataInfo.msg"),
-        part!("rosneuro_msgs/NeuroDataInt32", "../msg/NeuroDataInt32.msg"),
+        part!(
+            "rosneuro_msgs/NeuroHeader",
+            "../../ros/rosneuro_msgs/msg/NeuroHeader.msg"
+        ),
+        part!(
+            "rosneuro_msgs/NeuroDataFloat",
+            "../../ros/rosneuro_msgs/msg/NeuroDataFloat.msg"
+        ),
+        part!(
+            "rosneuro_msgs/NeuroDataInfo",
+            "../../ros/rosneuro_msgs/msg/NeuroDataInfo.msg"
+        ),
+        part!(
+            "rosneuro_msgs/NeuroDataInt32",
+            "../../ros/rosneuro_msgs/msg/NeuroDataInt32.msg"
+        ),
     ),
 };
 
@@ -62,9 +74,12 @@ static NEURO_EVENT: MessageType = MessageType {
     name: "rosneuro_msgs/NeuroEvent",
     md5: "bf2c8b385ba6522f6af8df2da3585c4c",
     definition: concat!(
-        include_str!("../msg/NeuroEvent.msg"),
+        include_str!("../../ros/rosneuro_msgs/msg/NeuroEvent.msg"),
         part!("std_msgs/Header", "../foreign/std_msgs/Header.msg"),
-        part!("rosneuro_msgs/NeuroHeader", "../msg/NeuroHeader.msg"),
+        part!(
+            "rosneuro_msgs/NeuroHeader",
+            "../../ros/rosneuro_msgs/msg/NeuroHeader.msg"
+        ),
     ),
 };
 

@@ -13,7 +13,7 @@
 //! AcquisitionCommand <── services ~start, ~stop, ~quit
 //! ```
 //!
-//! The definitions in `msg/` and `srv/` were written from the field lists of `rosneuro_msgs` alone.
+//! The definitions in `ros/rosneuro_msgs/` were written from the field lists of `rosneuro_msgs` alone.
 //! MD5 sums of definitions ignore comments and therefore equal those of `rosneuro_msgs`, so the
 //! recorder, filters and visualizer of ROS-Neuro accept these messages.
 //!

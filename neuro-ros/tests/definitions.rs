@@ -14,7 +14,7 @@ use neuro_ros::{
 fn definitions() -> HashMap<String, String> {
     let mut found = HashMap::new();
     for (package, folder) in [
-        ("rosneuro_msgs", "msg"),
+        ("rosneuro_msgs", "../ros/rosneuro_msgs/msg"),
         ("std_msgs", "foreign/std_msgs"),
         ("diagnostic_msgs", "foreign/diagnostic_msgs"),
         ("rosgraph_msgs", "foreign/rosgraph_msgs"),

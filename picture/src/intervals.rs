@@ -17,12 +17,30 @@ const PAPER_MS: Spread = Spread {
 /// Intervals between the codes of one run, to be drawn as a histogram.
 #[derive(Debug, Clone)]
 pub struct Intervals {
-    /// Times between the arrivals of successive codes at the subscriber, ms of the host's clock.
-    pub arrival_ms: Vec<f64>,
-    /// Differences between the device's time stamps of successive codes, ms of the device's clock.
-    pub device_ms: Vec<f64>,
+    /// Times between the arrivals of successive codes at the subscriber, drawn as bars.
+    pub arrival: Series,
+    /// Times between the same codes at their source, drawn as a line at their mean.
+    pub source: Series,
+    /// The same times as `arrival` through another program, drawn as an outline.
+    pub rival: Option<Series>,
     /// Line below the title, such as the number of codes and the path they took.
     pub subtitle: String,
+}
+
+/// Intervals with their name in the legend.
+#[derive(Debug, Clone)]
+pub struct Series {
+    /// Name, such as "arrival at the subscriber".
+    pub name: String,
+    /// Intervals, ms.
+    pub ms: Vec<f64>,
+}
+
+/// Numbers of intervals in bins of equal width.
+struct Histogram {
+    counts: [u32; BINS as usize],
+    /// Number of intervals beyond the first and last bin.
+    outside: u32,
 }
 
 const SIZE: (u32, u32) = (1200, 700);
@@ -39,28 +57,33 @@ impl Intervals {
     }
 
     fn draw_on(&self, area: &Area) -> Drawn {
-        let spread = Spread::from_values(&self.arrival_ms);
+        let spreads = [Some(&self.arrival), self.rival.as_ref()];
+        let spreads = spreads.into_iter().flatten();
+        let sd = spreads
+            .map(|series| Spread::from_values(&series.ms).sd)
+            .fold(0.0, f64::max);
         // Wide enough for the paper's curve and nearly all intervals of this run; the legend states how many
         // intervals are outside.
-        let reach = (4.0 * spread.sd).clamp(4.0 * PAPER_MS.sd, 6.0);
+        let reach = (4.0 * sd).clamp(4.0 * PAPER_MS.sd, 6.0);
         let (low, high) = (62.5 - reach, 62.5 + reach);
         let width = (high - low) / f64::from(BINS);
-        let mut bins = [0_u32; BINS as usize];
-        let mut outside = 0;
-        for ms in &self.arrival_ms {
-            let bin = (0..BINS).find(|bin| *ms >= low && *ms < low + f64::from(bin + 1) * width);
-            match bin {
-                Some(bin) => bins[usize::from(bin)] += 1,
-                None => outside += 1,
-            }
-        }
-        let inside: u32 = bins.iter().sum();
+        let arrival = Histogram::new(&self.arrival.ms, low, width);
+        let rival = self
+            .rival
+            .as_ref()
+            .map(|rival| (rival, Histogram::new(&rival.ms, low, width)));
+        let inside: u32 = arrival.counts.iter().sum();
         let paper = |ms: f64| PAPER_MS.density(ms) * width * f64::from(inside);
-        let counts = bins.iter().copied().map(f64::from);
+        let rival_counts = rival.iter().flat_map(|(_, histogram)| histogram.counts);
+        let counts = arrival
+            .counts
+            .into_iter()
+            .chain(rival_counts)
+            .map(f64::from);
         let top = 1.08 * counts.fold(paper(PAPER_MS.mean), f64::max);
 
         let mut chart =
-            canvas::chart(area, [58, 20, 36], 66).build_cartesian_2d(low..high, 0.0..top)?;
+            canvas::chart(area, [84, 20, 36], 66).build_cartesian_2d(low..high, 0.0..top)?;
         chart
             .configure_mesh()
             .disable_x_mesh()
@@ -76,27 +99,75 @@ impl Intervals {
             .label_style(canvas::text(15, INK))
             .axis_desc_style(canvas::text(16, INK))
             .draw()?;
-        for (bin, count) in (0..BINS).zip(bins).filter(|(_, count)| *count > 0) {
-            let left = low + f64::from(bin) * width;
-            let corners = [(left, 0.0), (left + width, f64::from(count))];
+        let left = |bin: u16| low + f64::from(bin) * width;
+        for (bin, count) in (0..BINS)
+            .zip(arrival.counts)
+            .filter(|(_, count)| *count > 0)
+        {
+            let corners = [(left(bin), 0.0), (left(bin + 1), f64::from(count))];
             chart.draw_series([Rectangle::new(corners, SOURCE.mix(0.75).filled())])?;
+        }
+        if let Some((_, histogram)) = &rival {
+            let steps = (0..BINS).zip(histogram.counts);
+            let steps = steps.flat_map(|(bin, count)| {
+                [
+                    (left(bin), f64::from(count)),
+                    (left(bin + 1), f64::from(count)),
+                ]
+            });
+            let outline: Vec<(f64, f64)> = steps.collect();
+            chart.draw_series([PathElement::new(outline, RESULT.stroke_width(2))])?;
         }
         let curve = (0..=400).map(|point| low + (high - low) * f64::from(point) / 400.0);
         let curve: Vec<(f64, f64)> = curve.map(|ms| (ms, paper(ms))).collect();
         chart.draw_series([PathElement::new(curve, REFERENCE.stroke_width(3))])?;
-        let device = Spread::from_values(&self.device_ms);
+        let source = Spread::from_values(&self.source.ms);
         let dashes = (0..36).map(|dash| {
             let start = f64::from(dash) / 36.0 * top;
-            let line = vec![(device.mean, start), (device.mean, start + top / 72.0)];
-            PathElement::new(line, RESULT.stroke_width(3))
+            let line = vec![(source.mean, start), (source.mean, start + top / 72.0)];
+            PathElement::new(line, INK.stroke_width(2))
         });
         chart.draw_series(dashes)?;
 
-        let arrival = format!("arrival at the subscriber: {spread} ms, {outside} beyond the axis");
-        let device = format!("device stamps: {device} ms");
         let paper = format!("the paper's node on a PC: {PAPER_MS} ms, as a normal curve");
-        canvas::legend(area, (90, 6), SOURCE, &arrival)?;
-        canvas::legend(area, (90, 32), RESULT, &device)?;
-        canvas::legend(area, (620, 6), REFERENCE, &paper)
+        canvas::legend(area, (90, 6), SOURCE, &arrival.label(&self.arrival))?;
+        canvas::legend(
+            area,
+            (90, 32),
+            INK,
+            &format!("{}: {source} ms", self.source.name),
+        )?;
+        canvas::legend(area, (620, 6), REFERENCE, &paper)?;
+        rival.map_or(Ok(()), |(rival, histogram)| {
+            canvas::legend(area, (620, 32), RESULT, &histogram.label(rival))
+        })
+    }
+}
+
+impl Histogram {
+    /// Counts `values` in bins from `low` on.
+    fn new(values: &[f64], low: f64, width: f64) -> Self {
+        let mut histogram = Self {
+            counts: [0; BINS as usize],
+            outside: 0,
+        };
+        for value in values {
+            let bin =
+                (0..BINS).find(|bin| *value >= low && *value < low + f64::from(bin + 1) * width);
+            match bin {
+                Some(bin) => histogram.counts[usize::from(bin)] += 1,
+                None => histogram.outside += 1,
+            }
+        }
+        histogram
+    }
+
+    /// Returns the entry of `series` in the legend: mean, SD, and the number of intervals outside.
+    fn label(&self, series: &Series) -> String {
+        let spread = Spread::from_values(&series.ms);
+        format!(
+            "{}: {spread} ms, {} beyond the axis",
+            series.name, self.outside
+        )
     }
 }

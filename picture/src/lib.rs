@@ -11,13 +11,14 @@
 //! ```
 //!
 //! ```
-//! use picture::intervals::Intervals;
+//! use picture::intervals::{Intervals, Series};
 //!
 //! let folder = tempfile::tempdir()?;
 //! let file = folder.path().join("intervals.svg");
 //! let intervals = Intervals {
-//!     arrival_ms: vec![62.4, 62.5, 62.6],
-//!     device_ms: vec![62.5, 62.5, 62.5],
+//!     arrival: Series { name: "arrival".to_owned(), ms: vec![62.4, 62.5, 62.6] },
+//!     source: Series { name: "device stamps".to_owned(), ms: vec![62.5, 62.5, 62.5] },
+//!     rival: None,
 //!     subtitle: "three intervals".to_owned(),
 //! };
 //! intervals.draw(&file)?;

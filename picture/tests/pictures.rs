@@ -7,7 +7,7 @@ use std::path::Path;
 use picture::canvas::{PictureError, RESULT, SOURCE};
 use picture::curves::{Curve, Curves, Mark};
 use picture::heat_map::HeatMap;
-use picture::intervals::Intervals;
+use picture::intervals::{Intervals, Series};
 use picture::traces::{Trace, Traces};
 
 const SUBTITLE: &str = "synthetic data";
@@ -73,12 +73,24 @@ fn codes_are_drawn() {
 #[test]
 fn intervals_are_drawn() {
     let jitter = |index: u16| 62.5 + 0.4 * (f64::from(index) * 1.7).sin();
+    let series = |name: &str, ms| Series {
+        name: name.to_owned(),
+        ms,
+    };
+    let wider = |index: u16| 62.5 + 2.0 * (jitter(index) - 62.5);
     let intervals = Intervals {
-        arrival_ms: (0..240).map(jitter).collect(),
-        device_ms: vec![62.5; 240],
+        arrival: series("ours", (0..240).map(jitter).collect()),
+        source: series("source", vec![62.5; 240]),
+        rival: Some(series("theirs", (0..240).map(wider).collect())),
         subtitle: SUBTITLE.to_owned(),
     };
-    let words = ["interval (ms)", "62.499 ± 0.227 ms"];
+    let words = [
+        "interval (ms)",
+        "62.499 ± 0.227 ms",
+        "ours: 62.5",
+        "source: 62.500",
+        "theirs: 62.5",
+    ];
     assert_drawn(|path| intervals.draw(path), &words, "<rect", 10..);
 }
 

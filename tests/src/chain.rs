@@ -42,6 +42,8 @@ pub struct Message {
     pub seq: u32,
     /// `sr`, samples per second.
     pub sr: u16,
+    /// Origin of the block `eeg`, with the electrodes that were not recorded.
+    pub transducter: String,
     /// Shape of the block with the code, or with the EEG samples.
     pub eeg: Block,
     /// Shape of the block with the spare channels; empty for codes.
@@ -295,7 +297,7 @@ fn port(folder: &Path) -> PathBuf {
     folder.join("board-port")
 }
 
-/// Starts a rospy subscriber to a topic, with the Python class that genpy generates from `neuro-ros/msg`.
+/// Starts a rospy subscriber to a topic, with the Python class that genpy generates from `ros/rosneuro_msgs`.
 fn subscribe(ros: &Ros<'_>, folder: &Path, name: &str, topic: &str) -> Process {
     let script = workspace::root().join("tests/ros/subscribe.py");
     let script = script.canonicalize().expect("the script exists");

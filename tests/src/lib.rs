@@ -17,6 +17,7 @@
 #![forbid(unsafe_code)]
 
 pub mod any_artifact;
+pub mod catkin;
 pub mod chain;
 pub mod emulated_board;
 pub mod modules;

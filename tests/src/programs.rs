@@ -13,6 +13,8 @@ pub struct Programs {
     pub host_sim: PathBuf,
     /// Path of `corticode-bridge`, the bridge from a board to ROS.
     pub bridge: PathBuf,
+    /// Path of `xtask`, the verbs of `cargo xtask`.
+    pub xtask: PathBuf,
 }
 
 /// Environment variable that names the folder with built programs.
@@ -30,6 +32,7 @@ pub fn programs() -> &'static Programs {
             return Programs {
                 host_sim: folder.join("host-sim"),
                 bridge: folder.join("corticode-bridge"),
+                xtask: folder.join("xtask"),
             };
         }
         // Build all default members, as `cargo test` does. With another choice of packages, dependencies can
@@ -42,6 +45,7 @@ pub fn programs() -> &'static Programs {
         Programs {
             host_sim: executable(&messages, "host-sim"),
             bridge: executable(&messages, "corticode-bridge"),
+            xtask: executable(&messages, "xtask"),
         }
     })
 }

@@ -65,3 +65,16 @@ pub fn samples(
     let adc = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512))?;
     Ok(adc.map(|counts| counts.map(|counts| Sample { counts })))
 }
+
+/// Returns the labels of the electrodes that a recording lacks, in the order of `electrodes`.
+///
+/// # Errors
+/// As [`samples`].
+pub fn interpolated(
+    path: &std::path::Path,
+    electrodes: &[&str],
+) -> Result<Vec<String>, SamplesError> {
+    let recording = Recording::open(path)?;
+    let map = MontageMap::new(&recording.labels(), electrodes, Missing::Interpolate)?;
+    Ok(map.interpolated().into_iter().map(str::to_owned).collect())
+}

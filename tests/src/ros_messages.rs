@@ -9,7 +9,7 @@ use crate::workspace;
 /// Folder with the code generators of Debian's genpy.
 const GENERATORS: &str = "/usr/lib/genpy";
 
-/// Generates the Python package `rosneuro_msgs` from the definitions in `neuro-ros/`, and returns the
+/// Generates the Python package `rosneuro_msgs` from the definitions in `ros/rosneuro_msgs/`, and returns the
 /// folder for `PYTHONPATH`. rostopic and rosservice find a type only in the package that defines it.
 ///
 /// # Panics
@@ -17,10 +17,8 @@ const GENERATORS: &str = "/usr/lib/genpy";
 pub fn generate(folder: &Path) -> PathBuf {
     let python_path = folder.join("python");
     let package = python_path.join("rosneuro_msgs");
-    let definitions = workspace::root()
-        .join("neuro-ros")
-        .canonicalize()
-        .expect("a folder");
+    let root = workspace::root().canonicalize().expect("a folder");
+    let definitions = root.join("ros/rosneuro_msgs");
     for kind in ["msg", "srv"] {
         let output = package.join(kind);
         let mut files: Vec<PathBuf> = fs::read_dir(definitions.join(kind))
@@ -35,7 +33,7 @@ pub fn generate(folder: &Path) -> PathBuf {
             ))
             .arg(format!(
                 "-Istd_msgs:{}",
-                definitions.join("foreign/std_msgs").display()
+                root.join("neuro-ros/foreign/std_msgs").display()
             ))
             .args(files)
             .run();

@@ -31,6 +31,7 @@ fn every_code_of_synthetic_eeg_reaches_rospy() {
         &["--input=synthetic", "--seed=7"],
         Mains::Hz50,
         samples,
+        &[],
     );
 }
 
@@ -55,12 +56,25 @@ fn recording_passes(test: &str, file: &str) {
     let samples = real_data::samples(&path, &electrodes).expect("samples");
     let samples = samples.map(|sample| sample.expect("a whole recording"));
     let input = format!("--input={}", path.display());
-    passes(test, &[&input, "--mains=60"], Mains::Hz60, samples);
+    let missing = real_data::interpolated(&path, &electrodes).expect("a recording");
+    passes(
+        test,
+        &[&input, "--mains=60"],
+        Mains::Hz60,
+        samples,
+        &missing,
+    );
 }
 
 /// Runs the chain on `input`, and compares the messages that rospy receives with the codes of the
-/// pipeline in this process.
-fn passes(test: &str, input: &[&str], mains: Mains, samples: impl Iterator<Item = Sample>) {
+/// pipeline in this process. They must name the `interpolated` electrodes.
+fn passes(
+    test: &str,
+    input: &[&str],
+    mains: Mains,
+    samples: impl Iterator<Item = Sample>,
+    interpolated: &[String],
+) {
     let folder = tempfile::tempdir().expect("a folder");
     let mut chain = Chain::start(folder.path());
     let duration = SECONDS.to_string();
@@ -94,7 +108,12 @@ fn passes(test: &str, input: &[&str], mains: Mains, samples: impl Iterator<Item 
     let messages = chain.messages();
     assert_eq!(messages.len(), expected.len(), "messages at the subscriber");
     assert_contract(&messages);
+    let transducter = match interpolated {
+        [] => "autoencoder".to_owned(),
+        labels => format!("autoencoder; interpolated: {}", labels.join(" ")),
+    };
     for (message, values) in messages.iter().zip(&expected) {
+        assert_eq!(message.transducter, transducter);
         let largest = message
             .values
             .iter()

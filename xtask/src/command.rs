@@ -12,6 +12,10 @@ pub(crate) const BOARD_TARGET: &str = "thumbv7em-none-eabihf";
 /// Advice to the user when a program does not build.
 pub(crate) const AFTER_A_BUILD: &str = "read the compiler's message above";
 
+/// Advice to the user when a test fails.
+pub(crate) const AFTER_A_TEST: &str =
+    "run the failed test alone: `cargo test --package CRATE TEST_NAME`, its name as printed above";
+
 /// Failure with which a verb ends.
 #[derive(Debug)]
 pub(crate) struct Failure {

@@ -7,13 +7,29 @@ use crate::command::{BOARD_TARGET, Failure, run, succeeds, typed, virtual_board_
 
 /// Debian packages: ROS 1 with roscore, rospy, rostopic, rosservice and rosbag; the service types of the node
 /// `acquisition`; numpy, with which tests read arrays; the library with which ROS-Neuro's
-/// recorder writes GDF; the emulator of the microcontrollers; the formatter of manual pages.
-const PACKAGES: [&str; 6] = [
+/// recorder writes GDF; the emulator of the microcontrollers; udev, and a testbed with simulated devices for it;
+/// the formatter of manual pages; what catkin builds the packages in `ros/` with; what makes the Debian package,
+/// and the clean Debian and the systemd that check it.
+const PACKAGES: [&str; 20] = [
     "ros-core",
     "python3-std-srvs",
     "python3-numpy",
     "libxdffileio0",
     "qemu-system-arm",
+    "udev",
+    "umockdev",
+    "catkin",
+    "g++",
+    "make",
+    "rosbash",
+    "ros-message-generation",
+    "ros-message-runtime",
+    "ros-std-msgs",
+    "libstd-msgs-dev",
+    "binutils",
+    "dpkg-dev",
+    "mmdebstrap",
+    "systemd",
     "groff-base",
 ];
 

@@ -3,6 +3,7 @@
 
 mod board;
 mod command;
+mod deb;
 mod docs;
 mod figures;
 mod figures_page;
@@ -46,7 +47,7 @@ enum Verb {
         seed: u64,
     },
     /// Count instructions on an emulated microcontroller, measure and draw the filters' noise, or time the
-    /// encoder on this PC; `cargo xtask bench --help` lists the options
+    /// encoder or the bridge on this PC; `cargo xtask bench --help` lists the options
     #[command(disable_help_flag = true)]
     Bench {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
@@ -100,6 +101,16 @@ enum Verb {
         #[arg(long)]
         json: bool,
     },
+    /// Build the Debian package of the bridge in target/debian/, for this distribution and later ones
+    Deb {
+        /// Also install it in a clean Debian 12, start and purge it, and start its service in a container; needs
+        /// root, mmdebstrap and systemd-container
+        #[arg(long)]
+        check: bool,
+        /// Pack this program instead of building one
+        #[arg(long)]
+        program: Option<PathBuf>,
+    },
     /// Check licences, advisories and sources with cargo-deny, if it is installed
     Deny,
     /// Measure every figure of docs/figures.md and write the page
@@ -132,6 +143,7 @@ fn main() -> ExitCode {
         } => board::live(board, port, other_port),
         Verb::Board { board, json, .. } => board::board(board, json),
         Verb::Budget { json } => programs::budget(json),
+        Verb::Deb { check, program } => deb::deb(program, check),
         Verb::Deny => programs::deny(),
         Verb::Docs { measured } => docs::docs(measured.as_deref()),
         Verb::Install => install::install(),

@@ -21,13 +21,20 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     replace(demo.args([seconds.to_string(), seed.to_string()]))
 }
 
-/// Runs the program `report` of the benchmarks with these arguments. It is optimised only for `host`, the
-/// benchmark that measures time on this PC.
+/// Runs the program `report` of the benchmarks with these arguments. It is optimised only for `host` and
+/// `bridge`, the benchmarks that measure time on this PC.
 pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     install::board_target()?;
-    let is_timing = words.first().is_some_and(|word| word == "host");
-    let profile = if is_timing { "--release" } else { "" };
-    replace(cargo(&format!("run {profile} --package bench --bin report --")).args(words))
+    match words.first().map(String::as_str) {
+        Some("host") => replace(cargo("run --release --package bench --bin report --").args(words)),
+        Some("bridge") => {
+            let build =
+                "build --release --package bench --package host-sim --package bridge --bins";
+            run(&mut cargo(build), AFTER_A_BUILD)?;
+            replace(Command::new(target_folder().join("release/report")).args(words))
+        }
+        _ => replace(cargo("run --package bench --bin report --").args(words)),
+    }
 }
 
 /// Runs the golden vectors on both emulated microcontrollers or, if `board` is given, on that board.

@@ -3,14 +3,14 @@
 use std::process::Command;
 use std::time::Instant;
 
-use crate::command::{AFTER_A_BUILD, BOARD_TARGET, Failure, cargo, run, succeeds, target_folder};
+use crate::command::{
+    AFTER_A_BUILD, AFTER_A_TEST, BOARD_TARGET, Failure, cargo, run, succeeds, target_folder,
+};
 use crate::images::{self, Board};
 use crate::{board, docs, figures, install, programs, qemu};
 
 const AFTER_A_LINT: &str =
     "mend what clippy names above; a lint that is wrong gets `#[expect(.., reason = \"..\")]`";
-const AFTER_A_TEST: &str =
-    "run the failed test alone: `cargo test --package CRATE TEST_NAME`, its name as printed above";
 
 /// Cargo arguments for the lints: the crates that run on a microcontroller without a feature for one board,
 /// and the images for emulated microcontrollers.

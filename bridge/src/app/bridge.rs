@@ -8,13 +8,14 @@ use neuro_ros::{AcquisitionCommand, Log, NdjsonWriter, SinkError};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
-use crate::app::command_line::{Options, SinkKind};
+use crate::app::command_line::Options;
 use crate::app::namespace::Namespace;
 use crate::app::outlets::Outlets;
 use crate::app::ros_node::RosNode;
 use crate::app::rosout;
 use crate::app::shutdown::Shutdown;
 use crate::app::silence_log::SilenceLog;
+use crate::app::sink_kind::SinkKind;
 use crate::app::sinks::Sinks;
 use crate::app::whole_lines::WholeLines;
 use crate::core::Core;
@@ -90,7 +91,6 @@ pub(super) async fn stream(
         core: Core::new(settings, Some(model)),
         connection: Connection::new(options.at.port.clone(), options.at.baud),
         commands,
-        port: &options.at.port.to_string(),
         silence_log: SilenceLog::default(),
         outlets: &mut outlets,
     };
@@ -115,13 +115,11 @@ pub(super) async fn stream(
     }
 }
 
-/// The core with its port, the commands from ROS services, and the outlets for its effects. `port`
-/// is the address of the port.
+/// The core with its port, the commands from ROS services, and the outlets for its effects.
 struct Bridge<'a> {
     core: Core,
     connection: Connection,
     commands: mpsc::UnboundedReceiver<AcquisitionCommand>,
-    port: &'a str,
     silence_log: SilenceLog,
     outlets: &'a mut Outlets,
 }
@@ -162,7 +160,7 @@ impl Bridge<'_> {
                     let limit = self.connection.silence_limit();
                     let is_read = self.connection.is_open() && !paused;
                     if is_read && self.core.is_unresponsive(now, SILENCE) {
-                        self.silence_log.log(self.port, self.core.wire_counters());
+                        self.silence_log.log(&self.connection.name(), self.core.wire_counters());
                     }
                     if is_read && self.core.is_unresponsive(now, limit) {
                         self.close();
@@ -197,7 +195,8 @@ impl Bridge<'_> {
             }
             Event::Closed => {
                 if self.connection.is_stranger {
-                    self.silence_log.log(self.port, self.core.wire_counters());
+                    self.silence_log
+                        .log(&self.connection.name(), self.core.wire_counters());
                 }
                 self.core.disconnected();
                 self.outlets.outgoing.clear();

@@ -9,11 +9,13 @@ use clap::{
 };
 use link::{ResetInto, Streams};
 
+use crate::app::check_options::{DoctorOptions, PortsOptions};
 use crate::app::completions::CompletionsOptions;
 use crate::app::convert::ConvertOptions;
 use crate::app::man::ManOptions;
 use crate::app::master::MasterOptions;
 use crate::app::replay::ReplayOptions;
+use crate::app::sink_kind::SinkKind;
 use crate::settings::{
     AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint, StreamKind,
 };
@@ -91,8 +93,9 @@ pub(crate) struct Options {
 /// Address and speed of the port; options of the bridge and of its subcommands.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct PortOptions {
-    /// Serial port, pseudoterminal, or tcp:HOST:PORT
-    #[arg(long, env = "CORTICODE_PORT", value_name = "PATH|tcp:HOST:PORT")]
+    /// Serial port, pseudoterminal, tcp:HOST:PORT, or auto: the only board on USB, or the one with a
+    /// serial number, auto:SERIAL. The board is found again after it was unplugged; `ports` lists all
+    #[arg(long, env = "CORTICODE_PORT", value_name = "PATH|tcp:HOST:PORT|auto")]
     pub(crate) port: PortAddress,
     /// Baud rate of a serial port; USB and pseudoterminals ignore it
     #[arg(
@@ -133,16 +136,6 @@ impl StreamOptions {
         let asked = self.streams.iter();
         asked.fold(Streams::CODES, |streams, kind| streams | kind.bit())
     }
-}
-
-/// Destination of the frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum SinkKind {
-    /// ROS 1 topics.
-    #[default]
-    Ros,
-    /// Lines of JSON on stdout.
-    Ndjson,
 }
 
 impl Options {
@@ -195,6 +188,10 @@ pub(crate) enum Task {
     Replay(ReplayOptions),
     /// `convert`: writes a recording as files of samples.
     Convert(ConvertOptions),
+    /// `ports`: lists the serial ports.
+    Ports(PortsOptions),
+    /// `doctor`: checks port, device, ROS and clock.
+    Doctor(DoctorOptions),
     /// `master`: runs a ROS master.
     Master(MasterOptions),
     /// `completions`: prints a script for a shell.
@@ -274,6 +271,8 @@ impl Task {
             Some(("record", of)) => RecordOptions::from_arg_matches(of).map(Task::Record),
             Some(("replay", of)) => ReplayOptions::from_arg_matches(of).map(Task::Replay),
             Some(("convert", of)) => ConvertOptions::from_arg_matches(of).map(Task::Convert),
+            Some(("ports", of)) => PortsOptions::from_arg_matches(of).map(Task::Ports),
+            Some(("doctor", of)) => DoctorOptions::from_arg_matches(of).map(Task::Doctor),
             Some(("master", of)) => MasterOptions::from_arg_matches(of).map(Task::Master),
             Some(("completions", of)) => {
                 CompletionsOptions::from_arg_matches(of).map(Task::Completions)
@@ -298,6 +297,8 @@ pub(crate) fn command() -> Command {
         .subcommand(with_config(ResetOptions::command()))
         .subcommand(with_config(RecordOptions::command()))
         .subcommand(ReplayOptions::command())
+        .subcommand(PortsOptions::command())
+        .subcommand(with_config(DoctorOptions::command()))
         .subcommand(with_config(ConvertOptions::command()))
         .subcommand(MasterOptions::command())
         .subcommand(CompletionsOptions::command())

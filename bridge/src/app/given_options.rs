@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command, Error};
 
-use crate::app::command_line::{CONFIG, SinkKind, command};
+use crate::app::command_line::{CONFIG, command};
+use crate::app::sink_kind::SinkKind;
 
 /// Options on the command line and in the environment, without those that the parameter server and
 /// the configuration file set. Required options can be missing.

@@ -40,6 +40,10 @@ impl ReplayPort {
     pub(crate) async fn open(address: &PortAddress) -> io::Result<ReplayPort> {
         match address {
             PortAddress::Tty(link) => open_terminal(link),
+            PortAddress::Auto(_) => Err(io::Error::new(
+                io::ErrorKind::InvalidInput,
+                "auto finds boards and is no name for a port",
+            )),
             PortAddress::Tcp(address) => Ok(ReplayPort::Tcp {
                 listener: TcpListener::bind(address).await?,
                 host: None,

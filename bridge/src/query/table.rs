@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::columns::write_columns;
 use crate::query::report::{ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport};
 
 /// Writes one line for the device and one for DRDY, a table of the chips, a table of the channels,
@@ -109,35 +110,4 @@ fn channel_row(channel: &ChannelReport) -> [String; 7] {
 /// Returns `measured`, or "-" if there is no measurement.
 fn or_dash(measured: Option<String>) -> String {
     measured.unwrap_or_else(|| "-".to_owned())
-}
-
-/// Writes a header and rows. Every column is as wide as its widest cell; columns marked in `right`
-/// are aligned to the right.
-fn write_columns<const N: usize>(
-    formatter: &mut fmt::Formatter<'_>,
-    header: [&str; N],
-    right: [bool; N],
-    rows: impl Iterator<Item = [String; N]>,
-) -> fmt::Result {
-    let mut table = vec![header.map(str::to_owned)];
-    table.extend(rows);
-    let widest = |column: usize| {
-        let cells = table.iter().map(|row| row[column].chars().count());
-        cells.max().unwrap_or(0)
-    };
-    let widths: [usize; N] = std::array::from_fn(widest);
-    for row in &table {
-        let cells = row.iter().zip(widths).zip(right);
-        let cells: Vec<String> = cells
-            .map(|((cell, width), right)| {
-                if right {
-                    format!("{cell:>width$}")
-                } else {
-                    format!("{cell:<width$}")
-                }
-            })
-            .collect();
-        writeln!(formatter, "{}", cells.join("  ").trim_end())?;
-    }
-    Ok(())
 }

@@ -10,6 +10,7 @@ pub(crate) struct Introduction {
     identity: Option<Identity>,
     mains_hz: u8,
     hello: Option<Vec<u8>>,
+    substitutes: Option<Vec<u8>>,
     capabilities: Option<Vec<u8>>,
     converters: Option<Vec<u8>>,
 }
@@ -31,6 +32,7 @@ impl Introduction {
                 self.mains_hz = capabilities.mains_hz;
                 self.capabilities = Some(payload.to_vec());
             }
+            ToHost::Substitutes(_) => self.substitutes = Some(payload.to_vec()),
             ToHost::Converters(_) => self.converters = Some(payload.to_vec()),
             _ => {}
         }
@@ -54,7 +56,12 @@ impl Introduction {
 
     /// Returns the frames in the order in which a device sends them.
     pub(crate) fn payloads(&self) -> Vec<Vec<u8>> {
-        let frames = [&self.hello, &self.capabilities, &self.converters];
+        let frames = [
+            &self.hello,
+            &self.substitutes,
+            &self.capabilities,
+            &self.converters,
+        ];
         frames.into_iter().flatten().cloned().collect()
     }
 }

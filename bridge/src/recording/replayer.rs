@@ -319,7 +319,7 @@ impl<R: Read + Seek> Replayer<R> {
                 self.restarted = true;
                 self.send(&frame.message);
             }
-            ToHost::Capabilities(_) | ToHost::Converters(_) => {
+            ToHost::Substitutes(_) | ToHost::Capabilities(_) | ToHost::Converters(_) => {
                 self.introduction.note(payload);
                 self.send(&frame.message);
             }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use link::{Capabilities, Header, Hello};
+use link::{Capabilities, Header, Hello, Substitutes};
 use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
 use crate::device::Device;
@@ -28,6 +28,7 @@ impl Session {
         self.quality = None;
         self.timing = None;
         self.converters = None;
+        self.substitutes = Substitutes::NONE;
         self.round_trips.clear();
         self.logged.refused_streams = false;
         if reset {
@@ -55,7 +56,7 @@ impl Session {
             return;
         };
         let device = match Device::new(&identity.as_hello(), capabilities) {
-            Ok(device) => Arc::new(device),
+            Ok(device) => Arc::new(device.with_substitutes(self.substitutes)),
             Err(error) => {
                 return self.refuse(
                     format!("{error}; its codes are not published"),
@@ -106,6 +107,9 @@ impl Session {
             device.codes_per_second(),
             device.code_format
         );
+        if let Some(unrecorded) = device.unrecorded() {
+            tracing::warn!("electrodes that were not recorded: {unrecorded}");
+        }
         self.side.set_device(&device);
         match &mut self.codes {
             Some(codes) => codes.replace_device(Arc::clone(&device), decodable),

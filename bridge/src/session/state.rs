@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use link::{Encoder, Quality, StageTiming, Stats, Timing};
+use link::{Encoder, Quality, StageTiming, Stats, Substitutes, Timing};
 
 use crate::decoder::model::Model;
 use crate::device::Device;
@@ -48,6 +48,8 @@ pub(crate) struct Session {
     /// The stage with the largest ratio of worst time to deadline, over all reports.
     pub(crate) worst_stage: Option<StageTiming>,
     pub(crate) converters: Option<ChainReport>,
+    /// Electrodes that the device does not measure, from its newest introduction.
+    pub(super) substitutes: Substitutes,
     pub(super) logged: LoggedOnce,
     pub(crate) link_log: LinkLog,
 }
@@ -100,6 +102,7 @@ impl Session {
             timing: None,
             worst_stage: None,
             converters: None,
+            substitutes: Substitutes::NONE,
             logged: LoggedOnce::default(),
             link_log: LinkLog::default(),
         }

@@ -6,9 +6,9 @@ use neuro_ros::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
 use crate::device::Device;
 use crate::streams::tri::tri_info;
 
-/// Value of `transducter` and `header.frame_id` in frames with values that the network computed.
+/// Value of `header.frame_id`, and start of `transducter`, in frames with values that the network computed.
 const NETWORK: &str = "autoencoder";
-/// Value of `transducter` and `header.frame_id` in frames with voltages that the amplifier
+/// Value of `header.frame_id`, and start of `transducter`, in frames with voltages that the amplifier
 /// measured.
 const AMPLIFIER: &str = "electrodes";
 
@@ -21,28 +21,33 @@ impl Device {
             nchannels: 128,
             stride: 512,
             unit: "a.u.".to_owned(),
-            transducter: NETWORK.to_owned(),
+            transducter: self.transducter(NETWORK),
             prefiltering: self.filters.clone(),
             isint: 0,
             minmax: self.code_range.map(f64::from).to_vec(),
             labels,
         };
-        frame(self.codes_per_second(), eeg, NeuroDataInfo::default())
+        frame(
+            self.codes_per_second(),
+            NETWORK,
+            eeg,
+            NeuroDataInfo::default(),
+        )
     }
 
     /// Returns a frame for `/neurodata_reconstructed` that holds the steps of one hop, all zeros.
     pub fn reconstructed_frame(&self) -> NeuroFrame {
         let eeg = NeuroDataInfo {
-            transducter: NETWORK.to_owned(),
+            transducter: self.transducter(NETWORK),
             ..self.electrodes(u16::from(self.hop_steps))
         };
-        frame(self.step_rate_hz, eeg, NeuroDataInfo::default())
+        frame(self.step_rate_hz, NETWORK, eeg, NeuroDataInfo::default())
     }
 
     /// Returns a frame for `/neurodata_corticode` that holds the steps of one hop, all zeros.
     pub fn filtered_frame(&self) -> NeuroFrame {
         let eeg = self.electrodes(u16::from(self.hop_steps));
-        frame(self.step_rate_hz, eeg, NeuroDataInfo::default())
+        frame(self.step_rate_hz, AMPLIFIER, eeg, NeuroDataInfo::default())
     }
 
     /// Returns a frame for `/neurodata` that holds the samples of about one hop, all zeros, with
@@ -55,8 +60,11 @@ impl Device {
         let electrodes = self.labels.len();
         let spare = electrodes..usize::from(self.channels).max(electrodes);
         let labels = spare.map(|channel| self.channel_label(channel)).collect();
-        let exg = channels_like(&eeg, labels);
-        frame(self.adc_rate_hz, eeg, exg)
+        let exg = NeuroDataInfo {
+            transducter: AMPLIFIER.to_owned(),
+            ..channels_like(&eeg, labels)
+        };
+        frame(self.adc_rate_hz, AMPLIFIER, eeg, exg)
     }
 
     /// Returns the number of samples in a frame of `/neurodata`: the largest divisor of the ADC's
@@ -69,11 +77,19 @@ impl Device {
         (1..=most).rev().find(divides).unwrap_or(1)
     }
 
+    /// Returns `origin`, followed by the electrodes whose signal was not recorded.
+    fn transducter(&self, origin: &str) -> String {
+        match self.unrecorded() {
+            Some(unrecorded) => format!("{origin}; {unrecorded}"),
+            None => origin.to_owned(),
+        }
+    }
+
     fn electrodes(&self, nsamples: u16) -> NeuroDataInfo {
         let info = NeuroDataInfo {
             nsamples,
             unit: "uV".to_owned(),
-            transducter: AMPLIFIER.to_owned(),
+            transducter: self.transducter(AMPLIFIER),
             prefiltering: self.filters.clone(),
             minmax: vec![-self.full_scale_uv, self.full_scale_uv],
             ..NeuroDataInfo::default()
@@ -93,7 +109,7 @@ fn channels_like(info: &NeuroDataInfo, labels: Vec<String>) -> NeuroDataInfo {
     }
 }
 
-fn frame(sr: u16, eeg: NeuroDataInfo, mut exg: NeuroDataInfo) -> NeuroFrame {
+fn frame(sr: u16, frame_id: &str, eeg: NeuroDataInfo, mut exg: NeuroDataInfo) -> NeuroFrame {
     let nsamples = eeg.nsamples;
     let values = |channels: u16| usize::from(nsamples) * usize::from(channels);
     exg.nsamples = nsamples;
@@ -105,7 +121,7 @@ fn frame(sr: u16, eeg: NeuroDataInfo, mut exg: NeuroDataInfo) -> NeuroFrame {
         sr,
         ..NeuroFrame::default()
     };
-    frame.header.frame_id.clone_from(&eeg.transducter);
+    frame_id.clone_into(&mut frame.header.frame_id);
     frame.eeg = NeuroDataFloat {
         data: vec![0.0; values(eeg.nchannels)],
         info: eeg,

@@ -1,4 +1,4 @@
-//! Address of the device: serial port, pseudoterminal or TCP server.
+//! Address of the device: serial port, pseudoterminal, TCP server, or `auto`.
 
 use std::fmt;
 use std::io;
@@ -12,6 +12,9 @@ pub(crate) enum PortAddress {
     Tty(PathBuf),
     /// Host and port of a TCP server, written `tcp:HOST:PORT`.
     Tcp(String),
+    /// The serial port that a board has now, written `auto`: of the only board, or of the one whose
+    /// serial number follows, `auto:SERIAL`.
+    Auto(Option<String>),
 }
 
 impl FromStr for PortAddress {
@@ -34,6 +37,12 @@ impl FromStr for PortAddress {
             }
             // host-sim prints its pseudoterminals as `pty:PATH`.
             Some(("pty", path)) if !path.is_empty() => Ok(PortAddress::Tty(path.into())),
+            Some(("auto", "")) => Err(
+                "the serial number is missing; write auto:SERIAL, as listed by corticode-bridge ports"
+                    .to_owned(),
+            ),
+            Some(("auto", serial)) => Ok(PortAddress::Auto(Some(serial.to_owned()))),
+            None if text == "auto" => Ok(PortAddress::Auto(None)),
             _ if text.is_empty() => Err("the path is empty; write /dev/ttyACM0".to_owned()),
             _ => Ok(PortAddress::Tty(text.into())),
         }
@@ -44,6 +53,12 @@ impl PortAddress {
     /// Returns advice for the user when the port does not open.
     pub(crate) fn remedy(&self, error: io::ErrorKind) -> String {
         match (error, self) {
+            (io::ErrorKind::NotFound, PortAddress::Auto(_)) => {
+                "plug the board in; corticode-bridge ports lists what is connected".to_owned()
+            }
+            (io::ErrorKind::ResourceBusy, PortAddress::Auto(_)) => {
+                "another program uses it; corticode-bridge ports names the program".to_owned()
+            }
             (io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused, _) => {
                 "plug the device in, or start host-sim".to_owned()
             }
@@ -64,6 +79,8 @@ impl fmt::Display for PortAddress {
         match self {
             PortAddress::Tty(path) => write!(formatter, "{}", path.display()),
             PortAddress::Tcp(address) => write!(formatter, "tcp:{address}"),
+            PortAddress::Auto(None) => write!(formatter, "auto"),
+            PortAddress::Auto(Some(serial)) => write!(formatter, "auto:{serial}"),
         }
     }
 }
@@ -84,7 +101,11 @@ mod tests {
         // A colon alone does not make a TCP address.
         let by_id = PortAddress::Tty("/dev/serial/by-path/pci-0:1".into());
         assert_eq!("/dev/serial/by-path/pci-0:1".parse(), Ok(by_id));
-        for wrong in ["", "tcp:", "tcp:host", "tcp::5", "tcp:host:99999"] {
+        assert_eq!("auto".parse(), Ok(PortAddress::Auto(None)));
+        let serial = PortAddress::Auto(Some("3A".to_owned()));
+        assert_eq!("auto:3A".parse(), Ok(serial));
+        assert_eq!("./auto".parse(), Ok(PortAddress::Tty("./auto".into())));
+        for wrong in ["", "auto:", "tcp:", "tcp:host", "tcp::5", "tcp:host:99999"] {
             let error = wrong.parse::<PortAddress>().unwrap_err();
             assert!(error.contains("write"), "{wrong}: {error}");
         }

@@ -8,6 +8,7 @@ use tokio::time::{Instant, sleep_until};
 
 use crate::error::BridgeError;
 use crate::wire::address::PortAddress;
+use crate::wire::opener::{OpenError, PortOpener};
 use crate::wire::port::{PORT_TIMEOUT, Port, Transfer};
 
 /// Delay between two attempts to open the port. The requirement is to reconnect a replugged device
@@ -25,8 +26,7 @@ const TCP_SILENCE_LIMIT: Duration = Duration::from_mins(1);
 /// A port that is reopened whenever it disappears.
 #[derive(Debug)]
 pub(crate) struct Connection {
-    address: PortAddress,
-    baud: u32,
+    opener: PortOpener,
     state: State,
     /// Time since which the device has accepted none of the outgoing bytes; `None` if no bytes
     /// wait.
@@ -43,7 +43,7 @@ pub(crate) struct Connection {
 #[derive(Debug)]
 enum State {
     Closed { retry_at: Instant },
-    Opening(JoinHandle<io::Result<Port>>),
+    Opening(JoinHandle<(PortOpener, Result<Port, OpenError>)>),
     Open(Port),
 }
 
@@ -58,9 +58,13 @@ pub(crate) enum Event {
 
 impl Connection {
     pub(crate) fn new(address: PortAddress, baud: u32) -> Connection {
+        Connection::with(PortOpener::new(address, baud))
+    }
+
+    /// Creates a connection to the port that `opener` opens.
+    pub(crate) fn with(opener: PortOpener) -> Connection {
         Connection {
-            address,
-            baud,
+            opener,
             state: State::Closed {
                 retry_at: Instant::now(),
             },
@@ -75,10 +79,15 @@ impl Connection {
         matches!(self.state, State::Open(_))
     }
 
+    /// Returns the address of the port; with `auto`, the port and the board that were found last.
+    pub(crate) fn name(&self) -> String {
+        self.opener.to_string()
+    }
+
     /// Silence of the device after which the port should be reopened.
     pub(crate) fn silence_limit(&self) -> Duration {
-        match self.address {
-            PortAddress::Tty(_) => TTY_SILENCE_LIMIT,
+        match self.opener.address() {
+            PortAddress::Tty(_) | PortAddress::Auto(_) => TTY_SILENCE_LIMIT,
             PortAddress::Tcp(_) => TCP_SILENCE_LIMIT,
         }
     }
@@ -100,8 +109,9 @@ impl Connection {
     ///
     /// # Errors
     ///
-    /// [`BridgeError::Port`] if the address names something that is not a port, and
-    /// [`BridgeError::Speed`] if the port does not support the baud rate.
+    /// [`BridgeError::Port`] if the address names something that is not a port,
+    /// [`BridgeError::Speed`] if the port does not support the baud rate, and
+    /// [`BridgeError::SeveralBoards`] if `auto` finds several boards.
     pub(crate) async fn next_event(
         &mut self,
         buffer: &mut [u8],
@@ -111,37 +121,51 @@ impl Connection {
             match &mut self.state {
                 State::Closed { retry_at } => {
                     sleep_until(*retry_at).await;
-                    let (address, baud) = (self.address.clone(), self.baud);
-                    let opening = tokio::spawn(async move { Port::open(&address, baud).await });
+                    let mut opener = self.opener.clone();
+                    let opening = tokio::spawn(async move {
+                        let opened = opener.open().await;
+                        (opener, opened)
+                    });
                     self.state = State::Opening(opening);
                 }
                 State::Opening(opening) => {
                     // Awaiting the task fails only if the task panicked or the runtime is shutting
                     // down.
-                    let opened = opening
-                        .await
-                        .unwrap_or_else(|error| Err(io::Error::other(error)));
+                    let opened = match opening.await {
+                        Ok((opener, opened)) => {
+                            self.opener = opener;
+                            opened
+                        }
+                        Err(error) => Err(io::Error::other(error).into()),
+                    };
                     match opened {
                         Ok(port) => {
                             if std::mem::take(&mut self.silently) {
-                                tracing::debug!("{} is open again", self.address);
+                                tracing::debug!("{} is open again", self.opener);
                             } else {
-                                tracing::info!("{} is open", self.address);
+                                tracing::info!("{} is open", self.opener);
                             }
                             self.reported = None;
                             self.stuck_since = None;
                             self.state = State::Open(port);
                             return Ok(Event::Opened);
                         }
-                        Err(source) if source.kind() == io::ErrorKind::InvalidInput => {
-                            let port = self.address.to_string();
+                        Err(OpenError::Ambiguous { boards }) => {
+                            return Err(BridgeError::SeveralBoards { boards });
+                        }
+                        Err(OpenError::Io(source))
+                            if source.kind() == io::ErrorKind::InvalidInput =>
+                        {
+                            let port = self.opener.to_string();
                             return Err(BridgeError::Port { port, source });
                         }
-                        Err(source) if source.kind() == io::ErrorKind::Unsupported => {
-                            let port = self.address.to_string();
+                        Err(OpenError::Io(source))
+                            if source.kind() == io::ErrorKind::Unsupported =>
+                        {
+                            let port = self.opener.to_string();
                             return Err(BridgeError::Speed { port, source });
                         }
-                        Err(error) => self.report_failure(&error),
+                        Err(OpenError::Io(error)) => self.report_failure(&error),
                     }
                 }
                 State::Open(port) => {
@@ -174,12 +198,12 @@ impl Connection {
                         }
                         Err(error) => {
                             if self.is_stranger {
-                                tracing::debug!("{} was lost ({error})", self.address);
+                                tracing::debug!("{} was lost ({error})", self.opener);
                                 self.close_silently();
                             } else {
                                 tracing::warn!(
                                     "{} was lost ({error}); waiting for it",
-                                    self.address
+                                    self.opener
                                 );
                                 self.close();
                             }
@@ -199,8 +223,8 @@ impl Connection {
         self.reported = Some(error.kind());
         tracing::warn!(
             "{} does not open ({error}); waiting for it; {}",
-            self.address,
-            self.address.remedy(error.kind())
+            self.opener,
+            self.opener.address().remedy(error.kind())
         );
     }
 }

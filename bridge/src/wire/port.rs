@@ -43,6 +43,7 @@ impl Port {
                 detect_broken_connection(&stream)?;
                 Ok(Port::Tcp(stream))
             }
+            PortAddress::Auto(_) => Err(io::ErrorKind::InvalidInput.into()),
             PortAddress::Tty(path) => {
                 let terminal = open_raw(path, baud)?;
                 let receiver = Receiver::from_file_unchecked(terminal.try_clone()?)?;

@@ -5,7 +5,7 @@ use std::sync::{Arc, LazyLock};
 use bridge::{HostTime, Model};
 use link::{
     Ack, AckResult, CODE_LEN, Capabilities, Code, CodeFormat, CodeValues, Decoder, Encoder, Flags,
-    Hello, MAX_FRAME, ResetCause, SelfTest, Stats, Streams, ToDevice, ToHost,
+    Hello, MAX_FRAME, ResetCause, SelfTest, Stats, Streams, Substitutes, ToDevice, ToHost,
 };
 
 /// Wall-clock time at which host and device start, nanoseconds since 1970.
@@ -33,6 +33,8 @@ pub(crate) struct Board {
     pub(crate) session_id: u32,
     pub(crate) labels: String,
     pub(crate) hop_steps: u8,
+    /// Electrodes that the board does not measure.
+    pub(crate) substitutes: Substitutes,
     pub(crate) code_format: CodeFormat,
     pub(crate) code_scale: [f32; CODE_LEN],
     /// Zero points of int8 codes. In the other formats all zero points are 0.
@@ -69,6 +71,7 @@ impl Board {
             session_id: 1,
             labels: model.electrodes().join(" "),
             hop_steps: 8,
+            substitutes: Substitutes::NONE,
             code_format: CodeFormat::Int8,
             code_scale: [0.5; CODE_LEN],
             code_zero_point: [1; CODE_LEN],
@@ -130,6 +133,9 @@ impl Board {
                 fault: "",
             }),
         );
+        if self.substitutes != Substitutes::NONE {
+            bytes.extend(self.frame(0, &ToHost::Substitutes(self.substitutes)));
+        }
         let labels = self.labels.clone();
         let zero_point = match self.code_format {
             CodeFormat::Int8 => self.code_zero_point,

@@ -22,11 +22,12 @@ enum LaterToHost {
     Converters,
     SelfTest,
     ClockReading,
+    Substitutes,
     Later { channel: u8, device_time_us: u64 },
 }
 
 impl link::Message<'_> for LaterToHost {
-    const KINDS: u32 = 15;
+    const KINDS: u32 = 16;
     const DIRECTION: u8 = link::ToHost::DIRECTION;
 }
 

@@ -1,7 +1,7 @@
 //! Contents of frames on `/encoded` and of the announcement.
 
 use bridge::{AnnouncedStream, FillerPolicy, Settings, StampPoint, TRI_LABELS};
-use link::ToDevice;
+use link::{Streams, Substitutes, ToDevice};
 
 use crate::board::{Board, WALL_START_NS};
 use crate::recorder::{Harness, SETTINGS};
@@ -35,6 +35,52 @@ fn encoded_frames_have_the_fields_that_ros_neuro_expects() {
     assert_eq!(announced.frame().eeg.info, *info);
     assert_eq!(announced.device_model(), "board test");
     assert_eq!(announced.device_id(), "07".repeat(12));
+}
+
+#[test]
+fn electrodes_that_were_not_recorded_are_named_until_another_device_answers() {
+    let settings = Settings {
+        announced: AnnouncedStream::Raw,
+        streams: SETTINGS.streams | Streams::RAW,
+        ..SETTINGS
+    };
+    let board = Board {
+        substitutes: Substitutes {
+            interpolated: 0b101,
+            zero: 1 << 60,
+        },
+        ..Board::new()
+    };
+    let mut harness = Harness::streaming(settings, board);
+    harness.code(0, false);
+    let unrecorded = "interpolated: F3 Fz; zero: PPO2";
+    let frame = &harness.recorder.encoded[0];
+    assert_eq!(frame.header.frame_id, "autoencoder");
+    let transducter = &frame.eeg.info.transducter;
+    assert_eq!(*transducter, format!("autoencoder; {unrecorded}"));
+    let announced = harness.recorder.announced[0].info.clone().unwrap();
+    let [eeg, exg] = [&announced.frame().eeg.info, &announced.frame().exg.info];
+    assert_eq!(eeg.transducter, format!("electrodes; {unrecorded}"));
+    assert_eq!(exg.transducter, "electrodes");
+    let value = |harness: &mut Harness| {
+        let status = harness.status("device").unwrap();
+        let value = status
+            .values
+            .iter()
+            .find(|value| value.key == "electrodes not recorded");
+        value.map(|value| value.value.clone())
+    };
+    assert_eq!(value(&mut harness).as_deref(), Some(unrecorded));
+
+    harness.board.substitutes = Substitutes::NONE;
+    harness.board.reboot();
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    harness.exchange();
+    harness.code(0, false);
+    let frame = harness.recorder.encoded.last().unwrap();
+    assert_eq!(frame.eeg.info.transducter, "autoencoder");
+    assert_eq!(value(&mut harness), None);
 }
 
 #[test]

@@ -11,10 +11,12 @@ mod command_line;
 mod config;
 mod convert;
 mod device;
+mod doctor;
 mod graph;
 mod hostile_recording;
 mod lines;
 mod long_outage;
+mod machine;
 mod master;
 mod names;
 mod process;
@@ -23,5 +25,8 @@ mod record;
 mod replay;
 mod replug;
 mod shell;
+#[path = "../../src/ports/simulated_machine.rs"]
+#[expect(dead_code, reason = "the tests of the crate use more of it")]
+mod simulated_machine;
 mod synthetic_recording;
 mod trouble;

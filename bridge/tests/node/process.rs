@@ -25,10 +25,13 @@ impl Bridge {
     }
 
     fn spawn(arguments: &[&str], variables: &[(&str, &str)], stdout: Stdio) -> Bridge {
+        Bridge::spawn_command(&mut Bridge::command(arguments, variables, stdout))
+    }
+
+    /// Starts a command that runs the bridge.
+    pub(crate) fn spawn_command(command: &mut Command) -> Bridge {
         Bridge {
-            child: Bridge::command(arguments, variables, stdout)
-                .spawn()
-                .unwrap(),
+            child: command.spawn().unwrap(),
         }
     }
 
@@ -57,10 +60,7 @@ impl Bridge {
     /// user's folder.
     pub(crate) fn start_in_home(arguments: &[&str], home: (&str, &str)) -> Bridge {
         let mut command = Bridge::command(arguments, &[home], Stdio::piped());
-        command.env_remove("CORTICODE_CONFIG");
-        Bridge {
-            child: command.spawn().unwrap(),
-        }
+        Bridge::spawn_command(command.env_remove("CORTICODE_CONFIG"))
     }
 
     /// Starts the bridge with its output in a file.
@@ -70,6 +70,10 @@ impl Bridge {
 
     pub(crate) fn stdout(&mut self) -> std::process::ChildStdout {
         self.child.stdout.take().unwrap()
+    }
+
+    pub(crate) fn pid(&self) -> u32 {
+        self.child.id()
     }
 
     pub(crate) fn signal(&self, signal: Signal) {

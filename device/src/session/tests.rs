@@ -82,6 +82,7 @@ fn kinds(sender: &mut Ring) -> Vec<&'static str> {
         Some(match message {
             ToHost::Hello(_) => "hello",
             ToHost::Capabilities(_) => "capabilities",
+            ToHost::Substitutes(_) => "substitutes",
             ToHost::Converters(_) => "converters",
             ToHost::Stats(_) => "stats",
             ToHost::ClockReading(_) => "clock",
@@ -138,6 +139,20 @@ fn a_device_with_a_damaged_model_answers_and_refuses_starts() {
     let answer = execute(&mut session, &mut sender, start(Streams::CODES));
     assert_eq!(answer, (None, AckResult::NotSupported));
     assert!(!session.is_streaming());
+}
+
+#[test]
+fn substitutes_come_before_the_capabilities_that_they_concern() {
+    let (mut session, mut sender) = board(EVERYTHING);
+    let introduced = kinds_after(&mut session, &mut sender, ToDevice::Identify);
+    assert_eq!(introduced, ["hello", "capabilities", "ack"]);
+    let substitutes = link::Substitutes {
+        interpolated: 1,
+        zero: 0,
+    };
+    let mut session = session.with_substitutes(substitutes);
+    let introduced = kinds_after(&mut session, &mut sender, ToDevice::Identify);
+    assert_eq!(introduced, ["hello", "substitutes", "capabilities", "ack"]);
 }
 
 #[test]

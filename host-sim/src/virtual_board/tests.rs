@@ -12,6 +12,7 @@ fn board() -> (VirtualBoard, Outbox) {
     let identity = Identity {
         session_id: 7,
         chip_uid: [1; 12],
+        ..Identity::default()
     };
     let board = VirtualBoard::new(identity, Mains::Hz50, outbox.clone());
     (board, outbox)

@@ -3,7 +3,7 @@
 use link::{
     Ack, AckResult, Audit, CODE_LEN, ClockReading, Code, CodeValues, ElectrodeQuality, Event,
     EventKind, Filtered, Flags, Hello, MAX_ELECTRODES, MAX_EXPONENT, MAX_STAGES, Quality, Raw,
-    ResetCause, Stage, StageTiming, Stats, Streams, Timing, ToHost,
+    ResetCause, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
 };
 use proptest::prelude::*;
 
@@ -86,7 +86,9 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
             received_us,
         })
     });
-    prop_oneof![raw, filtered, audit, event, reading]
+    let substitutes = any::<[u64; 2]>()
+        .prop_map(|[interpolated, zero]| ToHost::Substitutes(Substitutes { interpolated, zero }));
+    prop_oneof![raw, filtered, audit, event, reading, substitutes]
 }
 
 pub(crate) fn message() -> impl Strategy<Value = ToHost<'static>> {
@@ -200,6 +202,7 @@ pub(crate) fn owned(message: &ToHost<'_>) -> ToHost<'static> {
         }),
         ToHost::Event(event) => ToHost::Event(*event),
         ToHost::ClockReading(reading) => ToHost::ClockReading(*reading),
+        ToHost::Substitutes(substitutes) => ToHost::Substitutes(*substitutes),
         ToHost::Capabilities(_) | ToHost::Converters(_) | ToHost::SelfTest(_) => {
             panic!("the generator makes no such message")
         }

@@ -10,7 +10,7 @@ use link::{
 mod messages;
 use messages::{
     audit, capabilities, clock_reading, code, code_of_16_bits, code_with_exponent, converters,
-    event, filtered, hello, quality, raw, self_test, stats, timing,
+    event, filtered, hello, quality, raw, self_test, stats, substitutes, timing,
 };
 
 const DOCUMENT: &str = include_str!("../../../docs/wire-format.md");
@@ -129,10 +129,11 @@ fn every_dump_equals_the_encoders_output() {
         ("converters", (312, 19_910_000), converters()),
         ("self-test", (313, 24_500_000), self_test()),
         ("clock-reading", (314, 24_600_000), clock_reading()),
+        ("substitutes", (1, 1_000), substitutes()),
     ] {
         check(name, &mut Decoder::new(), at, &message);
     }
-    assert_eq!(dumps().len(), 23, "a dump that no test compares");
+    assert_eq!(dumps().len(), 24, "a dump that no test compares");
 }
 
 #[test]

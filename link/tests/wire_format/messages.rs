@@ -3,7 +3,8 @@
 use link::{
     Audit, CODE_LEN, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading, Code,
     CodeFormat, CodeValues, Converters, ElectrodeQuality, Event, EventKind, Filtered, Flags, Hello,
-    Quality, Raw, ResetCause, SelfTest, Stage, StageTiming, Stats, Streams, Timing, ToHost,
+    Quality, Raw, ResetCause, SelfTest, Stage, StageTiming, Stats, Streams, Substitutes, Timing,
+    ToHost,
 };
 
 pub(crate) fn hello() -> ToHost<'static> {
@@ -220,5 +221,12 @@ pub(crate) fn clock_reading() -> ToHost<'static> {
     ToHost::ClockReading(ClockReading {
         host_time_us: 1_700_000_000_000_000,
         received_us: 19_900_250,
+    })
+}
+
+pub(crate) fn substitutes() -> ToHost<'static> {
+    ToHost::Substitutes(Substitutes {
+        interpolated: 0b1_0000_0010,
+        zero: 1 << 60,
     })
 }

@@ -12,7 +12,7 @@ pub struct SystemState {
 impl SystemState {
     /// Reads the answer to `getSystemState`: publishers, subscribers and services, each as pairs of
     /// a name and a list of nodes. Returns `None` if the value has another shape.
-    pub(crate) fn from_value(value: &Value) -> Option<Self> {
+    pub fn from_value(value: &Value) -> Option<Self> {
         let [publishers, _subscribers, services] = value.as_array()? else {
             return None;
         };

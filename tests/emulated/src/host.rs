@@ -16,6 +16,7 @@ pub fn sent(streams: Streams, samples: &[Sample]) -> Vec<u8> {
     let identity = Identity {
         session_id: 0,
         chip_uid: [0; 12],
+        ..Identity::default()
     };
     // This outbox grows, so the board drops no frame.
     let outbox = Outbox::new(WhenFull::Wait);

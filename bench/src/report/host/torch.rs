@@ -12,9 +12,6 @@ use super::agreement::COMPARED;
 use crate::report::checked_in::ARTIFACT;
 use crate::report::tools;
 
-/// Python interpreters, tried in this order.
-const PYTHONS: [&str; 2] = ["python3", "/usr/bin/python3"];
-
 /// What one run of `torch_encoder.py` prints.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Answer {
@@ -35,17 +32,9 @@ pub(crate) struct Torch(&'static str);
 impl Torch {
     /// Finds an interpreter that imports PyTorch; `None` if there is none.
     pub(crate) fn find() -> Option<Self> {
-        let python = PYTHONS.into_iter().find(|python| {
-            tools::output_of(Command::new(python).args(["-c", "import torch"])).is_some()
-        });
-        if python.is_none() {
-            eprintln!(
-                "SKIPPED: PyTorch: neither {} imports torch; `python3 -m venv torch-venv && \
-                 torch-venv/bin/pip install torch`, then again with torch-venv/bin first in PATH",
-                PYTHONS.join(" nor ")
-            );
-        }
-        python.map(Self)
+        let next = "`python3 -m venv torch-venv && torch-venv/bin/pip install torch`, then again with \
+                    torch-venv/bin first in PATH";
+        tools::python("torch", next).map(Self)
     }
 
     /// Encodes the windows, whose values are ordered by time step and cell. Times one call per window, and

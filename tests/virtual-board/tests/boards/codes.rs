@@ -124,6 +124,7 @@ fn simulated(first: u64, samples: u64) -> Vec<Code> {
     let identity = Identity {
         session_id: 0,
         chip_uid: [0; 12],
+        ..Identity::default()
     };
     let mut board = Simulator::new(identity, Mains::default(), outbox.clone());
     let bytes = thread::scope(|scope| {

@@ -1,0 +1,153 @@
+//! Passes the bytes of the source to the bridge, and the codes among them to the node in rospy, and notes when.
+//! Codes leave 62.5 ms apart to some microseconds, so that what a subscriber sees is the work of the nodes.
+
+use std::io::{self, Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use link::{CODE_LEN, Code, Decoder, ToHost};
+
+use super::contestant::Times;
+
+/// Time from one code to the next.
+const HOP: Duration = Duration::from_micros(62_500);
+/// Time by which the node in rospy gets a code later than the bridge.
+const OFFSET: Duration = HOP.checked_div(2).unwrap();
+/// Time by which codes leave later than the first came, so that a code that the source sends late is in time.
+const RESERVE: Duration = Duration::from_millis(15);
+/// Last part of a wait, in which the thread does not sleep: a sleep ends up to this much later.
+const BUSY: Duration = Duration::from_micros(300);
+/// Longest time in which the source opens its port.
+const START: Duration = Duration::from_secs(20);
+
+/// Times at which codes were sent.
+#[derive(Debug, Default)]
+struct Sent {
+    to_bridge: Mutex<Times>,
+    to_rospy: Mutex<Times>,
+}
+
+/// Threads that pass on what the source sends; they end with its connection.
+#[derive(Debug)]
+pub(super) struct Relay(Arc<Sent>);
+
+impl Relay {
+    /// Connects to the source at `port` of 127.0.0.1, accepts the bridge at `bridge` and the node in rospy at
+    /// `rospy`, and starts to pass on bytes.
+    ///
+    /// # Errors
+    /// A connection fails.
+    pub(super) fn start(
+        port: u16,
+        bridge: &TcpListener,
+        rospy: Option<&TcpListener>,
+    ) -> anyhow::Result<Self> {
+        let source = connect(port).context("host-sim opens no port")?;
+        let bridge = accept(bridge).context("corticode-bridge does not connect")?;
+        let rospy = rospy.map(accept).transpose();
+        let rospy = rospy.context("rospy_bridge.py does not connect")?;
+        let sent = Arc::<Sent>::default();
+        let (codes, later) = channel();
+        let (mut commands, mut back) = (bridge.try_clone()?, source.try_clone()?);
+        thread::spawn(move || io::copy(&mut commands, &mut back));
+        let times = Arc::clone(&sent);
+        thread::spawn(move || forward(source, bridge, &times.to_bridge, &codes));
+        if let Some(rospy) = rospy {
+            let times = Arc::clone(&sent);
+            thread::spawn(move || delay(&later, rospy, &times.to_rospy));
+        }
+        Ok(Self(sent))
+    }
+
+    /// Returns when each code was sent to the bridge and to the node in rospy, by the index of its window.
+    pub(super) fn times(&self) -> [Times; 2] {
+        [&self.0.to_bridge, &self.0.to_rospy]
+            .map(|times| times.lock().unwrap_or_else(PoisonError::into_inner).clone())
+    }
+}
+
+fn connect(port: u16) -> io::Result<TcpStream> {
+    let end = Instant::now() + START;
+    loop {
+        match TcpStream::connect(SocketAddr::from((Ipv4Addr::LOCALHOST, port))) {
+            Ok(stream) => return stream.set_nodelay(true).map(|()| stream),
+            Err(error) if Instant::now() >= end => return Err(error),
+            Err(_) => thread::sleep(Duration::from_millis(20)),
+        }
+    }
+}
+
+fn accept(listener: &TcpListener) -> io::Result<TcpStream> {
+    let (stream, _) = listener.accept()?;
+    stream.set_nodelay(true)?;
+    Ok(stream)
+}
+
+/// Passes all bytes of the source on, and the codes among them to `codes`. Bytes with a code wait until it is
+/// due.
+fn forward(
+    mut source: TcpStream,
+    mut bridge: TcpStream,
+    sent: &Mutex<Times>,
+    codes: &Sender<(Instant, Code)>,
+) -> io::Result<()> {
+    let mut decoder: Decoder = Decoder::new();
+    let mut buffer = [0; 4096];
+    let mut first = None;
+    loop {
+        let count = source.read(&mut buffer)?;
+        if count == 0 {
+            return Ok(());
+        }
+        let (bytes, arrival) = (&buffer[..count], Instant::now());
+        let mut unread = bytes;
+        while let Some(frame) = decoder.next::<ToHost>(&mut unread) {
+            let Ok(ToHost::Code(code)) = frame.map(|frame| frame.message) else {
+                continue;
+            };
+            let (window, at) = *first.get_or_insert((code.window, arrival + RESERVE));
+            wait_until(at + HOP * code.window.wrapping_sub(window));
+            let now = Instant::now();
+            note(sent, &code, now);
+            // Fails where no node in rospy runs.
+            let _ = codes.send((now, code));
+        }
+        bridge.write_all(bytes)?;
+    }
+}
+
+/// Sleeps, and at the end spins, until `due`.
+fn wait_until(due: Instant) {
+    thread::sleep(due.saturating_duration_since(Instant::now() + BUSY));
+    while Instant::now() < due {
+        std::hint::spin_loop();
+    }
+}
+
+/// Sends each code to the node in rospy after [`OFFSET`]: index of the window, then the levels as float32.
+fn delay(
+    codes: &Receiver<(Instant, Code)>,
+    mut rospy: TcpStream,
+    sent: &Mutex<Times>,
+) -> io::Result<()> {
+    for (at, code) in codes {
+        let mut bytes = Vec::with_capacity(4 + 4 * CODE_LEN);
+        bytes.extend(code.window.to_le_bytes());
+        #[expect(clippy::cast_precision_loss, reason = "a level has at most 16 bits")]
+        let values = code.values.levels().map(|level| level as f32);
+        bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        wait_until(at + OFFSET);
+        note(sent, &code, Instant::now());
+        rospy.write_all(&bytes)?;
+    }
+    Ok(())
+}
+
+fn note(sent: &Mutex<Times>, code: &Code, at: Instant) {
+    let mut sent = sent.lock().unwrap_or_else(PoisonError::into_inner);
+    sent.insert(code.window.into(), at);
+}

@@ -1,0 +1,49 @@
+//! The node in rospy, where rospy is installed.
+
+use std::io::Write;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use anyhow::Context;
+use neuro_ros::{NeuroFrame, RosMessage};
+
+use crate::report::tools;
+
+/// A Python interpreter that imports rospy.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rospy(&'static str);
+
+impl Rospy {
+    /// Finds an interpreter that imports rospy; `None` if there is none.
+    pub(super) fn find() -> Option<Self> {
+        tools::python("rospy", "`apt-get install python3-rospy`, then again").map(Self)
+    }
+
+    /// Starts `rospy_bridge.py`, which connects to `port` of 127.0.0.1 and publishes on `topic`.
+    ///
+    /// # Errors
+    /// The interpreter does not start.
+    pub(super) fn start(
+        self,
+        master_uri: &str,
+        port: u16,
+        topic: &str,
+        folder: &Path,
+    ) -> anyhow::Result<Child> {
+        let mut process = Command::new(self.0)
+            .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/rospy_bridge.py"))
+            .args([&port.to_string(), topic])
+            .env("ROS_MASTER_URI", master_uri)
+            .env("ROS_HOSTNAME", "127.0.0.1")
+            .env("ROS_HOME", folder)
+            .env_remove("ROS_IP")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .spawn()
+            .context("rospy_bridge.py does not start")?;
+        // The pipe is dropped at the end of the statement, which ends the process's input.
+        let mut definition = process.stdin.take().context("it has no standard input")?;
+        definition.write_all(NeuroFrame::TYPE.definition.as_bytes())?;
+        Ok(process)
+    }
+}

@@ -1,0 +1,333 @@
+//! The subcommand `doctor`: collects facts about this machine and checks them.
+
+use std::net::IpAddr;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use neuro_ros::ros1::xmlrpc::{CallError, Value, call_ros};
+use neuro_ros::ros1::{NodeOptions, SystemState};
+use tokio::net::UdpSocket;
+use tokio::time::{Instant, timeout};
+
+use crate::app::check_options::DoctorOptions;
+use crate::app::namespace::Namespace;
+use crate::app::sink_kind::SinkKind;
+use crate::decoder::model::Model;
+use crate::doctor::check::{Level, Report};
+use crate::doctor::device_checks::check_device;
+use crate::doctor::machine_checks::{check_clock, check_disk};
+use crate::doctor::port_checks::{PortFacts, PortPlace, UdevRule, UsbPort, check_port};
+use crate::doctor::probe::{DeviceAnswer, Probe};
+use crate::doctor::ros_checks::{MasterState, OwnHost, RosFacts, check_ros};
+use crate::ports::finder::{BoardFinder, FindError};
+use crate::ports::serial_port::Likeness;
+use crate::ports::system_root::SystemRoot;
+use crate::time::host_time::HostTime;
+use crate::wire::address::PortAddress;
+use crate::wire::port::{Port, Transfer};
+
+/// Time for the device to introduce itself, and for each answer of another program.
+const TIMEOUT: Duration = Duration::from_secs(3);
+/// Time between two checks of whether a command to the device is due.
+const TICK: Duration = Duration::from_millis(100);
+/// Topics of frames that the bridge publishes with its default options.
+const TOPICS: [&str; 2] = ["encoded", "neurodata_reconstructed"];
+
+/// Places of the udev rule: the administrator's, and those of packages.
+const RULE_FILES: [&str; 3] = [
+    "etc/udev/rules.d/60-corticode.rules",
+    "usr/lib/udev/rules.d/60-corticode.rules",
+    "lib/udev/rules.d/60-corticode.rules",
+];
+
+/// Makes all checks.
+pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Report {
+    let root = SystemRoot::machine();
+    let (place, address) = locate(&options.port, &root);
+    let programs = root.programs();
+    let mut checks = check_port(&PortFacts {
+        place,
+        modem_manager: programs
+            .iter()
+            .any(|program| program.name == "ModemManager"),
+    });
+    if let Some(address) = address {
+        let can_open = checks.iter().all(|check| check.level != Level::Error);
+        let answer = if can_open {
+            ask(&address, options.baud).await
+        } else {
+            DeviceAnswer::NotAsked
+        };
+        let model = match &options.model {
+            Some(folder) => Model::read(folder),
+            None => Model::embedded(),
+        };
+        let model = model.map_err(|error| format!("the model cannot be read: {error}"));
+        checks.extend(check_device(&answer, &address.to_string(), &model));
+    }
+    if options.sink == SinkKind::Ros {
+        checks.extend(check_ros(&ros_facts(options, ros).await));
+    }
+    checks.push(check_clock(clock_is_synchronised().await));
+    let disk = rustix::fs::statvfs(".");
+    let free = disk.map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize));
+    checks.push(check_disk(free.ok()));
+    Report::new(checks)
+}
+
+/// Returns where the port is, and its address if it exists; for `auto`, that of the board's port.
+fn locate(address: &PortAddress, root: &SystemRoot) -> (PortPlace, Option<PortAddress>) {
+    let path = match address {
+        PortAddress::Tcp(_) => {
+            return (
+                PortPlace::Network(address.to_string()),
+                Some(address.clone()),
+            );
+        }
+        PortAddress::Tty(path) => path.clone(),
+        PortAddress::Auto(serial) => match BoardFinder::new(root.clone(), serial.clone()).find() {
+            Ok(found) => found.path,
+            Err(error) => {
+                let remedy = match &error {
+                    FindError::SeveralBoards { .. } => "corticode-bridge doctor --port auto:SERIAL",
+                    FindError::NoBoard { .. } | FindError::OtherBoards { .. } => {
+                        "corticode-bridge ports (plug the board in, or name its port: --port \
+                         /dev/ttyACM0)"
+                    }
+                };
+                let (why, remedy) = (error.to_string(), remedy.to_owned());
+                return (PortPlace::Missing { why, remedy }, None);
+            }
+        },
+    };
+    if !path.exists() {
+        let place = PortPlace::Missing {
+            why: format!("{} does not exist", path.display()),
+            remedy: "corticode-bridge ports (plug the device in, or start host-sim)".to_owned(),
+        };
+        return (place, None);
+    }
+    let place = PortPlace::Terminal {
+        access: root.port_access(&path),
+        usb: usb_port(&path, root),
+        path: path.clone(),
+    };
+    (place, Some(PortAddress::Tty(path)))
+}
+
+fn usb_port(path: &Path, root: &SystemRoot) -> UsbPort {
+    let target = path.canonicalize().ok();
+    let ports = root.serial_ports();
+    let port = ports
+        .iter()
+        .find(|port| port.path.canonicalize().ok() == target);
+    match port {
+        Some(port) if port.likeness() == Likeness::Board => {
+            let is_installed = RULE_FILES.iter().any(|file| root.path(file).exists());
+            UsbPort::Board(match (port.has_own_name(), is_installed) {
+                (true, _) => UdevRule::Applied,
+                (false, true) => UdevRule::Installed,
+                (false, false) => UdevRule::Missing,
+            })
+        }
+        Some(port) if port.usb.is_some() => UsbPort::Other,
+        _ => UsbPort::None,
+    }
+}
+
+/// Opens the port and asks the device to introduce itself. Does not disturb its streams.
+async fn ask(address: &PortAddress, baud: u32) -> DeviceAnswer {
+    let mut port = match Port::open(address, baud).await {
+        Ok(port) => port,
+        Err(error) => {
+            return DeviceAnswer::NotOpen {
+                why: format!("{address} does not open: {error}"),
+                remedy: address.remedy(error.kind()),
+            };
+        }
+    };
+    let mut probe = Probe::new();
+    let (mut buffer, mut outgoing) = (vec![0; 4096], Vec::new());
+    let deadline = Instant::now() + TIMEOUT;
+    while Instant::now() < deadline {
+        outgoing.extend(probe.outgoing(HostTime::now().monotonic_us));
+        match timeout(TICK, port.exchange(&mut buffer, &outgoing)).await {
+            Err(_) => {}
+            Ok(Ok(Transfer::Read(count))) => {
+                if probe.receive(&buffer[..count]) {
+                    break;
+                }
+            }
+            Ok(Ok(Transfer::Written(count))) => drop(outgoing.drain(..count)),
+            Ok(Ok(Transfer::NotWritten(_)) | Err(_)) => break,
+        }
+    }
+    probe.answer()
+}
+
+async fn ros_facts(options: &DoctorOptions, ros: &NodeOptions) -> RosFacts {
+    let master_uri = options.ros_master_uri.clone();
+    let master_uri = master_uri.unwrap_or_else(|| ros.master_uri.clone());
+    let master_host = host_of(&master_uri).unwrap_or_default();
+    let namespace = Namespace::new(&ros.namespace, &options.topic_prefix);
+    let own_host = match &ros.host {
+        Some(name) => Some(OwnHost {
+            name: name.clone(),
+            addresses: addresses(name).await,
+        }),
+        None => None,
+    };
+    let master_addresses = addresses(master_host).await.ok();
+    RosFacts {
+        master: master_state(&master_uri, &namespace, &ros.name)
+            .await
+            .map_err(|error| error.to_string()),
+        master_is_here: master_addresses.map(|list| list.iter().any(|(_, is_own)| *is_own)),
+        master_uri,
+        own_host,
+    }
+}
+
+async fn master_state(
+    uri: &str,
+    namespace: &Namespace,
+    node: &str,
+) -> Result<MasterState, CallError> {
+    let node = if node.starts_with('/') {
+        node.to_owned()
+    } else {
+        namespace.resolve(node)
+    };
+    let caller = Value::from("/corticode_doctor");
+    let state = call_ros(uri, "getSystemState", std::slice::from_ref(&caller)).await?;
+    let state = SystemState::from_value(&state);
+    let topics = TOPICS.map(|topic| namespace.resolve(topic));
+    let publishers = topics.map(|topic| {
+        let nodes = state
+            .as_ref()
+            .map(|state| state.publishers(&topic).to_vec());
+        (topic, nodes.unwrap_or_default())
+    });
+    // The master refuses both calls for what it does not know.
+    let arguments = [caller.clone(), Value::from(node.as_str())];
+    let registered = call_ros(uri, "lookupNode", &arguments).await.is_ok();
+    let simulated = call_ros(uri, "getParam", &[caller, Value::from("/use_sim_time")]).await;
+    Ok(MasterState {
+        node,
+        node_is_registered: registered,
+        publishers: publishers.to_vec(),
+        use_sim_time: matches!(simulated, Ok(Value::Bool(true))),
+    })
+}
+
+/// Returns the host of `http://HOST:PORT/`.
+fn host_of(uri: &str) -> Option<&str> {
+    let (_, rest) = uri.split_once("://")?;
+    let (host, _) = rest.rsplit_once(':')?;
+    Some(host.trim_start_matches('[').trim_end_matches(']'))
+}
+
+/// Returns the addresses of a host, each with whether this machine has it.
+async fn addresses(host: &str) -> Result<Vec<(IpAddr, bool)>, String> {
+    let found = match timeout(TIMEOUT, tokio::net::lookup_host((host, 0))).await {
+        Ok(found) => found.map_err(|error| error.to_string())?,
+        Err(_) => return Err(format!("no answer within {} s", TIMEOUT.as_secs())),
+    };
+    let mut addresses = Vec::new();
+    for address in found {
+        // Only an address of this machine can be bound.
+        let is_own = UdpSocket::bind(address).await.is_ok();
+        addresses.push((address.ip(), is_own));
+    }
+    Ok(addresses)
+}
+
+/// Returns whether NTP has set the clock; `None` if this machine cannot tell.
+async fn clock_is_synchronised() -> Option<bool> {
+    let output = tokio::task::spawn_blocking(|| {
+        Command::new("timedatectl")
+            .args(["show", "--property=NTPSynchronized", "--value"])
+            .stdin(Stdio::null())
+            .output()
+    });
+    let output = timeout(TIMEOUT, output).await.ok()?.ok()?.ok()?;
+    match output.stdout.trim_ascii() {
+        b"yes" => Some(true),
+        b"no" => Some(false),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{
+        Level, RULE_FILES, SystemRoot, UdevRule, UsbPort, addresses, check_port, host_of, locate,
+        usb_port,
+    };
+    use crate::doctor::port_checks::PortFacts;
+    use crate::ports::simulated_machine::{BOARD, Descriptor, SimulatedMachine};
+    use crate::wire::address::PortAddress;
+
+    #[test]
+    fn auto_leads_to_the_port_of_the_board_or_to_the_reason_and_a_remedy() {
+        let machine = SimulatedMachine::new();
+        let root = SystemRoot::new(machine.folder());
+        let fault = || {
+            let (place, address) = locate(&PortAddress::Auto(None), &root);
+            assert_eq!(address, None);
+            let modem_manager = false;
+            let check = check_port(&PortFacts {
+                place,
+                modem_manager,
+            })
+            .remove(0);
+            assert_eq!(check.level, Level::Error);
+            format!("{}; {}", check.finding, check.remedy.unwrap())
+        };
+        assert!(fault().contains("no Corticode board is on USB; corticode-bridge ports"));
+        machine.plug(2, "ttyACM0", BOARD, None);
+        let path = machine.path("dev/ttyACM0");
+        let (_, address) = locate(&PortAddress::Auto(None), &root);
+        assert_eq!(address, Some(PortAddress::Tty(path.clone())));
+        assert_eq!(usb_port(&path, &root), UsbPort::Board(UdevRule::Applied));
+        let own = machine.path(&format!("dev/corticode-{}", BOARD.serial));
+        assert_eq!(usb_port(&own, &root), UsbPort::Board(UdevRule::Applied));
+        std::fs::remove_file(own).unwrap();
+        assert_eq!(usb_port(&path, &root), UsbPort::Board(UdevRule::Missing));
+        machine.write(RULE_FILES[1], "");
+        assert_eq!(usb_port(&path, &root), UsbPort::Board(UdevRule::Installed));
+        machine.plug_ftdi(4, "ttyUSB0");
+        assert_eq!(
+            usb_port(&machine.path("dev/ttyUSB0"), &root),
+            UsbPort::Other
+        );
+        machine.plug(
+            3,
+            "ttyACM1",
+            Descriptor {
+                serial: "3B",
+                ..BOARD
+            },
+            None,
+        );
+        assert!(
+            fault().ends_with("doctor --port auto:SERIAL"),
+            "{}",
+            fault()
+        );
+    }
+
+    #[tokio::test]
+    async fn an_address_of_this_machine_is_told_from_a_foreign_one() {
+        let loopback = addresses("127.0.0.1").await.unwrap();
+        assert!(loopback[0].1);
+        // TEST-NET-1, RFC 5737: no machine has it.
+        let foreign = addresses("192.0.2.1").await.unwrap();
+        assert!(!foreign[0].1);
+        // RFC 6761: `.invalid` never resolves.
+        assert!(addresses("no-such-host.invalid").await.is_err());
+        assert_eq!(host_of("http://[::1]:11311/"), Some("::1"));
+        assert_eq!(host_of("http://lab:11311"), Some("lab"));
+    }
+}

@@ -1,0 +1,227 @@
+//! Checks of the device: answers, has no fault, and has a model that the bridge decodes.
+
+use artifact::ModelId;
+
+use crate::decoder::model::Model;
+use crate::doctor::check::Check;
+use crate::doctor::probe::{DeviceAnswer, IdentifiedDevice};
+
+const DEVICE: &str = "device";
+
+/// Checks the answer of the device at the port `port`. `model` is the one that the bridge decodes
+/// with, or the reason why it cannot be read.
+pub(crate) fn check_device(
+    answer: &DeviceAnswer,
+    port: &str,
+    model: &Result<Model, String>,
+) -> Vec<Check> {
+    let device = match answer {
+        DeviceAnswer::Identified(device) => device,
+        other => return vec![check_answer(other, port)],
+    };
+    let summary = &device.summary;
+    let version = link::VERSION;
+    let mut checks = vec![Check::ok(
+        DEVICE,
+        format!(
+            "{}, firmware {}, uid {}, wire format {version}",
+            summary.board, summary.firmware, summary.uid
+        ),
+    )];
+    checks.push(if summary.fault.is_empty() {
+        Check::ok("fault", "the device reports none")
+    } else {
+        Check::warning(
+            "fault",
+            format!("the device reports: {}", summary.fault),
+            format!(
+                "corticode-bridge selftest --port {port}, then corticode-bridge reset --port {port}"
+            ),
+        )
+    });
+    checks.push(check_model(device, model));
+    checks
+}
+
+fn check_answer(answer: &DeviceAnswer, port: &str) -> Check {
+    match answer {
+        DeviceAnswer::NotAsked => Check::unknown(
+            DEVICE,
+            "not asked, because the port cannot be opened",
+            "the remedies above, then corticode-bridge doctor again",
+        ),
+        DeviceAnswer::NotOpen { why, remedy } => Check::error(DEVICE, why, remedy),
+        DeviceAnswer::Silent => Check::error(
+            DEVICE,
+            "the port is open, and nothing answers",
+            format!(
+                "check power and cable, press the board's reset button; with a UART: \
+                 corticode-bridge doctor --port {port} --baud 921600"
+            ),
+        ),
+        DeviceAnswer::Stranger { bytes } => Check::error(
+            DEVICE,
+            format!("nothing here speaks Corticode: {bytes} bytes and no frame"),
+            "corticode-bridge ports lists the boards; with a UART, also --baud 921600",
+        ),
+        DeviceAnswer::OtherVersion => Check::error(
+            DEVICE,
+            format!(
+                "the device speaks another version of the wire format than this bridge ({})",
+                link::VERSION
+            ),
+            "cargo flash, from the release of this bridge",
+        ),
+        DeviceAnswer::NoHello | DeviceAnswer::Identified(_) => Check::error(
+            DEVICE,
+            "the device sends frames and does not introduce itself",
+            format!("corticode-bridge reset --port {port}"),
+        ),
+    }
+}
+
+fn check_model(device: &IdentifiedDevice, model: &Result<Model, String>) -> Check {
+    const NAME: &str = "model";
+    let id = ModelId(device.model_id);
+    let model = match model {
+        Ok(model) => model,
+        Err(why) => {
+            let remedy = "name the folder with model.toml, weights.safetensors and \
+                          calibration.safetensors: --model FOLDER";
+            return Check::error(NAME, why, remedy);
+        }
+    };
+    if device.model_id != model.id() {
+        let own = ModelId(model.id());
+        return Check::warning(
+            NAME,
+            format!(
+                "the device runs {id} and the bridge decodes {own}: no /neurodata_reconstructed"
+            ),
+            "corticode-bridge --model FOLDER, with the folder that the firmware was built with",
+        );
+    }
+    let flash = "cargo flash, from the release of this bridge";
+    match &device.device {
+        None => Check::warning(NAME, "the device sends no description of its codes", flash),
+        Some(Err(error)) => Check::error(NAME, error.to_string(), flash),
+        Some(Ok(device)) if model.objection(device).is_some() => Check::warning(
+            NAME,
+            format!(
+                "the device reports {id} with another montage or window: no /neurodata_reconstructed"
+            ),
+            flash,
+        ),
+        Some(Ok(_)) => Check::ok(NAME, format!("{id}, which the bridge decodes")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::check_device;
+    use crate::decoder::model::Model;
+    use crate::doctor::check::{Check, Level};
+    use crate::doctor::probe::{DeviceAnswer, IdentifiedDevice};
+    use crate::query::report::DeviceSummary;
+
+    const PORT: &str = "/dev/ttyACM0";
+
+    fn check(answer: &DeviceAnswer) -> Vec<Check> {
+        let model = Model::embedded().map_err(|error| error.to_string());
+        check_device(answer, PORT, &model)
+    }
+
+    fn identified(model_id: [u8; 8], fault: &str) -> DeviceAnswer {
+        DeviceAnswer::Identified(Box::new(IdentifiedDevice {
+            summary: DeviceSummary {
+                board: "NUCLEO-H743ZI2".to_owned(),
+                firmware: "0.1.0".to_owned(),
+                uid: "00".to_owned(),
+                reset_cause: "power on".to_owned(),
+                fault: fault.to_owned(),
+            },
+            model_id,
+            device: None,
+        }))
+    }
+
+    #[test]
+    fn each_missing_answer_has_its_own_finding_and_remedy() {
+        for (answer, level, finding, remedy) in [
+            (
+                DeviceAnswer::NotAsked,
+                Level::Unknown,
+                "not asked",
+                "doctor again",
+            ),
+            (
+                DeviceAnswer::Silent,
+                Level::Error,
+                "nothing answers",
+                "check power",
+            ),
+            (
+                DeviceAnswer::Stranger { bytes: 9 },
+                Level::Error,
+                "9 bytes and no frame",
+                "bridge ports",
+            ),
+            (
+                DeviceAnswer::OtherVersion,
+                Level::Error,
+                "than this bridge (1)",
+                "cargo flash",
+            ),
+            (
+                DeviceAnswer::NoHello,
+                Level::Error,
+                "does not introduce itself",
+                "reset --port /dev/ttyACM0",
+            ),
+        ] {
+            let checks = check(&answer);
+            assert_eq!((checks.len(), checks[0].level), (1, level), "{answer:?}");
+            assert!(checks[0].finding.contains(finding), "{checks:?}");
+            assert!(
+                checks[0].remedy.as_deref().unwrap().contains(remedy),
+                "{checks:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_fault_and_another_model_are_warnings() {
+        let checks = check(&identified([9; 8], "the watchdog reset it"));
+        let levels: Vec<Level> = checks.iter().map(|check| check.level).collect();
+        assert_eq!(levels, [Level::Ok, Level::Warning, Level::Warning]);
+        assert!(checks[1].finding.contains("the watchdog reset it"));
+        assert!(
+            checks[1]
+                .remedy
+                .as_deref()
+                .unwrap()
+                .contains("selftest --port /dev/ttyACM0")
+        );
+        assert!(
+            checks[2].finding.contains("0909090909090909"),
+            "{}",
+            checks[2].finding
+        );
+        assert!(
+            checks[2]
+                .remedy
+                .as_deref()
+                .unwrap()
+                .contains("--model FOLDER")
+        );
+    }
+
+    #[test]
+    fn a_model_that_cannot_be_read_is_an_error() {
+        let model = Err("no model.toml".to_owned());
+        let checks = check_device(&identified([9; 8], ""), PORT, &model);
+        assert_eq!(checks[1].level, Level::Ok);
+        assert_eq!(checks[2].level, Level::Error);
+        assert_eq!(checks[2].finding, "no model.toml");
+    }
+}

@@ -1,0 +1,259 @@
+//! Checks of ROS: the master, the own address, other publishers, simulated time.
+
+use std::net::IpAddr;
+
+use crate::doctor::check::Check;
+
+/// What is known about ROS.
+#[derive(Clone, Debug)]
+pub(crate) struct RosFacts {
+    pub(crate) master_uri: String,
+    /// Whether the master's host is this machine; `None` if its name does not resolve.
+    pub(crate) master_is_here: Option<bool>,
+    /// State of the master, or the reason why it does not answer.
+    pub(crate) master: Result<MasterState, String>,
+    /// The host in `ROS_HOSTNAME` or `ROS_IP`; `None` if neither is set.
+    pub(crate) own_host: Option<OwnHost>,
+}
+
+/// What the master answers.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct MasterState {
+    /// Full name of the bridge's node.
+    pub(crate) node: String,
+    /// Whether a node of this name is registered.
+    pub(crate) node_is_registered: bool,
+    /// The bridge's topics of frames, each with the nodes that publish it now.
+    pub(crate) publishers: Vec<(String, Vec<String>)>,
+    /// Value of the parameter `/use_sim_time`.
+    pub(crate) use_sim_time: bool,
+}
+
+/// The host at which other nodes shall reach the bridge.
+#[derive(Clone, Debug)]
+pub(crate) struct OwnHost {
+    pub(crate) name: String,
+    /// Addresses, each with whether this machine has it; or the reason why there are none.
+    pub(crate) addresses: Result<Vec<(IpAddr, bool)>, String>,
+}
+
+/// Checks ROS.
+pub(crate) fn check_ros(facts: &RosFacts) -> Vec<Check> {
+    let mut checks = vec![match &facts.master {
+        Ok(_) => Check::ok("ROS master", facts.master_uri.as_str()),
+        Err(why) => Check::error(
+            "ROS master",
+            why,
+            "roscore (or start the machine that runs it, and: export ROS_MASTER_URI=http://HOST:11311/)",
+        ),
+    }];
+    checks.push(check_own_host(facts));
+    if let Ok(master) = &facts.master {
+        checks.push(check_publishers(master));
+        checks.push(if master.use_sim_time {
+            Check::warning(
+                "use_sim_time",
+                "is true: the bridge stamps with the PC's clock, and other nodes do not",
+                "rosparam set /use_sim_time false, then restart the other nodes",
+            )
+        } else {
+            Check::ok("use_sim_time", "is not set")
+        });
+    }
+    checks
+}
+
+fn check_own_host(facts: &RosFacts) -> Check {
+    const NAME: &str = "own address";
+    const SET_IP: &str = "unset ROS_HOSTNAME; export ROS_IP=$(hostname -I | cut -d' ' -f1)";
+    let Some(OwnHost { name, addresses }) = &facts.own_host else {
+        return Check::ok(NAME, "chosen by the route to the master");
+    };
+    let addresses = match addresses {
+        Ok(addresses) => addresses,
+        Err(why) => {
+            let finding =
+                format!("ROS_HOSTNAME or ROS_IP is {name}, which does not resolve: {why}");
+            return Check::error(NAME, finding, SET_IP);
+        }
+    };
+    let Some((address, _)) = addresses.iter().find(|(_, is_own)| *is_own) else {
+        let foreign: Vec<String> = addresses
+            .iter()
+            .map(|(address, _)| address.to_string())
+            .collect();
+        let finding = format!(
+            "ROS_HOSTNAME or ROS_IP is {name} ({}), which is no address of this machine",
+            foreign.join(", ")
+        );
+        return Check::error(NAME, finding, SET_IP);
+    };
+    let loopback = addresses.iter().all(|(address, _)| address.is_loopback());
+    if loopback && facts.master_is_here == Some(false) {
+        let finding = format!(
+            "ROS_HOSTNAME or ROS_IP is {name} ({address}), and the master is on another machine, \
+             which cannot reach the bridge there"
+        );
+        return Check::error(NAME, finding, SET_IP);
+    }
+    Check::ok(NAME, format!("{name} ({address})"))
+}
+
+fn check_publishers(master: &MasterState) -> Check {
+    const NAME: &str = "topics";
+    let others = master.publishers.iter().find_map(|(topic, nodes)| {
+        let other = nodes.iter().find(|node| **node != master.node)?;
+        Some((topic, other))
+    });
+    if let Some((topic, other)) = others {
+        return Check::error(
+            NAME,
+            format!("{other} publishes {topic}, so the bridge does not publish this topic"),
+            format!("rosnode kill {other}, or start the bridge with --topic-prefix /NAME"),
+        );
+    }
+    if master.node_is_registered {
+        let node = &master.node;
+        return Check::warning(
+            NAME,
+            format!("a node {node} runs already, such as a bridge; it ends when the bridge starts"),
+            format!("rosnode kill {node}, or start the bridge with --topic-prefix /NAME"),
+        );
+    }
+    Check::ok(NAME, "no other node publishes the bridge's topics")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{MasterState, OwnHost, RosFacts, check_ros};
+    use crate::doctor::check::{Check, Level};
+
+    fn facts() -> RosFacts {
+        RosFacts {
+            master_uri: "http://localhost:11311/".to_owned(),
+            master_is_here: Some(true),
+            master: Ok(MasterState {
+                node: "/acquisition".to_owned(),
+                node_is_registered: false,
+                publishers: vec![("/encoded".to_owned(), Vec::new())],
+                use_sim_time: false,
+            }),
+            own_host: None,
+        }
+    }
+
+    fn host(name: &str, addresses: &[(&str, bool)]) -> OwnHost {
+        let addresses = addresses.iter();
+        let addresses = addresses.map(|(address, own)| (address.parse().unwrap(), *own));
+        OwnHost {
+            name: name.to_owned(),
+            addresses: Ok(addresses.collect()),
+        }
+    }
+
+    /// Returns name and level of the only check that is not ok, and its text with the remedy.
+    fn only_fault(facts: &RosFacts) -> (&'static str, Level, String) {
+        let checks = check_ros(facts);
+        let mut wrong: Vec<Check> = checks
+            .into_iter()
+            .filter(|check| check.level != Level::Ok)
+            .collect();
+        assert_eq!(wrong.len(), 1, "{wrong:?}");
+        let Check {
+            name,
+            level,
+            finding,
+            remedy,
+        } = wrong.remove(0);
+        (name, level, format!("{finding}; {}", remedy.unwrap()))
+    }
+
+    #[test]
+    fn a_running_master_without_other_publishers_passes() {
+        let own = host("10.0.0.5", &[("10.0.0.5", true)]);
+        for own_host in [
+            None,
+            Some(own),
+            Some(host("lab", &[("10.0.0.9", false), ("127.0.1.1", true)])),
+        ] {
+            let facts = RosFacts {
+                own_host,
+                ..facts()
+            };
+            assert!(
+                check_ros(&facts)
+                    .iter()
+                    .all(|check| check.level == Level::Ok)
+            );
+        }
+    }
+
+    #[test]
+    fn a_dead_master_is_an_error_and_its_state_is_not_checked() {
+        let facts = RosFacts {
+            master: Err("refused".to_owned()),
+            ..facts()
+        };
+        let (name, level, text) = only_fault(&facts);
+        assert_eq!((name, level), ("ROS master", Level::Error));
+        assert!(text.contains("; roscore"), "{text}");
+        assert_eq!(check_ros(&facts).len(), 2);
+    }
+
+    #[test]
+    fn an_own_host_that_others_cannot_reach_is_an_error() {
+        let unresolved = OwnHost {
+            name: "labpc".to_owned(),
+            addresses: Err("unknown host".to_owned()),
+        };
+        let elsewhere = host("labpc", &[("10.9.9.9", false)]);
+        let loopback = host("labpc", &[("127.0.1.1", true)]);
+        for (own_host, here, expected) in [
+            (unresolved, true, "does not resolve: unknown host"),
+            (
+                elsewhere,
+                true,
+                "labpc (10.9.9.9), which is no address of this machine",
+            ),
+            (loopback, false, "the master is on another machine"),
+        ] {
+            let facts = RosFacts {
+                own_host: Some(own_host),
+                master_is_here: Some(here),
+                ..facts()
+            };
+            let (name, level, text) = only_fault(&facts);
+            assert_eq!((name, level), ("own address", Level::Error));
+            assert!(
+                text.contains(expected) && text.contains("export ROS_IP="),
+                "{text}"
+            );
+        }
+    }
+
+    #[test]
+    fn another_publisher_is_an_error_and_a_running_bridge_a_warning() {
+        for (node, level, expected) in [
+            ("/filter", Level::Error, "rosnode kill /filter"),
+            ("/acquisition", Level::Warning, "rosnode kill /acquisition"),
+        ] {
+            let mut facts = facts();
+            let publishers = vec![("/encoded".to_owned(), vec![node.to_owned()])];
+            let master = facts.master.as_mut().unwrap();
+            master.publishers = publishers;
+            master.node_is_registered = true;
+            let fault = only_fault(&facts);
+            assert_eq!((fault.0, fault.1), ("topics", level));
+            assert!(fault.2.contains(expected), "{}", fault.2);
+        }
+    }
+
+    #[test]
+    fn simulated_time_is_a_warning() {
+        let mut facts = facts();
+        facts.master.as_mut().unwrap().use_sim_time = true;
+        let (name, level, text) = only_fault(&facts);
+        assert_eq!((name, level), ("use_sim_time", Level::Warning));
+        assert!(text.contains("rosparam set /use_sim_time false"), "{text}");
+    }
+}

@@ -1,0 +1,199 @@
+//! Whether this user can open a port, and if not, why and what helps.
+
+use std::io;
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+
+use rustix::fs::{Access, access};
+
+use crate::ports::holders::Program;
+use crate::ports::system_root::SystemRoot;
+
+/// Result of checking a port without opening it: opening a port resets some devices.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum PortAccess {
+    /// The port can be opened.
+    Free,
+    /// Other programs have the port open.
+    InUse(Vec<Program>),
+    /// The permissions of the port exclude this user.
+    Denied(Membership),
+    /// The port cannot be read for another reason.
+    Broken(io::ErrorKind),
+}
+
+/// The group that may open a port, and whether this user is a member.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Membership {
+    /// Root alone may open the port.
+    RootOnly,
+    /// This user is no member of the group.
+    Outsider { group: String },
+    /// This user became a member after this session began.
+    FromNextLogin { group: String },
+}
+
+impl PortAccess {
+    /// Returns what is wrong and the command that helps; `None` if the port can be opened.
+    pub(crate) fn objection(&self, port: &Path) -> Option<(String, String)> {
+        let port = port.display();
+        Some(match self {
+            PortAccess::Free => return None,
+            PortAccess::InUse(programs) => {
+                let pids: Vec<String> = programs
+                    .iter()
+                    .map(|program| program.pid.to_string())
+                    .collect();
+                (
+                    format!("in use by {}", names(programs)),
+                    format!("kill {}", pids.join(" ")),
+                )
+            }
+            PortAccess::Denied(Membership::RootOnly) => (
+                "only root may open the port".to_owned(),
+                format!(
+                    "sudo chgrp dialout {port} && sudo chmod 660 {port} (until the next restart; a \
+                     board on USB needs the udev rule of docs/hardware.md instead)"
+                ),
+            ),
+            PortAccess::Denied(Membership::Outsider { group }) => (
+                format!("this user is not in the group {group}"),
+                format!("sudo usermod -aG {group} $USER, then log in again"),
+            ),
+            PortAccess::Denied(Membership::FromNextLogin { group }) => (
+                format!("this session began before this user was in the group {group}"),
+                format!("log out and in again, or: newgrp {group}"),
+            ),
+            PortAccess::Broken(kind) => (
+                format!("cannot be opened: {kind}"),
+                format!("plug the device in again, then: ls -l {port}"),
+            ),
+        })
+    }
+}
+
+fn names(programs: &[Program]) -> String {
+    let names = programs.iter();
+    let names: Vec<String> = names
+        .map(|program| format!("{} (pid {})", program.name, program.pid))
+        .collect();
+    names.join(", ")
+}
+
+impl SystemRoot {
+    /// Checks a port without opening it.
+    pub(crate) fn port_access(&self, port: &Path) -> PortAccess {
+        match access(port, Access::READ_OK | Access::WRITE_OK) {
+            Ok(()) => match self.holders(port) {
+                holders if holders.is_empty() => PortAccess::Free,
+                holders => PortAccess::InUse(holders),
+            },
+            Err(error) => match io::Error::from(error).kind() {
+                io::ErrorKind::PermissionDenied => PortAccess::Denied(self.membership(port)),
+                kind => PortAccess::Broken(kind),
+            },
+        }
+    }
+
+    /// Looks up the group of a port, and whether this user is listed as a member.
+    fn membership(&self, port: &Path) -> Membership {
+        let Ok(metadata) = std::fs::metadata(port) else {
+            return Membership::RootOnly;
+        };
+        let users = self.text("etc/passwd").unwrap_or_default();
+        let groups = self.text("etc/group").unwrap_or_default();
+        let user = user_name(&users, rustix::process::getuid().as_raw());
+        membership(&groups, metadata.gid(), metadata.mode(), user)
+    }
+}
+
+/// Returns the name of a user in the text of `/etc/passwd`.
+fn user_name(users: &str, uid: u32) -> Option<&str> {
+    let mut lines = users.lines().map(|line| line.split(':'));
+    lines.find_map(|mut fields| {
+        let name = fields.next()?;
+        (fields.nth(1)?.parse() == Ok(uid)).then_some(name)
+    })
+}
+
+/// Returns the membership of a user who was denied access, from the text of `/etc/group` and the
+/// group and mode of the port.
+fn membership(groups: &str, gid: u32, mode: u32, user: Option<&str>) -> Membership {
+    const GROUP_READ_WRITE: u32 = 0o060;
+    let mut lines = groups.lines().map(|line| line.split(':'));
+    let line = lines.find_map(|fields| {
+        let fields: Vec<&str> = fields.collect();
+        let is_wanted = fields.get(2)?.parse() == Ok(gid);
+        is_wanted.then_some(fields)
+    });
+    let Some([group, _, _, members]) = line.as_deref() else {
+        return Membership::RootOnly;
+    };
+    if gid == 0 || mode & GROUP_READ_WRITE != GROUP_READ_WRITE {
+        return Membership::RootOnly;
+    }
+    let group = (*group).to_owned();
+    if user.is_some_and(|user| members.split(',').any(|member| member == user)) {
+        Membership::FromNextLogin { group }
+    } else {
+        Membership::Outsider { group }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::{Membership, PortAccess, membership, user_name};
+    use crate::ports::holders::Program;
+
+    const GROUPS: &str = "root:x:0:\ndialout:x:20:eve,ada\n";
+    const USERS: &str = "root:x:0:0:root:/root:/bin/sh\nada:x:1000:1000::/home/ada:/bin/sh\n";
+
+    fn remedy(access: &PortAccess) -> String {
+        let (what, remedy) = access.objection(Path::new("/dev/ttyACM0")).unwrap();
+        format!("{what}: {remedy}")
+    }
+
+    #[test]
+    fn each_reason_for_a_denied_port_has_its_own_remedy() {
+        assert_eq!(user_name(USERS, 1000), Some("ada"));
+        assert_eq!(user_name(USERS, 1), None);
+        for (gid, mode, user, expected) in [
+            (
+                20,
+                0o20_660,
+                Some("bob"),
+                "not in the group dialout: sudo usermod -aG dialout $USER",
+            ),
+            (
+                20,
+                0o20_660,
+                None,
+                "sudo usermod -aG dialout $USER, then log in again",
+            ),
+            (20, 0o20_660, Some("ada"), "newgrp dialout"),
+            (20, 0o20_600, Some("bob"), "sudo chgrp dialout /dev/ttyACM0"),
+            (0, 0o20_660, Some("bob"), "sudo chgrp dialout /dev/ttyACM0"),
+            (77, 0o20_660, Some("bob"), "sudo chgrp dialout /dev/ttyACM0"),
+        ] {
+            let denied = PortAccess::Denied(membership(GROUPS, gid, mode, user));
+            assert!(remedy(&denied).contains(expected), "{}", remedy(&denied));
+        }
+        let member = membership(GROUPS, 20, 0o20_660, Some("ada"));
+        let group = "dialout".to_owned();
+        assert_eq!(member, Membership::FromNextLogin { group });
+    }
+
+    #[test]
+    fn the_program_that_uses_a_port_is_named_with_the_command_that_ends_it() {
+        let program = |pid, name: &str| Program {
+            pid,
+            name: name.to_owned(),
+        };
+        let used = PortAccess::InUse(vec![program(7, "minicom"), program(9, "screen")]);
+        let expected = "in use by minicom (pid 7), screen (pid 9): kill 7 9";
+        assert_eq!(remedy(&used), expected);
+        assert_eq!(PortAccess::Free.objection(Path::new("/dev/ttyACM0")), None);
+    }
+}

@@ -1,0 +1,216 @@
+//! Finds the port of a board for `--port auto`.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::ports::serial_port::{Likeness, SerialPort};
+use crate::ports::system_root::SystemRoot;
+
+/// Searches the ports for one board. Remembers the serial number of the board that was found first,
+/// and finds no other board afterwards.
+#[derive(Clone, Debug)]
+pub(crate) struct BoardFinder {
+    root: SystemRoot,
+    serial: Option<String>,
+}
+
+/// A port with a board.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct FoundBoard {
+    pub(crate) path: PathBuf,
+    pub(crate) serial: Option<String>,
+}
+
+/// Why no port can be chosen.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub(crate) enum FindError {
+    /// No port has a board on USB.
+    #[error("no Corticode board is on USB{}", MaybeBoards(.maybe))]
+    NoBoard {
+        /// Ports of ST-LINKs.
+        maybe: Vec<PathBuf>,
+    },
+    /// The board with the wanted serial number is absent.
+    #[error("no board {serial} is on USB; present: {}", listed(.present))]
+    OtherBoards {
+        serial: String,
+        /// Boards that are present, with their ports.
+        present: Vec<String>,
+    },
+    /// There are several boards, and none was chosen.
+    #[error("several boards are on USB: {}", listed(.boards))]
+    SeveralBoards {
+        /// Serial numbers, with their ports.
+        boards: Vec<String>,
+    },
+}
+
+/// Ports that may be boards, as the end of a sentence.
+struct MaybeBoards<'a>(&'a [PathBuf]);
+
+impl fmt::Display for MaybeBoards<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0.first() {
+            Some(path) => {
+                let path = path.display();
+                write!(
+                    formatter,
+                    "; {path} is an ST-LINK: if a board's UART is wired to it, use --port {path}"
+                )
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+fn listed(boards: &[String]) -> String {
+    if boards.is_empty() {
+        "none".to_owned()
+    } else {
+        boards.join(", ")
+    }
+}
+
+impl BoardFinder {
+    /// Creates a finder for the board with the serial number, or for the only board if it is `None`.
+    pub(crate) fn new(root: SystemRoot, serial: Option<String>) -> BoardFinder {
+        BoardFinder { root, serial }
+    }
+
+    /// Returns the port that the board has now.
+    ///
+    /// # Errors
+    ///
+    /// [`FindError`] if the board is absent, or if several are present and none was chosen.
+    pub(crate) fn find(&mut self) -> Result<FoundBoard, FindError> {
+        let ports = self.root.serial_ports();
+        let found = choose(&ports, self.serial.as_deref())?;
+        if self.serial.is_none() {
+            self.serial.clone_from(&found.serial);
+        }
+        Ok(found)
+    }
+}
+
+/// Returns the port of the board with the serial number `wanted`, or of the only board. A serial
+/// number also chooses an ST-LINK, which is never chosen without. A port that udev has not finished
+/// does not count yet, because its permissions are not set.
+fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, FindError> {
+    let settled = || ports.iter().filter(|port| port.is_settled);
+    let with = |likeness| settled().filter(move |port| port.likeness() == likeness);
+    let found = |port: &SerialPort| FoundBoard {
+        path: port.path.clone(),
+        serial: port.serial().map(str::to_owned),
+    };
+    let boards: Vec<&SerialPort> = with(Likeness::Board).collect();
+    if let Some(wanted) = wanted {
+        let mut candidates = boards.iter().copied().chain(with(Likeness::Maybe));
+        // The firmware's own logs have the serial number in other letters than the descriptor.
+        let port = candidates.find(|port| {
+            port.serial()
+                .is_some_and(|serial| serial.eq_ignore_ascii_case(wanted))
+        });
+        return port.map(found).ok_or_else(|| FindError::OtherBoards {
+            serial: wanted.to_owned(),
+            present: boards.iter().map(|port| name(port)).collect(),
+        });
+    }
+    match boards[..] {
+        [] => Err(FindError::NoBoard {
+            maybe: with(Likeness::Maybe)
+                .map(|port| port.path.clone())
+                .collect(),
+        }),
+        [board] => Ok(found(board)),
+        _ => Err(FindError::SeveralBoards {
+            boards: boards.iter().map(|port| name(port)).collect(),
+        }),
+    }
+}
+
+fn name(port: &SerialPort) -> String {
+    let serial = port.serial().unwrap_or("without serial number");
+    format!("{serial} ({})", port.path.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{BoardFinder, FindError};
+    use crate::ports::simulated_machine::{BOARD, Descriptor, SimulatedMachine};
+    use crate::ports::system_root::SystemRoot;
+
+    const OTHER: Descriptor<'static> = Descriptor {
+        serial: "3B",
+        ..BOARD
+    };
+    const ST_LINK: Descriptor<'static> = Descriptor {
+        vendor: "0483",
+        product_id: "374b",
+        manufacturer: "STMicroelectronics",
+        product: "STM32 STLink",
+        serial: "066D",
+    };
+
+    fn finder(machine: &SimulatedMachine, serial: Option<&str>) -> BoardFinder {
+        BoardFinder::new(SystemRoot::new(machine.folder()), serial.map(str::to_owned))
+    }
+
+    #[test]
+    fn the_first_board_is_found_again_at_another_port_and_no_other_board_replaces_it() {
+        let machine = SimulatedMachine::new();
+        let mut finder = finder(&machine, None);
+        assert_eq!(finder.find(), Err(FindError::NoBoard { maybe: Vec::new() }));
+        machine.plug(2, "ttyACM0", BOARD, None);
+        assert_eq!(finder.find().unwrap().path, machine.path("dev/ttyACM0"));
+        machine.unplug(2, "ttyACM0");
+        machine.plug(3, "ttyACM0", OTHER, None);
+        let error = finder.find().unwrap_err().to_string();
+        assert!(
+            error.contains(BOARD.serial) && error.contains("3B ("),
+            "{error}"
+        );
+        machine.plug(2, "ttyACM1", BOARD, None);
+        assert_eq!(finder.find().unwrap().path, machine.path("dev/ttyACM1"));
+    }
+
+    #[test]
+    fn a_board_counts_once_udev_has_set_the_permissions_of_its_port() {
+        let machine = SimulatedMachine::new();
+        machine.write("run/udev/control", "");
+        machine.plug(2, "ttyACM0", BOARD, None);
+        let mut finder = finder(&machine, None);
+        assert_eq!(finder.find(), Err(FindError::NoBoard { maybe: Vec::new() }));
+        machine.write("run/udev/data/c166:0", "");
+        assert_eq!(finder.find().unwrap().path, machine.path("dev/ttyACM0"));
+    }
+
+    #[test]
+    fn several_boards_are_listed_and_a_serial_number_chooses_one() {
+        let machine = SimulatedMachine::new();
+        machine.plug(2, "ttyACM0", BOARD, None);
+        machine.plug(3, "ttyACM1", OTHER, None);
+        let Err(FindError::SeveralBoards { boards }) = finder(&machine, None).find() else {
+            panic!("one of two boards was chosen");
+        };
+        let port = |tty: &str| machine.path(tty).display().to_string();
+        let expected = [
+            format!("{} ({})", BOARD.serial, port("dev/ttyACM0")),
+            format!("3B ({})", port("dev/ttyACM1")),
+        ];
+        assert_eq!(boards, expected);
+        let found = finder(&machine, Some("3b")).find().unwrap();
+        assert_eq!(found.path, machine.path("dev/ttyACM1"));
+    }
+
+    #[test]
+    fn an_st_link_is_chosen_by_its_serial_number_only() {
+        let machine = SimulatedMachine::new();
+        machine.plug(2, "ttyACM0", ST_LINK, None);
+        let error = finder(&machine, None).find().unwrap_err().to_string();
+        assert!(error.contains("ttyACM0 is an ST-LINK"), "{error}");
+        let found = finder(&machine, Some("066D")).find().unwrap();
+        assert_eq!(found.path, machine.path("dev/ttyACM0"));
+    }
+}

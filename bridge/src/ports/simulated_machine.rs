@@ -1,0 +1,176 @@
+//! A folder with `sys` and `dev` as Linux lays them out, for tests.
+
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
+
+/// A machine whose devices a test plugs in and out.
+pub(crate) struct SimulatedMachine(TempDir);
+
+/// Descriptor of a USB device.
+#[derive(Clone, Copy)]
+pub(crate) struct Descriptor<'a> {
+    pub(crate) vendor: &'a str,
+    pub(crate) product_id: &'a str,
+    pub(crate) manufacturer: &'a str,
+    pub(crate) product: &'a str,
+    pub(crate) serial: &'a str,
+}
+
+/// Descriptor of a board.
+pub(crate) const BOARD: Descriptor<'static> = Descriptor {
+    vendor: "1209",
+    product_id: "0001",
+    manufacturer: "Corticode",
+    product: "Corticode",
+    serial: "3A0042001951333138363735",
+};
+
+const CONTROLLER: &str = "sys/devices/pci0000:00/0000:00:14.0/usb1";
+
+impl SimulatedMachine {
+    pub(crate) fn new() -> SimulatedMachine {
+        let machine = SimulatedMachine(tempfile::tempdir().unwrap());
+        for folder in [
+            CONTROLLER,
+            "sys/class/tty",
+            "dev/serial/by-id",
+            "proc",
+            "etc",
+        ] {
+            fs::create_dir_all(machine.path(folder)).unwrap();
+        }
+        // The host controller's own hub has a vendor and product too.
+        machine.write(&format!("{CONTROLLER}/idVendor"), "1d6b\n");
+        machine.write(&format!("{CONTROLLER}/idProduct"), "0002\n");
+        machine
+    }
+
+    pub(crate) fn folder(&self) -> &Path {
+        self.0.path()
+    }
+
+    pub(crate) fn path(&self, relative: &str) -> PathBuf {
+        self.0.path().join(relative)
+    }
+
+    pub(crate) fn write(&self, relative: &str, text: &str) {
+        let path = self.path(relative);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, text).unwrap();
+    }
+
+    /// Plugs a USB device with a CDC ACM port into socket `socket`. The port is `node`, or an empty
+    /// file if `node` is `None`; udev's links are those of the project's rule.
+    pub(crate) fn plug(&self, socket: u32, tty: &str, usb: Descriptor<'_>, node: Option<&Path>) {
+        let device = format!("{CONTROLLER}/1-{socket}");
+        self.describe(&device, usb);
+        let interface = format!("{device}/1-{socket}:1.0");
+        self.terminal(&interface, "usb/drivers/cdc_acm", tty);
+        match node {
+            Some(node) => symlink(node, self.path(&format!("dev/{tty}"))).unwrap(),
+            None => self.write(&format!("dev/{tty}"), ""),
+        }
+        if usb.product == BOARD.product {
+            symlink(tty, self.path(&format!("dev/corticode-{}", usb.serial))).unwrap();
+        }
+        let Descriptor {
+            manufacturer,
+            product,
+            serial,
+            ..
+        } = usb;
+        let name = format!("usb-{manufacturer}_{product}_{serial}-if00").replace(' ', "_");
+        symlink(
+            format!("../../{tty}"),
+            self.path(&format!("dev/serial/by-id/{name}")),
+        )
+        .unwrap();
+    }
+
+    /// Plugs a USB serial converter of FTDI, whose port is one folder below its interface.
+    pub(crate) fn plug_ftdi(&self, socket: u32, tty: &str) {
+        let device = format!("{CONTROLLER}/1-{socket}");
+        let usb = Descriptor {
+            vendor: "0403",
+            product_id: "6001",
+            manufacturer: "FTDI",
+            product: "FT232R USB UART",
+            serial: "A9XYZ",
+        };
+        self.describe(&device, usb);
+        let port = format!("{device}/1-{socket}:1.0/{tty}");
+        self.terminal(&port, "usb-serial/drivers/ftdi_sio", tty);
+        self.write(&format!("dev/{tty}"), "");
+    }
+
+    /// Adds an 8250 port of the mainboard; `uart_type` is 0 for a number without hardware.
+    pub(crate) fn add_uart(&self, tty: &str, uart_type: u32) {
+        let device = "sys/devices/pnp0/00:01/00:01:0/00:01:0.0";
+        self.link(
+            "sys/bus/pnp/drivers/serial",
+            "sys/devices/pnp0/00:01/driver",
+        );
+        self.terminal(device, "serial-base/drivers/port", tty);
+        self.write(
+            &format!("{device}/tty/{tty}/type"),
+            &format!("{uart_type}\n"),
+        );
+        self.write(&format!("dev/{tty}"), "");
+    }
+
+    /// Adds a terminal without a device, such as a console or the multiplexer of pseudoterminals.
+    pub(crate) fn add_virtual(&self, tty: &str) {
+        let folder = format!("sys/devices/virtual/tty/{tty}");
+        self.write(&format!("{folder}/dev"), "5:2\n");
+        self.link(&folder, &format!("sys/class/tty/{tty}"));
+    }
+
+    /// Removes the USB device in a socket, and its port.
+    pub(crate) fn unplug(&self, socket: u32, tty: &str) {
+        fs::remove_file(self.path(&format!("dev/{tty}"))).unwrap();
+        fs::remove_file(self.path(&format!("sys/class/tty/{tty}"))).unwrap();
+        fs::remove_dir_all(self.path(&format!("{CONTROLLER}/1-{socket}"))).unwrap();
+        for folder in ["dev", "dev/serial/by-id"] {
+            for entry in fs::read_dir(self.path(folder)).unwrap() {
+                let link = entry.unwrap().path();
+                if fs::read_link(&link).is_ok_and(|target| target.ends_with(tty)) {
+                    fs::remove_file(link).unwrap();
+                }
+            }
+        }
+    }
+
+    fn describe(&self, device: &str, usb: Descriptor<'_>) {
+        for (name, text) in [
+            ("idVendor", usb.vendor),
+            ("idProduct", usb.product_id),
+            ("manufacturer", usb.manufacturer),
+            ("product", usb.product),
+            ("serial", usb.serial),
+        ] {
+            self.write(&format!("{device}/{name}"), &format!("{text}\n"));
+        }
+    }
+
+    /// Adds the terminal `tty` of `device`, and the device's driver.
+    fn terminal(&self, device: &str, driver: &str, tty: &str) {
+        let terminal = format!("{device}/tty/{tty}");
+        self.write(&format!("{terminal}/dev"), "166:0\n");
+        self.link(&format!("sys/bus/{driver}"), &format!("{device}/driver"));
+        self.link(device, &format!("{terminal}/device"));
+        self.link(&terminal, &format!("sys/class/tty/{tty}"));
+    }
+
+    /// Makes a link with a relative target, as the kernel does.
+    fn link(&self, target: &str, link: &str) {
+        let path = self.path(link);
+        fs::create_dir_all(self.path(target)).unwrap();
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        let up = "../".repeat(link.matches('/').count());
+        let _ = fs::remove_file(&path);
+        symlink(format!("{up}{target}"), path).unwrap();
+    }
+}

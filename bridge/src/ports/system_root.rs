@@ -1,0 +1,201 @@
+//! The folders `sys`, `dev`, `proc` and `etc` of this machine, or of a test's.
+
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::ports::serial_port::{OWN_NAME, SerialPort, UsbIdentity};
+
+/// Folder below which the files of the operating system are read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct SystemRoot(PathBuf);
+
+impl SystemRoot {
+    /// Returns the root of this machine.
+    pub(crate) fn machine() -> SystemRoot {
+        SystemRoot("/".into())
+    }
+
+    #[cfg(test)]
+    pub(crate) fn new(folder: &Path) -> SystemRoot {
+        SystemRoot(folder.to_owned())
+    }
+
+    /// Returns a path below the root.
+    pub(crate) fn path(&self, relative: impl AsRef<Path>) -> PathBuf {
+        self.0.join(relative)
+    }
+
+    /// Returns the text of a file without the white space at its end; `None` if it cannot be read.
+    pub(crate) fn text(&self, relative: impl AsRef<Path>) -> Option<String> {
+        text(&self.path(relative))
+    }
+
+    /// Returns the serial ports that have a device behind them, in the order of their names. Empty
+    /// without sysfs.
+    pub(crate) fn serial_ports(&self) -> Vec<SerialPort> {
+        let terminals = entries(&self.path("sys/class/tty"));
+        let mut ports: Vec<SerialPort> = terminals
+            .into_iter()
+            .filter_map(|class| self.serial_port(&class))
+            .collect();
+        ports.sort_by(|a, b| a.path.cmp(&b.path));
+        ports
+    }
+
+    /// Returns the port of an entry of `sys/class/tty`; `None` for consoles and pseudoterminals,
+    /// which have no device, and for the numbers of 8250 ports that the machine does not have.
+    fn serial_port(&self, class: &Path) -> Option<SerialPort> {
+        const PORT_UNKNOWN: &str = "0"; // linux/serial_core.h
+        let folder = fs::canonicalize(class).ok()?;
+        let device = fs::canonicalize(folder.join("device")).ok()?;
+        if text(&folder.join("type")).as_deref() == Some(PORT_UNKNOWN) {
+            return None;
+        }
+        let path = self.path("dev").join(class.file_name()?);
+        let usb_device = device.ancestors().find(|folder| {
+            folder.starts_with(&self.0)
+                && folder.join("idVendor").is_file()
+                && folder.join("idProduct").is_file()
+        });
+        Some(SerialPort {
+            is_settled: self.is_settled(&folder),
+            link: self.stable_link(&path),
+            driver: device.ancestors().find_map(driver),
+            usb: usb_device.and_then(usb_identity),
+            path,
+        })
+    }
+
+    /// Returns whether udev has processed the device of a folder in sysfs. udev then writes a file
+    /// named after the kind and the numbers of the device, such as `c166:0`.
+    fn is_settled(&self, folder: &Path) -> bool {
+        let numbers = text(&folder.join("dev")).unwrap_or_default();
+        // The socket of the running udev; a container can lack udev and still have its folders.
+        let has_udev = self.path("run/udev/control").exists();
+        !has_udev || self.path(format!("run/udev/data/c{numbers}")).exists()
+    }
+
+    /// Returns the link to `port` whose name does not depend on the order of plugging in.
+    fn stable_link(&self, port: &Path) -> Option<PathBuf> {
+        let own = entries(&self.path("dev"));
+        let own = own.into_iter().filter(|path| {
+            let name = path.file_name().and_then(OsStr::to_str);
+            name.is_some_and(|name| name.starts_with(OWN_NAME))
+        });
+        let target = fs::canonicalize(port).ok()?;
+        let mut links = own.chain(entries(&self.path("dev/serial/by-id")));
+        links.find(|link| fs::canonicalize(link).is_ok_and(|path| path == target))
+    }
+}
+
+/// Returns the paths in a folder, sorted; none if it cannot be read.
+pub(crate) fn entries(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten();
+    let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+    paths.sort();
+    paths
+}
+
+fn text(path: &Path) -> Option<String> {
+    let bytes = fs::read(path).ok()?;
+    Some(String::from_utf8_lossy(&bytes).trim_end().to_owned())
+}
+
+/// Returns the name of the driver of a device's folder. Leaves out `serial-base`, which newer
+/// kernels put between a UART and its driver.
+fn driver(device: &Path) -> Option<String> {
+    let driver = fs::canonicalize(device.join("driver")).ok()?;
+    if driver
+        .components()
+        .any(|part| part.as_os_str() == "serial-base")
+    {
+        return None;
+    }
+    Some(driver.file_name()?.to_string_lossy().into_owned())
+}
+
+fn usb_identity(device: &Path) -> Option<UsbIdentity> {
+    let attribute = |name: &str| text(&device.join(name)).filter(|text| !text.is_empty());
+    let id = format!("{}:{}", attribute("idVendor")?, attribute("idProduct")?);
+    Some(UsbIdentity {
+        id,
+        manufacturer: attribute("manufacturer"),
+        product: attribute("product"),
+        serial: attribute("serial"),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::SystemRoot;
+    use crate::ports::serial_port::Likeness;
+    use crate::ports::simulated_machine::{BOARD, Descriptor, SimulatedMachine};
+
+    #[test]
+    fn ports_have_the_identity_of_their_usb_device_and_consoles_are_left_out() {
+        let machine = SimulatedMachine::new();
+        machine.plug(2, "ttyACM0", BOARD, None);
+        let st_link = Descriptor {
+            vendor: "0483",
+            product_id: "374e",
+            manufacturer: "STMicroelectronics",
+            product: "STLINK-V3",
+            serial: "0042",
+        };
+        machine.plug(3, "ttyACM1", st_link, None);
+        machine.plug_ftdi(4, "ttyUSB0");
+        machine.add_uart("ttyS0", 4);
+        machine.add_uart("ttyS1", 0);
+        for tty in ["tty0", "console", "ptmx"] {
+            machine.add_virtual(tty);
+        }
+        let ports = SystemRoot::new(machine.folder()).serial_ports();
+        let summary: Vec<_> = ports
+            .iter()
+            .map(|port| {
+                let name = port.path.file_name().unwrap().to_str().unwrap();
+                let id = port.usb.as_ref().map_or("-", |usb| &usb.id);
+                let driver = port.driver.as_deref().unwrap();
+                (name, id, driver, port.serial(), port.likeness())
+            })
+            .collect();
+        let expected = [
+            (
+                "ttyACM0",
+                "1209:0001",
+                "cdc_acm",
+                Some(BOARD.serial),
+                Likeness::Board,
+            ),
+            (
+                "ttyACM1",
+                "0483:374e",
+                "cdc_acm",
+                Some("0042"),
+                Likeness::Maybe,
+            ),
+            ("ttyS0", "-", "serial", None, Likeness::Other),
+            (
+                "ttyUSB0",
+                "0403:6001",
+                "ftdi_sio",
+                Some("A9XYZ"),
+                Likeness::Other,
+            ),
+        ];
+        assert_eq!(summary, expected);
+        let link = |index: usize| ports[index].link.clone();
+        let own = format!("dev/corticode-{}", BOARD.serial);
+        assert_eq!(link(0), Some(machine.path(&own)));
+        let by_id = "dev/serial/by-id/usb-STMicroelectronics_STLINK-V3_0042-if00";
+        assert_eq!(link(1), Some(machine.path(by_id)));
+        assert_eq!(link(2), None);
+    }
+
+    #[test]
+    fn a_machine_without_sysfs_has_no_ports() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(SystemRoot::new(folder.path()).serial_ports().is_empty());
+    }
+}

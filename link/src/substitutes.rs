@@ -1,0 +1,24 @@
+//! Electrodes whose signal was not recorded.
+
+use serde::{Deserialize, Serialize};
+
+/// Electrodes whose samples are a substitute, because the recording that the device plays lacks
+/// them; sent between `Hello` and `Capabilities`, and not by a device that measures all electrodes.
+///
+/// In both bit sets, bit n is electrode n of
+/// [`Capabilities::labels`](crate::Capabilities::labels).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Substitutes {
+    /// Electrodes interpolated from other electrodes.
+    pub interpolated: u64,
+    /// Electrodes without a signal: every sample is 0.
+    pub zero: u64,
+}
+
+impl Substitutes {
+    /// Every electrode is measured.
+    pub const NONE: Self = Self {
+        interpolated: 0,
+        zero: 0,
+    };
+}

@@ -1,0 +1,141 @@
+//! `cargo xtask deb`: the Debian package of the bridge, from the files in `packaging/`.
+
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::command::{
+    AFTER_A_BUILD, AFTER_A_TEST, Failure, OrFail, cargo, root, run, target_folder, typed,
+};
+
+const NEXT: &str = "`apt-get install dpkg-dev binutils gzip`; then free space on the disk";
+/// Files in `packaging/`, each with its path in the package.
+#[rustfmt::skip]
+const FILES: [(&str, &str); 10] = [
+    ("60-corticode.rules", "lib/udev/rules.d/60-corticode.rules"),
+    ("corticode-bridge.service", "lib/systemd/system/corticode-bridge.service"),
+    ("bridge.toml", "etc/corticode/bridge.toml"),
+    ("corticode-bridge.default", "etc/default/corticode-bridge"),
+    ("debian/copyright", "usr/share/doc/corticode-bridge/copyright"),
+    ("debian/changelog", "usr/share/doc/corticode-bridge/changelog"),
+    ("debian/conffiles", "DEBIAN/conffiles"),
+    ("debian/postinst", "DEBIAN/postinst"),
+    ("debian/prerm", "DEBIAN/prerm"),
+    ("debian/postrm", "DEBIAN/postrm"),
+];
+/// Shells, each with the path of its completions in the package.
+const COMPLETIONS: [(&str, &str); 3] = [
+    ("bash", "bash-completion/completions/corticode-bridge"),
+    ("zsh", "zsh/vendor-completions/_corticode-bridge"),
+    ("fish", "fish/vendor_completions.d/corticode-bridge.fish"),
+];
+
+/// Packs `program`, or the bridge built in release, and prints the path of the package. With `check`, also runs
+/// the test that installs the package.
+pub(crate) fn deb(program: Option<PathBuf>, check: bool) -> Result<(), Failure> {
+    let program = if let Some(program) = program {
+        program
+    } else {
+        let build = "build --release --locked --package bridge --bin corticode-bridge";
+        run(&mut cargo(build), AFTER_A_BUILD)?;
+        target_folder().join("release/corticode-bridge")
+    };
+    let package = package(&program)?;
+    if check {
+        let mut test = cargo("test --package acceptance --test debian_package -- --nocapture");
+        run(test.env("CORTICODE_DEB", &package), AFTER_A_TEST)?;
+    }
+    println!("{}", package.display());
+    Ok(())
+}
+
+fn package(program: &Path) -> Result<PathBuf, Failure> {
+    let folder = target_folder().join("debian");
+    let tree = folder.join("corticode-bridge");
+    if tree.exists() {
+        fs::remove_dir_all(&tree).or_fail(tree.display(), NEXT)?;
+    }
+    let version = env!("CARGO_PKG_VERSION");
+    let architecture = output(Command::new("dpkg").arg("--print-architecture"))?;
+    let write = |path: &str, text: &str| {
+        let path = tree.join(path);
+        let parent = path.parent().unwrap_or(&tree);
+        let written = fs::create_dir_all(parent).and_then(|()| fs::write(&path, text));
+        written.or_fail(path.display(), NEXT)
+    };
+    let read = |name: &str| {
+        let text = fs::read_to_string(root().join("packaging").join(name));
+        let text = text.or_fail(name, "`git restore packaging`")?;
+        Ok::<_, Failure>(text.replace("@VERSION@", version))
+    };
+    for (name, path) in FILES {
+        write(path, &read(name)?)?;
+    }
+    for script in ["postinst", "prerm", "postrm"] {
+        let path = tree.join("DEBIAN").join(script);
+        fs::set_permissions(&path, Permissions::from_mode(0o755)).or_fail(script, NEXT)?;
+    }
+    let installed = tree.join("usr/bin/corticode-bridge");
+    write("usr/bin/corticode-bridge", "")?;
+    let mut strip = Command::new("strip");
+    run(strip.arg("-o").arg(&installed).arg(program), NEXT)?;
+    for (shell, path) in COMPLETIONS {
+        let script = output(Command::new(program).args(["completions", shell]))?;
+        write(&format!("usr/share/{path}"), &script)?;
+    }
+    let pages = tree.join("usr/share/man/man1");
+    run(
+        Command::new(program).args(["man", "--folder"]).arg(&pages),
+        NEXT,
+    )?;
+    let changelog = tree.join("usr/share/doc/corticode-bridge/changelog");
+    let mut gzip = Command::new("gzip");
+    run(gzip.args(["-9nr"]).args([&pages, &changelog]), NEXT)?;
+
+    // dpkg-shlibdeps reads the control file of a source package, of which it needs no more than this.
+    let source = "Source: corticode-bridge\n\nPackage: corticode-bridge\nArchitecture: any\n";
+    write("debian/control", source)?;
+    let mut libraries = Command::new("dpkg-shlibdeps");
+    let libraries = libraries.arg("-O").arg(&installed).current_dir(&tree);
+    let depends = output(libraries)?;
+    fs::remove_dir_all(tree.join("debian")).or_fail("debian/", NEXT)?;
+    let list = ["etc", "lib", "usr", "-type", "f"];
+    let files = output(Command::new("find").args(list).current_dir(&tree))?;
+    let mut sums = Command::new("md5sum");
+    let sums = output(sums.args(files.lines()).current_dir(&tree))?;
+    write("DEBIAN/md5sums", &sums)?;
+    let sizes = files
+        .lines()
+        .filter_map(|file| fs::metadata(tree.join(file)).ok());
+    let bytes: u64 = sizes.map(|file| file.len()).sum();
+    let control = read("debian/control")?
+        .replace("@ARCHITECTURE@", architecture.trim())
+        .replace("@SIZE@", &bytes.div_ceil(1024).to_string())
+        .replace(
+            "@DEPENDS@",
+            depends.trim().trim_start_matches("shlibs:Depends="),
+        );
+    write("DEBIAN/control", &control)?;
+    let name = format!("corticode-bridge_{version}_{}.deb", architecture.trim());
+    let package = folder.join(name);
+    // Independent of the umask.
+    run(
+        Command::new("chmod").args(["-R", "u=rwX,go=rX"]).arg(&tree),
+        NEXT,
+    )?;
+    let mut build = Command::new("dpkg-deb");
+    let build = build.args(["--root-owner-group", "--build"]).arg(&tree);
+    output(build.arg(&package))?;
+    Ok(package)
+}
+
+/// Returns the standard output of a command that must succeed.
+fn output(command: &mut Command) -> Result<String, Failure> {
+    let done = command.output().or_fail(typed(command), NEXT)?;
+    if done.status.success() {
+        return Ok(String::from_utf8_lossy(&done.stdout).into_owned());
+    }
+    let errors = String::from_utf8_lossy(&done.stderr);
+    Err(Failure::check(typed(command), errors, NEXT))
+}
