@@ -20,6 +20,12 @@ pub trait Effects {
     /// Publishes a frame on `/encoded`.
     fn publish_encoded(&mut self, frame: &NeuroFrame);
 
+    /// Returns how many fillers can be published on `/encoded` at once. The rest of a longer gap is
+    /// counted and not filled. The default, 68 minutes of codes, is for an output without a queue.
+    fn max_fillers(&self) -> u64 {
+        65_536
+    }
+
     /// Decodes a code to electrode signals in microvolts and publishes them on
     /// `/neurodata_reconstructed`. Called only if the announcement is
     /// [`decodable`](Announcement::decodable).

@@ -82,6 +82,8 @@ pub(crate) struct ConvertSummary {
     files: Vec<(PathBuf, u64)>,
     events: usize,
     left_out: LeftOut,
+    /// Number of missing rows for which there are no fillers.
+    unfilled: u64,
     core: Summary,
 }
 
@@ -97,6 +99,14 @@ impl fmt::Display for ConvertSummary {
                 formatter,
                 "\nthe recording was not ended: its last {at_end} bytes are no whole record and \
                  were left out"
+            )?;
+        }
+        if self.unfilled > 0 {
+            write!(
+                formatter,
+                "\n{} missing rows are not filled: more is missing than a day or the time of the \
+                 recording",
+                self.unfilled
             )?;
         }
         if within > 0 {
@@ -130,6 +140,7 @@ pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, Bridge
     });
     let (survey, left_out) = survey?;
     let core = survey.summary();
+    let unfilled = survey.collector.unfilled;
     let survey = survey.collector.listener;
     let outputs = outputs(options, &survey)?;
     let mut rows = Rows::default();
@@ -160,6 +171,7 @@ pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, Bridge
         files,
         events: survey.events.len(),
         left_out,
+        unfilled,
         core,
     })
 }

@@ -1,6 +1,7 @@
 //! Outputs of the bridge: sinks, decoder thread and bytes for the device.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use neuro_ros::{
     AcquisitionInfo, DiagnosticArray, DiagnosticLevel, DiagnosticStatus, FrameSink, KeyValue,
@@ -10,7 +11,7 @@ use tokio::sync::watch::Sender;
 
 use crate::app::namespace::Namespace;
 use crate::app::ros_topics::RosTopics;
-use crate::app::sinks::Sinks;
+use crate::app::sinks::{MAX_FILLERS, Sinks};
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::back_pressure::BackPressure;
 use crate::decoder::counts::DecoderCounts;
@@ -20,6 +21,10 @@ use crate::decoder::thread::DecoderThread;
 use crate::effects::{Announcement, Effects};
 use crate::settings::Settings;
 use crate::time::host_time::HostTime;
+
+/// Longest time at the end to wait for the decoder. A service manager kills a program that does not
+/// end, systemd after 90 s.
+const DECODER_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Executes the core's effects: publishes frames, queues codes for the decoder thread, and collects
 /// bytes for the device. None of the effects waits for the network or the device.
@@ -90,16 +95,23 @@ impl Outlets {
         !self.decoder.has_ended() && self.back_pressure.must_pause(self.decoder.counts().waiting)
     }
 
-    /// Waits until queued codes are decoded, and returns the decoder's counts. Logs the number of
-    /// codes that were not decoded, and of frames on `/encoded` that were dropped for slow
-    /// subscribers.
+    /// Waits until queued codes are decoded, at most for [`DECODER_TIMEOUT`], and returns the decoder's
+    /// counts. Logs the number of codes that were not decoded, and of frames on `/encoded` that were
+    /// dropped for slow subscribers.
     pub(crate) fn finish(self) -> DecoderCounts {
         let dropped = self.encoded.dropped();
-        let counts = self.decoder.finish();
-        if counts.not_decoded > 0 {
+        let not_decoded = self.decoder.counts().not_decoded;
+        let counts = self.decoder.finish(DECODER_TIMEOUT);
+        if not_decoded > 0 {
             tracing::warn!(
-                not_decoded = counts.not_decoded,
+                not_decoded,
                 "codes replaced by fillers because the decoder was too slow"
+            );
+        }
+        if counts.not_decoded > not_decoded {
+            tracing::warn!(
+                windows = counts.not_decoded - not_decoded,
+                "windows that still waited for the decoder at the end are not decoded"
             );
         }
         if dropped > 0 {
@@ -209,6 +221,10 @@ impl Effects for Outlets {
     fn publish_encoded(&mut self, frame: &NeuroFrame) {
         let published = self.encoded.publish(frame);
         self.record_error(published);
+    }
+
+    fn max_fillers(&self) -> u64 {
+        MAX_FILLERS
     }
 
     fn decode(&mut self, window: TimedCode) {

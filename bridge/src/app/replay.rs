@@ -139,6 +139,6 @@ pub(super) async fn replay(options: &ReplayOptions) -> Result<ReplaySummary, Bri
 fn next_due(replayer: &Replayer<File>, waiting: usize) -> Option<Instant> {
     let now_us = HostTime::now().monotonic_us;
     let due_us = replayer.due_us(now_us).filter(|_| waiting < MAX_WAITING)?;
-    let wait_us = u64::try_from(due_us - now_us).unwrap_or(0);
+    let wait_us = u64::try_from(due_us.saturating_sub(now_us)).unwrap_or(0);
     Some(Instant::now() + Duration::from_micros(wait_us))
 }

@@ -12,9 +12,12 @@ use crate::app::ros_node::RosNode;
 use crate::app::ros_topics::RosTopics;
 
 /// Queue length per subscriber for frames of codes and of reconstructed signals: 8.5 minutes at 16
-/// frames per second. After a long outage all fillers are published at once, and a recorder must
-/// receive all of them. A frame takes about 3 KB, and only slow subscribers have frames waiting.
+/// frames per second. A frame takes about 3 KB, and only slow subscribers have frames waiting.
 const QUEUE_FRAMES: usize = 8192;
+/// Largest number of fillers that are published at once after an outage: 4.3 minutes of codes. A
+/// recorder must receive all of them, and the codes after them, which have the other half of the
+/// queue. More fillers would push codes out of it.
+pub(crate) const MAX_FILLERS: u64 = QUEUE_FRAMES as u64 / 2;
 /// Queue length per subscriber for frames of samples and of filtered steps. It has room for the
 /// filler frames of the longest outage that is filled: 120 s at 16 frames per second, 1,920 frames
 /// of about 9 KB each.

@@ -58,6 +58,13 @@ impl Block {
         usize::from(self.frame.eeg.info.nsamples)
     }
 
+    /// Returns whether all rows are fillers.
+    pub(crate) fn is_filler(&self) -> bool {
+        let filler = i32::from(Flags::FILLER.bits());
+        let mut words = self.frame.tri.data.chunks_exact(TRI_LABELS.len());
+        words.all(|words| words[0] & filler != 0)
+    }
+
     /// Time from the first row to the row `row`, microseconds, rounded down.
     pub(crate) fn offset_us(&self, row: usize) -> i64 {
         let row = i64::try_from(row).unwrap_or(i64::MAX);

@@ -15,6 +15,12 @@ use crate::settings::Settings;
 /// Event code of the trigger input, without the bit for a falling edge.
 const TRIGGER: u16 = 1;
 
+/// Time of fillers that each stream can have in addition to the time of the recording, seconds: the
+/// clocks of device and host drift.
+const SPARE_S: u64 = 120;
+/// Longest time of fillers in each stream, seconds: a day.
+const MAX_FILLERS_S: u64 = 86_400;
+
 /// Receives what a recording holds, in the order of publication.
 pub(crate) trait Listener {
     /// Whether the values of reconstructed rows matter. Decoding them takes most of the time.
@@ -42,6 +48,12 @@ pub(crate) struct Collector<L> {
     pub(crate) commands: Vec<Vec<u8>>,
     /// Newest block of raw samples and of filtered steps.
     newest: [Option<Block>; 2],
+    /// Time between the first record and the newest one, seconds.
+    pub(crate) elapsed_s: u64,
+    /// Number of rows of each stream so far that are fillers.
+    fillers: [u64; 4],
+    /// Number of rows that are missing and not filled.
+    pub(crate) unfilled: u64,
 }
 
 impl<L: Listener> Collector<L> {
@@ -56,6 +68,9 @@ impl<L: Listener> Collector<L> {
             frame_us: 0,
             commands: Vec::new(),
             newest: [None, None],
+            elapsed_s: 0,
+            fillers: [0; 4],
+            unfilled: 0,
         }
     }
 
@@ -76,27 +91,43 @@ impl<L: Listener> Collector<L> {
             index: has_index.then_some(number * rows),
         };
         self.fill_skipped(&block);
-        self.listener.block(block);
+        if !block.is_filler() || self.take_fillers(&block, 1) == 1 {
+            self.listener.block(block);
+        }
+    }
+
+    /// Returns how many of `count` blocks of fillers the stream may have, and counts these. A damaged
+    /// or crafted recording can miss more data than fits on a disk.
+    fn take_fillers(&mut self, block: &Block, count: u64) -> u64 {
+        let seconds = self.elapsed_s.saturating_add(SPARE_S).min(MAX_FILLERS_S);
+        let most = seconds * u64::from(block.frame.sr);
+        let rows = (block.rows() as u64).max(1);
+        let fillers = &mut self.fillers[block.stream as usize];
+        let taken = count.min(most.saturating_sub(*fillers) / rows);
+        *fillers += taken * rows;
+        let missing = (count - taken).saturating_mul(rows);
+        self.unfilled = self.unfilled.saturating_add(missing);
+        taken
     }
 
     /// Passes on fillers for the frames before `block` that the core skipped, because they would not
     /// have fitted into the queues of subscribers. The fillers continue the times of the previous run.
     fn fill_skipped(&mut self, block: &Block) {
-        let newest = match block.stream {
-            Stream::Raw => &mut self.newest[0],
-            Stream::Filtered => &mut self.newest[1],
+        let place = match block.stream {
+            Stream::Raw => 0,
+            Stream::Filtered => 1,
             Stream::Codes | Stream::Reconstructed => return,
         };
-        let rows = block.rows() as u64;
-        if let (Some(filler), Some(index)) = (newest.as_mut(), block.index) {
-            let mut next = filler.index.unwrap_or(0) + rows;
-            while next < index {
+        let rows = (block.rows() as u64).max(1);
+        if let (Some(mut filler), Some(index)) = (self.newest[place].take(), block.index) {
+            let next = filler.index.unwrap_or(0) + rows;
+            let skipped = index.saturating_sub(next).div_ceil(rows);
+            for _ in 0..self.take_fillers(block, skipped) {
                 filler.become_filler(rows);
                 self.listener.block(filler.clone());
-                next += rows;
             }
         }
-        *newest = Some(block.clone());
+        self.newest[place] = Some(block.clone());
     }
 
     /// Returns the time from when a code's first step was at the electrodes to the code's device time.

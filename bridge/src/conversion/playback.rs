@@ -17,6 +17,10 @@ use crate::wire::identity::Identity;
 /// Time between two ticks of the core, microseconds.
 const TICK_US: i64 = 100_000;
 
+/// Longest time that passes for the core tick by tick, microseconds. All timeouts are shorter, so
+/// nothing else happens in a longer pause.
+const MAX_TICKS_US: i64 = 120_000_000;
+
 /// Plays the records of a recording to a core.
 ///
 /// The core sends commands as it did when the recording was made, but not necessarily with the same
@@ -35,6 +39,7 @@ pub(crate) struct Playback<L> {
     /// Time of the newest record, if the core has not been asked for a command since.
     due: Option<HostTime>,
     newest: Option<HostTime>,
+    first: Option<HostTime>,
 }
 
 impl<L: Listener> Playback<L> {
@@ -49,6 +54,7 @@ impl<L: Listener> Playback<L> {
             identity: None,
             due: None,
             newest: None,
+            first: None,
         }
     }
 
@@ -60,6 +66,9 @@ impl<L: Listener> Playback<L> {
     /// Plays one record.
     pub(crate) fn play(&mut self, record: Record<'_>) {
         let time = record.time;
+        let first = *self.first.get_or_insert(time);
+        let since_first_us = time.monotonic_us - first.monotonic_us;
+        self.collector.elapsed_s = u64::try_from(since_first_us / 1_000_000).unwrap_or(0);
         // Frames of one read have the same time, and the core sends commands after the last of them.
         if self
             .due
@@ -111,7 +120,8 @@ impl<L: Listener> Playback<L> {
     fn pass_time(&mut self, time: HostTime) {
         let Some(newest) = self.newest else { return };
         let mut now = newest;
-        while now.monotonic_us + TICK_US < time.monotonic_us {
+        let end_us = time.monotonic_us.min(newest.monotonic_us + MAX_TICKS_US);
+        while now.monotonic_us + TICK_US < end_us {
             now.monotonic_us += TICK_US;
             now.wall_ns += TICK_US * 1000;
             self.core.tick(now, &mut self.collector);

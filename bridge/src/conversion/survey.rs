@@ -11,6 +11,10 @@ use crate::conversion::collector::Listener;
 /// microseconds: times of samples are rounded to microseconds.
 const SAME_US: i64 = 2;
 
+/// Longest time after the last row at which an event can stand, seconds: a day. An event of a later
+/// time, which a damaged recording can hold, stands there too.
+const MAX_AFTER_END_S: u64 = 86_400;
+
 /// What the first pass finds out.
 #[derive(Debug, Default)]
 pub(crate) struct Survey {
@@ -77,7 +81,7 @@ impl StreamSurvey {
     /// last row has the row that would have followed at its time.
     pub(crate) fn row_of(&self, event: &TimedEvent) -> u64 {
         let not_later = |anchor: &Anchor| {
-            (anchor.run, anchor.device_us) <= (event.run, event.device_us + SAME_US)
+            (anchor.run, anchor.device_us) <= (event.run, event.device_us.saturating_add(SAME_US))
         };
         let at = self.anchors.partition_point(not_later);
         let next = self.anchors.get(at);
@@ -87,7 +91,9 @@ impl StreamSurvey {
         let Some(before) = before else {
             return next.map_or(self.rows, |next| next.row);
         };
-        let mut row = before.row + self.rows_in(event.device_us - SAME_US - before.device_us);
+        let later_us = event.device_us.saturating_sub(SAME_US);
+        let later_us = later_us.saturating_sub(before.device_us);
+        let mut row = before.row.saturating_add(self.rows_in(later_us));
         if let Some(next) = next
             && row > next.row
         {
@@ -100,13 +106,19 @@ impl StreamSurvey {
                 row = fillers.get(past).map_or(self.rows, |anchor| anchor.row);
             }
         }
-        row
+        row.min(self.rows.saturating_add(MAX_AFTER_END_S * self.rate_hz()))
+    }
+
+    /// Rows per second, Hz.
+    fn rate_hz(&self) -> u64 {
+        self.first
+            .as_ref()
+            .map_or(1, |frame| frame.sr.max(1).into())
     }
 
     /// Returns the number of rows in a time, rounded up.
     fn rows_in(&self, us: i64) -> u64 {
-        let rate_hz = self.first.as_ref().map_or(1, |frame| frame.sr.max(1));
         let us = u64::try_from(us).unwrap_or(0);
-        (us * u64::from(rate_hz)).div_ceil(1_000_000)
+        us.saturating_mul(self.rate_hz()).div_ceil(1_000_000)
     }
 }

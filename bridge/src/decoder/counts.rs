@@ -13,7 +13,8 @@ pub struct DecoderCounts {
     pub waiting: u64,
     /// Longest time that a window has waited for the decoder.
     pub longest_wait: Duration,
-    /// Number of windows replaced by fillers because the decoder's queue was full.
+    /// Number of windows replaced by fillers because the decoder's queue was full, and of those that
+    /// waited when the program ended.
     pub not_decoded: u64,
     /// Number of windows that were not decoded because `/neurodata_reconstructed` had no
     /// subscriber.

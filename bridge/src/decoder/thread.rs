@@ -1,6 +1,6 @@
 //! The thread that decodes codes and audits them.
 
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -25,6 +25,11 @@ const QUEUE_AUDITS: usize = 4;
 
 /// How much less urgent than the rest of the program the decoder is, in steps of Unix's `nice`.
 const NICE: i32 = 10;
+
+/// Time after a request to stop in which the thread ends: it completes at most one window.
+const STOP_TIMEOUT: Duration = Duration::from_secs(1);
+/// Time between two checks whether the thread has ended.
+const POLL: Duration = Duration::from_millis(10);
 
 /// Thread that decodes codes, publishes the reconstructed signals and compares audits, so that this
 /// work does not delay the link.
@@ -51,6 +56,8 @@ struct Progress {
     dropped: AtomicU64,
     audits_waiting: AtomicUsize,
     audits: Mutex<AuditCounts>,
+    /// Whether the thread shall end before the queue is empty.
+    stop: AtomicBool,
 }
 
 #[derive(Debug)]
@@ -145,15 +152,32 @@ impl DecoderThread {
         self.thread.is_finished()
     }
 
-    /// Waits until the queue is empty and returns the final counts.
-    pub(crate) fn finish(mut self) -> DecoderCounts {
+    /// Waits until the queue is empty, but not longer than `limit`, and returns the final counts. The
+    /// windows that wait then count as not decoded.
+    pub(crate) fn finish(mut self, limit: Duration) -> DecoderCounts {
         self.start_work();
         drop(self.work);
-        if self.thread.join().is_err() {
+        if !ends_within(&self.thread, limit) {
+            self.progress.stop.store(true, Ordering::Relaxed);
+            ends_within(&self.thread, STOP_TIMEOUT);
+        }
+        // A thread whose sink stands still is left alone: the process ends without it.
+        if self.thread.is_finished() && self.thread.join().is_err() {
             tracing::error!("the decoder thread panicked; reconstructed frames are missing");
         }
-        self.progress.counts(self.not_decoded)
+        let mut counts = self.progress.counts(self.not_decoded);
+        counts.not_decoded += std::mem::take(&mut counts.waiting);
+        counts
     }
+}
+
+/// Waits until a thread ends. Returns whether it ended within `limit`.
+fn ends_within(thread: &JoinHandle<()>, limit: Duration) -> bool {
+    let deadline = Instant::now() + limit;
+    while !thread.is_finished() && Instant::now() < deadline {
+        std::thread::sleep(POLL);
+    }
+    thread.is_finished()
 }
 
 impl Progress {
@@ -182,6 +206,9 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
     }
     let mut reconstruction: Option<Box<Reconstruction>> = None;
     for work in work {
+        if progress.stop.load(Ordering::Relaxed) {
+            return;
+        }
         let (window, queued) = match work {
             Work::Device(mut new) => {
                 if let Some(before) = &reconstruction {

@@ -5,11 +5,21 @@ use std::io::{ErrorKind, Read, Seek};
 use crate::recording::error::RecordingError;
 use crate::recording::file_header::FileHeader;
 use crate::recording::record::{MAX_RECORD, Parsed, Record};
+use crate::time::host_time::HostTime;
 
 /// Number of bytes that are read from the file at once.
 const BLOCK: usize = 64 * 1024;
 
-/// Reads the records of a recording one by one. Damage costs the records that it hits: the reader
+/// Latest possible time of the host's monotonic clock, microseconds: 285 years, and exact in a float64.
+const MAX_MONOTONIC_US: i64 = 1 << 53;
+/// Latest possible wall clock, nanoseconds since 1970: the year 2116.
+const MAX_WALL_NS: i64 = 1 << 62;
+/// Longest time between two records, microseconds: 366 days.
+const MAX_PAUSE_US: i64 = 366 * 86_400 * 1_000_000;
+/// Longest time by which a record can be earlier than the one before it, microseconds.
+const MAX_STEP_BACK_US: i64 = 10_000_000;
+
+/// Reads the records of a recording one by one. A record with an impossible time counts as damaged. Damage costs the records that it hits: the reader
 /// continues at the next whole one.
 #[derive(Debug)]
 pub struct RecordingReader<R> {
@@ -22,6 +32,8 @@ pub struct RecordingReader<R> {
     left_out: LeftOut,
     /// Number of bytes since the last whole record that are none.
     damaged: u64,
+    /// Time of the newest record.
+    newest: Option<HostTime>,
 }
 
 /// Bytes of a file that belong to no whole record.
@@ -52,6 +64,7 @@ impl<R: Read> RecordingReader<R> {
             at_end: false,
             left_out: LeftOut::default(),
             damaged: 0,
+            newest: None,
         };
         reader.restart()?;
         Ok(reader)
@@ -77,12 +90,15 @@ impl<R: Read> RecordingReader<R> {
             self.fill(MAX_RECORD)?;
             let bytes = &self.buffer[self.position..];
             match Record::parse(bytes) {
-                Parsed::Whole(_, length) => break length,
+                Parsed::Whole(record, length) if is_possible(record.time, self.newest) => {
+                    self.newest = Some(record.time);
+                    break length;
+                }
                 _ if bytes.is_empty() => {
                     self.left_out.at_end += std::mem::take(&mut self.damaged);
                     return Ok(None);
                 }
-                Parsed::Incomplete | Parsed::Damaged => {
+                Parsed::Whole(..) | Parsed::Incomplete | Parsed::Damaged => {
                     self.position += 1;
                     self.damaged += 1;
                 }
@@ -105,6 +121,7 @@ impl<R: Read> RecordingReader<R> {
         self.at_end = false;
         self.left_out = LeftOut::default();
         self.damaged = 0;
+        self.newest = None;
         self.fill(FileHeader::BYTES)?;
         self.header = FileHeader::decode(&self.buffer)?;
         self.position = FileHeader::BYTES;
@@ -148,4 +165,13 @@ impl<R: Read + Seek> RecordingReader<R> {
         self.source.rewind()?;
         self.restart()
     }
+}
+
+/// Returns whether a record can have this time after one at `before`.
+fn is_possible(time: HostTime, before: Option<HostTime>) -> bool {
+    let before_us = before.map_or(time.monotonic_us, |before| before.monotonic_us);
+    let step_us = time.monotonic_us.saturating_sub(before_us);
+    (0..MAX_MONOTONIC_US).contains(&time.monotonic_us)
+        && (0..MAX_WALL_NS).contains(&time.wall_ns)
+        && (-MAX_STEP_BACK_US..=MAX_PAUSE_US).contains(&step_us)
 }

@@ -130,7 +130,7 @@ impl<R: Read + Seek> Replayer<R> {
             return None;
         };
         match (self.pace, self.offset_us) {
-            (Pace::RealTime, Some(offset_us)) => Some(time_us + offset_us),
+            (Pace::RealTime, Some(offset_us)) => Some(time_us.saturating_add(offset_us)),
             _ => Some(now_us),
         }
     }
@@ -162,8 +162,10 @@ impl<R: Read + Seek> Replayer<R> {
     pub fn play(&mut self, now_us: i64) -> Result<(), RecordingError> {
         while let Some((time_us, payload)) = self.next.take_if(|_| self.state == State::Playing) {
             let started_us = self.started_us;
-            let offset_us = *self.offset_us.get_or_insert(now_us - started_us);
-            if self.pace == Pace::RealTime && time_us + offset_us > now_us {
+            let offset_us = *self
+                .offset_us
+                .get_or_insert(now_us.saturating_sub(started_us));
+            if self.pace == Pace::RealTime && time_us.saturating_add(offset_us) > now_us {
                 self.next = Some((time_us, payload));
                 return Ok(());
             }

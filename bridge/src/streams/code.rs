@@ -15,10 +15,6 @@ use crate::streams::ledger::Arrival;
 use crate::streams::stamps::{MonotoneStamps, Reception};
 use crate::streams::tri::TriWords;
 
-/// Maximum number of fillers for one gap: 68 minutes at 16 codes per second. After a longer outage
-/// a new recording is needed.
-const MAX_FILLERS: u64 = 65_536;
-
 /// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Fillers replace lost
 /// codes.
 ///
@@ -299,11 +295,17 @@ impl CodeStream {
             seconds,
             restarted: gap.between_runs > 0,
         });
-        let filled = missing.min(MAX_FILLERS);
+        let filled = missing.min(effects.max_fillers());
         if filled < missing {
-            self.counts.unfilled += missing - filled;
+            let unfilled = missing - filled;
+            self.counts.unfilled += unfilled;
+            // The indices show the gap, also those between two runs.
+            let between_runs = unfilled.min(gap.between_runs);
+            #[expect(clippy::cast_possible_truncation, reason = "indices wrap")]
+            let between_runs = between_runs as u32;
+            self.last_window = self.last_window.wrapping_add(between_runs);
             tracing::error!(
-                unfilled = missing - filled,
+                unfilled,
                 "the outage was too long to fill; start a new recording"
             );
         }

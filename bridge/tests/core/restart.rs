@@ -137,6 +137,25 @@ fn the_time_of_a_restart_is_filled_flagged_and_counted_on_every_topic() {
     );
 }
 
+#[test]
+fn after_a_restart_too_long_to_fill_the_indices_of_codes_show_the_gap() {
+    let mut recording = Recording::new(SETTINGS);
+    (0..16).for_each(|_| recording.hop());
+    let missing = 80_000;
+    recording.restart(missing * HOP_US);
+    recording.hop();
+    let encoded = &recording.harness.recorder.encoded;
+    let windows = encoded.iter().map(|frame| {
+        let words = &frame.tri.data;
+        i64::from(words[1]) | i64::from(words[2]) << 16
+    });
+    let windows: Vec<i64> = windows.collect();
+    // 16 codes, 65,536 fillers with the last indices of the older run, and the code of the new run.
+    assert_eq!(windows.len(), 16 + 65_536 + 1);
+    assert_eq!(windows[15..17], [15, 16 + missing - 65_536]);
+    assert_eq!(windows[16 + 65_535..], [15 + missing, 0]);
+}
+
 /// Returns for each sample on a topic whether it is a filler.
 fn is_filler(frames: &[NeuroFrame]) -> Vec<bool> {
     let rows = frames

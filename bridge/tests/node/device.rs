@@ -23,6 +23,8 @@ pub(crate) const PACE: Duration = Duration::from_millis(20);
 pub(crate) struct Controls {
     /// Number of codes that the board makes next but does not send.
     pub(crate) lose: AtomicU32,
+    /// Number of codes by which the index of the next code jumps, as after a long outage.
+    pub(crate) jump: AtomicU32,
     /// Whether a byte of every third code is changed on its way.
     pub(crate) damage: AtomicBool,
     /// Set by a test to close the connection once, while the board keeps running.
@@ -105,6 +107,7 @@ impl Device {
                 if board.streaming && now >= next_code {
                     next_code += PACE;
                     let device_us = u64::try_from(start.elapsed().as_micros()).unwrap();
+                    board.next_window += shared.jump.swap(0, Relaxed);
                     let mut bytes = board.code(device_us, 3);
                     if shared.damage.load(Relaxed) && board.next_window.is_multiple_of(3) {
                         bytes[20] ^= 1;

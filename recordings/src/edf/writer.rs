@@ -98,7 +98,10 @@ impl<W: Write + Seek> BdfWriter<W> {
             self.record.extend(list(&annotation, self.rate_hz));
         }
         if self.record.len() > end {
-            return Err(invalid("a BDF file with so many records cannot be written"));
+            return Err(invalid(
+                "a record of a BDF+ file starts at most 10^8 s (3 years) after the first one; choose \
+                 another format, such as GDF",
+            ));
         }
         self.record.resize(end, 0);
         self.records += 1;
@@ -234,4 +237,34 @@ fn header(file: &FileToWrite, ranges: &[Range], annotation_samples: usize) -> io
     });
     fields(32, "", &|_| String::new());
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::BdfWriter;
+    use crate::file_to_write::{FileToWrite, SignalToWrite};
+
+    #[test]
+    fn a_record_beyond_the_limit_of_the_format_is_refused_with_advice() {
+        let signal = SignalToWrite {
+            label: "Cz".to_owned(),
+            is_microvolt: true,
+            is_integer: false,
+            range: [-1.0, 1.0],
+        };
+        let file = FileToWrite {
+            signals: vec![signal],
+            rate_hz: 1,
+            rows_per_record: 1,
+            start_ns: 0,
+            description: String::new(),
+        };
+        let mut writer = BdfWriter::new(Cursor::new(Vec::new()), &file, 1, Vec::new()).unwrap();
+        writer.records = 99_999_999;
+        writer.write_record(&[0.0]).unwrap();
+        let error = writer.write_record(&[0.0]).unwrap_err().to_string();
+        assert!(error.contains("10^8 s") && error.contains("GDF"), "{error}");
+    }
 }

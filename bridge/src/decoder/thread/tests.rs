@@ -2,6 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 use link::{CODE_LEN, Capabilities, Hello, ResetCause};
 use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp};
@@ -12,6 +13,9 @@ use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
 use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 use crate::streams::tri::TriWords;
+
+/// Timeout of each wait, sufficient for a busy machine.
+const TIMEOUT: Duration = Duration::from_mins(1);
 
 /// Sink that records the sequence number of every frame.
 struct Numbers(Arc<Mutex<Vec<u32>>>);
@@ -81,8 +85,9 @@ fn codes_beyond_a_full_queue_are_counted() {
         let z = Some(Box::new([0.0; 128]));
         decoder.decode(TimedCode { z, stamp, words });
     }
+    decoder.progress.waiting.store(0, Ordering::Relaxed);
     // No device was announced with `start_device`, so there is nothing to publish.
-    assert_eq!(decoder.finish().not_decoded, 3);
+    assert_eq!(decoder.finish(TIMEOUT).not_decoded, 3);
     assert!(count.lock().unwrap().is_empty());
 }
 
@@ -104,7 +109,7 @@ fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_
         }
     }
     assert_eq!(decoder.dropped(), 0);
-    assert_eq!(decoder.finish().not_decoded, 0);
+    assert_eq!(decoder.finish(TIMEOUT).not_decoded, 0);
     assert_eq!(*count.lock().unwrap(), (1..=5000).collect::<Vec<u32>>());
 }
 
@@ -124,7 +129,7 @@ fn every_code_of_a_burst_after_a_stall_is_decoded() {
             },
         });
     }
-    let counts = decoder.finish();
+    let counts = decoder.finish(TIMEOUT);
     assert_eq!((counts.decoded, counts.not_decoded), (600, 0));
     assert_eq!((counts.waiting, count.lock().unwrap().len()), (0, 600));
     assert!(counts.longest_wait > std::time::Duration::ZERO);
@@ -171,7 +176,43 @@ fn codes_are_decoded_only_while_someone_receives_them_and_numbers_continue() {
         });
         decoder.start_work();
     }
-    let counts = decoder.finish();
+    let counts = decoder.finish(TIMEOUT);
     assert_eq!((counts.not_needed, counts.decoded), (10, 10));
     assert_eq!(*count.lock().unwrap(), (11..=20).collect::<Vec<u32>>());
+}
+
+/// Sink that takes 50 ms for each frame.
+struct Slow;
+
+impl Sink<NeuroFrame> for Slow {
+    fn publish(&mut self, _: &NeuroFrame) -> Result<(), SinkError> {
+        std::thread::sleep(Duration::from_millis(50));
+        Ok(())
+    }
+
+    fn dropped(&self) -> u64 {
+        0
+    }
+}
+
+#[test]
+fn the_end_does_not_wait_for_a_long_queue_and_counts_what_is_left() {
+    let mut decoder = DecoderThread::start(Box::new(Slow)).unwrap();
+    decoder.start_device(reconstruction());
+    // 60 s of work.
+    for window in 0..1200 {
+        decoder.decode(TimedCode {
+            z: Some(Box::new([0.0; CODE_LEN])),
+            stamp: Stamp::default(),
+            words: TriWords {
+                window,
+                ..TriWords::default()
+            },
+        });
+    }
+    let start = Instant::now();
+    let counts = decoder.finish(Duration::from_millis(500));
+    assert!(start.elapsed() < Duration::from_secs(20));
+    assert!(counts.not_decoded > 0 && counts.waiting == 0, "{counts}");
+    assert_eq!(counts.decoded + counts.not_decoded, 1200, "{counts}");
 }
