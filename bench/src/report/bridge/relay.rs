@@ -20,7 +20,7 @@ const OFFSET: Duration = HOP.checked_div(2).unwrap();
 /// Time by which codes leave later than the first came, so that a code that the source sends late is in time.
 const RESERVE: Duration = Duration::from_millis(15);
 /// Last part of a wait, in which the thread does not sleep: a sleep ends up to this much later.
-const BUSY: Duration = Duration::from_micros(300);
+const BUSY: Duration = Duration::from_millis(2);
 /// Longest time in which the source opens its port.
 const START: Duration = Duration::from_secs(20);
 
