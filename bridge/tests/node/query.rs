@@ -116,8 +116,7 @@ fn a_reset_prints_the_bootloader_or_the_restarted_device() {
 #[test]
 fn wrong_usage_of_a_subcommand_is_status_2() {
     for (arguments, expected) in [
-        (&["selftest"][..], "--port"),
-        (&["selftest", "--port", "/dev/null"], "/dev/ttyACM0"),
+        (&["selftest", "--port", "/dev/null"][..], "/dev/ttyACM0"),
         (&["reset", "--port", "tcp:nowhere"], "tcp:127.0.0.1:5555"),
         (
             &["--port", "/dev/null", "--streams", "codes,spectra"],
