@@ -10,6 +10,8 @@ use crate::signal::calibration::Calibration;
 
 /// Offset of the number of records in the header.
 const RECORDS_AT: u64 = 236;
+/// Largest number of records that its field of 8 characters holds.
+const MAX_RECORDS: u64 = 99_999_999;
 /// Smallest and largest digital value: 24 bits.
 const DIGITAL: [f64; 2] = [-8_388_608.0, 8_388_607.0];
 /// Bytes of a record's own time stamp in its annotations: `+`, 16 digits with a point, 0x14 0x14 0.
@@ -97,10 +99,10 @@ impl<W: Write + Seek> BdfWriter<W> {
         {
             self.record.extend(list(&annotation, self.rate_hz));
         }
-        if self.record.len() > end {
+        if self.records >= MAX_RECORDS || self.record.len() > end {
             return Err(invalid(
-                "a record of a BDF+ file starts at most 10^8 s (3 years) after the first one; choose \
-                 another format, such as GDF",
+                "a BDF+ file has at most 99,999,999 records, none of which starts later than 10^8 s (3 years) \
+                 after the first; choose another format, such as GDF",
             ));
         }
         self.record.resize(end, 0);
@@ -243,7 +245,7 @@ fn header(file: &FileToWrite, ranges: &[Range], annotation_samples: usize) -> io
 mod tests {
     use std::io::Cursor;
 
-    use super::BdfWriter;
+    use super::{BdfWriter, MAX_RECORDS};
     use crate::file_to_write::{FileToWrite, SignalToWrite};
 
     #[test]
@@ -262,7 +264,7 @@ mod tests {
             description: String::new(),
         };
         let mut writer = BdfWriter::new(Cursor::new(Vec::new()), &file, 1, Vec::new()).unwrap();
-        writer.records = 99_999_999;
+        writer.records = MAX_RECORDS - 1;
         writer.write_record(&[0.0]).unwrap();
         let error = writer.write_record(&[0.0]).unwrap_err().to_string();
         assert!(error.contains("10^8 s") && error.contains("GDF"), "{error}");
