@@ -27,6 +27,7 @@ mod shutdown;
 mod silence_log;
 mod sink_kind;
 mod sinks;
+mod stream_options;
 mod whole_lines;
 
 use std::error::Error;
@@ -61,15 +62,18 @@ use crate::ports::system_root::SystemRoot;
 use crate::query::protocol::{Answer, Request};
 use crate::query::query_port;
 
+/// udev's rule for boards on USB.
+const UDEV_RULE: &str = include_str!("../../packaging/60-corticode.rules");
+
 /// Runs `corticode-bridge` with the arguments and environment of this process and returns its exit
 /// status.
 ///
 /// Status 0 means success, 1 a failed check, 2 wrong usage, 3 that the device or ROS is not
 /// reachable, and 4 that the device refuses the request. Without a subcommand the bridge streams
 /// until a signal or ROS ends it. `selftest` and `reset` send the device one request and print its
-/// answer. `record` writes everything on the wire to a file,
-/// which `replay` and `convert` read. `master` runs a ROS master until a signal ends it;
-/// `completions` and `man` print.
+/// answer. `record` writes everything on the wire to a file, which `replay` and `convert` read.
+/// `ports` and `doctor` print the state of this machine. `master` runs a ROS master until a signal
+/// ends it; `completions` and `man` print.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
     let done = read_task(&ros, arguments).and_then(|(task, config)| match task {
@@ -244,6 +248,10 @@ fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCo
 }
 
 fn list_ports(options: &PortsOptions) -> Result<ExitCode, BridgeError> {
+    if options.udev_rule {
+        print(UDEV_RULE.as_bytes())?;
+        return Ok(ExitCode::SUCCESS);
+    }
     let ports = PortList::read(&SystemRoot::machine());
     print_report(&ports, options.json)?;
     Ok(ExitCode::SUCCESS)

@@ -29,7 +29,7 @@ pub struct Session<'i> {
     run: Run,
     /// False if the model is damaged.
     can_stream: bool,
-    /// Electrodes whose signal is not measured.
+    /// Electrodes whose signal was not recorded.
     substitutes: Substitutes,
     /// Newest status of the converters; `None` before the first status.
     converters: Option<Converters>,
@@ -56,7 +56,7 @@ impl<'i> Session<'i> {
         }
     }
 
-    /// States which electrodes are not measured, for a device that plays a recording.
+    /// States which electrodes were not recorded, for a device that plays a recording.
     #[must_use]
     pub fn with_substitutes(mut self, substitutes: Substitutes) -> Self {
         self.substitutes = substitutes;

@@ -86,7 +86,7 @@ fn the_package_starts_in_a_clean_debian_and_purge_leaves_nothing() {
         .find_map(|line| line.strip_prefix("ExecStart="));
     let start = start.expect("a command in the unit");
     debian.succeed("sed -i 's/^#mains/mains/' /etc/corticode/bridge.toml");
-    let stopped = format!("timeout --preserve-status --signal=TERM 4 {start} 2>&1");
+    let stopped = format!("timeout --preserve-status --signal=TERM 8 {start} 2>&1");
     let log = debian.succeed(&stopped);
     for line in WAITING {
         assert!(log.contains(line), "no {line:?} in {log}");

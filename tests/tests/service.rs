@@ -22,9 +22,9 @@ fn systemd_accepts_the_unit_and_finds_it_confined() {
     let unit = workspace::root().join("packaging/corticode-bridge.service");
     let unit = fs::read_to_string(unit).expect("the unit");
     // systemd-analyze checks that the program exists, which is installed nowhere here.
-    let installed = "ExecStart=/usr/bin/corticode-bridge ";
+    let installed = "ExecStart=/usr/bin/corticode-bridge\n";
     assert!(unit.contains(installed), "{unit}");
-    let built = format!("ExecStart={} ", programs().bridge.display());
+    let built = format!("ExecStart={}\n", programs().bridge.display());
     let unit = unit.replace(installed, &built);
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("corticode-bridge.service");

@@ -100,7 +100,7 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     let libraries = libraries.arg("-O").arg(&installed).current_dir(&tree);
     let depends = output(libraries)?;
     fs::remove_dir_all(tree.join("debian")).or_fail("debian/", NEXT)?;
-    let list = ["etc", "lib", "usr", "-type", "f"];
+    let list = ["lib", "usr", "-type", "f"];
     let files = output(Command::new("find").args(list).current_dir(&tree))?;
     let mut sums = Command::new("md5sum");
     let sums = output(sums.args(files.lines()).current_dir(&tree))?;

@@ -152,9 +152,9 @@ mod tests {
         for node in nodes {
             let codes = node["codes"].as_u64().expect("a number");
             // 32 on an idle machine.
-            assert!((20..60).contains(&codes), "{node}");
-            let mean = node["interval_mean_ms"].as_f64().expect("a number");
-            assert!((40.0..90.0).contains(&mean), "{node}");
+            assert!((10..200).contains(&codes), "{node}");
+            let latency = node["latency_median_ms"].as_f64().expect("a number");
+            assert!(latency > 0.0, "{node}");
         }
     }
 }

@@ -6,6 +6,7 @@ use clap::Parser;
 
 use crate::app::port_options::PortOptions;
 use crate::app::sink_kind::SinkKind;
+use crate::app::stream_options::StreamOptions;
 
 /// List the serial ports of this machine, and say which are Corticode boards.
 ///
@@ -19,12 +20,16 @@ pub(crate) struct PortsOptions {
     /// Print JSON instead of a table
     #[arg(long)]
     pub(crate) json: bool,
+    /// Print the udev rule for boards on USB instead
+    #[arg(long, conflicts_with = "json")]
+    pub(crate) udev_rule: bool,
 }
 
 /// Check what the bridge needs: port, device, model, ROS, clock and disk.
 ///
 /// Prints one line for each check, with ok, warning, error or unknown, and a second line with the
 /// command that helps. Asks the device to identify itself, and leaves its streams as they are.
+/// host-sim on TCP serves one host at a time: the check interrupts a bridge that is connected to it.
 ///
 /// Exit status: 0 no errors, 1 an error.
 #[derive(Clone, Debug, Parser)]
@@ -41,6 +46,8 @@ pub(crate) struct DoctorOptions {
     /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
     #[arg(long, value_name = "URI")]
     pub(crate) ros_master_uri: Option<String>,
+    #[command(flatten)]
+    pub(crate) asked: StreamOptions,
     /// Namespace of the bridge's node and topics
     #[arg(
         long,

@@ -3,11 +3,9 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::builder::BoolishValueParser;
-use clap::{
-    Arg, ArgAction, Args, Command, CommandFactory, Error, FromArgMatches, Parser, ValueHint,
-};
-use link::{ResetInto, Streams};
+use clap::builder::{BoolishValueParser, Resettable};
+use clap::{Arg, ArgAction, Command, CommandFactory, Error, FromArgMatches, Parser, ValueHint};
+use link::ResetInto;
 
 use crate::app::check_options::{DoctorOptions, PortsOptions};
 use crate::app::completions::CompletionsOptions;
@@ -17,9 +15,8 @@ use crate::app::master::MasterOptions;
 use crate::app::port_options::PortOptions;
 use crate::app::replay::ReplayOptions;
 use crate::app::sink_kind::SinkKind;
-use crate::settings::{
-    AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint, StreamKind,
-};
+use crate::app::stream_options::StreamOptions;
+use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 
 /// Identifier and name of the option for the configuration file.
 pub(crate) const CONFIG: &str = "config";
@@ -90,37 +87,6 @@ pub(crate) struct Options {
     pub(crate) announce: AnnouncedStream,
 }
 
-/// What the device is asked for; options of the bridge and of `record`.
-#[derive(Clone, Debug, Args)]
-pub(crate) struct StreamOptions {
-    /// Mains frequency that the device shall remove, Hz; the device chooses by default
-    #[arg(long, env = "CORTICODE_MAINS", value_parser = mains)]
-    pub(crate) mains: Option<u8>,
-    /// Streams of the device, comma-separated; codes are always included. A device that refuses
-    /// some is asked for fewer
-    #[arg(
-        long,
-        env = "CORTICODE_STREAMS",
-        value_enum,
-        value_delimiter = ',',
-        default_value = "codes,audit,events"
-    )]
-    pub(crate) streams: Vec<StreamKind>,
-}
-
-impl StreamOptions {
-    /// Returns the mains frequency to remove, Hz; 0 leaves the choice to the device.
-    pub(crate) fn mains_hz(&self) -> u8 {
-        self.mains.unwrap_or(0)
-    }
-
-    /// Returns the streams to ask for, codes included.
-    pub(crate) fn streams(&self) -> Streams {
-        let asked = self.streams.iter();
-        asked.fold(Streams::CODES, |streams, kind| streams | kind.bit())
-    }
-}
-
 impl Options {
     /// Returns the names of the private parameters that set options. The address of the ROS master
     /// is none of them, because the parameters are read from that master.
@@ -144,14 +110,6 @@ impl Options {
             event_stamps: self.event_stamps,
             streams: self.asked.streams(),
         }
-    }
-}
-
-fn mains(text: &str) -> Result<u8, String> {
-    match text {
-        "50" => Ok(50),
-        "60" => Ok(60),
-        _ => Err("the mains frequency is 50 or 60 Hz".to_owned()),
     }
 }
 
@@ -270,8 +228,20 @@ impl Task {
     }
 }
 
-/// Returns the command line with all subcommands.
+/// Returns the command line with all subcommands. An empty variable of the environment sets no option.
 pub(crate) fn command() -> Command {
+    let without_empty = |option: Arg| {
+        let value = option.get_env().and_then(std::env::var_os);
+        match value {
+            Some(value) if value.is_empty() => option.env(Resettable::Reset),
+            _ => option,
+        }
+    };
+    let command = all_options().mut_args(without_empty);
+    command.mut_subcommands(|subcommand| subcommand.mut_args(without_empty))
+}
+
+fn all_options() -> Command {
     let with_config = |command: Command| command.arg(config_option());
     with_config(Options::command())
         .args_conflicts_with_subcommands(true)

@@ -2,8 +2,9 @@
 
 use std::any::TypeId;
 use std::ffi::OsString;
+use std::io;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Arg, Command, CommandFactory};
 use toml::de::{DeTable, DeValue};
@@ -35,7 +36,7 @@ impl ConfigFile {
         named: Option<&PathBuf>,
         variable: impl Fn(&str) -> Option<OsString>,
     ) -> Result<Option<ConfigFile>, BridgeError> {
-        let in_folders = || places(variable).into_iter().find(|path| path.exists());
+        let in_folders = || places(variable).into_iter().find(|path| is_there(path));
         let Some(path) = named.cloned().or_else(in_folders) else {
             return Ok(None);
         };
@@ -44,6 +45,15 @@ impl ConfigFile {
             Ok(options) => Ok(Some(ConfigFile { path, options })),
             Err(source) => Err(BridgeError::Config { path, source }),
         }
+    }
+}
+
+/// Returns whether a path exists, also if this user may not look it up: reading the file then fails with the
+/// reason.
+fn is_there(path: &Path) -> bool {
+    match path.try_exists() {
+        Ok(exists) => exists,
+        Err(error) => error.kind() != io::ErrorKind::NotADirectory,
     }
 }
 

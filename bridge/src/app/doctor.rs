@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use link::Streams;
 use neuro_ros::ros1::xmlrpc::{CallError, Value, call_ros};
 use neuro_ros::ros1::{NodeOptions, SystemState};
 use tokio::net::UdpSocket;
@@ -23,6 +24,7 @@ use crate::doctor::ros_checks::{MasterState, OwnHost, RosFacts, check_ros};
 use crate::ports::finder::{BoardFinder, FindError};
 use crate::ports::serial_port::Likeness;
 use crate::ports::system_root::SystemRoot;
+use crate::settings::AnnouncedStream;
 use crate::time::host_time::HostTime;
 use crate::wire::address::PortAddress;
 use crate::wire::port::{Port, Transfer};
@@ -31,8 +33,6 @@ use crate::wire::port::{Port, Transfer};
 const TIMEOUT: Duration = Duration::from_secs(3);
 /// Time between two checks of whether a command to the device is due.
 const TICK: Duration = Duration::from_millis(100);
-/// Topics of frames that the bridge publishes with its default options.
-const TOPICS: [&str; 2] = ["encoded", "neurodata_reconstructed"];
 
 /// Places of the udev rule: the administrator's, and those of packages.
 const RULE_FILES: [&str; 3] = [
@@ -91,6 +91,7 @@ fn locate(address: &PortAddress, root: &SystemRoot) -> (PortPlace, Option<PortAd
             Err(error) => {
                 let remedy = match &error {
                     FindError::SeveralBoards { .. } => "corticode-bridge doctor --port auto:SERIAL",
+                    FindError::Settling { .. } => "corticode-bridge doctor",
                     FindError::NoBoard { .. } | FindError::OtherBoards { .. } => {
                         "corticode-bridge ports (plug the board in, or name its port: --port \
                          /dev/ttyACM0)"
@@ -160,7 +161,10 @@ async fn ask(address: &PortAddress, baud: u32) -> DeviceAnswer {
                 }
             }
             Ok(Ok(Transfer::Written(count))) => drop(outgoing.drain(..count)),
-            Ok(Ok(Transfer::NotWritten(_)) | Err(_)) => break,
+            Ok(Ok(Transfer::NotWritten(error)) | Err(error)) => {
+                let why = error.to_string();
+                return DeviceAnswer::Lost { why };
+            }
         }
     }
     probe.answer()
@@ -180,7 +184,7 @@ async fn ros_facts(options: &DoctorOptions, ros: &NodeOptions) -> RosFacts {
     };
     let master_addresses = addresses(master_host).await.ok();
     RosFacts {
-        master: master_state(&master_uri, &namespace, &ros.name)
+        master: master_state(&master_uri, &namespace, &ros.name, options.asked.streams())
             .await
             .map_err(|error| error.to_string()),
         master_is_here: master_addresses.map(|list| list.iter().any(|(_, is_own)| *is_own)),
@@ -193,6 +197,7 @@ async fn master_state(
     uri: &str,
     namespace: &Namespace,
     node: &str,
+    streams: Streams,
 ) -> Result<MasterState, CallError> {
     let node = if node.starts_with('/') {
         node.to_owned()
@@ -202,8 +207,10 @@ async fn master_state(
     let caller = Value::from("/corticode_doctor");
     let state = call_ros(uri, "getSystemState", std::slice::from_ref(&caller)).await?;
     let state = SystemState::from_value(&state);
-    let topics = TOPICS.map(|topic| namespace.resolve(topic));
-    let publishers = topics.map(|topic| {
+    let published = AnnouncedStream::TOPICS.into_iter();
+    let published = published.filter(|(_, stream)| streams.contains(stream.needs()));
+    let publishers = published.map(|(topic, _)| {
+        let topic = namespace.resolve(topic.trim_start_matches('/'));
         let nodes = state
             .as_ref()
             .map(|state| state.publishers(&topic).to_vec());
@@ -216,7 +223,7 @@ async fn master_state(
     Ok(MasterState {
         node,
         node_is_registered: registered,
-        publishers: publishers.to_vec(),
+        publishers: publishers.collect(),
         use_sim_time: matches!(simulated, Ok(Value::Bool(true))),
     })
 }

@@ -158,7 +158,7 @@ mod tests {
         assert!(
             text.ends_with(
                 "1 Corticode board on USB\n/dev/ttyACM0: in use by ModemManager (pid 41); \
-                 kill 41"
+                 sudo systemctl stop ModemManager"
             ),
             "{text}"
         );

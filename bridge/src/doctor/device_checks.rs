@@ -51,18 +51,22 @@ fn check_answer(answer: &DeviceAnswer, port: &str) -> Check {
             "the remedies above, then corticode-bridge doctor again",
         ),
         DeviceAnswer::NotOpen { why, remedy } => Check::error(DEVICE, why, remedy),
+        DeviceAnswer::Lost { why } => Check::error(
+            DEVICE,
+            format!("{port} opens and closes again: {why}"),
+            "end the other program that uses the device, or start the device again",
+        ),
         DeviceAnswer::Silent => Check::error(
             DEVICE,
             "the port is open, and nothing answers",
-            format!(
-                "check power and cable, press the board's reset button; with a UART: \
-                 corticode-bridge doctor --port {port} --baud 921600"
-            ),
+            "check power and cable, press the board's reset button; a board on a UART answers at the \
+             baud rate of its firmware: --baud",
         ),
         DeviceAnswer::Stranger { bytes } => Check::error(
             DEVICE,
             format!("nothing here speaks Corticode: {bytes} bytes and no frame"),
-            "corticode-bridge ports lists the boards; with a UART, also --baud 921600",
+            "corticode-bridge ports lists the boards; a board on a UART needs the baud rate of its \
+             firmware: --baud",
         ),
         DeviceAnswer::OtherVersion => Check::error(
             DEVICE,

@@ -6,9 +6,10 @@ use crate::doctor::check::Check;
 use crate::ports::access::PortAccess;
 
 /// Command that installs the udev rule.
-const INSTALL_RULE: &str = "sudo install -m 644 packaging/60-corticode.rules /etc/udev/rules.d/ && \
-                            sudo udevadm control --reload && sudo udevadm trigger --action=add \
-                            --subsystem-match=usb --subsystem-match=tty";
+const INSTALL_RULE: &str = "corticode-bridge ports --udev-rule | sudo tee \
+                            /etc/udev/rules.d/60-corticode.rules && sudo udevadm control --reload \
+                            && sudo udevadm trigger --action=add --subsystem-match=usb \
+                            --subsystem-match=tty";
 
 /// Command that applies an installed rule to a board that is plugged in.
 const APPLY_RULE: &str = "sudo udevadm control --reload && sudo udevadm trigger --action=add \
@@ -165,7 +166,7 @@ mod tests {
         for (rule, command) in [
             (
                 UdevRule::Missing,
-                "sudo install -m 644 packaging/60-corticode.rules",
+                "corticode-bridge ports --udev-rule | sudo tee",
             ),
             (UdevRule::Installed, "sudo udevadm control --reload"),
         ] {

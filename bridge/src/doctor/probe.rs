@@ -14,6 +14,8 @@ pub(crate) enum DeviceAnswer {
     NotAsked,
     /// The port does not open.
     NotOpen { why: String, remedy: String },
+    /// The connection broke before the device introduced itself.
+    Lost { why: String },
     /// Nothing.
     Silent,
     /// Bytes, and no frame among them.

@@ -40,20 +40,17 @@ impl PortAccess {
         Some(match self {
             PortAccess::Free => return None,
             PortAccess::InUse(programs) => {
-                let pids: Vec<String> = programs
-                    .iter()
-                    .map(|program| program.pid.to_string())
-                    .collect();
+                let remedies: Vec<String> = programs.iter().map(remedy).collect();
                 (
                     format!("in use by {}", names(programs)),
-                    format!("kill {}", pids.join(" ")),
+                    remedies.join("; "),
                 )
             }
             PortAccess::Denied(Membership::RootOnly) => (
                 "only root may open the port".to_owned(),
                 format!(
                     "sudo chgrp dialout {port} && sudo chmod 660 {port} (until the next restart; a \
-                     board on USB needs the udev rule of docs/hardware.md instead)"
+                     board on USB needs the udev rule instead: corticode-bridge ports --udev-rule)"
                 ),
             ),
             PortAccess::Denied(Membership::Outsider { group }) => (
@@ -69,6 +66,19 @@ impl PortAccess {
                 format!("plug the device in again, then: ls -l {port}"),
             ),
         })
+    }
+}
+
+/// Returns the command that ends a program. A service would be started again after `kill`.
+fn remedy(program: &Program) -> String {
+    match program.name.as_str() {
+        "ModemManager" => "sudo systemctl stop ModemManager".to_owned(),
+        // Linux keeps the first 15 characters of a name.
+        "corticode-bridg" | "corticode-bridge" => format!(
+            "sudo systemctl stop corticode-bridge, or outside the service: kill {}",
+            program.pid
+        ),
+        _ => format!("kill {}", program.pid),
     }
 }
 
@@ -192,8 +202,18 @@ mod tests {
             name: name.to_owned(),
         };
         let used = PortAccess::InUse(vec![program(7, "minicom"), program(9, "screen")]);
-        let expected = "in use by minicom (pid 7), screen (pid 9): kill 7 9";
+        let expected = "in use by minicom (pid 7), screen (pid 9): kill 7; kill 9";
         assert_eq!(remedy(&used), expected);
+        for (name, expected) in [
+            ("ModemManager", "sudo systemctl stop ModemManager"),
+            (
+                "corticode-bridge",
+                "sudo systemctl stop corticode-bridge, or",
+            ),
+        ] {
+            let remedy = remedy(&PortAccess::InUse(vec![program(7, name)]));
+            assert!(remedy.contains(expected), "{remedy}");
+        }
         assert_eq!(PortAccess::Free.objection(Path::new("/dev/ttyACM0")), None);
     }
 }

@@ -32,6 +32,9 @@ pub(crate) enum FindError {
         /// Ports of ST-LINKs.
         maybe: Vec<PathBuf>,
     },
+    /// udev has not finished with a board's port.
+    #[error("the board at {} was plugged in just now", .port.display())]
+    Settling { port: PathBuf },
     /// The board with the wanted serial number is absent.
     #[error("no board {serial} is on USB; present: {}", listed(.present))]
     OtherBoards {
@@ -117,6 +120,12 @@ fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, Find
             present: boards.iter().map(|port| name(port)).collect(),
         });
     }
+    // With a second board on its way, the first is not the only one.
+    let mut unsettled = ports.iter().filter(|port| !port.is_settled);
+    if let Some(port) = unsettled.find(|port| port.likeness() == Likeness::Board) {
+        let port = port.path.clone();
+        return Err(FindError::Settling { port });
+    }
     match boards[..] {
         [] => Err(FindError::NoBoard {
             maybe: with(Likeness::Maybe)
@@ -181,8 +190,18 @@ mod tests {
         machine.write("run/udev/control", "");
         machine.plug(2, "ttyACM0", BOARD, None);
         let mut finder = finder(&machine, None);
-        assert_eq!(finder.find(), Err(FindError::NoBoard { maybe: Vec::new() }));
+        let settling = |tty: &str| {
+            let port = machine.path(tty);
+            Err(FindError::Settling { port })
+        };
+        assert_eq!(finder.find(), settling("dev/ttyACM0"));
+        machine.write("run/udev/data/c166:0", "E:ID_PROCESSING=1\n");
+        assert_eq!(finder.find(), settling("dev/ttyACM0"));
         machine.write("run/udev/data/c166:0", "");
+        // Nor is it chosen while another board comes.
+        machine.plug(3, "ttyACM1", OTHER, None);
+        assert_eq!(finder.find(), settling("dev/ttyACM1"));
+        machine.unplug(3, "ttyACM1");
         assert_eq!(finder.find().unwrap().path, machine.path("dev/ttyACM0"));
     }
 

@@ -158,7 +158,9 @@ impl SimulatedMachine {
     /// Adds the terminal `tty` of `device`, and the device's driver.
     fn terminal(&self, device: &str, driver: &str, tty: &str) {
         let terminal = format!("{device}/tty/{tty}");
-        self.write(&format!("{terminal}/dev"), "166:0\n");
+        // The minor number of ttyACM1 is 1.
+        let minor = tty.trim_start_matches(char::is_alphabetic);
+        self.write(&format!("{terminal}/dev"), &format!("166:{minor}\n"));
         self.link(&format!("sys/bus/{driver}"), &format!("{device}/driver"));
         self.link(device, &format!("{terminal}/device"));
         self.link(&terminal, &format!("sys/class/tty/{tty}"));

@@ -73,7 +73,8 @@ impl SystemRoot {
         let numbers = text(&folder.join("dev")).unwrap_or_default();
         // The socket of the running udev; a container can lack udev and still have its folders.
         let has_udev = self.path("run/udev/control").exists();
-        !has_udev || self.path(format!("run/udev/data/c{numbers}")).exists()
+        let record = text(&self.path(format!("run/udev/data/c{numbers}")));
+        !has_udev || record.is_some_and(|record| !record.contains("E:ID_PROCESSING=1"))
     }
 
     /// Returns the link to `port` whose name does not depend on the order of plugging in.

@@ -25,6 +25,9 @@ impl Introduction {
         };
         match frame.message {
             ToHost::Hello(hello) => {
+                if !self.is_session(&hello) {
+                    *self = Introduction::default();
+                }
                 self.identity = Some(Identity::new(&hello));
                 self.hello = Some(payload.to_vec());
             }
@@ -63,5 +66,45 @@ impl Introduction {
             &self.converters,
         ];
         frames.into_iter().flatten().cloned().collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use link::{Encoder, Hello, MAX_FRAME, ResetCause, Substitutes, ToHost};
+
+    use super::Introduction;
+
+    fn frame(message: &ToHost) -> Vec<u8> {
+        let mut buffer = [0; MAX_FRAME];
+        let frame = Encoder::default().encode(0, message, &mut buffer);
+        frame.unwrap().to_vec()
+    }
+
+    #[test]
+    fn another_session_starts_without_the_frames_of_the_last_one() {
+        let hello = |session_id| {
+            frame(&ToHost::Hello(Hello {
+                firmware: "test",
+                board: "board",
+                chip_uid: [7; 12],
+                model_id: [1; 8],
+                session_id,
+                reset_cause: ResetCause::PowerOn,
+                fault: "",
+            }))
+        };
+        let substitutes = frame(&ToHost::Substitutes(Substitutes {
+            interpolated: 1,
+            zero: 0,
+        }));
+        let mut introduction = Introduction::default();
+        let mut payloads = Vec::new();
+        for payload in [&hello(1), &substitutes, &hello(1), &hello(2)] {
+            introduction.note(payload);
+            payloads.push(introduction.payloads());
+        }
+        assert_eq!(payloads[2], [hello(1), substitutes]);
+        assert_eq!(payloads[3], [hello(2)]);
     }
 }

@@ -19,8 +19,8 @@ const MAX_PAUSE_US: i64 = 366 * 86_400 * 1_000_000;
 /// Longest time by which a record can be earlier than the one before it, microseconds.
 const MAX_STEP_BACK_US: i64 = 10_000_000;
 
-/// Reads the records of a recording one by one. A record with an impossible time counts as damaged. Damage costs the records that it hits: the reader
-/// continues at the next whole one.
+/// Reads the records of a recording one by one. Damage costs the records that it hits: the reader
+/// continues at the next whole one. A record with an impossible time counts as damaged.
 #[derive(Debug)]
 pub struct RecordingReader<R> {
     source: R,

@@ -48,7 +48,7 @@ pub(crate) struct Session {
     /// The stage with the largest ratio of worst time to deadline, over all reports.
     pub(crate) worst_stage: Option<StageTiming>,
     pub(crate) converters: Option<ChainReport>,
-    /// Electrodes that the device does not measure, from its newest introduction.
+    /// Electrodes whose signal was not recorded, from the device's newest introduction.
     pub(super) substitutes: Substitutes,
     pub(super) logged: LoggedOnce,
     pub(crate) link_log: LinkLog,

@@ -9,8 +9,8 @@ pub(crate) struct CodeCounts {
     /// Number of codes that are missing between two runs of the device, which did not make them.
     pub(crate) between_runs: u64,
     pub(crate) fillers: u64,
-    /// Number of lost codes without a filler, because more are missing than
-    /// fit into the queues of subscribers.
+    /// Number of lost codes without a filler, because more are missing than fit into the queues of
+    /// subscribers.
     pub(crate) unfilled: u64,
     /// Number of codes whose model or format is not the one that the device reported.
     pub(crate) foreign: u64,

@@ -6,10 +6,11 @@ use neuro_ros::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
 use crate::device::Device;
 use crate::streams::tri::tri_info;
 
-/// Value of `header.frame_id`, and start of `transducter`, in frames with values that the network computed.
+/// Value of `header.frame_id`, and start of `transducter`, in frames with values that the network
+/// computed.
 const NETWORK: &str = "autoencoder";
-/// Value of `header.frame_id`, and start of `transducter`, in frames with voltages that the amplifier
-/// measured.
+/// Value of `header.frame_id`, and start of `transducter`, in frames with voltages that the
+/// amplifier measured.
 const AMPLIFIER: &str = "electrodes";
 
 impl Device {

@@ -32,7 +32,7 @@ pub(crate) struct Connection {
     /// wait.
     stuck_since: Option<Instant>,
     /// Kind of the last failure that was logged, so that an absent device does not fill the log.
-    reported: Option<io::ErrorKind>,
+    reported: Option<String>,
     /// Whether the next opening of the port is not logged.
     silently: bool,
     /// Whether the port sends bytes and has sent no valid frame yet. Its interruptions are not
@@ -217,10 +217,11 @@ impl Connection {
 
     fn report_failure(&mut self, error: &io::Error) {
         self.close();
-        if self.reported == Some(error.kind()) {
+        let why = error.to_string();
+        if self.reported.as_ref() == Some(&why) {
             return;
         }
-        self.reported = Some(error.kind());
+        self.reported = Some(why);
         tracing::warn!(
             "{} does not open ({error}); waiting for it; {}",
             self.opener,

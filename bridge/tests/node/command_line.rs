@@ -36,6 +36,28 @@ fn wrong_usage_is_status_2_with_advice() {
 }
 
 #[test]
+fn an_empty_variable_sets_no_option() {
+    let arguments = ["selftest", "--port", "/nowhere"];
+    let (status, log) = Bridge::start_with(&arguments, &[("CORTICODE_BAUD", "")]).wait();
+    assert_eq!(status.code(), Some(3), "{log}");
+    assert!(log.contains("/nowhere does not open"), "{log}");
+    let (status, log) = Bridge::start_with(&arguments, &[("CORTICODE_BAUD", "0")]).wait();
+    assert_eq!(status.code(), Some(2), "{log}");
+}
+
+#[test]
+fn the_udev_rule_comes_with_the_program() {
+    let mut bridge = Bridge::start(&["ports", "--udev-rule"]);
+    let rule = std::io::read_to_string(bridge.stdout()).unwrap();
+    assert!(bridge.wait().0.success());
+    let file = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../packaging/60-corticode.rules"
+    );
+    assert_eq!(rule, std::fs::read_to_string(file).unwrap());
+}
+
+#[test]
 fn help_names_every_option() {
     let mut bridge = Bridge::start(&["--help"]);
     let help = std::io::read_to_string(bridge.stdout()).unwrap();

@@ -178,6 +178,34 @@ async fn faults_of_device_and_ros_graph_are_named() {
     assert!(finding.contains("0909090909090909") && remedy.contains("--model FOLDER"));
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn the_topics_of_the_streams_that_are_asked_for_are_checked() {
+    static STRING: MessageType = MessageType {
+        name: "std_msgs/String",
+        md5: "992ce8a1687cec8c8bd883ec73ca41d1",
+        definition: "string data\n",
+    };
+    let master = master().await;
+    let filter = node("filter", master.uri()).await;
+    let options = PublisherOptions {
+        queue: 1,
+        latch: false,
+    };
+    let publisher = filter.advertise("/neurodata", &STRING, options).await;
+    let _publisher = publisher.unwrap();
+    let device = Device::tcp(Board::new());
+    let arguments = ["--port", &device.port, "--ros-master-uri", master.uri()];
+    let (_, default) = checks(&arguments, &[]);
+    found(&default, "topics", "ok");
+    let arguments = [&arguments[..], &["--streams", "raw"]].concat();
+    let (_, with_raw) = checks(&arguments, &[]);
+    let (finding, _) = found(&with_raw, "topics", "error");
+    assert!(
+        finding.starts_with("/filter publishes /neurodata"),
+        "{finding}"
+    );
+}
+
 #[test]
 fn a_port_of_another_device_or_none_is_status_1() {
     let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
@@ -204,6 +232,13 @@ fn a_port_of_another_device_or_none_is_status_1() {
             .iter()
             .all(|check| check["check"] != "ROS master")
     );
+    let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    std::thread::spawn(move || listener.incoming().for_each(drop));
+    let (code, checks_of_closing) = checks(&["--port", &port, "--sink", "ndjson"], &[]);
+    assert_eq!(code, Some(1));
+    let (finding, _) = found(&checks_of_closing, "device", "error");
+    assert!(finding.contains("opens and closes again"), "{finding}");
     for absent in ["/dev/ttyNOBODY", "auto:NOBODY"] {
         let (code, checks) = checks(&["--port", absent, "--sink", "ndjson"], &[]);
         assert_eq!(code, Some(1));

@@ -58,7 +58,9 @@ fn bridge_on(machine: &SimulatedMachine, arguments: &[&str]) -> Command {
     command
         .arg(env!("CARGO_BIN_EXE_corticode-bridge"))
         .args(arguments);
+    // Not the configuration of the user who runs the tests.
     command
+        .env("CORTICODE_CONFIG", "/dev/null")
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
@@ -146,7 +148,7 @@ fn a_board_that_is_silent_is_named_with_its_port() {
     let stdout = bridge.stdout();
     let reader = std::thread::spawn(move || std::io::read_to_string(stdout));
     // A silence is logged after 5 s.
-    std::thread::sleep(Duration::from_secs(7));
+    std::thread::sleep(Duration::from_secs(12));
     bridge.signal(Signal::TERM);
     let (status, log) = bridge.wait();
     assert!(status.success(), "{log}");

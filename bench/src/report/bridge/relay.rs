@@ -21,8 +21,10 @@ const OFFSET: Duration = HOP.checked_div(2).unwrap();
 const RESERVE: Duration = Duration::from_millis(15);
 /// Last part of a wait, in which the thread does not sleep: a sleep ends up to this much later.
 const BUSY: Duration = Duration::from_millis(2);
-/// Longest time in which the source opens its port.
+/// Longest time in which the source opens its port, and in which each node connects.
 const START: Duration = Duration::from_secs(20);
+/// Time between two attempts to connect.
+const RETRY: Duration = Duration::from_millis(20);
 
 /// Times at which codes were sent.
 #[derive(Debug, Default)]
@@ -76,15 +78,25 @@ fn connect(port: u16) -> io::Result<TcpStream> {
         match TcpStream::connect(SocketAddr::from((Ipv4Addr::LOCALHOST, port))) {
             Ok(stream) => return stream.set_nodelay(true).map(|()| stream),
             Err(error) if Instant::now() >= end => return Err(error),
-            Err(_) => thread::sleep(Duration::from_millis(20)),
+            Err(_) => thread::sleep(RETRY),
         }
     }
 }
 
 fn accept(listener: &TcpListener) -> io::Result<TcpStream> {
-    let (stream, _) = listener.accept()?;
-    stream.set_nodelay(true)?;
-    Ok(stream)
+    let end = Instant::now() + START;
+    listener.set_nonblocking(true)?;
+    loop {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                stream.set_nonblocking(false)?;
+                return stream.set_nodelay(true).map(|()| stream);
+            }
+            Err(error) if error.kind() != io::ErrorKind::WouldBlock => return Err(error),
+            Err(error) if Instant::now() >= end => return Err(error),
+            Err(_) => thread::sleep(RETRY),
+        }
+    }
 }
 
 /// Passes all bytes of the source on, and the codes among them to `codes`. Bytes with a code wait until it is

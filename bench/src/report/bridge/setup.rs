@@ -1,7 +1,7 @@
 //! The programs, connections and subscribers of a run.
 
 use std::env;
-use std::fs::File;
+use std::fs::{self, File};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -31,8 +31,8 @@ const ROSPY_TOPIC: &str = "/rospy/encoded";
 const START: Duration = Duration::from_secs(30);
 /// Time before each part that is not measured: connections are new, and caches are cold.
 const WARM_UP: Duration = Duration::from_secs(3);
-/// Time after each part in which its last codes arrive.
-const STRAGGLERS: Duration = Duration::from_millis(500);
+/// Longest time after each part in which its last codes arrive, on a busy machine.
+const STRAGGLERS: Duration = Duration::from_secs(10);
 
 /// Folder of the programs that are measured.
 #[derive(Debug)]
@@ -131,6 +131,8 @@ impl Setup {
                 .args(["--port", &port, "--ros-master-uri", master.uri()])
                 .env("ROS_HOSTNAME", "127.0.0.1")
                 .env_remove("ROS_IP")
+                // Not the configuration of this user.
+                .env("CORTICODE_CONFIG", "/dev/null")
         })?;
         let to_rospy = TcpListener::bind(any_port)?;
         let port = to_rospy.local_addr()?.port();
@@ -151,7 +153,11 @@ impl Setup {
         let relay = tokio::task::spawn_blocking(move || {
             Relay::start(port, &to_bridge, has_rospy.then_some(&to_rospy))
         });
-        let relay = relay.await??;
+        let logs = || {
+            let log = fs::read_to_string(folder.path().join(BRIDGE).with_extension("log"));
+            format!("{BRIDGE} printed:\n{}", log.unwrap_or_default())
+        };
+        let relay = relay.await?.with_context(logs)?;
         codes.wait_for_code(START).await?;
         if has_rospy {
             rospy_codes.wait_for_code(START).await?;
@@ -197,7 +203,7 @@ impl Setup {
         }
         let span = [start, Instant::now()];
         let after = self.usage()?;
-        sleep(STRAGGLERS).await;
+        self.wait_for_stragglers(span[1]).await;
         let [to_bridge, to_rospy] = self.relay.times();
         let figures = |sent, subscriber: &Subscriber, place: usize| {
             let usage = after[place]?.since(&before[place]?);
@@ -209,6 +215,24 @@ impl Setup {
             bridge,
             rospy: figures(&to_rospy, &self.rospy_codes, 1),
         })
+    }
+
+    /// Waits until the codes that were sent before `end` have arrived, or are lost.
+    async fn wait_for_stragglers(&self, end: Instant) {
+        let deadline = Instant::now() + STRAGGLERS;
+        let subscribers = [&self.codes, &self.rospy_codes];
+        loop {
+            let sent = self.relay.times();
+            let mut both = sent.iter().zip(subscribers);
+            let is_complete = both.all(|(sent, subscriber)| {
+                let last = sent.iter().rev().find(|(_, at)| **at < end);
+                last.is_none_or(|(window, _)| subscriber.times().contains_key(window))
+            });
+            if is_complete || Instant::now() >= deadline {
+                return;
+            }
+            sleep(Duration::from_millis(50)).await;
+        }
     }
 
     /// Returns the usage of the bridge and of the node in rospy.

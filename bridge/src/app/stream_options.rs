@@ -1,0 +1,45 @@
+//! Options that state what the device is asked for.
+
+use clap::Args;
+use link::Streams;
+
+use crate::settings::StreamKind;
+
+/// What the device is asked for; options of the bridge and of `record`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct StreamOptions {
+    /// Mains frequency that the device shall remove, Hz; the device chooses by default
+    #[arg(long, env = "CORTICODE_MAINS", value_parser = mains)]
+    pub(crate) mains: Option<u8>,
+    /// Streams of the device, comma-separated; codes are always included. A device that refuses
+    /// some is asked for fewer
+    #[arg(
+        long,
+        env = "CORTICODE_STREAMS",
+        value_enum,
+        value_delimiter = ',',
+        default_value = "codes,audit,events"
+    )]
+    pub(crate) streams: Vec<StreamKind>,
+}
+
+impl StreamOptions {
+    /// Returns the mains frequency to remove, Hz; 0 leaves the choice to the device.
+    pub(crate) fn mains_hz(&self) -> u8 {
+        self.mains.unwrap_or(0)
+    }
+
+    /// Returns the streams to ask for, codes included.
+    pub(crate) fn streams(&self) -> Streams {
+        let asked = self.streams.iter();
+        asked.fold(Streams::CODES, |streams, kind| streams | kind.bit())
+    }
+}
+
+fn mains(text: &str) -> Result<u8, String> {
+    match text {
+        "50" => Ok(50),
+        "60" => Ok(60),
+        _ => Err("the mains frequency is 50 or 60 Hz".to_owned()),
+    }
+}
