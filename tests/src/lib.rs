@@ -20,6 +20,7 @@ pub mod any_artifact;
 pub mod catkin;
 pub mod chain;
 pub mod emulated_board;
+pub mod lossy_cable;
 pub mod modules;
 pub mod npz;
 pub mod numpy_reference;

@@ -1,5 +1,6 @@
 //! A recording of `/neurodata` in ROS-Neuro's format shows every event at its sample, also after the device
-//! restarted or the bridge was suspended, and every status word as it was published.
+//! restarted, the bridge was suspended, the cable was unplugged, or while frames are lost, and every status word
+//! as it was published. `CORTICODE_RECORDER_SECONDS` sets the length of each run; 12 s in CI.
 #![forbid(unsafe_code)]
 #![expect(
     clippy::cast_possible_truncation,
@@ -12,8 +13,10 @@ use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
+use acceptance::lossy_cable::LossyCable;
 use acceptance::process::Process;
 use acceptance::programs::programs;
+use acceptance::ros::free_port;
 use acceptance::workspace;
 use emulator::skip::skip_unless_required;
 use recordings::{Block, EventLabel, Recording};
@@ -39,7 +42,13 @@ struct Session<'a> {
 
 impl<'a> Session<'a> {
     fn start(folder: &'a Path) -> Self {
-        let board = board(folder, 0);
+        let port = folder.join("port").display().to_string();
+        let board = board(folder, &format!("pty:{port}"), 0);
+        Self::with_board(folder, board, &port)
+    }
+
+    /// Starts the bridge at `port`, which leads to the board.
+    fn with_board(folder: &'a Path, board: Process, port: &str) -> Self {
         let mut bridge = Command::new(&programs().bridge);
         bridge.args([
             "--sink=ndjson",
@@ -47,7 +56,7 @@ impl<'a> Session<'a> {
             "--announce=raw",
             "--port",
         ]);
-        bridge.arg(folder.join("port"));
+        bridge.arg(port);
         bridge.env("CORTICODE_CONFIG", "/dev/null");
         // The recorder reads what the bridge writes: a named pipe between them.
         let pipe = folder.join("lines");
@@ -83,7 +92,8 @@ impl<'a> Session<'a> {
     fn restart_board(&mut self, outage: Duration) {
         self.board.kill();
         sleep(outage);
-        self.board = board(self.folder, 1);
+        let port = self.folder.join("port");
+        self.board = board(self.folder, &format!("pty:{}", port.display()), 1);
     }
 
     /// Ends the recording and returns it with the last line of the bridge.
@@ -105,8 +115,8 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Starts host-sim as board number `number` of the test.
-fn board(folder: &Path, number: u32) -> Process {
+/// Starts host-sim at `output` as board number `number` of the test.
+fn board(folder: &Path, output: &str, number: u32) -> Process {
     let mut board = Command::new(&programs().host_sim);
     board.args([
         "run",
@@ -115,7 +125,7 @@ fn board(folder: &Path, number: u32) -> Process {
         "--quiet",
         "--trigger-every=0.7",
     ]);
-    board.arg(format!("--output=pty:{}", folder.join("port").display()));
+    board.arg(format!("--output={output}"));
     Process::start(&format!("board{number}"), &mut board, folder).expect("host-sim starts")
 }
 
@@ -222,6 +232,13 @@ fn word(value: f64) -> u16 {
     word
 }
 
+/// Returns half the length of a run.
+fn half() -> Duration {
+    let seconds = std::env::var("CORTICODE_RECORDER_SECONDS");
+    let seconds = seconds.map_or(12, |seconds| seconds.parse().expect("a number of seconds"));
+    Duration::from_secs(seconds) / 2
+}
+
 /// Returns whether Python and libxdffileio are installed; reports the test as skipped if not.
 fn available() -> bool {
     let load = "import ctypes; ctypes.CDLL('libxdffileio.so.0')";
@@ -246,9 +263,9 @@ fn events_are_at_their_samples_after_a_restart_of_the_board() {
     }
     let folder = tempfile::tempdir().expect("a folder");
     let mut session = Session::start(folder.path());
-    sleep(Duration::from_secs(6));
+    sleep(half());
     session.restart_board(Duration::from_secs(2));
-    sleep(Duration::from_secs(6));
+    sleep(half());
     let (recording, _) = session.stop();
     let recorded = Recorded::read(recording);
     let error_s = recorded.largest_error_s();
@@ -269,11 +286,11 @@ fn events_are_at_their_samples_after_the_bridge_stood_still() {
     }
     let folder = tempfile::tempdir().expect("a folder");
     let session = Session::start(folder.path());
-    sleep(Duration::from_secs(4));
+    sleep(half());
     session.bridge.signal(Signal::STOP);
     sleep(Duration::from_secs(13));
     session.bridge.signal(Signal::CONT);
-    sleep(Duration::from_secs(5));
+    sleep(half());
     let (recording, log) = session.stop();
     let recorded = Recorded::read(recording);
     let error_s = recorded.largest_error_s();
@@ -282,4 +299,66 @@ fn events_are_at_their_samples_after_the_bridge_stood_still() {
         error_s * 1e3
     );
     assert!(error_s < TOLERANCE_S, "{error_s} s");
+}
+
+#[test]
+fn events_are_at_their_samples_after_the_cable_was_unplugged() {
+    let Some((recorded, error_s)) = with_cable("unplugged cable", 0, |cable| {
+        sleep(half());
+        cable.unplug();
+        sleep(Duration::from_secs(2));
+        cable.plug();
+        sleep(half());
+    }) else {
+        return;
+    };
+    assert!(error_s < TOLERANCE_S, "{error_s} s");
+    // The cable is unplugged for 2 s, and the bridge tries again every quarter of a second.
+    assert!(
+        recorded.fillers() as f64 > 1.9 * RATE,
+        "{} fillers",
+        recorded.fillers()
+    );
+    assert!(recorded.reports.contains(&0x7f01), "{:?}", recorded.reports);
+}
+
+#[test]
+fn events_are_at_their_samples_while_frames_are_lost() {
+    let Some((recorded, error_s)) = with_cable("5 % loss", 5, |_| sleep(2 * half())) else {
+        return;
+    };
+    assert!(error_s < TOLERANCE_S, "{error_s} s");
+    let part = recorded.fillers() as f64 / recorded.flags.len() as f64;
+    assert!(
+        (0.02..0.1).contains(&part),
+        "{part} of the samples are lost"
+    );
+    assert!(recorded.reports.contains(&0x7f01), "{:?}", recorded.reports);
+}
+
+/// Records through a cable that loses `percent` of the frames, while `scenario` runs. Returns the recording and
+/// the largest error of an event, seconds; `None` if the test is skipped.
+fn with_cable(
+    test: &str,
+    percent: u64,
+    scenario: impl FnOnce(&LossyCable),
+) -> Option<(Recorded, f64)> {
+    if !available() {
+        return None;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let port = free_port().expect("a free port");
+    let board = board(folder.path(), &format!("tcp:127.0.0.1:{port}"), 0);
+    let cable = LossyCable::new(port, percent).expect("the board opens its port");
+    let session = Session::with_board(folder.path(), board, &cable.port);
+    scenario(&cable);
+    let (recording, log) = session.stop();
+    let recorded = Recorded::read(recording);
+    let error_s = recorded.largest_error_s();
+    println!(
+        "{test}: largest error of an event {:.1} ms in {:.1} s; {log}",
+        error_s * 1e3,
+        recorded.flags.len() as f64 / RATE
+    );
+    Some((recorded, error_s))
 }
