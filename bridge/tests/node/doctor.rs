@@ -39,6 +39,17 @@ fn found<'a>(checks: &'a [Value], name: &str, level: &str) -> (&'a str, &'a str)
     (text("finding"), text("remedy"))
 }
 
+/// Type of the topics that another node publishes.
+static STRING: MessageType = MessageType {
+    name: "std_msgs/String",
+    md5: "992ce8a1687cec8c8bd883ec73ca41d1",
+    definition: "string data\n",
+};
+const OPTIONS: PublisherOptions = PublisherOptions {
+    queue: 1,
+    latch: false,
+};
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_machine_in_order_is_status_0() {
     let master = master().await;
@@ -129,19 +140,10 @@ async fn three_faults_at_once_have_their_remedies_and_status_1() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn faults_of_device_and_ros_graph_are_named() {
-    static STRING: MessageType = MessageType {
-        name: "std_msgs/String",
-        md5: "992ce8a1687cec8c8bd883ec73ca41d1",
-        definition: "string data\n",
-    };
     let master = master().await;
     let filter = node("filter", master.uri()).await;
-    let options = PublisherOptions {
-        queue: 1,
-        latch: false,
-    };
     let _publisher = filter
-        .advertise("/encoded", &STRING, options)
+        .advertise("/encoded", &STRING, OPTIONS)
         .await
         .unwrap();
     let arguments = ["/test", "/use_sim_time"].map(RosValue::from);
@@ -180,18 +182,9 @@ async fn faults_of_device_and_ros_graph_are_named() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_topics_of_the_streams_that_are_asked_for_are_checked() {
-    static STRING: MessageType = MessageType {
-        name: "std_msgs/String",
-        md5: "992ce8a1687cec8c8bd883ec73ca41d1",
-        definition: "string data\n",
-    };
     let master = master().await;
     let filter = node("filter", master.uri()).await;
-    let options = PublisherOptions {
-        queue: 1,
-        latch: false,
-    };
-    let publisher = filter.advertise("/neurodata", &STRING, options).await;
+    let publisher = filter.advertise("/neurodata", &STRING, OPTIONS).await;
     let _publisher = publisher.unwrap();
     let device = Device::tcp(Board::new());
     let arguments = ["--port", &device.port, "--ros-master-uri", master.uri()];
