@@ -10,7 +10,7 @@
 //! The relay notes when it sends each code, and the subscribers when it arrives. The node in rospy gets its
 //! codes half an interval later than the bridge, so that neither waits for the processor because of the other.
 
-mod contestant;
+mod node_figures;
 mod part;
 mod relay;
 mod rospy;
@@ -23,7 +23,7 @@ use std::fs;
 use anyhow::Context;
 use serde_json::json;
 
-use self::contestant::Figures;
+use self::node_figures::Figures;
 use self::part::Part;
 use self::setup::{Programs, Setup};
 use super::figures::Report;
@@ -91,7 +91,7 @@ mod tests {
 
     use emulator::skip::skip_unless_required;
 
-    use super::contestant::Times;
+    use super::node_figures::Times;
     use super::rospy::Rospy;
     use super::usage::Usage;
     use super::*;

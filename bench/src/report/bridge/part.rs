@@ -3,7 +3,7 @@
 use picture::intervals::{Intervals, Series};
 use serde_json::{Value as Json, json};
 
-use super::contestant::Figures;
+use super::node_figures::Figures;
 
 /// Figures of both nodes over the same time.
 #[derive(Debug)]

@@ -1,5 +1,5 @@
 //! Passes the bytes of the source to the bridge, and the codes among them to the node in rospy, and notes when.
-//! Codes leave 62.5 ms apart to some microseconds, so that what a subscriber sees is the work of the nodes.
+//! Codes leave 62.5 ms apart to some microseconds, so that the jitter at a subscriber is that of the node.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -11,13 +11,13 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use link::{CODE_LEN, Code, Decoder, ToHost};
 
-use super::contestant::Times;
+use super::node_figures::Times;
 
 /// Time from one code to the next.
 const HOP: Duration = Duration::from_micros(62_500);
 /// Time by which the node in rospy gets a code later than the bridge.
 const OFFSET: Duration = HOP.checked_div(2).unwrap();
-/// Time by which codes leave later than the first came, so that a code that the source sends late is in time.
+/// Delay of every code in the relay, so that a code that the source sends late still leaves on time.
 const RESERVE: Duration = Duration::from_millis(15);
 /// Last part of a wait, in which the thread does not sleep: a sleep ends up to this much later.
 const BUSY: Duration = Duration::from_millis(2);

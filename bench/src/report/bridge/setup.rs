@@ -13,7 +13,7 @@ use ros1::{Master, Node, NodeOptions};
 use tempfile::TempDir;
 use tokio::time::{interval, sleep};
 
-use super::contestant::Figures;
+use super::node_figures::Figures;
 use super::part::Part;
 use super::relay::Relay;
 use super::rospy::Rospy;

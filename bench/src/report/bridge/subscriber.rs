@@ -10,7 +10,7 @@ use ros1::Node;
 use tokio::task::JoinHandle;
 use tokio::time::{sleep, timeout};
 
-use super::contestant::Times;
+use super::node_figures::Times;
 
 /// Number of messages that wait in the subscriber.
 const QUEUE: usize = 256;

@@ -87,7 +87,7 @@ impl Figures {
     }
 }
 
-/// Returns the times between the codes of successive windows; a lost code leaves two out.
+/// Returns the times between the codes of successive windows. No interval begins or ends at a lost code.
 fn intervals(times: &Times) -> Vec<f64> {
     let pairs = times.iter().zip(times.iter().skip(1));
     let pairs = pairs.filter(|((window, _), (next, _))| *window + 1 == **next);
