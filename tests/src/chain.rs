@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
 use serde::Deserialize;
@@ -20,6 +20,9 @@ const HOP_US: u64 = 62_500;
 
 /// Flags that no code of an undisturbed run may have: adc_status_bad, overrun, filler (docs/wire-format.md).
 const BAD_FLAGS: u64 = 1 << 0 | 1 << 5 | 1 << 15;
+
+/// Time between two looks at the output of the subscriber.
+const POLL: Duration = Duration::from_millis(20);
 
 /// Longest time that a program may take to end after a signal.
 const EXIT_TIMEOUT: Duration = Duration::from_secs(20);
@@ -208,10 +211,16 @@ impl<'a> Chain<'a> {
     /// # Panics
     /// When they have not arrived within [`TIMEOUT`].
     pub fn wait_for(&mut self, messages: usize) {
-        let what = format!("{messages} messages at the subscriber");
-        self.subscriber.wait_until(&what, TIMEOUT, |subscriber| {
-            subscriber.output().lines().count() > messages
-        });
+        let end = Instant::now() + TIMEOUT;
+        while self.subscriber.output().lines().count() <= messages {
+            assert!(
+                Instant::now() < end,
+                "{messages} messages at the subscriber: not within {TIMEOUT:?}:\n{}\n{}",
+                self.subscriber.log(),
+                self.bridge.log()
+            );
+            std::thread::sleep(POLL);
+        }
     }
 
     /// Stops the recorder and the bridge by signals, as a user does. Returns the output of `rosbag info` for
