@@ -1,6 +1,6 @@
 //! The contents of `model.toml`.
 
-use crate::dimensions::{COLUMNS, ROWS};
+use crate::dimensions::Dimensions;
 use crate::training_card::TrainingCard;
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) const EMPTY: &str = "_";
 
 /// The paper's scalp grid (arXiv 2008.13485, figure of the electrode grid), front to back.
-const PAPER_GRID: [&str; ROWS] = [
+const PAPER_GRID: [&str; 10] = [
     "_ _ F3 F1 Fz F2 F4 _ _",
     "_ FFC5 FFC3 FFC1 _ FFC2 FFC4 FFC6 _",
     "_ FC5 FC3 FC1 FCz FC2 FC4 FC6 _",
@@ -35,7 +35,7 @@ pub struct Description {
     pub window: Window,
     /// Padding and pool of the convolutions; unused in mode `pca`, which has no convolutions.
     pub network: NetworkShape,
-    /// Integer format of the codes.
+    /// Length and integer format of the codes.
     pub code: CodeQuantisation,
     /// Position of each electrode on the scalp grid.
     pub grid: Grid,
@@ -49,6 +49,13 @@ pub struct Description {
     pub input: Input,
     /// Training data, training settings and test figures.
     pub training: TrainingCard,
+}
+
+impl Description {
+    /// Returns the dimensions of the model.
+    pub const fn dimensions(&self) -> Dimensions {
+        Dimensions::new(self)
+    }
 }
 
 /// Layers of the network: convolutions, a linear shortcut, or both.
@@ -81,9 +88,9 @@ impl Mode {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Window {
-    /// Number of time steps in a window, 16.
+    /// Number of time steps in a window, 16 or 32.
     pub steps: usize,
-    /// Time steps from the start of one window to the start of the next, 8 or 16.
+    /// Time steps from the start of one window to the start of the next, 4, 8 or 16.
     pub hop: usize,
     /// Rate of the time steps in Hz, 128.
     pub rate_hz: u32,
@@ -129,24 +136,26 @@ impl Padding {
     }
 }
 
-/// Integer format of the codes.
+/// Length and integer format of the codes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CodeQuantisation {
+    /// Number of numbers in a code, 8 to 256.
+    pub numbers: usize,
     /// Width of the integers, and whether they share an exponent.
     pub format: CodeFormat,
 }
 
-/// Integer format of a code of 128 numbers.
+/// Integer format of a code of n numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CodeFormat {
-    /// 128 numbers of 8 bits, each dimension with a separate scale and zero point. 128 bytes.
+    /// Numbers of 8 bits, each dimension with a separate scale and zero point. n bytes.
     Int8,
-    /// 128 numbers of 8 bits that share a power of two, chosen for each window: large signals are not
-    /// clipped, small ones have a finer resolution. 129 bytes.
+    /// Numbers of 8 bits that share a power of two, chosen for each window: large signals are not
+    /// clipped, small ones have a finer resolution. 1 + n bytes.
     Int8Exponent,
-    /// 128 numbers of 16 bits, with a zero point of 0. 256 bytes.
+    /// Numbers of 16 bits, with a zero point of 0. 2n bytes.
     Int16,
 }
 
@@ -154,25 +163,30 @@ pub enum CodeFormat {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grid {
-    /// Number of rows, 10; the first is at the front of the head.
+    /// Number of rows, 1 to 12; the first is at the front of the head.
     pub rows: usize,
-    /// Number of columns, 9; the first is on the left of the head.
+    /// Number of columns, 1 to 12; the first is on the left of the head.
     pub columns: usize,
     /// Cells by row: the label of an electrode, or `_` for a cell that is always 0.
     pub cells: Vec<Vec<String>>,
 }
 
 impl Grid {
+    /// Creates a grid from its cells, which are as many in each row.
+    pub fn new(cells: Vec<Vec<String>>) -> Self {
+        Self {
+            rows: cells.len(),
+            columns: cells.first().map_or(0, Vec::len),
+            cells,
+        }
+    }
+
     /// Returns the paper's grid of 61 electrodes.
     pub fn paper() -> Self {
         let cells = PAPER_GRID
             .map(|row| row.split(' ').map(str::to_owned).collect())
             .to_vec();
-        Self {
-            rows: ROWS,
-            columns: COLUMNS,
-            cells,
-        }
+        Self::new(cells)
     }
 
     /// Returns the labels of all electrodes on the grid, row-major.
@@ -194,13 +208,13 @@ pub struct Montage {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Adc {
-    /// Sampling rate of each channel, Hz; at least the rate of the time steps.
+    /// Sampling rate of each channel, Hz: 250, 256, 500, 512, 1000 or 1024.
     pub rate_hz: u32,
-    /// Reference voltage, V; 4.5 with the internal reference of an ADS1299.
+    /// Reference voltage, V; 4.5, the internal reference of an ADS1299.
     pub vref_v: f64,
-    /// Gain of the programmable-gain amplifier, 1 to 24 in an ADS1299.
+    /// Gain of the programmable-gain amplifier: 1, 2, 4, 6, 8, 12 or 24.
     pub gain: u32,
-    /// Number of channels, at least one for each electrode.
+    /// Number of channels: 8 for each of 1 to 8 converters, and at least one for each electrode.
     pub channels: usize,
 }
 

@@ -2,7 +2,7 @@
 
 use crate::convolution::{Convolution, Norm, Volume, add_product};
 use crate::description::Mode;
-use crate::dimensions::{CODE, CONV1_CHANNELS, CONV2_CHANNELS, WINDOW_CELLS, WINDOW_ELECTRODES};
+use crate::dimensions::{CONV1_CHANNELS, CONV2_CHANNELS};
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
 use crate::geometry::Geometry;
@@ -13,16 +13,16 @@ use crate::scalp_grid::ScalpGrid;
 /// output. The only input is the code.
 #[derive(Clone, Debug)]
 pub struct FloatDecoder {
+    geometry: Geometry,
     grid: ScalpGrid,
     convolutions: Option<Convolutions>,
-    /// Weights `[976][128]`; the row is step * 61 + electrode. `None` without a shortcut.
+    /// Weights `[step][electrode][number]`. `None` without a shortcut.
     shortcut: Option<Vec<f32>>,
 }
 
 #[derive(Clone, Debug)]
 struct Convolutions {
-    geometry: Geometry,
-    /// Weights `[flat][128]`.
+    /// Weights `[flat][number]`.
     fc_weight: Vec<f32>,
     fc_bias: Vec<f32>,
     conv1: Convolution,
@@ -41,14 +41,17 @@ impl FloatDecoder {
         if mode == Mode::Paper {
             return Err(ArtifactError::NotDecodable);
         }
-        let geometry = Geometry::new(&artifact.description.network);
+        let geometry = Geometry::new(&artifact.description);
+        let numbers = geometry.dimensions.numbers;
+        let window = geometry.dimensions.window_electrodes();
         let flat = geometry.flat();
         let convolutions = mode
             .has_convolutions()
             .then(|| {
                 Ok::<_, ArtifactError>(Convolutions {
-                    geometry,
-                    fc_weight: weights.tensor("decoder.fc.weight", &[flat, CODE])?.to_vec(),
+                    fc_weight: weights
+                        .tensor("decoder.fc.weight", &[flat, numbers])?
+                        .to_vec(),
                     fc_bias: weights.tensor("decoder.fc.bias", &[flat])?.to_vec(),
                     conv1: Convolution::read(
                         weights,
@@ -63,22 +66,28 @@ impl FloatDecoder {
             .transpose()?;
         let shortcut = mode
             .has_shortcut()
-            .then(|| weights.tensor("decoder.shortcut.weight", &[WINDOW_ELECTRODES, CODE]))
+            .then(|| weights.tensor("decoder.shortcut.weight", &[window, numbers]))
             .transpose()?
             .map(<[f32]>::to_vec);
         Ok(Self {
+            geometry,
             grid: ScalpGrid::new(&artifact.description),
             convolutions,
             shortcut,
         })
     }
 
-    /// Decodes a code to a window: 16 steps of 61 electrodes, electrode fastest, in units of
+    /// Decodes a code to a window in the order step, electrode (the last fastest), in units of
     /// `input.sd_uv` microvolts.
-    pub fn decode(&self, code: &[f32; CODE]) -> Vec<f32> {
+    ///
+    /// # Panics
+    /// If the code's length is not that of the model's codes.
+    pub fn decode(&self, code: &[f32]) -> Vec<f32> {
+        let dimensions = &self.geometry.dimensions;
+        assert_eq!(code.len(), dimensions.numbers, "numbers of a code");
         let mut window = match &self.convolutions {
-            Some(convolutions) => self.grid.gather(&convolutions.decode(code)).to_vec(),
-            None => vec![0.0; WINDOW_ELECTRODES],
+            Some(convolutions) => self.grid.gather(&convolutions.decode(code, &self.geometry)),
+            None => vec![0.0; dimensions.window_electrodes()],
         };
         if let Some(shortcut) = &self.shortcut {
             add_product(&mut window, shortcut, code);
@@ -88,18 +97,16 @@ impl FloatDecoder {
 }
 
 impl Convolutions {
-    fn decode(&self, code: &[f32; CODE]) -> Box<[f32; WINDOW_CELLS]> {
+    /// Decodes a code to a window on the grid, in the order step, row, column (the last fastest).
+    fn decode(&self, code: &[f32], geometry: &Geometry) -> Vec<f32> {
         let mut flat = self.fc_bias.clone();
         add_product(&mut flat, &self.fc_weight, code);
-        let pads = self.geometry.padding.pads();
-        let x = unpool(&flat, &self.geometry);
+        let pads = geometry.padding.pads();
+        let x = unpool(&flat, geometry);
         let mut x = self.conv1.forward_transposed(&x).cropped(pads);
         x.relu();
         self.norm1.apply(&mut x);
-        let x = self.conv2.forward_transposed(&x).cropped(pads);
-        let mut cells = Box::new([0.0; WINDOW_CELLS]);
-        cells.copy_from_slice(&x.values);
-        cells
+        self.conv2.forward_transposed(&x).cropped(pads).values
     }
 }
 
@@ -133,13 +140,12 @@ fn unpool(flat: &[f32], geometry: &Geometry) -> Volume {
 mod tests {
     use super::*;
     use crate::description::{NetworkShape, Padding};
-    use crate::dimensions::ELECTRODES;
     use crate::float_encoder::FloatEncoder;
     use crate::testing;
 
     #[test]
     fn unpooling_repeats_the_nearest() {
-        let geometry = Geometry::new(&testing::description().network);
+        let geometry = Geometry::new(&testing::description());
         let flat: Vec<f32> = (0..geometry.flat()).map(|index| index as f32).collect();
         let x = unpool(&flat, &geometry);
         // Channel 1, step 3, row 5 takes pooled step 1, pooled row 2.
@@ -153,14 +159,13 @@ mod tests {
     fn pca_decoding_inverts_encoding_for_windows_spanned_by_the_components() {
         let artifact = testing::pca();
         let decoder = FloatDecoder::new(&artifact).unwrap();
-        let code = core::array::from_fn(|index| index as f32 + 1.0);
+        let code: [f32; 128] = core::array::from_fn(|index| index as f32 + 1.0);
         let window = decoder.decode(&code);
-        assert_eq!(window[..CODE], code);
-        assert!(window[CODE..].iter().all(|value| *value == 0.0));
-        let electrodes: [f32; WINDOW_ELECTRODES] = window.try_into().unwrap();
+        assert_eq!(window[..128], code);
+        assert!(window[128..].iter().all(|value| *value == 0.0));
         let grid = ScalpGrid::new(&artifact.description);
         let encoder = FloatEncoder::new(&artifact).unwrap();
-        assert_eq!(encoder.encode(&grid.scatter(&electrodes)), code);
+        assert_eq!(encoder.encode(&grid.scatter(&window)), code);
     }
 
     #[test]
@@ -184,13 +189,13 @@ mod tests {
             description.network = NetworkShape { padding, pool };
             let artifact = testing::shortcut_with(description);
             let decoder = FloatDecoder::new(&artifact).unwrap();
-            let mut code = [0.0; CODE];
+            let mut code = [0.0; 128];
             code[0] = 3.0;
             let window = decoder.decode(&code);
             let grid = ScalpGrid::new(&artifact.description);
             for (index, value) in window.iter().enumerate() {
-                let cell = grid.cell_of_electrode()[index % ELECTRODES];
-                let at = [index / ELECTRODES, cell / 9, cell % 9];
+                let cell = grid.cell_of_electrode()[index % 61];
+                let at = [index / 61, cell / 9, cell % 9];
                 let inside = (0..3).all(|axis| covered[axis].contains(&at[axis]));
                 let reached = (0..3).all(|axis| at[axis] >= first[axis]);
                 let expected = match (inside, reached) {

@@ -1,9 +1,7 @@
 //! The encoder in f32, from a window on the scalp grid to a code.
 
 use crate::convolution::{Convolution, Norm, Volume, add_product};
-use crate::dimensions::{
-    CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, ROWS, STEPS, WINDOW_CELLS, WINDOW_ELECTRODES,
-};
+use crate::dimensions::{CONV1_CHANNELS, CONV2_CHANNELS};
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
 use crate::geometry::Geometry;
@@ -14,29 +12,29 @@ use crate::scalp_grid::ScalpGrid;
 /// error.
 #[derive(Clone, Debug)]
 pub struct FloatEncoder {
+    geometry: Geometry,
     grid: ScalpGrid,
     convolutions: Option<Convolutions>,
-    /// Weights `[128][976]`; the column is step * 61 + electrode. `None` without a shortcut.
+    /// Weights `[number][step][electrode]`. `None` without a shortcut.
     shortcut: Option<Vec<f32>>,
 }
 
 #[derive(Clone, Debug)]
 struct Convolutions {
-    geometry: Geometry,
     conv1: Convolution,
     norm1: Norm,
     conv2: Convolution,
     norm2: Norm,
-    /// Weights `[128][flat]`.
+    /// Weights `[number][flat]`.
     fc_weight: Vec<f32>,
     fc_bias: Vec<f32>,
 }
 
 /// A code with the largest activations of its computation, which calibration needs.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct TracedCode {
     /// Float code, before quantisation.
-    pub code: [f32; CODE],
+    pub code: Vec<f32>,
     /// Largest |g| * relu(conv1), where g = norm1.weight / sqrt(variance + 1e-5); 0 in mode `pca`.
     pub activation1_max: f32,
     /// Largest |g| * relu(conv2), where g = norm2.weight / sqrt(variance + 1e-5); 0 in mode `pca`.
@@ -50,12 +48,13 @@ impl FloatEncoder {
     /// If the artifact's tensors do not fit its mode; impossible after [`Artifact::read`].
     pub fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
         let (mode, weights) = (artifact.description.mode, &artifact.weights);
-        let geometry = Geometry::new(&artifact.description.network);
+        let geometry = Geometry::new(&artifact.description);
+        let numbers = geometry.dimensions.numbers;
+        let window = geometry.dimensions.window_electrodes();
         let convolutions = mode
             .has_convolutions()
             .then(|| {
                 Ok::<_, ArtifactError>(Convolutions {
-                    geometry,
                     conv1: Convolution::read(
                         weights,
                         "encoder.conv1",
@@ -71,18 +70,19 @@ impl FloatEncoder {
                     )?,
                     norm2: Norm::read(weights, "encoder.norm2", CONV2_CHANNELS)?,
                     fc_weight: weights
-                        .tensor("encoder.fc.weight", &[CODE, geometry.flat()])?
+                        .tensor("encoder.fc.weight", &[numbers, geometry.flat()])?
                         .to_vec(),
-                    fc_bias: weights.tensor("encoder.fc.bias", &[CODE])?.to_vec(),
+                    fc_bias: weights.tensor("encoder.fc.bias", &[numbers])?.to_vec(),
                 })
             })
             .transpose()?;
         let shortcut = mode
             .has_shortcut()
-            .then(|| weights.tensor("encoder.shortcut.weight", &[CODE, WINDOW_ELECTRODES]))
+            .then(|| weights.tensor("encoder.shortcut.weight", &[numbers, window]))
             .transpose()?
             .map(<[f32]>::to_vec);
         Ok(Self {
+            geometry,
             grid: ScalpGrid::new(&artifact.description),
             convolutions,
             shortcut,
@@ -91,39 +91,44 @@ impl FloatEncoder {
 
     /// Returns the code of a window, which is `[step][row][column]` in units of `input.sd_uv`
     /// microvolts.
-    pub fn encode(&self, window: &[f32; WINDOW_CELLS]) -> [f32; CODE] {
+    ///
+    /// # Panics
+    /// If the window's length is not that of the model's window.
+    pub fn encode(&self, window: &[f32]) -> Vec<f32> {
         self.encode_traced(window).code
     }
 
     /// Returns the code of a window and the largest activations, which calibration needs.
-    pub fn encode_traced(&self, window: &[f32; WINDOW_CELLS]) -> TracedCode {
+    ///
+    /// # Panics
+    /// If the window's length is not that of the model's window.
+    pub fn encode_traced(&self, window: &[f32]) -> TracedCode {
+        let dimensions = &self.geometry.dimensions;
+        assert_eq!(window.len(), dimensions.window_cells(), "cells of a window");
         let mut traced = TracedCode {
-            code: [0.0; CODE],
+            code: vec![0.0; dimensions.numbers],
             activation1_max: 0.0,
             activation2_max: 0.0,
         };
         if let Some(convolutions) = &self.convolutions {
-            convolutions.encode(window, &mut traced);
+            convolutions.encode(window, &self.geometry, &mut traced);
         }
         if let Some(shortcut) = &self.shortcut {
-            add_product(
-                &mut traced.code,
-                shortcut,
-                self.grid.gather(window).as_slice(),
-            );
+            add_product(&mut traced.code, shortcut, &self.grid.gather(window));
         }
         traced
     }
 }
 
 impl Convolutions {
-    fn encode(&self, window: &[f32; WINDOW_CELLS], traced: &mut TracedCode) {
+    fn encode(&self, window: &[f32], geometry: &Geometry, traced: &mut TracedCode) {
+        let dimensions = &geometry.dimensions;
         let x = Volume {
             channels: 1,
-            size: [STEPS, ROWS, COLUMNS],
+            size: [dimensions.steps, dimensions.rows, dimensions.columns],
             values: window.to_vec(),
         };
-        let pads = self.geometry.padding.pads();
+        let pads = geometry.padding.pads();
         let mut x = self.conv1.forward(&x.padded(pads));
         x.relu();
         traced.activation1_max = self.norm1.largest_scaled(&x);
@@ -133,11 +138,7 @@ impl Convolutions {
         traced.activation2_max = self.norm2.largest_scaled(&x);
         self.norm2.apply(&mut x);
         traced.code.copy_from_slice(&self.fc_bias);
-        add_product(
-            &mut traced.code,
-            &self.fc_weight,
-            &max_pool(&x, &self.geometry),
-        );
+        add_product(&mut traced.code, &self.fc_weight, &max_pool(&x, geometry));
     }
 }
 
@@ -174,7 +175,7 @@ mod tests {
 
     #[test]
     fn the_pool_returns_the_maximum_of_each_block_and_drops_the_last_column() {
-        let geometry = Geometry::new(&testing::description().network);
+        let geometry = Geometry::new(&testing::description());
         let [steps, rows, columns] = geometry.feature_map;
         let mut values = vec![-1.0; CONV2_CHANNELS * steps * rows * columns];
         let at = |channel, t, r, c| ((channel * steps + t) * rows + r) * columns + c;
@@ -197,10 +198,12 @@ mod tests {
 
     #[test]
     fn a_pool_may_be_longer_along_one_axis_than_along_another() {
-        let geometry = Geometry::new(&NetworkShape {
+        let mut description = testing::description();
+        description.network = NetworkShape {
             padding: Padding::Space,
             pool: [1, 3, 2],
-        });
+        };
+        let geometry = Geometry::new(&description);
         let [steps, rows, columns] = geometry.feature_map;
         let count = CONV2_CHANNELS * steps * rows * columns;
         let x = Volume {
@@ -221,9 +224,10 @@ mod tests {
         let artifact = testing::pca();
         let encoder = FloatEncoder::new(&artifact).unwrap();
         // Component k of the test model selects feature k.
-        let electrodes = core::array::from_fn(|feature| feature as f32);
+        let count = artifact.description.dimensions().window_electrodes();
+        let electrodes: Vec<f32> = (0..count).map(|feature| feature as f32).collect();
         let code = encoder.encode(&ScalpGrid::new(&artifact.description).scatter(&electrodes));
-        assert_eq!(code, core::array::from_fn(|index| index as f32));
+        assert_eq!(code, electrodes[..128]);
     }
 
     #[test]
@@ -233,7 +237,7 @@ mod tests {
         // value 0; the shortcut is 0.
         let artifact = testing::shortcut();
         let encoder = FloatEncoder::new(&artifact).unwrap();
-        let window = [1.0; WINDOW_CELLS];
+        let window = [1.0; 16 * 90];
         let traced = encoder.encode_traced(&window);
         let after1 = 2.0 * 27.5 + 0.25;
         let after2 = 2.0 * (0.1 * after1) + 0.25;
@@ -259,7 +263,7 @@ mod tests {
             };
             let artifact = testing::shortcut_with(description);
             let encoder = FloatEncoder::new(&artifact).unwrap();
-            let traced = encoder.encode_traced(&[1.0; WINDOW_CELLS]);
+            let traced = encoder.encode_traced(&[1.0; 16 * 90]);
             let after1 = 2.0 * (inside + 0.5) + 0.25;
             let expected = 2.0 * (0.1 * after1) + 0.25 + 1.0;
             assert!((traced.code[0] - expected).abs() < 1e-4, "{padding:?}");

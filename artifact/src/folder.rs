@@ -161,14 +161,30 @@ impl Artifact {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::description::{NetworkShape, Padding};
-    use crate::dimensions::{CODE, WINDOW_ELECTRODES};
+    use crate::description::{Grid, NetworkShape, Padding, Window};
     use crate::testing;
 
     #[test]
     fn a_written_model_reads_back_with_the_same_id() {
         let folder = tempfile::tempdir().unwrap();
-        for artifact in [testing::pca(), testing::shortcut()] {
+        let mut small = testing::description();
+        small.window = Window {
+            steps: 32,
+            hop: 4,
+            rate_hz: 128,
+        };
+        small.code.numbers = 8;
+        let labels = ["C3", "Cz", "C4", "Pz"].map(str::to_owned);
+        small.grid = Grid::new(vec![labels.to_vec()]);
+        small.montage.electrodes = labels.to_vec();
+        (small.adc.rate_hz, small.adc.channels) = (256, 8);
+        (
+            small.training.real_electrodes,
+            small.training.interpolated_electrodes,
+        ) = (4, 0);
+        small.training.interpolated.clear();
+        let small = testing::pca_with(small);
+        for artifact in [testing::pca(), testing::shortcut(), small] {
             let id = artifact.write(folder.path()).unwrap();
             let read = Artifact::read(folder.path()).unwrap();
             assert_eq!(read, artifact);
@@ -182,10 +198,10 @@ mod tests {
         let mut described = artifact.clone();
         described.description.filters.notch_q = 31.0;
         let mut weighted = artifact.clone();
-        let one = vec![1.0; CODE * WINDOW_ELECTRODES];
+        let one = vec![1.0; 128 * 16 * 61];
         weighted
             .weights
-            .insert("encoder.shortcut.weight", &[CODE, WINDOW_ELECTRODES], one);
+            .insert("encoder.shortcut.weight", &[128, 16 * 61], one);
         let mut calibrated = artifact.clone();
         calibrated
             .calibration
@@ -223,7 +239,7 @@ mod tests {
     #[test]
     fn the_error_of_an_invalid_description_names_the_field() {
         type Change = fn(&mut Description);
-        let cases: [(Change, &str); 17] = [
+        let cases: [(Change, &str); 29] = [
             (|d| d.format = 2, "format"),
             (|d| d.window.hop = 7, "window.hop"),
             (|d| d.network.pool = [0, 2, 2], "network.pool"),
@@ -239,8 +255,23 @@ mod tests {
                 "network.pool",
             ),
             (|d| d.grid.cells.truncate(9), "grid.cells"),
-            (|d| d.montage.electrodes.truncate(60), "montage.electrodes"),
+            (|d| d.montage.electrodes.truncate(3), "montage.electrodes"),
             (|d| d.adc.rate_hz = 500, "adc.rate_hz"),
+            (|d| d.adc.rate_hz = 2000, "adc.rate_hz"),
+            (|d| d.adc.gain = 7, "adc.gain"),
+            (|d| d.adc.vref_v = 2.5, "adc.vref_v"),
+            (|d| d.adc.channels = 62, "adc.channels"),
+            (|d| d.adc.channels = 72, "adc.channels"),
+            (|d| d.window.steps = 24, "window.steps"),
+            (|d| d.code.numbers = 4, "code.numbers"),
+            (|d| d.code.numbers = 260, "code.numbers"),
+            (|d| d.code.numbers = 30, "code.numbers"),
+            (
+                |d| d.grid = Grid::new(vec![vec!["Cz".to_owned(); 13]]),
+                "grid.columns",
+            ),
+            (|d| d.grid = Grid::new(vec![vec![]]), "grid.columns"),
+            (|d| d.grid = Grid::new(vec![]), "grid.rows"),
             (|d| d.adc.rate_hz = 0, "adc.rate_hz"),
             (|d| d.adc.channels = 60, "adc.channels"),
             (|d| d.filters.band_hz = [0.5, 256.0], "filters.band_hz"),
@@ -252,7 +283,7 @@ mod tests {
             ),
         ];
         for (change, expected) in cases {
-            let mut artifact = testing::pca();
+            let mut artifact = testing::shortcut();
             change(&mut artifact.description);
             let error = artifact.check().unwrap_err();
             let ArtifactError::Field { field, .. } = error else {
@@ -265,7 +296,7 @@ mod tests {
     #[test]
     fn the_error_of_an_invalid_pool_states_the_valid_sizes() {
         let refusal = |padding, pool| {
-            let mut artifact = testing::pca();
+            let mut artifact = testing::shortcut();
             artifact.description.network = NetworkShape { padding, pool };
             artifact.check().unwrap_err().to_string()
         };
@@ -281,9 +312,9 @@ mod tests {
             (Padding::Space, [4, 10, 9]),
             (Padding::All, [1, 1, 1]),
         ] {
-            let mut artifact = testing::pca();
-            artifact.description.network = NetworkShape { padding, pool };
-            artifact.check().unwrap();
+            let mut description = testing::description();
+            description.network = NetworkShape { padding, pool };
+            testing::shortcut_with(description);
         }
     }
 

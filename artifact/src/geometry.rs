@@ -1,17 +1,23 @@
 //! Sizes of the volumes between the layers.
 
-use crate::description::{NetworkShape, Padding};
-use crate::dimensions::{COLUMNS, CONV2_CHANNELS, KERNEL, ROWS, STEPS};
+use crate::description::{Description, NetworkShape, Padding};
+use crate::dimensions::{CONV2_CHANNELS, Dimensions, KERNEL};
 
-/// Sizes of the volumes between the layers, each in steps, rows, columns.
+/// Sizes of the volumes between the layers, each in steps, rows, columns. For the paper's windows of
+/// 16 x 10 x 9:
 ///
 /// | Padding | after conv1 | after conv2 |
 /// | --- | --- | --- |
 /// | `none` | 14 x 8 x 7 | 12 x 6 x 5 |
 /// | `space` | 14 x 10 x 9 | 12 x 10 x 9 |
 /// | `all` | 16 x 10 x 9 | 16 x 10 x 9 |
+///
+/// A window that is too short, or a grid that is too small, leaves a volume of size 0. Reading or
+/// creating an [`Artifact`](crate::Artifact) with convolutions refuses such a description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Geometry {
+    /// Dimensions of window and code.
+    pub dimensions: Dimensions,
     /// Zero padding of both convolutions.
     pub padding: Padding,
     /// Steps, rows and columns of a pool.
@@ -25,16 +31,24 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// Returns the sizes that follow from padding and pool.
+    /// Returns the sizes that follow from window, grid, padding and pool.
     ///
     /// # Panics
     /// If a dimension of the pool is 0. Reading or creating an [`Artifact`](crate::Artifact) refuses
     /// such a description.
-    pub const fn new(network: &NetworkShape) -> Self {
-        let NetworkShape { padding, pool } = *network;
-        let hidden = convolved([STEPS, ROWS, COLUMNS], padding);
+    pub const fn new(description: &Description) -> Self {
+        let dimensions = description.dimensions();
+        let NetworkShape { padding, pool } = description.network;
+        let Dimensions {
+            steps,
+            rows,
+            columns,
+            ..
+        } = dimensions;
+        let hidden = convolved([steps, rows, columns], padding);
         let feature_map = convolved(hidden, padding);
         Self {
+            dimensions,
             padding,
             pool,
             hidden,
@@ -54,19 +68,21 @@ impl Geometry {
     }
 }
 
-/// Returns the size of a convolution's output from the size of its input.
+/// Returns the size of a convolution's output from the size of its input; 0 along an axis that is
+/// shorter than the kernel.
 const fn convolved(size: [usize; 3], padding: Padding) -> [usize; 3] {
     let pads = padding.pads();
     [
-        size[0] + 2 * pads[0] - (KERNEL - 1),
-        size[1] + 2 * pads[1] - (KERNEL - 1),
-        size[2] + 2 * pads[2] - (KERNEL - 1),
+        (size[0] + 2 * pads[0]).saturating_sub(KERNEL - 1),
+        (size[1] + 2 * pads[1]).saturating_sub(KERNEL - 1),
+        (size[2] + 2 * pads[2]).saturating_sub(KERNEL - 1),
     ]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing;
 
     #[test]
     fn sizes_follow_from_padding_and_pool_as_worked_out_by_hand() {
@@ -78,12 +94,29 @@ mod tests {
             (Padding::All, [2, 2, 2], [16, 10, 9], [8, 5, 4], 5_120),
         ];
         for (padding, pool, feature_map, pooled, flat) in cases {
-            let geometry = Geometry::new(&NetworkShape { padding, pool });
+            let mut description = testing::description();
+            description.network = NetworkShape { padding, pool };
+            let geometry = Geometry::new(&description);
             assert_eq!(
                 (geometry.feature_map, geometry.pooled, geometry.flat()),
                 (feature_map, pooled, flat),
                 "{padding:?} {pool:?}"
             );
         }
+    }
+
+    #[test]
+    fn a_grid_of_one_row_has_a_feature_map_with_padding_only() {
+        let mut description = testing::description();
+        (description.grid.rows, description.grid.columns) = (1, 8);
+        description.window.steps = 32;
+        let feature_map = |padding| {
+            let mut description = description.clone();
+            description.network.padding = padding;
+            Geometry::new(&description).feature_map
+        };
+        assert_eq!(feature_map(Padding::None), [28, 0, 4]);
+        assert_eq!(feature_map(Padding::Space), [28, 1, 8]);
+        assert_eq!(feature_map(Padding::All), [32, 1, 8]);
     }
 }

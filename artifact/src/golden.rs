@@ -1,7 +1,6 @@
 //! Golden windows: inputs with the codes that every integer encoder must produce.
 
 use crate::description::CodeFormat;
-use crate::dimensions::{CELLS, CODE, STEPS};
 use crate::error::ArtifactError;
 use crate::integer_code::IntegerCode;
 use safetensors::SafeTensors;
@@ -20,11 +19,13 @@ const EXPONENTS: &str = "exponents";
 /// the same bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Golden {
-    /// Format of the codes. The file holds `codes` `[n, 128]` as int8 or int16, and for `Int8Exponent`
-    /// also `exponents` `[n]` as uint8.
+    /// Format of the codes. The file holds `codes` `[n, numbers]` as int8 or int16, and for
+    /// `Int8Exponent` also `exponents` `[n]` as uint8.
     pub format: CodeFormat,
-    /// Int8 planes of the scalp grid, 16 for each window.
-    pub windows: Vec<[[i8; CELLS]; STEPS]>,
+    /// Numbers of time steps in a window and of cells in a plane of the scalp grid.
+    pub window_shape: [usize; 2],
+    /// Int8 windows on the scalp grid, each in the order step, row, column (the last fastest).
+    pub windows: Vec<Vec<i8>>,
     /// Code that the integer encoder must return for each window, in the same order.
     pub codes: Vec<IntegerCode>,
 }
@@ -33,7 +34,8 @@ impl Golden {
     /// Reads `golden.safetensors` from an artifact's folder.
     ///
     /// # Errors
-    /// If the file cannot be read or does not hold windows `[n, 16, 90]` and codes `[n, 128]`.
+    /// If the file cannot be read or does not hold windows `[n, steps, cells]` and codes
+    /// `[n, numbers]`.
     pub fn read(folder: &Path) -> Result<Self, ArtifactError> {
         let path = folder.join(FILE);
         let bytes = std::fs::read(&path).map_err(|source| ArtifactError::File { path, source })?;
@@ -43,15 +45,14 @@ impl Golden {
     /// Parses the contents of `golden.safetensors`.
     ///
     /// # Errors
-    /// If the contents are not windows `[n, 16, 90]` and codes `[n, 128]`.
+    /// If the contents are not windows `[n, steps, cells]` and codes `[n, numbers]`.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ArtifactError> {
         let file = SafeTensors::deserialize(bytes)
             .map_err(|source| ArtifactError::Safetensors { file: FILE, source })?;
-        let count = window_count(&file)?;
-        let windows = contents(&file, "windows", Dtype::I8, &[count, STEPS, CELLS])?;
+        let [count, steps, cells] = shape(&file, "windows")?;
+        let windows = contents(&file, "windows", Dtype::I8, &[count, steps, cells])?;
         let windows: Vec<i8> = windows.iter().map(|byte| byte.cast_signed()).collect();
-        let (planes, _) = windows.as_chunks::<CELLS>();
-        let (windows, _) = planes.as_chunks::<STEPS>();
+        let windows = windows.chunks_exact((steps * cells).max(1));
 
         let is_wide = |view: TensorView<'_>| view.dtype() == Dtype::I16;
         let format = if file.tensor(EXPONENTS).is_ok() {
@@ -61,7 +62,8 @@ impl Golden {
         } else {
             CodeFormat::Int8
         };
-        let values = contents(&file, "codes", element_type(format), &[count, CODE])?;
+        let [_, numbers] = shape(&file, "codes")?;
+        let values = contents(&file, "codes", element_type(format), &[count, numbers])?;
         let values: Vec<i16> = match format {
             CodeFormat::Int8 | CodeFormat::Int8Exponent => {
                 let values = values.iter().map(|byte| byte.cast_signed());
@@ -76,13 +78,18 @@ impl Golden {
             CodeFormat::Int8Exponent => contents(&file, EXPONENTS, Dtype::U8, &[count])?.to_vec(),
             CodeFormat::Int8 | CodeFormat::Int16 => vec![0; count],
         };
-        let (values, _) = values.as_chunks::<CODE>();
-        let codes = exponents.into_iter().zip(values);
+        let codes = exponents
+            .into_iter()
+            .zip(values.chunks_exact(numbers.max(1)));
         Ok(Self {
             format,
-            windows: windows.to_vec(),
+            window_shape: [steps, cells],
+            windows: windows.map(<[i8]>::to_vec).collect(),
             codes: codes
-                .map(|(exponent, &values)| IntegerCode { exponent, values })
+                .map(|(exponent, values)| IntegerCode {
+                    exponent,
+                    values: values.to_vec(),
+                })
                 .collect(),
         })
     }
@@ -104,9 +111,11 @@ impl Golden {
         let count = self.windows.len();
         assert_eq!(count, self.codes.len(), "every window has a code");
         let error = |source| ArtifactError::Safetensors { file: FILE, source };
-        let windows = self.windows.as_flattened().as_flattened().iter();
+        let [steps, cells] = self.window_shape;
+        let numbers = self.codes.first().map_or(0, |code| code.values.len());
+        let windows = self.windows.iter().flatten();
         let windows: Vec<u8> = windows.map(|q| q.cast_unsigned()).collect();
-        let values = self.codes.iter().flat_map(|code| code.values);
+        let values = self.codes.iter().flat_map(|code| &code.values);
         let width = element_type(self.format).bitsize() / 8;
         let values: Vec<u8> = values
             .flat_map(|value| value.to_le_bytes().into_iter().take(width))
@@ -118,11 +127,11 @@ impl Golden {
         let mut views = vec![
             (
                 "codes",
-                view(element_type(self.format), &[count, CODE], &values)?,
+                view(element_type(self.format), &[count, numbers], &values)?,
             ),
             (
                 "windows",
-                view(Dtype::I8, &[count, STEPS, CELLS], &windows)?,
+                view(Dtype::I8, &[count, steps, cells], &windows)?,
             ),
         ];
         if self.format == CodeFormat::Int8Exponent {
@@ -140,10 +149,14 @@ fn element_type(format: CodeFormat) -> Dtype {
     }
 }
 
-/// Returns the number of windows in the file.
-fn window_count(file: &SafeTensors) -> Result<usize, ArtifactError> {
-    let view = tensor(file, "windows")?;
-    Ok(view.shape().first().copied().unwrap_or(0))
+/// Returns the shape of a tensor with `N` dimensions; 0 for a dimension that the tensor lacks, which no
+/// contents have.
+fn shape<const N: usize>(file: &SafeTensors, name: &str) -> Result<[usize; N], ArtifactError> {
+    let view = tensor(file, name)?;
+    let lengths = view.shape();
+    Ok(std::array::from_fn(|axis| {
+        lengths.get(axis).copied().unwrap_or(0)
+    }))
 }
 
 fn tensor<'f>(file: &'f SafeTensors, name: &str) -> Result<TensorView<'f>, ArtifactError> {
@@ -189,14 +202,15 @@ mod tests {
     use super::*;
 
     fn golden(format: CodeFormat) -> Golden {
-        let windows = [-128, 0, 127].map(|value| [[value; CELLS]; STEPS]).to_vec();
+        let windows = [-128, 0, 127].map(|value| vec![value; 16 * 90]).to_vec();
         let [least, greatest] = format.range();
         let codes = [least, -1, greatest].map(|value| IntegerCode {
             exponent: format.largest_exponent(),
-            values: [value; CODE],
+            values: vec![value; 128],
         });
         Golden {
             format,
+            window_shape: [16, 90],
             windows,
             codes: codes.to_vec(),
         }
@@ -224,17 +238,17 @@ mod tests {
 
     #[test]
     fn a_number_of_codes_other_than_that_of_windows_is_refused() {
-        let codes = [0; 2 * CODE];
-        let windows = [0; STEPS * CELLS];
+        let codes = [0; 2 * 128];
+        let windows = [0; 16 * 90];
         let bytes = safetensors::serialize(
             [
                 (
                     "codes",
-                    TensorView::new(Dtype::I8, vec![2, CODE], &codes).unwrap(),
+                    TensorView::new(Dtype::I8, vec![2, 128], &codes).unwrap(),
                 ),
                 (
                     "windows",
-                    TensorView::new(Dtype::I8, vec![1, STEPS, CELLS], &windows).unwrap(),
+                    TensorView::new(Dtype::I8, vec![1, 16, 90], &windows).unwrap(),
                 ),
             ],
             None,

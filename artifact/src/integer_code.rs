@@ -3,24 +3,24 @@
 use std::fmt;
 
 use crate::description::CodeFormat;
-use crate::dimensions::CODE;
 
 /// A code in integers, in any [`CodeFormat`].
 ///
 /// Dequantised: `z = (level - zero point) * scale` with `level = value * 2^exponent`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct IntegerCode {
     /// Exponent of two shared by all values, 0..=8; 0 in the formats without exponent.
     pub exponent: u8,
     /// Values; -128..=127 in the 8-bit formats.
-    pub values: [i16; CODE],
+    pub values: Vec<i16>,
 }
 
 impl IntegerCode {
     /// Returns `value * 2^exponent` for each value.
-    pub fn levels(&self) -> [i32; CODE] {
-        self.values
-            .map(|value| i32::from(value) * 2_i32.pow(self.exponent.into()))
+    pub fn levels(&self) -> Vec<i32> {
+        let power = 2_i32.pow(self.exponent.into());
+        let levels = self.values.iter().map(|&value| i32::from(value) * power);
+        levels.collect()
     }
 }
 

@@ -20,14 +20,15 @@
 //! reference for the integer encoder; the bridge uses the decoder.
 //!
 //! ```
-//! use artifact::{Artifact, FloatDecoder, FloatEncoder, WINDOW_CELLS, WINDOW_ELECTRODES};
+//! use artifact::{Artifact, FloatDecoder, FloatEncoder};
 //! use std::path::Path;
 //!
 //! let folder = Path::new("../model/artifact");
 //! let artifact = Artifact::read(folder)?;
-//! let code = FloatEncoder::new(&artifact)?.encode(&[0.0; WINDOW_CELLS]);
+//! let dimensions = artifact.description.dimensions();
+//! let code = FloatEncoder::new(&artifact)?.encode(&vec![0.0; dimensions.window_cells()]);
 //! let window = FloatDecoder::new(&artifact)?.decode(&code);
-//! assert_eq!(window.len(), WINDOW_ELECTRODES);
+//! assert_eq!(window.len(), dimensions.window_electrodes());
 //! // A window of zeros is reconstructed to within a tenth of the training data's standard deviation.
 //! assert!(window.iter().all(|electrode| electrode.abs() < 0.1));
 //! # Ok::<(), artifact::ArtifactError>(())
@@ -66,10 +67,7 @@ pub use description::{
     Adc, CodeFormat, CodeQuantisation, Decimation, Description, Filters, Grid, Input, Mode,
     Montage, NetworkShape, Padding, Window,
 };
-pub use dimensions::{
-    CELLS, CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, ELECTRODES, KERNEL, ROWS, STEPS,
-    WINDOW_CELLS, WINDOW_ELECTRODES,
-};
+pub use dimensions::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, KERNEL};
 pub use error::ArtifactError;
 pub use float_decoder::FloatDecoder;
 pub use float_encoder::{FloatEncoder, TracedCode};

@@ -1,12 +1,13 @@
 //! The map between electrodes and cells of the scalp grid.
 
 use crate::description::Description;
-use crate::dimensions::{CELLS, ELECTRODES, STEPS, WINDOW_CELLS, WINDOW_ELECTRODES};
+use crate::dimensions::Dimensions;
 
 /// The map between electrodes (in ADC channel order) and cells of the scalp grid (row-major).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ScalpGrid {
-    cell_of_electrode: [usize; ELECTRODES],
+    dimensions: Dimensions,
+    cell_of_electrode: Vec<usize>,
 }
 
 impl ScalpGrid {
@@ -17,42 +18,53 @@ impl ScalpGrid {
     /// [`Artifact`](crate::Artifact) refuses such a description.
     pub fn new(description: &Description) -> Self {
         let cells: Vec<&String> = description.grid.cells.iter().flatten().collect();
-        let cell_of_electrode = core::array::from_fn(|electrode| {
-            let label = &description.montage.electrodes[electrode];
+        let cell = |label| {
             cells
                 .iter()
                 .position(|cell| *cell == label)
                 .unwrap_or_else(|| panic!("electrode {label} is not on the grid"))
-        });
-        Self { cell_of_electrode }
+        };
+        Self {
+            dimensions: description.dimensions(),
+            cell_of_electrode: description.montage.electrodes.iter().map(cell).collect(),
+        }
     }
 
-    /// Returns the cell, row * 9 + column, of each electrode; 0..90.
-    pub fn cell_of_electrode(&self) -> &[usize; ELECTRODES] {
+    /// Returns the cell, `row * columns + column`, of each electrode.
+    pub fn cell_of_electrode(&self) -> &[usize] {
         &self.cell_of_electrode
     }
 
     /// Converts a window of electrodes (step, electrode) to the grid (step, row, column); cells without
     /// an electrode become 0.
-    pub fn scatter(&self, electrodes: &[f32; WINDOW_ELECTRODES]) -> Box<[f32; WINDOW_CELLS]> {
-        let mut cells = Box::new([0.0; WINDOW_CELLS]);
-        for step in 0..STEPS {
-            for (electrode, cell) in self.cell_of_electrode.iter().enumerate() {
-                cells[step * CELLS + cell] = electrodes[step * ELECTRODES + electrode];
-            }
+    ///
+    /// # Panics
+    /// If `electrodes` has fewer values than a window.
+    pub fn scatter(&self, electrodes: &[f32]) -> Vec<f32> {
+        let mut cells = vec![0.0; self.dimensions.window_cells()];
+        for (at_cell, at_electrode) in self.places() {
+            cells[at_cell] = electrodes[at_electrode];
         }
         cells
     }
 
     /// Converts a window on the grid (step, row, column) to its electrodes (step, electrode).
-    pub fn gather(&self, cells: &[f32; WINDOW_CELLS]) -> Box<[f32; WINDOW_ELECTRODES]> {
-        let mut electrodes = Box::new([0.0; WINDOW_ELECTRODES]);
-        for step in 0..STEPS {
-            for (electrode, cell) in self.cell_of_electrode.iter().enumerate() {
-                electrodes[step * ELECTRODES + electrode] = cells[step * CELLS + cell];
-            }
-        }
-        electrodes
+    ///
+    /// # Panics
+    /// If `cells` has fewer values than a window.
+    pub fn gather(&self, cells: &[f32]) -> Vec<f32> {
+        self.places().map(|(at_cell, _)| cells[at_cell]).collect()
+    }
+
+    /// Iterates over the values of a window in the order step, electrode: the index of each value on
+    /// the grid, and its index among the electrodes.
+    fn places(&self) -> impl Iterator<Item = (usize, usize)> {
+        let steps = 0..self.dimensions.steps;
+        let cells = steps.flat_map(|step| {
+            let start = step * self.dimensions.cells();
+            self.cell_of_electrode.iter().map(move |cell| start + cell)
+        });
+        cells.enumerate().map(|(electrode, cell)| (cell, electrode))
     }
 }
 
@@ -64,20 +76,18 @@ mod tests {
     #[test]
     fn gathering_inverts_scattering() {
         let grid = ScalpGrid::new(&testing::description());
-        let window: [f32; WINDOW_ELECTRODES] = core::array::from_fn(|index| index as f32);
-        assert_eq!(*grid.gather(&grid.scatter(&window)), window);
+        let count = testing::description().dimensions().window_electrodes();
+        let window: Vec<f32> = (0..count).map(|index| index as f32).collect();
+        assert_eq!(grid.gather(&grid.scatter(&window)), window);
     }
 
     #[test]
     fn the_first_electrode_of_the_paper_s_grid_is_in_the_third_cell() {
         let grid = ScalpGrid::new(&testing::description());
         assert_eq!(grid.cell_of_electrode()[0], 2);
-        let mut window = [0.0; WINDOW_ELECTRODES];
-        window[3 * ELECTRODES] = 1.0;
+        let mut window = [0.0; 16 * 61];
+        window[3 * 61] = 1.0;
         let cells = grid.scatter(&window);
-        assert_eq!(
-            cells.iter().position(|cell| *cell != 0.0),
-            Some(3 * CELLS + 2)
-        );
+        assert_eq!(cells.iter().position(|cell| *cell != 0.0), Some(3 * 90 + 2));
     }
 }

@@ -1,7 +1,7 @@
 //! Names and shapes of the tensors of a model.
 
 use crate::description::Mode;
-use crate::dimensions::{CODE, CONV1_CHANNELS, CONV2_CHANNELS, KERNEL, WINDOW_ELECTRODES};
+use crate::dimensions::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, KERNEL};
 use crate::geometry::Geometry;
 
 /// Number added to a variance before its square root is taken; PyTorch's default.
@@ -11,7 +11,7 @@ pub const NORM_EPSILON: f32 = 1e-5;
 pub type NamedShape = (&'static str, Vec<usize>);
 
 /// Returns name and shape of each tensor of the convolutions, norms and fully connected layers.
-fn convolution_shapes(flat: usize) -> Vec<NamedShape> {
+fn convolution_shapes(flat: usize, numbers: usize) -> Vec<NamedShape> {
     let kernel = |first: usize, second: usize| vec![first, second, KERNEL, KERNEL, KERNEL];
     vec![
         ("encoder.conv1.weight", kernel(CONV1_CHANNELS, 1)),
@@ -29,9 +29,9 @@ fn convolution_shapes(flat: usize) -> Vec<NamedShape> {
         ("encoder.norm2.bias", vec![CONV2_CHANNELS]),
         ("encoder.norm2.running_mean", vec![CONV2_CHANNELS]),
         ("encoder.norm2.running_var", vec![CONV2_CHANNELS]),
-        ("encoder.fc.weight", vec![CODE, flat]),
-        ("encoder.fc.bias", vec![CODE]),
-        ("decoder.fc.weight", vec![flat, CODE]),
+        ("encoder.fc.weight", vec![numbers, flat]),
+        ("encoder.fc.bias", vec![numbers]),
+        ("decoder.fc.weight", vec![flat, numbers]),
         ("decoder.fc.bias", vec![flat]),
         (
             "decoder.conv1.weight",
@@ -48,25 +48,28 @@ fn convolution_shapes(flat: usize) -> Vec<NamedShape> {
 }
 
 /// Returns name and shape of each tensor in `weights.safetensors`, for a mode and the sizes of its
-/// convolutions.
+/// volumes.
 pub fn weight_shapes(mode: Mode, geometry: &Geometry) -> Vec<NamedShape> {
     let mut shapes = Vec::new();
+    let numbers = geometry.dimensions.numbers;
+    let window = geometry.dimensions.window_electrodes();
     if mode.has_convolutions() {
-        shapes.extend(convolution_shapes(geometry.flat()));
+        shapes.extend(convolution_shapes(geometry.flat(), numbers));
     }
     if mode.has_shortcut() {
-        shapes.push(("encoder.shortcut.weight", vec![CODE, WINDOW_ELECTRODES]));
-        shapes.push(("decoder.shortcut.weight", vec![WINDOW_ELECTRODES, CODE]));
+        shapes.push(("encoder.shortcut.weight", vec![numbers, window]));
+        shapes.push(("decoder.shortcut.weight", vec![window, numbers]));
     }
     shapes
 }
 
-/// Returns name and shape of each tensor in `calibration.safetensors`, for a mode.
-pub(crate) fn calibration_shapes(mode: Mode) -> Vec<NamedShape> {
+/// Returns name and shape of each tensor in `calibration.safetensors`, for a mode and the dimensions of
+/// a model.
+pub(crate) fn calibration_shapes(mode: Mode, dimensions: &Dimensions) -> Vec<NamedShape> {
     let mut shapes = vec![
         ("input.max_abs", vec![1]),
-        ("code.min", vec![CODE]),
-        ("code.max", vec![CODE]),
+        ("code.min", vec![dimensions.numbers]),
+        ("code.max", vec![dimensions.numbers]),
     ];
     if mode.has_convolutions() {
         shapes.push(("activation1.max", vec![1]));

@@ -4,7 +4,6 @@ use crate::description::{
     Adc, CodeFormat, CodeQuantisation, Decimation, Description, Filters, Grid, Input, Mode,
     Montage, NetworkShape, Padding, Window,
 };
-use crate::dimensions::{CODE, WINDOW_ELECTRODES};
 use crate::folder::Artifact;
 use crate::geometry::Geometry;
 use crate::shapes::{NORM_EPSILON, calibration_shapes, weight_shapes};
@@ -25,6 +24,7 @@ pub(crate) fn description() -> Description {
             pool: [2, 2, 2],
         },
         code: CodeQuantisation {
+            numbers: 128,
             format: CodeFormat::Int8,
         },
         grid: Grid::paper(),
@@ -68,9 +68,9 @@ pub(crate) fn description() -> Description {
     }
 }
 
-fn calibration(mode: Mode) -> Tensors {
+fn calibration(description: &Description) -> Tensors {
     let mut calibration = Tensors::for_calibration();
-    for (name, shape) in calibration_shapes(mode) {
+    for (name, shape) in calibration_shapes(description.mode, &description.dimensions()) {
         let value = if name == "code.min" { -1.0 } else { 1.0 };
         calibration.insert(name, &shape, vec![value; shape.iter().product()]);
     }
@@ -79,24 +79,25 @@ fn calibration(mode: Mode) -> Tensors {
 
 /// Returns a model of mode `pca` whose component k selects feature k.
 pub(crate) fn pca() -> Artifact {
+    pca_with(description())
+}
+
+/// Returns the model of [`pca`], with the dimensions in `description`.
+pub(crate) fn pca_with(mut description: Description) -> Artifact {
+    description.mode = Mode::Pca;
+    let numbers = description.dimensions().numbers;
+    let window = description.dimensions().window_electrodes();
     let mut weights = Tensors::for_weights();
-    let mut encoder = vec![0.0; CODE * WINDOW_ELECTRODES];
+    let mut encoder = vec![0.0; numbers * window];
     let mut decoder = encoder.clone();
-    for component in 0..CODE {
-        encoder[component * WINDOW_ELECTRODES + component] = 1.0;
-        decoder[component * CODE + component] = 1.0;
+    for component in 0..numbers.min(window) {
+        encoder[component * window + component] = 1.0;
+        decoder[component * numbers + component] = 1.0;
     }
-    weights.insert(
-        "encoder.shortcut.weight",
-        &[CODE, WINDOW_ELECTRODES],
-        encoder,
-    );
-    weights.insert(
-        "decoder.shortcut.weight",
-        &[WINDOW_ELECTRODES, CODE],
-        decoder,
-    );
-    Artifact::new(description(), weights, calibration(Mode::Pca)).unwrap()
+    weights.insert("encoder.shortcut.weight", &[numbers, window], encoder);
+    weights.insert("decoder.shortcut.weight", &[window, numbers], decoder);
+    let calibration = calibration(&description);
+    Artifact::new(description, weights, calibration).unwrap()
 }
 
 /// Returns a model of mode `shortcut` with few non-zero weights, so that results can be computed by
@@ -108,7 +109,7 @@ pub(crate) fn shortcut() -> Artifact {
 /// Returns the model of [`shortcut`], with the padding and the pool in `description`.
 pub(crate) fn shortcut_with(mut description: Description) -> Artifact {
     description.mode = Mode::Shortcut;
-    let expected = weight_shapes(Mode::Shortcut, &Geometry::new(&description.network));
+    let expected = weight_shapes(Mode::Shortcut, &Geometry::new(&description));
     let mut weights = Tensors::for_weights();
     for (name, shape) in &expected {
         let value = match name.rsplit_once('.') {
@@ -134,5 +135,6 @@ pub(crate) fn shortcut_with(mut description: Description) -> Artifact {
     set("decoder.conv1.weight", 0..1, 1.0);
     set("decoder.conv2.weight", 26..27, 1.0);
     set("decoder.conv2.bias", 0..1, -0.5);
-    Artifact::new(description, weights, calibration(Mode::Shortcut)).unwrap()
+    let calibration = calibration(&description);
+    Artifact::new(description, weights, calibration).unwrap()
 }

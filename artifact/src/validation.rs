@@ -1,18 +1,45 @@
 //! Checks that a description and its tensors are a model that the network code can run.
 
 use crate::description::{Decimation, Description, EMPTY, NetworkShape};
-use crate::dimensions::{CODE, COLUMNS, ELECTRODES, ROWS, STEPS};
 use crate::error::ArtifactError;
 use crate::geometry::Geometry;
 use crate::shapes::{calibration_shapes, weight_shapes};
 use crate::tensors::Tensors;
 use std::collections::BTreeSet;
 use std::fmt::Debug;
+use std::ops::RangeInclusive;
 
 /// Supported version of the artifact format.
 const FORMAT: u32 = 1;
 /// Rate of the time steps that a description must state, Hz.
 const RATE_HZ: u32 = 128;
+/// Permitted numbers of time steps in a window.
+const STEPS: [usize; 2] = [16, 32];
+/// Permitted numbers of time steps from the start of one window to the start of the next.
+const HOPS: [usize; 3] = [4, 8, 16];
+/// Largest number of rows, and of columns, of the scalp grid.
+const LARGEST_SIDE: usize = 12;
+/// Permitted numbers of electrodes. A mask of 64 bits marks the channels at the rail.
+const ELECTRODES: RangeInclusive<usize> = 4..=64;
+/// Permitted numbers of numbers in a code.
+const NUMBERS: RangeInclusive<usize> = 8..=256;
+/// The number of numbers in a code must be a multiple of this number: the kernels of the linear layers
+/// compute several outputs at a time.
+const NUMBERS_MULTIPLE: usize = 4;
+/// The pools of a row must cover this number of columns: the kernels of the convolutions compute several
+/// columns at a time.
+const COLUMNS_AT_A_TIME: usize = 3;
+/// Sampling rates of an ADS1299, Hz: its master clock of 2.048 MHz or 2.097152 MHz over powers of two
+/// (datasheet SBAS499, section 9.6.1.2).
+const ADC_RATES_HZ: [u32; 6] = [250, 256, 500, 512, 1000, 1024];
+/// Gains of the programmable-gain amplifier of an ADS1299 (section 9.6.1.6).
+const GAINS: [u32; 7] = [1, 2, 4, 6, 8, 12, 24];
+/// Internal reference of an ADS1299, V (section 7.5).
+const VREF_V: f64 = 4.5;
+/// Channels of an ADS1299.
+const CHIP_CHANNELS: usize = 8;
+/// Largest number of converters in a chain.
+const LARGEST_CHAIN: usize = 8;
 
 /// Returns an error that names `field`, its value and the `expected` values unless `holds`.
 fn require(
@@ -39,48 +66,37 @@ pub(crate) fn check_description(d: &Description) -> Result<(), ArtifactError> {
         &d.format,
         "1 (a newer format needs newer tools)",
     )?;
+    check_window(d)?;
+    let numbers = d.code.numbers;
     require(
-        d.window.steps == STEPS,
-        "window.steps",
-        &d.window.steps,
-        &STEPS.to_string(),
+        NUMBERS.contains(&numbers) && numbers.is_multiple_of(NUMBERS_MULTIPLE),
+        "code.numbers",
+        &numbers,
+        &format!(
+            "{} to {}, and a multiple of {NUMBERS_MULTIPLE}",
+            NUMBERS.start(),
+            NUMBERS.end()
+        ),
     )?;
-    let hop = d.window.hop;
-    require(hop == 8 || hop == 16, "window.hop", &hop, "8 or 16")?;
-    require(
-        d.window.rate_hz == RATE_HZ,
-        "window.rate_hz",
-        &d.window.rate_hz,
-        &RATE_HZ.to_string(),
-    )?;
-    check_network(d)?;
-    require(
-        d.grid.rows == ROWS,
-        "grid.rows",
-        &d.grid.rows,
-        &ROWS.to_string(),
-    )?;
-    require(
-        d.grid.columns == COLUMNS,
-        "grid.columns",
-        &d.grid.columns,
-        &COLUMNS.to_string(),
-    )?;
-    let lengths: Vec<usize> = d.grid.cells.iter().map(Vec::len).collect();
-    require(
-        lengths == [COLUMNS; ROWS],
-        "grid.cells",
-        &lengths,
-        &format!("{ROWS} rows of {COLUMNS} cells each"),
-    )?;
+    check_grid(d)?;
     let count = d.montage.electrodes.len();
     require(
-        count == ELECTRODES,
+        ELECTRODES.contains(&count),
         "montage.electrodes",
         &count,
-        &format!("{ELECTRODES} labels"),
+        &format!("{} to {} labels", ELECTRODES.start(), ELECTRODES.end()),
     )?;
     check_labels(d)?;
+    let pool = d.network.pool;
+    require(
+        pool.iter().all(|length| *length > 0),
+        "network.pool",
+        &pool,
+        "at least 1 in steps, rows and columns; [1, 1, 1] means no pool",
+    )?;
+    if d.mode.has_convolutions() {
+        check_convolutions(d)?;
+    }
     check_adc(d)?;
     check_filters(d)?;
     let sd = d.input.sd_uv;
@@ -93,10 +109,10 @@ pub(crate) fn check_description(d: &Description) -> Result<(), ArtifactError> {
     let card = &d.training;
     let electrodes = card.real_electrodes + card.interpolated_electrodes;
     require(
-        electrodes <= ELECTRODES,
+        electrodes <= count,
         "training.real_electrodes plus training.interpolated_electrodes",
         &electrodes,
-        &format!("at most {ELECTRODES}"),
+        &format!("at most {count}, the number of electrodes"),
     )?;
     require(
         card.interpolated.len() == card.interpolated_electrodes,
@@ -115,6 +131,47 @@ pub(crate) fn check_description(d: &Description) -> Result<(), ArtifactError> {
             "is listed as interpolated but is not in the montage",
         )),
     }
+}
+
+fn check_window(d: &Description) -> Result<(), ArtifactError> {
+    let window = &d.window;
+    require(
+        STEPS.contains(&window.steps),
+        "window.steps",
+        &window.steps,
+        "16 or 32",
+    )?;
+    require(
+        HOPS.contains(&window.hop),
+        "window.hop",
+        &window.hop,
+        "4, 8 or 16",
+    )?;
+    require(
+        window.rate_hz == RATE_HZ,
+        "window.rate_hz",
+        &window.rate_hz,
+        &RATE_HZ.to_string(),
+    )
+}
+
+fn check_grid(d: &Description) -> Result<(), ArtifactError> {
+    let grid = &d.grid;
+    for (field, length) in [("grid.rows", grid.rows), ("grid.columns", grid.columns)] {
+        require(
+            (1..=LARGEST_SIDE).contains(&length),
+            field,
+            &length,
+            &format!("1 to {LARGEST_SIDE}"),
+        )?;
+    }
+    let lengths: Vec<usize> = grid.cells.iter().map(Vec::len).collect();
+    require(
+        lengths == vec![grid.columns; grid.rows],
+        "grid.cells",
+        &lengths,
+        &format!("{} rows of {} cells each", grid.rows, grid.columns),
+    )
 }
 
 fn label_error(label: &str, problem: &'static str) -> ArtifactError {
@@ -160,20 +217,30 @@ fn check_labels(d: &Description) -> Result<(), ArtifactError> {
     }
 }
 
-fn check_network(d: &Description) -> Result<(), ArtifactError> {
+fn check_convolutions(d: &Description) -> Result<(), ArtifactError> {
     let NetworkShape { padding, pool } = d.network;
+    let map = Geometry::new(d).feature_map;
     require(
-        pool.iter().all(|length| *length > 0),
-        "network.pool",
-        &pool,
-        "at least 1 in steps, rows and columns; [1, 1, 1] means no pool",
+        map.iter().all(|length| *length > 0),
+        "grid",
+        &format_args!("{} x {} cells", d.grid.rows, d.grid.columns),
+        "at least 5 x 5 cells for convolutions without padding; choose network.padding \"space\", or mode \"pca\", \
+         which has no convolutions",
     )?;
-    let map = Geometry::new(&d.network).feature_map;
     require(
         pool.iter().zip(map).all(|(pool, map)| *pool <= map),
         "network.pool",
         &pool,
         &format!("at most {map:?}, the feature map; make it smaller or pad the convolutions"),
+    )?;
+    require(
+        map[2] / pool[2] * pool[2] >= COLUMNS_AT_A_TIME,
+        "network.pool",
+        &pool,
+        &format!(
+            "such that the pools of a row cover at least {COLUMNS_AT_A_TIME} of the feature map's {} columns",
+            map[2]
+        ),
     )?;
     // The steps of a pool divide the hop, so that overlapping windows share pools. With padded steps,
     // windows cannot share the first and the last pool; of the four pools of four steps, that would be
@@ -189,10 +256,10 @@ fn check_network(d: &Description) -> Result<(), ArtifactError> {
 fn check_adc(d: &Description) -> Result<(), ArtifactError> {
     let adc = &d.adc;
     require(
-        adc.rate_hz >= RATE_HZ,
+        ADC_RATES_HZ.contains(&adc.rate_hz),
         "adc.rate_hz",
         &adc.rate_hz,
-        &format!("at least {RATE_HZ}, the rate of the time steps"),
+        "250, 256, 500, 512, 1000 or 1024, the rates of an ADS1299 with a clock of 2.048 or 2.097152 MHz",
     )?;
     require(
         d.filters.decimation == Decimation::Fir || adc.rate_hz.is_multiple_of(RATE_HZ),
@@ -203,17 +270,28 @@ fn check_adc(d: &Description) -> Result<(), ArtifactError> {
         ),
     )?;
     require(
-        adc.vref_v.is_finite() && adc.vref_v > 0.0,
+        adc.vref_v.to_bits() == VREF_V.to_bits(),
         "adc.vref_v",
         &adc.vref_v,
-        "a positive number of V",
+        "4.5, the internal reference of an ADS1299",
     )?;
-    require(adc.gain > 0, "adc.gain", &adc.gain, "at least 1")?;
     require(
-        adc.channels >= ELECTRODES,
+        GAINS.contains(&adc.gain),
+        "adc.gain",
+        &adc.gain,
+        "1, 2, 4, 6, 8, 12 or 24, the gains of an ADS1299",
+    )?;
+    let electrodes = d.montage.electrodes.len();
+    let least = electrodes.next_multiple_of(CHIP_CHANNELS);
+    let most = CHIP_CHANNELS * LARGEST_CHAIN;
+    require(
+        adc.channels.is_multiple_of(CHIP_CHANNELS) && (least..=most).contains(&adc.channels),
         "adc.channels",
         &adc.channels,
-        &format!("at least {ELECTRODES}, one for each electrode"),
+        &format!(
+            "a multiple of {CHIP_CHANNELS} from {least} to {most}: {CHIP_CHANNELS} for each ADS1299, and one \
+             for each of {electrodes} electrodes"
+        ),
     )
 }
 
@@ -261,7 +339,7 @@ fn check_filters(d: &Description) -> Result<(), ArtifactError> {
 
 /// Returns an error if the weights are not those of the description's mode and shape.
 pub(crate) fn check_weights(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
-    let expected = weight_shapes(d.mode, &Geometry::new(&d.network));
+    let expected = weight_shapes(d.mode, &Geometry::new(d));
     tensors.check(&expected)?;
     for (name, shape) in expected
         .iter()
@@ -277,7 +355,7 @@ pub(crate) fn check_weights(d: &Description, tensors: &Tensors) -> Result<(), Ar
 
 /// Returns an error if the calibration is not that of the description's mode, or a range is empty.
 pub(crate) fn check_calibration(d: &Description, tensors: &Tensors) -> Result<(), ArtifactError> {
-    let expected = calibration_shapes(d.mode);
+    let expected = calibration_shapes(d.mode, &d.dimensions());
     tensors.check(&expected)?;
     for (name, shape) in &expected {
         let values = tensors.tensor(name, shape)?;
@@ -288,7 +366,7 @@ pub(crate) fn check_calibration(d: &Description, tensors: &Tensors) -> Result<()
             return Err(tensors.range_error(name, index, "a largest magnitude must be positive"));
         }
     }
-    let code = [CODE];
+    let code = [d.code.numbers];
     let low = tensors.tensor("code.min", &code)?;
     let high = tensors.tensor("code.max", &code)?;
     match low.iter().zip(high).position(|(low, high)| low >= high) {

@@ -80,6 +80,7 @@ impl DeviceModel {
             description.filters.decimation,
             description.adc.rate_hz,
             description.window.rate_hz,
+            description.montage.electrodes.len(),
         )
         .map_err(ModelGenError::Resampler)?;
         let filters = MAINS_HZ
@@ -122,29 +123,15 @@ impl DeviceModel {
 
 /// Returns an error if this version does not support a number of the description.
 fn refuse_unsupported(description: &Description) -> Result<(), ModelGenError> {
-    let unsupported = |what, found: String, expected| {
-        Err(ModelGenError::Unsupported {
-            what,
-            found,
-            expected,
-        })
-    };
-    let rate_hz = description.adc.rate_hz;
-    if rate_hz > u32::from(u16::MAX) {
-        return unsupported("[adc] rate_hz", format!("{rate_hz} Hz"), "at most 65535 Hz");
+    let mains_hz = &description.filters.mains_hz;
+    if MAINS_HZ.iter().all(|hz| mains_hz.contains(hz)) {
+        return Ok(());
     }
-    if MAINS_HZ
-        .iter()
-        .any(|hz| !description.filters.mains_hz.contains(hz))
-    {
-        let found = format!("{:?}", description.filters.mains_hz);
-        return unsupported("[filters] mains_hz", found, "[50, 60]");
-    }
-    if description.adc.channels > usize::from(u8::MAX) {
-        let found = description.adc.channels.to_string();
-        return unsupported("[adc] channels", found, "at most 255");
-    }
-    Ok(())
+    Err(ModelGenError::Unsupported {
+        what: "[filters] mains_hz",
+        found: format!("{mains_hz:?}"),
+        expected: "[50, 60]",
+    })
 }
 
 /// Designs the cascade of an artifact's filters for one mains frequency at the ADC's rate.

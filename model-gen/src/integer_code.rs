@@ -1,13 +1,13 @@
 //! Encodes the levels of a code in the integers of its format.
 
-use artifact::{CODE, CodeFormat, IntegerCode};
+use artifact::{CodeFormat, IntegerCode};
 
 /// Returns the code of the given levels, which are multiples of the code's scale. Computed in plain
 /// loops: the reference for every format.
 ///
 /// The exponent is the smallest with which every `round(level / 2^exponent)`, half up, is within the
 /// format's range; if no exponent is large enough, it is the largest, and values out of range saturate.
-pub fn integer_code(format: CodeFormat, levels: &[i64; CODE]) -> IntegerCode {
+pub fn integer_code(format: CodeFormat, levels: &[i64]) -> IntegerCode {
     let [least, greatest] = format.range().map(i64::from);
     let rounded = |level: i64, exponent: u8| {
         let power = 2_i64.pow(exponent.into());
@@ -20,12 +20,13 @@ pub fn integer_code(format: CodeFormat, levels: &[i64; CODE]) -> IntegerCode {
             .all(|&level| (least..=greatest).contains(&rounded(level, *exponent)))
     };
     let exponent = (0..=largest).find(fits).unwrap_or(largest);
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "clamped to 16 bits or less"
+    )]
+    let value = |&level: &i64| rounded(level, exponent).clamp(least, greatest) as i16;
     IntegerCode {
         exponent,
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "clamped to 16 bits or less"
-        )]
-        values: levels.map(|level| rounded(level, exponent).clamp(least, greatest) as i16),
+        values: levels.iter().map(value).collect(),
     }
 }

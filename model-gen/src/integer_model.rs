@@ -1,14 +1,8 @@
 //! The encoder in integers, in the layout of the artifact, and the reference computation of a code.
 
-use artifact::{
-    CELLS, CODE, COLUMNS, CONV1_CHANNELS, CodeFormat, ELECTRODES, Geometry, IntegerCode, KERNEL,
-    Mode, ROWS, STEPS,
-};
+use artifact::{CONV1_CHANNELS, CodeFormat, Geometry, IntegerCode, KERNEL, Mode};
 
 use crate::integer_code::integer_code;
-
-/// One plane of quantised input: the scalp grid at one time step, row-major.
-pub type Plane = [i8; CELLS];
 
 /// Integer weights of one convolution, PyTorch order `[out][in][time][row][column]`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -47,18 +41,18 @@ impl IntegerLinear {
 pub struct IntegerModel {
     /// Mode of the artifact: with convolutions, a linear shortcut, or both.
     pub mode: Mode,
-    /// Padding, pool and sizes of the convolutions.
+    /// Dimensions of window and code; padding, pool and sizes of the convolutions.
     pub geometry: Geometry,
     /// Microvolts of one level of the quantised input.
     pub input_scale_uv: f32,
     /// Integer format of the codes.
     pub code_format: CodeFormat,
     /// Scale of each dimension of the code: `z = (level - zero point) * scale`.
-    pub code_scale: [f32; CODE],
+    pub code_scale: Vec<f32>,
     /// Level that stands for 0 in each dimension; 0 in the formats other than `Int8`.
-    pub code_zero_point: [i8; CODE],
+    pub code_zero_point: Vec<i8>,
     /// Grid cell of each electrode.
-    pub cells: [u8; ELECTRODES],
+    pub cells: Vec<u8>,
     /// First convolution, padded with 0.
     pub conv1: IntegerConv,
     /// Padding of each input channel of the second convolution: the integer that the first batch norm
@@ -69,8 +63,8 @@ pub struct IntegerModel {
     /// Fully connected layer after the pool.
     pub fc: IntegerLinear,
     /// Bias of the fully connected layer, in units of its accumulator.
-    pub fc_bias: [i32; CODE],
-    /// Linear shortcut from window to code, feature = step * 61 + electrode.
+    pub fc_bias: Vec<i32>,
+    /// Linear shortcut from window to code, feature = step * electrodes + electrode.
     pub shortcut: IntegerLinear,
 }
 
@@ -81,49 +75,56 @@ impl IntegerModel {
         largest_hidden(&self.hidden_padding)
     }
 
-    /// Returns the code of one window. Computed in plain loops: the reference that the streaming encoder
-    /// must equal bit for bit.
-    pub fn encode_window(&self, window: &[Plane; STEPS]) -> IntegerCode {
+    /// Returns the code of one window of quantised input, in the order step, row, column (the last
+    /// fastest). Computed in plain loops: the reference that the streaming encoder must equal bit for
+    /// bit.
+    ///
+    /// # Panics
+    /// If the window's length is not that of the model's window.
+    pub fn encode_window(&self, window: &[i8]) -> IntegerCode {
+        let dimensions = &self.geometry.dimensions;
+        assert_eq!(window.len(), dimensions.window_cells(), "cells of a window");
         let features = if self.mode.has_convolutions() {
             self.features(window)
         } else {
             Vec::new()
         };
         let linear: Vec<i64> = window
-            .iter()
+            .chunks_exact(dimensions.cells())
             .flat_map(|plane| {
                 self.cells
                     .iter()
                     .map(|&cell| i64::from(plane[usize::from(cell)]))
             })
             .collect();
-        let levels = std::array::from_fn(|j| {
+        let level = |j: usize| {
             let product = self.fc.contribution(j, &features, self.fc_bias[j])
                 + self.shortcut.contribution(j, &linear, 0);
             round_q32(product) + i64::from(self.code_zero_point[j])
-        });
+        };
+        let levels: Vec<i64> = (0..dimensions.numbers).map(level).collect();
         integer_code(self.code_format, &levels)
     }
 
     /// Dequantises a code: `z = (level - zero point) * scale`.
-    pub fn dequantise(&self, code: &IntegerCode) -> [f32; CODE] {
-        let levels = code.levels();
-        std::array::from_fn(|j| {
-            #[expect(clippy::cast_precision_loss, reason = "17 bits")]
-            let level = (levels[j] - i32::from(self.code_zero_point[j])) as f32;
-            level * self.code_scale[j]
-        })
+    pub fn dequantise(&self, code: &IntegerCode) -> Vec<f32> {
+        let levels = code.levels().into_iter();
+        levels
+            .zip(self.code_zero_point.iter().zip(&self.code_scale))
+            .map(|(level, (&zero_point, scale))| {
+                #[expect(clippy::cast_precision_loss, reason = "17 bits")]
+                let level = (level - i32::from(zero_point)) as f32;
+                level * scale
+            })
+            .collect()
     }
 
     /// Returns the inputs of the fully connected layer, `[channel][time][row][column]`.
-    fn features(&self, window: &[Plane; STEPS]) -> Vec<i64> {
+    fn features(&self, window: &[i8]) -> Vec<i64> {
+        let dimensions = &self.geometry.dimensions;
         let input = Volume {
-            shape: [1, STEPS, ROWS, COLUMNS],
-            values: window
-                .as_flattened()
-                .iter()
-                .map(|&q| i32::from(q))
-                .collect(),
+            shape: [1, dimensions.steps, dimensions.rows, dimensions.columns],
+            values: window.iter().map(|&q| i32::from(q)).collect(),
         };
         let pads = self.geometry.padding.pads();
         let hidden = convolve(&self.conv1, &input.padded(pads, &[0]))
@@ -197,7 +198,7 @@ fn convolve(conv: &IntegerConv, input: &Volume) -> Volume {
     for (out, &bias) in conv.bias.iter().enumerate() {
         for (time, row) in (0..shape[1]).flat_map(|time| (0..shape[2]).map(move |row| (time, row)))
         {
-            let mut sums = [bias; COLUMNS];
+            let mut sums = vec![bias; shape[3]];
             for channel in 0..inputs {
                 for (dt, dr, dc) in positions([1, KERNEL, KERNEL, KERNEL]) {
                     let tap = ((out * inputs + channel) * KERNEL + dt) * KERNEL + dr;
@@ -209,7 +210,7 @@ fn convolve(conv: &IntegerConv, input: &Volume) -> Volume {
                     }
                 }
             }
-            values.extend_from_slice(&sums[..shape[3]]);
+            values.append(&mut sums);
         }
     }
     Volume { shape, values }

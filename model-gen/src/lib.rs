@@ -54,7 +54,7 @@ pub use device_model::{DeviceModel, MAINS_HZ, MainsFilter, filter_cascade};
 pub use emit::rust_files;
 pub use error::{FilterError, ModelGenError};
 pub use integer_code::integer_code;
-pub use integer_model::{IntegerConv, IntegerLinear, IntegerModel, Plane};
+pub use integer_model::{IntegerConv, IntegerLinear, IntegerModel};
 pub use manifest::manifest;
 pub use quantise::quantise;
 pub use resampler::ResamplerTable;

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use artifact::{CODE, CONV1_CHANNELS, CONV2_CHANNELS, Geometry, WINDOW_ELECTRODES};
+use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Geometry};
 
 use crate::{
     device_model::{DeviceModel, MainsFilter},
@@ -72,10 +72,10 @@ fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
         });
     writeln!(
         out,
-        "\ncode                  {CODE} x {}, scales {smallest:.6} .. {largest:.6}",
-        integers.code_format
+        "\ncode                  {} x {}, scales {smallest:.6} .. {largest:.6}",
+        description.code.numbers, integers.code_format
     )?;
-    memory(out, &memory::parts(integers))
+    memory(out, &memory::parts(integers, description.window.hop))
 }
 
 /// Writes flash and RAM of each part, and their sums.
@@ -129,6 +129,8 @@ fn mains_filter(out: &mut String, filter: &MainsFilter) -> std::fmt::Result {
 /// Writes a line for each layer of the network.
 fn layers(out: &mut String, integers: &IntegerModel) -> std::fmt::Result {
     let IntegerModel { conv1, conv2, .. } = integers;
+    let dimensions = &integers.geometry.dimensions;
+    let numbers = dimensions.numbers;
     if integers.mode.has_convolutions() {
         let Geometry { padding, pool, .. } = integers.geometry;
         layer(
@@ -147,13 +149,14 @@ fn layers(out: &mut String, integers: &IntegerModel) -> std::fmt::Result {
             hidden,
         )?;
         writeln!(out, "  padding {padding:?}, max-pool {pool:?}")?;
-        let name = format!("fc       {:>6} -> {CODE}", integers.geometry.flat());
+        let name = format!("fc       {:>6} -> {numbers}", integers.geometry.flat());
         layer(out, &name, &integers.fc.weights, &integers.fc_bias, 255)?;
     }
     if integers.mode.has_shortcut() {
         let weights = &integers.shortcut.weights;
-        let name = format!("shortcut {WINDOW_ELECTRODES:>6} -> {CODE}");
-        layer(out, &name, weights, &[0; CODE], 128)?;
+        let window = dimensions.window_electrodes();
+        let name = format!("shortcut {window:>6} -> {numbers}");
+        layer(out, &name, weights, &vec![0; numbers], 128)?;
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! Flash and RAM of each part of the encoder.
 
-use artifact::{CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, ELECTRODES, KERNEL, ROWS};
+use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, KERNEL};
 use int8_nn::{InputConv, Pair, PlaneShape, Winograd};
 
 use crate::{
@@ -12,14 +12,12 @@ use crate::{
 const WORD: usize = size_of::<Pair>();
 /// Number of input planes from which a convolution computes one output plane.
 const PLANES: usize = KERNEL;
-/// Number of overlapping windows whose codes the encoder accumulates at the same time.
-const OPEN_WINDOWS: usize = 2;
 
 /// Flash and RAM of one part of the encoder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
     /// Name of the part and its kernel.
-    pub name: &'static str,
+    pub name: String,
     /// Size of packed weights, biases and factors, bytes.
     pub flash_bytes: usize,
     /// Size of state and scratch memory, bytes.
@@ -27,7 +25,16 @@ pub struct Part {
 }
 
 /// Returns the parts of an encoder, in signal order.
-pub fn parts(model: &IntegerModel) -> Vec<Part> {
+///
+/// `hop` is the number of time steps from the start of one window to the start of the next.
+pub fn parts(model: &IntegerModel, hop: usize) -> Vec<Part> {
+    let Dimensions {
+        steps,
+        electrodes,
+        numbers,
+        ..
+    } = model.geometry.dimensions;
+    let open_windows = steps / hop;
     let mut parts = Vec::new();
     if model.mode.has_convolutions() {
         parts.extend(convolutions(model));
@@ -35,25 +42,30 @@ pub fn parts(model: &IntegerModel) -> Vec<Part> {
     if model.mode.has_shortcut() {
         let weights = pack::shortcut(model).iter().map(Vec::len).sum::<usize>();
         parts.push(Part {
-            name: "shortcut",
-            flash_bytes: WORD * weights + ELECTRODES,
+            name: "shortcut".to_owned(),
+            flash_bytes: WORD * weights + electrodes,
             ram_bytes: 0,
         });
     }
     parts.push(Part {
-        name: "codes of two open windows",
+        name: format!("codes of {open_windows} open windows"),
         // Each number of a code has a bias, two factors and a zero point of one byte.
-        flash_bytes: 3 * WORD * CODE + CODE,
-        ram_bytes: OPEN_WINDOWS * 2 * WORD * CODE,
+        flash_bytes: 3 * WORD * numbers + numbers,
+        ram_bytes: open_windows * 2 * WORD * numbers,
     });
     parts
 }
 
 fn convolutions(model: &IntegerModel) -> [Part; 3] {
+    let Dimensions {
+        rows: grid_rows,
+        columns: grid_columns,
+        ..
+    } = model.geometry.dimensions;
     let margin = model.geometry.padding.pads()[1];
     let [_, rows, columns] = model.geometry.pooled;
     let [_, pool_rows, pool_columns] = model.geometry.pool;
-    let cells = (ROWS + 2 * margin) * (COLUMNS + 2 * margin);
+    let cells = (grid_rows + 2 * margin) * (grid_columns + 2 * margin);
     // The pool depends on this part of the first convolution's output, margins included.
     let [framed_rows, framed_columns] =
         [rows * pool_rows, columns * pool_columns].map(|length| length + KERNEL - 1);
@@ -63,8 +75,9 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
         columns: hidden_columns.min(framed_columns - margin),
         channels: CONV1_CHANNELS,
     };
-    let conv1 = InputConv::<COLUMNS> {
-        rows: ROWS,
+    // The lengths do not depend on the columns of the input.
+    let conv1 = InputConv::<0> {
+        rows: grid_rows,
         output: interior,
         weights: &[],
         bias: &[],
@@ -101,17 +114,17 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
     let fc = matrices.iter().flatten().map(Vec::len).sum::<usize>();
     [
         Part {
-            name: "conv1",
+            name: "conv1".to_owned(),
             flash_bytes: WORD * (pack::input_convolution(&model.conv1).len() + 2 * CONV1_CHANNELS),
             ram_bytes: WORD * (PLANES * cells + scratch),
         },
         Part {
-            name,
+            name: name.to_owned(),
             flash_bytes: WORD * (pack::convolution(model).len() + 2 * CONV2_CHANNELS),
             ram_bytes: WORD * PLANES * transformed + pool + edges,
         },
         Part {
-            name: "fully connected",
+            name: "fully connected".to_owned(),
             flash_bytes: WORD * fc,
             ram_bytes: 0,
         },

@@ -1,6 +1,6 @@
 //! Packs weights from PyTorch's layout to the layout that the kernels read.
 
-use artifact::{CELLS, CODE, CONV1_CHANNELS, CONV2_CHANNELS, ELECTRODES, KERNEL, STEPS};
+use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, KERNEL};
 use int8_nn::{Direct, InputConv, Linear, Pair, Winograd};
 
 use crate::integer_model::{IntegerConv, IntegerModel};
@@ -9,8 +9,6 @@ use crate::integer_model::{IntegerConv, IntegerModel};
 const TAPS: usize = KERNEL.pow(3);
 /// Number of pairs of channels between the two convolutions.
 const HIDDEN_PAIRS: usize = CONV1_CHANNELS / 2;
-/// Number of pairs of electrodes in a time step, rounded up to a multiple of eight.
-const ELECTRODE_PAIRS: usize = ELECTRODES.div_ceil(2).next_multiple_of(8);
 
 /// Kernel that computes the second convolution on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,8 +22,13 @@ pub enum ConvKernel {
 impl ConvKernel {
     /// Selects the Winograd kernel if its tiles of 2x4 outputs hold whole pools and its numbers fit
     /// 16 bits, otherwise the direct kernel.
+    ///
+    /// A model without convolutions gets the direct kernel, which is never run.
     pub fn select(model: &IntegerModel) -> Self {
         type Kernel = Winograd<'static, HIDDEN_PAIRS, 6>;
+        if !model.mode.has_convolutions() {
+            return Self::Direct;
+        }
         let [_, rows, columns] = model.geometry.pool;
         let largest = usize::from(UnsignedInput::from_model(model).largest());
         let whole_tiles = model.geometry.pooled[2].is_multiple_of(2);
@@ -40,7 +43,7 @@ impl ConvKernel {
 /// Packs the weights of the first convolution for [`InputConv`].
 pub fn input_convolution(conv: &IntegerConv) -> Vec<Pair> {
     // The packed weights do not depend on the columns.
-    type Conv = InputConv<'static, CELLS>;
+    type Conv = InputConv<'static, 0>;
     let outputs = conv.bias.len();
     let mut packed = vec![Pair::ZERO; Conv::weights_len(outputs)];
     Conv::pack_weights(outputs, &by_tap(conv), &mut packed);
@@ -89,9 +92,10 @@ pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
     let [planes, rows, columns] = model.geometry.pooled;
     let positions = rows * columns;
     let flat = model.geometry.flat();
-    let weights: Vec<i8> = (0..flat * CODE)
+    let numbers = model.geometry.dimensions.numbers;
+    let weights: Vec<i8> = (0..flat * numbers)
         .map(|index| {
-            let (input, output) = (index / CODE, index % CODE);
+            let (input, output) = (index / numbers, index % numbers);
             let (plane, rest) = (
                 input / (positions * CONV2_CHANNELS),
                 input % (positions * CONV2_CHANNELS),
@@ -102,7 +106,7 @@ pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
         .collect();
     let pieces = fc_pieces(model);
     let pairs = positions * CONV2_CHANNELS / 2 / pieces;
-    let mut matrices = matrices(&weights, planes * pieces, pairs).into_iter();
+    let mut matrices = matrices(&weights, numbers, planes * pieces, pairs).into_iter();
     (0..planes)
         .map(|_| matrices.by_ref().take(pieces).collect())
         .collect()
@@ -110,7 +114,12 @@ pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
 
 /// Returns the number of matrices into which the weights of a pooled plane are split: the smallest
 /// number of equal matrices that [`Linear`] supports, each with a multiple of eight pairs of inputs.
+///
+/// Returns 1 for a model without convolutions.
 pub fn fc_pieces(model: &IntegerModel) -> usize {
+    if !model.mode.has_convolutions() {
+        return 1;
+    }
     let [_, rows, columns] = model.geometry.pooled;
     let pairs = rows * columns * CONV2_CHANNELS / 2;
     let fewest = pairs.div_ceil(Linear::MAX_INPUTS);
@@ -120,25 +129,33 @@ pub fn fc_pieces(model: &IntegerModel) -> usize {
 }
 
 /// Packs the linear shortcut: one matrix for each time step, from PyTorch's
-/// `[out][step * 61 + electrode]`. Returns an empty list for a model without a shortcut.
+/// `[out][step * electrodes + electrode]`. Returns an empty list for a model without a shortcut.
 pub fn shortcut(model: &IntegerModel) -> Vec<Vec<Pair>> {
     if !model.mode.has_shortcut() {
         return Vec::new();
     }
-    let inputs = STEPS * ELECTRODES;
-    let weights: Vec<i8> = (0..inputs * CODE)
-        .map(|index| model.shortcut.weights[index % CODE * inputs + index / CODE])
+    let Dimensions {
+        steps,
+        electrodes,
+        numbers,
+        ..
+    } = model.geometry.dimensions;
+    let inputs = steps * electrodes;
+    let weights: Vec<i8> = (0..inputs * numbers)
+        .map(|index| model.shortcut.weights[index % numbers * inputs + index / numbers])
         .collect();
-    matrices(&weights, STEPS, ELECTRODE_PAIRS)
+    // Zeros fill up each time step to a multiple of eight pairs.
+    let pairs = electrodes.div_ceil(2).next_multiple_of(8);
+    matrices(&weights, numbers, steps, pairs)
 }
 
 /// Splits weights `[input][output]` into equal parts, and packs each part for `pairs` pairs of inputs.
-fn matrices(weights: &[i8], parts: usize, pairs: usize) -> Vec<Vec<Pair>> {
+fn matrices(weights: &[i8], outputs: usize, parts: usize, pairs: usize) -> Vec<Vec<Pair>> {
     weights
         .chunks_exact(weights.len() / parts)
         .map(|weights| {
-            let mut packed = vec![Pair::ZERO; pairs * CODE / 2];
-            Linear::pack_weights(pairs, CODE, weights, &mut packed);
+            let mut packed = vec![Pair::ZERO; pairs * outputs / 2];
+            Linear::pack_weights(pairs, outputs, weights, &mut packed);
             packed
         })
         .collect()

@@ -15,8 +15,8 @@
 //! turns into 0: `x = -sign(g) * b / scale`.
 
 use artifact::{
-    Artifact, CODE, CONV1_CHANNELS, CONV2_CHANNELS, CodeFormat, Geometry, HEAD_ROOM, KERNEL,
-    NORM_EPSILON, ScalpGrid, WINDOW_ELECTRODES,
+    Artifact, CONV1_CHANNELS, CONV2_CHANNELS, CodeFormat, Geometry, HEAD_ROOM, KERNEL,
+    NORM_EPSILON, ScalpGrid,
 };
 
 use crate::{
@@ -47,8 +47,10 @@ const LARGEST_PADDING: u16 = 32_767 - 255;
 /// does not fit 16 bits, or an accumulator could overflow 32 bits.
 pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
     let mode = artifact.description.mode;
+    let dimensions = artifact.description.dimensions();
+    let numbers = dimensions.numbers;
     let codes = CodeScales::from_calibration(artifact)?;
-    let code_gain = codes.scale.map(|scale| 1.0 / scale);
+    let code_gain: Vec<f64> = codes.scale.iter().map(|scale| 1.0 / scale).collect();
     range(artifact, "input.max_abs")?;
     let input_scale_uv = artifact.input_scale_uv()?;
     let input = LayerInput {
@@ -66,9 +68,9 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
             weights: tensor(
                 artifact,
                 "encoder.shortcut.weight",
-                &[CODE, WINDOW_ELECTRODES],
+                &[numbers, dimensions.window_electrodes()],
             )?,
-            bias: vec![0.0; CODE],
+            bias: vec![0.0; numbers],
         };
         layer.quantise("shortcut", &code_gain, input)?
     } else {
@@ -78,31 +80,29 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
     let grid = ScalpGrid::new(&artifact.description);
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "the scalp grid has 90 cells"
+        reason = "a scalp grid has at most 144 cells"
     )]
-    let cells = grid.cell_of_electrode().map(|cell| cell as u8);
+    let cells = grid.cell_of_electrode().iter().map(|&cell| cell as u8);
     let Convolutions {
         hidden_padding,
         conv1,
         conv2,
         fc,
     } = convolutions;
-    let mut fc_bias = [0; CODE];
-    for (to, bias) in fc_bias.iter_mut().zip(&fc.bias) {
-        *to = *bias;
-    }
+    let mut fc_bias = fc.bias;
+    fc_bias.resize(numbers, 0);
     #[expect(
         clippy::cast_possible_truncation,
         reason = "scales are published as f32"
     )]
     Ok(IntegerModel {
         mode,
-        geometry: Geometry::new(&artifact.description.network),
+        geometry: Geometry::new(&artifact.description),
         input_scale_uv: input_scale_uv as f32,
         code_format: artifact.description.code.format,
-        code_scale: codes.scale.map(|scale| scale as f32),
+        code_scale: codes.scale.iter().map(|&scale| scale as f32).collect(),
         code_zero_point: codes.zero_point,
-        cells,
+        cells: cells.collect(),
         conv1: convolution(conv1),
         hidden_padding,
         conv2: convolution(conv2),
@@ -133,7 +133,7 @@ impl Convolutions {
         input: LayerInput,
         code_gain: &[f64],
     ) -> Result<Self, ModelGenError> {
-        let geometry = Geometry::new(&artifact.description.network);
+        let geometry = Geometry::new(&artifact.description);
         let norm1 = Norm::read(artifact, "encoder.norm1", CONV1_CHANNELS)?;
         let norm2 = Norm::read(artifact, "encoder.norm2", CONV2_CHANNELS)?;
         let hidden_scale = range(artifact, "activation1.max")? / 255.0;
@@ -176,7 +176,11 @@ impl Convolutions {
         let gain2: Vec<f64> = norm2.factor.iter().map(|g| g / pooled.scale).collect();
         let conv2 = conv2.quantise("conv2", &gain2, hidden)?;
 
-        let mut fc = Layer::read(artifact, "encoder.fc", &[CODE, geometry.flat()])?;
+        let mut fc = Layer::read(
+            artifact,
+            "encoder.fc",
+            &[geometry.dimensions.numbers, geometry.flat()],
+        )?;
         fc.absorb(&norm2, geometry.pooled.iter().product());
         Ok(Self {
             hidden_padding,
@@ -326,20 +330,21 @@ fn negate(weights: &mut [f64]) {
 /// to one bit of resolution. `int16` does not need this bit; in `int8-exponent` the zero point would
 /// have to change with the exponent.
 struct CodeScales {
-    scale: [f64; CODE],
-    zero_point: [i8; CODE],
+    scale: Vec<f64>,
+    zero_point: Vec<i8>,
 }
 
 impl CodeScales {
     /// Derives scales and zero points from the calibrated minima and maxima.
     fn from_calibration(artifact: &Artifact) -> Result<Self, ModelGenError> {
-        let smallest = artifact.calibration.tensor("code.min", &[CODE])?;
-        let largest = artifact.calibration.tensor("code.max", &[CODE])?;
+        let numbers = artifact.description.code.numbers;
+        let smallest = artifact.calibration.tensor("code.min", &[numbers])?;
+        let largest = artifact.calibration.tensor("code.max", &[numbers])?;
         let mut codes = Self {
-            scale: [1.0; CODE],
-            zero_point: [0; CODE],
+            scale: vec![1.0; numbers],
+            zero_point: vec![0; numbers],
         };
-        for j in 0..CODE {
+        for j in 0..numbers {
             // The range is extended to contain 0, so that the zero point fits int8.
             let low = f64::from(smallest[j]).min(0.0);
             let high = f64::from(largest[j]).max(0.0);

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use artifact::{Decimation, ELECTRODES};
+use artifact::Decimation;
 use fixed_dsp::Resampler;
 use num_complex::Complex64;
 
@@ -41,7 +41,7 @@ pub struct ResamplerTable {
 }
 
 impl ResamplerTable {
-    /// Designs the resampler from `rate_hz` to `step_rate_hz`.
+    /// Designs the resampler from `rate_hz` to `step_rate_hz` for a number of electrodes.
     ///
     /// # Errors
     /// If the rates do not allow this decimation, or the resampler would take too much memory.
@@ -49,6 +49,7 @@ impl ResamplerTable {
         decimation: Decimation,
         rate_hz: u32,
         step_rate_hz: u32,
+        electrodes: usize,
     ) -> Result<Self, FilterError> {
         let common = greatest_common_divisor(rate_hz, step_rate_hz);
         if step_rate_hz == 0 || rate_hz < step_rate_hz {
@@ -71,7 +72,7 @@ impl ResamplerTable {
                     nearest_hz: (rate_hz + step_rate_hz / 2) / step_rate_hz * step_rate_hz,
                 });
             }
-            Decimation::Fir => low_pass(rate_hz, phases as usize)?,
+            Decimation::Fir => low_pass(rate_hz, phases as usize, electrodes)?,
         };
         let table = Self { down, taps };
         table.prove_accumulator(rate_hz)?;
@@ -148,14 +149,14 @@ impl ResamplerTable {
 
 /// Designs the anti-aliasing low-pass in polyphase form. Returns the taps of each phase, normalised to a
 /// gain of 1 at DC and quantised.
-fn low_pass(rate_hz: u32, phases: usize) -> Result<Vec<Vec<i32>>, FilterError> {
+fn low_pass(rate_hz: u32, phases: usize, electrodes: usize) -> Result<Vec<Vec<i32>>, FilterError> {
     let taps = rate_hz
         .div_ceil(SPANS_PER_SECOND)
         .next_multiple_of(TAPS_MULTIPLE) as usize;
     for (what, words) in [
         (
-            format!("the delay line of {ELECTRODES} electrodes"),
-            ELECTRODES * taps,
+            format!("the delay line of {electrodes} electrodes"),
+            electrodes * taps,
         ),
         ("the table of taps".to_owned(), phases * taps),
     ] {

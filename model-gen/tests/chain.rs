@@ -17,7 +17,7 @@ fn sections(rate_hz: u32, mains_hz: f64, harmonics: u32) -> Vec<Section> {
 }
 
 fn resampler(decimation: Decimation, rate_hz: u32) -> ResamplerTable {
-    ResamplerTable::new(decimation, rate_hz, 128).expect("a usual rate")
+    ResamplerTable::new(decimation, rate_hz, 128, 61).expect("a usual rate")
 }
 
 fn decibel(chain: &Chain, hz: f64) -> f64 {

@@ -34,7 +34,7 @@ fn golden() -> impl Iterator<Item = (u32, usize, usize, usize, f64)> {
 }
 
 fn fir(rate_hz: u32) -> Result<ResamplerTable, FilterError> {
-    ResamplerTable::new(Decimation::Fir, rate_hz, 128)
+    ResamplerTable::new(Decimation::Fir, rate_hz, 128, 61)
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn the_ratio_is_in_lowest_terms() {
 #[test]
 fn literal_decimation_has_a_single_tap_of_one() {
     for rate in [128, 256, 512, 1_024] {
-        let table = ResamplerTable::new(Decimation::Literal, rate, 128).expect("a multiple");
+        let table = ResamplerTable::new(Decimation::Literal, rate, 128, 61).expect("a multiple");
         assert_eq!(u32::from(table.down), rate / 128);
         assert_eq!(table.taps, [[UNITY]]);
     }
@@ -119,7 +119,7 @@ fn literal_decimation_has_a_single_tap_of_one() {
 #[test]
 fn the_error_of_an_impossible_rate_states_number_and_remedy() {
     let refused = |decimation, rate| {
-        ResamplerTable::new(decimation, rate, 128)
+        ResamplerTable::new(decimation, rate, 128, 61)
             .expect_err("this rate cannot be resampled")
             .to_string()
     };

@@ -6,8 +6,8 @@ use crate::{
     constants::{CODE, FC_PIECES, HAS_CONVOLUTIONS, POOL, STEPS, conv_kernel},
     shapes::{
         CELL_PLANE, CONV1_OUTPUTS, CONV1_PAIRS, CONV2_OUTPUTS, CONV2_PAIRS, Conv2, ELECTRODE_PAIRS,
-        FC_INPUTS, FC_PAIRS, HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, POOLED, POOLED_STEPS,
-        SHORTCUT_PAIRS, SHORTCUT_STEPS,
+        FC_INPUTS, FC_PAIRS, HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, OPEN_WINDOWS, POOLED,
+        POOLED_STEPS, SHORTCUT_PAIRS, SHORTCUT_STEPS,
     },
 };
 
@@ -28,8 +28,8 @@ pub struct ConvWeights<'w, const WEIGHTS: usize, const OUTPUTS: usize> {
 /// both.
 #[derive(Clone, Copy, Debug)]
 pub struct Network<'w> {
-    /// Time steps from the start of one window to the start of the next, 8 or 16: a multiple of the
-    /// pool's steps, so that overlapping windows share pooled planes.
+    /// Time steps from the start of one window to the start of the next: a power of two, and a multiple
+    /// of the pool's steps, so that overlapping windows share pooled planes.
     pub hop: usize,
     /// First convolution, whose input is the scalp grid.
     pub conv1: ConvWeights<'w, CONV1_PAIRS, CONV1_OUTPUTS>,
@@ -141,7 +141,9 @@ impl<'w> Network<'w> {
         const FC: &[Pair; FC_PAIRS] = &[Pair::ZERO; FC_PAIRS];
         const SHORTCUT: &[Pair; SHORTCUT_PAIRS] = &[Pair::ZERO; SHORTCUT_PAIRS];
         let (fc, shortcut) = (Self::fc(FC), Self::shortcut(SHORTCUT));
-        (self.hop == STEPS / 2 || self.hop == STEPS)
+        self.hop.is_power_of_two()
+            && self.hop <= STEPS
+            && STEPS / self.hop <= OPEN_WINDOWS
             && self.hop.is_multiple_of(POOL[0])
             && shortcut.is_consistent(ELECTRODE_PAIRS, CODE)
             && fc.is_consistent(FC_INPUTS, CODE)

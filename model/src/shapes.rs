@@ -4,7 +4,7 @@ use int8_nn::{InputConv, PlaneShape};
 
 use crate::constants::{
     CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, ConvKernel, ELECTRODES, FC_PIECES,
-    HAS_CONVOLUTIONS, HAS_SHORTCUT, PADS_SPACE, PADS_TIME, POOL, ROWS, STEPS,
+    HAS_CONVOLUTIONS, HAS_SHORTCUT, HOP, PADS_SPACE, PADS_TIME, POOL, ROWS, STEPS,
 };
 
 /// Number of steps, rows or columns that an unpadded convolution removes.
@@ -19,11 +19,16 @@ pub const CELL_PLANE: PlaneShape = PlaneShape {
     columns: COLUMNS + 2 * MARGIN,
     channels: 1,
 };
-/// Rows and columns of the second convolution's output.
-const FEATURE_MAP: [usize; 2] = [
-    CELL_PLANE.rows - 2 * SHRINK + 2 * MARGIN,
-    CELL_PLANE.columns - 2 * SHRINK + 2 * MARGIN,
-];
+/// Rows and columns of the second convolution's output. In a network without convolutions the smallest
+/// plane that the kernels accept, so that the shapes of the absent layers are valid on every grid.
+const FEATURE_MAP: [usize; 2] = if HAS_CONVOLUTIONS {
+    [
+        CELL_PLANE.rows - 2 * SHRINK + 2 * MARGIN,
+        CELL_PLANE.columns - 2 * SHRINK + 2 * MARGIN,
+    ]
+} else {
+    [1, 3]
+};
 /// Shape of a pooled plane: the pool's output for the time steps of one pool.
 pub const POOLED: PlaneShape = PlaneShape {
     rows: FEATURE_MAP[0] / POOL[1],
@@ -43,8 +48,11 @@ pub const HIDDEN: PlaneShape = PlaneShape {
 pub const HIDDEN_PAIRS: usize = HIDDEN.channels / 2;
 /// Shape of a hidden plane without its margin: the part that the first convolution computes.
 pub const HIDDEN_INTERIOR: PlaneShape = PlaneShape {
-    rows: smaller(HIDDEN.rows - MARGIN, CELL_PLANE.rows - SHRINK),
-    columns: smaller(HIDDEN.columns - MARGIN, CELL_PLANE.columns - SHRINK),
+    rows: smaller(HIDDEN.rows - MARGIN, CELL_PLANE.rows.saturating_sub(SHRINK)),
+    columns: smaller(
+        HIDDEN.columns - MARGIN,
+        CELL_PLANE.columns.saturating_sub(SHRINK),
+    ),
     channels: HIDDEN.channels,
 };
 /// Number of pooled planes in a window that do not depend on padded steps; two convolutions remove
@@ -58,6 +66,8 @@ pub const POOLED_STEPS: usize = if HAS_CONVOLUTIONS {
 } else {
     0
 };
+/// Largest number of windows that contain the same time step.
+pub const OPEN_WINDOWS: usize = STEPS / HOP;
 /// Number of matrices of the linear shortcut: one for each time step of a window, or 0 without a
 /// shortcut.
 pub const SHORTCUT_STEPS: usize = if HAS_SHORTCUT { STEPS } else { 0 };

@@ -15,9 +15,9 @@ pub struct Code {
     /// Time from the ADC sample that completed the window to the window's last step, microseconds;
     /// see [`Step::offset_us`](crate::Step::offset_us).
     pub offset_us: u16,
-    /// Number of electrode values of the window that were clipped to int8 (0..=976).
+    /// Number of electrode values of the window that were clipped to int8.
     pub clipped: u16,
-    /// Number of values of the code that were clipped (0..=128).
+    /// Number of values of the code that were clipped; saturates at 255.
     pub clipped_values: u8,
     /// ADC channels that were at the rail in a sample of the window, or between the step before the
     /// window and its first step; bit n is channel n.
@@ -53,16 +53,16 @@ impl CodeValues {
     /// Size of the longest code of any format, in bytes.
     pub const MAX_BYTES: usize = CodeFormat::Int16.bytes();
 
-    /// Converts 128 levels to a format; returns the values and the number of clipped values (0..=128).
-    /// No branch depends on a level.
+    /// Converts levels to a format; returns the values and the number of clipped values, which saturates
+    /// at 255. No branch depends on a level.
     #[inline]
     pub(crate) fn from_levels(format: CodeFormat, level: impl Fn(usize) -> i32) -> (Self, u8) {
-        let mut clipped = 0;
+        let mut clipped = 0_u32;
         let values = match format {
             CodeFormat::Int8 => Self::Int8(core::array::from_fn(|j| {
                 let level = level(j);
                 let value = saturate_i8(level);
-                clipped += u8::from(i32::from(value) != level);
+                clipped += u32::from(i32::from(value) != level);
                 value
             })),
             CodeFormat::Int8Exponent => {
@@ -71,7 +71,7 @@ impl CodeValues {
                 let values = levels.map(|level| {
                     let rounded = round(level, exponent);
                     let value = saturate_i8(rounded);
-                    clipped += u8::from(i32::from(value) != rounded);
+                    clipped += u32::from(i32::from(value) != rounded);
                     value
                 });
                 Self::Int8Exponent { exponent, values }
@@ -79,10 +79,12 @@ impl CodeValues {
             CodeFormat::Int16 => Self::Int16(core::array::from_fn(|j| {
                 let level = level(j);
                 let value = saturate_i16(level);
-                clipped += u8::from(i32::from(value) != level);
+                clipped += u32::from(i32::from(value) != level);
                 value
             })),
         };
+        #[expect(clippy::cast_possible_truncation, reason = "at most 255")]
+        let clipped = clipped.min(u8::MAX.into()) as u8;
         (values, clipped)
     }
 

@@ -9,21 +9,24 @@ mod window;
 use core::borrow::BorrowMut;
 
 use int8_nn::Pair;
-use model::{ELECTRODE_PAIRS, GRID_CELL, HAS_CONVOLUTIONS, HAS_SHORTCUT, NETWORK, Network, STEPS};
+use model::{
+    ELECTRODE_PAIRS, GRID_CELL, HAS_CONVOLUTIONS, HAS_SHORTCUT, NETWORK, Network, OPEN_WINDOWS,
+    STEPS,
+};
 
 use crate::{code::Code, plane::Plane, step::Step};
 use convolutions::Convolutions;
-use window::{OPEN_WINDOWS, OpenWindow, containing_windows, slot_of};
+use window::{OpenWindow, containing_windows, slot_of};
 
 /// The half of the pipeline that runs at the step rate.
 ///
 /// Each plane of the convolutions is computed once, as soon as its inputs exist, and is used for all
-/// windows (at most two) that contain it. The codes equal those of a batch encoder over each window bit
+/// windows that contain it. The codes equal those of a batch encoder over each window bit
 /// for bit, because the hop is a multiple of the pool's steps.
 ///
-/// Without padded steps, all steps take about the same work: where a pooled plane belongs to two
-/// windows, its product for the newer window is deferred to the next step. With padded steps, each
-/// window also has planes of its own at its ends.
+/// Without padded steps, all steps take about the same work: where a pooled plane belongs to several
+/// windows, its products for all but the oldest window are deferred to the next step. With padded steps,
+/// each window also has planes of its own at its ends.
 ///
 /// `M` is an [`EncoderMemory`], or a mutable reference to one.
 #[derive(Clone, Debug)]

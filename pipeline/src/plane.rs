@@ -5,12 +5,12 @@ use model::{CELLS, GRID_CELL, INPUT_MULTIPLIER};
 
 use crate::front_end::Electrodes;
 
-/// One time step of the scalp grid: 10 rows of 9 cells, row-major, int8. One level is
+/// One time step of the scalp grid, row-major, int8. One level is
 /// `model::INPUT_SCALE_UV` microvolts; a cell without an electrode is 0.
 pub type Plane = [i8; CELLS];
 
 /// Quantises filtered electrodes and places them on the scalp grid: `q = round(x * scale)`, rounded
-/// half up, saturated to int8. Returns the plane and the number of clipped electrodes (0..=61).
+/// half up, saturated to int8. Returns the plane and the number of clipped electrodes.
 #[inline]
 pub fn quantise(electrodes: &Electrodes) -> (Plane, u16) {
     let mut plane = [0; CELLS];

@@ -17,7 +17,7 @@ pub struct Step {
     pub electrodes: Electrodes,
     /// Quantised electrodes on the scalp grid, int8.
     pub plane: Plane,
-    /// Number of electrodes whose int8 value was clipped (0..=61).
+    /// Number of electrodes whose int8 value was clipped.
     pub clipped: u16,
     /// ADC channels that were at the rail in a sample after the previous step's, up to and including
     /// this step's sample; bit n is channel n.

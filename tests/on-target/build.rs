@@ -86,7 +86,7 @@ fn filters(golden: &mut String) -> Result<(), Box<dyn Error>> {
             Some("literal") => Decimation::Literal,
             _ => Decimation::Fir,
         };
-        let table = ResamplerTable::new(decimation, rate_hz, 128)?;
+        let table = ResamplerTable::new(decimation, rate_hz, 128, 61)?;
         let cascade = Cascade { sections };
         match (table.phases(), table.taps_per_phase()) {
             (1, 1) => filtered::<1, 1>(golden, name, &cascade, &table, &expected)?,

@@ -1,6 +1,6 @@
 //! Writes the encoder as Rust constants: weights, factors and the network that refers to them.
 
-use artifact::{CODE, CodeFormat, Description};
+use artifact::{CodeFormat, Description, Padding};
 use int8_nn::Pair;
 
 use super::{
@@ -46,7 +46,7 @@ impl Source {
             self.array(
                 &format!("Requantisation factors from {name} to the code, Q0.32."),
                 &format!("static {name}_MULTIPLIERS: [i32; CODE]"),
-                &filled(&linear.multipliers),
+                &filled(&linear.multipliers, model.description.code.numbers),
             );
         }
         self.array(
@@ -95,6 +95,12 @@ impl Source {
     /// convolution kernel.
     pub(super) fn shape(&mut self, model: &DeviceModel) {
         let Description { mode, network, .. } = &model.description;
+        // A network without convolutions has neither padding nor pool, whatever its description states.
+        let (padding, pool) = if mode.has_convolutions() {
+            (network.padding, network.pool)
+        } else {
+            (Padding::None, [1, 1, 1])
+        };
         for (doc, name, value) in [
             (
                 "Whether the network has convolutions.",
@@ -109,19 +115,19 @@ impl Source {
             (
                 "Whether the convolutions pad rows and columns.",
                 "PADS_SPACE",
-                network.padding.pads_space(),
+                padding.pads_space(),
             ),
             (
                 "Whether the convolutions pad steps.",
                 "PADS_TIME",
-                network.padding.pads_time(),
+                padding.pads_time(),
             ),
         ] {
             self.item(doc, format_args!("pub const {name}: bool = {value};"));
         }
         self.item(
             "Steps, rows and columns of the max-pool.",
-            format_args!("pub const POOL: [usize; 3] = {:?};", network.pool),
+            format_args!("pub const POOL: [usize; 3] = {pool:?};"),
         );
         self.item(
             "Matrices of the fully connected layer for each pooled plane.",
@@ -215,9 +221,10 @@ fn words(pairs: &[Pair]) -> Vec<String> {
         .collect()
 }
 
-/// Returns the factors of a layer, or 128 zeros if the network does not have the layer.
-fn filled(multipliers: &[i32]) -> Vec<i32> {
-    let mut filled = vec![0; CODE];
-    filled[..multipliers.len()].copy_from_slice(multipliers);
+/// Returns the factors of a layer, one for each number of a code, or zeros if the network does not have
+/// the layer.
+fn filled(multipliers: &[i32], numbers: usize) -> Vec<i32> {
+    let mut filled = multipliers.to_vec();
+    filled.resize(numbers, 0);
     filled
 }

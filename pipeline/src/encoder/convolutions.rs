@@ -2,16 +2,20 @@
 
 use int8_nn::{Pair, PlaneRing};
 use model::{
-    CELL_PLANE, COLUMNS, EDGE_STEPS, INNER_STEPS, MARGIN, Network, PADS_TIME, POOL, STEPS,
+    CELL_PLANE, COLUMNS, EDGE_STEPS, INNER_STEPS, MARGIN, Network, OPEN_WINDOWS, PADS_TIME, POOL,
+    STEPS,
 };
 
 use super::{
     edges::{Edges, INPUT, RecentPlanes, TRANSFORMED},
     hidden_plane::HiddenPlane,
     pool::Pool,
-    window::{OPEN_WINDOWS, OpenWindow, containing_windows},
+    window::{OpenWindow, containing_windows},
 };
 use crate::plane::Plane;
+
+/// Largest number of additions of a pooled plane that are deferred to the next step.
+const DEFERRED: usize = OPEN_WINDOWS - 1;
 
 /// State of the convolutional layers: the most recent planes of each layer.
 #[derive(Clone, Debug)]
@@ -22,9 +26,9 @@ pub(super) struct Convolutions {
     /// The last three output planes of the first convolution, transformed for the second.
     transformed: PlaneRing<Pair, TRANSFORMED, 3>,
     pool: Pool,
-    /// Where the next step adds the pooled plane if the addition is deferred: slot of the window, and
-    /// index of the plane in the window.
-    deferred: Option<(usize, usize)>,
+    /// Where the next step adds the pooled plane: slot of the window, and index of the plane in the
+    /// window. `None` where no addition is deferred.
+    deferred: [Option<(usize, usize)>; DEFERRED],
     /// The planes at the ends of windows, if the network pads steps.
     edges: [Edges; PADS_TIME as usize],
 }
@@ -36,17 +40,17 @@ impl Convolutions {
         hidden: HiddenPlane::EMPTY,
         transformed: PlaneRing::filled(Pair::ZERO),
         pool: Pool::EMPTY,
-        deferred: None,
+        deferred: [None; DEFERRED],
         edges: [Edges::EMPTY; PADS_TIME as usize],
     };
 
-    /// Discards the deferred addition; all other state is overwritten before it is read.
+    /// Discards the deferred additions; all other state is overwritten before it is read.
     pub(super) fn restart(&mut self) {
-        self.deferred = None;
+        self.deferred = [None; DEFERRED];
     }
 
     /// Processes the input plane of step `index`. If the step completes a pooled plane, adds that plane
-    /// to the oldest window that contains it; a second window gets it in the next step.
+    /// to the oldest window that contains it; the other windows get it in the next step.
     #[inline]
     pub(super) fn add_plane(
         &mut self,
@@ -56,8 +60,10 @@ impl Convolutions {
         windows: &mut [OpenWindow; OPEN_WINDOWS],
     ) {
         self.store_input(plane, network);
-        if let Some(place) = self.deferred.take() {
-            self.add_pooled(place, network, windows);
+        for index in 0..DEFERRED {
+            if let Some(place) = self.deferred[index].take() {
+                self.add_pooled(place, network, windows);
+            }
         }
         if index >= 2 {
             let transformed = self.transformed.advance();
@@ -116,16 +122,15 @@ impl Convolutions {
         let hop = network.hop / POOL[0];
         let mut places = containing_windows(plane / STEPS_OF_POOL, hop, INNER_STEPS)
             .map(|(slot, offset)| (slot, EDGE_STEPS + offset));
-        // Only the older of two windows can end with this step; the addition to the newer window is
-        // deferred.
-        let (newer, older) = (places.next(), places.next());
-        let now = if older.is_some() {
-            self.deferred = newer;
-            older
-        } else {
-            newer
-        };
-        if let Some(place) = now {
+        // Only the oldest window can end with this step; the additions to the newer windows are deferred.
+        let mut oldest = places.next();
+        for deferred in &mut self.deferred {
+            let older = places.next();
+            if older.is_some() {
+                *deferred = core::mem::replace(&mut oldest, older);
+            }
+        }
+        if let Some(place) = oldest {
             self.add_pooled(place, network, windows);
         }
     }

@@ -2,16 +2,14 @@
 
 use int8_nn::{Pair, requantise_sum};
 use model::{
-    CODE, CODE_FORMAT, ELECTRODE_PAIRS, FC_PAIRS, FC_PIECES, Network, POOLED_PAIRS, SHORTCUT_PAIRS,
+    CODE, CODE_FORMAT, ELECTRODE_PAIRS, FC_PAIRS, FC_PIECES, Network, OPEN_WINDOWS, POOLED_PAIRS,
+    SHORTCUT_PAIRS,
 };
 
 use crate::{
     code::{Code, CodeValues},
     step::Step,
 };
-
-/// Largest number of windows that contain the same time step, reached with the smallest hop.
-pub(super) const OPEN_WINDOWS: usize = 2;
 
 /// Accumulators of one window that is not complete yet.
 #[derive(Clone, Copy, Debug)]

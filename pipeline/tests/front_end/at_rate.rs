@@ -32,7 +32,8 @@ impl AtRate {
             cascade: Cascade {
                 sections: sections.try_into().expect("a notch and five sections"),
             },
-            table: ResamplerTable::new(decimation, rate_hz, STEP_RATE_HZ).expect("a sane rate"),
+            table: ResamplerTable::new(decimation, rate_hz, STEP_RATE_HZ, model::ELECTRODES)
+                .expect("a sane rate"),
         }
     }
 
