@@ -1,6 +1,6 @@
 //! Properties of the connected device, from its `Hello` and `Capabilities`.
 
-use link::{CODE_LEN, Capabilities, CodeFormat, CodeValues, Hello, Substitutes};
+use link::{Capabilities, CodeFormat, CodeValues, Hello, Substitutes};
 use thiserror::Error;
 
 /// Properties of a device, which are needed to interpret its codes, samples and steps.
@@ -41,8 +41,8 @@ pub struct Device {
     pub uv_per_count: f64,
     /// Format of the codes; never [`CodeFormat::Newer`].
     pub code_format: CodeFormat,
-    scale: [f32; CODE_LEN],
-    zero_point: [i8; CODE_LEN],
+    scale: Vec<f32>,
+    zero_point: Vec<i8>,
     /// Smallest and largest dequantised value (`z`) that a code can contain.
     pub(crate) code_range: [f32; 2],
 }
@@ -53,7 +53,7 @@ pub enum DeviceError {
     /// The number of codes per second is not an integer.
     #[error(
         "the device makes {step_rate_hz} steps per second and one code every {hop_steps} steps; \
-         consumers need a whole number of codes per second (8 or 16 steps at 128 Hz)"
+         consumers need a whole number of codes per second (4, 8 or 16 steps at 128 Hz)"
     )]
     CodeRate {
         /// Reported rate of the time steps, Hz.
@@ -67,8 +67,10 @@ pub enum DeviceError {
          bridge to the same release"
     )]
     Format(CodeFormat),
-    /// `Capabilities` does not have 128 scales and 128 zero points.
-    #[error("the device reports {scales} scales and {zero_points} zero points for 128 code values")]
+    /// `Capabilities` has no scales, or another number of zero points.
+    #[error(
+        "the device reports {scales} scales and {zero_points} zero points for the values of a code"
+    )]
     Scales {
         /// Number of scales in `Capabilities`.
         scales: usize,
@@ -78,7 +80,7 @@ pub enum DeviceError {
     /// A code scale, or the ADC's voltage per count, is not a positive finite number.
     #[error("the device reports a scale that is not a positive number (index {index})")]
     Scale {
-        /// Index of the code scale; 128 means the voltage per count.
+        /// Index of the code scale; the number of scales means the voltage per count.
         index: usize,
     },
     /// The device is not compatible with the device that was announced to recorders.
@@ -125,17 +127,14 @@ impl Device {
                 hop_steps,
             });
         }
-        let scale = capabilities.code_scale.as_slice().try_into();
-        let zero_point = capabilities.code_zero_point.as_slice().try_into();
-        let (Ok(scale), Ok(zero_point)) = (scale, zero_point) else {
-            let scales = capabilities.code_scale.len();
-            let zero_points = capabilities.code_zero_point.len();
+        let scale = capabilities.code_scale.to_vec();
+        let zero_point = capabilities.code_zero_point.to_vec();
+        if scale.is_empty() || scale.len() != zero_point.len() {
             return Err(DeviceError::Scales {
-                scales,
-                zero_points,
+                scales: scale.len(),
+                zero_points: zero_point.len(),
             });
-        };
-        let scale: [f32; CODE_LEN] = scale;
+        }
         let numbers = scale.iter().chain([&capabilities.lsb_nv]);
         if let Some(index) = numbers
             .into_iter()
@@ -175,9 +174,9 @@ impl Device {
             full_scale_uv: f64::from(capabilities.lsb_nv) * 8_388_608.0 / 1000.0,
             uv_per_count: f64::from(capabilities.lsb_nv) / 1000.0,
             code_format,
+            code_range: code_range(levels, &scale, &zero_point),
             scale,
             zero_point,
-            code_range: code_range(levels, &scale, &zero_point),
         })
     }
 
@@ -222,7 +221,7 @@ impl Device {
             ("code format", self.code_format != other.code_format),
             (
                 "code scale",
-                (self.scale, self.zero_point) != (other.scale, other.zero_point),
+                (&self.scale, &self.zero_point) != (&other.scale, &other.zero_point),
             ),
             (
                 "volts per count",
@@ -268,26 +267,32 @@ impl Device {
         i64::from(steps) * 1_000_000 / i64::from(self.step_rate_hz)
     }
 
-    /// Converts a float code to levels of this device: `level = z / scale + zero_point`, limited to
-    /// the range of the code format but not rounded.
-    pub fn code_levels(&self, z: &[f32; CODE_LEN]) -> [f64; CODE_LEN] {
-        let range = self.code_format.range().unwrap_or_default().map(f64::from);
-        std::array::from_fn(|index| {
-            let level = f64::from(z[index]) / f64::from(self.scale[index]);
-            let level = level + f64::from(self.zero_point[index]);
-            level.clamp(range[0], range[1])
-        })
+    /// Returns the number of values in a code.
+    pub const fn numbers(&self) -> usize {
+        self.scale.len()
     }
 
-    pub(crate) fn zero_points(&self) -> &[i8; CODE_LEN] {
+    /// Converts a float code to levels of this device: `level = z / scale + zero_point`, limited to
+    /// the range of the code format but not rounded.
+    pub fn code_levels(&self, z: &[f32]) -> Vec<f64> {
+        let [least, greatest] = self.code_format.range().unwrap_or_default().map(f64::from);
+        let numbers = z.iter().zip(self.scale.iter().zip(&self.zero_point));
+        let levels = numbers.map(|(z, (scale, zero_point))| {
+            let level = f64::from(*z) / f64::from(*scale) + f64::from(*zero_point);
+            level.clamp(least, greatest)
+        });
+        levels.collect()
+    }
+
+    pub(crate) fn zero_points(&self) -> &[i8] {
         &self.zero_point
     }
 
     /// Dequantises the values of a code, in any format: `z = (level - zero_point) * scale`.
-    pub fn dequantise(&self, values: &CodeValues, z: &mut [f32; CODE_LEN]) {
-        let levels = values.levels();
-        for (index, z) in z.iter_mut().enumerate() {
-            *z = dequantised(levels[index], self.scale[index], self.zero_point[index]);
+    pub fn dequantise(&self, values: &CodeValues, z: &mut [f32]) {
+        let numbers = self.scale.iter().zip(&self.zero_point);
+        for (z, (level, (scale, zero_point))) in z.iter_mut().zip(values.levels().zip(numbers)) {
+            *z = dequantised(level, *scale, *zero_point);
         }
     }
 }
@@ -309,11 +314,7 @@ fn dequantised(level: i32, scale: f32, zero_point: i8) -> f32 {
 
 /// Returns the smallest and the largest value `z` to which levels from `least` to `greatest`
 /// dequantise, over all places of a code.
-fn code_range(
-    [least, greatest]: [i32; 2],
-    scale: &[f32; CODE_LEN],
-    zero_point: &[i8; CODE_LEN],
-) -> [f32; 2] {
+fn code_range([least, greatest]: [i32; 2], scale: &[f32], zero_point: &[i8]) -> [f32; 2] {
     let ends = |level| {
         let numbers = scale.iter().zip(zero_point);
         numbers.map(move |(scale, zero_point)| dequantised(level, *scale, *zero_point))

@@ -4,7 +4,7 @@ use link::Audit;
 use model::{CELLS, CODE, HOP, STEP_RATE_HZ, STEPS};
 use pipeline::{CodeValues, Plane};
 
-use crate::message;
+use crate::message::{self, ValueBytes};
 
 /// Seconds from one audit to the next.
 const PERIOD_S: u32 = 10;
@@ -51,13 +51,13 @@ impl AuditedWindow {
         self
     }
 
-    /// Builds the wire message, which borrows the planes.
-    pub(crate) fn message(&self) -> Audit<'_> {
+    /// Builds the wire message, which borrows the planes and the bytes of the values.
+    pub(crate) fn message<'b>(&'b self, bytes: &'b mut ValueBytes) -> Audit<'b> {
         Audit {
             model_id: model::MODEL_ID,
             window: self.window,
             planes: &self.planes,
-            values: message::values(&self.values),
+            values: message::values(&self.values, bytes),
         }
     }
 }

@@ -50,7 +50,10 @@ pub(crate) fn capabilities(mains: Mains) -> Capabilities<'static> {
     }
 }
 
-pub(crate) fn code(code: &Code, marks: Marks) -> CodeMessage {
+/// Memory for the values of a code as bytes, which a wire message borrows.
+pub(crate) type ValueBytes = [u8; pipeline::CodeValues::MAX_BYTES];
+
+pub(crate) fn code<'b>(code: &Code, marks: Marks, bytes: &'b mut ValueBytes) -> CodeMessage<'b> {
     let mut flags = marks.flags();
     for (set, flag) in [
         (code.saturated != 0, Flags::SATURATED),
@@ -70,17 +73,21 @@ pub(crate) fn code(code: &Code, marks: Marks) -> CodeMessage {
         clipped: code.clipped,
         clipped_values: code.clipped_values,
         saturated: code.saturated,
-        values: values(&code.values),
+        values: values(&code.values, bytes),
     }
 }
 
-pub(crate) fn values(values: &pipeline::CodeValues) -> CodeValues {
+pub(crate) fn values<'b>(
+    values: &pipeline::CodeValues,
+    bytes: &'b mut ValueBytes,
+) -> CodeValues<'b> {
+    let bytes = values.value_bytes(bytes);
     match *values {
-        pipeline::CodeValues::Int8(values) => CodeValues::Int8(values),
-        pipeline::CodeValues::Int8Exponent { exponent, values } => {
-            CodeValues::Int8Exponent { exponent, values }
+        pipeline::CodeValues::Int8(_) => CodeValues::int8(bytes),
+        pipeline::CodeValues::Int8Exponent { exponent, .. } => {
+            CodeValues::int8_exponent(exponent, bytes)
         }
-        pipeline::CodeValues::Int16(values) => CodeValues::Int16(values),
+        pipeline::CodeValues::Int16(_) => CodeValues::int16(bytes),
     }
 }
 

@@ -1,6 +1,8 @@
 //! Numbers the frames to the host and queues them.
 
-use link::{Encoder, MAX_FRAME, ToHost};
+use link::{Encoder, ToHost};
+
+use crate::max_frame::MAX_FRAME;
 
 /// Queue of whole frames for the port. It never blocks: when the queue is full, frames are dropped
 /// and counted.

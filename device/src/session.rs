@@ -246,7 +246,9 @@ impl<'i> Session<'i> {
         self.stats.next_window = code.window.wrapping_add(1);
         let clipped = code.clipped_values.into();
         self.stats.clipped_values = self.stats.clipped_values.wrapping_add(clipped);
-        sender.send(step_us, &ToHost::Code(message::code(code, marks)));
+        let mut bytes = [0; pipeline::CodeValues::MAX_BYTES];
+        let message = message::code(code, marks, &mut bytes);
+        sender.send(step_us, &ToHost::Code(message));
     }
 
     /// Stores the status of the converters for later introductions. Sends it at once while a run is
@@ -347,7 +349,8 @@ fn send_quality(quality: &Quality, at_us: u64, sender: &mut Sender<impl FrameQue
 
 #[inline(never)]
 fn send_audit(window: &AuditedWindow, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
-    sender.send(at_us, &ToHost::Audit(window.message()));
+    let mut bytes = [0; pipeline::CodeValues::MAX_BYTES];
+    sender.send(at_us, &ToHost::Audit(window.message(&mut bytes)));
 }
 
 #[inline(never)]

@@ -7,12 +7,12 @@ use core::{
     sync::atomic::Ordering::Relaxed,
 };
 
-use device::{Order, Payload, Session};
+use device::{MAX_FRAME, Order, Payload, Session};
 use embassy_futures::join::join5;
 use embassy_sync::{blocking_mutex::raw::NoopRawMutex, signal::Signal};
 use embassy_time::{Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
-use link::{MAX_FRAME, ResetInto, Stage, Start};
+use link::{ResetInto, Stage, Start};
 
 use crate::{
     deadlines,

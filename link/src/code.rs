@@ -7,15 +7,15 @@ use serde::{Deserialize, Deserializer, Serialize, de::Error};
 use crate::flags::Flags;
 use crate::packed;
 
-/// Number of values in a code.
-pub const CODE_LEN: usize = 128;
+/// Largest number of values in a code.
+pub const MAX_NUMBERS: usize = 256;
 
 /// Largest exponent of a code: an 8-bit value times 2^8 fills 16 bits.
 pub const MAX_EXPONENT: u8 = 8;
 
 /// Output of the encoder for one window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Code {
+pub struct Code<'a> {
     /// First 8 bytes of the SHA-256 over the model; only the decoder of that model can read the
     /// values.
     pub model_id: [u8; 8],
@@ -28,57 +28,134 @@ pub struct Code {
     pub flags: Flags,
     /// Number of electrode values of the window that were clipped to int8; saturates at 65535.
     pub clipped: u16,
-    /// Number of values of the code itself that were clipped, 0 to 128.
+    /// Number of values of the code itself that were clipped; saturates at 255.
     pub clipped_values: u8,
     /// ADC channels that reached the converter's rail inside the window. Bit n is channel n; the
     /// first channels carry the electrodes of
     /// [`Capabilities::labels`](crate::Capabilities::labels), in that order.
     pub saturated: u64,
     /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces.
-    pub values: CodeValues,
+    #[serde(borrow)]
+    pub values: CodeValues<'a>,
 }
 
 /// The values of a code, in one of three formats.
 ///
 /// In every format `z = (level - code_zero_point) * code_scale`, with zero points and scales from
-/// [`Capabilities`](crate::Capabilities) and the [levels](Self::levels) defined below. On the wire:
-/// one byte with the format's number, then a fixed number of bytes; none of them is a varint.
+/// [`Capabilities`](crate::Capabilities) and the [levels](Self::levels) of the code. On the wire: one
+/// byte with the format's number, the exponent in the format that has one, then the values up to the
+/// end of the message; none of them is a varint. There are as many values as scales in
+/// `Capabilities`, at most [`MAX_NUMBERS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum CodeValues {
-    /// 0: 128 bytes; each is a level, -128 to 127.
-    Int8(#[serde(with = "packed")] [i8; CODE_LEN]),
-    /// 1: one exponent shared by all values, then 128 bytes: `level = value * 2^exponent`.
-    Int8Exponent {
-        /// 0 to [`MAX_EXPONENT`]; a frame with a larger exponent is malformed.
-        #[serde(deserialize_with = "exponent")]
-        exponent: u8,
-        /// Mantissas of the 128 values, -128 to 127.
-        #[serde(with = "packed")]
-        values: [i8; CODE_LEN],
-    },
-    /// 2: 128 levels of 16 bits, least significant byte first.
-    Int16(#[serde(with = "packed")] [i16; CODE_LEN]),
+pub struct CodeValues<'a> {
+    encoding: Encoding,
+    /// The values as on the wire. The message's frame carries them after the fields.
+    #[serde(skip)]
+    bytes: &'a [u8],
 }
 
-impl CodeValues {
-    /// Returns the format of these values; it must equal
-    /// [`Capabilities::code_format`](crate::Capabilities).
-    pub const fn format(&self) -> CodeFormat {
-        match self {
-            CodeValues::Int8(_) => CodeFormat::Int8,
-            CodeValues::Int8Exponent { .. } => CodeFormat::Int8Exponent,
-            CodeValues::Int16(_) => CodeFormat::Int16,
+/// Format of the values, with what all values of a code share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum Encoding {
+    Int8,
+    Int8Exponent {
+        #[serde(deserialize_with = "exponent")]
+        exponent: u8,
+    },
+    Int16,
+}
+
+impl<'a> CodeValues<'a> {
+    /// Creates values in format 0: each byte is a level, -128 to 127 in two's complement.
+    pub const fn int8(bytes: &'a [u8]) -> CodeValues<'a> {
+        CodeValues {
+            encoding: Encoding::Int8,
+            bytes,
         }
     }
 
+    /// Creates values in format 1: each byte is a value, -128 to 127 in two's complement, and
+    /// `level = value * 2^exponent`. A frame with an exponent above [`MAX_EXPONENT`] is malformed.
+    pub const fn int8_exponent(exponent: u8, bytes: &'a [u8]) -> CodeValues<'a> {
+        CodeValues {
+            encoding: Encoding::Int8Exponent { exponent },
+            bytes,
+        }
+    }
+
+    /// Creates values in format 2: each pair of bytes is a level of 16 bits, least significant byte
+    /// first.
+    pub const fn int16(bytes: &'a [u8]) -> CodeValues<'a> {
+        CodeValues {
+            encoding: Encoding::Int16,
+            bytes,
+        }
+    }
+
+    /// Returns the format of these values; it must equal
+    /// [`Capabilities::code_format`](crate::Capabilities).
+    pub const fn format(&self) -> CodeFormat {
+        match self.encoding {
+            Encoding::Int8 => CodeFormat::Int8,
+            Encoding::Int8Exponent { .. } => CodeFormat::Int8Exponent,
+            Encoding::Int16 => CodeFormat::Int16,
+        }
+    }
+
+    /// Returns the exponent, to base 2, that all values share; 0 in the formats without exponent.
+    pub const fn exponent(&self) -> u8 {
+        match self.encoding {
+            Encoding::Int8 | Encoding::Int16 => 0,
+            Encoding::Int8Exponent { exponent } => exponent,
+        }
+    }
+
+    /// Returns the number of values.
+    pub const fn len(&self) -> usize {
+        self.bytes.len() / self.width()
+    }
+
+    /// Returns true if there are no values; a frame without values is malformed.
+    pub const fn is_empty(&self) -> bool {
+        self.bytes.is_empty()
+    }
+
     /// Returns the quantisation levels, -32768 to 32767.
-    pub fn levels(&self) -> [i32; CODE_LEN] {
-        match self {
-            CodeValues::Int8(values) => values.map(i32::from),
-            CodeValues::Int8Exponent { exponent, values } => {
-                values.map(|value| i32::from(value) << (*exponent).min(MAX_EXPONENT))
-            }
-            CodeValues::Int16(values) => values.map(i32::from),
+    pub fn levels(&self) -> impl ExactSizeIterator<Item = i32> + use<'a> {
+        let (width, exponent) = (self.width(), self.exponent());
+        let shift = if exponent < MAX_EXPONENT {
+            exponent
+        } else {
+            MAX_EXPONENT
+        };
+        self.bytes.chunks_exact(width).map(move |bytes| {
+            let value = match *bytes {
+                [low, high] => i32::from(i16::from_le_bytes([low, high])),
+                [byte, ..] => i32::from(byte.cast_signed()),
+                [] => 0,
+            };
+            value << shift
+        })
+    }
+
+    /// Returns the values as on the wire.
+    pub const fn bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
+    /// Returns these values with the bytes that follow the fields of a message; `None` if they are
+    /// no whole values, none or too many.
+    pub(crate) fn with_bytes(self, bytes: &'a [u8]) -> Option<CodeValues<'a>> {
+        let values = CodeValues { bytes, ..self };
+        let whole = bytes.len().is_multiple_of(values.width());
+        (whole && (1..=MAX_NUMBERS).contains(&values.len())).then_some(values)
+    }
+
+    /// Returns the number of bytes of a value.
+    const fn width(&self) -> usize {
+        match self.encoding {
+            Encoding::Int8 | Encoding::Int8Exponent { .. } => 1,
+            Encoding::Int16 => 2,
         }
     }
 }
@@ -95,11 +172,11 @@ fn exponent<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "u8", into = "u8")]
 pub enum CodeFormat {
-    /// 0: [`CodeValues::Int8`].
+    /// 0: [`CodeValues::int8`].
     Int8,
-    /// 1: [`CodeValues::Int8Exponent`].
+    /// 1: [`CodeValues::int8_exponent`].
     Int8Exponent,
-    /// 2: [`CodeValues::Int16`].
+    /// 2: [`CodeValues::int16`].
     Int16,
     /// Any other: a format newer than this host; the host cannot read codes in this format.
     Newer(u8),
@@ -164,5 +241,5 @@ pub struct Audit<'a> {
     #[serde(borrow, serialize_with = "packed::serialize_bytes")]
     pub planes: &'a [u8],
     /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces.
-    pub values: CodeValues,
+    pub values: CodeValues<'a>,
 }

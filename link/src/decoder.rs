@@ -240,8 +240,8 @@ fn decode_in_place<'d, M: Message<'d>>(bytes: &'d mut [u8]) -> Result<Frame<M>, 
     if kind >= M::KINDS {
         return Err(FrameError::Unknown { header, kind });
     }
-    match postcard::take_from_bytes::<M>(message) {
-        Ok((message, [])) => Ok(Frame { header, message }),
-        _ => Err(FrameError::Malformed),
-    }
+    let (message, tail) =
+        postcard::take_from_bytes::<M>(message).map_err(|_| FrameError::Malformed)?;
+    let message = message.with_tail(tail).ok_or(FrameError::Malformed)?;
+    Ok(Frame { header, message })
 }

@@ -5,6 +5,7 @@ use core::fmt;
 use cobs::CobsEncoder;
 use crc::Digest;
 use postcard::ser_flavors::Flavor;
+use serde::Serialize as _;
 
 use crate::frame::{CRC_BYTES, Header, MAX_BODY, MAX_FRAME, VERSION, digest};
 use crate::message::Message;
@@ -52,11 +53,23 @@ pub fn encode<'m, 'b, M: Message<'m>>(
             digest: digest::<M>(),
             room: MAX_BODY,
         };
-        postcard::serialize_with_flavor(&(header, message), sink).map_err(|_| error)?
+        write(header, message, sink).map_err(|_| error)?
     };
     out[0] = 0;
     out[1 + written] = 0;
     Ok(&out[..written + 2])
+}
+
+/// Writes header, fields and tail of a message; returns the number of bytes written.
+fn write<'m, M: Message<'m>>(
+    header: &Header,
+    message: &M,
+    sink: FrameSink<'_>,
+) -> postcard::Result<usize> {
+    let mut serializer = postcard::Serializer { output: sink };
+    (header, message).serialize(&mut serializer)?;
+    serializer.output.try_extend(message.tail())?;
+    serializer.output.finalize()
 }
 
 /// Writes the frames of one direction and numbers them; a sender has one encoder.

@@ -8,13 +8,18 @@ use crate::message::Message;
 /// Version number of the layout of frame and header.
 pub const VERSION: u8 = 1;
 
-/// Longest body (header, message and CRC, before COBS), bytes. The longest body in use is that of
-/// an `Audit`, a window's int8 planes with its code: 1733 bytes (test
+/// Longest body (header, message and CRC, before COBS), bytes. The longest body of the largest model
+/// is that of an `Audit`, a window's int8 planes with its code: 5157 bytes (test
 /// `samples_windows_and_self_tests_fit_a_frame`).
-pub const MAX_BODY: usize = 2048;
+pub const MAX_BODY: usize = 5376;
 
 /// Longest frame with both zeros, bytes.
-pub const MAX_FRAME: usize = cobs::max_encoding_length(MAX_BODY) + 2;
+pub const MAX_FRAME: usize = frame_bytes(MAX_BODY);
+
+/// Returns the length of the longest frame with a body of `body` bytes, both zeros included.
+pub const fn frame_bytes(body: usize) -> usize {
+    cobs::max_encoding_length(body) + 2
+}
 
 /// Version, sequence number and device time; the first part of every frame's body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

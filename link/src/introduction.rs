@@ -3,7 +3,7 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::code::{CODE_LEN, CodeFormat};
+use crate::code::{CodeFormat, MAX_NUMBERS};
 
 /// Longest text in [`Hello`], [`Capabilities::filters`], [`Converters`](crate::Converters) and
 /// [`SelfTest`](crate::SelfTest), bytes of UTF-8.
@@ -119,11 +119,11 @@ pub struct Capabilities<'a> {
     pub filters: &'a str,
     /// Format of all codes of this device; it is part of the model.
     pub code_format: CodeFormat,
-    /// Scale of each code value. The decoder network's input is
+    /// Scale of each code value; a code has as many values as there are scales. The decoder network's input is
     /// `z = (level - code_zero_point) * code_scale`, with the [levels](crate::CodeValues::levels)
     /// of the code. Positive and finite.
-    pub code_scale: Vec<f32, CODE_LEN>,
+    pub code_scale: Vec<f32, MAX_NUMBERS>,
     /// Level of each code value that stands for `z = 0`; always 0 in the formats other than
     /// [`CodeFormat::Int8`].
-    pub code_zero_point: Vec<i8, CODE_LEN>,
+    pub code_zero_point: Vec<i8, MAX_NUMBERS>,
 }

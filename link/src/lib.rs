@@ -67,14 +67,14 @@ mod substitutes;
 mod timing;
 
 pub use answer::{Ack, AckResult, ClockReading};
-pub use code::{Audit, CODE_LEN, Code, CodeFormat, CodeValues, MAX_EXPONENT};
+pub use code::{Audit, Code, CodeFormat, CodeValues, MAX_EXPONENT, MAX_NUMBERS};
 pub use command::{ResetInto, Start, Streams};
 pub use converters::{ChannelFault, ChannelTest, ChipTest, Converters, MAX_CHIPS, SelfTest};
 pub use decoder::{Counters, Decoder, Frame, FrameError};
 pub use encoder::{EncodeError, Encoder, encode};
 pub use event::{Event, EventKind};
 pub use flags::Flags;
-pub use frame::{Header, MAX_BODY, MAX_FRAME, VERSION};
+pub use frame::{Header, MAX_BODY, MAX_FRAME, VERSION, frame_bytes};
 pub use introduction::{Capabilities, Hello, MAX_LABELS_BYTES, MAX_TEXT_BYTES, ResetCause};
 pub use message::{Message, ToDevice, ToHost};
 pub use quality::{ElectrodeQuality, MAX_ELECTRODES, Quality};

@@ -22,6 +22,18 @@ pub trait Message<'a>: Serialize + Deserialize<'a> {
     /// Byte that enters the CRC before the header and is never sent. A frame of the other direction,
     /// such as an echo on a looped line, therefore fails the CRC and is not answered.
     const DIRECTION: u8;
+
+    /// Returns the bytes that follow the fields of the message up to the end of the frame: the values
+    /// of a code. Empty for most messages.
+    fn tail(&self) -> &[u8] {
+        &[]
+    }
+
+    /// Returns a decoded message with the bytes that follow its fields; `None` if the message does
+    /// not end with such bytes.
+    fn with_tail(self, tail: &'a [u8]) -> Option<Self> {
+        tail.is_empty().then_some(self)
+    }
 }
 
 /// Messages from device to host. New variants are added only at the end, because a variant's
@@ -39,7 +51,8 @@ pub enum ToHost<'a> {
     #[serde(borrow)]
     Capabilities(Capabilities<'a>),
     /// 2: the code of one window.
-    Code(Code),
+    #[serde(borrow)]
+    Code(Code<'a>),
     /// 3: counters since boot.
     Stats(Stats),
     /// 4: the answer to a command.
@@ -72,6 +85,24 @@ pub enum ToHost<'a> {
 impl<'a> Message<'a> for ToHost<'a> {
     const KINDS: u32 = 15;
     const DIRECTION: u8 = b'H';
+
+    fn tail(&self) -> &[u8] {
+        match self {
+            ToHost::Code(code) => code.values.bytes(),
+            ToHost::Audit(audit) => audit.values.bytes(),
+            _ => &[],
+        }
+    }
+
+    fn with_tail(mut self, tail: &'a [u8]) -> Option<Self> {
+        let values = match &mut self {
+            ToHost::Code(code) => &mut code.values,
+            ToHost::Audit(audit) => &mut audit.values,
+            _ => return tail.is_empty().then_some(self),
+        };
+        *values = values.with_bytes(tail)?;
+        Some(self)
+    }
 }
 
 /// Messages from host to device. New variants are added only at the end, because a variant's

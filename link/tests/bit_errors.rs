@@ -6,7 +6,7 @@
     clippy::cast_sign_loss,
     reason = "counts below 2^32 and positive gaps"
 )]
-use link::{CODE_LEN, Code, CodeValues, Decoder, Encoder, Flags, MAX_FRAME, ToHost};
+use link::{Code, CodeValues, Decoder, Encoder, Flags, MAX_FRAME, ToHost};
 
 /// SplitMix64 (Steele, Lea, Flood 2014): a seeded generator without a dependency.
 struct Noise(u64);
@@ -45,8 +45,8 @@ fn loss_follows_the_bit_error_rate_and_no_wrong_frame_is_accepted() {
         let mut buffer = [0; MAX_FRAME];
         for window in 0..count {
             let seed = noise.next().to_le_bytes();
-            let values = core::array::from_fn::<i8, CODE_LEN, _>(|index| {
-                i8::from_le_bytes([seed[index % 8].wrapping_mul(index as u8 | 1)])
+            let values = core::array::from_fn::<u8, 128, _>(|index| {
+                seed[index % 8].wrapping_mul(index as u8 | 1)
             });
             let sent = Code {
                 model_id: seed,
@@ -56,7 +56,7 @@ fn loss_follows_the_bit_error_rate_and_no_wrong_frame_is_accepted() {
                 clipped: 0,
                 clipped_values: 0,
                 saturated: 0,
-                values: CodeValues::Int8(values),
+                values: CodeValues::int8(&values),
             };
             let length = encoder
                 .encode(u64::from(window) * 62_500, &ToHost::Code(sent), &mut buffer)

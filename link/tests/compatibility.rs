@@ -149,7 +149,7 @@ fn an_echo_is_refused_in_the_other_direction() {
         clipped: 0,
         clipped_values: 0,
         saturated: 0,
-        values: link::CodeValues::Int8([0; link::CODE_LEN]),
+        values: link::CodeValues::int8(&[0; 128]),
     });
     let mut device = Decoder::new();
     for message in [ack, stats, code] {
@@ -180,10 +180,7 @@ fn a_code_with_an_exponent_above_the_maximum_is_malformed() {
             clipped: 0,
             clipped_values: 0,
             saturated: 0,
-            values: link::CodeValues::Int8Exponent {
-                exponent,
-                values: [-128; link::CODE_LEN],
-            },
+            values: link::CodeValues::int8_exponent(exponent, &[128; 128]),
         });
         let mut bytes = encoder.encode(1, &code, &mut buffer).unwrap();
         let mut host = Decoder::<MAX_FRAME>::new();
@@ -201,19 +198,71 @@ fn a_code_with_an_exponent_above_the_maximum_is_malformed() {
 }
 
 #[test]
+fn a_code_has_1_to_256_whole_values() {
+    let bytes = [7; 2 * link::MAX_NUMBERS + 2];
+    let decoded = |values: link::CodeValues| {
+        let code = ToHost::Code(link::Code {
+            model_id: [1; 8],
+            window: 1,
+            first_sample: 32,
+            flags: link::Flags::empty(),
+            clipped: 0,
+            clipped_values: 0,
+            saturated: 0,
+            values,
+        });
+        let mut buffer = [0; MAX_FRAME];
+        let mut frame = Encoder::default().encode(1, &code, &mut buffer).unwrap();
+        let mut host = Decoder::<MAX_FRAME>::new();
+        match host.next::<ToHost>(&mut frame).unwrap() {
+            Ok(frame) => {
+                assert_eq!(frame.message, code);
+                Some(values.len())
+            }
+            Err(error) => {
+                assert_eq!(error, FrameError::Malformed);
+                None
+            }
+        }
+    };
+    for (length, expected) in [
+        (0, None),
+        (1, Some(1)),
+        (8, Some(8)),
+        (256, Some(256)),
+        (257, None),
+    ] {
+        assert_eq!(decoded(link::CodeValues::int8(&bytes[..length])), expected);
+        let exponent = link::CodeValues::int8_exponent(3, &bytes[..length]);
+        assert_eq!(decoded(exponent), expected);
+    }
+    for (length, expected) in [
+        (0, None),
+        (1, None),
+        (2, Some(1)),
+        (17, None),
+        (512, Some(256)),
+        (514, None),
+    ] {
+        assert_eq!(decoded(link::CodeValues::int16(&bytes[..length])), expected);
+    }
+}
+
+#[test]
 fn levels_span_the_range_of_their_format() {
     let ends = |values: link::CodeValues| {
-        let [least, .., greatest] = values.levels();
+        let levels: Vec<i32> = values.levels().collect();
+        assert_eq!(values.len(), levels.len());
+        let [least, .., greatest] = levels[..] else {
+            panic!("{levels:?}")
+        };
         assert_eq!(values.format().range(), Some([least, greatest]));
     };
-    let mut values = [0; link::CODE_LEN];
-    (values[0], values[127]) = (i8::MIN, i8::MAX);
-    ends(link::CodeValues::Int8(values));
-    let exponent = link::MAX_EXPONENT;
-    ends(link::CodeValues::Int8Exponent { exponent, values });
-    let mut values = [0; link::CODE_LEN];
-    (values[0], values[127]) = (i16::MIN, i16::MAX);
-    ends(link::CodeValues::Int16(values));
+    let values = [i8::MIN, 0, i8::MAX].map(i8::cast_unsigned);
+    ends(link::CodeValues::int8(&values));
+    ends(link::CodeValues::int8_exponent(link::MAX_EXPONENT, &values));
+    let values = [i16::MIN, 0, i16::MAX].map(i16::to_le_bytes);
+    ends(link::CodeValues::int16(values.as_flattened()));
 }
 
 #[test]

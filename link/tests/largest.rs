@@ -2,10 +2,10 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, Audit, CODE_LEN, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest,
-    ChipTest, Code, CodeFormat, CodeValues, Converters, Decoder, ElectrodeQuality, Encoder,
-    FILTERED_STEPS, Filtered, Flags, Hello, MAX_BODY, MAX_CHIPS, MAX_ELECTRODES, MAX_FRAME,
-    MAX_LABELS_BYTES, MAX_STAGES, MAX_TEXT_BYTES, Message, Quality, RAW_SAMPLES, Raw, ResetCause,
+    Ack, AckResult, Audit, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest, ChipTest, Code,
+    CodeFormat, CodeValues, Converters, Decoder, ElectrodeQuality, Encoder, FILTERED_STEPS,
+    Filtered, Flags, Hello, MAX_BODY, MAX_CHIPS, MAX_ELECTRODES, MAX_FRAME, MAX_LABELS_BYTES,
+    MAX_NUMBERS, MAX_STAGES, MAX_TEXT_BYTES, Message, Quality, RAW_SAMPLES, Raw, ResetCause,
     SelfTest, Stage, StageTiming, Start, Stats, Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
@@ -31,8 +31,8 @@ fn capabilities<'a>(labels: &'a str, filters: &'a str) -> ToHost<'a> {
         labels,
         filters,
         code_format: CodeFormat::Newer(u8::MAX),
-        code_scale: heapless::Vec::from_array([f32::MAX; CODE_LEN]),
-        code_zero_point: heapless::Vec::from_array([-1; CODE_LEN]),
+        code_scale: heapless::Vec::from_array([f32::MAX; MAX_NUMBERS]),
+        code_zero_point: heapless::Vec::from_array([-1; MAX_NUMBERS]),
     })
 }
 
@@ -42,9 +42,9 @@ fn the_largest_frame_fits() {
     let text = "x".repeat(MAX_TEXT_BYTES);
     let largest = body_bytes(&capabilities(&labels, &text));
     // Bytes: 16 header (1 + 5 + 10), 1 message number, 3 + 3 rates, 3 dimensions, 4 LSB,
-    // 1 mains, 5 delay, 2 + 512 labels, 2 + 256 filters, 1 format, 2 + 512 scales,
-    // 2 + 128 zero points, 4 CRC.
-    assert_eq!(largest, 1457);
+    // 1 mains, 5 delay, 2 + 512 labels, 2 + 256 filters, 1 format, 2 + 1024 scales,
+    // 2 + 256 zero points, 4 CRC.
+    assert_eq!(largest, 2097);
     assert!(largest <= MAX_BODY);
 
     let hello = ToHost::Hello(Hello {
@@ -64,7 +64,7 @@ fn the_largest_frame_fits() {
         clipped: u16::MAX,
         clipped_values: u8::MAX,
         saturated: u64::MAX,
-        values: CodeValues::Int16([-1; CODE_LEN]),
+        values: CodeValues::int16(&[255; 2 * MAX_NUMBERS]),
     });
     let stats = ToHost::Stats(Stats {
         streams: Streams::from_bits(u16::MAX),
@@ -122,6 +122,8 @@ fn the_largest_frame_fits() {
 fn samples_windows_and_self_tests_fit_a_frame() {
     let text = "x".repeat(MAX_TEXT_BYTES);
     let bytes = [0xff; 64 * RAW_SAMPLES * COUNT_BYTES];
+    // 32 steps of a grid of 12 x 12 cells.
+    let cells = [0xff; 32 * 12 * 12];
     let raw = ToHost::Raw(Raw {
         first_sample: u64::MAX,
         channels: 64,
@@ -138,8 +140,8 @@ fn samples_windows_and_self_tests_fit_a_frame() {
     let audit = ToHost::Audit(Audit {
         model_id: [255; 8],
         window: u32::MAX,
-        planes: &bytes[..16 * 90],
-        values: CodeValues::Int16([-1; CODE_LEN]),
+        planes: &cells,
+        values: CodeValues::int16(&[255; 2 * MAX_NUMBERS]),
     });
     let converters = ToHost::Converters(Converters {
         fault: text.as_str().try_into().unwrap(),
@@ -173,7 +175,7 @@ fn samples_windows_and_self_tests_fit_a_frame() {
     // of the fields follow in their order.
     assert_eq!(raw, 21 + 10 + 1 + 3 + 2 + 1536);
     assert_eq!(filtered, 21 + 10 + 1 + 1 + 3 + 2 + 1024);
-    assert_eq!(audit, 21 + 8 + 5 + 2 + 1440 + 1 + 256);
+    assert_eq!(audit, 21 + 8 + 5 + 2 + 4608 + 1 + 512);
     assert_eq!(converters, 21 + 2 + 256 + 5 + 10 + 10 + 1 + 8 * 5);
     assert_eq!(self_test, 21 + 2 + 256 + 4 * 5 + 1 + 8 * 8 + 1 + 64 * 17);
     for body in [raw, filtered, audit, converters, self_test] {
@@ -201,7 +203,7 @@ fn a_body_of_the_maximum_length_fits_the_longest_frame() {
         match Encoder::starting_at(u32::MAX).encode(u64::MAX, &hello, &mut frame) {
             Ok(frame) => longest = frame.len(),
             Err(error) => {
-                assert!(error.to_string().contains("2048"));
+                assert!(error.to_string().contains("5376"));
                 assert!(longest > MAX_BODY && longest <= MAX_FRAME, "{longest}");
                 return;
             }

@@ -114,11 +114,20 @@ impl CodeValues {
     /// the format has one, then values, little-endian.
     pub fn to_bytes<'b>(&self, buffer: &'b mut [u8; Self::MAX_BYTES]) -> &'b [u8] {
         let length = match self {
-            Self::Int8(values) => write(buffer, values.map(i8::to_le_bytes).as_flattened()),
             Self::Int8Exponent { exponent, values } => {
                 buffer[0] = *exponent;
-                let values = values.map(i8::to_le_bytes);
-                1 + write(&mut buffer[1..], values.as_flattened())
+                1 + write(&mut buffer[1..], values.map(i8::to_le_bytes).as_flattened())
+            }
+            Self::Int8(_) | Self::Int16(_) => return self.value_bytes(buffer),
+        };
+        &buffer[..length]
+    }
+
+    /// Serialises the values without the exponent, little-endian, and returns their bytes.
+    pub fn value_bytes<'b>(&self, buffer: &'b mut [u8; Self::MAX_BYTES]) -> &'b [u8] {
+        let length = match self {
+            Self::Int8(values) | Self::Int8Exponent { values, .. } => {
+                write(buffer, values.map(i8::to_le_bytes).as_flattened())
             }
             Self::Int16(values) => write(buffer, values.map(i16::to_le_bytes).as_flattened()),
         };

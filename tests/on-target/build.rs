@@ -137,6 +137,9 @@ fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     let all = Golden::read(&folder)?;
     let every = all.windows.len().div_ceil(WINDOWS).max(1);
     let windows: Vec<_> = all.windows.iter().step_by(every).collect();
+    let [_, cells] = all.window_shape;
+    let planes = |window: &Vec<i8>| window.chunks_exact(cells).map(<[i8]>::to_vec).collect();
+    let windows: Vec<Vec<Vec<i8>>> = windows.into_iter().map(planes).collect();
     let codes = all.codes.iter().step_by(every);
     let codes: Vec<_> = codes.map(artifact::IntegerCode::levels).collect();
     let count = windows.len();

@@ -1,15 +1,15 @@
 //! Random networks of every mode, padding and pool, calibrated like a trained network.
 
 use artifact::{
-    Artifact, ArtifactError, CELLS, CODE, ELECTRODES, FloatEncoder, Geometry, Mode, NetworkShape,
-    Padding, STEPS, ScalpGrid, Tensors, TracedCode, WINDOW_CELLS, WINDOW_ELECTRODES,
+    Artifact, ArtifactError, Description, FloatEncoder, Geometry, Mode, NetworkShape, Padding,
+    ScalpGrid, Tensors, TracedCode,
 };
-use model_gen::{IntegerModel, Plane};
+use model_gen::IntegerModel;
 
 use crate::workspace;
 
 /// A window on the scalp grid, indexed by step, row and column, in units of the input's standard deviation.
-pub type Window = Box<[f32; WINDOW_CELLS]>;
+pub type Window = Vec<f32>;
 
 /// Number of windows with which each network is calibrated.
 const CALIBRATION: usize = 16;
@@ -52,16 +52,26 @@ pub fn any_artifact(
     pool: [usize; 3],
     hop: usize,
 ) -> Result<Artifact, ArtifactError> {
+    any_artifact_with(seed, |description| {
+        description.mode = mode;
+        description.network = NetworkShape { padding, pool };
+        description.window.hop = hop;
+    })
+}
+
+/// Returns a network as [`any_artifact`] does, of the built-in model's description after `change`.
+///
+/// # Errors
+/// When the built-in model cannot be read, or the description is none that a model can have.
+pub fn any_artifact_with(
+    seed: u32,
+    change: impl FnOnce(&mut Description),
+) -> Result<Artifact, ArtifactError> {
     let mut artifact = Artifact::read(&workspace::root().join("model/artifact"))?;
-    artifact.description.mode = mode;
-    artifact.description.network = NetworkShape { padding, pool };
-    artifact.description.window.hop = hop;
+    change(&mut artifact.description);
     let mut noise = Noise(seed);
-    artifact.weights = dense_weights(
-        &mut noise,
-        mode,
-        &Geometry::new(&artifact.description.network),
-    );
+    let geometry = Geometry::new(&artifact.description);
+    artifact.weights = dense_weights(&mut noise, artifact.description.mode, &geometry);
     let windows = windows(!seed, &artifact, CALIBRATION);
     let encoder = FloatEncoder::new(&artifact)?;
     let traced: Vec<TracedCode> = windows.iter().map(|w| encoder.encode_traced(w)).collect();
@@ -72,13 +82,14 @@ pub fn any_artifact(
 /// Returns `count` random windows of a model's electrodes, smooth over time.
 pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     let grid = ScalpGrid::new(&artifact.description);
+    let dimensions = artifact.description.dimensions();
     // Use another seed than for the weights: with the same random numbers, each window would match a filter
     // exactly.
     let mut noise = Noise(seed ^ 0x9e37_79b9);
     let mut window = || {
-        let mut last = [0.0_f32; ELECTRODES];
-        let mut window = [0.0; WINDOW_ELECTRODES];
-        for step in window.chunks_exact_mut(ELECTRODES) {
+        let mut last = vec![0.0_f32; dimensions.electrodes];
+        let mut window = vec![0.0; dimensions.window_electrodes()];
+        for step in window.chunks_exact_mut(dimensions.electrodes) {
             for (value, last) in step.iter_mut().zip(&mut last) {
                 *last = 0.8 * *last + 0.9 * noise.next();
                 *value = *last;
@@ -89,17 +100,16 @@ pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     (0..count).map(|_| window()).collect()
 }
 
-/// Returns the planes of a window, quantised with the model's input scale and clamped to int8.
-pub fn planes(artifact: &Artifact, model: &IntegerModel, window: &Window) -> [Plane; STEPS] {
+/// Returns the cells of a window, quantised with the model's input scale and clamped to int8.
+pub fn quantised(artifact: &Artifact, model: &IntegerModel, window: &Window) -> Vec<i8> {
     let sd_uv = artifact.description.input.sd_uv;
-    let mut planes = [[0; CELLS]; STEPS];
-    for (q, x) in planes.as_flattened_mut().iter_mut().zip(window.iter()) {
-        let steps = f64::from(*x) * sd_uv / f64::from(model.input_scale_uv);
+    let quantise = |x: &f32| {
+        let level = f64::from(*x) * sd_uv / f64::from(model.input_scale_uv);
         #[expect(clippy::cast_possible_truncation, reason = "clamped to 8 bits")]
-        let clamped = steps.round().clamp(-128.0, 127.0) as i8;
-        *q = clamped;
-    }
-    planes
+        let clamped = level.round().clamp(-128.0, 127.0) as i8;
+        clamped
+    };
+    window.iter().map(quantise).collect()
 }
 
 fn dense_weights(noise: &mut Noise, mode: Mode, geometry: &Geometry) -> Tensors {
@@ -147,9 +157,10 @@ fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -
         calibration.insert("activation1.max", &[1], first);
         calibration.insert("activation2.max", &[1], second);
     }
+    let numbers = artifact.description.code.numbers;
     // Widen the range of each dimension by half its width on either side: a range over a few windows is about
     // half of the range over many.
-    let (low, high): (Vec<f32>, Vec<f32>) = (0..CODE)
+    let (low, high): (Vec<f32>, Vec<f32>) = (0..numbers)
         .map(|j| {
             let of =
                 |f: fn(f32, f32) -> f32, start| traced.iter().fold(start, |m, t| f(m, t.code[j]));
@@ -158,8 +169,8 @@ fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -
             (low - further, high + further)
         })
         .unzip();
-    calibration.insert("code.min", &[CODE], low);
-    calibration.insert("code.max", &[CODE], high);
+    calibration.insert("code.min", &[numbers], low);
+    calibration.insert("code.max", &[numbers], high);
     calibration
 }
 

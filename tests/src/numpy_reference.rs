@@ -6,8 +6,8 @@ use std::io;
 use std::path::Path;
 use std::process::Command;
 
-use artifact::{CODE, IntegerCode, STEPS};
-use model_gen::{IntegerModel, Plane};
+use artifact::{Dimensions, IntegerCode};
+use model_gen::IntegerModel;
 
 use emulator::skip::skip_unless_required;
 
@@ -52,28 +52,29 @@ pub fn available(test: &str) -> bool {
 /// When Python fails, or an exchanged file cannot be written or read.
 ///
 /// # Panics
-/// When a window does not have 16 planes, or an exponent is out of range.
+/// When a window does not have the length of the model's, or an exponent is out of range.
 pub fn integer_codes<'w>(
     model: &IntegerModel,
-    windows: impl IntoIterator<Item = &'w [Plane]>,
+    windows: impl IntoIterator<Item = &'w [i8]>,
 ) -> Result<Vec<IntegerCode>, NumpyError> {
     let folder = tempfile::tempdir()?;
     let folder = folder.path();
     write_model(folder, model)?;
+    let dimensions = &model.geometry.dimensions;
     let cells = windows.into_iter().flat_map(|window| {
-        assert_eq!(window.len(), STEPS, "planes of a window");
-        window.as_flattened()
+        assert_eq!(window.len(), dimensions.window_cells(), "cells of a window");
+        window
     });
     write(folder, "windows", cells.copied())?;
     run("encoder_numpy.py", folder)?;
     let bytes = fs::read(folder.join("codes.i16"))?;
     let integers = bytes.as_chunks().0.iter().copied().map(i16::from_le_bytes);
     let integers: Vec<i16> = integers.collect();
-    let codes = integers.as_chunks::<{ 1 + CODE }>().0.iter();
+    let codes = integers.chunks_exact(1 + dimensions.numbers);
     Ok(codes
-        .map(|&[exponent, ref values @ ..]| IntegerCode {
-            exponent: u8::try_from(exponent).expect("an exponent of 0 to 8"),
-            values: *values,
+        .map(|code| IntegerCode {
+            exponent: u8::try_from(code[0]).expect("an exponent of 0 to 8"),
+            values: code[1..].to_vec(),
         })
         .collect())
 }
@@ -101,6 +102,13 @@ fn write_model(folder: &Path, model: &IntegerModel) -> io::Result<()> {
     let parts = [model.mode.has_convolutions(), model.mode.has_shortcut()];
     write(folder, "parts", parts.map(u8::from))?;
     let lengths = |lengths: [usize; 3]| lengths.map(|n| u8::try_from(n).expect("a grid's length"));
+    let Dimensions {
+        steps,
+        rows,
+        columns,
+        ..
+    } = geometry.dimensions;
+    write(folder, "window", lengths([steps, rows, columns]))?;
     write(folder, "pads", lengths(geometry.padding.pads()))?;
     write(folder, "pool", lengths(geometry.pool))?;
     write(folder, "hidden_padding", model.hidden_padding)?;
@@ -115,9 +123,9 @@ fn write_model(folder: &Path, model: &IntegerModel) -> io::Result<()> {
         let multipliers = linear.multipliers.clone();
         write(folder, &format!("{name}.multipliers"), multipliers)?;
     }
-    write(folder, "fc.bias", model.fc_bias)?;
-    write(folder, "cells", model.cells)?;
-    write(folder, "zero_point", model.code_zero_point)?;
+    write(folder, "fc.bias", model.fc_bias.clone())?;
+    write(folder, "cells", model.cells.clone())?;
+    write(folder, "zero_point", model.code_zero_point.clone())?;
     let [least, greatest] = model.code_format.range();
     let exponent = model.code_format.largest_exponent();
     write(folder, "code.range", [least, greatest, exponent.into()])

@@ -66,9 +66,9 @@ fn different(batch: &IntegerModel, planes: &[Plane], codes: &[Code]) -> usize {
     windows
         .zip(codes)
         .filter(|(window, code)| {
-            let window: &[Plane; STEPS] = (*window).try_into().expect("16 planes");
-            let batch = batch.encode_window(window);
-            (batch.exponent, batch.values) != (code.values.exponent(), code.values.integers())
+            let batch = batch.encode_window(window.as_flattened());
+            let ours = (code.values.exponent(), code.values.integers().to_vec());
+            (batch.exponent, batch.values) != ours
         })
         .count()
 }

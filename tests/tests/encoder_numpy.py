@@ -11,13 +11,17 @@ from pathlib import Path
 import numpy as np
 
 FOLDER = Path(sys.argv[1])
-STEPS, ROWS, COLUMNS = 16, 10, 9
 # Number of windows computed at once. The patches of the second convolution then take up to 40 MB.
 BATCH = 8
 
 
 def array(name, *shape):
     return np.fromfile(FOLDER / f"{name}.i64", dtype="<i8").reshape(shape)
+
+
+STEPS, ROWS, COLUMNS = array("window", 3)
+ZERO_POINT = array("zero_point", -1)
+NUMBERS = len(ZERO_POINT)
 
 
 def rounded(product):
@@ -61,8 +65,8 @@ class Convolutions:
         self.conv1 = array("conv1.weights", 16, 1, 3, 3, 3), array("conv1.bias", 16)
         self.conv2 = array("conv2.weights", 32, 16, 3, 3, 3), array("conv2.bias", 32)
         self.factors1, self.factors2 = array("conv1.multipliers", 16), array("conv2.multipliers", 32)
-        self.fc, self.fc_bias = array("fc.weights", 128, -1), array("fc.bias", 128)
-        self.fc_factors = array("fc.multipliers", 128)
+        self.fc, self.fc_bias = array("fc.weights", NUMBERS, -1), array("fc.bias", NUMBERS)
+        self.fc_factors = array("fc.multipliers", NUMBERS)
 
     def codes(self, window):
         x = padded(window[:, None], self.pads, [0])
@@ -74,9 +78,9 @@ class Convolutions:
 
 class Shortcut:
     def __init__(self):
-        self.cells = array("cells", 61)
-        self.weights = array("shortcut.weights", 128, STEPS * 61)
-        self.factors = array("shortcut.multipliers", 128)
+        self.cells = array("cells", -1)
+        self.weights = array("shortcut.weights", NUMBERS, STEPS * len(self.cells))
+        self.factors = array("shortcut.multipliers", NUMBERS)
 
     def codes(self, window):
         electrodes = window.reshape(len(window), STEPS, ROWS * COLUMNS)[:, :, self.cells]
@@ -96,13 +100,12 @@ def formatted(steps):
 
 def main():
     parts = [part() for part, is_there in zip((Convolutions, Shortcut), array("parts", 2)) if is_there]
-    zero_point = array("zero_point", 128)
     windows = array("windows", -1, STEPS, ROWS, COLUMNS)
 
     codes = []
     for first in range(0, len(windows), BATCH):
         window = windows[first : first + BATCH]
-        codes.append(formatted(rounded(sum(part.codes(window) for part in parts)) + zero_point))
+        codes.append(formatted(rounded(sum(part.codes(window) for part in parts)) + ZERO_POINT))
     codes = np.concatenate(codes)
     codes.astype("<i2").tofile(FOLDER / "codes.i16")
     values = codes[:, 1:]

@@ -35,7 +35,8 @@ fn numpy_computes_the_codes_of_the_streaming_encoder() {
     let model = model_gen::quantise(&artifact).expect("an integer model");
     let windows = inputs
         .iter()
-        .flat_map(|planes| planes.windows(STEPS).step_by(HOP));
+        .flat_map(|planes| planes.windows(STEPS).step_by(HOP))
+        .map(<[Plane]>::as_flattened);
     let theirs = numpy_reference::integer_codes(&model, windows).expect("numpy's codes");
     let pairs = codes.iter().zip(&theirs);
     let different = pairs.filter(|(ours, theirs)| ours != theirs).count();
@@ -60,11 +61,14 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
         let windows = any_artifact::windows(seed, &artifact, 2);
         let quiet = windows
             .iter()
-            .map(|window| any_artifact::planes(&artifact, &model, window));
+            .map(|window| any_artifact::quantised(&artifact, &model, window));
         // A window at the rails drives activations and codes to their rails.
-        let rails = std::array::from_fn(|step| [if step % 5 < 3 { 127 } else { -128 }; 90]);
-        let windows: Vec<[Plane; STEPS]> = quiet.chain([rails]).collect();
-        let theirs = numpy_reference::integer_codes(&model, windows.iter().map(|w| &w[..]));
+        let dimensions = &model.geometry.dimensions;
+        let step = |cell: usize| cell / dimensions.cells();
+        let rail = |cell| if step(cell) % 5 < 3 { 127 } else { -128 };
+        let rails = (0..dimensions.window_cells()).map(rail).collect();
+        let windows: Vec<Vec<i8>> = quiet.chain([rails]).collect();
+        let theirs = numpy_reference::integer_codes(&model, windows.iter().map(Vec::as_slice));
         let ours: Vec<IntegerCode> = windows.iter().map(|w| model.encode_window(w)).collect();
         assert_eq!(
             ours,
@@ -131,7 +135,7 @@ fn streamed(planes: &[Plane]) -> Vec<IntegerCode> {
         .filter_map(|step| encoder.encode_step(&step))
         .map(|code| IntegerCode {
             exponent: code.values.exponent(),
-            values: code.values.integers(),
+            values: code.values.integers().to_vec(),
         })
         .collect()
 }

@@ -14,6 +14,8 @@ import numpy as np
 FOLDER = Path(sys.argv[1])
 DESCRIPTION = tomllib.loads((FOLDER / "model.toml").read_text())
 MODE = DESCRIPTION["mode"]
+WINDOW = DESCRIPTION["window"]["steps"], DESCRIPTION["grid"]["rows"], DESCRIPTION["grid"]["columns"]
+ELECTRODES = len(DESCRIPTION["montage"]["electrodes"])
 POOL = DESCRIPTION["network"]["pool"]
 # Steps, rows, columns added on either side.
 PADS = {"none": (0, 0, 0), "space": (0, 1, 1), "all": (1, 1, 1)}[DESCRIPTION["network"]["padding"]]
@@ -63,7 +65,7 @@ def pooled(x):
 
 
 def feature_map():
-    return [length - 4 + 4 * pad for length, pad in zip((16, 10, 9), PADS)]
+    return [length - 4 + 4 * pad for length, pad in zip(WINDOW, PADS)]
 
 
 def cells():
@@ -72,7 +74,7 @@ def cells():
 
 
 def encoded(window):
-    code = np.zeros(128)
+    code = np.zeros(DESCRIPTION["code"]["numbers"])
     if MODE != "pca":
         x = correlated(window[None], W["encoder.conv1.weight"], W["encoder.conv1.bias"], PADS)
         x = normed(x, "encoder.norm1")
@@ -81,12 +83,12 @@ def encoded(window):
         x = pooled(normed(x, "encoder.norm2"))
         code += W["encoder.fc.weight"] @ x.ravel() + W["encoder.fc.bias"]
     if MODE in ("shortcut", "pca"):
-        code += W["encoder.shortcut.weight"] @ window.reshape(16, 90)[:, cells()].ravel()
+        code += W["encoder.shortcut.weight"] @ window.reshape(WINDOW[0], -1)[:, cells()].ravel()
     return code
 
 
 def decoded(code):
-    window = np.zeros((16, 61))
+    window = np.zeros((WINDOW[0], ELECTRODES))
     if MODE != "pca":
         x = W["decoder.fc.weight"] @ code + W["decoder.fc.bias"]
         lengths = [length // pool for length, pool in zip(feature_map(), POOL)]
@@ -95,14 +97,14 @@ def decoded(code):
             x = np.take(x, [position * few // length for position in range(length)], axis)
         x = normed(transposed(x, "decoder.conv1"), "decoder.norm1")
         x = transposed(x, "decoder.conv2")
-        window += x.reshape(16, 90)[:, cells()]
+        window += x.reshape(WINDOW[0], -1)[:, cells()]
     if MODE in ("shortcut", "pca"):
-        window += (W["decoder.shortcut.weight"] @ code).reshape(16, 61)
+        window += (W["decoder.shortcut.weight"] @ code).reshape(WINDOW[0], ELECTRODES)
     return window
 
 
 def main():
-    windows = np.fromfile(FOLDER / "windows.f32", "<f4").reshape(-1, 16, 10, 9).astype(np.float64)
+    windows = np.fromfile(FOLDER / "windows.f32", "<f4").reshape(-1, *WINDOW).astype(np.float64)
     codes = np.array([encoded(window) for window in windows])
     codes.tofile(FOLDER / "codes.f64")
     if MODE != "paper":

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use acceptance::{any_artifact, numpy_reference};
-use artifact::{ArtifactError, CODE, FloatDecoder, FloatEncoder, Mode, WINDOW_ELECTRODES};
+use artifact::{ArtifactError, FloatDecoder, FloatEncoder, Mode};
 
 /// Number of windows per variant.
 const WINDOWS: usize = 2;
@@ -36,9 +36,10 @@ fn numpy_computes_the_float_codes_and_windows_of_every_variant() {
 
         let encoder = FloatEncoder::new(&artifact).expect("an encoder");
         let codes: Vec<_> = windows.iter().map(|w| encoder.encode(w)).collect();
+        let dimensions = artifact.description.dimensions();
         let theirs = numbers_of(&folder.join("codes.f64"));
-        worst = worst.max(difference(codes.as_flattened(), &theirs, &what));
-        assert_eq!(theirs.len(), WINDOWS * CODE, "{what}");
+        worst = worst.max(difference(&codes.concat(), &theirs, &what));
+        assert_eq!(theirs.len(), WINDOWS * dimensions.numbers, "{what}");
         if mode == Mode::Paper {
             let refusal = FloatDecoder::new(&artifact);
             assert!(
@@ -51,7 +52,11 @@ fn numpy_computes_the_float_codes_and_windows_of_every_variant() {
         let decoded: Vec<f32> = codes.iter().flat_map(|z| decoder.decode(z)).collect();
         let theirs = numbers_of(&folder.join("windows.f64"));
         worst = worst.max(difference(&decoded, &theirs, &what));
-        assert_eq!(theirs.len(), WINDOWS * WINDOW_ELECTRODES, "{what}");
+        assert_eq!(
+            theirs.len(),
+            WINDOWS * dimensions.window_electrodes(),
+            "{what}"
+        );
     }
     println!("largest difference {worst:.1e} of the largest magnitude");
 }

@@ -2,8 +2,8 @@
 //! layer, every padding and every sign of a batch norm matters.
 #![forbid(unsafe_code)]
 
-use acceptance::any_artifact::{any_artifact, every_variant, planes, windows};
-use artifact::{Artifact, CODE, FloatEncoder, Mode, Padding};
+use acceptance::any_artifact::{any_artifact, every_variant, quantised, windows};
+use artifact::{Artifact, FloatEncoder, Mode, Padding};
 use model_gen::{IntegerModel, ModelGenError, quantise};
 
 /// Number of windows per variant, none of which was used for the variant's calibration.
@@ -11,16 +11,12 @@ const WINDOWS: usize = 6;
 
 /// Returns two lists of codes for the same windows: those of the float encoder, and those of the integer
 /// encoder after dequantisation.
-fn codes(
-    artifact: &Artifact,
-    model: &IntegerModel,
-    seed: u32,
-) -> (Vec<[f32; CODE]>, Vec<[f32; CODE]>) {
+fn codes(artifact: &Artifact, model: &IntegerModel, seed: u32) -> (Vec<Vec<f32>>, Vec<Vec<f32>>) {
     let encoder = FloatEncoder::new(artifact).expect("a complete network");
     windows(seed, artifact, WINDOWS)
         .iter()
         .map(|window| {
-            let integers = model.encode_window(&planes(artifact, model, window));
+            let integers = model.encode_window(&quantised(artifact, model, window));
             (encoder.encode(window), model.dequantise(&integers))
         })
         .unzip()
@@ -28,9 +24,9 @@ fn codes(
 
 /// Returns the ratio of signal to quantisation noise over all codes, in dB. The signal is a code minus the
 /// mean of each dimension.
-fn sqnr_db((float, integer): &(Vec<[f32; CODE]>, Vec<[f32; CODE]>)) -> f32 {
+fn sqnr_db((float, integer): &(Vec<Vec<f32>>, Vec<Vec<f32>>)) -> f32 {
     let (mut signal, mut noise) = (0.0, 0.0);
-    for j in 0..CODE {
+    for j in 0..float[0].len() {
         #[expect(clippy::cast_precision_loss, reason = "a few windows")]
         let mean = float.iter().map(|z| z[j]).sum::<f32>() / float.len() as f32;
         for (a, b) in float.iter().zip(integer) {
@@ -81,10 +77,10 @@ fn layers_that_a_mode_lacks_are_empty() {
     let pca = model(Mode::Pca);
     assert!(pca.conv1.weights.is_empty() && pca.conv2.weights.is_empty());
     assert!(pca.fc.weights.is_empty() && pca.fc.multipliers.is_empty());
-    assert_eq!(pca.shortcut.weights.len(), CODE * 976);
+    assert_eq!(pca.shortcut.weights.len(), 128 * 976);
     let paper = model(Mode::Paper);
     assert!(paper.shortcut.weights.is_empty() && paper.shortcut.multipliers.is_empty());
-    assert_eq!(paper.fc.weights.len(), CODE * 1_152);
+    assert_eq!(paper.fc.weights.len(), 128 * 1_152);
     assert_eq!(
         (paper.hidden_padding, paper.largest_hidden()),
         ([0; 16], 255)
@@ -110,15 +106,15 @@ fn a_dimension_far_from_zero_keeps_its_resolution() {
     let mut artifact =
         any_artifact(4, Mode::Shortcut, Padding::None, [2, 2, 2], 8).expect("an artifact");
     let raise = |name: &str, by: f32| {
-        let values = artifact.calibration.tensor(name, &[CODE]);
+        let values = artifact.calibration.tensor(name, &[128]);
         let values = values.expect("calibrated").iter();
         values.map(|v| v + by).collect::<Vec<f32>>()
     };
     let (low, high) = (raise("code.min", 100.0), raise("code.max", 100.0));
-    artifact.calibration.insert("code.min", &[CODE], low);
+    artifact.calibration.insert("code.min", &[128], low);
     artifact
         .calibration
-        .insert("code.max", &[CODE], high.clone());
+        .insert("code.max", &[128], high.clone());
     let model = quantise(&artifact).expect("a quantisable network");
     for (j, high) in high.iter().enumerate() {
         let q = high / model.code_scale[j] + f32::from(model.code_zero_point[j]);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use link::{Audit, CODE_LEN, CodeValues, MAX_EXPONENT};
+use link::{Audit, MAX_EXPONENT};
 
 use crate::decoder::model::Model;
 use crate::device::Device;
@@ -49,7 +49,7 @@ pub struct AuditedWindow {
     /// encoder reads them.
     pub planes: Vec<i8>,
     /// The device's code, in levels of its format.
-    pub levels: Box<[i32; CODE_LEN]>,
+    pub levels: Vec<i32>,
     /// Difference between neighbouring levels that a value can take: `2^exponent` for codes with an
     /// exponent, 1 for all other codes.
     pub resolution: u16,
@@ -57,16 +57,13 @@ pub struct AuditedWindow {
 
 impl AuditedWindow {
     pub(crate) fn new(device: Arc<Device>, audit: &Audit) -> AuditedWindow {
-        let resolution = match audit.values {
-            CodeValues::Int8Exponent { exponent, .. } => 1 << exponent.min(MAX_EXPONENT),
-            CodeValues::Int8(_) | CodeValues::Int16(_) => 1,
-        };
+        let resolution = 1 << audit.values.exponent().min(MAX_EXPONENT);
         let planes = audit.planes.iter().map(|byte| byte.cast_signed());
         AuditedWindow {
             device,
             window: audit.window,
             planes: planes.collect(),
-            levels: Box::new(audit.values.levels()),
+            levels: audit.values.levels().collect(),
             resolution,
         }
     }
@@ -86,8 +83,8 @@ impl AuditedWindow {
                 (largest, value) = (difference, index);
             }
         }
-        #[expect(clippy::cast_precision_loss, reason = "128 values")]
-        let rms = |squares: f64| (squares / CODE_LEN as f64).sqrt();
+        #[expect(clippy::cast_precision_loss, reason = "at most 256 values")]
+        let rms = |squares: f64| (squares / self.levels.len() as f64).sqrt();
         let (rms, signal) = (rms(squares), rms(signal));
         let rounding = f64::from(self.resolution) / 2.0;
         AuditResult {
@@ -115,7 +112,7 @@ pub struct AuditResult {
     pub largest: f64,
     /// Upper bound of `largest`, levels, for a device that computes its model correctly.
     pub largest_limit: f64,
-    /// Index of the value with the largest difference, 0 to 127.
+    /// Index of the value with the largest difference.
     pub value: usize,
     /// Whether a cell of the window has the smallest or largest int8, because the input was
     /// clipped. The device's activations can then saturate, so the limits do not apply.

@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use artifact::{Artifact, ArtifactError, FloatDecoder, FloatEncoder, ModelId, WINDOW_CELLS};
-use link::CODE_LEN;
+use artifact::{Artifact, ArtifactError, Dimensions, FloatDecoder, FloatEncoder, ModelId};
 
 use crate::device::Device;
 
@@ -17,7 +16,8 @@ pub struct Model {
     /// Value at the float network's input that corresponds to one int8 level of the device's input.
     input_scale: f32,
     sd_uv: f32,
-    steps: usize,
+    dimensions: Dimensions,
+    hop: usize,
     rate_hz: u32,
     electrodes: Vec<String>,
 }
@@ -67,7 +67,8 @@ impl Model {
             input_scale,
             decoder: FloatDecoder::new(artifact)?,
             sd_uv,
-            steps: description.window.steps,
+            dimensions: description.dimensions(),
+            hop: description.window.hop,
             rate_hz: description.window.rate_hz,
             electrodes: description.montage.electrodes.clone(),
         })
@@ -95,7 +96,9 @@ impl Model {
                 self.id
             ));
         }
-        let same = usize::from(device.window_steps) == self.steps
+        let same = usize::from(device.window_steps) == self.dimensions.steps
+            && usize::from(device.hop_steps) == self.hop
+            && device.numbers() == self.dimensions.numbers
             && u32::from(device.step_rate_hz) == self.rate_hz
             && device.labels == self.electrodes;
         (!same).then(|| {
@@ -109,7 +112,7 @@ impl Model {
 
     /// Decodes a code to the electrode signals of its window, microvolts: all electrodes of the
     /// first step, then all electrodes of the next step, and so on.
-    pub fn decode(&self, z: &[f32; CODE_LEN]) -> Vec<f32> {
+    pub fn decode(&self, z: &[f32]) -> Vec<f32> {
         let mut window = self.decoder.decode(z);
         for value in &mut window {
             *value *= self.sd_uv;
@@ -119,13 +122,13 @@ impl Model {
 
     /// Returns the number of scalp-grid cells in a window: cells per plane times steps.
     pub fn window_cells(&self) -> usize {
-        WINDOW_CELLS
+        self.dimensions.window_cells()
     }
 
     /// Computes the float code of a window. `planes` holds the device's input for the window: int8
     /// cells, plane by plane. If `planes` is too short, the missing cells count as 0.
-    pub fn encode(&self, planes: &[i8]) -> [f32; CODE_LEN] {
-        let mut window = [0.0; WINDOW_CELLS];
+    pub fn encode(&self, planes: &[i8]) -> Vec<f32> {
+        let mut window = vec![0.0; self.window_cells()];
         for (cell, step) in window.iter_mut().zip(planes) {
             *cell = f32::from(*step) * self.input_scale;
         }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use link::{CODE_LEN, Flags};
+use link::Flags;
 use neuro_ros::{NeuroFrame, Stamp};
 
 use crate::decoder::model::Model;
@@ -14,7 +14,7 @@ use crate::streams::tri::TriWords;
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimedCode {
     /// The code, dequantised; `None` if it was lost.
-    pub z: Option<Box<[f32; CODE_LEN]>>,
+    pub z: Option<Vec<f32>>,
     /// Stamp of the `/neurodata_reconstructed` frame that this code completes.
     pub stamp: Stamp,
     /// Status words of the code. The flags that are published combine those of this window and of

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use link::{CODE_LEN, Code, Flags};
+use link::{Code, Flags};
 use neuro_ros::NeuroFrame;
 
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
@@ -26,7 +26,7 @@ pub(crate) struct CodeStream {
     device: Arc<Device>,
     decodable: bool,
     frame: NeuroFrame,
-    z: [f32; CODE_LEN],
+    z: Vec<f32>,
     /// Whether `z` holds a code of this recording.
     has_last: bool,
     /// Whether a code, a `Stats` message or an acknowledgement has shown that the stream runs.
@@ -70,8 +70,8 @@ impl CodeStream {
             settings,
             decodable,
             frame: device.encoded_frame(),
+            z: vec![0.0; device.numbers()],
             device,
-            z: [0.0; CODE_LEN],
             has_last: false,
             running: false,
             last_device_us: None,
@@ -109,7 +109,7 @@ impl CodeStream {
         self.restart();
         self.continuity = Continuity::default();
         self.has_last = false;
-        self.z = [0.0; CODE_LEN];
+        self.z.fill(0.0);
     }
 
     /// Records that the stream runs. From now on, the window index in `Stats` is that of this
@@ -162,8 +162,10 @@ impl CodeStream {
         reception: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
-        let format = code.values.format();
-        if (code.model_id, format) != (self.device.model_id, self.device.code_format) {
+        let (format, numbers) = (code.values.format(), code.values.len());
+        let device = &self.device;
+        let expected = (device.model_id, device.code_format, device.numbers());
+        if (code.model_id, format, numbers) != expected {
             self.counts.foreign += 1;
             return;
         }
@@ -310,7 +312,7 @@ impl CodeStream {
             );
         }
         if self.settings.filler == FillerPolicy::Zeros || !self.has_last {
-            self.z = [0.0; CODE_LEN];
+            self.z.fill(0.0);
         }
         for back in (1..=filled).rev() {
             // The windows between two runs have no index of their own; those of the older run go on.
@@ -367,7 +369,7 @@ impl CodeStream {
             let length = u32::from(self.device.hop_steps) - 1;
             let time = self.wall_time_ns(position, lookback, length, reception);
             let stamp = self.window_stamps.next(time, steps_back);
-            let z = received.then(|| Box::new(self.z));
+            let z = received.then(|| self.z.clone());
             effects.decode(TimedCode { z, stamp, words });
         }
     }

@@ -1,6 +1,5 @@
 //! Templates of the NeuroFrames for the topics of a device.
 
-use link::CODE_LEN;
 use neuro_ros::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
 
 use crate::device::Device;
@@ -16,11 +15,13 @@ const AMPLIFIER: &str = "electrodes";
 impl Device {
     /// Returns a frame for `/encoded` that holds one code, all zeros.
     pub fn encoded_frame(&self) -> NeuroFrame {
-        let labels = (0..CODE_LEN).map(|index| format!("z{index:03}")).collect();
+        let numbers = u16::try_from(self.numbers()).unwrap_or(u16::MAX);
+        let labels = (0..numbers).map(|index| format!("z{index:03}")).collect();
         let eeg = NeuroDataInfo {
             nsamples: 1,
-            nchannels: 128,
-            stride: 512,
+            nchannels: numbers,
+            // Bytes of one sample, with four bytes for each number.
+            stride: numbers.saturating_mul(4),
             unit: "a.u.".to_owned(),
             transducter: self.transducter(NETWORK),
             prefiltering: self.filters.clone(),

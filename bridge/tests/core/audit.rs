@@ -9,9 +9,9 @@ use std::sync::Arc;
 
 use artifact::{Artifact, Golden};
 use bridge::{AuditResult, AuditedWindow, Device, Model, Settings};
-use link::{Audit, CODE_LEN, CodeValues, Streams, ToHost};
+use link::{Audit, CodeValues, Streams, ToHost};
 
-use crate::board::{Board, model};
+use crate::board::{Board, NUMBERS, model};
 use crate::recorder::{Harness, SETTINGS};
 
 const AUDIT: Settings = Settings {
@@ -34,8 +34,8 @@ fn golden() -> Vec<AuditedWindow> {
         .map(|(window, code)| AuditedWindow {
             device: Arc::clone(&device),
             window: 0,
-            planes: window.as_flattened().to_vec(),
-            levels: Box::new(code.values.map(i32::from)),
+            planes: window.clone(),
+            levels: code.levels(),
             resolution: 1,
         })
         .collect()
@@ -45,12 +45,12 @@ fn golden() -> Vec<AuditedWindow> {
 /// calibrated range.
 fn device(artifact: &Artifact) -> Device {
     let ends = |name| {
-        let ends = artifact.calibration.tensor(name, &[CODE_LEN]).unwrap();
+        let ends = artifact.calibration.tensor(name, &[NUMBERS]).unwrap();
         ends.iter().map(|end| f64::from(*end)).collect::<Vec<f64>>()
     };
     let (low, high) = (ends("code.min"), ends("code.max"));
     let mut board = Board::new();
-    for value in 0..CODE_LEN {
+    for value in 0..NUMBERS {
         let scale = (high[value] - low[value]) / 2.0 * 2.0 / 127.0;
         let middle = f64::midpoint(high[value], low[value]);
         board.code_scale[value] = scale as f32;
@@ -88,7 +88,7 @@ fn codes_of_the_integer_encoder_are_within_the_limits() {
 /// bit flipped differs from the correct model.
 fn flipped(value: usize, feature: usize) -> Model {
     let mut artifact = Artifact::read(folder()).unwrap();
-    let (name, shape) = ("encoder.shortcut.weight", [CODE_LEN, 976]);
+    let (name, shape) = ("encoder.shortcut.weight", [NUMBERS, 976]);
     let mut weights = artifact.weights.tensor(name, &shape).unwrap().to_vec();
     let row = &mut weights[value * 976..(value + 1) * 976];
     let largest = row
@@ -112,7 +112,7 @@ fn a_flipped_sign_bit_is_found_only_at_the_value_that_it_changes() {
     let before = compare(loudest, &model())[0];
     let (mut found, mut moved) = (0, 0);
     for index in 0..24 {
-        let (value, feature) = (index * 37 % CODE_LEN, index * 131 % 976);
+        let (value, feature) = (index * 37 % NUMBERS, index * 131 % 976);
         let after = compare(loudest, &flipped(value, feature))[0];
         assert!(!after.is_wrong() || after.value == value, "{after:?}");
         moved += usize::from(after.largest > 2.0 * before.largest.max(0.5));
@@ -148,7 +148,7 @@ fn the_limits_widen_with_the_exponent_of_a_code() {
     assert!((wide.largest_limit - narrow.largest_limit - 7.5).abs() < 1e-9);
 }
 
-fn audit<'p>(model_id: [u8; 8], planes: &'p [u8], values: &CodeValues) -> ToHost<'p> {
+fn audit<'p>(model_id: [u8; 8], planes: &'p [u8], values: &CodeValues<'p>) -> ToHost<'p> {
     ToHost::Audit(Audit {
         model_id,
         window: 3,
@@ -160,7 +160,7 @@ fn audit<'p>(model_id: [u8; 8], planes: &'p [u8], values: &CodeValues) -> ToHost
 #[test]
 fn audits_that_cannot_be_compared_are_counted_and_not_passed_on() {
     let mut harness = Harness::streaming(AUDIT, Board::new());
-    let (id, values) = (model().id(), CodeValues::Int8([5; CODE_LEN]));
+    let (id, values) = (model().id(), CodeValues::int8(&[5; NUMBERS]));
     let planes = [0xFE; 1440];
     harness.send(0, &audit(id, &planes, &values));
     let [audited] = &harness.recorder.audits[..] else {
@@ -171,7 +171,7 @@ fn audits_that_cannot_be_compared_are_counted_and_not_passed_on() {
         (&audited.planes[..], audited.levels[127]),
         (&[-2; 1440][..], 5)
     );
-    let wide = CodeValues::Int16([5; CODE_LEN]);
+    let wide = CodeValues::int16(&[5; 2 * NUMBERS]);
     for wrong in [
         audit([9; 8], &planes, &values),
         audit(id, &planes[1..], &values),
@@ -195,7 +195,7 @@ fn without_the_devices_model_no_audit_is_compared() {
     };
     let mut harness = Harness::new(AUDIT, board);
     harness.connect();
-    let values = CodeValues::Int8([5; CODE_LEN]);
+    let values = CodeValues::int8(&[5; NUMBERS]);
     harness.send(0, &audit([9; 8], &[0; 1440], &values));
     assert!(harness.recorder.audits.is_empty());
 }

@@ -4,8 +4,8 @@ use std::sync::{Arc, LazyLock};
 
 use bridge::{HostTime, Model};
 use link::{
-    Ack, AckResult, CODE_LEN, Capabilities, Code, CodeFormat, CodeValues, Decoder, Encoder, Flags,
-    Hello, MAX_FRAME, ResetCause, SelfTest, Stats, Streams, Substitutes, ToDevice, ToHost,
+    Ack, AckResult, Capabilities, Code, CodeFormat, CodeValues, Decoder, Encoder, Flags, Hello,
+    MAX_FRAME, ResetCause, SelfTest, Stats, Streams, Substitutes, ToDevice, ToHost,
 };
 
 /// Wall-clock time at which host and device start, nanoseconds since 1970.
@@ -25,6 +25,9 @@ pub(crate) fn model() -> Arc<Model> {
     Arc::clone(&MODEL)
 }
 
+/// Number of values in a code of the board.
+pub(crate) const NUMBERS: usize = 128;
+
 /// A board that answers commands as the firmware does. Tests set its properties.
 pub(crate) struct Board {
     pub(crate) encoder: Encoder,
@@ -36,9 +39,9 @@ pub(crate) struct Board {
     /// Electrodes that the board does not measure.
     pub(crate) substitutes: Substitutes,
     pub(crate) code_format: CodeFormat,
-    pub(crate) code_scale: [f32; CODE_LEN],
+    pub(crate) code_scale: [f32; NUMBERS],
     /// Zero points of int8 codes. In the other formats all zero points are 0.
-    pub(crate) code_zero_point: [i8; CODE_LEN],
+    pub(crate) code_zero_point: [i8; NUMBERS],
     pub(crate) step_rate_hz: u16,
     pub(crate) next_window: u32,
     pub(crate) streaming: bool,
@@ -73,8 +76,8 @@ impl Board {
             hop_steps: 8,
             substitutes: Substitutes::NONE,
             code_format: CodeFormat::Int8,
-            code_scale: [0.5; CODE_LEN],
-            code_zero_point: [1; CODE_LEN],
+            code_scale: [0.5; NUMBERS],
+            code_zero_point: [1; NUMBERS],
             step_rate_hz: 128,
             next_window: 0,
             streaming: false,
@@ -139,7 +142,7 @@ impl Board {
         let labels = self.labels.clone();
         let zero_point = match self.code_format {
             CodeFormat::Int8 => self.code_zero_point,
-            _ => [0; CODE_LEN],
+            _ => [0; NUMBERS],
         };
         let code_scale = self.code_scale;
         bytes.extend(self.frame(
@@ -156,8 +159,8 @@ impl Board {
                 labels: &labels,
                 filters: "none",
                 code_format: self.code_format,
-                code_scale: heapless::Vec::from_array(code_scale),
-                code_zero_point: heapless::Vec::from_array(zero_point),
+                code_scale: code_scale.into_iter().collect(),
+                code_zero_point: zero_point.into_iter().collect(),
             }),
         ));
         bytes
@@ -215,7 +218,10 @@ impl Board {
     /// Returns the frame of the next code, with device time `device_us` and `value` in all 128
     /// places.
     pub(crate) fn code(&mut self, device_us: u64, value: i8) -> Vec<u8> {
-        self.code_of(device_us, &CodeValues::Int8([value; CODE_LEN]))
+        self.code_of(
+            device_us,
+            &CodeValues::int8(&[value.cast_unsigned(); NUMBERS]),
+        )
     }
 
     /// Returns the frame of the next code, with device time `device_us` and these values.

@@ -128,7 +128,7 @@ fn survives_extreme_numbers(filler: FillerPolicy) {
                 model_id: board.model_id,
                 window: small,
                 planes: &planes,
-                values: CodeValues::Int8([i8::MIN; 128]),
+                values: CodeValues::int8(&[0x80; 128]),
             }),
         };
         let frame = board.frame(made_us, &message);

@@ -14,14 +14,12 @@ fn device(board: Board) -> Arc<Device> {
 }
 
 /// Returns a float code for a window. Different windows get different codes.
-fn z(window: u16) -> Box<[f32; 128]> {
-    Box::new(std::array::from_fn(|index| {
-        let phase = f32::from(window) * 0.7 + f32::from(u16::try_from(index).unwrap());
-        3.0 * phase.sin()
-    }))
+fn z(window: u16) -> Vec<f32> {
+    let phases = (0..128_u16).map(|index| f32::from(window) * 0.7 + f32::from(index));
+    phases.map(|phase| 3.0 * phase.sin()).collect()
 }
 
-fn window(index: u32, z: Option<Box<[f32; 128]>>) -> TimedCode {
+fn window(index: u32, z: Option<Vec<f32>>) -> TimedCode {
     TimedCode {
         z,
         stamp: Stamp { secs: 1, nsecs: 0 },
@@ -172,7 +170,7 @@ fn with_hop_16_frames_are_whole_windows() {
 fn values_are_clamped_to_the_announced_range() {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), SETTINGS);
     let frame = reconstruction
-        .next_frame(&window(0, Some(Box::new([1e6; 128]))))
+        .next_frame(&window(0, Some(vec![1e6; 128])))
         .unwrap();
     assert!(frame.eeg.data.iter().all(|value| value.abs() <= 187_500.01));
 }

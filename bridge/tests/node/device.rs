@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-use link::{Audit, CODE_LEN, CodeValues, Event, EventKind, Filtered, Flags, Raw, Streams};
+use link::{Audit, CodeValues, Event, EventKind, Filtered, Flags, Raw, Streams};
 use link::{ToDevice, ToHost};
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -203,7 +203,7 @@ fn side_messages(board: &mut Board, device_us: u64) -> Vec<u8> {
             model_id: board.model_id,
             window,
             planes: &[7; 1440],
-            values: CodeValues::Int8([3; CODE_LEN]),
+            values: CodeValues::int8(&[3; 128]),
         };
         bytes.extend(board.frame(device_us, &ToHost::Audit(audit)));
     }

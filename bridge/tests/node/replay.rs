@@ -29,7 +29,7 @@ fn recorded_codes(path: &Path) -> Vec<Vec<f64>> {
             && let ToHost::Code(code) = frame.message
         {
             let levels = code.values.levels();
-            codes.push(levels.map(|level| f64::from(level - 1) * 0.5).to_vec());
+            codes.push(levels.map(|level| f64::from(level - 1) * 0.5).collect());
         }
     }
     codes

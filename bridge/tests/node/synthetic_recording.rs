@@ -5,7 +5,7 @@ use bridge::{
     AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FileHeader,
     FillerPolicy, HostTime, Recorder, Settings, StampPoint, TimedCode,
 };
-use link::{CODE_LEN, CodeValues, Event, EventKind, Filtered, Flags, Raw, Streams, ToHost};
+use link::{CodeValues, Event, EventKind, Filtered, Flags, Raw, Streams, ToHost};
 use neuro_ros::{NeuroEvent, NeuroFrame};
 
 use crate::board::{Board, at};
@@ -238,12 +238,12 @@ impl Rig {
         let last = (i64::from(hop) * 8 + 15) * 4;
         let start_us = self.sample_us(i64::from(hop) * 32) - FILTER_DELAY_US;
         let tick = u32::try_from(start_us * TICKS_PER_SECOND / 1_000_000).unwrap();
-        let mut values = [0; CODE_LEN];
+        let mut values = [0; 128];
         for (place, value) in values.iter_mut().enumerate().take(8) {
-            *value = i8::try_from(tick >> (4 * place) & 15).unwrap();
+            *value = u8::try_from(tick >> (4 * place) & 15).unwrap();
         }
         let device_us = u64::try_from(self.sample_us(last) - self.boot_us).unwrap();
-        let frame = self.board.code_of(device_us, &CodeValues::Int8(values));
+        let frame = self.board.code_of(device_us, &CodeValues::int8(&values));
         let lost = self.next_random() % 100 < self.loss_percent;
         if lost {
             self.lost += 1;

@@ -207,7 +207,8 @@ fn an_audit_with_the_planes_of_its_code_follows_every_ten_seconds() {
         match &output.payload {
             Payload::Code(code, _) => codes.push((output.at_us, code.values)),
             Payload::Audit(audit) => {
-                let message = audit.message();
+                let mut bytes = [0; CodeValues::MAX_BYTES];
+                let message = audit.message(&mut bytes);
                 let planes: &[[u8; CELLS]] = message.planes.as_chunks().0;
                 let mut encoder = Encoder::new();
                 let again = planes.iter().fold(None, |_, plane| {

@@ -1,22 +1,23 @@
 //! Random messages for proptest.
 
 use link::{
-    Ack, AckResult, Audit, CODE_LEN, ClockReading, Code, CodeValues, ElectrodeQuality, Event,
-    EventKind, Filtered, Flags, Hello, MAX_ELECTRODES, MAX_EXPONENT, MAX_STAGES, Quality, Raw,
-    ResetCause, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
+    Ack, AckResult, Audit, ClockReading, Code, CodeFormat, CodeValues, ElectrodeQuality, Event,
+    EventKind, Filtered, Flags, Hello, MAX_ELECTRODES, MAX_EXPONENT, MAX_NUMBERS, MAX_STAGES,
+    Quality, Raw, ResetCause, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
 };
 use proptest::prelude::*;
 
 /// Random code values in a random format.
-fn values() -> impl Strategy<Value = CodeValues> {
-    let bytes = || prop::collection::vec(any::<i8>(), CODE_LEN);
-    let int8 = bytes().prop_map(|values| CodeValues::Int8(values.try_into().unwrap()));
-    let exponent = (0..=MAX_EXPONENT, bytes()).prop_map(|(exponent, values)| {
-        let values = values.try_into().unwrap();
-        CodeValues::Int8Exponent { exponent, values }
-    });
-    let int16 = prop::collection::vec(any::<i16>(), CODE_LEN)
-        .prop_map(|values| CodeValues::Int16(values.try_into().unwrap()));
+fn values() -> impl Strategy<Value = CodeValues<'static>> {
+    let bytes = || {
+        let bytes = prop::collection::vec(any::<u8>(), 1..=MAX_NUMBERS);
+        bytes.prop_map(|bytes| &*bytes.leak())
+    };
+    let int8 = bytes().prop_map(CodeValues::int8);
+    let exponent = (0..=MAX_EXPONENT, bytes())
+        .prop_map(|(exponent, values)| CodeValues::int8_exponent(exponent, values));
+    let int16 = prop::collection::vec(any::<[u8; 2]>(), 1..=MAX_NUMBERS)
+        .prop_map(|values| CodeValues::int16(values.leak().as_flattened()));
     prop_oneof![int8, exponent, int16]
 }
 
@@ -168,6 +169,16 @@ pub(crate) fn message() -> impl Strategy<Value = ToHost<'static>> {
     prop_oneof![4 => code, 1 => ack, 1 => stats, 1 => hello, 1 => quality, 1 => timing(), 2 => streamed()]
 }
 
+fn owned_values(values: &CodeValues<'_>) -> CodeValues<'static> {
+    let bytes = values.bytes().to_vec().leak();
+    match values.format() {
+        CodeFormat::Int8 => CodeValues::int8(bytes),
+        CodeFormat::Int8Exponent => CodeValues::int8_exponent(values.exponent(), bytes),
+        CodeFormat::Int16 => CodeValues::int16(bytes),
+        CodeFormat::Newer(_) => panic!("the generator makes no such values"),
+    }
+}
+
 /// Copies a decoded message into one with `'static` content; leaks byte slices.
 pub(crate) fn owned(message: &ToHost<'_>) -> ToHost<'static> {
     match message {
@@ -183,7 +194,10 @@ pub(crate) fn owned(message: &ToHost<'_>) -> ToHost<'static> {
                 ..*hello
             })
         }
-        ToHost::Code(code) => ToHost::Code(*code),
+        ToHost::Code(code) => ToHost::Code(Code {
+            values: owned_values(&code.values),
+            ..*code
+        }),
         ToHost::Stats(stats) => ToHost::Stats(*stats),
         ToHost::Ack(ack) => ToHost::Ack(*ack),
         ToHost::Quality(quality) => ToHost::Quality(quality.clone()),
@@ -198,6 +212,7 @@ pub(crate) fn owned(message: &ToHost<'_>) -> ToHost<'static> {
         }),
         ToHost::Audit(audit) => ToHost::Audit(Audit {
             planes: audit.planes.to_vec().leak(),
+            values: owned_values(&audit.values),
             ..*audit
         }),
         ToHost::Event(event) => ToHost::Event(*event),

@@ -1,10 +1,9 @@
 //! One message of each kind, with the contents of the dumps in `docs/wire-format.md`.
 
 use link::{
-    Audit, CODE_LEN, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading, Code,
-    CodeFormat, CodeValues, Converters, ElectrodeQuality, Event, EventKind, Filtered, Flags, Hello,
-    Quality, Raw, ResetCause, SelfTest, Stage, StageTiming, Stats, Streams, Substitutes, Timing,
-    ToHost,
+    Audit, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading, Code, CodeFormat,
+    CodeValues, Converters, ElectrodeQuality, Event, EventKind, Filtered, Flags, Hello, Quality,
+    Raw, ResetCause, SelfTest, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
 };
 
 pub(crate) fn hello() -> ToHost<'static> {
@@ -38,10 +37,27 @@ pub(crate) fn capabilities() -> ToHost<'static> {
     })
 }
 
-/// The values -64 to 63.
-pub(crate) fn ramp() -> [i8; CODE_LEN] {
-    core::array::from_fn(|index| i8::try_from(index).unwrap() - 64)
-}
+/// The values -64 to 63 as bytes.
+const RAMP: [u8; 128] = {
+    let mut ramp = [0; 128];
+    let mut value = -64_i8;
+    while value < 64 {
+        ramp[(value + 64) as usize] = value.cast_unsigned();
+        value += 1;
+    }
+    ramp
+};
+
+/// The values of [`RAMP`] times 256, of 16 bits each.
+const WIDE_RAMP: [u8; 256] = {
+    let mut ramp = [0; 256];
+    let mut index = 0;
+    while index < RAMP.len() {
+        ramp[2 * index + 1] = RAMP[index];
+        index += 1;
+    }
+    ramp
+};
 
 pub(crate) fn code() -> ToHost<'static> {
     ToHost::Code(Code {
@@ -52,29 +68,23 @@ pub(crate) fn code() -> ToHost<'static> {
         clipped: 2,
         clipped_values: 1,
         saturated: 1 << 20,
-        values: CodeValues::Int8(ramp()),
+        values: CodeValues::int8(&RAMP),
     })
 }
 
 /// The message of [`code`] with the given values, as a model with another code format would send
 /// it.
-pub(crate) fn code_in(values: &CodeValues) -> ToHost<'static> {
+pub(crate) fn code_in(values: CodeValues<'static>) -> ToHost<'static> {
     let ToHost::Code(code) = code() else { panic!() };
-    ToHost::Code(Code {
-        values: *values,
-        ..code
-    })
+    ToHost::Code(Code { values, ..code })
 }
 
 pub(crate) fn code_with_exponent() -> ToHost<'static> {
-    let (exponent, values) = (3, ramp());
-    code_in(&CodeValues::Int8Exponent { exponent, values })
+    code_in(CodeValues::int8_exponent(3, &RAMP))
 }
 
 pub(crate) fn code_of_16_bits() -> ToHost<'static> {
-    code_in(&CodeValues::Int16(
-        ramp().map(|value| 256 * i16::from(value)),
-    ))
+    code_in(CodeValues::int16(&WIDE_RAMP))
 }
 
 pub(crate) fn stats() -> ToHost<'static> {
@@ -158,12 +168,11 @@ pub(crate) fn filtered() -> ToHost<'static> {
 
 /// A window of two planes with two cells each, to keep the dump short.
 pub(crate) fn audit() -> ToHost<'static> {
-    let (exponent, values) = (3, ramp());
     ToHost::Audit(Audit {
         model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
         window: 300,
         planes: &[0, 0x7f, 0x80, 0xff],
-        values: CodeValues::Int8Exponent { exponent, values },
+        values: CodeValues::int8_exponent(3, &RAMP),
     })
 }
 

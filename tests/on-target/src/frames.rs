@@ -1,8 +1,7 @@
 //! Encodes and decodes the frames that `docs/wire-format.md` shows as hex dumps.
 
 use link::{
-    CODE_LEN, Code, CodeValues, Decoder, Encoder, Flags, MAX_FRAME, Message, Start, Streams,
-    ToDevice, ToHost,
+    Code, CodeValues, Decoder, Encoder, Flags, MAX_FRAME, Message, Start, Streams, ToDevice, ToHost,
 };
 
 use crate::{
@@ -31,7 +30,18 @@ pub(crate) fn check_command() -> Result<(), Mismatch> {
 
 /// Returns the code that `docs/wire-format.md` shows as a hex dump.
 fn code() -> ToHost<'static> {
-    let value = |index: usize| i8::try_from(index).unwrap_or(0) - 64;
+    /// The values -64 to 63 as bytes.
+    const RAMP: [u8; 128] = {
+        let mut ramp = [0; 128];
+        let mut index = 0;
+        while index < ramp.len() {
+            #[expect(clippy::cast_possible_truncation, reason = "below 128")]
+            let byte = (index as u8).wrapping_sub(64);
+            ramp[index] = byte;
+            index += 1;
+        }
+        ramp
+    };
     ToHost::Code(Code {
         model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
         window: 300,
@@ -40,7 +50,7 @@ fn code() -> ToHost<'static> {
         clipped: 2,
         clipped_values: 1,
         saturated: 1 << 20,
-        values: CodeValues::Int8(core::array::from_fn::<_, CODE_LEN, _>(value)),
+        values: CodeValues::int8(&RAMP),
     })
 }
 

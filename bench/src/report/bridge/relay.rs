@@ -9,7 +9,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use link::{CODE_LEN, Code, Decoder, ToHost};
+use link::{Decoder, ToHost};
 
 use super::node_figures::Times;
 
@@ -25,6 +25,12 @@ const BUSY: Duration = Duration::from_millis(2);
 const START: Duration = Duration::from_secs(20);
 /// Time between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(20);
+
+/// Levels of the code of one window.
+struct Levels {
+    window: u32,
+    values: Vec<i32>,
+}
 
 /// Times at which codes were sent.
 #[derive(Debug, Default)]
@@ -105,7 +111,7 @@ fn forward(
     mut source: TcpStream,
     mut bridge: TcpStream,
     sent: &Mutex<Times>,
-    codes: &Sender<(Instant, Code)>,
+    codes: &Sender<(Instant, Levels)>,
 ) -> io::Result<()> {
     let mut decoder: Decoder = Decoder::new();
     let mut buffer = [0; 4096];
@@ -124,9 +130,13 @@ fn forward(
             let (window, at) = *first.get_or_insert((code.window, arrival + RESERVE));
             wait_until(at + HOP * code.window.wrapping_sub(window));
             let now = Instant::now();
-            note(sent, &code, now);
+            note(sent, code.window, now);
+            let levels = Levels {
+                window: code.window,
+                values: code.values.levels().collect(),
+            };
             // Fails where no node in rospy runs.
-            let _ = codes.send((now, code));
+            let _ = codes.send((now, levels));
         }
         bridge.write_all(bytes)?;
     }
@@ -142,24 +152,24 @@ fn wait_until(due: Instant) {
 
 /// Sends each code to the node in rospy after [`OFFSET`]: index of the window, then the levels as float32.
 fn delay(
-    codes: &Receiver<(Instant, Code)>,
+    codes: &Receiver<(Instant, Levels)>,
     mut rospy: TcpStream,
     sent: &Mutex<Times>,
 ) -> io::Result<()> {
     for (at, code) in codes {
-        let mut bytes = Vec::with_capacity(4 + 4 * CODE_LEN);
+        let mut bytes = Vec::with_capacity(4 + 4 * code.values.len());
         bytes.extend(code.window.to_le_bytes());
         #[expect(clippy::cast_precision_loss, reason = "a level has at most 16 bits")]
-        let values = code.values.levels().map(|level| level as f32);
-        bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        let values = code.values.iter().map(|level| *level as f32);
+        bytes.extend(values.flat_map(f32::to_le_bytes));
         wait_until(at + OFFSET);
-        note(sent, &code, Instant::now());
+        note(sent, code.window, Instant::now());
         rospy.write_all(&bytes)?;
     }
     Ok(())
 }
 
-fn note(sent: &Mutex<Times>, code: &Code, at: Instant) {
+fn note(sent: &Mutex<Times>, window: u32, at: Instant) {
     let mut sent = sent.lock().unwrap_or_else(PoisonError::into_inner);
-    sent.insert(code.window.into(), at);
+    sent.insert(window.into(), at);
 }

@@ -13,7 +13,7 @@ pub(crate) const COMPARED: usize = 32;
 pub(crate) fn reference(
     artifact: &Artifact,
     windows: &[[f32; STEPS * CELLS]],
-) -> anyhow::Result<Vec<[f32; CODE]>> {
+) -> anyhow::Result<Vec<Vec<f32>>> {
     let encoder = FloatEncoder::new(artifact)?;
     let windows = windows.iter().take(COMPARED);
     Ok(windows.map(|window| encoder.encode(window)).collect())
@@ -21,7 +21,7 @@ pub(crate) fn reference(
 
 /// Returns the rms difference of int8 codes from the reference, in quantisation levels. A reference value
 /// outside the range of int8 is clamped to the range first.
-pub(crate) fn rms_levels(codes: &[i32], reference: &[[f32; CODE]]) -> f64 {
+pub(crate) fn rms_levels(codes: &[i32], reference: &[Vec<f32>]) -> f64 {
     let mut sum = 0.0;
     for (codes, reference) in codes.chunks_exact(CODE).zip(reference) {
         for (dimension, (&code, z)) in codes.iter().zip(reference).enumerate() {
@@ -30,14 +30,14 @@ pub(crate) fn rms_levels(codes: &[i32], reference: &[[f32; CODE]]) -> f64 {
             sum += (f64::from(code) - exact).powi(2);
         }
     }
-    let values = u32::try_from(reference.as_flattened().len()).unwrap_or(u32::MAX);
+    let values = u32::try_from(reference.concat().len()).unwrap_or(u32::MAX);
     (sum / f64::from(values)).sqrt()
 }
 
 /// Returns the largest difference of float codes from the reference, relative to the reference's largest
 /// value. No code may be NaN, which would be ignored.
-pub(crate) fn relative(codes: &[f32], reference: &[[f32; CODE]]) -> f64 {
-    let reference = reference.as_flattened();
+pub(crate) fn relative(codes: &[f32], reference: &[Vec<f32>]) -> f64 {
+    let reference = reference.concat();
     let largest = reference.iter().map(|z| z.abs()).fold(0.0, f32::max);
     let differences = codes
         .iter()
@@ -51,8 +51,8 @@ mod tests {
     use super::*;
 
     /// A code in floats whose int8 values are 3 above their zero points.
-    fn exact() -> [f32; CODE] {
-        CODE_SCALE.map(|scale| 3.0 * scale)
+    fn exact() -> Vec<f32> {
+        CODE_SCALE.map(|scale| 3.0 * scale).to_vec()
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use link::{CODE_LEN, Capabilities, Hello, ResetCause};
+use link::{Capabilities, Hello, ResetCause};
 use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp};
 
 use super::{DecoderThread, Ordering, QUEUE_WINDOWS};
@@ -55,8 +55,8 @@ fn reconstruction() -> Reconstruction {
         labels: &labels,
         filters: "none",
         code_format: link::CodeFormat::Int8,
-        code_scale: heapless::Vec::from_array([0.5; CODE_LEN]),
-        code_zero_point: heapless::Vec::from_array([1; CODE_LEN]),
+        code_scale: std::iter::repeat_n(0.5, 128).collect(),
+        code_zero_point: std::iter::repeat_n(1, 128).collect(),
     };
     let device = Device::new(&hello, &capabilities).unwrap();
     let settings = Settings {
@@ -82,7 +82,7 @@ fn codes_beyond_a_full_queue_are_counted() {
         .store(QUEUE_WINDOWS, Ordering::Relaxed);
     let (stamp, words) = (Stamp::default(), TriWords::default());
     for _ in 0..3 {
-        let z = Some(Box::new([0.0; 128]));
+        let z = Some(vec![0.0; 128]);
         decoder.decode(TimedCode { z, stamp, words });
     }
     decoder.progress.waiting.store(0, Ordering::Relaxed);
@@ -121,7 +121,7 @@ fn every_code_of_a_burst_after_a_stall_is_decoded() {
     // 37 s of codes at once, far more than the thread decodes meanwhile.
     for window in 0..600 {
         decoder.decode(TimedCode {
-            z: Some(Box::new([0.0; CODE_LEN])),
+            z: Some(vec![0.0; 128]),
             stamp: Stamp::default(),
             words: TriWords {
                 window,
@@ -167,7 +167,7 @@ fn codes_are_decoded_only_while_someone_receives_them_and_numbers_continue() {
             receiver.store(true, Ordering::Relaxed);
         }
         decoder.decode(TimedCode {
-            z: Some(Box::new([0.0; CODE_LEN])),
+            z: Some(vec![0.0; 128]),
             stamp: Stamp::default(),
             words: TriWords {
                 window,
@@ -202,7 +202,7 @@ fn the_end_does_not_wait_for_a_long_queue_and_counts_what_is_left() {
     // 60 s of work.
     for window in 0..1200 {
         decoder.decode(TimedCode {
-            z: Some(Box::new([0.0; CODE_LEN])),
+            z: Some(vec![0.0; 128]),
             stamp: Stamp::default(),
             words: TriWords {
                 window,
