@@ -83,8 +83,10 @@ impl CodeValues {
                 value
             })),
         };
+        // The condition is constant: only a longer code needs the limit.
+        let clipped = if CODE > 255 { clipped.min(255) } else { clipped };
         #[expect(clippy::cast_possible_truncation, reason = "at most 255")]
-        let clipped = clipped.min(u8::MAX.into()) as u8;
+        let clipped = clipped as u8;
         (values, clipped)
     }
 

@@ -2,8 +2,7 @@
 
 use int8_nn::{Pair, PlaneRing};
 use model::{
-    CELL_PLANE, COLUMNS, EDGE_STEPS, INNER_STEPS, MARGIN, Network, OPEN_WINDOWS, PADS_TIME, POOL,
-    STEPS,
+    CELL_PLANE, COLUMNS, EDGE_STEPS, INNER_STEPS, MARGIN, Network, OPEN_WINDOWS, PADS_TIME, POOL, STEPS,
 };
 
 use super::{
@@ -14,8 +13,11 @@ use super::{
 };
 use crate::plane::Plane;
 
-/// Largest number of additions of a pooled plane that are deferred to the next step.
-const DEFERRED: usize = OPEN_WINDOWS - 1;
+/// A window's slot, and the index of a pooled plane in the window.
+type Place = (usize, usize);
+
+/// Largest number of windows that contain a pooled plane, less the newest and the oldest window.
+const BETWEEN: usize = OPEN_WINDOWS.saturating_sub(2);
 
 /// State of the convolutional layers: the most recent planes of each layer.
 #[derive(Clone, Debug)]
@@ -26,9 +28,10 @@ pub(super) struct Convolutions {
     /// The last three output planes of the first convolution, transformed for the second.
     transformed: PlaneRing<Pair, TRANSFORMED, 3>,
     pool: Pool,
-    /// Where the next step adds the pooled plane: slot of the window, and index of the plane in the
-    /// window. `None` where no addition is deferred.
-    deferred: [Option<(usize, usize)>; DEFERRED],
+    /// Where the next step adds the pooled plane to the newest window, if the addition is deferred.
+    newest: Option<Place>,
+    /// Where the next step adds the pooled plane to the windows between the newest and the oldest.
+    between: [Option<Place>; BETWEEN],
     /// The planes at the ends of windows, if the network pads steps.
     edges: [Edges; PADS_TIME as usize],
 }
@@ -40,13 +43,15 @@ impl Convolutions {
         hidden: HiddenPlane::EMPTY,
         transformed: PlaneRing::filled(Pair::ZERO),
         pool: Pool::EMPTY,
-        deferred: [None; DEFERRED],
+        newest: None,
+        between: [None; BETWEEN],
         edges: [Edges::EMPTY; PADS_TIME as usize],
     };
 
     /// Discards the deferred additions; all other state is overwritten before it is read.
     pub(super) fn restart(&mut self) {
-        self.deferred = [None; DEFERRED];
+        self.newest = None;
+        self.between = [None; BETWEEN];
     }
 
     /// Processes the input plane of step `index`. If the step completes a pooled plane, adds that plane
@@ -60,8 +65,11 @@ impl Convolutions {
         windows: &mut [OpenWindow; OPEN_WINDOWS],
     ) {
         self.store_input(plane, network);
-        for index in 0..DEFERRED {
-            if let Some(place) = self.deferred[index].take() {
+        if let Some(place) = self.newest.take() {
+            self.add_pooled(place, network, windows);
+        }
+        for index in 0..BETWEEN {
+            if let Some(place) = self.between[index].take() {
                 self.add_pooled(place, network, windows);
             }
         }
@@ -122,12 +130,17 @@ impl Convolutions {
         let hop = network.hop / POOL[0];
         let mut places = containing_windows(plane / STEPS_OF_POOL, hop, INNER_STEPS)
             .map(|(slot, offset)| (slot, EDGE_STEPS + offset));
-        // Only the oldest window can end with this step; the additions to the newer windows are deferred.
-        let mut oldest = places.next();
-        for deferred in &mut self.deferred {
-            let older = places.next();
-            if older.is_some() {
-                *deferred = core::mem::replace(&mut oldest, older);
+        // Only the oldest window can end with this step; the additions to the others are deferred.
+        let (newest, older) = (places.next(), places.next());
+        let mut oldest = if older.is_some() {
+            self.newest = newest;
+            older
+        } else {
+            newest
+        };
+        for between in &mut self.between {
+            if let Some(older) = places.next() {
+                *between = oldest.replace(older);
             }
         }
         if let Some(place) = oldest {
@@ -139,7 +152,7 @@ impl Convolutions {
     #[inline]
     fn add_pooled(
         &self,
-        (slot, offset): (usize, usize),
+        (slot, offset): Place,
         network: &Network<'_>,
         windows: &mut [OpenWindow; OPEN_WINDOWS],
     ) {
