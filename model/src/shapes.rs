@@ -23,8 +23,8 @@ pub const CELL_PLANE: PlaneShape = PlaneShape {
 /// plane that the kernels accept, so that the shapes of the absent layers are valid on every grid.
 const FEATURE_MAP: [usize; 2] = if HAS_CONVOLUTIONS {
     [
-        CELL_PLANE.rows - 2 * SHRINK + 2 * MARGIN,
-        CELL_PLANE.columns - 2 * SHRINK + 2 * MARGIN,
+        CELL_PLANE.rows + 2 * MARGIN - 2 * SHRINK,
+        CELL_PLANE.columns + 2 * MARGIN - 2 * SHRINK,
     ]
 } else {
     [1, 3]

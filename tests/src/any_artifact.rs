@@ -1,8 +1,10 @@
-//! Random networks of every mode, padding and pool, calibrated like a trained network.
+//! Random networks of every mode, padding, pool and size, calibrated like a trained network.
+
+use std::fmt;
 
 use artifact::{
-    Artifact, ArtifactError, Description, FloatEncoder, Geometry, Mode, NetworkShape, Padding,
-    ScalpGrid, Tensors, TracedCode,
+    Artifact, ArtifactError, Description, FloatEncoder, Geometry, Grid, Mode, NetworkShape,
+    Padding, ScalpGrid, Tensors, TracedCode,
 };
 use model_gen::IntegerModel;
 
@@ -77,6 +79,81 @@ pub fn any_artifact_with(
     let traced: Vec<TracedCode> = windows.iter().map(|w| encoder.encode_traced(w)).collect();
     let calibration = calibration(&artifact, &windows, &traced);
     Artifact::new(artifact.description, artifact.weights, calibration)
+}
+
+/// Size of a model: its grid, electrodes, window and code.
+#[derive(Clone, Copy, Debug)]
+pub struct Size {
+    /// Rows and columns of the scalp grid.
+    pub grid: [usize; 2],
+    /// Number of electrodes, evenly distributed over the cells of the grid.
+    pub electrodes: usize,
+    /// Number of time steps in a window.
+    pub steps: usize,
+    /// Number of time steps from the start of one window to the start of the next.
+    pub hop: usize,
+    /// Number of numbers in a code.
+    pub numbers: usize,
+}
+
+impl Size {
+    /// Returns the paper's size, with another hop.
+    pub const fn paper(hop: usize) -> Self {
+        Self {
+            grid: [10, 9],
+            electrodes: 61,
+            steps: 16,
+            hop,
+            numbers: 128,
+        }
+    }
+
+    /// Writes this size into a description, whose electrodes become E1, E2 and so on.
+    pub fn apply(&self, description: &mut Description) {
+        let [rows, columns] = self.grid;
+        let cells = rows * columns;
+        let is_electrode = |cell: usize| {
+            // Cell k has an electrode where k * electrodes / cells reaches the next integer.
+            (cell + 1) * self.electrodes / cells > cell * self.electrodes / cells
+        };
+        let label = |cell: usize| match is_electrode(cell) {
+            true => format!("E{}", cell * self.electrodes / cells + 1),
+            false => "_".to_owned(),
+        };
+        let row = |row: usize| {
+            (0..columns)
+                .map(|column| label(row * columns + column))
+                .collect()
+        };
+        description.grid = Grid::new((0..rows).map(row).collect());
+        description.montage.electrodes = description.grid.electrodes();
+        (description.window.steps, description.window.hop) = (self.steps, self.hop);
+        description.code.numbers = self.numbers;
+        description.adc.channels = self.electrodes.next_multiple_of(8);
+        let card = &mut description.training;
+        (card.real_electrodes, card.interpolated_electrodes) = (self.electrodes, 0);
+        card.interpolated.clear();
+    }
+}
+
+impl fmt::Display for Size {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (
+            [rows, columns],
+            Self {
+                electrodes,
+                steps,
+                hop,
+                numbers,
+                ..
+            },
+        ) = (self.grid, self);
+        write!(
+            formatter,
+            "{electrodes} electrodes on {rows} x {columns} cells, windows of {steps} steps, hop {hop}, \
+             {numbers} numbers"
+        )
+    }
 }
 
 /// Returns `count` random windows of a model's electrodes, smooth over time.

@@ -6,23 +6,57 @@
 
 use std::process::Command;
 
-use acceptance::{any_artifact::any_artifact, workspace};
+use acceptance::{
+    any_artifact::{Size, any_artifact_with},
+    workspace,
+};
 use artifact::{
     CodeFormat,
     Mode::{self, Paper, PaperCodeOnly, Pca, Shortcut},
-    Padding,
+    NetworkShape, Padding,
 };
 
-/// Models (mode, padding, pool, hop) that together use every kernel, both ends of a padded window, and an
-/// encoder without each of its optional parts.
-const VARIANTS: [(Mode, Padding, [usize; 3], usize); 6] = [
-    (Paper, Padding::None, [2, 2, 2], 16),
-    (Paper, Padding::None, [4, 3, 3], 8),
-    (PaperCodeOnly, Padding::Space, [1, 2, 2], 8),
-    (Shortcut, Padding::All, [2, 2, 2], 8),
-    (Shortcut, Padding::All, [1, 3, 1], 16),
-    (Pca, Padding::None, [2, 2, 2], 8),
+/// Models (mode, padding, pool, size) that together use every kernel, both ends of a padded window, an
+/// encoder without each of its optional parts, every overlap of windows, and the ends of every range.
+const VARIANTS: [(Mode, Padding, [usize; 3], Size); 10] = [
+    (Paper, Padding::None, [2, 2, 2], Size::paper(16)),
+    (Paper, Padding::None, [4, 3, 3], Size::paper(8)),
+    (PaperCodeOnly, Padding::Space, [1, 2, 2], Size::paper(8)),
+    (Shortcut, Padding::All, [2, 2, 2], Size::paper(4)),
+    (Shortcut, Padding::All, [1, 3, 1], Size::paper(16)),
+    (Pca, Padding::None, [2, 2, 2], Size::paper(8)),
+    (Pca, Padding::None, [2, 2, 2], SMALLEST),
+    (Shortcut, Padding::None, [2, 2, 2], LARGEST),
+    (PaperCodeOnly, Padding::Space, [1, 1, 2], ROW),
+    (Shortcut, Padding::All, [2, 1, 1], ROW),
 ];
+
+/// The smallest model: four electrodes, which a convolution cannot read.
+const SMALLEST: Size = Size {
+    grid: [2, 2],
+    electrodes: 4,
+    steps: 16,
+    hop: 4,
+    numbers: 8,
+};
+
+/// The largest model.
+const LARGEST: Size = Size {
+    grid: [12, 12],
+    electrodes: 64,
+    steps: 32,
+    hop: 4,
+    numbers: 256,
+};
+
+/// Electrodes in one row, which a convolution reads with padding.
+const ROW: Size = Size {
+    grid: [1, 8],
+    electrodes: 8,
+    steps: 32,
+    hop: 8,
+    numbers: 32,
+};
 
 /// Formats of codes, assigned to the variants in rotation.
 const FORMATS: [CodeFormat; 3] = [
@@ -34,9 +68,14 @@ const FORMATS: [CodeFormat; 3] = [
 #[test]
 fn streaming_equals_batch_with_every_variant() {
     let formats = FORMATS.into_iter().cycle();
-    for ((seed, (mode, padding, pool, hop)), format) in (1..).zip(VARIANTS).zip(formats) {
+    for ((seed, (mode, padding, pool, size)), format) in (1..).zip(VARIANTS).zip(formats) {
         let folder = tempfile::tempdir().expect("a folder");
-        let mut artifact = any_artifact(seed, mode, padding, pool, hop).expect("a model");
+        let artifact = any_artifact_with(seed, |description| {
+            description.mode = mode;
+            description.network = NetworkShape { padding, pool };
+            size.apply(description);
+        });
+        let mut artifact = artifact.expect("a model");
         artifact.description.code.format = format;
         artifact.write(folder.path()).expect("a folder to write to");
         let test = [
@@ -56,7 +95,7 @@ fn streaming_equals_batch_with_every_variant() {
             .output()
             .expect("cargo runs");
         let stdout = String::from_utf8_lossy(&output.stdout);
-        let variant = format!("{mode:?}, padding {padding:?}, pool {pool:?}, hop {hop}, {format}");
+        let variant = format!("{mode:?}, padding {padding:?}, pool {pool:?}, {size}, {format}");
         assert!(
             output.status.success(),
             "{variant}:\n{stdout}\n{}",
