@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use artifact::{Artifact, ArtifactError, Dimensions, FloatDecoder, FloatEncoder, ModelId};
+use artifact::{Artifact, ArtifactError, Dimensions, FloatEncoder, ModelId};
+use reconstruction::WindowDecoder;
 
 use crate::device::Device;
 
@@ -12,10 +13,9 @@ use crate::device::Device;
 pub struct Model {
     id: ModelId,
     encoder: FloatEncoder,
-    decoder: FloatDecoder,
+    decoder: WindowDecoder,
     /// Value at the float network's input that corresponds to one int8 level of the device's input.
     input_scale: f32,
-    sd_uv: f32,
     dimensions: Dimensions,
     hop: usize,
     rate_hz: u32,
@@ -54,19 +54,13 @@ impl Model {
     /// the code.
     pub fn new(artifact: &Artifact) -> Result<Model, ArtifactError> {
         let description = &artifact.description;
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "a standard deviation, about 50"
-        )]
-        let sd_uv = description.input.sd_uv as f32;
         #[expect(clippy::cast_possible_truncation, reason = "a scale, about 0.1")]
         let input_scale = (artifact.input_scale_uv()? / description.input.sd_uv) as f32;
         Ok(Model {
             id: artifact.id,
             encoder: FloatEncoder::new(artifact)?,
             input_scale,
-            decoder: FloatDecoder::new(artifact)?,
-            sd_uv,
+            decoder: WindowDecoder::new(artifact)?,
             dimensions: description.dimensions(),
             hop: description.window.hop,
             rate_hz: description.window.rate_hz,
@@ -113,11 +107,7 @@ impl Model {
     /// Decodes a code to the electrode signals of its window, microvolts: all electrodes of the
     /// first step, then all electrodes of the next step, and so on.
     pub fn decode(&self, z: &[f32]) -> Vec<f32> {
-        let mut window = self.decoder.decode(z);
-        for value in &mut window {
-            *value *= self.sd_uv;
-        }
-        window
+        self.decoder.decode(z)
     }
 
     /// Returns the number of scalp-grid cells in a window: cells per plane times steps.

@@ -1,9 +1,12 @@
 //! Reconstruction of electrode signals from codes.
 
+use std::path::Path;
 use std::sync::Arc;
 
+use artifact::Artifact;
 use bridge::{Device, FillerPolicy, Reconstruction, Settings, TimedCode, TriWords};
 use neuro_ros::{Shape, Stamp};
+use reconstruction::{HopLayout, Overlap, Window, WindowDecoder};
 
 use crate::board::{Board, model};
 use crate::recorder::{Harness, SETTINGS};
@@ -206,4 +209,31 @@ fn a_frame_carries_the_flags_of_both_its_windows() {
     let mut lost = window(5, None);
     lost.words.flags = 0x8000;
     assert_eq!(flags(&lost), 1, "only window 4 contributes");
+}
+
+#[test]
+fn frames_hold_the_bits_of_the_crate_that_every_program_decodes_with() {
+    let device = device(Board::new());
+    let artifact = Artifact::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact"));
+    let decoder = WindowDecoder::new(&artifact.unwrap()).unwrap();
+    let electrodes = device.labels.len();
+    let steps = usize::from(device.hop_steps);
+    let mut overlap = Overlap::new(HopLayout {
+        steps,
+        electrodes,
+        low_latency: false,
+        full_scale_uv: 187_500.0,
+    });
+    let mut hop = vec![0.0; steps * electrodes];
+    let received = [true, true, false, true];
+    let frames = frames(SETTINGS, &received);
+    for (index, (frame, received)) in (0..).zip(frames.iter().zip(received)) {
+        let decoded = Window {
+            index: index.into(),
+            flags: 0,
+            values: received.then(|| decoder.decode(&z(index))),
+        };
+        overlap.next_hop(decoded, &mut hop);
+        assert_eq!(frame.as_ref(), Some(&hop), "window {index}");
+    }
 }

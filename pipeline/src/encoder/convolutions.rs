@@ -2,7 +2,8 @@
 
 use int8_nn::{Pair, PlaneRing};
 use model::{
-    CELL_PLANE, COLUMNS, EDGE_STEPS, INNER_STEPS, MARGIN, Network, OPEN_WINDOWS, PADS_TIME, POOL, STEPS,
+    CELL_PLANE, COLUMNS, EDGE_STEPS, INNER_STEPS, MARGIN, Network, OPEN_WINDOWS, PADS_TIME, POOL,
+    STEPS,
 };
 
 use super::{

@@ -1,0 +1,31 @@
+//! Decodes codes to microvolts on a continuous time axis.
+//!
+//! Consecutive windows overlap. Each code completes one hop of steps, whose values are averaged from all
+//! windows that contain these steps. Every program that decodes codes uses this crate, so all of them
+//! yield the same bits.
+//!
+//! ```text
+//! code ──WindowDecoder──► window, uV ──Overlap──► hop, uV
+//! 16 Hz                   electrodes of each step     continuous
+//! ```
+//!
+//! ```
+//! use reconstruction::{HopLayout, Overlap, Source, Window};
+//!
+//! let layout = HopLayout { steps: 2, electrodes: 1, low_latency: false, full_scale_uv: 100.0 };
+//! let mut overlap = Overlap::new(layout);
+//! let mut hop = [0.0; 2];
+//! // Windows of four steps: the last two steps of a window are the first two of the next.
+//! let window = |index, values: [f32; 4]| Window { index, flags: 0, values: Some(values.to_vec()) };
+//! let first = overlap.next_hop(window(0, [1.0, 2.0, 3.0, 4.0]), &mut hop);
+//! assert_eq!((first.source, hop), (Source::Window, [1.0, 2.0]));
+//! let second = overlap.next_hop(window(1, [5.0, 6.0, 7.0, 8.0]), &mut hop);
+//! assert_eq!((second.source, hop), (Source::Average, [4.0, 5.0]));
+//! ```
+#![forbid(unsafe_code)]
+
+mod overlap;
+mod window_decoder;
+
+pub use overlap::{Hop, HopLayout, Overlap, Source, Window};
+pub use window_decoder::WindowDecoder;

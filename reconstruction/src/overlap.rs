@@ -1,0 +1,280 @@
+//! Joins consecutive windows, which overlap, to one continuous signal.
+
+use std::collections::VecDeque;
+
+/// Layout of the hops that [`Overlap`] yields.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HopLayout {
+    /// Number of steps from the start of one window to the start of the next.
+    pub steps: usize,
+    /// Number of electrodes in each step.
+    pub electrodes: usize,
+    /// Whether a hop holds the newest steps of its window, without the average with the next window.
+    pub low_latency: bool,
+    /// Largest magnitude of a value, microvolts. Larger ones are limited: a recorder stores values
+    /// outside the announced range as infinite.
+    pub full_scale_uv: f32,
+}
+
+impl HopLayout {
+    /// Returns the number of steps from the first step of a hop to the last step of the window that
+    /// completes the hop. A window has `window_steps` steps.
+    pub fn lookback_steps(window_steps: u32, hop_steps: u32, low_latency: bool) -> u32 {
+        let steps = if low_latency { hop_steps } else { window_steps };
+        steps.saturating_sub(1)
+    }
+
+    /// Number of values in a hop: its steps times the electrodes.
+    fn values(&self) -> usize {
+        self.steps * self.electrodes
+    }
+}
+
+/// A window, decoded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Window {
+    /// Index of the window in the stream; wraps.
+    pub index: u32,
+    /// Status flags of the window.
+    pub flags: u16,
+    /// Microvolts, all electrodes of the first step, then of the next; `None` if the code was lost.
+    pub values: Option<Vec<f32>>,
+}
+
+/// Windows that the values of a hop were computed from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// The window that completes the hop.
+    Window,
+    /// The average of that window and of earlier ones.
+    Average,
+    /// Earlier windows, because the code of the window is lost.
+    Earlier,
+    /// No window: the codes of all are lost. The hop is left as it was.
+    Missing,
+}
+
+/// Where the values of a hop come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Hop {
+    /// Windows that the values were computed from.
+    pub source: Source,
+    /// Flags of the window that completes the hop, and of all windows in the average.
+    pub flags: u16,
+}
+
+/// Averages overlapping windows. Each window completes one hop of steps.
+#[derive(Clone, Debug)]
+pub struct Overlap {
+    layout: HopLayout,
+    /// Earlier windows that contain steps of hops to come, oldest first.
+    earlier: VecDeque<Window>,
+}
+
+impl Overlap {
+    /// Creates an overlap without earlier windows.
+    pub fn new(layout: HopLayout) -> Overlap {
+        Overlap {
+            layout,
+            earlier: VecDeque::new(),
+        }
+    }
+
+    /// Forgets the earlier windows. The next hop is computed from one window alone.
+    pub fn forget(&mut self) {
+        self.earlier.clear();
+    }
+
+    /// Writes the hop that `window` completes to `hop`, and returns its source and flags.
+    ///
+    /// With low latency, the hop is the last one of the window; otherwise it is the first one, which
+    /// the window shares with all earlier windows that contain it.
+    ///
+    /// # Panics
+    ///
+    /// If `hop` has another length than the layout, or the window is shorter than a hop.
+    pub fn next_hop(&mut self, window: Window, hop: &mut [f32]) -> Hop {
+        let length = self.layout.values();
+        let (index, mut flags) = (window.index, window.flags);
+        if self.layout.low_latency {
+            self.forget();
+        }
+        // After a restart of the stream the indices do not continue, and no earlier window contains
+        // the hop.
+        self.earlier
+            .retain(|earlier| hop_at(earlier, index, length).is_some());
+        let mut shared: Vec<&[f32]> = self
+            .earlier
+            .iter()
+            .filter_map(|earlier| hop_at(earlier, index, length))
+            .collect();
+        let source = match (&window.values, shared.is_empty()) {
+            (Some(new), true) if self.layout.low_latency => {
+                hop.copy_from_slice(&new[new.len() - length..]);
+                Source::Window
+            }
+            (Some(new), true) => {
+                hop.copy_from_slice(&new[..length]);
+                Source::Window
+            }
+            (Some(new), false) => {
+                shared.push(&new[..length]);
+                average(&shared, hop);
+                Source::Average
+            }
+            (None, false) => {
+                average(&shared, hop);
+                Source::Earlier
+            }
+            (None, true) => Source::Missing,
+        };
+        let full_scale_uv = self.layout.full_scale_uv;
+        for value in hop.iter_mut() {
+            *value = value.clamp(-full_scale_uv, full_scale_uv);
+        }
+        flags |= self
+            .earlier
+            .iter()
+            .fold(0, |all, earlier| all | earlier.flags);
+        if window.values.is_some() {
+            self.earlier.push_back(window);
+        }
+        Hop { source, flags }
+    }
+}
+
+/// Returns the part of an earlier window that is the first hop of window `index`; `None` if the earlier
+/// window ended before this hop.
+fn hop_at(earlier: &Window, index: u32, length: usize) -> Option<&[f32]> {
+    let age = usize::try_from(index.wrapping_sub(earlier.index)).ok()?;
+    let start = age.checked_mul(length).filter(|_| age > 0)?;
+    earlier
+        .values
+        .as_ref()?
+        .get(start..start.checked_add(length)?)
+}
+
+/// Averages the steps that windows share, which lowers their error. Measured with an earlier model on
+/// EEGMMIDB S001 R11 and R12, with two windows: normalised error 0.00971 for the average and 0.01034 for
+/// one window alone. Not measured again with the built-in model.
+fn average(windows: &[&[f32]], out: &mut [f32]) {
+    #[expect(clippy::cast_precision_loss, reason = "at most 8 windows overlap")]
+    let share = 1.0 / windows.len() as f32;
+    out.fill(0.0);
+    for window in windows {
+        for (out, value) in out.iter_mut().zip(*window) {
+            *out += value;
+        }
+    }
+    for out in out.iter_mut() {
+        *out *= share;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Hop, HopLayout, Overlap, Source, Window};
+
+    const LAYOUT: HopLayout = HopLayout {
+        steps: 1,
+        electrodes: 2,
+        low_latency: false,
+        full_scale_uv: 100.0,
+    };
+
+    /// Returns hops and sources of windows; `None` is a lost code. The flags of window k are 1 << k.
+    fn hops(layout: HopLayout, windows: &[(u32, Option<&[f32]>)]) -> Vec<([f32; 2], Hop)> {
+        let mut overlap = Overlap::new(layout);
+        let mut hop = [0.0; 2];
+        let mut next = |&(index, values): &(u32, Option<&[f32]>)| {
+            let window = Window {
+                index,
+                flags: 1 << (index % 16),
+                values: values.map(<[f32]>::to_vec),
+            };
+            let made = overlap.next_hop(window, &mut hop);
+            (hop, made)
+        };
+        windows.iter().map(&mut next).collect()
+    }
+
+    fn made(source: Source, flags: u16) -> Hop {
+        Hop { source, flags }
+    }
+
+    #[test]
+    fn shared_steps_are_averaged_and_lost_windows_are_covered_by_their_neighbours() {
+        let windows: [(u32, Option<&[f32]>); 5] = [
+            (0, Some(&[1.0, 2.0, 3.0, 4.0])),
+            (1, Some(&[5.0, 6.0, 7.0, 8.0])),
+            (2, None),
+            (3, None),
+            (4, Some(&[9.0, 9.0, 1.0, 1.0])),
+        ];
+        let expected = [
+            ([1.0, 2.0], made(Source::Window, 0b1)),
+            ([4.0, 5.0], made(Source::Average, 0b11)),
+            ([7.0, 8.0], made(Source::Earlier, 0b110)),
+            ([7.0, 8.0], made(Source::Missing, 0b1000)),
+            ([9.0, 9.0], made(Source::Window, 0b1_0000)),
+        ];
+        assert_eq!(hops(LAYOUT, &windows), expected);
+    }
+
+    #[test]
+    fn all_windows_that_contain_a_hop_are_averaged() {
+        // Windows of four steps, a hop of one: up to four windows contain a hop.
+        let windows: [(u32, Option<&[f32]>); 4] = [
+            (0, Some(&[0.0, 0.0, 10.0, 10.0, 20.0, 20.0, 30.0, 30.0])),
+            (1, Some(&[12.0, 12.0, 21.0, 21.0, 33.0, 33.0, 0.0, 0.0])),
+            (2, None),
+            (3, Some(&[36.0, 60.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])),
+        ];
+        let expected = [
+            ([0.0, 0.0], made(Source::Window, 0b1)),
+            ([11.0, 11.0], made(Source::Average, 0b11)),
+            ([20.5, 20.5], made(Source::Earlier, 0b111)),
+            ([33.0, 41.0], made(Source::Average, 0b1011)),
+        ];
+        assert_eq!(hops(LAYOUT, &windows), expected);
+    }
+
+    #[test]
+    fn windows_that_do_not_overlap_stand_alone() {
+        let windows: [(u32, Option<&[f32]>); 2] = [(0, Some(&[1.0, 2.0])), (1, Some(&[5.0, 6.0]))];
+        let expected = [
+            ([1.0, 2.0], made(Source::Window, 0b1)),
+            ([5.0, 6.0], made(Source::Window, 0b10)),
+        ];
+        assert_eq!(hops(LAYOUT, &windows), expected);
+    }
+
+    #[test]
+    fn a_window_that_does_not_follow_the_stored_one_stands_alone() {
+        let windows: [(u32, Option<&[f32]>); 2] = [
+            (7, Some(&[1.0, 2.0, 3.0, 4.0])),
+            (0, Some(&[5.0, 6.0, 7.0, 8.0])),
+        ];
+        let expected = ([5.0, 6.0], made(Source::Window, 0b1));
+        assert_eq!(hops(LAYOUT, &windows)[1], expected);
+    }
+
+    #[test]
+    fn low_latency_yields_the_newest_hop_and_large_values_are_limited() {
+        let layout = HopLayout {
+            low_latency: true,
+            ..LAYOUT
+        };
+        let windows: [(u32, Option<&[f32]>); 2] = [
+            (0, Some(&[1.0, 2.0, 3.0, 4000.0])),
+            (1, Some(&[1.0, 2.0, 5.0, 6.0])),
+        ];
+        let expected = [
+            ([3.0, 100.0], made(Source::Window, 0b1)),
+            ([5.0, 6.0], made(Source::Window, 0b10)),
+        ];
+        assert_eq!(hops(layout, &windows), expected);
+        let lookback = |low_latency| HopLayout::lookback_steps(16, 8, low_latency);
+        assert_eq!([lookback(false), lookback(true)], [15, 7]);
+    }
+}
