@@ -20,6 +20,12 @@ impl Clock {
         internal: false,
     };
 
+    /// External clock of 2.048 MHz, for 250, 500 or 1000 samples per second.
+    pub const DECIMAL: Self = Self {
+        hz: 2_048_000,
+        internal: false,
+    };
+
     /// Internal oscillator of chip 0, 2.048 MHz. Chip 0 has CLKSEL high and drives the other chips from
     /// its CLK pin; they have CLKSEL low (data sheet section 9.3.2.2).
     pub const INTERNAL: Self = Self {

@@ -34,6 +34,18 @@ impl Gain {
         Self::X24,
     ];
 
+    /// Returns the gain of a factor; `None` for a factor that the amplifier lacks.
+    pub const fn of_factor(factor: u32) -> Option<Self> {
+        let mut index = 0;
+        while index < Self::ALL.len() {
+            if Self::ALL[index].factor() as u32 == factor {
+                return Some(Self::ALL[index]);
+            }
+            index += 1;
+        }
+        None
+    }
+
     /// Returns the gain as a factor.
     pub const fn factor(self) -> u8 {
         [1, 2, 4, 6, 8, 12, 24][self as usize]
@@ -50,6 +62,14 @@ impl Gain {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_gain_is_found_by_its_factor() {
+        for gain in Gain::ALL {
+            assert_eq!(Gain::of_factor(gain.factor().into()), Some(gain));
+        }
+        assert_eq!([0, 3, 7, 25, 257].map(Gain::of_factor), [None; 5]);
+    }
 
     #[test]
     fn one_count_at_gain_24_is_22_nanovolts() {

@@ -33,6 +33,24 @@ impl Rate {
         Self::Div8192,
     ];
 
+    /// Returns the clock and the divider for `hz` samples per second; `None` for a rate that neither an
+    /// external clock of 2.048 MHz nor [`Clock::EEG`] yields: 250, 500, 1000 .. 16000 Hz with the one,
+    /// 256, 512, 1024 .. 16384 Hz with the other.
+    pub const fn of_hz(hz: u32) -> Option<(Clock, Self)> {
+        let mut index = 0;
+        while index < Self::ALL.len() {
+            let rate = Self::ALL[index];
+            if rate.millihertz(Clock::EEG) == hz * 1000 {
+                return Some((Clock::EEG, rate));
+            }
+            if rate.millihertz(Clock::DECIMAL) == hz * 1000 {
+                return Some((Clock::DECIMAL, rate));
+            }
+            index += 1;
+        }
+        None
+    }
+
     /// Returns the clock cycles between two samples.
     pub const fn divider(self) -> u32 {
         128 << self as u32
@@ -60,5 +78,16 @@ mod tests {
         let sheet = Rate::ALL.map(|rate| rate.millihertz(Clock::INTERNAL) / 1000);
         assert_eq!(sheet, [16_000, 8000, 4000, 2000, 1000, 500, 250]);
         assert_eq!(Rate::Div4096.millihertz(Clock::EEG), 512_000);
+    }
+
+    #[test]
+    fn the_usual_rates_have_a_clock_and_a_divider() {
+        for hz in [250, 256, 500, 512, 1000, 1024, 16_000, 16_384] {
+            let (clock, rate) = Rate::of_hz(hz).expect("a usual rate");
+            assert_eq!(rate.millihertz(clock), hz * 1000);
+        }
+        for hz in [0, 128, 160, 511, 600, 32_768] {
+            assert_eq!(Rate::of_hz(hz), None, "{hz}");
+        }
     }
 }

@@ -82,13 +82,16 @@ impl Bias {
 }
 
 impl<const CHIPS: usize> Settings<CHIPS> {
-    /// Settings for EEG against one reference electrode at SRB1: 512 Hz, gain 24, bias driven by chip 0
+    /// Settings for EEG as [`eeg`](Self::eeg) returns them, at 512 Hz with gain 24.
+    pub const EEG: Self = Self::eeg(Clock::EEG, Rate::Div4096, Gain::X24);
+
+    /// Returns settings for EEG against one reference electrode at SRB1, with the bias driven by chip 0
     /// from its positive inputs. No lead-off current, because it adds noise.
-    pub const EEG: Self = {
+    pub const fn eeg(clock: Clock, rate: Rate, gain: Gain) -> Self {
         let chip = ChipSettings {
             channels: [Channel {
                 on: true,
-                gain: Gain::X24,
+                gain,
                 srb2: false,
                 input: Input::Electrodes,
             }; CHANNELS],
@@ -106,13 +109,13 @@ impl<const CHIPS: usize> Settings<CHIPS> {
             ..Bias::OFF
         };
         Self {
-            clock: Clock::EEG,
-            rate: Rate::Div4096,
+            clock,
+            rate,
             test_signal: TestSignal::OFF,
             lead_off: LeadOff::OFF,
             chips,
         }
-    };
+    }
 
     /// Returns these settings with every channel on and at `input`, for the self-test; the test
     /// signal is [`TestSignal::SELF_TEST`]. The electrodes have no effect: SRB1 is open, no

@@ -6,7 +6,7 @@ use link::{
 };
 use pipeline::{Code, Mains, Quality};
 
-use crate::marks::Marks;
+use crate::{converter_settings::LSB_NV, marks::Marks};
 
 const _: () = {
     assert!(model::ELECTRODES <= MAX_ELECTRODES);
@@ -39,7 +39,7 @@ pub(crate) fn capabilities(mains: Mains) -> Capabilities<'static> {
         window_steps: const { narrow(model::STEPS) },
         hop_steps: const { narrow(model::HOP) },
         channels: const { narrow(model::CHANNELS) },
-        lsb_nv: model::LSB_NV,
+        lsb_nv: LSB_NV,
         mains_hz: filter.mains_hz,
         group_delay_us: filter.group_delay_us,
         labels: model::LABELS,

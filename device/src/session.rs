@@ -11,6 +11,7 @@ use crate::audited_window::AuditedWindow;
 use crate::board::{Abilities, Identity};
 use crate::filtered_chunk::FilteredChunk;
 use crate::marks::Marks;
+use crate::max_frame::MAX_FRAME;
 use crate::message;
 use crate::order::{Order, Run};
 use crate::output::{Output, Payload};
@@ -35,7 +36,7 @@ pub struct Session<'i> {
     converters: Option<Converters>,
     /// True from the order of a self-test until its result is sent.
     is_testing: bool,
-    decoder: Decoder,
+    decoder: Decoder<MAX_FRAME>,
     /// Counters of the session; [`Self::stats`] adds those of acquisition, sender and decoder.
     stats: Stats,
 }

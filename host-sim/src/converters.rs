@@ -3,15 +3,15 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ads1299::{
-    CHANNELS, Error, Reading, SILENCE, Sampler, SelfTest, SelfTestReport, Settings, frame_bytes,
+    CHANNELS, Error, Reading, SILENCE, Sampler, SelfTest, SelfTestReport, frame_bytes,
     simulation::{
         Electrodes, Options, SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady,
         Simulation, finish,
     },
 };
+use device::{CHIPS, CONVERTER_SETTINGS};
 use pipeline::Sample;
 
-use crate::chain::{CHIPS, PERIOD_NS, RATE_HZ};
 use crate::fault::{Change, Faults};
 
 type Counts = [[i32; CHANNELS]; CHIPS];
@@ -24,7 +24,7 @@ type Simulated = Sampler<
     { frame_bytes(CHIPS) },
 >;
 
-/// A chain of eight simulated converters with the driver that reads them.
+/// A chain of simulated converters with the driver that reads them.
 ///
 /// Counts are applied to the simulated electrodes and read back by the driver. The chain's time is
 /// virtual: each applied sample advances it by one period, independently of device time.
@@ -38,9 +38,9 @@ pub struct Converters {
     faults: Faults,
     /// Number of sample periods started. This number determines which faults are due.
     periods: u64,
-    /// Due time of the current sample's DRDY edge, ns of the chain's time; `None` before the first
-    /// sample after start-up or a self-test.
-    due_ns: Option<u64>,
+    /// Due time of the current sample's DRDY edge; `None` before the first sample after start-up or a
+    /// self-test.
+    due: Option<Due>,
     /// True if all samples of the current period have been read.
     is_done: bool,
     /// True if a DRDY edge has occurred in the current period.
@@ -49,6 +49,37 @@ pub struct Converters {
     silent: u32,
     /// Fault found when the chain was initialised; `None` if there was none.
     failure: Option<Error>,
+}
+
+/// Due time of a DRDY edge, ns of the chain's time.
+#[derive(Clone, Copy, Debug)]
+struct Due {
+    /// Time of the first edge.
+    first_ns: u64,
+    /// Number of sample periods from the first edge to this one.
+    periods: u64,
+}
+
+impl Due {
+    /// Returns the duration of sample periods, rounded up.
+    fn periods_ns(periods: u64) -> u64 {
+        let settings = CONVERTER_SETTINGS;
+        let cycles = u128::from(periods) * u128::from(settings.rate.divider());
+        let ns = (cycles * 1_000_000_000).div_ceil(settings.clock.hz().into());
+        u64::try_from(ns).unwrap_or(u64::MAX)
+    }
+
+    fn ns(self) -> u64 {
+        self.first_ns + Self::periods_ns(self.periods)
+    }
+
+    /// Returns the due time of the next edge.
+    fn next(self) -> Self {
+        Self {
+            periods: self.periods + 1,
+            ..self
+        }
+    }
 }
 
 /// A sample from the driver, or a repeated one that replaces missing samples.
@@ -71,8 +102,12 @@ impl Converters {
         let deliver = Electrodes::counts(move |_, counts| {
             *counts = *at_electrodes.lock().unwrap_or_else(PoisonError::into_inner);
         });
-        let simulation = Simulation::new(Options::default(), deliver);
-        let sampler = Sampler::new(simulation.chain(), Settings::EEG.with_lead_off());
+        let options = Options {
+            clock_hz: CONVERTER_SETTINGS.clock.hz(),
+            ..Options::default()
+        };
+        let simulation = Simulation::new(options, deliver);
+        let sampler = Sampler::new(simulation.chain(), CONVERTER_SETTINGS.with_lead_off());
         let drdy = simulation.drdy();
         let mut converters = Self {
             simulation,
@@ -81,7 +116,7 @@ impl Converters {
             electrodes,
             faults,
             periods: 0,
-            due_ns: None,
+            due: None,
             is_done: true,
             edge_seen: false,
             silent: 0,
@@ -124,12 +159,15 @@ impl Converters {
         drop(electrodes);
         // The first DRDY edge is due when the chips' filter has settled. If the chips do not
         // convert, the edge counts as due one period from now.
-        let first_ns = || {
+        let first = || {
             let now_ns = self.simulation.time_us() * 1_000;
-            Some(self.simulation.next_edge_ns().unwrap_or(now_ns + PERIOD_NS))
+            let edge_ns = self.simulation.next_edge_ns();
+            Due {
+                first_ns: edge_ns.unwrap_or(now_ns + Due::periods_ns(1)),
+                periods: 0,
+            }
         };
-        let next_ns = |due_ns| Some(due_ns + PERIOD_NS);
-        self.due_ns = self.due_ns.map_or_else(first_ns, next_ns);
+        self.due = Some(self.due.map_or_else(first, Due::next));
         self.is_done = false;
         self.edge_seen = false;
     }
@@ -138,14 +176,13 @@ impl Converters {
     /// sample, but none if a DRDY edge is missing and two if the chain runs twice as fast. From the
     /// [`SILENCE`]th consecutive period without an edge on, each period has one repeated sample.
     pub fn read(&mut self) -> Option<ConvertedSample> {
-        let due_ns = self.due_ns.filter(|_| !self.is_done)?;
+        let due_ns = self.due.filter(|_| !self.is_done)?.ns();
         if let Some(edge_ns) = self.simulation.pass_to_edge(due_ns) {
             self.edge_seen = true;
             self.silent = 0;
             let reading = finish(self.sampler.read(edge_ns / 1_000));
             let early_ns = due_ns.saturating_sub(edge_ns);
-            let early_us = early_ns * RATE_HZ / u64::from(model::ADC_RATE_HZ) / 1_000;
-            return reading.map(|reading| self.converted(reading, early_us));
+            return reading.map(|reading| self.converted(reading, early_ns / 1_000));
         }
         self.is_done = true;
         if self.edge_seen {
@@ -181,7 +218,7 @@ impl Converters {
             .sampler
             .self_test(&mut test, &mut self.drdy, now_us, || ());
         finish(run);
-        self.due_ns = None;
+        self.due = None;
         self.silent = 0;
         test.report().clone()
     }

@@ -3,9 +3,8 @@
 use std::str::FromStr;
 
 use ads1299::{Register, simulation};
+use device::CHIPS;
 use thiserror::Error;
-
-use crate::chain::CHIPS;
 
 /// Syntax and kinds of faults, as `--help` prints them.
 pub const FAULTS: &str = "\

@@ -32,7 +32,6 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod chain;
 mod converters;
 mod device_clock;
 mod fault;
@@ -45,8 +44,8 @@ mod tcp;
 mod trigger;
 mod virtual_board;
 
-pub use chain::CHIPS;
 pub use converters::{ConvertedSample, Converters};
+pub use device::CHIPS;
 pub use device_clock::{DeviceClock, Pace};
 pub use fault::{FAULTS, Fault, FaultError, Faults};
 pub use outbox::{Outbox, WhenFull};

@@ -7,11 +7,11 @@ use std::{
 };
 
 use ads1299::SamplerCounters;
+use device::CHIPS;
 use link::{Start, Stats, Streams};
 use pipeline::Mains;
 use recordings::RecordingError;
 
-use crate::chain::CHIPS;
 use crate::device_clock::{DeviceClock, Pace};
 use crate::fault::Faults;
 use crate::outbox::{Outbox, WhenFull};

@@ -1,11 +1,11 @@
 //! Sources of samples: a recording or synthetic EEG.
 
 use pipeline::Sample;
-use recordings::{RecordingError, VirtualAdc};
+use recordings::{RecordingError, VirtualAdc, virtual_adc};
 
 use crate::synthetic::Generator;
 
-const _: () = assert!(model::CHANNELS == recordings::virtual_adc::CHANNELS);
+const _: () = assert!(model::CHANNELS <= virtual_adc::CHANNELS);
 
 /// A stream of samples at the ADC's rate.
 pub enum Source {
@@ -25,10 +25,8 @@ impl Source {
             Self::Recording(adc) => adc
                 .next()
                 .transpose()
-                .map(|counts| counts.map(|counts| Sample { counts })),
-            Self::Synthetic(generator) => Ok(Some(Sample {
-                counts: generator.next_sample(),
-            })),
+                .map(|counts| counts.map(first_channels)),
+            Self::Synthetic(generator) => Ok(Some(first_channels(generator.next_sample()))),
         }
     }
 
@@ -38,5 +36,13 @@ impl Source {
             Self::Recording(adc) => Some(adc.samples()),
             Self::Synthetic(_) => None,
         }
+    }
+}
+
+/// Returns the sample of the model's ADC. The sources fill the channels of the longest chain; those beyond
+/// the model's carry no electrode.
+fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
+    Sample {
+        counts: std::array::from_fn(|channel| counts[channel]),
     }
 }

@@ -2,13 +2,12 @@
 
 use ads1299::SelfTestReport;
 use device::{
-    Abilities, AcquiredSample, Counts, FrameQueue, Marks, Order, Output, Producer, Run, Sender,
-    Session,
+    Abilities, AcquiredSample, CHIPS, Counts, FrameQueue, Marks, Order, Output, Producer, Run,
+    Sender, Session,
 };
 use link::{AckResult, ResetCause, Start, Stats, Streams, Substitutes};
 use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
 
-use crate::chain::CHIPS;
 use crate::converters::{ConvertedSample, Converters};
 use crate::fault::Faults;
 use crate::outbox::Outbox;

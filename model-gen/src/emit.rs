@@ -52,6 +52,10 @@ impl Source {
             format_args!("pub const CHANNELS: usize = {};", description.adc.channels),
         );
         self.item(
+            "Gain of the amplifier before the ADC.",
+            format_args!("pub const GAIN: u32 = {};", description.adc.gain),
+        );
+        self.item(
             "Nanovolts of one ADC count: 2 * reference / gain / 2^24.",
             format_args!("pub const LSB_NV: f32 = {};", float(model.lsb_nv())),
         );

@@ -3,7 +3,7 @@
 use ads1299::SelfTest;
 use defmt::{info, warn};
 use defmt_rtt as _;
-use device::{Abilities, Identity, Producer, Session};
+use device::{Abilities, CHIPS, Identity, Producer, Session};
 use embassy_executor::{SendSpawner, SpawnError};
 use embassy_stm32::{
     Peri, interrupt, uid,
@@ -19,7 +19,6 @@ use pipeline::{Acquisition, Mains};
 use static_cell::StaticCell;
 
 use crate::{
-    bus::CHIPS,
     clock_source::ClockSource,
     converter::{Adc, Wires},
     failure,

@@ -8,11 +8,8 @@ use embassy_stm32::{
 };
 use embedded_hal_async::spi::{ErrorType, SpiBus};
 
-/// Number of converters in the chain.
-pub const CHIPS: usize = 8;
-
 /// Bytes per sample of the whole chain, status words included.
-pub const FRAME_BYTES: usize = ads1299::frame_bytes(CHIPS);
+pub const FRAME_BYTES: usize = ads1299::frame_bytes(device::CHIPS);
 
 /// Fastest SCLK of an ADS1299, Hz (data sheet SBAS499C, section 7.6: a period of 50 ns with DVDD from 2.7 V).
 const FASTEST_HZ: u32 = 20_000_000;

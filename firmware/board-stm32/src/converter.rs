@@ -1,9 +1,10 @@
 //! Chain of ADS1299 converters as a [`firmware::Converter`].
 
-use ads1299::{
-    CHANNELS, Chain, Drdy, DrdyEdge, Error, Reading, RetryingSampler, Sampler, SelfTest, Settings,
-};
+use core::array;
+
+use ads1299::{Chain, Drdy, DrdyEdge, Error, Reading, RetryingSampler, Sampler, SelfTest};
 use defmt::{Display2Format, error, info};
+use device::{CHIPS, CONVERTER_SETTINGS};
 use embassy_stm32::{
     Peri,
     exti::{ExtiInput, TriggerEdge},
@@ -14,13 +15,11 @@ use firmware::{Conversion, Converter, deadlines};
 use pipeline::Sample;
 
 use crate::{
-    bus::{Bus, CHIPS, FRAME_BYTES},
+    bus::{Bus, FRAME_BYTES},
     delay::Delay,
     drdy::{DrdyEdges, FallingEdges},
     trigger,
 };
-
-const _: () = assert!(model::CHANNELS == CHIPS * CHANNELS);
 
 /// Pins and SPI that connect the microcontroller to the converters.
 pub struct Wires {
@@ -37,18 +36,19 @@ type WiredChain = Chain<Bus, Output<'static>, Delay, CHIPS>;
 impl Wires {
     /// Configures the pins so that the chain is at rest: deselected, stopped and not in reset.
     ///
-    /// All chips share SPI, START and RESET. Only chip 0's DRDY is connected, to one of EXTI's lines 5 to 9.
+    /// A chain with fewer chips than the board has chip selects uses the first ones. All chips share SPI,
+    /// START and RESET. Only chip 0's DRDY is connected, to one of EXTI's lines 5 to 9.
     /// The first chip select belongs to chip 0, whose DOUT drives MISO directly.
     pub fn new<DrdyPin: Pin + ExtiPin>(
         bus: Bus,
-        selects: [Peri<'static, AnyPin>; CHIPS],
+        selects: [Peri<'static, AnyPin>; link::MAX_CHIPS],
         [start, reset]: [Peri<'static, AnyPin>; 2],
         drdy: Peri<'static, DrdyPin>,
         drdy_line: Peri<'static, DrdyPin::ExtiChannel>,
     ) -> Self {
         Self {
             bus,
-            selects: selects.map(|select| Output::new(select, Level::High, Speed::High)),
+            selects: chain_selects(selects),
             start: Output::new(start, Level::Low, Speed::Low),
             reset: Output::new(reset, Level::High, Speed::Low),
             drdy: ExtiInput::new_blocking(drdy, drdy_line, Pull::Up, TriggerEdge::Falling),
@@ -67,6 +67,15 @@ impl Wires {
         };
         (chain, self.drdy)
     }
+}
+
+/// Returns the chip selects of the chain, deselected: the board's first ones.
+fn chain_selects(selects: [Peri<'static, AnyPin>; link::MAX_CHIPS]) -> [Output<'static>; CHIPS] {
+    let mut selects = selects.into_iter();
+    array::from_fn(|_| {
+        let select = selects.next().expect("a chain has at most as many chips");
+        Output::new(select, Level::High, Speed::High)
+    })
 }
 
 /// Returns the DRDY input. Before every wait for an edge, it refills the budget of the trigger's interrupt.
@@ -88,7 +97,7 @@ impl Adc {
     /// Creates the converter from wires with the chain at rest; `test` is memory for the self-test.
     pub(crate) fn new(wires: Wires, test: &'static mut SelfTest<CHIPS>) -> Self {
         let (chain, drdy) = wires.into_chain();
-        let sampler = Sampler::new(chain, Settings::EEG);
+        let sampler = Sampler::new(chain, CONVERTER_SETTINGS);
         Self {
             chain: RetryingSampler::new(sampler, deadlines::CONVERTERS_RETRY.as_micros()),
             drdy,

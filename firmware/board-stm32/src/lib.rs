@@ -68,7 +68,7 @@ pub use port::{PortMemory, Uart, UartInterrupt};
 #[cfg(target_os = "none")]
 pub use {
     application::{Board, feed_watchdog, sleep, start_tasks},
-    bus::{Bus, CHIPS, FRAME_BYTES},
+    bus::{Bus, FRAME_BYTES},
     chip::init,
     converter::Wires,
     interrupts::nvic_priority,
