@@ -1,8 +1,8 @@
 //! Frames that a board has sent, decoded in order and sorted by kind.
 
 use link::{
-    Ack, ClockReading, Code, Decoder, FrameError, Header, MAX_FRAME, Message, Quality, ResetCause,
-    Stats, Timing, ToHost, VERSION,
+    Ack, ClockReading, Decoder, FrameError, Header, MAX_FRAME, Message, Quality, ResetCause, Stats,
+    Timing, ToHost, VERSION,
 };
 use model::{HOP, STEP_RATE_HZ};
 
@@ -48,6 +48,17 @@ pub fn encoded<'m>(message: &impl Message<'m>) -> Vec<u8> {
     frame(0, VERSION, message)
 }
 
+/// A code that a board has sent.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SentCode {
+    /// Index of the window since `Start`.
+    pub window: u32,
+    /// Levels of the values.
+    pub levels: Vec<i32>,
+    /// The message as bytes from [`encoded`].
+    pub bytes: Vec<u8>,
+}
+
 /// Everything that a board has sent from one reset to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Boot {
@@ -58,7 +69,7 @@ pub struct Boot {
     /// Every `Capabilities` message, as bytes from [`encoded`].
     pub capabilities: Vec<Vec<u8>>,
     /// Codes with their device times in microseconds.
-    pub timed_codes: Vec<(u64, Code)>,
+    pub timed_codes: Vec<(u64, SentCode)>,
     /// Reports on the electrodes' quality, one per second.
     pub quality: Vec<Quality>,
     /// Counters of the board, one frame per second.
@@ -129,7 +140,14 @@ impl Boot {
                 self.hellos.push((hello.reset_cause, fault));
             }
             ToHost::Capabilities(_) => self.capabilities.push(encoded(message)),
-            ToHost::Code(code) => self.timed_codes.push((device_us, *code)),
+            ToHost::Code(code) => {
+                let code = SentCode {
+                    window: code.window,
+                    levels: code.values.levels().collect(),
+                    bytes: encoded(message),
+                };
+                self.timed_codes.push((device_us, code));
+            }
             ToHost::Stats(stats) => self.stats.push(*stats),
             ToHost::Quality(quality) => self.quality.push(quality.clone()),
             ToHost::Timing(timing) => self.timing.clone_from(timing),
@@ -143,8 +161,9 @@ impl Boot {
     }
 
     /// Returns the codes without their times.
-    pub fn codes(&self) -> Vec<Code> {
-        self.timed_codes.iter().map(|(_, code)| *code).collect()
+    pub fn codes(&self) -> Vec<SentCode> {
+        let codes = self.timed_codes.iter();
+        codes.map(|(_, code)| code.clone()).collect()
     }
 
     /// Returns the counters in the last `Stats`, or zeros if there was none.

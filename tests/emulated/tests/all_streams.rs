@@ -3,12 +3,12 @@
 
 use emulated::board::boards;
 use emulated::compare::first_difference;
-use emulated::frames::{self, Boot};
+use emulated::frames::{self, Boot, SentCode};
 use emulated::host;
 use emulated::input::Input;
 use emulated::stages;
 use emulated::trigger::{self, Edges};
-use link::{Code, Event, Stats, Streams, ToHost};
+use link::{Event, Stats, Streams, ToHost};
 use model::{ADC_RATE_HZ, CELLS, CHANNELS, STEPS};
 use pipeline::{Encoder, Step};
 use serde_json::json;
@@ -98,7 +98,7 @@ fn outputs(sent: &[u8]) -> Vec<(&'static str, u64, Vec<u8>)> {
 
 /// Returns for each audit whether its code equals two others: the code that the encoder computes from the
 /// audit's planes, and the code that was sent for its window.
-fn audits(sent: &[u8], codes: &[Code]) -> Vec<bool> {
+fn audits(sent: &[u8], codes: &[SentCode]) -> Vec<bool> {
     frames::filter_map(sent, |_, message| {
         let ToHost::Audit(audit) = message else {
             return None;
@@ -111,17 +111,13 @@ fn audits(sent: &[u8], codes: &[Code]) -> Vec<bool> {
                 ..Step::SILENCE
             })
         });
-        let exponent = code.map_or(0, |code| code.values.exponent());
-        let levels = code.map(|code| {
-            code.values
-                .integers()
-                .map(|value| i32::from(value) << exponent)
-        });
+        let levels = code.map(|code| code.values.levels().to_vec());
+        let theirs: Vec<i32> = audit.values.levels().collect();
         let sent = codes.iter().find(|code| code.window == audit.window);
         Some(
             audit.planes.len() == STEPS * CELLS
-                && levels == Some(audit.values.levels())
-                && sent.map(|code| code.values) == Some(audit.values),
+                && levels.as_ref() == Some(&theirs)
+                && sent.map(|code| &code.levels) == Some(&theirs),
         )
     })
 }

@@ -10,11 +10,11 @@ use std::thread;
 use std::time::Duration;
 
 use emulated::board::{Board, boards, or_panic};
-use emulated::frames::Boot;
+use emulated::frames::{Boot, SentCode};
 use emulated::host;
 use emulated::input::{self, Input};
 use emulator::{Uart, pipes};
-use link::{Code, Streams};
+use link::Streams;
 use rustix::pipe::fcntl_setpipe_size;
 use serde_json::json;
 
@@ -46,7 +46,7 @@ fn a_board_drops_whole_frames_and_counts_them_while_its_host_does_not_read() {
         let boot = Boot::only(&run(&board, || taken.load(Relaxed) > stalled));
         let last = boot.last_stats();
         let codes = boot.codes();
-        let is_different = |code: &&Code| expected.get(code.window as usize) != Some(*code);
+        let is_different = |code: &&SentCode| expected.get(code.window as usize) != Some(*code);
         let different = codes.iter().filter(is_different).count();
         board.record(&json!({"stalled_host": {
             "frames": boot.frames,

@@ -1,7 +1,8 @@
 //! Decoding of the frames that the device sends.
 
 use link::{
-    Ack, Code, Converters, Decoder, Event, MAX_FRAME, ResetCause, SelfTest, Stats, Timing, ToHost,
+    Ack, Converters, Decoder, Event, Flags, Header, MAX_FRAME, ResetCause, SelfTest, Stats, Timing,
+    ToHost,
 };
 
 /// Frame that was decoded from the device's byte stream.
@@ -13,6 +14,17 @@ pub struct Frame {
     pub device_us: u64,
     /// Message type, with the data that tests use.
     pub kind: Kind,
+}
+
+/// A code of the device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ReceivedCode {
+    /// Index of the window since `Start`.
+    pub window: u32,
+    /// Faults and conditions of the window.
+    pub flags: Flags,
+    /// The whole message, encoded as a frame with a header that is the same for all.
+    pub bytes: Vec<u8>,
 }
 
 /// Message of a frame, as owned data: the variants of [`ToHost`] that tests use.
@@ -27,7 +39,7 @@ pub enum Kind {
         fault: String,
     },
     Capabilities,
-    Code(Box<Code>),
+    Code(ReceivedCode),
     Stats(Box<Stats>),
     Ack(Ack),
     Timing(Box<Timing>),
@@ -85,9 +97,9 @@ impl Inbox {
     }
 
     /// Iterates over all codes received so far, in order.
-    pub fn codes(&self) -> impl Iterator<Item = (&Frame, &Code)> {
+    pub fn codes(&self) -> impl Iterator<Item = (&Frame, &ReceivedCode)> {
         self.frames.iter().filter_map(|frame| match &frame.kind {
-            Kind::Code(code) => Some((frame, &**code)),
+            Kind::Code(code) => Some((frame, code)),
             _ => None,
         })
     }
@@ -104,7 +116,11 @@ impl Kind {
                 fault: hello.fault.to_owned(),
             },
             ToHost::Capabilities(_) => Self::Capabilities,
-            ToHost::Code(code) => Self::Code(Box::new(*code)),
+            ToHost::Code(code) => Self::Code(ReceivedCode {
+                window: code.window,
+                flags: code.flags,
+                bytes: encoded(message),
+            }),
             ToHost::Stats(stats) => Self::Stats(Box::new(*stats)),
             ToHost::Ack(ack) => Self::Ack(*ack),
             ToHost::Timing(timing) => Self::Timing(Box::new(timing.clone())),
@@ -117,4 +133,17 @@ impl Kind {
             _ => Self::Other,
         }
     }
+}
+
+/// Encodes a message as a frame with number 0 at device time 0.
+fn encoded(message: &ToHost<'_>) -> Vec<u8> {
+    let header = Header {
+        version: link::VERSION,
+        seq: 0,
+        device_time_us: 0,
+    };
+    let mut buffer = [0; MAX_FRAME];
+    link::encode(&header, message, &mut buffer)
+        .map(<[u8]>::to_vec)
+        .unwrap_or_default()
 }

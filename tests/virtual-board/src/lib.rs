@@ -66,7 +66,7 @@ pub mod usb;
 
 pub use diagnosis::{BoardError, Diagnosis};
 pub use findings::Findings;
-pub use frames::{Frame, Inbox, Kind};
+pub use frames::{Frame, Inbox, Kind, ReceivedCode};
 pub use image::{Image, ImageError};
 pub use injection::Injection;
 pub use machine::VirtualBoard;

@@ -4,9 +4,9 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use host_sim::{Identity, Outbox, VirtualBoard as Simulator, WhenFull};
-use link::{Code, Start, Streams};
+use link::{Start, Streams};
 use pipeline::{Mains, Sample};
-use virtual_board::{BoardError, Cable, Inbox, Kind, Model, eeg};
+use virtual_board::{BoardError, Cable, Inbox, Kind, Model, ReceivedCode, eeg};
 
 use crate::figures::record;
 use crate::images::Subject;
@@ -36,7 +36,7 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
     let virtual_us = board.now_us() - start_us;
     #[expect(clippy::cast_precision_loss, reason = "seconds")]
     let real_time_factor = virtual_us as f64 * 1e-6 / started.elapsed().as_secs_f64();
-    let codes: Vec<Code> = board.inbox().codes().map(|(_, code)| *code).collect();
+    let codes: Vec<ReceivedCode> = received(board.inbox());
     // The test does not know at which sample the codes start, so it tries all samples between the `Start`
     // command and its acknowledgement.
     let first = (before.saturating_sub(1)..=after + 1)
@@ -119,7 +119,7 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
 }
 
 /// Returns the codes that host-sim computes from `samples` samples, starting with sample `first`.
-fn simulated(first: u64, samples: u64) -> Vec<Code> {
+fn simulated(first: u64, samples: u64) -> Vec<ReceivedCode> {
     let outbox = Outbox::new(WhenFull::Wait);
     let identity = Identity {
         session_id: 0,
@@ -154,5 +154,9 @@ fn simulated(first: u64, samples: u64) -> Vec<Code> {
     });
     let mut inbox = Inbox::default();
     inbox.decode(&bytes);
-    inbox.codes().map(|(_, code)| *code).collect()
+    received(&inbox)
+}
+
+fn received(inbox: &Inbox) -> Vec<ReceivedCode> {
+    inbox.codes().map(|(_, code)| code.clone()).collect()
 }
