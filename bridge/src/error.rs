@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use artifact::ArtifactError;
 use neuro_ros::SinkError;
 use neuro_ros::ros1::NodeError;
+use new_file::NewFileError;
 use thiserror::Error;
 
 use crate::config_error::ConfigError;
@@ -141,21 +142,11 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// The file to write exists already. Recordings and their conversions never replace a file.
-    #[error("{path} exists already; name another file, or move that one away")]
-    FileExists {
-        /// Path of the file.
-        path: PathBuf,
-    },
-    /// The file to write cannot be created.
-    #[error("{path} cannot be created; name a file in a folder that exists and is writable")]
-    FileCreation {
-        /// Path of the file.
-        path: PathBuf,
-        /// The operating system's error.
-        source: std::io::Error,
-    },
-    /// A file cannot be written any further, because the disk is full or fails.
+    /// A file cannot be written under its name: it exists, it is the recording to read, or it cannot
+    /// be created or completed.
+    #[error(transparent)]
+    NewFile(#[from] NewFileError),
+    /// A recording's file cannot be written any further, because the disk is full or fails.
     #[error(
         "{path} cannot be written any further; everything up to here is in the file, so make room \
          on the disk and go on with another file"
@@ -198,14 +189,14 @@ impl BridgeError {
             BridgeError::Sink(_)
             | BridgeError::System(_)
             | BridgeError::FileWrite { .. }
+            | BridgeError::NewFile(NewFileError::Finish { .. })
             | BridgeError::RestartedDuringTest { .. } => 1,
             BridgeError::Port { .. }
             | BridgeError::Speed { .. }
             | BridgeError::SeveralBoards { .. }
             | BridgeError::Model(_)
             | BridgeError::Log { .. }
-            | BridgeError::FileExists { .. }
-            | BridgeError::FileCreation { .. }
+            | BridgeError::NewFile(_)
             | BridgeError::Recording { .. }
             | BridgeError::Output { .. }
             | BridgeError::AnnouncedNotStreamed

@@ -81,6 +81,9 @@ pub(crate) struct RunOptions {
     /// Destination of the frames: pty:PATH, tcp:HOST:PORT (listens) or file:PATH.
     #[arg(long, value_name = "OUTPUT")]
     pub(crate) output: Output,
+    /// Replace the file of --output if it exists; the file of --input is never replaced.
+    #[arg(long)]
+    pub(crate) force: bool,
     #[command(flatten)]
     pub(crate) pace: PaceOptions,
     /// Mains frequency of the notch until a host selects another one, Hz.

@@ -50,7 +50,7 @@ pub use converters::{ConvertedSample, Converters};
 pub use device_clock::{DeviceClock, Pace};
 pub use fault::{FAULTS, Fault, FaultError, Faults};
 pub use outbox::{Outbox, WhenFull};
-pub use port::{Output, Port, PortError};
+pub use port::{FileRules, Output, Port, PortError};
 pub use session::{Report, Session, SessionError};
 pub use source::Source;
 pub use trigger::{Trigger, TriggerError};

@@ -8,11 +8,12 @@ use std::{
 };
 
 use host_sim::{
-    Faults, Identity, Output, Pace, Report, Session, Source,
+    Faults, FileRules, Identity, Output, Pace, Report, Session, Source,
     synthetic::{Generator, SyntheticSpec},
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use link::Substitutes;
+use new_file::Existing;
 use pipeline::Mains;
 use recordings::montage_map::Origin;
 use recordings::{AdcSpec, MontageMap, Recording, VirtualAdc};
@@ -79,8 +80,16 @@ fn session(options: &RunOptions, faults: Faults, substitutes: Substitutes) -> Se
     let limit = options
         .duration
         .map(|s| (s * f64::from(model::ADC_RATE_HZ)).round() as u64);
+    let inputs = match &options.input {
+        Input::Synthetic => Vec::new(),
+        Input::Recording(path) => vec![path.clone()],
+    };
     Session {
         output: options.output.clone(),
+        file_rules: FileRules {
+            existing: Existing::from_force(options.force),
+            inputs,
+        },
         pace,
         mains: match options.mains {
             MainsHz::Fifty => Mains::Hz50,

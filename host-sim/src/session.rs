@@ -15,7 +15,7 @@ use crate::chain::CHIPS;
 use crate::device_clock::{DeviceClock, Pace};
 use crate::fault::Faults;
 use crate::outbox::{Outbox, WhenFull};
-use crate::port::{Output, Port, PortError};
+use crate::port::{FileRules, Output, Port, PortError};
 use crate::source::Source;
 use crate::trigger::Trigger;
 use crate::virtual_board::{Identity, VirtualBoard};
@@ -32,6 +32,8 @@ const IDLE_POLL: Duration = Duration::from_millis(20);
 pub struct Session {
     /// Destination of the frames; it is opened when the run starts.
     pub output: Output,
+    /// Rules for an output that is a file.
+    pub file_rules: FileRules,
     /// Real time or virtual time; decides whether a slow host loses frames or delays the board.
     pub pace: Pace,
     /// Mains frequency that the notch filter removes until a host selects another one.
@@ -80,9 +82,13 @@ pub enum SessionError {
 }
 
 impl SessionError {
-    /// Returns true if the output failed, false if the input did.
+    /// Returns true if the output failed, false if the input did or the output's name cannot be used.
     pub fn is_output_error(&self) -> bool {
-        !matches!(self, Self::Source { .. })
+        match self {
+            Self::Source { .. } => false,
+            Self::Port { source, .. } => !source.is_wrong_name(),
+            Self::Write { .. } => true,
+        }
     }
 }
 
@@ -127,10 +133,12 @@ impl Session {
         mut on_second: impl FnMut(&Stats),
     ) -> Result<Report, SessionError> {
         let outbox = Outbox::new(self.when_full());
-        let port = Port::open(&self.output, &outbox).map_err(|source| SessionError::Port {
+        let cannot_open = |source| SessionError::Port {
             output: self.output.clone(),
             source,
-        })?;
+        };
+        let port = Port::open(&self.output, &self.file_rules, &outbox);
+        let mut port = port.map_err(cannot_open)?;
         let faults = self.faults.clone();
         let mut board =
             VirtualBoard::with_faults(self.identity, self.mains, faults, outbox.clone())
@@ -188,13 +196,16 @@ impl Session {
             0
         };
         outbox.close();
-        outcome?;
         if let (Output::File(_), Some(source)) = (&self.output, outbox.take_failure()) {
             return Err(SessionError::Write {
                 output: self.output.clone(),
                 source,
             });
         }
+        // The end of a damaged recording, too, leaves a file of whole frames.
+        let finished = port.finish_file();
+        outcome?;
+        finished.map_err(|error| cannot_open(error.into()))?;
         Ok(Report {
             stats: board.stats(),
             converters: *board.converters().sampler().counters(),

@@ -1,0 +1,5 @@
+//! Tests that run the program `host-sim`.
+
+mod edf_file;
+mod output_file;
+mod program;
