@@ -29,6 +29,8 @@ pub(crate) struct EdfFile {
     pub(crate) records: usize,
     /// Annotation lists of each record, such as `+0\x14\x14`; none for a plain EDF file.
     pub(crate) annotations: Vec<&'static [u8]>,
+    /// Whether every sample of a signal is the same, in place of a ramp.
+    pub(crate) is_flat: bool,
 }
 
 /// Bytes of annotations in a record.
@@ -45,6 +47,7 @@ impl EdfFile {
             signals: labels.iter().map(|label| Signal::new(label)).collect(),
             records,
             annotations: Vec::new(),
+            is_flat: false,
         }
     }
 
@@ -93,7 +96,11 @@ impl EdfFile {
             for (number, signal) in self.signals.iter().enumerate() {
                 for sample in 0..signal.samples_per_record {
                     // A ramp of another period for each signal, -500 to 499.
-                    let at = record * RATE + sample;
+                    let at = if self.is_flat {
+                        40
+                    } else {
+                        record * RATE + sample
+                    };
                     let value = i16::try_from(at * (3 + number) % 1000).expect("below 1000");
                     out.extend((value - 500).to_le_bytes());
                 }

@@ -3,3 +3,4 @@
 mod edf_file;
 mod output_file;
 mod program;
+mod repeated_values;
