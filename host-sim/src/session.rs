@@ -16,6 +16,7 @@ use crate::device_clock::{DeviceClock, Pace};
 use crate::fault::Faults;
 use crate::outbox::{Outbox, WhenFull};
 use crate::port::{FileRules, Output, Port, PortError};
+use crate::recorded_edges::RecordedEdges;
 use crate::source::Source;
 use crate::trigger::Trigger;
 use crate::virtual_board::{Identity, VirtualBoard};
@@ -46,6 +47,8 @@ pub struct Session {
     pub faults: Faults,
     /// Simulated trigger input; `None` for an input without edges.
     pub trigger: Option<Trigger>,
+    /// Further trigger edges, which mark the events of a recording.
+    pub recorded_edges: RecordedEdges,
 }
 
 /// Why a run failed.
@@ -143,6 +146,7 @@ impl Session {
         let mut board =
             VirtualBoard::with_faults(self.identity, self.mains, faults, outbox.clone())
                 .with_trigger(self.trigger);
+        let mut recorded_edges = self.recorded_edges.clone();
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into());
         if let Output::File(_) = self.output {
             // A file has no host that could send a `Start`, so start the codes here.
@@ -179,7 +183,14 @@ impl Session {
             started.get_or_insert_with(Instant::now);
             clock.wait_for_next();
             match source.next_sample() {
-                Ok(Some(sample)) => board.process_sample(&sample, clock.next_drdy_us()),
+                Ok(Some(sample)) => {
+                    let drdy_us = clock.next_drdy_us();
+                    let signal_us = samples * 1_000_000 / u64::from(model::ADC_RATE_HZ);
+                    while let Some(edge) = recorded_edges.take_due(signal_us) {
+                        board.capture_edge(edge.kind, drdy_us.saturating_sub(edge.early_us));
+                    }
+                    board.process_sample(&sample, drdy_us);
+                }
                 Ok(None) => break Ok(()),
                 Err(source) => break Err(SessionError::Source { samples, source }),
             }

@@ -16,6 +16,7 @@ use crate::{
         record_count,
     },
     header::{HEADER_BLOCK, Header},
+    onsets::{Onsets, Timeline},
     ratio::Ratio,
     signal::{Signal, SignalKind},
     source::{BLOCK_BYTES, Source, in_memory, read_at},
@@ -272,12 +273,30 @@ impl Recording {
             Format::Gdf1(_) | Format::Gdf2(_) => self.gdf_events(),
             _ => {
                 let mut events = Vec::new();
-                self.for_each_annotated_record(|annotations| {
+                self.for_each_annotated_record(|_, annotations| {
                     events.extend(annotations.events);
                 })?;
                 Ok(events)
             }
         }
+    }
+
+    /// Returns the starts of the events in the signal that a [`crate::VirtualAdc`] plays, which has no gaps.
+    ///
+    /// # Errors
+    /// [`RecordingError::Read`] if reading fails.
+    pub fn onsets(&mut self) -> Result<Onsets, RecordingError> {
+        let record_s = self.record_duration().map_or(0.0, Ratio::value);
+        let mut timeline = Timeline {
+            records: Vec::new(),
+            record_s,
+            end_s: self.duration_s(),
+        };
+        self.for_each_annotated_record(|record, annotations| {
+            let start_s = annotations.record_start_s;
+            timeline.add_record(record, start_s);
+        })?;
+        Ok(Onsets::new(&self.events()?, &timeline))
     }
 
     fn gdf_events(&mut self) -> Result<Vec<Event>, RecordingError> {
@@ -309,7 +328,7 @@ impl Recording {
     fn note_gaps(&mut self) -> Result<(), RecordingError> {
         let length = self.record_duration().map_or(0.0, Ratio::value);
         let (mut count, mut seconds, mut expected) = (0_u64, 0.0, None::<f64>);
-        self.for_each_annotated_record(|annotations| {
+        self.for_each_annotated_record(|_, annotations| {
             if let Some(start) = annotations.record_start_s {
                 // Start times are rounded decimals, so a difference counts as a gap only above 1e-6 s,
                 // which is far less than a sample.
@@ -330,7 +349,7 @@ impl Recording {
 
     fn for_each_annotated_record(
         &mut self,
-        mut visit: impl FnMut(RecordAnnotations),
+        mut visit: impl FnMut(u64, RecordAnnotations),
     ) -> Result<(), RecordingError> {
         let mut places = Vec::new();
         let mut offset = 0;
@@ -351,7 +370,7 @@ impl Recording {
                 read_at(&mut *self.source, at, &mut bytes)?;
                 let found = annotations::parse(&bytes);
                 intact &= found.intact;
-                visit(found);
+                visit(record, found);
             }
             damaged += u64::from(!intact);
         }

@@ -1,6 +1,7 @@
 //! Tests that run the program `host-sim`.
 
 mod edf_file;
+mod events;
 mod output_file;
 mod program;
 mod repeated_values;

@@ -60,7 +60,9 @@ mod tests {
     fn dithered(samples: &[[i32; CHANNELS]]) -> Vec<[i32; CHANNELS]> {
         let mut dither = Dither::new();
         let mut samples = samples.to_vec();
-        samples.iter_mut().for_each(|counts| dither.apply(counts));
+        for counts in &mut samples {
+            dither.apply(counts);
+        }
         samples
     }
 
