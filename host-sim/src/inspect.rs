@@ -32,5 +32,8 @@ pub(crate) fn inspect(options: &InspectOptions) -> Result<(), Box<dyn Error>> {
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
     let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate)?;
     println!("\n{map}");
+    for warning in map.warnings() {
+        println!("warning: {warning}");
+    }
     Ok(())
 }

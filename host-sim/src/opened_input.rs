@@ -53,6 +53,9 @@ impl OpenedInput {
         } else {
             RecordedEdges::default()
         };
+        for warning in map.warnings() {
+            eprintln!("warning: {warning}");
+        }
         for warning in recording.warnings() {
             eprintln!("warning: {warning}");
         }

@@ -21,7 +21,7 @@ use rustix::{
 
 use crate::{
     outbox::{Outbox, WhenFull},
-    tcp::{CurrentHost, RETRY, forward, serve, wait_until_closed},
+    tcp::{CurrentHost, RETRY, forward, is_absent, serve, wait_until_closed},
 };
 
 /// Interval between checks of how many bytes a slow host has not read.
@@ -201,6 +201,11 @@ impl Port {
         // A panic of the thread would have left frames in the closed outbox, which are counted.
         let _ = thread.join();
         file.finish()
+    }
+
+    /// Returns whether this is a TCP port in virtual time without a host.
+    pub fn lacks_host(&self) -> bool {
+        self.waiting_host.as_ref().is_some_and(is_absent)
     }
 
     /// Returns the chunks of bytes that the host has sent since the last call, without waiting.

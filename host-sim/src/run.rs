@@ -129,6 +129,9 @@ fn progress_bar(seconds: Option<u64>, quiet: bool) -> ProgressBar {
 
 fn summary(report: &Report, source: &Source) -> String {
     let stats = &report.stats;
+    if stats.samples == 0 {
+        return "no host started the stream".to_owned();
+    }
     let mut text = format!(
         "{:.1} s of signal in {:.2} s ({:.1} times real time): {} codes made, {} frames dropped, \
          {} values clipped, {} in codes ({})",

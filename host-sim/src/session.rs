@@ -41,7 +41,8 @@ pub struct Session {
     pub mains: Mains,
     /// Session id and chip id that the board reports in `Hello`.
     pub identity: Identity,
-    /// Number of ADC samples after which the run ends; `None` for no limit.
+    /// Number of ADC samples after which the run ends; `None` for no limit. Time in which no host lets the
+    /// board stream counts too, from the last sample on: a run without a host ends after this time.
     pub limit: Option<u64>,
     /// Schedule of the faults of converters and electrodes.
     pub faults: Faults,
@@ -161,6 +162,7 @@ impl Session {
 
         let mut started = None;
         let mut samples = 0;
+        let mut last_sample = Instant::now();
         let outcome = loop {
             if stop.load(Ordering::Relaxed) || self.limit == Some(samples) {
                 break Ok(());
@@ -169,6 +171,9 @@ impl Session {
                 board.receive(&bytes, clock.now_us());
             }
             if !board.is_streaming() {
+                if self.is_over(samples, last_sample) {
+                    break Ok(());
+                }
                 if let Some(bytes) = port.receive_timeout(IDLE_POLL) {
                     board.receive(&bytes, clock.now_us());
                 }
@@ -178,6 +183,9 @@ impl Session {
                 continue;
             }
             if !outbox.wait_for_room(IDLE_POLL) {
+                if port.lacks_host() && self.is_over(samples, last_sample) {
+                    break Ok(());
+                }
                 continue;
             }
             started.get_or_insert_with(Instant::now);
@@ -195,6 +203,7 @@ impl Session {
                 Err(source) => break Err(SessionError::Source { samples, source }),
             }
             samples += 1;
+            last_sample = Instant::now();
             if samples.is_multiple_of(model::ADC_RATE_HZ.into()) {
                 on_second(&board.stats());
             }
@@ -223,6 +232,15 @@ impl Session {
             failure: board.converters().failure(),
             elapsed,
             unread_bytes,
+        })
+    }
+
+    /// Returns whether the rest of the limit has passed since the last sample.
+    fn is_over(&self, samples: u64, last_sample: Instant) -> bool {
+        self.limit.is_some_and(|limit| {
+            let left = limit.saturating_sub(samples);
+            let left_us = left.saturating_mul(1_000_000) / u64::from(model::ADC_RATE_HZ);
+            last_sample.elapsed() >= Duration::from_micros(left_us)
         })
     }
 

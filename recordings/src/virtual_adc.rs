@@ -99,8 +99,9 @@ impl VirtualAdc {
     /// # Errors
     /// [`RecordingError::AdcSpec`] if the rate or scale is out of range,
     /// [`RecordingError::TooManyElectrodes`] if the montage has more than [`CHANNELS`] electrodes,
-    /// [`RecordingError::MapMismatch`] if `map` belongs to another recording, [`RecordingError::Rate`]
-    /// if a signal cannot be resampled.
+    /// [`RecordingError::MapMismatch`] if `map` belongs to another recording,
+    /// [`RecordingError::NoSamples`] if a signal of the map has none, [`RecordingError::Rate`] if a signal
+    /// cannot be resampled.
     pub fn new(
         mut recording: Recording,
         map: &MontageMap,
@@ -128,7 +129,7 @@ impl VirtualAdc {
             };
             let mut mix = Vec::with_capacity(sources.len());
             for (signal, weight) in sources {
-                let (group, member) = find_or_add(signal, &recording, &mut rates, spec)?;
+                let (group, member) = find_or_add(signal, &recording, &mut rates)?;
                 mix.push(MixTerm {
                     group,
                     member,
@@ -279,16 +280,16 @@ fn find_or_add(
     signal: usize,
     recording: &Recording,
     rates: &mut Vec<(Ratio, Vec<usize>)>,
-    spec: AdcSpec,
 ) -> Result<(usize, usize), RecordingError> {
     let signals = recording.signals().len();
     let described = recording
         .signals()
         .get(signal)
         .ok_or(RecordingError::MapMismatch { signal, signals })?;
-    let rate = described
-        .rate
-        .ok_or_else(|| rate_error(recording, signal, spec, "the recording has no sample of it"))?;
+    let no_samples = || RecordingError::NoSamples {
+        label: described.label.clone(),
+    };
+    let rate = described.rate.ok_or_else(no_samples)?;
     let group = rates
         .iter()
         .position(|(other, _)| *other == rate)

@@ -1,5 +1,7 @@
 //! Tests that run the program `host-sim`.
 
+mod defects;
+mod duration;
 mod edf_file;
 mod events;
 mod output_file;
