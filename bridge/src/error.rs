@@ -17,9 +17,7 @@ use crate::recording::error::RecordingError;
 #[derive(Debug, Error)]
 pub enum BridgeError {
     /// `--port` names something that is not a port.
-    #[error(
-        "{port} cannot be a port: {source}; name a serial port, such as /dev/ttyACM0, or tcp:HOST:PORT"
-    )]
+    #[error("{port} cannot be a port; name a serial port, such as /dev/ttyACM0, or tcp:HOST:PORT")]
     Port {
         /// Address from `--port`.
         port: String,
@@ -27,7 +25,7 @@ pub enum BridgeError {
         source: std::io::Error,
     },
     /// The terminal driver does not support the baud rate.
-    #[error("{port} cannot be used: {source}")]
+    #[error("{port} cannot be used; choose another --baud")]
     Speed {
         /// Address from `--port`.
         port: String,

@@ -49,10 +49,17 @@ impl FromStr for Output {
     fn from_str(text: &str) -> Result<Self, String> {
         match text.split_once(':') {
             Some(("pty", path)) if !path.is_empty() => Ok(Self::Pty(path.into())),
-            Some(("tcp", address)) if address.contains(':') => Ok(Self::Tcp(address.to_owned())),
+            Some(("tcp", address)) => match address.rsplit_once(':') {
+                Some((host, port)) if !host.is_empty() && port.parse::<u16>().is_ok() => {
+                    Ok(Self::Tcp(address.to_owned()))
+                }
+                _ => Err(format!(
+                    "'{address}' is not a host and a port of 0 to 65535; write tcp:127.0.0.1:5555"
+                )),
+            },
             Some(("file", path)) if !path.is_empty() => Ok(Self::File(path.into())),
             _ => Err(format!(
-                "{text:?} is no output; write pty:PATH, tcp:HOST:PORT or file:PATH"
+                "'{text}' is no output; write pty:PATH, tcp:HOST:PORT or file:PATH"
             )),
         }
     }
@@ -340,8 +347,16 @@ mod tests {
             "file:codes.bin".parse(),
             Ok(Output::File("codes.bin".into()))
         );
-        for wrong in ["pty:", "tcp:7000", "/dev/ttyACM0", "udp:1.2.3.4:5"] {
-            assert!(wrong.parse::<Output>().is_err(), "{wrong}");
+        let wrong = [
+            "pty:",
+            "tcp:7000",
+            "tcp::7000",
+            "tcp:host:99999",
+            "tcp:host:x",
+        ];
+        for wrong in wrong.into_iter().chain(["/dev/ttyACM0", "udp:1.2.3.4:5"]) {
+            let error = wrong.parse::<Output>().expect_err(wrong);
+            assert!(error.contains("write"), "{wrong}: {error}");
         }
     }
 }

@@ -101,3 +101,24 @@ fn a_killed_run_leaves_no_half_file_under_the_name_and_an_interrupted_one_a_whol
     assert!(frames > 50, "{frames} frames");
     assert_eq!(bytes.last(), Some(&0), "the last frame is whole");
 }
+
+#[test]
+fn an_output_that_cannot_be_is_wrong_usage_with_what_is_allowed() {
+    for (output, allowed) in [
+        (
+            "tcp:localhost:99999",
+            "a port of 0 to 65535; write tcp:127.0.0.1:5555",
+        ),
+        ("tcp::5555", "write tcp:127.0.0.1:5555"),
+        ("99999", "write pty:PATH, tcp:HOST:PORT or file:PATH"),
+        (
+            "file:/tmp",
+            "/tmp is a folder; write the name of a file in it",
+        ),
+        ("pty:/tmp", "/tmp exists and is no link"),
+    ] {
+        let refused = run(&["run", "-q", "--input=synthetic", "--output", output]);
+        assert_eq!(refused.status, Some(2), "{refused:?}");
+        assert!(refused.log.contains(allowed), "{refused:?}");
+    }
+}
