@@ -1,6 +1,7 @@
 //! Converts a recording to the samples that an ADC would have delivered.
 
 mod dither;
+mod rails;
 mod rate_converter;
 
 use crate::{
@@ -10,14 +11,12 @@ use crate::{
     recording::{Block, Recording},
 };
 use dither::Dither;
+use rails::RAILS;
 use rate_converter::RateConverter;
 
 /// Number of channels of the ADC. Channel e carries electrode e of the montage; channels without an
 /// electrode are 0.
 pub const CHANNELS: usize = 64;
-
-/// Smallest and largest output of a 24-bit ADC, counts.
-const RAILS: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 
 /// Largest magnitude passed to the resampler, uV. It is far beyond the ADC's range, and small enough
 /// that no sum in a transform overflows; the resampler would panic on an overflow.
@@ -69,7 +68,7 @@ pub struct VirtualAdc {
     /// Terms of each electrode; the value of an electrode is the sum of its weighted signals.
     mixes: Vec<Vec<MixTerm>>,
     /// `None` for the exact conversion.
-    dither: Option<Dither>,
+    dither: Option<Dither<CHANNELS>>,
     block: Block,
     ended: bool,
     samples: u64,

@@ -1,11 +1,9 @@
 //! Dither for recordings that repeat their values.
 
-use super::{CHANNELS, RAILS};
+use super::rails::RAILS;
 
 /// Number of channels of one converter of the chain (ADS1299).
 const CONVERTER_CHANNELS: usize = 8;
-
-const _: () = assert!(CHANNELS.is_multiple_of(CONVERTER_CHANNELS));
 
 /// Adds one count where all channels of a converter would repeat their last sample.
 ///
@@ -14,13 +12,14 @@ const _: () = assert!(CHANNELS.is_multiple_of(CONVERTER_CHANNELS));
 /// such a stretch gets one count (22.35 nV, a ninth of the converter's rms noise at 512 Hz) on each
 /// channel that is neither 0 nor at a rail. All other samples stay as they are.
 #[derive(Debug)]
-pub(super) struct Dither {
+pub(super) struct Dither<const CHANNELS: usize> {
     /// The sample before; at first a sample that no ADC delivers.
     last: [i32; CHANNELS],
 }
 
-impl Dither {
+impl<const CHANNELS: usize> Dither<CHANNELS> {
     pub(super) fn new() -> Self {
+        const { assert!(CHANNELS.is_multiple_of(CONVERTER_CHANNELS)) };
         Self {
             last: [i32::MIN; CHANNELS],
         }
@@ -50,6 +49,8 @@ fn is_live(count: i32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const CHANNELS: usize = 64;
 
     fn sample(first: [i32; CONVERTER_CHANNELS]) -> [i32; CHANNELS] {
         let mut counts = [0; CHANNELS];
