@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use artifact::ArtifactError;
 use neuro_ros::SinkError;
 use neuro_ros::ros1::NodeError;
+use new_file::NewFileError;
 use thiserror::Error;
 
 use crate::config_error::ConfigError;
@@ -16,9 +17,7 @@ use crate::recording::error::RecordingError;
 #[derive(Debug, Error)]
 pub enum BridgeError {
     /// `--port` names something that is not a port.
-    #[error(
-        "{port} cannot be a port: {source}; name a serial port, such as /dev/ttyACM0, or tcp:HOST:PORT"
-    )]
+    #[error("{port} cannot be a port; name a serial port, such as /dev/ttyACM0, or tcp:HOST:PORT")]
     Port {
         /// Address from `--port`.
         port: String,
@@ -26,7 +25,7 @@ pub enum BridgeError {
         source: std::io::Error,
     },
     /// The terminal driver does not support the baud rate.
-    #[error("{port} cannot be used: {source}")]
+    #[error("{port} cannot be used; choose another --baud")]
     Speed {
         /// Address from `--port`.
         port: String,
@@ -141,21 +140,11 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// The file to write exists already. Recordings and their conversions never replace a file.
-    #[error("{path} exists already; name another file, or move that one away")]
-    FileExists {
-        /// Path of the file.
-        path: PathBuf,
-    },
-    /// The file to write cannot be created.
-    #[error("{path} cannot be created; name a file in a folder that exists and is writable")]
-    FileCreation {
-        /// Path of the file.
-        path: PathBuf,
-        /// The operating system's error.
-        source: std::io::Error,
-    },
-    /// A file cannot be written any further, because the disk is full or fails.
+    /// A file cannot be written under its name: it exists, it is the recording to read, or it cannot
+    /// be created or completed.
+    #[error(transparent)]
+    NewFile(#[from] NewFileError),
+    /// A recording's file cannot be written any further, because the disk is full or fails.
     #[error(
         "{path} cannot be written any further; everything up to here is in the file, so make room \
          on the disk and go on with another file"
@@ -198,14 +187,14 @@ impl BridgeError {
             BridgeError::Sink(_)
             | BridgeError::System(_)
             | BridgeError::FileWrite { .. }
+            | BridgeError::NewFile(NewFileError::Finish { .. })
             | BridgeError::RestartedDuringTest { .. } => 1,
             BridgeError::Port { .. }
             | BridgeError::Speed { .. }
             | BridgeError::SeveralBoards { .. }
             | BridgeError::Model(_)
             | BridgeError::Log { .. }
-            | BridgeError::FileExists { .. }
-            | BridgeError::FileCreation { .. }
+            | BridgeError::NewFile(_)
             | BridgeError::Recording { .. }
             | BridgeError::Output { .. }
             | BridgeError::AnnouncedNotStreamed

@@ -16,6 +16,7 @@ use crate::streams::side::MessageTime;
 use crate::streams::stamps::Reception;
 use crate::time::host_time::HostTime;
 use crate::wire::commands::AckEffect;
+use crate::wire::words;
 
 /// Number of consecutive frames with an old sequence number after which the bridge sends `Identify`
 /// again. The device may have been reset and its `Hello` lost.
@@ -43,7 +44,10 @@ impl Session {
         let mut buffer = [0; MAX_FRAME];
         match self.encoder.encode(0, &command, &mut buffer) {
             Ok(frame) => effects.send(frame),
-            Err(error) => tracing::error!(%error, ?command, "a command cannot be sent"),
+            Err(error) => {
+                let command = words::command(&command);
+                tracing::error!(%error, "the command {command} cannot be sent");
+            }
         }
     }
 
@@ -283,7 +287,11 @@ impl Session {
                     ToDevice::Start(_) => "choose other --mains, or update firmware or bridge",
                     _ => "bring firmware and bridge to the same release",
                 };
-                tracing::error!(?command, ?result, "the device refuses a command: {remedy}");
+                tracing::error!(
+                    "the device refuses {}: {}; {remedy}",
+                    words::command(&command),
+                    words::reason(result)
+                );
             }
         }
     }

@@ -8,3 +8,4 @@ pub(crate) mod identity;
 pub(crate) mod opener;
 pub(crate) mod pending;
 pub(crate) mod port;
+pub(crate) mod words;

@@ -58,7 +58,10 @@ impl Program {
     /// such as "no code came".
     pub(crate) fn timed_out(&self, what: &str, after: Duration) -> Failure {
         let (name, log) = (&self.name, self.log());
-        let why = format!("{what} within {after:?}; {name} printed:\n{log}");
+        let why = format!(
+            "{what} within {} s; {name} printed:\n{log}",
+            after.as_secs_f64()
+        );
         let next = "is the machine very busy? `cargo demo` again";
         Failure::unreachable("the path", why, next)
     }

@@ -81,12 +81,15 @@ pub(crate) struct RunOptions {
     /// Destination of the frames: pty:PATH, tcp:HOST:PORT (listens) or file:PATH.
     #[arg(long, value_name = "OUTPUT")]
     pub(crate) output: Output,
+    /// Replace the file of --output if it exists; the file of --input is never replaced.
+    #[arg(long)]
+    pub(crate) force: bool,
     #[command(flatten)]
     pub(crate) pace: PaceOptions,
     /// Mains frequency of the notch until a host selects another one, Hz.
     #[arg(long, value_enum, default_value = "50")]
     pub(crate) mains: MainsHz,
-    /// Stop after this many seconds of signal.
+    /// Stop after this many seconds of signal, or without a host after the rest of this time.
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) duration: Option<f64>,
     /// Treatment of montage electrodes that the recording lacks.
@@ -109,7 +112,7 @@ pub(crate) struct RunOptions {
     /// Session id that the board reports; by default random in real time, and 1 otherwise.
     #[arg(long, value_name = "NUMBER")]
     pub(crate) session_id: Option<u32>,
-    /// Print no progress bar and no report.
+    /// Print no progress bar and no report; warnings about the input are printed.
     #[arg(long, short)]
     pub(crate) quiet: bool,
 }

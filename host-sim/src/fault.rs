@@ -44,22 +44,22 @@ pub struct Fault {
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum FaultError {
     /// The text has no colon, so it names no place; holds the text.
-    #[error("{0:?} names no place; write KIND@FROM:WHERE, such as dead@3s:chip2")]
+    #[error("'{0}' names no place; write KIND@FROM:WHERE, such as dead@3s:chip2")]
     NoPlace(String),
     /// The word before `@` or `:` is not a kind of fault; holds the word.
-    #[error("{0:?} is no kind of fault; the kinds are {KINDS}")]
+    #[error("'{0}' is no kind of fault; the kinds are {KINDS}")]
     NoKind(String),
     /// The fault needs a chip, and the place is not `chip0` to `chip7`; holds the place.
-    #[error("{0:?} is no chip; write chip0 to chip7")]
+    #[error("'{0}' is no chip; write chip0 to chip7")]
     NoChip(String),
     /// The place of a `lead-off` is not an electrode of the model; holds the place.
-    #[error("{0:?} is no electrode of the model; its electrodes are {labels}", labels = model::LABELS)]
+    #[error("'{0}' is no electrode of the model; its electrodes are {labels}", labels = model::LABELS)]
     NoElectrode(String),
     /// FROM or TO is negative or not a number of seconds; holds the text of that time.
-    #[error("{0:?} is no time; write seconds, such as 3s or 0.5s")]
+    #[error("'{0}' is no time; write seconds, such as 3s or 0.5s")]
     NoTime(String),
     /// TO is not after FROM; holds the whole text.
-    #[error("{0:?} ends before it begins; write FROM before TO")]
+    #[error("'{0}' ends before it begins; write FROM before TO")]
     Backwards(String),
     /// The fault affects DRDY but is not on chip 0, the only chip whose DRDY is wired; holds the
     /// kind.

@@ -8,7 +8,7 @@ use crate::command_line::InspectOptions;
 
 pub(crate) fn inspect(options: &InspectOptions) -> Result<(), Box<dyn Error>> {
     let mut recording = Recording::open(&options.file)?;
-    println!("{}: {:?}", options.file.display(), recording.format());
+    println!("{}: {}", options.file.display(), recording.format());
     println!(
         "{:.3} s in {} records",
         recording.duration_s(),
@@ -21,12 +21,19 @@ pub(crate) fn inspect(options: &InspectOptions) -> Result<(), Box<dyn Error>> {
             .map_or_else(|| "-".to_owned(), |r| format!("{:.2} Hz", r.value()));
         println!("{:<18} {rate:>10}  {}", signal.label, signal.unit);
     }
-    println!("\n{} events", recording.events()?.len());
+    let events = recording.events()?;
+    println!("\n{} events", events.len());
+    for event in &events {
+        println!("{:>12.3} s  {}", event.onset_s, event.label);
+    }
     for warning in recording.warnings() {
         println!("warning: {warning}");
     }
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
     let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate)?;
     println!("\n{map}");
+    for warning in map.warnings() {
+        println!("warning: {warning}");
+    }
     Ok(())
 }

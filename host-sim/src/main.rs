@@ -3,6 +3,7 @@
 
 mod command_line;
 mod inspect;
+mod opened_input;
 mod run;
 
 use std::{error::Error, process::ExitCode};

@@ -9,10 +9,11 @@ use std::{
     path::{Path, PathBuf},
     str::FromStr,
     sync::{atomic::AtomicBool, mpsc},
-    thread,
+    thread::{self, JoinHandle},
     time::{Duration, Instant},
 };
 
+use new_file::{Existing, NewFile, NewFileError};
 use rustix::{
     pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt},
     termios::{OptionalActions, tcgetattr, tcsetattr},
@@ -20,7 +21,7 @@ use rustix::{
 
 use crate::{
     outbox::{Outbox, WhenFull},
-    tcp::{CurrentHost, RETRY, forward, serve, wait_until_closed},
+    tcp::{CurrentHost, RETRY, forward, is_absent, serve, wait_until_closed},
 };
 
 /// Interval between checks of how many bytes a slow host has not read.
@@ -48,10 +49,17 @@ impl FromStr for Output {
     fn from_str(text: &str) -> Result<Self, String> {
         match text.split_once(':') {
             Some(("pty", path)) if !path.is_empty() => Ok(Self::Pty(path.into())),
-            Some(("tcp", address)) if address.contains(':') => Ok(Self::Tcp(address.to_owned())),
+            Some(("tcp", address)) => match address.rsplit_once(':') {
+                Some((host, port)) if !host.is_empty() && port.parse::<u16>().is_ok() => {
+                    Ok(Self::Tcp(address.to_owned()))
+                }
+                _ => Err(format!(
+                    "'{address}' is not a host and a port of 0 to 65535; write tcp:127.0.0.1:5555"
+                )),
+            },
             Some(("file", path)) if !path.is_empty() => Ok(Self::File(path.into())),
             _ => Err(format!(
-                "{text:?} is no output; write pty:PATH, tcp:HOST:PORT or file:PATH"
+                "'{text}' is no output; write pty:PATH, tcp:HOST:PORT or file:PATH"
             )),
         }
     }
@@ -97,15 +105,20 @@ pub enum PortError {
         #[source]
         source: io::Error,
     },
-    /// The file could not be created.
-    #[error("cannot write {path}; choose a path in a writable folder")]
-    File {
-        /// Path in [`Output::File`].
-        path: PathBuf,
-        /// Error from creating the file.
-        #[source]
-        source: io::Error,
-    },
+    /// The file could not be created, or it must not be replaced.
+    #[error(transparent)]
+    File(#[from] NewFileError),
+}
+
+impl PortError {
+    /// Returns whether the user has to choose another name, as opposed to a failure of the system.
+    pub(crate) fn is_wrong_name(&self) -> bool {
+        use NewFileError::{Exists, Folder, Input};
+        matches!(
+            self,
+            Self::Occupied { .. } | Self::File(Exists { .. } | Input { .. } | Folder { .. })
+        )
+    }
 }
 
 /// An open output. One thread writes the frames of the outbox to the output; another thread reads
@@ -115,6 +128,17 @@ pub struct Port {
     pty: Option<Pty>,
     /// The connected host of a TCP port in virtual time.
     waiting_host: Option<CurrentHost>,
+    /// The file of [`Output::File`], with the thread that writes it.
+    file: Option<(NewFile, JoinHandle<()>)>,
+}
+
+/// What may happen to files that exist when an [`Output::File`] is opened.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FileRules {
+    /// Whether a file with the name of the output is replaced.
+    pub existing: Existing,
+    /// Files that the program reads, which are never replaced.
+    pub inputs: Vec<PathBuf>,
 }
 
 struct Pty {
@@ -128,9 +152,10 @@ impl Port {
     ///
     /// # Errors
     /// [`PortError`] if the terminal, its link, the TCP port or the file cannot be opened.
-    pub fn open(output: &Output, outbox: &Outbox) -> Result<Self, PortError> {
+    pub fn open(output: &Output, rules: &FileRules, outbox: &Outbox) -> Result<Self, PortError> {
         let (sender, commands) = mpsc::channel();
         let mut waiting_host = None;
+        let mut file = None;
         let pty = match output {
             Output::Pty(link) => {
                 let (controller, pty) = open_pty(link)?;
@@ -152,12 +177,14 @@ impl Port {
                 None
             }
             Output::File(path) => {
-                let file = File::create(path).map_err(|source| PortError::File {
+                let new = NewFile::create(path, rules.existing, &rules.inputs)?;
+                let handle = new.handle().map_err(|source| NewFileError::Create {
                     path: path.clone(),
                     source,
                 })?;
                 let outbox = outbox.clone();
-                thread::spawn(move || write_all_to(file, || 0, &outbox));
+                let thread = thread::spawn(move || write_all_to(handle, || 0, &outbox));
+                file = Some((new, thread));
                 None
             }
         };
@@ -165,7 +192,27 @@ impl Port {
             commands,
             pty,
             waiting_host,
+            file,
         })
+    }
+
+    /// Gives the file of an [`Output::File`] its name, after the outbox was closed. Other outputs stay
+    /// as they are.
+    ///
+    /// # Errors
+    /// [`NewFileError`] if the file cannot be completed.
+    pub fn finish_file(&mut self) -> Result<(), NewFileError> {
+        let Some((file, thread)) = self.file.take() else {
+            return Ok(());
+        };
+        // A panic of the thread would have left frames in the closed outbox, which are counted.
+        let _ = thread.join();
+        file.finish()
+    }
+
+    /// Returns whether this is a TCP port in virtual time without a host.
+    pub fn lacks_host(&self) -> bool {
+        self.waiting_host.as_ref().is_some_and(is_absent)
     }
 
     /// Returns the chunks of bytes that the host has sent since the last call, without waiting.
@@ -300,8 +347,16 @@ mod tests {
             "file:codes.bin".parse(),
             Ok(Output::File("codes.bin".into()))
         );
-        for wrong in ["pty:", "tcp:7000", "/dev/ttyACM0", "udp:1.2.3.4:5"] {
-            assert!(wrong.parse::<Output>().is_err(), "{wrong}");
+        let wrong = [
+            "pty:",
+            "tcp:7000",
+            "tcp::7000",
+            "tcp:host:99999",
+            "tcp:host:x",
+        ];
+        for wrong in wrong.into_iter().chain(["/dev/ttyACM0", "udp:1.2.3.4:5"]) {
+            let error = wrong.parse::<Output>().expect_err(wrong);
+            assert!(error.contains("write"), "{wrong}: {error}");
         }
     }
 }

@@ -2,31 +2,34 @@
 
 use std::{
     error::Error,
-    path::Path,
     sync::{Arc, atomic::AtomicBool},
     time::{SystemTime, UNIX_EPOCH},
 };
 
-use host_sim::{
-    Faults, Identity, Output, Pace, Report, Session, Source,
-    synthetic::{Generator, SyntheticSpec},
-};
+use host_sim::{Faults, FileRules, Identity, Output, Pace, RecordedEdges, Report, Session, Source};
 use indicatif::{ProgressBar, ProgressStyle};
 use link::Substitutes;
+use new_file::Existing;
 use pipeline::Mains;
-use recordings::montage_map::Origin;
-use recordings::{AdcSpec, MontageMap, Recording, VirtualAdc};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::command_line::{Input, MainsHz, RunOptions};
+use crate::opened_input::OpenedInput;
 
 pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, stop.clone())?;
     }
-    let (mut source, substitutes) = open_source(options)?;
-    let session = session(options, Faults::new(&options.fault)?, substitutes);
+    let OpenedInput {
+        mut source,
+        substitutes,
+        recorded_edges,
+    } = OpenedInput::new(options)?;
+    let session = Session {
+        recorded_edges,
+        ..session(options, Faults::new(&options.fault)?, substitutes)
+    };
     let total = match (source.samples(), session.limit) {
         (Some(samples), Some(limit)) => Some(samples.min(limit)),
         (samples, limit) => samples.or(limit),
@@ -79,8 +82,16 @@ fn session(options: &RunOptions, faults: Faults, substitutes: Substitutes) -> Se
     let limit = options
         .duration
         .map(|s| (s * f64::from(model::ADC_RATE_HZ)).round() as u64);
+    let inputs = match &options.input {
+        Input::Synthetic => Vec::new(),
+        Input::Recording(path) => vec![path.clone()],
+    };
     Session {
         output: options.output.clone(),
+        file_rules: FileRules {
+            existing: Existing::from_force(options.force),
+            inputs,
+        },
         pace,
         mains: match options.mains {
             MainsHz::Fifty => Mains::Hz50,
@@ -94,60 +105,8 @@ fn session(options: &RunOptions, faults: Faults, substitutes: Substitutes) -> Se
         limit,
         faults,
         trigger: options.trigger_every,
+        recorded_edges: RecordedEdges::default(),
     }
-}
-
-/// Opens the input. Also returns the electrodes that it lacks.
-fn open_source(options: &RunOptions) -> Result<(Source, Substitutes), Box<dyn Error>> {
-    Ok(match &options.input {
-        Input::Synthetic => {
-            let mut spec = SyntheticSpec::new(options.seed, model::LABELS.split(' '));
-            spec.mains_hz = options.mains.hz().into();
-            spec.rate_hz = model::ADC_RATE_HZ.into();
-            spec.rails = options.rails;
-            let generator = Generator::new(&spec)?;
-            (Source::Synthetic(Box::new(generator)), Substitutes::NONE)
-        }
-        Input::Recording(path) => {
-            let (adc, substitutes) = open_recording(path, options)?;
-            if !options.quiet {
-                for warning in adc.recording().warnings() {
-                    eprintln!("warning: {warning}");
-                }
-            }
-            (Source::Recording(Box::new(adc)), substitutes)
-        }
-    })
-}
-
-/// Opens a recording and maps its signals to the model's montage. Also returns the electrodes that the
-/// recording lacks.
-fn open_recording(
-    path: &Path,
-    options: &RunOptions,
-) -> Result<(VirtualAdc, Substitutes), Box<dyn Error>> {
-    let recording = Recording::open(path)?;
-    let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
-    let map = MontageMap::new(&recording.labels(), &electrodes, options.missing.into())?;
-    if !options.quiet {
-        eprintln!("{map}");
-    }
-    let spec = AdcSpec {
-        rate_hz: model::ADC_RATE_HZ.into(),
-        lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
-    };
-    let substitutes = Substitutes {
-        interpolated: bits(&map, |origin| matches!(origin, Origin::Interpolated(_))),
-        zero: bits(&map, |origin| matches!(origin, Origin::Zero)),
-    };
-    Ok((VirtualAdc::new(recording, &map, spec)?, substitutes))
-}
-
-/// Returns a bit set of the electrodes whose origin is `wanted`.
-fn bits(map: &MontageMap, wanted: impl Fn(&Origin) -> bool) -> u64 {
-    let electrodes = (0..u64::BITS).zip(map.origins());
-    let electrodes = electrodes.filter(|(_, origin)| wanted(origin));
-    electrodes.fold(0, |bits, (electrode, _)| bits | 1 << electrode)
 }
 
 fn progress_bar(seconds: Option<u64>, quiet: bool) -> ProgressBar {
@@ -170,6 +129,9 @@ fn progress_bar(seconds: Option<u64>, quiet: bool) -> ProgressBar {
 
 fn summary(report: &Report, source: &Source) -> String {
     let stats = &report.stats;
+    if stats.samples == 0 {
+        return "no host started the stream".to_owned();
+    }
     let mut text = format!(
         "{:.1} s of signal in {:.2} s ({:.1} times real time): {} codes made, {} frames dropped, \
          {} values clipped, {} in codes ({})",

@@ -15,7 +15,8 @@ use recordings::RecordingError;
 use crate::device_clock::{DeviceClock, Pace};
 use crate::fault::Faults;
 use crate::outbox::{Outbox, WhenFull};
-use crate::port::{Output, Port, PortError};
+use crate::port::{FileRules, Output, Port, PortError};
+use crate::recorded_edges::RecordedEdges;
 use crate::source::Source;
 use crate::trigger::Trigger;
 use crate::virtual_board::{Identity, VirtualBoard};
@@ -32,18 +33,23 @@ const IDLE_POLL: Duration = Duration::from_millis(20);
 pub struct Session {
     /// Destination of the frames; it is opened when the run starts.
     pub output: Output,
+    /// Rules for an output that is a file.
+    pub file_rules: FileRules,
     /// Real time or virtual time; decides whether a slow host loses frames or delays the board.
     pub pace: Pace,
     /// Mains frequency that the notch filter removes until a host selects another one.
     pub mains: Mains,
     /// Session id and chip id that the board reports in `Hello`.
     pub identity: Identity,
-    /// Number of ADC samples after which the run ends; `None` for no limit.
+    /// Number of ADC samples after which the run ends; `None` for no limit. Time in which no host lets the
+    /// board stream counts too, from the last sample on: a run without a host ends after this time.
     pub limit: Option<u64>,
     /// Schedule of the faults of converters and electrodes.
     pub faults: Faults,
     /// Simulated trigger input; `None` for an input without edges.
     pub trigger: Option<Trigger>,
+    /// Further trigger edges, which mark the events of a recording.
+    pub recorded_edges: RecordedEdges,
 }
 
 /// Why a run failed.
@@ -80,9 +86,13 @@ pub enum SessionError {
 }
 
 impl SessionError {
-    /// Returns true if the output failed, false if the input did.
+    /// Returns true if the output failed, false if the input did or the output's name cannot be used.
     pub fn is_output_error(&self) -> bool {
-        !matches!(self, Self::Source { .. })
+        match self {
+            Self::Source { .. } => false,
+            Self::Port { source, .. } => !source.is_wrong_name(),
+            Self::Write { .. } => true,
+        }
     }
 }
 
@@ -127,14 +137,17 @@ impl Session {
         mut on_second: impl FnMut(&Stats),
     ) -> Result<Report, SessionError> {
         let outbox = Outbox::new(self.when_full());
-        let port = Port::open(&self.output, &outbox).map_err(|source| SessionError::Port {
+        let cannot_open = |source| SessionError::Port {
             output: self.output.clone(),
             source,
-        })?;
+        };
+        let port = Port::open(&self.output, &self.file_rules, &outbox);
+        let mut port = port.map_err(cannot_open)?;
         let faults = self.faults.clone();
         let mut board =
             VirtualBoard::with_faults(self.identity, self.mains, faults, outbox.clone())
                 .with_trigger(self.trigger);
+        let mut recorded_edges = self.recorded_edges.clone();
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into());
         if let Output::File(_) = self.output {
             // A file has no host that could send a `Start`, so start the codes here.
@@ -149,6 +162,7 @@ impl Session {
 
         let mut started = None;
         let mut samples = 0;
+        let mut last_sample = Instant::now();
         let outcome = loop {
             if stop.load(Ordering::Relaxed) || self.limit == Some(samples) {
                 break Ok(());
@@ -157,6 +171,9 @@ impl Session {
                 board.receive(&bytes, clock.now_us());
             }
             if !board.is_streaming() {
+                if self.is_over(samples, last_sample) {
+                    break Ok(());
+                }
                 if let Some(bytes) = port.receive_timeout(IDLE_POLL) {
                     board.receive(&bytes, clock.now_us());
                 }
@@ -166,16 +183,27 @@ impl Session {
                 continue;
             }
             if !outbox.wait_for_room(IDLE_POLL) {
+                if port.lacks_host() && self.is_over(samples, last_sample) {
+                    break Ok(());
+                }
                 continue;
             }
             started.get_or_insert_with(Instant::now);
             clock.wait_for_next();
             match source.next_sample() {
-                Ok(Some(sample)) => board.process_sample(&sample, clock.next_drdy_us()),
+                Ok(Some(sample)) => {
+                    let drdy_us = clock.next_drdy_us();
+                    let signal_us = samples * 1_000_000 / u64::from(model::ADC_RATE_HZ);
+                    while let Some(edge) = recorded_edges.take_due(signal_us) {
+                        board.capture_edge(edge.kind, drdy_us.saturating_sub(edge.early_us));
+                    }
+                    board.process_sample(&sample, drdy_us);
+                }
                 Ok(None) => break Ok(()),
                 Err(source) => break Err(SessionError::Source { samples, source }),
             }
             samples += 1;
+            last_sample = Instant::now();
             if samples.is_multiple_of(model::ADC_RATE_HZ.into()) {
                 on_second(&board.stats());
             }
@@ -188,19 +216,31 @@ impl Session {
             0
         };
         outbox.close();
-        outcome?;
         if let (Output::File(_), Some(source)) = (&self.output, outbox.take_failure()) {
             return Err(SessionError::Write {
                 output: self.output.clone(),
                 source,
             });
         }
+        // The end of a damaged recording, too, leaves a file of whole frames.
+        let finished = port.finish_file();
+        outcome?;
+        finished.map_err(|error| cannot_open(error.into()))?;
         Ok(Report {
             stats: board.stats(),
             converters: *board.converters().sampler().counters(),
             failure: board.converters().failure(),
             elapsed,
             unread_bytes,
+        })
+    }
+
+    /// Returns whether the rest of the limit has passed since the last sample.
+    fn is_over(&self, samples: u64, last_sample: Instant) -> bool {
+        self.limit.is_some_and(|limit| {
+            let left = limit.saturating_sub(samples);
+            let left_us = left.saturating_mul(1_000_000) / u64::from(model::ADC_RATE_HZ);
+            last_sample.elapsed() >= Duration::from_micros(left_us)
         })
     }
 

@@ -48,6 +48,13 @@ pub(crate) struct Host {
 /// The connected host; `None` without one.
 pub(crate) type CurrentHost = Arc<Mutex<Option<Arc<Host>>>>;
 
+/// Returns whether no host is connected.
+pub(crate) fn is_absent(host: &CurrentHost) -> bool {
+    let current = host.lock().unwrap_or_else(PoisonError::into_inner);
+    let is_connected = |host: &Arc<Host>| !host.ended.load(Ordering::Relaxed);
+    !current.as_ref().is_some_and(is_connected)
+}
+
 /// Tells the host that no frame follows, and waits until the host closes the connection.
 pub(crate) fn wait_until_closed(host: &CurrentHost, stop: &AtomicBool) {
     let current = host.lock().unwrap_or_else(PoisonError::into_inner).clone();

@@ -24,7 +24,10 @@ pub struct Trigger {
 
 /// The interval between edges is shorter than a millisecond; holds the interval.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-#[error("an edge every {0:?} is too fast for a board; use an interval of a millisecond or more")]
+#[error(
+    "an edge every {} us is too fast for a board; use an interval of a millisecond or more",
+    .0.as_micros()
+)]
 pub struct TriggerError(Duration);
 
 impl Trigger {

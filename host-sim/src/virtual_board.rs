@@ -1,11 +1,13 @@
 //! A board without clock and port. Receives samples and commands, and sends frames to an outbox.
 
+use std::collections::VecDeque;
+
 use ads1299::SelfTestReport;
 use device::{
-    Abilities, AcquiredSample, CHIPS, Counts, FrameQueue, Marks, Order, Output, Producer, Run,
-    Sender, Session,
+    Abilities, AcquiredSample, CHIPS, CapturedEvent, Counts, FrameQueue, Marks, Order, Output,
+    Producer, Run, Sender, Session,
 };
-use link::{AckResult, ResetCause, Start, Stats, Streams, Substitutes};
+use link::{AckResult, EventKind, ResetCause, Start, Stats, Streams, Substitutes};
 use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
 
 use crate::converters::{ConvertedSample, Converters};
@@ -62,6 +64,10 @@ pub struct VirtualBoard {
     sender: Sender<Outbox>,
     converters: Converters,
     trigger: Option<Trigger>,
+    /// Edges that precede the next sample.
+    captured: VecDeque<CapturedEvent>,
+    /// Number of captured edges since boot; wraps.
+    edges: u32,
     acquisition: Acquisition,
     producer: Box<Producer<EncoderMemory>>,
     /// Parameters of a run that starts with the next sample; otherwise `None`.
@@ -92,6 +98,8 @@ impl VirtualBoard {
             sender: Sender::new(outbox),
             converters: Converters::new(faults),
             trigger: None,
+            captured: VecDeque::new(),
+            edges: 0,
             acquisition: Acquisition::new(mains),
             producer: Box::new(Producer::new(EncoderMemory::EMPTY)),
             new_run: None,
@@ -110,6 +118,17 @@ impl VirtualBoard {
     pub fn with_trigger(mut self, trigger: Option<Trigger>) -> Self {
         self.trigger = trigger;
         self
+    }
+
+    /// Captures an edge of the trigger input that happens at `at_us` and precedes the next sample. A board
+    /// has either such edges or those of [`Self::with_trigger`].
+    pub fn capture_edge(&mut self, kind: EventKind, at_us: u64) {
+        self.captured.push_back(CapturedEvent {
+            kind,
+            number: self.edges,
+            at_us,
+        });
+        self.edges = self.edges.wrapping_add(1);
     }
 
     /// Reads bytes from the host and answers the commands that they complete.
@@ -164,6 +183,8 @@ impl VirtualBoard {
         self.new_run = None;
         (self.samples, self.overruns, self.adc_status_bad) = (0, 0, 0);
         self.clipped_before = 0;
+        self.captured.clear();
+        self.edges = 0;
         if let Some(trigger) = &mut self.trigger {
             trigger.restart(now_us);
         }
@@ -238,7 +259,11 @@ impl VirtualBoard {
         if let (true, Some(trigger)) = (is_first, &mut trigger) {
             trigger.skip_before(now_us);
         }
-        let mut next = || trigger.as_mut()?.next(now_us);
+        let captured = &mut self.captured;
+        let mut next = || {
+            let edge = captured.pop_front();
+            edge.or_else(|| trigger.as_mut()?.next(now_us))
+        };
         // Trigger edges precede the results of their sample, except in the first sample of a run:
         // the run must start before its edges are sent.
         if !is_first {

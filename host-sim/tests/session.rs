@@ -14,7 +14,8 @@ use std::{
 };
 
 use host_sim::{
-    Faults, Identity, Output, Pace, Report, Session, SessionError, Source,
+    Faults, FileRules, Identity, Output, Pace, RecordedEdges, Report, Session, SessionError,
+    Source,
     synthetic::{Generator, SyntheticSpec},
 };
 use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice, ToHost};
@@ -26,6 +27,7 @@ const TIMEOUT: Duration = Duration::from_secs(30);
 fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
     Session {
         output,
+        file_rules: FileRules::default(),
         pace,
         mains: Mains::Hz50,
         identity: Identity {
@@ -36,6 +38,7 @@ fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
         limit: seconds.map(|seconds| 512 * seconds),
         faults: Faults::NONE,
         trigger: None,
+        recorded_edges: RecordedEdges::default(),
     }
 }
 

@@ -21,7 +21,10 @@ pub enum ContractError {
         nchannels: u16,
     },
     /// `minmax` is not two finite values in ascending order.
-    #[error("{block}: minmax is {minmax:?}; it must be the smallest and the largest value")]
+    #[error(
+        "{block}: minmax is {}; it must be the smallest and the largest value",
+        list(minmax)
+    )]
     MinMax {
         /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
         block: &'static str,
@@ -82,6 +85,11 @@ pub enum ContractError {
         /// Shape of the refused frame.
         found: Box<Shape>,
     },
+}
+
+fn list(values: &[f64]) -> String {
+    let values: Vec<String> = values.iter().map(f64::to_string).collect();
+    format!("({})", values.join(", "))
 }
 
 /// The dimensions of a frame, from which consumers allocate their buffers.

@@ -27,6 +27,31 @@ pub enum RecordingError {
         /// Error from the operating system.
         source: io::Error,
     },
+    /// The path is that of a folder.
+    #[error("{} is a folder; name one recording in it", path.display())]
+    Folder {
+        /// Path as passed by the caller.
+        path: PathBuf,
+    },
+    /// The file has no bytes.
+    #[error("the file is empty; copy or download the recording again")]
+    Empty,
+    /// The file belongs to a recording in another format, which can be exported.
+    #[error(
+        "this is {what}, which is not supported; export the recording to EDF, BDF or GDF: {how}"
+    )]
+    OtherFormat {
+        /// Name of the format.
+        what: &'static str,
+        /// Commands that export it.
+        how: &'static str,
+    },
+    /// A transfer in text mode has inserted a carriage return before every line feed of the file.
+    #[error(
+        "the file was damaged by a transfer in text mode, which inserted a carriage return (0x0D) before \
+         every line feed (0x0A); transfer the recording again in binary mode"
+    )]
+    TextMode,
     /// The first eight bytes match no supported format.
     #[error(
         "not a recording: it starts with \"{found}\"; supported are EDF, EDF+, BDF, BDF+, GDF 1 and GDF 2"
@@ -109,12 +134,21 @@ pub enum RecordingError {
     Rate {
         /// Label of the signal as in the file.
         label: String,
-        /// Rate of the signal, Hz, as text; `no` if the signal has no samples.
+        /// Rate of the signal, Hz, as text.
         rate: String,
         /// Rate of the ADC, Hz.
         rate_hz: u32,
         /// Why the pair of rates cannot be converted.
         reason: &'static str,
+    },
+    /// A signal that an electrode needs has no samples.
+    #[error(
+        "signal {label} has no samples; remove it from the file or give it another label, so that the \
+         electrode counts as missing"
+    )]
+    NoSamples {
+        /// Label of the signal as in the file.
+        label: String,
     },
     /// The montage map names a signal that the recording does not have: the map was created for
     /// another recording.
@@ -147,4 +181,17 @@ pub enum RecordingError {
     /// The resampler refused the pair of rates. This is a defect of this crate, not of the file.
     #[error("the resampler cannot be built; please report it with the recording's header")]
     ResamplerConstruction(#[from] rubato::ResamplerConstructionError),
+}
+
+impl RecordingError {
+    /// Returns whether a field of the header is the reason, so that a damaged file is a possible cause.
+    pub(crate) fn is_about_the_header(&self) -> bool {
+        matches!(
+            self,
+            Self::HeaderTruncated { .. }
+                | Self::HeaderField { .. }
+                | Self::Range { .. }
+                | Self::SampleType { .. }
+        )
+    }
 }

@@ -1,5 +1,7 @@
 //! Events of a recording: rows of GDF event tables, and EDF+ annotations.
 
+use std::fmt;
+
 /// What an event denotes; the file format determines the variant.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum EventLabel {
@@ -13,6 +15,16 @@ pub enum EventLabel {
     SparseSample(u32),
     /// Text of an EDF+ or BDF+ annotation.
     Text(String),
+}
+
+impl fmt::Display for EventLabel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Type(kind) => write!(f, "{kind:#06x}"),
+            Self::SparseSample(_) => f.write_str("sparse sample"),
+            Self::Text(text) => f.write_str(text),
+        }
+    }
 }
 
 /// An event: a row of a GDF event table or an EDF+ annotation.

@@ -60,6 +60,10 @@ impl Header {
                     physical_max: line.physical_max,
                 });
             }
+            if line.digital_min > line.digital_max {
+                let label = signal.label.clone();
+                self.warnings.push(Warning::DigitalRangeReversed { label });
+            }
             #[expect(clippy::float_cmp, reason = "equal as stored means an empty range")]
             if line.physical_min == line.physical_max {
                 let label = signal.label.clone();

@@ -40,14 +40,14 @@ pub enum Origin {
 pub enum MontageMapError {
     /// A label of the montage is not an electrode of the 10-5 system.
     #[error(
-        "the montage contains {label:?}, which is not an electrode of the 10-20, 10-10 or 10-5 system"
+        "the montage contains {label}, which is not an electrode of the 10-20, 10-10 or 10-5 system"
     )]
     UnknownElectrode {
         /// The rejected label, as written in the montage.
         label: String,
     },
     /// Two labels of the montage denote the same electrode.
-    #[error("the montage contains {label:?} twice")]
+    #[error("the montage contains {label} twice")]
     DuplicateElectrode {
         /// The second of the two labels.
         label: String,
@@ -65,6 +65,35 @@ pub enum MontageMapError {
     MissingElectrodes {
         /// Labels of the missing electrodes in montage order.
         labels: Vec<String>,
+    },
+}
+
+/// A problem of a recording that can still be played.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum MontageWarning {
+    /// The recording has fewer electrodes of the montage than an interpolation uses.
+    #[error(
+        "the recording has only {} of the {needed} electrodes ({}); the codes say little about the others",
+        real.len(),
+        real.join(" ")
+    )]
+    FewElectrodes {
+        /// Labels of the electrodes in the recording.
+        real: Vec<String>,
+        /// Number of electrodes of the montage.
+        needed: usize,
+    },
+    /// Two signals of the recording have the same electrode.
+    #[error(
+        "electrode {electrode} is recorded twice: signal {used} is used, signal {ignored} is not"
+    )]
+    DuplicateSignal {
+        /// Name of the electrode.
+        electrode: String,
+        /// Label of the signal that the map uses.
+        used: String,
+        /// Label of the other signal.
+        ignored: String,
     },
 }
 
@@ -170,6 +199,30 @@ impl MontageMap {
     /// Labels of the montage's electrodes that are set to 0.
     pub fn zero(&self) -> Vec<&str> {
         self.labels_with(|origin| matches!(origin, Origin::Zero))
+    }
+
+    /// Problems of the recording that the map does not refuse.
+    pub fn warnings(&self) -> Vec<MontageWarning> {
+        let mut warnings = Vec::new();
+        let real = self.real();
+        if real.len() < NEIGHBOURS.min(self.electrodes.len()) {
+            warnings.push(MontageWarning::FewElectrodes {
+                real: real.into_iter().map(str::to_owned).collect(),
+                needed: self.electrodes.len(),
+            });
+        }
+        let electrodes: Vec<_> = self.signals.iter().map(|l| Electrode::parse(l)).collect();
+        for (second, electrode) in electrodes.iter().enumerate() {
+            let first = electrodes[..second].iter().position(|one| one == electrode);
+            if let (Some(electrode), Some(first)) = (electrode, first) {
+                warnings.push(MontageWarning::DuplicateSignal {
+                    electrode: electrode.to_string(),
+                    used: self.signals[first].clone(),
+                    ignored: self.signals[second].clone(),
+                });
+            }
+        }
+        warnings
     }
 
     /// Labels of the recording's signals that no electrode of the montage uses.

@@ -3,22 +3,22 @@
 use std::{fs::File, io::SeekFrom, path::Path};
 
 use crate::{
-    edf::{
-        self,
-        annotations::{self, RecordAnnotations},
-    },
+    edf::annotations::{self, RecordAnnotations},
     error::RecordingError,
     event::Event,
+    foreign,
     format::Format,
     gdf::{
-        self,
         events::{PREFIX, TablePrefix},
         record_count,
     },
-    header::{HEADER_BLOCK, Header},
+    header::Header,
+    header_reader,
+    onsets::{Onsets, Timeline},
     ratio::Ratio,
     signal::{Signal, SignalKind},
     source::{BLOCK_BYTES, Source, in_memory, read_at},
+    text_mode,
     warning::Warning,
 };
 
@@ -53,19 +53,24 @@ impl Recording {
     /// Opens a file and reads its header.
     ///
     /// # Errors
-    /// [`RecordingError::Open`] and all errors of [`Recording::from_source`].
+    /// [`RecordingError::Open`], [`RecordingError::Folder`], [`RecordingError::OtherFormat`] and all errors of [`Recording::from_source`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self, RecordingError> {
         let path = path.as_ref();
         let file = File::open(path).map_err(|source| RecordingError::Open {
             path: path.to_owned(),
             source,
         })?;
-        Self::from_source(file)
+        if file.metadata().is_ok_and(|metadata| metadata.is_dir()) {
+            let path = path.to_owned();
+            return Err(RecordingError::Folder { path });
+        }
+        Self::from_source(file).map_err(|error| foreign::explain(path, error))
     }
 
     /// Reads the header of a recording from a file or from memory.
     ///
     /// # Errors
+    /// [`RecordingError::Empty`] without any bytes; [`RecordingError::TextMode`] for a damaged transfer;
     /// [`RecordingError::UnknownFormat`] if no format matches; [`RecordingError::HeaderTruncated`],
     /// [`RecordingError::HeaderField`], [`RecordingError::Range`] or [`RecordingError::SampleType`] for
     /// an unusable header; [`RecordingError::NoData`] if the file has no whole record;
@@ -79,44 +84,17 @@ impl Recording {
                 bytes: 0,
                 source,
             })?;
-        let enough = |needed: u64| {
-            if file_bytes < needed {
-                Err(RecordingError::HeaderTruncated {
-                    needed,
-                    found: file_bytes,
-                })
-            } else {
-                Ok(())
+        let header = match header_reader::read(&mut *source, file_bytes) {
+            Err(error) if error.is_about_the_header() => {
+                let damaged = text_mode::is_damaged(&mut *source, file_bytes)?;
+                return Err(if damaged {
+                    RecordingError::TextMode
+                } else {
+                    error
+                });
             }
+            header => header?,
         };
-        let mut magic = [0; 8];
-        let magic_bytes = magic
-            .len()
-            .min(usize::try_from(file_bytes).unwrap_or(usize::MAX));
-        read_at(&mut *source, 0, &mut magic[..magic_bytes])?;
-        let format = Format::detect(magic)?;
-
-        let mut fixed = [0; HEADER_BLOCK];
-        enough(HEADER_BLOCK as u64)?;
-        read_at(&mut *source, 0, &mut fixed)?;
-        let is_gdf = matches!(format, Format::Gdf1(_) | Format::Gdf2(_));
-        let signals = if is_gdf {
-            gdf::signal_count(format, &fixed)?
-        } else {
-            edf::signal_count(&fixed)?
-        };
-        // The header has at most 65,536 blocks of 256 bytes, and `enough` checks that the file
-        // contains them.
-        let header_bytes = HEADER_BLOCK * (1 + signals);
-        enough(header_bytes as u64)?;
-        let mut bytes = vec![0; header_bytes];
-        read_at(&mut *source, 0, &mut bytes)?;
-        let header = if is_gdf {
-            gdf::parse(format, &bytes, signals)?
-        } else {
-            edf::parse(format, &bytes, signals)?
-        };
-        enough(header.data_start)?;
         Self::with_header(source, header, file_bytes)
     }
 
@@ -141,6 +119,11 @@ impl Recording {
         if unstated {
             let derived = promised;
             header.warnings.push(Warning::RecordsUnknown { derived });
+        }
+        // In a GDF file, the event table follows the records.
+        let is_odd_size = !is_gdf && data_bytes != promised.saturating_mul(record_bytes);
+        if is_odd_size && text_mode::is_damaged(&mut *source, file_bytes)? {
+            return Err(RecordingError::TextMode);
         }
         if truncated {
             header.warnings.push(Warning::Truncated {
@@ -272,12 +255,30 @@ impl Recording {
             Format::Gdf1(_) | Format::Gdf2(_) => self.gdf_events(),
             _ => {
                 let mut events = Vec::new();
-                self.for_each_annotated_record(|annotations| {
+                self.for_each_annotated_record(|_, annotations| {
                     events.extend(annotations.events);
                 })?;
                 Ok(events)
             }
         }
+    }
+
+    /// Returns the starts of the events in the signal that a [`crate::VirtualAdc`] plays, which has no gaps.
+    ///
+    /// # Errors
+    /// [`RecordingError::Read`] if reading fails.
+    pub fn onsets(&mut self) -> Result<Onsets, RecordingError> {
+        let record_s = self.record_duration().map_or(0.0, Ratio::value);
+        let mut timeline = Timeline {
+            records: Vec::new(),
+            record_s,
+            end_s: self.duration_s(),
+        };
+        self.for_each_annotated_record(|record, annotations| {
+            let start_s = annotations.record_start_s;
+            timeline.add_record(record, start_s);
+        })?;
+        Ok(Onsets::new(&self.events()?, &timeline))
     }
 
     fn gdf_events(&mut self) -> Result<Vec<Event>, RecordingError> {
@@ -302,6 +303,9 @@ impl Recording {
                 return Ok(table.events(&columns, self.header.fastest_rate_hz()));
             }
         }
+        if text_mode::is_damaged(&mut *self.source, self.file_bytes)? {
+            return Err(RecordingError::TextMode);
+        }
         self.warn_once(Warning::EventTable { announced, bytes });
         Ok(Vec::new())
     }
@@ -309,7 +313,7 @@ impl Recording {
     fn note_gaps(&mut self) -> Result<(), RecordingError> {
         let length = self.record_duration().map_or(0.0, Ratio::value);
         let (mut count, mut seconds, mut expected) = (0_u64, 0.0, None::<f64>);
-        self.for_each_annotated_record(|annotations| {
+        self.for_each_annotated_record(|_, annotations| {
             if let Some(start) = annotations.record_start_s {
                 // Start times are rounded decimals, so a difference counts as a gap only above 1e-6 s,
                 // which is far less than a sample.
@@ -330,7 +334,7 @@ impl Recording {
 
     fn for_each_annotated_record(
         &mut self,
-        mut visit: impl FnMut(RecordAnnotations),
+        mut visit: impl FnMut(u64, RecordAnnotations),
     ) -> Result<(), RecordingError> {
         let mut places = Vec::new();
         let mut offset = 0;
@@ -351,7 +355,7 @@ impl Recording {
                 read_at(&mut *self.source, at, &mut bytes)?;
                 let found = annotations::parse(&bytes);
                 intact &= found.intact;
-                visit(found);
+                visit(record, found);
             }
             damaged += u64::from(!intact);
         }

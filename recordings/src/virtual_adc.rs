@@ -1,5 +1,7 @@
 //! Converts a recording to the samples that an ADC would have delivered.
 
+mod dither;
+mod rails;
 mod rate_converter;
 
 use crate::{
@@ -8,14 +10,13 @@ use crate::{
     ratio::Ratio,
     recording::{Block, Recording},
 };
+use dither::Dither;
+use rails::RAILS;
 use rate_converter::RateConverter;
 
 /// Number of channels of the ADC. Channel e carries electrode e of the montage; channels without an
 /// electrode are 0.
 pub const CHANNELS: usize = 64;
-
-/// Smallest and largest output of a 24-bit ADC, counts.
-const RAILS: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 
 /// Largest magnitude passed to the resampler, uV. It is far beyond the ADC's range, and small enough
 /// that no sum in a transform overflows; the resampler would panic on an overflow.
@@ -57,14 +58,17 @@ pub struct AdcCounters {
 /// The iterator yields `floor(duration * rate_hz)` samples, or ends after its first error. A signal at
 /// the rate of the ADC passes unchanged. Signals at other rates are resampled, band-limited and without
 /// delay; beyond the ends of the file, a signal keeps its first or last value. Voltages become counts by
-/// `round(uV / lsb_uv)`, ties away from zero, saturating to i24; saturation is counted. A signal whose
-/// unit is not a voltage is treated as uV, and the recording has a warning about it.
+/// `round(uV / lsb_uv)`, ties away from zero, saturating to i24; saturation is counted. Where all eight
+/// channels of a converter would repeat their last sample, one count is added
+/// (`docs/decisions/0017-dither-of-repeated-samples.md`). A signal whose unit is not a voltage is treated as uV, and the recording has a warning about it.
 pub struct VirtualAdc {
     recording: Recording,
     spec: AdcSpec,
     groups: Vec<RateGroup>,
     /// Terms of each electrode; the value of an electrode is the sum of its weighted signals.
     mixes: Vec<Vec<MixTerm>>,
+    /// `None` for the exact conversion.
+    dither: Option<Dither<CHANNELS>>,
     block: Block,
     ended: bool,
     samples: u64,
@@ -94,8 +98,9 @@ impl VirtualAdc {
     /// # Errors
     /// [`RecordingError::AdcSpec`] if the rate or scale is out of range,
     /// [`RecordingError::TooManyElectrodes`] if the montage has more than [`CHANNELS`] electrodes,
-    /// [`RecordingError::MapMismatch`] if `map` belongs to another recording, [`RecordingError::Rate`]
-    /// if a signal cannot be resampled.
+    /// [`RecordingError::MapMismatch`] if `map` belongs to another recording,
+    /// [`RecordingError::NoSamples`] if a signal of the map has none, [`RecordingError::Rate`] if a signal
+    /// cannot be resampled.
     pub fn new(
         mut recording: Recording,
         map: &MontageMap,
@@ -123,7 +128,7 @@ impl VirtualAdc {
             };
             let mut mix = Vec::with_capacity(sources.len());
             for (signal, weight) in sources {
-                let (group, member) = find_or_add(signal, &recording, &mut rates, spec)?;
+                let (group, member) = find_or_add(signal, &recording, &mut rates)?;
                 mix.push(MixTerm {
                     group,
                     member,
@@ -151,12 +156,21 @@ impl VirtualAdc {
             spec,
             groups,
             mixes,
+            dither: Some(Dither::new()),
             block,
             ended: false,
             samples,
             delivered: 0,
             counters,
         })
+    }
+
+    /// Leaves repeated samples as they are, for counts that are the exact conversion of the recording. A
+    /// driver of real converters takes such samples for a frozen chip.
+    #[must_use]
+    pub fn without_dither(mut self) -> Self {
+        self.dither = None;
+        self
     }
 
     /// Rate and scale that were passed to [`VirtualAdc::new`].
@@ -225,7 +239,10 @@ impl Iterator for VirtualAdc {
             return Some(Err(error));
         }
         self.delivered += 1;
-        let counts = self.convert_to_counts();
+        let mut counts = self.convert_to_counts();
+        if let Some(dither) = &mut self.dither {
+            dither.apply(&mut counts);
+        }
         for group in &mut self.groups {
             group.converter.advance();
         }
@@ -262,16 +279,16 @@ fn find_or_add(
     signal: usize,
     recording: &Recording,
     rates: &mut Vec<(Ratio, Vec<usize>)>,
-    spec: AdcSpec,
 ) -> Result<(usize, usize), RecordingError> {
     let signals = recording.signals().len();
     let described = recording
         .signals()
         .get(signal)
         .ok_or(RecordingError::MapMismatch { signal, signals })?;
-    let rate = described
-        .rate
-        .ok_or_else(|| rate_error(recording, signal, spec, "the recording has no sample of it"))?;
+    let no_samples = || RecordingError::NoSamples {
+        label: described.label.clone(),
+    };
+    let rate = described.rate.ok_or_else(no_samples)?;
     let group = rates
         .iter()
         .position(|(other, _)| *other == rate)
@@ -318,69 +335,4 @@ fn sample_count(recording: &Recording, rate_hz: u32) -> u64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::io::Cursor;
-
-    use super::*;
-    use crate::montage_map::Missing;
-
-    /// Builds an EDF file of two signals and `records` records of 1 s. Signal i has `rates[i]` samples
-    /// per record, all with the digital value 1.
-    fn two_rates(records: usize, rates: [usize; 2]) -> Vec<u8> {
-        let mut file = Vec::new();
-        let mut put = |text: &str, width: usize| file.extend(format!("{text:width$}").bytes());
-        put("0", 8);
-        put("", 160);
-        put("01.01.2400.00.00", 16);
-        put("768", 8 + 44);
-        put(&records.to_string(), 8);
-        put("1", 8);
-        put("2", 4);
-        put("C3", 16);
-        put("C4", 16);
-        put("", 160);
-        for field in ["uV", "-32768", "32767", "-32768", "32767"] {
-            put(field, 8);
-            put(field, 8);
-        }
-        put("", 160);
-        for rate in rates {
-            put(&rate.to_string(), 8);
-        }
-        put("", 64);
-        let samples = records * (rates[0] + rates[1]);
-        file.extend([1, 0].repeat(samples));
-        file
-    }
-
-    #[test]
-    fn a_rate_group_that_is_ahead_buffers_only_a_few_blocks() {
-        // The file lasts 20 minutes. At most 32,768 (512 and 160 Hz) and 47,348 samples (160 and 250 Hz)
-        // were measured in memory; the limit below is 65,536. One block read from the file alone is 48 s
-        // (24,576 outputs) or 79 s (40,448).
-        const RECORDS: usize = 1200;
-        for rates in [[512, 160], [160, 250]] {
-            let bytes = two_rates(RECORDS, rates);
-            let recording = Recording::from_source(Cursor::new(bytes)).expect("a sound file");
-            let map = MontageMap::new(&recording.labels(), &["C3", "C4"], Missing::Refuse);
-            let map = map.expect("both are there");
-            let mut adc = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512)).expect("usable");
-            let (mut most, mut delivered) = (0, 0);
-            while let Some(counts) = adc.next() {
-                // 1 uV is 44.7 counts of 22.35 nV, which rounds to 45.
-                assert_eq!(counts.expect("readable")[..2], [45, 45]);
-                let held = adc
-                    .groups
-                    .iter()
-                    .map(|group| group.converter.queued_samples());
-                most = most.max(held.max().unwrap_or(0));
-                delivered += 1;
-            }
-            assert_eq!(delivered, RECORDS * 512);
-            assert!(
-                most < 65_536,
-                "{rates:?}: {most} of {delivered} samples in memory"
-            );
-        }
-    }
-}
+mod tests;

@@ -42,6 +42,11 @@ pub enum Warning {
         /// Label of the signal as in the file.
         label: String,
     },
+    /// The digital minimum of a signal is above its maximum. The signal is scaled as the header states.
+    DigitalRangeReversed {
+        /// Label of the signal as in the file.
+        label: String,
+    },
     /// An EDF+D or BDF+D file has gaps between records. The records are played without the gaps.
     Gaps {
         /// Number of places at which a record does not start at the end of the previous record.
@@ -88,7 +93,7 @@ impl fmt::Display for Warning {
             }
             Self::HeaderLength { stated, used } => write!(
                 f,
-                "the header states a length of {stated:?} bytes, its signals need {used}; using {used}"
+                "the header states a length of '{stated}' bytes, its signals need {used}; using {used}"
             ),
             Self::UnitUnknown { signals } => write!(
                 f,
@@ -99,6 +104,13 @@ impl fmt::Display for Warning {
                 write!(
                     f,
                     "signal {label}: the physical range is empty, digital values are used"
+                )
+            }
+            Self::DigitalRangeReversed { label } => {
+                write!(
+                    f,
+                    "signal {label}: the digital minimum is above the maximum, so its polarity may be \
+                     reversed; check it, and repair the header"
                 )
             }
             Self::Gaps { count, seconds } => {

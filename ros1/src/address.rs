@@ -4,7 +4,7 @@ use std::fmt;
 
 /// Error for a URI without a host and a port, to which no connection can be opened.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{uri:?} is not SCHEME://HOST:PORT; an example is http://127.0.0.1:11311/")]
+#[error("{uri} is not SCHEME://HOST:PORT; an example is http://127.0.0.1:11311/")]
 pub struct AddressError {
     /// The URI as it was configured or received.
     pub uri: String,

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 /// Error for a name that violates the syntax of ROS graph names.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{name:?} is not a ROS name: it starts with a letter, / or ~ and goes on with letters, \
+    "{name} is not a ROS name: it starts with a letter, / or ~ and goes on with letters, \
      digits, _ and /, without an empty part"
 )]
 pub struct NameError {

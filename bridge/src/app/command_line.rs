@@ -190,8 +190,11 @@ impl ResetOptions {
 #[derive(Clone, Debug, Parser)]
 #[command(name = "record")]
 pub(crate) struct RecordOptions {
-    /// File to write; it must not exist
+    /// File to write; it must not exist, except with --force
     pub(crate) file: PathBuf,
+    /// Replace FILE if it exists
+    #[arg(long)]
+    pub(crate) force: bool,
     #[command(flatten)]
     pub(crate) at: PortOptions,
     #[command(flatten)]

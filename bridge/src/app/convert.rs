@@ -8,9 +8,9 @@ use std::sync::Arc;
 
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
+use new_file::{Existing, NewFile, NewFileError};
 use tracing::subscriber::NoSubscriber;
 
-use crate::app::recording_file::create_new;
 use crate::conversion::bdf::BdfRows;
 use crate::conversion::block::Stream;
 use crate::conversion::collector::Listener;
@@ -33,8 +33,8 @@ use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, Stam
 /// FILE.codes.gdf has the codes and FILE.reconstructed.gdf the EEG decoded from them;
 /// FILE.raw.gdf and FILE.filtered.gdf exist if these streams were recorded. Each row stands at its
 /// time: what was lost, or is missing between two runs of the device, is a filler with a flag. Each
-/// event stands at the first row that happened at its time or later. An existing file is never
-/// replaced.
+/// event stands at the first row that happened at its time or later. A file appears under its name
+/// when it is complete; an existing one is replaced only with --force.
 ///
 /// Exit status: 0 done, 1 a file cannot be written, 2 wrong usage, no usable recording or an existing
 /// file.
@@ -49,6 +49,9 @@ pub(crate) struct ConvertOptions {
     /// Folder of the model to decode with, instead of the built-in one
     #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
+    /// Replace files that exist
+    #[arg(long)]
+    pub(crate) force: bool,
 }
 
 /// Format of the files that `convert` writes.
@@ -145,10 +148,13 @@ pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, Bridge
     let outputs = outputs(options, &survey)?;
     let mut rows = Rows::default();
     let mut files = Vec::new();
+    let mut new_files = Vec::new();
     for (stream, path) in &outputs {
-        let file = create_new(path)?;
-        let writer = writer(options.to, file, &survey, *stream);
+        let file = options.create(path)?;
+        let handle = file.handle();
+        let writer = handle.and_then(|handle| writer(options.to, handle, &survey, *stream));
         rows.writers[*stream as usize] = writer.map_err(|source| failed(path, source))?;
+        new_files.push(file);
         files.push((path.clone(), survey.streams[*stream as usize].rows));
     }
     let path_of = |number: usize| {
@@ -167,6 +173,9 @@ pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, Bridge
             finished.map_err(|source| failed(path_of(number), source))?;
         }
     }
+    for file in new_files {
+        file.finish()?;
+    }
     Ok(ConvertSummary {
         files,
         events: survey.events.len(),
@@ -177,13 +186,19 @@ pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, Bridge
 }
 
 fn failed(path: &Path, source: std::io::Error) -> BridgeError {
-    BridgeError::FileWrite {
-        path: path.to_owned(),
-        source,
+    let path = path.to_owned();
+    NewFileError::Finish { path, source }.into()
+}
+
+impl ConvertOptions {
+    /// Creates an output file, which must not be the recording.
+    fn create(&self, path: &Path) -> Result<NewFile, NewFileError> {
+        let inputs = [self.file.clone()];
+        NewFile::create(path, Existing::from_force(self.force), &inputs)
     }
 }
 
-/// Returns the files to write, none of which exists: one for each stream of the recording.
+/// Returns the names of the files to write: one for each stream of the recording.
 fn outputs(
     options: &ConvertOptions,
     survey: &Survey,
@@ -199,11 +214,11 @@ fn outputs(
         let source = RecordingError::NoDevice;
         return Err(BridgeError::Recording { path, source });
     }
-    let mut paths = outputs.iter().map(|(_, path)| path);
-    match paths.find(|path| path.exists()) {
-        Some(path) => Err(BridgeError::FileExists { path: path.clone() }),
-        None => Ok(outputs),
+    // All names are checked before the first file is written.
+    for (_, path) in &outputs {
+        options.create(path)?;
     }
+    Ok(outputs)
 }
 
 fn writer(

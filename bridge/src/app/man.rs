@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Command, Parser, ValueHint};
 use clap_mangen::Man;
+use new_file::NewFileError;
 
 use crate::error::BridgeError;
 
@@ -25,7 +26,7 @@ pub(crate) struct ManOptions {
 ///
 /// # Errors
 ///
-/// [`BridgeError::FileCreation`] if the folder or a page cannot be written.
+/// [`BridgeError::NewFile`] if the folder or a page cannot be written.
 pub(crate) fn pages(options: &ManOptions, command: Command) -> Result<Vec<u8>, BridgeError> {
     let mut command = command.disable_help_subcommand(true);
     // Completes the names of the subcommands' pages, such as corticode-bridge-record.
@@ -42,7 +43,7 @@ pub(crate) fn pages(options: &ManOptions, command: Command) -> Result<Vec<u8>, B
         }
         Ok(())
     };
-    written().map_err(|source| BridgeError::FileCreation {
+    written().map_err(|source| NewFileError::Create {
         path: folder.clone(),
         source,
     })?;

@@ -20,8 +20,20 @@ use crate::error::BridgeError;
 #[command(name = "master")]
 pub(crate) struct MasterOptions {
     /// IP address and port to listen on; 0.0.0.0 stands for all addresses of this machine
-    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:11311")]
+    #[arg(
+        long,
+        value_name = "ADDRESS:PORT",
+        default_value = "127.0.0.1:11311",
+        value_parser = parse_address
+    )]
     pub(crate) bind: SocketAddr,
+}
+
+fn parse_address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| {
+        "write an IP address and a port of 0 to 65535, such as 127.0.0.1:11311 or 0.0.0.0:11311"
+            .to_owned()
+    })
 }
 
 /// Runs the master until it is ended by a signal, or by a call of its method `shutdown`.

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{DecimalBytes, FormattedDuration, ProgressBar};
 use neuro_ros::{NeuroEvent, NeuroFrame};
+use new_file::Existing;
 use tokio::time::{MissedTickBehavior, interval};
 
 use crate::app::command_line::RecordOptions;
@@ -81,7 +82,7 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
             outgoing: Vec::new(),
             now,
         },
-        file: RecordingFile::create(&options.file)?,
+        file: RecordingFile::create(&options.file, Existing::from_force(options.force))?,
         start: Instant::now(),
     };
     let ended = recording.run(&mut shutdown).await;

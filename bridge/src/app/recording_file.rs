@@ -1,11 +1,13 @@
 //! The file of a recording, written by a thread of its own.
 
 use std::fs::File;
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
+
+use new_file::{Existing, create_growing};
 
 use crate::error::BridgeError;
 
@@ -24,14 +26,13 @@ pub(crate) struct RecordingFile {
 }
 
 impl RecordingFile {
-    /// Creates the file.
+    /// Creates the file, or replaces it with [`Existing::Replace`].
     ///
     /// # Errors
     ///
-    /// [`BridgeError::FileExists`] or [`BridgeError::FileCreation`]; [`BridgeError::System`] if no
-    /// thread can be started.
-    pub(crate) fn create(path: &Path) -> Result<RecordingFile, BridgeError> {
-        let file = create_new(path)?;
+    /// [`BridgeError::NewFile`]; [`BridgeError::System`] if no thread can be started.
+    pub(crate) fn create(path: &Path, existing: Existing) -> Result<RecordingFile, BridgeError> {
+        let file = create_growing(path, existing)?;
         let (chunks, receiver) = sync_channel(QUEUE_CHUNKS);
         let thread = std::thread::Builder::new()
             .name("recording".to_owned())
@@ -63,21 +64,6 @@ impl RecordingFile {
             source,
         })
     }
-}
-
-/// Creates a file that must not exist.
-///
-/// # Errors
-///
-/// [`BridgeError::FileExists`] or [`BridgeError::FileCreation`].
-pub(crate) fn create_new(path: &Path) -> Result<File, BridgeError> {
-    File::create_new(path).map_err(|source| {
-        let path = path.to_owned();
-        match source.kind() {
-            ErrorKind::AlreadyExists => BridgeError::FileExists { path },
-            _ => BridgeError::FileCreation { path, source },
-        }
-    })
 }
 
 /// Appends each chunk as it comes, so that it survives the end of this process, and once a second

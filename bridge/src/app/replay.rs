@@ -40,7 +40,11 @@ pub(crate) struct ReplayOptions {
     /// Recording to read
     pub(crate) file: PathBuf,
     /// Port to make: pty:PATH (a link to a pseudoterminal) or tcp:HOST:PORT
-    #[arg(long, value_name = "pty:PATH|tcp:HOST:PORT")]
+    #[arg(
+        long,
+        value_name = "pty:PATH|tcp:HOST:PORT",
+        value_parser = PortAddress::parse_output
+    )]
     pub(crate) output: PortAddress,
     /// Send as fast as the host reads, not in real time; times of arrival then mean nothing
     #[arg(long)]

@@ -1,5 +1,6 @@
 //! Audits: comparison of a device's code with the float network's code of the same window.
 
+use std::fmt;
 use std::sync::Arc;
 
 use link::{Audit, MAX_EXPONENT};
@@ -117,6 +118,16 @@ pub struct AuditResult {
     /// Whether a cell of the window has the smallest or largest int8, because the input was
     /// clipped. The device's activations can then saturate, so the limits do not apply.
     pub at_rail: bool,
+}
+
+impl fmt::Display for AuditResult {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            formatter,
+            "in window {}, by {:.2} levels RMS (limit {:.2}) and {:.2} levels in value {} (limit {:.2})",
+            self.window, self.rms, self.rms_limit, self.largest, self.value, self.largest_limit
+        )
+    }
 }
 
 impl AuditResult {

@@ -221,7 +221,7 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
                 let result = window.compare(&model);
                 progress.audits_waiting.fetch_sub(1, Ordering::Relaxed);
                 if result.is_wrong() {
-                    tracing::error!(?result, "the device's code differs from its model");
+                    tracing::error!("the device's code differs from its model: {result}");
                 }
                 let counts = progress.audits.lock();
                 counts

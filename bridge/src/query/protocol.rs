@@ -5,6 +5,7 @@ use link::{Ack, AckResult, Decoder, Encoder, MAX_FRAME, ResetInto, ToDevice, ToH
 use crate::error::BridgeError;
 use crate::query::report::{DeviceSummary, SelfTestReport};
 use crate::wire::pending::PendingCommand;
+use crate::wire::words;
 
 /// Timeout for the acknowledgement of a command, seconds.
 const ACK_TIMEOUT_S: u32 = 5;
@@ -241,7 +242,10 @@ impl Query {
         let mut buffer = [0; MAX_FRAME];
         match self.encoder.encode(0, &command, &mut buffer) {
             Ok(frame) => self.outgoing.extend_from_slice(frame),
-            Err(error) => tracing::error!(%error, ?command, "a command cannot be sent"),
+            Err(error) => {
+                let command = words::command(&command);
+                tracing::error!(%error, "the command {command} cannot be sent");
+            }
         }
     }
 }

@@ -1,10 +1,11 @@
 //! Report of a self-test: measurements and verdicts.
 
 use ads1299::Register;
-use link::{ChannelFault, ChannelTest, ChipTest, Hello, ResetCause, SelfTest};
+use link::{ChannelFault, ChannelTest, ChipTest, Hello, SelfTest};
 use serde::Serialize;
 
 use crate::device::channel_label;
+use crate::wire::words;
 
 /// Mask of the bits of the ID register that identify the part: bit 4 is 1, DEV_ID (bits 3 and 2) is
 /// 11, and NU_CH (bits 1 and 0) is 00, 01 or 10 for 4, 6 or 8 channels. The three higher bits are
@@ -174,7 +175,7 @@ impl DeviceSummary {
             board: hello.board.to_owned(),
             firmware: hello.firmware.to_owned(),
             uid: uid.concat(),
-            reset_cause: reset_cause(hello.reset_cause),
+            reset_cause: words::reset_cause(hello.reset_cause),
             fault: hello.fault.to_owned(),
         }
     }
@@ -262,18 +263,5 @@ fn channel_report(index: usize, test: &ChannelTest, label: String) -> ChannelRep
             ChannelFault::Newer(number) => format!("fault {number}, newer than this bridge"),
         },
         in_order: test.fault == ChannelFault::None && !is_unmeasured(test),
-    }
-}
-
-fn reset_cause(cause: ResetCause) -> String {
-    match cause {
-        ResetCause::NotKnown => "an unknown cause".to_owned(),
-        ResetCause::PowerOn => "power on".to_owned(),
-        ResetCause::Pin => "the reset pin".to_owned(),
-        ResetCause::BrownOut => "a supply voltage dip (brown-out)".to_owned(),
-        ResetCause::Watchdog => "its watchdog".to_owned(),
-        ResetCause::Software => "a command".to_owned(),
-        ResetCause::Fault => "a fault".to_owned(),
-        ResetCause::Newer(number) => format!("cause {number}, newer than this bridge"),
     }
 }

@@ -31,7 +31,7 @@ impl FromStr for PortAddress {
                         Ok(PortAddress::Tcp(address.to_owned()))
                     }
                     _ => Err(format!(
-                        "`{address}` is not a host and a port; write tcp:127.0.0.1:5555"
+                        "`{address}` is not a host and a port of 0 to 65535; write tcp:127.0.0.1:5555"
                     )),
                 }
             }
@@ -44,12 +44,39 @@ impl FromStr for PortAddress {
             Some(("auto", serial)) => Ok(PortAddress::Auto(Some(serial.to_owned()))),
             None if text == "auto" => Ok(PortAddress::Auto(None)),
             _ if text.is_empty() => Err("the path is empty; write /dev/ttyACM0".to_owned()),
+            _ if is_tcp_without_prefix(text) => Err(format!(
+                "`{text}` is not the path of a port; write tcp:HOST:PORT, such as tcp:127.0.0.1:5555, \
+                 or ./{text} for a file of this name"
+            )),
             _ => Ok(PortAddress::Tty(text.into())),
         }
     }
 }
 
+/// Returns whether a text is a number, or ends with a colon and a number, and has no folder: what remains
+/// of `tcp:HOST:PORT` without its beginning.
+fn is_tcp_without_prefix(text: &str) -> bool {
+    let last = text.rsplit(':').next().unwrap_or(text);
+    !text.contains('/') && !last.is_empty() && last.bytes().all(|byte| byte.is_ascii_digit())
+}
+
 impl PortAddress {
+    /// Parses the address of a port to make: `pty:PATH` or `tcp:HOST:PORT`.
+    ///
+    /// # Errors
+    ///
+    /// What is allowed, for any other text.
+    pub(crate) fn parse_output(text: &str) -> Result<PortAddress, String> {
+        match text.split_once(':') {
+            Some(("pty", path)) if !path.is_empty() => text.parse(),
+            Some(("tcp", _)) => text.parse(),
+            _ => Err(format!(
+                "`{text}` is no port to make; write pty:PATH, such as pty:/tmp/board, or \
+                 tcp:HOST:PORT, such as tcp:127.0.0.1:5555"
+            )),
+        }
+    }
+
     /// Returns advice for the user when the port does not open.
     pub(crate) fn remedy(&self, error: io::ErrorKind) -> String {
         match (error, self) {
@@ -90,6 +117,24 @@ mod tests {
     use super::PortAddress;
 
     #[test]
+    fn a_port_to_make_is_a_terminal_or_a_tcp_port() {
+        let tty = PortAddress::Tty("/tmp/board".into());
+        assert_eq!(PortAddress::parse_output("pty:/tmp/board"), Ok(tty));
+        assert!(PortAddress::parse_output("tcp:localhost:5555").is_ok());
+        for wrong in [
+            "/tmp",
+            "pty:",
+            "file:x",
+            "auto",
+            "5555",
+            "tcp:localhost:99999",
+        ] {
+            let error = PortAddress::parse_output(wrong).unwrap_err();
+            assert!(error.contains("write"), "{wrong}: {error}");
+        }
+    }
+
+    #[test]
     fn paths_and_tcp_addresses_are_distinguished() {
         let tty = PortAddress::Tty("/dev/ttyACM0".into());
         assert_eq!("/dev/ttyACM0".parse(), Ok(tty.clone()));
@@ -105,6 +150,12 @@ mod tests {
         let serial = PortAddress::Auto(Some("3A".to_owned()));
         assert_eq!("auto:3A".parse(), Ok(serial));
         assert_eq!("./auto".parse(), Ok(PortAddress::Tty("./auto".into())));
+        assert_eq!("./5555".parse(), Ok(PortAddress::Tty("./5555".into())));
+        assert_eq!("board".parse(), Ok(PortAddress::Tty("board".into())));
+        for wrong in ["5555", "99999", "localhost:5555", "127.0.0.1:99999"] {
+            let error = wrong.parse::<PortAddress>().unwrap_err();
+            assert!(error.contains("write tcp:HOST:PORT"), "{wrong}: {error}");
+        }
         for wrong in ["", "auto:", "tcp:", "tcp:host", "tcp::5", "tcp:host:99999"] {
             let error = wrong.parse::<PortAddress>().unwrap_err();
             assert!(error.contains("write"), "{wrong}: {error}");

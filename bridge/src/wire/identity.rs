@@ -4,6 +4,8 @@ use std::fmt;
 
 use link::{Hello, ResetCause};
 
+use crate::wire::words;
+
 /// Owned copy of the device's [`Hello`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Identity {
@@ -53,8 +55,11 @@ impl fmt::Display for Identity {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             formatter,
-            "{} with firmware {}, session {:08x}, started by {:?}",
-            self.board, self.firmware, self.session_id, self.reset_cause
+            "{} with firmware {}, session {:08x}, started by {}",
+            self.board,
+            self.firmware,
+            self.session_id,
+            words::reset_cause(self.reset_cause)
         )
     }
 }

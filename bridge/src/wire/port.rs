@@ -116,7 +116,10 @@ fn detect_broken_connection(stream: &TcpStream) -> io::Result<()> {
 
 fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let fd = rustix::fs::open(path, flags, Mode::empty())?;
+    let fd = rustix::fs::open(path, flags, Mode::empty()).map_err(|error| match error {
+        Errno::ISDIR => io::Error::new(io::ErrorKind::InvalidInput, "it is a folder"),
+        error => error.into(),
+    })?;
     if !termios::isatty(&fd) {
         return Err(io::Error::new(
             io::ErrorKind::InvalidInput,

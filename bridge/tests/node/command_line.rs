@@ -13,6 +13,18 @@ fn wrong_usage_is_status_2_with_advice() {
         (&["--port", "tcp:nowhere"][..], "tcp:127.0.0.1:5555"),
         (&["--port", "/dev/null", "--mains", "55"], "50 or 60"),
         (&["--port", "/dev/null", "--baud", "0"], "--baud"),
+        (&["--port", "tcp:localhost:99999"], "0 to 65535"),
+        (&["--port", "99999"], "write tcp:HOST:PORT"),
+        (
+            &["selftest", "--port", "localhost:5555"],
+            "write tcp:HOST:PORT",
+        ),
+        (&["--port", "/tmp", "--sink", "ndjson"], "it is a folder"),
+        (&["selftest", "--port", "/tmp"], "it is a folder"),
+        (&["replay", "x", "--output", "tcp:h:99999"], "0 to 65535"),
+        (&["replay", "x", "--output", "/tmp"], "write pty:PATH"),
+        (&["replay", "x", "--output", "file:x"], "write pty:PATH"),
+        (&["master", "--bind", "127.0.0.1:99999"], "0 to 65535"),
         (&["_prot:=/dev/null"], "known are port, baud"),
         (&["_port:=tcp:nowhere"], "tcp:127.0.0.1:5555"),
         (

@@ -295,6 +295,18 @@ fn a_file_that_was_cut_off_is_converted_to_its_last_whole_record() {
     let (status, log) = convert(&path, "csv");
     assert_eq!(status, Some(2), "{log}");
     assert!(log.contains("cut.codes.csv exists already"), "{log}");
+    let codes = folder.path().join("cut.codes.csv");
+    let whole = std::fs::read(&codes).unwrap();
+    std::fs::write(&codes, "mine").unwrap();
+    let file = path.to_str().unwrap();
+    let again = Bridge::start(&["convert", file, "--to", "csv", "--force"]);
+    let (status, log) = again.wait();
+    assert!(status.success(), "{log}");
+    assert_eq!(std::fs::read(&codes).unwrap(), whole);
+    let files = std::fs::read_dir(folder.path()).unwrap().flatten();
+    let names: Vec<_> = files.map(|file| file.file_name()).collect();
+    let is_temporary = |name: &std::ffi::OsString| name.to_string_lossy().starts_with('.');
+    assert!(!names.iter().any(is_temporary), "{names:?}");
 }
 
 #[test]

@@ -14,6 +14,7 @@ mod device;
 mod doctor;
 mod graph;
 mod hostile_recording;
+mod json_lines;
 mod lines;
 mod long_outage;
 mod machine;

@@ -115,12 +115,29 @@ fn an_existing_file_is_refused_and_not_touched() {
     let (status, log) = Bridge::start(&["record", file, "--port", "tcp:127.0.0.1:1"]).wait();
     assert_eq!(status.code(), Some(2), "{log}");
     assert!(log.contains("exists already"), "{log}");
+    assert!(log.contains("--force"), "{log}");
     assert_eq!(std::fs::read(&path).unwrap(), b"mine");
     let nowhere = folder.path().join("no/recording");
     let file = nowhere.to_str().unwrap();
     let (status, log) = Bridge::start(&["record", file, "--port", "tcp:127.0.0.1:1"]).wait();
     assert_eq!(status.code(), Some(2), "{log}");
     assert!(log.contains("cannot be created"), "{log}");
+}
+
+#[test]
+fn force_replaces_a_file_and_a_killed_recording_has_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording");
+    std::fs::write(&path, [0xff; 1000]).unwrap();
+    let device = Device::tcp(Board::new());
+    let file = path.to_str().unwrap();
+    let bridge = Bridge::start(&["record", file, "--force", "--port", &device.port]);
+    wait_for_bytes(&path, 20_000);
+    bridge.signal(Signal::KILL);
+    bridge.wait();
+    let content = read(&path);
+    assert!(content.windows.len() > 10, "{content:?}");
+    assert_eq!(content.left_out.within, 0);
 }
 
 #[test]

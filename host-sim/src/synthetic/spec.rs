@@ -61,7 +61,7 @@ impl SyntheticSpec {
 pub enum SyntheticError {
     /// A label without a position in the 10-5 system.
     #[error(
-        "{label:?} is no electrode of the 10-20, 10-10 or 10-5 system, so it has no place on the scalp"
+        "{label} is no electrode of the 10-20, 10-10 or 10-5 system, so it has no place on the scalp"
     )]
     UnknownElectrode {
         /// Label in [`SyntheticSpec::electrodes`].

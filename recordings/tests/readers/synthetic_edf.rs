@@ -202,7 +202,8 @@ fn unusable_headers_are_refused_with_the_name_of_the_field() {
             data_bytes: 0
         })
     ));
-    for other in [&b""[..], b"GDF", b"%PDF-1.7 something else"] {
+    assert!(matches!(open(Vec::new()), Err(RecordingError::Empty)));
+    for other in [&b"GDF"[..], b"%PDF-1.7 something else"] {
         assert!(matches!(
             open(other.to_vec()),
             Err(RecordingError::UnknownFormat { .. })

@@ -36,7 +36,8 @@ fn play(bytes: Vec<u8>, electrodes: &[&str], missing: Missing) -> (Vec<[i32; 64]
     let recording = open(bytes).expect("a valid file");
     let map =
         MontageMap::new(&recording.labels(), electrodes, missing).expect("a matching montage");
-    let mut adc = VirtualAdc::new(recording, &map, ADS1299).expect("usable rates");
+    let adc = VirtualAdc::new(recording, &map, ADS1299).expect("usable rates");
+    let mut adc = adc.without_dither();
     let counts: Vec<_> = (&mut adc).collect::<Result<_, _>>().expect("readable");
     assert_eq!(counts.len() as u64, adc.samples());
     (counts, adc.counters())
@@ -171,6 +172,20 @@ fn voltage_units_are_converted_to_microvolts() {
         );
         // 1 mV / 22.351741790771484 nV = 44739.24.
         assert_eq!(counts[7][0], 44_739, "{unit} {code}");
+    }
+}
+
+#[test]
+fn a_flat_recording_changes_by_one_count_in_every_second_sample() {
+    let file = GdfFile::version_2(1, vec![GdfSignal::float32("Cz", 512, &[100.0; 512])]);
+    let recording = open(file.bytes()).expect("a valid file");
+    let map = MontageMap::new(&recording.labels(), &["Cz"], Missing::Refuse);
+    let map = map.expect("a matching montage");
+    let adc = VirtualAdc::new(recording, &map, ADS1299).expect("a usable rate");
+    for (sample, counts) in adc.enumerate() {
+        let counts = counts.expect("readable");
+        assert_eq!(counts[0], 4474 + i32::from(sample % 2 == 1));
+        assert!(counts[1..].iter().all(|&unused| unused == 0));
     }
 }
 

@@ -24,7 +24,7 @@ pub enum HttpError {
     #[error("the HTTP body is longer than {0} bytes")]
     BodyTooLong(usize),
     /// A header field, a length or a chunk size has the wrong syntax; holds the line.
-    #[error("the HTTP line {0:?} is malformed")]
+    #[error("the HTTP line '{}' is malformed", .0.escape_debug())]
     Malformed(String),
 }
 

@@ -115,7 +115,8 @@ impl Registrar {
                 let mut graph = lock(&self.graph);
                 if !graph.registered.is_empty() {
                     graph.registered.clear();
-                    tracing::warn!(node = self.node, ?uri, "another node has taken this name");
+                    let uri = uri.as_str().unwrap_or("an unknown address");
+                    tracing::warn!(node = self.node, uri, "another node has taken this name");
                     self.shutdown_requested.send_replace(true);
                     return Vec::new();
                 }

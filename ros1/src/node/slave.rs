@@ -64,7 +64,7 @@ impl Slave {
             _ => {
                 return Err(Fault {
                     code: 1,
-                    message: format!("method {method:?} is not known"),
+                    message: format!("method {method} is not known"),
                 });
             }
         };

@@ -24,7 +24,7 @@ pub enum HeaderError {
     #[error("the connection ended before the whole header came: {0}")]
     Io(#[from] io::Error),
     /// The peer did not send its header within 5 s.
-    #[error("no header came within {HANDSHAKE_TIMEOUT:?}")]
+    #[error("no header came within {} s", HANDSHAKE_TIMEOUT.as_secs())]
     Timeout,
     /// The header is longer than [`MAX_HEADER`].
     #[error("the header has {length} bytes; at most {MAX_HEADER} are allowed")]
@@ -44,7 +44,7 @@ pub enum HeaderError {
     #[error("the header ends inside the length of a field")]
     Truncated,
     /// A header field has no `=`; holds the text of the field.
-    #[error("the header field {0:?} has no '='")]
+    #[error("the header field '{}' has no '='", .0.escape_debug())]
     NoEquals(String),
 }
 

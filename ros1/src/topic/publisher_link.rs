@@ -34,8 +34,8 @@ pub(crate) struct PublisherLink {
 pub(crate) enum LinkError {
     #[error(transparent)]
     Call(#[from] CallError),
-    #[error("the publisher offers no TCPROS address but {0:?}")]
-    Offer(Value),
+    #[error("the publisher offers no TCPROS address; is it a ROS 1 node?")]
+    Offer,
     #[error("the publisher's address cannot be reached: {0}")]
     Unreachable(io::Error),
     #[error(transparent)]
@@ -117,7 +117,7 @@ impl PublisherLink {
             protocols,
         ];
         let offer = call_ros(&self.uri, "requestTopic", &arguments).await?;
-        let address = tcpros_address(&offer).ok_or(LinkError::Offer(offer))?;
+        let address = tcpros_address(&offer).ok_or(LinkError::Offer)?;
         let connect = TcpStream::connect((address.host(), address.port()));
         let connected = timeout(HANDSHAKE_TIMEOUT, connect).await;
         let mut stream = connected

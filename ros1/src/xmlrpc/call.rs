@@ -37,7 +37,7 @@ pub enum CallError {
         source: io::Error,
     },
     /// The answer was not complete within 3 s.
-    #[error("{uri} did not answer {method} within {CALL_TIMEOUT:?}")]
+    #[error("{uri} did not answer {method} within {} s", CALL_TIMEOUT.as_secs())]
     Timeout {
         /// XML-RPC URI that was called.
         uri: String,
@@ -53,7 +53,7 @@ pub enum CallError {
         source: HttpError,
     },
     /// The HTTP status is not 200.
-    #[error("{uri} answered {status:?}; is it an XML-RPC server?")]
+    #[error("{uri} answered '{}'; is it an XML-RPC server?", status.escape_debug())]
     Status {
         /// XML-RPC URI that was called.
         uri: String,

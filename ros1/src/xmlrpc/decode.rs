@@ -37,7 +37,7 @@ pub enum DecodeError {
         found: String,
     },
     /// The text of an `<int>` is not a 32-bit integer.
-    #[error("not a 32-bit integer: {text:?}: {source}")]
+    #[error("not a 32-bit integer: '{}': {source}", text.escape_debug())]
     Int {
         /// Text between the opening and the closing tag.
         text: String,
@@ -45,7 +45,7 @@ pub enum DecodeError {
         source: ParseIntError,
     },
     /// The text of a `<double>` is not a number.
-    #[error("not a number: {text:?}: {source}")]
+    #[error("not a number: '{}': {source}", text.escape_debug())]
     Double {
         /// Text between the opening and the closing tag.
         text: String,
@@ -53,7 +53,7 @@ pub enum DecodeError {
         source: ParseFloatError,
     },
     /// The text of a `<boolean>` is neither 0 nor 1; holds the text.
-    #[error("not a boolean (0 or 1): {0:?}")]
+    #[error("not a boolean (0 or 1): '{}'", .0.escape_debug())]
     Bool(String),
     /// Arrays and structs are nested deeper than 64 levels.
     #[error("values nested deeper than {MAX_DEPTH} levels")]
@@ -145,7 +145,7 @@ impl Token {
         let found = match self {
             Self::Open(tag) => format!("<{tag}>"),
             Self::Close => "a closing tag".to_owned(),
-            Self::Text(text) => format!("text {text:?}"),
+            Self::Text(text) => format!("text '{}'", text.escape_debug()),
             Self::End => "the end".to_owned(),
         };
         DecodeError::Unexpected { expected, found }

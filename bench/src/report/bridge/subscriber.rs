@@ -62,8 +62,9 @@ impl Subscriber {
         let arrived = timeout(limit, arrived).await.is_ok();
         ensure!(
             arrived,
-            "no code came on {} within {limit:?}\n  next: is the machine very busy? repeat",
-            self.topic
+            "no code came on {} within {} s\n  next: is the machine very busy? repeat",
+            self.topic,
+            limit.as_secs()
         );
         Ok(())
     }

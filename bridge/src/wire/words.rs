@@ -1,0 +1,43 @@
+//! Names of commands, answers and causes of a start, for messages to the user.
+
+use link::{AckResult, ResetCause, ToDevice};
+
+/// Returns the name of a command, as docs/wire-format.md has it.
+pub(crate) fn command(command: &ToDevice) -> &'static str {
+    match command {
+        ToDevice::Start(_) => "Start",
+        ToDevice::Stop => "Stop",
+        ToDevice::Identify => "Identify",
+        ToDevice::Ping => "Ping",
+        ToDevice::SelfTest => "SelfTest",
+        ToDevice::SyncTime { .. } => "SyncTime",
+        ToDevice::Reset(_) => "Reset",
+    }
+}
+
+/// Returns the reason of an answer other than `Done`.
+pub(crate) fn reason(result: AckResult) -> String {
+    match result {
+        AckResult::Done => "done".to_owned(),
+        AckResult::UnknownCommand => "it does not know the command".to_owned(),
+        AckResult::BadArgument => "an argument is out of range".to_owned(),
+        AckResult::Busy => "it is busy".to_owned(),
+        AckResult::NotSupported => "its board or model cannot do that".to_owned(),
+        AckResult::Failed => "it tried and failed".to_owned(),
+        AckResult::Newer(number) => format!("reason {number}, newer than this bridge"),
+    }
+}
+
+/// Returns the cause of a start, after "started by".
+pub(crate) fn reset_cause(cause: ResetCause) -> String {
+    match cause {
+        ResetCause::NotKnown => "an unknown cause".to_owned(),
+        ResetCause::PowerOn => "power on".to_owned(),
+        ResetCause::Pin => "the reset pin".to_owned(),
+        ResetCause::BrownOut => "a supply voltage dip (brown-out)".to_owned(),
+        ResetCause::Watchdog => "its watchdog".to_owned(),
+        ResetCause::Software => "a command".to_owned(),
+        ResetCause::Fault => "a fault".to_owned(),
+        ResetCause::Newer(number) => format!("cause {number}, newer than this bridge"),
+    }
+}

@@ -1,0 +1,128 @@
+//! Defects of recordings have a warning, with -q too, or an error that says what to do.
+
+use std::{fs, path::Path};
+
+use crate::edf_file::{EdfFile, Signal};
+use crate::program::{Finished, run};
+
+fn play(path: &Path) -> Finished {
+    let input = format!("--input={}", path.display());
+    run(&["run", "-q", &input, "--output=file:/dev/null"])
+}
+
+/// Plays a file with these bytes.
+fn play_bytes(name: &str, bytes: &[u8]) -> Finished {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join(name);
+    fs::write(&path, bytes).expect("writable");
+    play(&path)
+}
+
+fn assert_warns(file: &EdfFile, warning: &str) {
+    let finished = play_bytes("defect.edf", &file.bytes());
+    assert_eq!(finished.status, Some(0), "{finished:?}");
+    assert!(finished.log.contains(warning), "{finished:?}");
+}
+
+fn assert_refused(name: &str, bytes: &[u8], reason: &str) {
+    let finished = play_bytes(name, bytes);
+    assert_eq!(finished.status, Some(2), "{finished:?}");
+    assert!(finished.log.contains(reason), "{name}: {finished:?}");
+}
+
+#[test]
+fn a_sound_recording_has_no_warning() {
+    let finished = play_bytes("sound.edf", &EdfFile::with_all_electrodes(2).bytes());
+    assert_eq!((finished.status, &*finished.log), (Some(0), ""));
+}
+
+#[test]
+fn one_to_three_electrodes_are_too_few_to_interpolate_the_others() {
+    let labels: Vec<&str> = model::LABELS.split(' ').collect();
+    for count in 1..=3 {
+        let file = EdfFile::with_labels(2, &labels[..count]);
+        let of_all = format!("only {count} of the {} electrodes", labels.len());
+        assert_warns(&file, &of_all);
+    }
+    let finished = play_bytes("four.edf", &EdfFile::with_labels(2, &labels[..4]).bytes());
+    assert_eq!(finished.log, "");
+}
+
+#[test]
+fn an_electrode_that_is_recorded_twice_has_a_warning() {
+    let mut file = EdfFile::with_all_electrodes(2);
+    let first = file.signals[1].label.clone();
+    file.signals.push(Signal::new(&format!("EEG {first}-REF")));
+    let warning = format!("electrode {first} is recorded twice: signal {first} is used");
+    assert_warns(&file, &warning);
+}
+
+#[test]
+fn a_reversed_digital_range_has_a_warning_and_an_empty_one_is_refused() {
+    let mut file = EdfFile::with_all_electrodes(2);
+    file.signals[0].digital = ["32767", "-32768"];
+    assert_warns(&file, "digital minimum is above the maximum");
+    file.signals[0].digital = ["5", "5"];
+    assert_refused("equal.edf", &file.bytes(), "cannot be scaled: digital 5..5");
+}
+
+#[test]
+fn an_electrode_without_samples_is_refused_by_name() {
+    let mut file = EdfFile::with_all_electrodes(2);
+    file.signals[2].samples_per_record = 0;
+    let reason = format!("signal {} has no samples", file.signals[2].label);
+    assert_refused("none.edf", &file.bytes(), &reason);
+}
+
+#[test]
+fn a_transfer_in_text_mode_is_recognised() {
+    let mut damaged = Vec::new();
+    for byte in EdfFile::with_all_electrodes(2).bytes() {
+        if byte == b'\n' {
+            damaged.push(b'\r');
+        }
+        damaged.push(byte);
+    }
+    assert_refused(
+        "text.edf",
+        &damaged,
+        "transfer the recording again in binary mode",
+    );
+}
+
+#[test]
+fn files_that_are_no_recording_say_what_to_do() {
+    assert_refused("empty.edf", b"", "the file is empty");
+    let mat = b"MATLAB 5.0 MAT-file, Platform: GLNXA64";
+    assert_refused(
+        "eeg.set",
+        mat,
+        "an EEGLAB data set, which is not supported; export",
+    );
+    assert_refused(
+        "eeg.fdt",
+        &[1; 1000],
+        "read_raw_eeglab('FILE.set').export('FILE.edf')",
+    );
+    let header = b"Brain Vision Data Exchange Header File Version 1.0\r\n";
+    for (name, bytes) in [
+        ("eeg.vhdr", &header[..]),
+        ("eeg.vmrk", header),
+        ("eeg.eeg", &[1; 1000]),
+    ] {
+        assert_refused(
+            name,
+            bytes,
+            "read_raw_brainvision('FILE.vhdr').export('FILE.edf')",
+        );
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let finished = play(folder.path());
+    assert_eq!(finished.status, Some(2), "{finished:?}");
+    assert!(
+        finished
+            .log
+            .contains("is a folder; name one recording in it"),
+        "{finished:?}"
+    );
+}

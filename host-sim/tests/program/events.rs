@@ -1,0 +1,150 @@
+//! Events of a recording are played as pulses of the trigger input, at their samples.
+
+use std::{
+    fs,
+    io::{Cursor, Read as _, Write as _},
+    net::{TcpListener, TcpStream},
+    path::Path,
+    thread,
+    time::{Duration, Instant},
+};
+
+use link::{Decoder, Encoder, Event, EventKind, MAX_FRAME, Start, Streams, ToDevice, ToHost};
+use recordings::{FileToWrite, GdfWriter, SignalToWrite};
+
+use crate::edf_file::EdfFile;
+use crate::program::{program, run, wait};
+
+/// Plays a recording to a host that wants events. Returns each event with its time, us after the run's
+/// first sample.
+fn played(input: &Path, more: &[&str]) -> Vec<(Event, u64)> {
+    let free = TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let address = free.local_addr().expect("its address").to_string();
+    drop(free);
+    let input = format!("--input={}", input.display());
+    let output = format!("--output=tcp:{address}");
+    let arguments = [&["run", "-q", "--fast", &input, &output], more].concat();
+    let child = program(&arguments).spawn().expect("the program starts");
+    let deadline = Instant::now() + Duration::from_mins(1);
+    let mut port = loop {
+        match TcpStream::connect(&address) {
+            Ok(port) => break port,
+            Err(error) => assert!(Instant::now() < deadline, "{error}"),
+        }
+        thread::sleep(Duration::from_millis(10));
+    };
+    let start = ToDevice::Start(Start {
+        streams: Streams::CODES | Streams::EVENTS,
+        mains_hz: 0,
+    });
+    let mut buffer = [0; MAX_FRAME];
+    let frame = Encoder::default().encode(0, &start, &mut buffer);
+    port.write_all(frame.expect("it fits")).expect("connected");
+    let mut bytes = Vec::new();
+    port.read_to_end(&mut bytes).expect("all frames");
+    drop(port);
+    let finished = wait(child);
+    assert_eq!(finished.status, Some(0), "{finished:?}");
+
+    let (mut rest, mut decoder) = (&bytes[..], Decoder::<MAX_FRAME>::new());
+    let mut events = Vec::new();
+    while let Some(frame) = decoder.next::<ToHost<'_>>(&mut rest) {
+        let frame = frame.expect("a whole frame");
+        if let ToHost::Event(event) = frame.message {
+            events.push((event, frame.header.device_time_us));
+        }
+    }
+    events
+}
+
+/// Returns the edges of pulses of 10 ms at these times, in milliseconds of the signal.
+fn pulses(starts_ms: &[u64]) -> Vec<(Event, u64)> {
+    let edges = starts_ms.iter().flat_map(|start| {
+        [
+            (EventKind::TriggerRise, *start),
+            (EventKind::TriggerFall, start + 10),
+        ]
+    });
+    let rate = u64::from(model::ADC_RATE_HZ);
+    let event = |(number, (kind, at_ms)): (u32, (EventKind, u64))| {
+        let sample = (at_ms * rate).div_ceil(1000);
+        let event = Event {
+            kind,
+            number,
+            sample,
+        };
+        (event, at_ms * 1000)
+    };
+    (0..).zip(edges).map(event).collect()
+}
+
+/// Checks events, whose times may be rounded by a microsecond.
+fn assert_played(played: &[(Event, u64)], expected: &[(Event, u64)]) {
+    let events = |all: &[(Event, u64)]| all.iter().map(|(event, _)| *event).collect::<Vec<_>>();
+    assert_eq!(events(played), events(expected));
+    for ((event, at_us), (_, expected_us)) in played.iter().zip(expected) {
+        assert!(at_us.abs_diff(*expected_us) <= 1, "{event:?} at {at_us} us");
+    }
+}
+
+#[test]
+fn annotations_of_edf_are_pulses_at_their_samples() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("annotated.edf");
+    let mut file = EdfFile::with_all_electrodes(4);
+    // The second record names an event of the first one; the last event is after the end.
+    file.annotations = vec![
+        b"+0\x14\x14\0+0.25\x14Left\x14\0",
+        b"+1\x14\x14\0+0.125\x152\x14Right\x14\0",
+        b"+2\x14\x14\0+2.5\x14Left\x14Cue\x14\0",
+        b"+3\x14\x14\0+9\x14Late\x14\0",
+    ];
+    fs::write(&path, file.bytes()).expect("writable");
+    assert_played(&played(&path, &[]), &pulses(&[125, 250, 2500]));
+
+    // Edges at an interval replace those of the recording.
+    let numbers: Vec<u64> = played(&path, &["--trigger-every=1"])
+        .into_iter()
+        .map(|(_, us)| us)
+        .collect();
+    assert_eq!(numbers.first(), Some(&1_000_000));
+
+    let input = format!("--input={}", path.display());
+    let finished = run(&["run", "-q", &input, "--output=file:/dev/null"]);
+    assert!(
+        finished.log.contains("1 events are outside the signal"),
+        "{finished:?}"
+    );
+}
+
+#[test]
+fn events_of_gdf_are_pulses_except_ends_and_sparse_samples() {
+    let labels = model::LABELS.split(' ');
+    let file = FileToWrite {
+        signals: labels
+            .map(|label| SignalToWrite {
+                label: label.to_owned(),
+                is_microvolt: true,
+                is_integer: false,
+                range: [-1000.0, 1000.0],
+            })
+            .collect(),
+        rate_hz: 100,
+        rows_per_record: 100,
+        start_ns: 0,
+        description: String::new(),
+    };
+    let mut bytes = Vec::new();
+    let mut writer = GdfWriter::new(Cursor::new(&mut bytes), &file).expect("in memory");
+    for _ in 0..3 {
+        let rows = (0..100_u16).flat_map(|row| vec![f32::from(row); model::ELECTRODES]);
+        let rows: Vec<f32> = rows.collect();
+        writer.write_record(&rows).expect("in memory");
+    }
+    let events = [(50, 0x0301), (150, 0x8301), (180, 0x7fff), (200, 0x0302)];
+    writer.finish(&events).expect("in memory");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("events.gdf");
+    fs::write(&path, bytes).expect("writable");
+    assert_played(&played(&path, &[]), &pulses(&[500, 2000]));
+}

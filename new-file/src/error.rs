@@ -1,0 +1,53 @@
+//! Errors of a file that the user names as output.
+
+use std::{io, path::PathBuf};
+
+use thiserror::Error;
+
+/// Why a file cannot be written under the name that the user chose.
+#[derive(Debug, Error)]
+pub enum NewFileError {
+    /// A file with this name exists, and the user did not ask to replace it.
+    #[error("{} exists already; choose another name, or replace it with --force", path.display())]
+    Exists {
+        /// Name from the user.
+        path: PathBuf,
+    },
+    /// The name, perhaps through a link, is that of a file that the program reads.
+    #[error(
+        "{} is the input {}; choose another name, because --force replaces no input",
+        path.display(),
+        input.display()
+    )]
+    Input {
+        /// Name from the user.
+        path: PathBuf,
+        /// Name under which the program reads the file.
+        input: PathBuf,
+    },
+    /// The name is that of a folder.
+    #[error("{} is a folder; write the name of a file in it", path.display())]
+    Folder {
+        /// Name from the user.
+        path: PathBuf,
+    },
+    /// The file cannot be created.
+    #[error(
+        "{} cannot be created; choose a name in a folder that exists and is writable",
+        path.display()
+    )]
+    Create {
+        /// Name from the user.
+        path: PathBuf,
+        /// Error from the operating system.
+        source: io::Error,
+    },
+    /// The complete file cannot be moved to its name, or its bytes did not reach the disk.
+    #[error("{} cannot be completed; make room on the disk and repeat the command", path.display())]
+    Finish {
+        /// Name from the user.
+        path: PathBuf,
+        /// Error from the operating system.
+        source: io::Error,
+    },
+}

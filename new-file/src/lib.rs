@@ -1,0 +1,35 @@
+//! Files that a user names as output.
+//!
+//! A [`NewFile`] appears under its name when it is complete. Until then its bytes are in a temporary file
+//! in the same folder, so a killed program leaves no half file under the name. An existing file is
+//! replaced only if the user asks for it, and a file that the program reads is never replaced.
+//!
+//! ```text
+//! create ──> .NAME.XXXXXX.part ──> finish ──> NAME
+//!            deleted on drop       renamed
+//! ```
+//!
+//! ```
+//! use std::io::Write as _;
+//!
+//! use new_file::{Existing, NewFile};
+//!
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("codes.bin");
+//! let mut file = NewFile::create(&path, Existing::Refuse, &[])?;
+//! file.write_all(b"code")?;
+//! assert!(!path.exists());
+//! file.finish()?;
+//! assert_eq!(std::fs::read(&path)?, b"code");
+//! assert!(NewFile::create(&path, Existing::Refuse, &[]).is_err());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod destination;
+mod error;
+mod file;
+
+pub use destination::{Existing, create_growing};
+pub use error::NewFileError;
+pub use file::NewFile;
