@@ -90,8 +90,8 @@ pub enum PortError {
         #[source]
         source: io::Error,
     },
-    /// Something other than a symbolic link exists at the path of the link.
-    #[error("{path} exists and is no link; remove it or choose another path")]
+    /// Something other than a symbolic link to a terminal exists at the path of the link.
+    #[error("{path} exists and is no link to a pseudoterminal; remove it or choose another path")]
     Occupied {
         /// Path in [`Output::Pty`].
         path: PathBuf,
@@ -290,15 +290,15 @@ fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
         Ok((controller, name, terminal))
     };
     let (controller, name, terminal) = open().map_err(|errno| PortError::Pty(errno.into()))?;
-    match fs::symlink_metadata(link) {
-        Ok(found) if !found.is_symlink() => {
+    // A link to a terminal was left by an earlier run. Any other file is the user's.
+    match fs::read_link(link) {
+        Ok(target) if target.starts_with("/dev/pts") => drop(fs::remove_file(link)),
+        _ if fs::symlink_metadata(link).is_ok() => {
             return Err(PortError::Occupied {
                 path: link.to_owned(),
             });
         }
-        // The link was left by an earlier run: remove it.
-        Ok(_) => drop(fs::remove_file(link)),
-        Err(_) => {}
+        _ => {}
     }
     std::os::unix::fs::symlink(&name, link).map_err(|source| PortError::Link {
         path: link.to_owned(),

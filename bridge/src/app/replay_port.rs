@@ -115,8 +115,8 @@ fn open_terminal(link: &Path) -> io::Result<ReplayPort> {
     let controller = File::from(controller);
     let receiver = Receiver::from_file_unchecked(controller.try_clone()?)?;
     let port = Port::Tty(receiver, Sender::from_file_unchecked(controller)?);
-    // A link that an earlier run left behind is replaced, and nothing else.
-    if std::fs::symlink_metadata(link).is_ok_and(|found| found.is_symlink()) {
+    // A link to a terminal, which an earlier run left behind, is replaced, and nothing else.
+    if std::fs::read_link(link).is_ok_and(|target| target.starts_with("/dev/pts")) {
         std::fs::remove_file(link)?;
     }
     symlink(name.to_str().map_err(io::Error::other)?, link)?;

@@ -116,6 +116,9 @@ fn what_cannot_be_replayed_is_status_2_with_advice() {
     std::fs::write(&path, Rig::new(0).finish()).unwrap();
     let file = path.to_str().unwrap();
     let taken = format!("pty:{file}");
+    let link = folder.path().join("link");
+    std::os::unix::fs::symlink(&path, &link).unwrap();
+    let linked = format!("pty:{}", link.display());
     for (arguments, expected) in [
         (
             ["replay", "/etc/hostname", "--output", &taken],
@@ -123,6 +126,10 @@ fn what_cannot_be_replayed_is_status_2_with_advice() {
         ),
         (
             ["replay", file, "--output", &taken],
+            "cannot be made a port",
+        ),
+        (
+            ["replay", file, "--output", &linked],
             "cannot be made a port",
         ),
         (

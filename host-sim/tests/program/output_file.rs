@@ -103,6 +103,28 @@ fn a_killed_run_leaves_no_half_file_under_the_name_and_an_interrupted_one_a_whol
 }
 
 #[test]
+fn a_link_of_the_user_is_not_replaced_by_the_link_to_a_terminal() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("data"), b"mine").expect("writable");
+    symlink(at("data"), at("link")).expect("a link");
+    let output = format!("--output=pty:{}", at("link").display());
+    let board = ["run", "-q", "--input=synthetic", "--duration=0.1", &output];
+    let refused = run(&board);
+    assert_eq!(refused.status, Some(2), "{refused:?}");
+    assert!(
+        refused.log.contains("no link to a pseudoterminal"),
+        "{refused:?}"
+    );
+    assert_eq!(fs::read(at("link")).expect("the data"), b"mine");
+
+    // What a killed run has left is replaced.
+    fs::remove_file(at("link")).expect("a link");
+    symlink("/dev/pts/4711", at("link")).expect("a link");
+    assert_eq!(run(&board).status, Some(0));
+}
+
+#[test]
 fn an_output_that_cannot_be_is_wrong_usage_with_what_is_allowed() {
     for (output, allowed) in [
         (
@@ -115,7 +137,7 @@ fn an_output_that_cannot_be_is_wrong_usage_with_what_is_allowed() {
             "file:/tmp",
             "/tmp is a folder; write the name of a file in it",
         ),
-        ("pty:/tmp", "/tmp exists and is no link"),
+        ("pty:/tmp", "/tmp exists and is no link to a pseudoterminal"),
     ] {
         let refused = run(&["run", "-q", "--input=synthetic", "--output", output]);
         assert_eq!(refused.status, Some(2), "{refused:?}");
