@@ -7,7 +7,7 @@ use bridge::{BridgeError, Feed, FeedEvent, HostTime};
 use neuro_ros::ros1::Subscriber;
 use neuro_ros::{DiagnosticStatus, NeuroFrame, Wire};
 use pipeline::Mains;
-use tokio::time::{Instant, sleep_until, timeout};
+use tokio::time::{Instant, sleep_until, timeout_at};
 
 use crate::refusal::Refusal;
 use crate::sequence::Arrival;
@@ -182,7 +182,9 @@ impl Feed for SourceFeed {
                     continue;
                 }
             }
-            let message = timeout(STATS_PERIOD, self.subscriber.recv()).await;
+            // The caller drops this future at each of its ticks, so the deadline is absolute.
+            let deadline = self.passed + STATS_PERIOD;
+            let message = timeout_at(deadline, self.subscriber.recv()).await;
             // The time at which the frame arrived, before it is encoded.
             let read = HostTime::now();
             match message {

@@ -46,6 +46,25 @@ fn codes_of_frames_at_the_rate_of_the_adc_are_those_of_a_recording() {
 }
 
 #[test]
+fn the_frame_that_completes_a_window_publishes_its_code() {
+    let acquisition = Acquisition::new(model::ADC_RATE_HZ, 32);
+    let mut harness = Harness::new(&acquisition.frame(0));
+    for index in 1..40 {
+        harness.receive_all(&acquisition, [index]);
+        let samples = usize::try_from(index + 1).unwrap() * 32;
+        let samples_per_step = usize::from(model::ADC_RATE_HZ / model::STEP_RATE_HZ);
+        let is_complete =
+            |window: &usize| (window * model::HOP + model::STEPS - 1) * samples_per_step < samples;
+        let complete = (0..samples).take_while(is_complete).count();
+        assert_eq!(
+            harness.recorder.encoded.len(),
+            complete,
+            "after frame {index}"
+        );
+    }
+}
+
+#[test]
 fn codes_of_other_rates_are_those_of_a_recording() {
     for (rate_hz, samples) in [(250, 10), (256, 16), (500, 25), (1000, 50), (1024, 64)] {
         equals_recording(&Acquisition::new(rate_hz, samples), 20);
