@@ -229,14 +229,10 @@ impl Feed for SourceFeed {
 /// Logs what is encoded, and what subscribers should know about it.
 fn log_source(source: &Source, topic: &str) {
     tracing::info!("encoding {topic}: {}", source.layout());
-    let interpolated = source.map().interpolated();
-    if !interpolated.is_empty() {
-        tracing::warn!(
-            "{} of {} electrodes are interpolated, because {topic} lacks them: {}",
-            interpolated.len(),
-            source.map().electrodes().len(),
-            interpolated.join(" ")
-        );
+    // The bridge's core names the interpolated electrodes when the device introduces itself.
+    let unused = source.map().unused();
+    if !unused.is_empty() {
+        tracing::info!("channels that no electrode uses: {}", unused.join(" "));
     }
     if source.block_us() > 0 {
         tracing::warn!(

@@ -198,7 +198,7 @@ impl Source {
 
     /// Sends the device's counters, as a device does every second. The resampler makes codes less often.
     pub fn send_stats(&mut self) {
-        if self.is_streaming() && self.outputs > 0 {
+        if self.is_streaming() {
             self.device.send_stats(self.device_us());
             self.collect();
         }
@@ -243,7 +243,7 @@ impl Source {
         if bytes.is_empty() {
             return;
         }
-        let newest = (self.outputs - 1) * u64::from(self.layout.rate_hz);
+        let newest = self.outputs.saturating_sub(1) * u64::from(self.layout.rate_hz);
         let newest = newest / u64::from(model::ADC_RATE_HZ);
         while self
             .arrivals

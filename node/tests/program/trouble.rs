@@ -75,8 +75,35 @@ async fn a_silent_acquisition_and_a_second_one_are_errors_in_diagnostics() {
     assert_eq!(status.level, DiagnosticLevel::Error);
     sleep(Duration::from_secs(3)).await;
     let log = graph.log();
+    // The bridge's core repeats `Start` when a device is silent.
     assert_eq!(log.matches("streaming codes").count(), 1, "{log}");
     let (_node, _publisher) = graph.another_acquisition().await;
     let is_mixed = |status: &neuro_ros::DiagnosticStatus| status.message.starts_with("2 nodes");
     graph.status("corticode: source", is_mixed).await;
+}
+
+#[tokio::test]
+async fn a_resampled_acquisition_starts_once_and_names_its_interpolated_electrodes() {
+    let mut graph = Graph::start(&[]).await;
+    // Nothing is encoded before a block of the resampler is complete, which takes more than 5 s.
+    for number in 1..=56 {
+        let mut slow = frame(number);
+        slow.sr = 250;
+        slow.eeg.info.labels[3] = "EMG".to_owned();
+        graph.acquisition.publish(&slow.to_bytes());
+        sleep(Duration::from_millis(
+            1000 * u64::from(slow.eeg.info.nsamples) / 250,
+        ))
+        .await;
+    }
+    let first = graph.next_code().await;
+    assert_eq!(first.neuroheader.seq, 1);
+    let log = graph.log();
+    let missing = model::LABELS.split(' ').nth(3).unwrap();
+    assert!(log.contains(&format!("interpolated: {missing}")), "{log}");
+    assert!(
+        log.contains("250 Hz is resampled to 512 Hz in blocks of 5000 ms"),
+        "{log}"
+    );
+    assert_eq!(log.matches("streaming codes").count(), 1, "{log}");
 }
