@@ -8,6 +8,7 @@ mod filters;
 mod host;
 mod images;
 mod inputs;
+mod node;
 mod table;
 mod tools;
 
@@ -54,6 +55,13 @@ enum Benchmark {
         #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=86_400))]
         seconds: u32,
     },
+    /// Node for other amplifiers on this PC: intervals and latency of codes at a subscriber, beside a node in
+    /// rospy, which encodes nothing, where it is installed.
+    Node {
+        /// Seconds that are measured.
+        #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=86_400))]
+        seconds: u32,
+    },
 }
 
 /// Runs the program; returns 1 when a check failed and 2 when something must be installed.
@@ -77,6 +85,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
         Benchmark::Encoder { windows } => encoder::measure(windows as usize)?,
         Benchmark::Host => host::measure()?,
         Benchmark::Bridge { seconds } => bridge::measure(seconds)?,
+        Benchmark::Node { seconds } => node::measure(seconds)?,
     };
     if let Some(file) = std::env::var_os(OBJECT) {
         let file = Path::new(&file);

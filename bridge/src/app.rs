@@ -1,6 +1,6 @@
 //! The program `corticode-bridge`: tasks, log and exit status.
 
-mod bridge;
+pub(crate) mod bridge;
 mod check_options;
 mod claim;
 mod command_line;
@@ -9,11 +9,12 @@ mod config_file;
 mod convert;
 mod doctor;
 mod given_options;
+pub(crate) mod log;
 mod man;
 mod master;
-mod namespace;
+pub(crate) mod namespace;
 mod outlets;
-mod parameters;
+pub(crate) mod parameters;
 mod port_options;
 mod ports;
 mod record;
@@ -32,20 +33,14 @@ mod whole_lines;
 
 use std::error::Error;
 use std::fmt;
-use std::fs::File;
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 
 use neuro_ros::Log;
 use neuro_ros::ros1::NodeOptions;
 use serde::Serialize;
 use tokio::sync::mpsc::Receiver;
-use tracing_subscriber::EnvFilter;
-use tracing_subscriber::fmt::writer::{BoxMakeWriter, MakeWriterExt};
-use tracing_subscriber::layer::SubscriberExt;
-use tracing_subscriber::util::SubscriberInitExt;
 
 use crate::app::check_options::{DoctorOptions, PortsOptions};
 use crate::app::command_line::{Options, RecordOptions, Task, command};
@@ -56,7 +51,6 @@ use crate::app::master::MasterOptions;
 use crate::app::port_options::PortOptions;
 use crate::app::ports::PortList;
 use crate::app::replay::ReplayOptions;
-use crate::app::rosout::RosoutLayer;
 use crate::error::BridgeError;
 use crate::ports::system_root::SystemRoot;
 use crate::query::protocol::{Answer, Request};
@@ -113,7 +107,7 @@ fn read_task(
     ros: &NodeOptions,
     arguments: Vec<String>,
 ) -> Result<(Task, Option<PathBuf>), BridgeError> {
-    let arguments = parameters::to_flags(arguments)?;
+    let arguments = parameters::to_flags(arguments, &Options::parameter_names())?;
     let parse = |arguments: &[String]| {
         GivenOptions::parse_from(arguments).unwrap_or_else(|error| error.exit())
     };
@@ -139,7 +133,8 @@ fn read_task(
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()?;
-        let parameters = runtime.block_on(parameters::read(ros, master_uri));
+        let names = Options::parameter_names();
+        let parameters = runtime.block_on(parameters::read(ros, master_uri, &names));
         // A name that does not resolve would hold the runtime's end for as long as the resolver tries.
         runtime.shutdown_background();
         for (name, argument) in parameters? {
@@ -289,30 +284,9 @@ fn print(text: &[u8]) -> Result<(), BridgeError> {
     }
 }
 
-/// Sends the log to stderr, and also to the log file if roslaunch names one. Returns the lines for
-/// `/rosout`. `config` is the configuration file that was read.
+/// Starts the log. `config` is the configuration file that was read.
 fn init_log(ros: &NodeOptions, config: Option<PathBuf>) -> Result<Receiver<Log>, BridgeError> {
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    let writer = match &ros.log {
-        None => BoxMakeWriter::new(std::io::stderr),
-        Some(path) => {
-            let file = File::options().create(true).append(true).open(path);
-            let file = file.map_err(|source| BridgeError::Log {
-                path: path.clone(),
-                source,
-            })?;
-            BoxMakeWriter::new(std::io::stderr.and(Arc::new(file)))
-        }
-    };
-    let (rosout, lines) = RosoutLayer::new();
-    let written = tracing_subscriber::fmt::layer()
-        .with_ansi(false)
-        .with_writer(writer);
-    tracing_subscriber::registry()
-        .with(filter)
-        .with(written)
-        .with(rosout)
-        .init();
+    let lines = log::start(ros, "info")?;
     if let Some(path) = config {
         tracing::info!("options from {}", path.display());
     }

@@ -13,6 +13,7 @@
 //!
 //! [`Core`] is pure: bytes and times in, [`Effects`] out. Tests drive it without a port or a clock.
 //! [`run`] is the program `corticode-bridge`, which connects the core to a port and to ROS.
+//! A [`Publication`] does the same for a program that is a device itself and implements [`Feed`].
 //! [`Query`] is the pure part of its subcommands `selftest` and `reset`.
 //!
 //! # Example
@@ -82,6 +83,10 @@ mod streams;
 mod time;
 mod wire;
 
+pub use app::bridge::Publication;
+pub use app::log::start as start_log;
+pub use app::namespace::Namespace;
+pub use app::parameters::{read as read_parameters, to_flags as parameters_to_flags};
 pub use app::run;
 pub use config_error::ConfigError;
 pub use core::Core;
@@ -106,3 +111,5 @@ pub use streams::ledger::{Arrival, Ledger};
 pub use streams::tri::{TRI_LABELS, TriWords};
 pub use time::clock::Clock;
 pub use time::host_time::HostTime;
+pub use wire::connection::Event as FeedEvent;
+pub use wire::feed::Feed;

@@ -4,6 +4,7 @@ pub(crate) mod address;
 mod clock_query;
 pub(crate) mod commands;
 pub(crate) mod connection;
+pub(crate) mod feed;
 pub(crate) mod identity;
 pub(crate) mod opener;
 pub(crate) mod pending;

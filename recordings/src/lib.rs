@@ -75,5 +75,5 @@ pub use signal::{
     Signal, SignalKind, calibration::Calibration, sample_type::SampleType, unit::Unit,
 };
 pub use source::Source;
-pub use virtual_adc::{AdcSpec, VirtualAdc};
+pub use virtual_adc::{AdcSpec, VirtualAdc, live_adc::LiveAdc};
 pub use warning::Warning;

@@ -13,6 +13,8 @@ pub struct Programs {
     pub host_sim: PathBuf,
     /// Path of `corticode-bridge`, the bridge from a board to ROS.
     pub bridge: PathBuf,
+    /// Path of `corticode-node`, which encodes the frames of another acquisition.
+    pub node: PathBuf,
     /// Path of `xtask`, the verbs of `cargo xtask`.
     pub xtask: PathBuf,
 }
@@ -32,6 +34,7 @@ pub fn programs() -> &'static Programs {
             return Programs {
                 host_sim: folder.join("host-sim"),
                 bridge: folder.join("corticode-bridge"),
+                node: folder.join("corticode-node"),
                 xtask: folder.join("xtask"),
             };
         }
@@ -45,6 +48,7 @@ pub fn programs() -> &'static Programs {
         Programs {
             host_sim: executable(&messages, "host-sim"),
             bridge: executable(&messages, "corticode-bridge"),
+            node: executable(&messages, "corticode-node"),
             xtask: executable(&messages, "xtask"),
         }
     })

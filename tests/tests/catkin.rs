@@ -94,9 +94,11 @@ fn roslaunch_starts_the_bridge_with_its_arguments_in_a_namespace() {
         &port,
         "ns:=left",
         "announce:=reconstructed",
+        "streams:=codes,raw",
     ];
     let launched = launch(&workspace, &ros, folder.path(), &arguments);
     wait_for_frames(&workspace, &ros, folder.path(), "/left/encoded");
+    assert_node_encodes(&workspace, &ros, folder.path(), "/left/neurodata");
     let info = workspace.tool(&ros, "devel", "rosservice call /left/acquisition/get_info");
     assert!(
         info.contains("result: True") && info.contains("nchannels: 61"),
@@ -125,6 +127,25 @@ fn roslaunch_starts_the_bridge_with_its_arguments_in_a_namespace() {
     ] {
         assert!(info.contains(topic), "no {topic} in {info}");
     }
+}
+
+/// Starts corticode-node by its launch file, with the acquisition at `topic`.
+fn assert_node_encodes(workspace: &CatkinWorkspace, ros: &Ros<'_>, folder: &Path, topic: &str) {
+    let input = format!("input:={topic}");
+    let launched = launch(
+        workspace,
+        ros,
+        folder,
+        &["node.launch", &input, "mains:=60"],
+    );
+    wait_for_frames(workspace, ros, folder, "/encoded");
+    let info = workspace.tool(ros, "devel", "rosservice call /corticode/get_info");
+    assert!(
+        info.contains("corticode-node") && info.contains("60 Hz"),
+        "{info}"
+    );
+    let ended = launched.stop(Signal::INT, EXIT_TIMEOUT);
+    assert!(ended.success(), "roslaunch on SIGINT: {ended}");
 }
 
 #[test]

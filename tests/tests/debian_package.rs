@@ -26,8 +26,9 @@ const WAITING: [&str; 3] = [
     "no ROS master answers",
 ];
 /// Files that the package must install.
-const INSTALLED: [&str; 7] = [
+const INSTALLED: [&str; 8] = [
     "/usr/bin/corticode-bridge",
+    "/usr/bin/corticode-node",
     "/lib/udev/rules.d/60-corticode.rules",
     "/lib/systemd/system/corticode-bridge.service",
     "/etc/corticode/bridge.toml",
@@ -80,6 +81,8 @@ fn the_package_starts_in_a_clean_debian_and_purge_leaves_nothing() {
     }
     let version = debian.succeed("corticode-bridge --version");
     assert!(version.starts_with("corticode-bridge "), "{version}");
+    let version = debian.succeed("corticode-node --version");
+    assert!(version.starts_with("corticode-node "), "{version}");
 
     let unit = debian.succeed("cat /lib/systemd/system/corticode-bridge.service");
     let start = unit

@@ -9,6 +9,9 @@ use crate::command::{
     AFTER_A_BUILD, AFTER_A_TEST, Failure, OrFail, cargo, root, run, target_folder, typed,
 };
 
+/// Programs of the package.
+const PROGRAMS: [&str; 2] = ["corticode-bridge", "corticode-node"];
+
 const NEXT: &str = "`apt-get install dpkg-dev binutils gzip`; then free space on the disk";
 /// Files in `packaging/`, each with its path in the package.
 #[rustfmt::skip]
@@ -31,13 +34,14 @@ const COMPLETIONS: [(&str, &str); 3] = [
     ("fish", "fish/vendor_completions.d/corticode-bridge.fish"),
 ];
 
-/// Packs `program`, or the bridge built in release, and prints the path of the package. With `check`, also runs
+/// Packs `program`, the bridge, with the program for other amplifiers from its folder, or both built in release,
+/// and prints the path of the package. With `check`, also runs
 /// the test that installs the package.
 pub(crate) fn deb(program: Option<PathBuf>, check: bool) -> Result<(), Failure> {
     let program = if let Some(program) = program {
         program
     } else {
-        let build = "build --release --locked --package bridge --bin corticode-bridge";
+        let build = "build --release --locked --package bridge --package node --bins";
         run(&mut cargo(build), AFTER_A_BUILD)?;
         target_folder().join("release/corticode-bridge")
     };
@@ -76,10 +80,13 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
         let path = tree.join("DEBIAN").join(script);
         fs::set_permissions(&path, Permissions::from_mode(0o755)).or_fail(script, NEXT)?;
     }
-    let installed = tree.join("usr/bin/corticode-bridge");
-    write("usr/bin/corticode-bridge", "")?;
-    let mut strip = Command::new("strip");
-    run(strip.arg("-o").arg(&installed).arg(program), NEXT)?;
+    let installed = PROGRAMS.map(|name| tree.join("usr/bin").join(name));
+    for (name, installed) in PROGRAMS.iter().zip(&installed) {
+        write(&format!("usr/bin/{name}"), "")?;
+        let built = program.with_file_name(name);
+        let mut strip = Command::new("strip");
+        run(strip.arg("-o").arg(installed).arg(built), NEXT)?;
+    }
     for (shell, path) in COMPLETIONS {
         let script = output(Command::new(program).args(["completions", shell]))?;
         write(&format!("usr/share/{path}"), &script)?;
@@ -97,7 +104,7 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     let source = "Source: corticode-bridge\n\nPackage: corticode-bridge\nArchitecture: any\n";
     write("debian/control", source)?;
     let mut libraries = Command::new("dpkg-shlibdeps");
-    let libraries = libraries.arg("-O").arg(&installed).current_dir(&tree);
+    let libraries = libraries.arg("-O").args(&installed).current_dir(&tree);
     let depends = output(libraries)?;
     fs::remove_dir_all(tree.join("debian")).or_fail("debian/", NEXT)?;
     let list = ["lib", "usr", "-type", "f"];

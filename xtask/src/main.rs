@@ -47,7 +47,7 @@ enum Verb {
         seed: u64,
     },
     /// Count instructions on an emulated microcontroller, measure and draw the filters' noise, or time the
-    /// encoder or the bridge on this PC; `cargo xtask bench --help` lists the options
+    /// encoder, the bridge or the node on this PC; `cargo xtask bench --help` lists the options
     #[command(disable_help_flag = true)]
     Bench {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]

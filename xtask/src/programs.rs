@@ -21,8 +21,8 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     replace(demo.args([seconds.to_string(), seed.to_string()]))
 }
 
-/// Runs the program `report` of the benchmarks with these arguments. It is optimised only for `host` and
-/// `bridge`, the benchmarks that measure time on this PC.
+/// Runs the program `report` of the benchmarks with these arguments. It is optimised only for `host`, `bridge`
+/// and `node`, the benchmarks that measure time on this PC.
 pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     install::board_target()?;
     match words.first().map(String::as_str) {
@@ -30,6 +30,11 @@ pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
         Some("bridge") => {
             let build =
                 "build --release --package bench --package host-sim --package bridge --bins";
+            run(&mut cargo(build), AFTER_A_BUILD)?;
+            replace(Command::new(target_folder().join("release/report")).args(words))
+        }
+        Some("node") => {
+            let build = "build --release --package bench --package node --bins";
             run(&mut cargo(build), AFTER_A_BUILD)?;
             replace(Command::new(target_folder().join("release/report")).args(words))
         }

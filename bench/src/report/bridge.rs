@@ -10,13 +10,13 @@
 //! The relay notes when it sends each code, and the subscribers when it arrives. The node in rospy gets its
 //! codes half an interval later than the bridge, so that neither waits for the processor because of the other.
 
-mod node_figures;
+pub(super) mod node_figures;
 mod part;
 mod relay;
-mod rospy;
-mod setup;
-mod subscriber;
-mod usage;
+pub(super) mod rospy;
+pub(super) mod setup;
+pub(super) mod subscriber;
+pub(super) mod usage;
 
 use std::fs;
 
@@ -25,7 +25,7 @@ use serde_json::json;
 
 use self::node_figures::Figures;
 use self::part::Part;
-use self::setup::{Programs, Setup};
+use self::setup::{PROGRAMS, Programs, Setup};
 use super::figures::Report;
 
 /// Measures both nodes in two parts of `seconds` each: with subscribers of the codes alone, and with one of
@@ -34,7 +34,7 @@ use super::figures::Report;
 /// # Errors
 /// A program is missing, does not start, or loses its connection.
 pub(crate) fn measure(seconds: u32) -> anyhow::Result<Report> {
-    let programs = Programs::find()?;
+    let programs = Programs::find("bridge", &PROGRAMS)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn two_seconds_beside_rospy_lose_no_code() {
-        if let Err(error) = Programs::find() {
+        if let Err(error) = Programs::find("bridge", &PROGRAMS) {
             skip_unless_required("the benchmark of the bridge", error.to_string());
             return;
         }

@@ -1,10 +1,11 @@
 //! The streaming bridge: connects the core to the port, to ROS and to the clock.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use neuro_ros::ros1::NodeOptions;
-use neuro_ros::{AcquisitionCommand, Log, NdjsonWriter, SinkError};
+use neuro_ros::ros1::{Node, NodeError, NodeOptions};
+use neuro_ros::{AcquisitionCommand, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
@@ -22,8 +23,10 @@ use crate::core::Core;
 use crate::decoder::model::Model;
 use crate::diagnostics::summary::Summary;
 use crate::error::BridgeError;
+use crate::settings::Settings;
 use crate::time::host_time::HostTime;
 use crate::wire::connection::{Connection, Event};
+use crate::wire::feed::Feed;
 
 /// Time between two calls of [`Core::tick`].
 const TICK: Duration = Duration::from_millis(100);
@@ -35,6 +38,75 @@ const TICKS_PER_REPORT: u32 = 10;
 /// JSON lines are written.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
+/// What a program that publishes the streams of a device chooses.
+#[derive(Clone, Debug)]
+pub struct Publication {
+    /// Settings of the core.
+    pub settings: Settings,
+    /// Folder of the model to decode with; `None` for the built-in one.
+    pub model: Option<PathBuf>,
+    /// Options of the ROS node.
+    pub ros: NodeOptions,
+    /// Namespace that extends or replaces the one of ROS.
+    pub topic_prefix: String,
+    /// Name of the service that announces the frames.
+    pub get_info: &'static str,
+}
+
+impl Publication {
+    /// Reads the model to decode with.
+    fn model(&self) -> Result<Arc<Model>, BridgeError> {
+        let model = match &self.model {
+            Some(folder) => Model::read(folder),
+            None => Model::embedded(),
+        };
+        Ok(Arc::new(model.map_err(BridgeError::Model)?))
+    }
+
+    /// Publishes the streams of a device at a ROS node, until it is ended by a signal (such as
+    /// SIGTERM), by `~quit` or by `rosnode kill`. Then stops the device and unregisters the node.
+    /// `connect` returns the connection to the device, once the node has started. `log` are the lines
+    /// for `/rosout`.
+    ///
+    /// # Errors
+    ///
+    /// [`BridgeError`] if the program cannot run. An absent device or ROS master is not an error; the
+    /// program waits.
+    pub async fn publish<F: Feed>(
+        mut self,
+        log: mpsc::Receiver<Log>,
+        connect: impl AsyncFnOnce(&Node, &Namespace) -> Result<F, NodeError>,
+    ) -> Result<Summary, BridgeError> {
+        let mut shutdown = Shutdown::new()?;
+        let model = self.model()?;
+        let namespace = Namespace::new(&self.ros.namespace, &self.topic_prefix);
+        namespace.as_ros_name().clone_into(&mut self.ros.namespace);
+        let settings = self.settings;
+        if !settings.streams.contains(settings.announced.needs()) {
+            return Err(BridgeError::AnnouncedNotStreamed);
+        }
+        let (command_sender, commands) = mpsc::unbounded_channel();
+        let ros = RosNode::start(self.ros).await?;
+        rosout::publish(Arc::clone(&ros.node), log);
+        let (announcement_sender, announced) = watch::channel(None);
+        ros.serve(&namespace, self.get_info, announced, command_sender);
+        let feed = connect(&ros.node, &namespace).await?;
+        let sinks = Sinks::ros(&ros, settings.streams, &namespace).await?;
+        let outlets = Outlets::new(
+            sinks,
+            settings,
+            Arc::clone(&model),
+            Some(announcement_sender),
+        )?;
+        shutdown.watch_node(Arc::clone(&ros.node));
+        let (summary, outcome) = Bridge::new(settings, model, feed, commands, outlets)
+            .run_to_end(&mut shutdown)
+            .await;
+        ros.shutdown().await;
+        outcome.map(|()| summary)
+    }
+}
+
 /// Runs the bridge until it is ended by a signal (such as SIGTERM), by `~quit`, by `rosnode kill`,
 /// or because the reader of the JSON lines closes the pipe. Then stops the device, unregisters the
 /// node and closes the port.
@@ -45,64 +117,50 @@ const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 /// bridge waits.
 pub(super) async fn stream(
     options: Options,
-    mut ros_options: NodeOptions,
+    mut ros: NodeOptions,
     log: mpsc::Receiver<Log>,
 ) -> Result<Summary, BridgeError> {
-    let mut shutdown = Shutdown::new()?;
-    let model = match &options.model {
-        Some(folder) => Model::read(folder),
-        None => Model::embedded(),
-    };
-    let model = Arc::new(model.map_err(BridgeError::Model)?);
     if let Some(uri) = &options.ros_master_uri {
-        ros_options.master_uri.clone_from(uri);
+        ros.master_uri.clone_from(uri);
     }
-    let namespace = Namespace::new(&ros_options.namespace, &options.topic_prefix);
-    namespace
-        .as_ros_name()
-        .clone_into(&mut ros_options.namespace);
-    let settings = options.settings();
+    let connection = Connection::new(options.at.port.clone(), options.at.baud);
+    let publication = Publication {
+        settings: options.settings(),
+        model: options.model,
+        ros,
+        topic_prefix: options.topic_prefix,
+        get_info: GET_INFO_SERVICE,
+    };
+    match options.sink {
+        SinkKind::Ros => {
+            let connect = async |_: &Node, _: &Namespace| Ok(connection);
+            publication.publish(log, connect).await
+        }
+        SinkKind::Ndjson => print_lines(publication, connection).await,
+    }
+}
+
+/// Prints the streams of a device as lines of JSON.
+async fn print_lines(
+    publication: Publication,
+    connection: Connection,
+) -> Result<Summary, BridgeError> {
+    let mut shutdown = Shutdown::new()?;
+    let model = publication.model()?;
+    let namespace = Namespace::new(&publication.ros.namespace, &publication.topic_prefix);
+    let settings = publication.settings;
     if !settings.streams.contains(settings.announced.needs()) {
         return Err(BridgeError::AnnouncedNotStreamed);
     }
-    let (command_sender, commands) = mpsc::unbounded_channel();
-    let mut outlets;
-    let (mut ros, mut writer) = (None, None);
-    match options.sink {
-        SinkKind::Ros => {
-            let node = RosNode::start(ros_options).await?;
-            rosout::publish(Arc::clone(&node.node), log);
-            let (announcement_sender, announced) = watch::channel(None);
-            node.serve(&namespace, announced, command_sender);
-            let sinks = Sinks::ros(&node, &options, &namespace).await?;
-            let model = Arc::clone(&model);
-            outlets = Outlets::new(sinks, settings, model, Some(announcement_sender))?;
-            shutdown.watch_node(Arc::clone(&node.node));
-            ros = Some(node);
-        }
-        SinkKind::Ndjson => {
-            let lines = NdjsonWriter::start(WholeLines::stdout()?);
-            let sinks = Sinks::ndjson(&lines, &options, &namespace);
-            outlets = Outlets::new(sinks, settings, Arc::clone(&model), None)?;
-            writer = Some(lines);
-        }
-    }
-    let mut bridge = Bridge {
-        core: Core::new(settings, Some(model)),
-        connection: Connection::new(options.at.port.clone(), options.at.baud),
-        commands,
-        silence_log: SilenceLog::default(),
-        outlets: &mut outlets,
-    };
-    let outcome = bridge.run(&mut shutdown).await;
-    let mut summary = bridge.core.summary();
-    // In a thread of its own, because the tasks that write the sockets must go on meanwhile.
-    let finished = tokio::task::spawn_blocking(move || outlets.finish()).await;
-    summary.decoder = finished.unwrap_or_default();
-    if let Some(ros) = ros {
-        ros.shutdown().await;
-    }
-    let written = writer.map_or(Ok(()), |writer| writer.finish(DRAIN_TIMEOUT));
+    // Nobody calls services, and the sender must live as long as the receiver is asked.
+    let (_command_sender, commands) = mpsc::unbounded_channel();
+    let lines = NdjsonWriter::start(WholeLines::stdout()?);
+    let sinks = Sinks::ndjson(&lines, settings.streams, &namespace);
+    let outlets = Outlets::new(sinks, settings, Arc::clone(&model), None)?;
+    let (summary, outcome) = Bridge::new(settings, model, connection, commands, outlets)
+        .run_to_end(&mut shutdown)
+        .await;
+    let written = lines.finish(DRAIN_TIMEOUT);
     // A sink reports only that the writer has ended; the writer knows why.
     let outcome = match outcome {
         Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => written.map_err(BridgeError::Sink),
@@ -116,15 +174,42 @@ pub(super) async fn stream(
 }
 
 /// The core with its port, the commands from ROS services, and the outlets for its effects.
-struct Bridge<'a> {
-    core: Core,
-    connection: Connection,
+struct Bridge<F> {
+    core: Box<Core>,
+    connection: F,
     commands: mpsc::UnboundedReceiver<AcquisitionCommand>,
     silence_log: SilenceLog,
-    outlets: &'a mut Outlets,
+    outlets: Outlets,
 }
 
-impl Bridge<'_> {
+impl<F: Feed> Bridge<F> {
+    fn new(
+        settings: Settings,
+        model: Arc<Model>,
+        connection: F,
+        commands: mpsc::UnboundedReceiver<AcquisitionCommand>,
+        outlets: Outlets,
+    ) -> Bridge<F> {
+        Bridge {
+            core: Box::new(Core::new(settings, Some(model))),
+            connection,
+            commands,
+            silence_log: SilenceLog::default(),
+            outlets,
+        }
+    }
+
+    /// Runs until a shutdown, then lets the decoder finish. Returns the counts in any case.
+    async fn run_to_end(mut self, shutdown: &mut Shutdown) -> (Summary, Result<(), BridgeError>) {
+        let outcome = self.run(shutdown).await;
+        let mut summary = self.core.summary();
+        let outlets = self.outlets;
+        // In a thread of its own, because the tasks that write the sockets must go on meanwhile.
+        let finished = tokio::task::spawn_blocking(move || outlets.finish()).await;
+        summary.decoder = finished.unwrap_or_default();
+        (summary, outcome)
+    }
+
     async fn run(&mut self, shutdown: &mut Shutdown) -> Result<(), BridgeError> {
         let mut buffer = vec![0; 4096];
         let mut ticks = interval(TICK);
@@ -145,17 +230,16 @@ impl Bridge<'_> {
                 reason = shutdown.requested(), if deadline.is_none() => {
                     tracing::info!("shutting down: {reason}");
                     self.core.set_streaming(false);
-                    self.core.tick(HostTime::now(), self.outlets);
+                    self.core.tick(HostTime::now(), &mut self.outlets);
                     deadline = Some(Instant::now() + DRAIN_TIMEOUT);
                 }
                 _ = ticks.tick() => {
                     let now = HostTime::now();
-                    self.core.tick(now, self.outlets);
+                    self.core.tick(now, &mut self.outlets);
                     until_report -= 1;
                     if until_report == 0 {
                         until_report = TICKS_PER_REPORT;
-                        let report = self.core.diagnostics(now);
-                        self.outlets.publish_diagnostics(report);
+                        self.report(now);
                     }
                     let limit = self.connection.silence_limit();
                     let is_read = self.connection.is_open() && !paused;
@@ -176,25 +260,32 @@ impl Bridge<'_> {
             }
             let is_done = !self.connection.is_open() || self.core.is_stopped();
             if deadline.is_some_and(|deadline| is_done || Instant::now() >= deadline) {
-                let report = self.core.diagnostics(HostTime::now());
-                self.outlets.publish_diagnostics(report);
+                self.report(HostTime::now());
                 return failure.map_or(Ok(()), Err);
             }
         }
     }
 
+    /// Publishes the diagnostics.
+    fn report(&mut self, now: HostTime) {
+        let mut report = self.core.diagnostics(now);
+        report.status.extend(self.connection.status());
+        self.outlets.publish_diagnostics(report);
+    }
+
     fn handle_connection(&mut self, event: Event, buffer: &[u8]) {
         // Read the time directly after the bytes, because the fit of the device's clock needs the
         // time at which the bytes arrived.
-        let now = HostTime::now();
+        let now = self.connection.read_time();
         match event {
-            Event::Opened => self.core.connected(now, self.outlets),
+            Event::Opened => self.core.connected(now, &mut self.outlets),
             Event::Bytes(count) => {
-                self.core.receive(&buffer[..count], now, self.outlets);
-                self.connection.is_stranger = self.core.wire_counters().frames == 0;
+                self.core.receive(&buffer[..count], now, &mut self.outlets);
+                let frames = self.core.wire_counters().frames;
+                self.connection.mark_stranger(frames == 0);
             }
             Event::Closed => {
-                if self.connection.is_stranger {
+                if self.connection.is_stranger() {
                     self.silence_log
                         .log(&self.connection.name(), self.core.wire_counters());
                 }

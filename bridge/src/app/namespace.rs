@@ -2,14 +2,14 @@
 
 /// Namespace from `ROS_NAMESPACE` or `__ns:=`, extended or replaced by `--topic-prefix`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Namespace {
+pub struct Namespace {
     /// Full name without a slash at its end; empty for the namespace `/`.
     name: String,
 }
 
 impl Namespace {
     /// Joins ROS's namespace and a prefix. A prefix that starts with a slash replaces the namespace.
-    pub(crate) fn new(ros: &str, prefix: &str) -> Namespace {
+    pub fn new(ros: &str, prefix: &str) -> Namespace {
         let joined = if prefix.starts_with('/') {
             prefix.to_owned()
         } else {
@@ -21,7 +21,7 @@ impl Namespace {
     }
 
     /// Returns the namespace as a ROS name, such as `/left` or `/`.
-    pub(crate) fn as_ros_name(&self) -> &str {
+    pub fn as_ros_name(&self) -> &str {
         if self.name.is_empty() {
             "/"
         } else {
@@ -31,13 +31,13 @@ impl Namespace {
 
     /// Returns the full name of `name` in this namespace: `/left/encoded` for `encoded` and
     /// `/encoded`.
-    pub(crate) fn resolve(&self, name: &str) -> String {
+    pub fn resolve(&self, name: &str) -> String {
         format!("{}/{}", self.name, name.trim_start_matches('/'))
     }
 
     /// Returns the name of a status in `/diagnostics`, which all bridges share: `corticode: link`
     /// becomes `corticode /left: link`.
-    pub(crate) fn status_name(&self, name: &str) -> String {
+    pub fn status_name(&self, name: &str) -> String {
         match name.split_once(": ") {
             Some((program, part)) if !self.name.is_empty() => {
                 format!("{program} {}: {part}", self.name)

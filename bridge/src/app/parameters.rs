@@ -3,23 +3,22 @@
 use neuro_ros::ros1::NodeOptions;
 use neuro_ros::ros1::xmlrpc::{CallError, Value, call_ros};
 
-use crate::app::command_line::Options;
 use crate::app::namespace::Namespace;
 use crate::error::BridgeError;
 
-/// Replaces `_name:=value` by `--name=value`, and keeps all other arguments.
+/// Replaces `_name:=value` by `--name=value`, and keeps all other arguments. `known` are the names of
+/// the options, with underscores.
 ///
 /// # Errors
 ///
 /// [`BridgeError::UnknownParameter`] if no option has the parameter's name.
-pub(crate) fn to_flags(arguments: Vec<String>) -> Result<Vec<String>, BridgeError> {
-    let known = Options::parameter_names();
+pub fn to_flags(arguments: Vec<String>, known: &[String]) -> Result<Vec<String>, BridgeError> {
     let flag = |argument: String| {
         let parameter = argument.strip_prefix('_').and_then(|a| a.split_once(":="));
         match parameter {
             Some((name, value)) if !name.starts_with('_') => {
                 let remedy = format!("leave out _{name}:=");
-                check(name, &known, remedy).map(|()| to_flag(name, value))
+                check(name, known, remedy).map(|()| to_flag(name, value))
             }
             _ => Ok(argument),
         }
@@ -28,15 +27,17 @@ pub(crate) fn to_flags(arguments: Vec<String>) -> Result<Vec<String>, BridgeErro
 }
 
 /// Reads the node's private parameters from the parameter server at `master_uri`, as pairs of a
-/// name and an argument `--name=value`. Without a master there are none.
+/// name and an argument `--name=value`. Without a master there are none. `known` are the names of the
+/// options, with underscores.
 ///
 /// # Errors
 ///
 /// [`BridgeError::UnknownParameter`] if no option has the name of a parameter, and
 /// [`BridgeError::ParameterType`] if its value cannot be that of an option.
-pub(crate) async fn read(
+pub async fn read(
     ros: &NodeOptions,
     master_uri: &str,
+    known: &[String],
 ) -> Result<Vec<(String, String)>, BridgeError> {
     let node = if ros.name.starts_with('/') {
         ros.name.clone()
@@ -53,17 +54,17 @@ pub(crate) async fn read(
             return Ok(Vec::new());
         }
     };
-    to_arguments(&node, members)
+    to_arguments(&node, members, known)
 }
 
 fn to_arguments(
     node: &str,
     members: Vec<(String, Value)>,
+    known: &[String],
 ) -> Result<Vec<(String, String)>, BridgeError> {
-    let known = Options::parameter_names();
     let argument = |(name, value): (String, Value)| {
         let remedy = format!("remove it with: rosparam delete {node}/{name}");
-        check(&name, &known, remedy)?;
+        check(&name, known, remedy)?;
         let Some(text) = to_text(&value) else {
             return Err(BridgeError::ParameterType {
                 name: format!("{node}/{name}"),
@@ -111,14 +112,19 @@ mod tests {
     use neuro_ros::ros1::xmlrpc::Value;
 
     use super::{to_arguments, to_flags};
+    use crate::app::command_line::Options;
+
+    fn known() -> Vec<String> {
+        Options::parameter_names()
+    }
 
     #[test]
     fn private_parameters_become_flags_and_an_unknown_one_lists_the_known_ones() {
         let given = ["bridge", "_port:=/dev/ttyACM0", "_low_latency:=true", "-x"];
-        let flags = to_flags(given.map(str::to_owned).to_vec()).unwrap();
+        let flags = to_flags(given.map(str::to_owned).to_vec(), &known()).unwrap();
         let expected = ["bridge", "--port=/dev/ttyACM0", "--low-latency=true", "-x"];
         assert_eq!(flags, expected);
-        let error = to_flags(vec!["_prot:=x".to_owned()]).unwrap_err();
+        let error = to_flags(vec!["_prot:=x".to_owned()], &known()).unwrap_err();
         let message = error.to_string();
         assert!(
             message.contains("prot") && message.contains("port, baud"),
@@ -135,7 +141,7 @@ mod tests {
             ("streams", Value::from(["codes", "raw"])),
         ];
         let members = members.map(|(name, value)| (name.to_owned(), value));
-        let arguments = to_arguments("/acquisition", members.to_vec()).unwrap();
+        let arguments = to_arguments("/acquisition", members.to_vec(), &known()).unwrap();
         let flags: Vec<&str> = arguments.iter().map(|(_, flag)| &**flag).collect();
         let expected = [
             "--baud=9600",
@@ -145,6 +151,6 @@ mod tests {
         ];
         assert_eq!(flags, expected);
         let nested = vec![("port".to_owned(), Value::Nil)];
-        assert!(to_arguments("/acquisition", nested).is_err());
+        assert!(to_arguments("/acquisition", nested, &known()).is_err());
     }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
-use neuro_ros::{AcquisitionCommand, AcquisitionInfo, AcquisitionServices, GET_INFO_SERVICE};
+use neuro_ros::{AcquisitionCommand, AcquisitionInfo, AcquisitionServices};
 use tokio::sync::mpsc::UnboundedSender;
 use tokio::sync::watch::Receiver;
 use tokio::task::JoinHandle;
@@ -36,7 +36,7 @@ impl RosNode {
         self.node.shutdown().await;
     }
 
-    /// Serves the newest announcement as `acquisition/get_info` in `namespace`, and sends calls of
+    /// Serves the newest announcement as `get_info` in `namespace`, and sends calls of
     /// `~start`, `~stop` and `~quit` to `commands`. Runs in a task of its own, because registration
     /// can take long.
     ///
@@ -45,11 +45,16 @@ impl RosNode {
     pub(crate) fn serve(
         &self,
         namespace: &Namespace,
+        get_info: &str,
         announced: Receiver<Option<AcquisitionInfo>>,
         commands: UnboundedSender<AcquisitionCommand>,
     ) {
         let node = Arc::clone(&self.node);
-        let get_info = namespace.resolve(GET_INFO_SERVICE);
+        let get_info = if get_info.starts_with('~') {
+            get_info.to_owned()
+        } else {
+            namespace.resolve(get_info)
+        };
         tokio::spawn(async move {
             let on_info = move || {
                 let info = announced.borrow().clone();

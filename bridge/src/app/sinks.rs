@@ -6,7 +6,6 @@ use link::Streams;
 use neuro_ros::ros1::NodeError;
 use neuro_ros::{DiagnosticArray, FrameSink, NdjsonWriter, NeuroEvent, Sink};
 
-use crate::app::command_line::Options;
 use crate::app::namespace::Namespace;
 use crate::app::ros_node::RosNode;
 use crate::app::ros_topics::RosTopics;
@@ -51,8 +50,7 @@ struct Names {
 }
 
 impl Names {
-    fn new(options: &Options, namespace: &Namespace) -> Names {
-        let streams = options.settings().streams;
+    fn new(streams: Streams, namespace: &Namespace) -> Names {
         let requested = |stream, name| streams.contains(stream).then(|| namespace.resolve(name));
         Names {
             encoded: namespace.resolve("encoded"),
@@ -70,10 +68,10 @@ impl Sinks {
     /// Advertises the topics at a ROS node.
     pub(crate) async fn ros(
         ros: &RosNode,
-        options: &Options,
+        streams: Streams,
         namespace: &Namespace,
     ) -> Result<Sinks, NodeError> {
-        let names = Names::new(options, namespace);
+        let names = Names::new(streams, namespace);
         let topics = Arc::new(RosTopics::new(Arc::clone(&ros.node)));
         let frames = |name: &str, queue| -> Result<Box<dyn FrameSink>, NodeError> {
             Ok(Box::new(topics.frames(name, queue)?))
@@ -100,8 +98,8 @@ impl Sinks {
     }
 
     /// Creates sinks that write lines of JSON.
-    pub(crate) fn ndjson(lines: &NdjsonWriter, options: &Options, namespace: &Namespace) -> Sinks {
-        let names = Names::new(options, namespace);
+    pub(crate) fn ndjson(lines: &NdjsonWriter, streams: Streams, namespace: &Namespace) -> Sinks {
+        let names = Names::new(streams, namespace);
         let frames = |name: String| Box::new(lines.sink(&name)) as Box<dyn FrameSink>;
         Sinks {
             encoded: frames(names.encoded),

@@ -47,12 +47,14 @@ enum State {
     Open(Port),
 }
 
-/// What [`Connection::next_event`] reports: a change of the port's state, or bytes from the port.
+/// A change of the connection to a device, or bytes from the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Event {
+pub enum Event {
+    /// The device is connected.
     Opened,
     /// Number of bytes read into the front of the buffer.
     Bytes(usize),
+    /// The device is no longer connected.
     Closed,
 }
 

@@ -156,15 +156,18 @@ impl RateConverter {
     /// [`RecordingError::Resampler`] or [`RecordingError::ResamplerBuffer`], both of which are defects
     /// of this crate.
     pub(crate) fn flush(&mut self, held: &[f64]) -> Result<(), RecordingError> {
-        let block = self
-            .resampler
-            .as_ref()
-            .map_or(1, |resampler| resampler.block_in);
+        let block = self.block();
         for (signal, &value) in held.iter().enumerate() {
             self.queue_mut(signal)
                 .extend(std::iter::repeat_n(value, block));
         }
         self.convert()
+    }
+
+    /// Returns the number of input samples in a block of the resampler; 1 without one.
+    pub(crate) fn block(&self) -> usize {
+        let resampler = self.resampler.as_ref();
+        resampler.map_or(1, |resampler| resampler.block_in)
     }
 
     /// Returns the number of converted samples that are available for every signal.

@@ -7,6 +7,7 @@
 mod edf_file;
 mod gdf_file;
 mod gdf_record_count;
+mod live_adc;
 mod mutated_files;
 mod real_files;
 mod synthetic_edf;

@@ -12,40 +12,40 @@ use super::usage::Usage;
 const HOP_MS: f64 = 62.5;
 
 /// Times by the index of the code's window.
-pub(super) type Times = BTreeMap<u64, Instant>;
+pub(in crate::report) type Times = BTreeMap<u64, Instant>;
 
 /// Figures of one node over a span of time. Times are in milliseconds of this PC's monotonic clock.
 #[derive(Debug, Clone, Serialize)]
-pub(super) struct Figures {
+pub(in crate::report) struct Figures {
     /// Number of codes that arrived.
-    pub(super) codes: u32,
+    pub(in crate::report) codes: u32,
     /// Number of codes that were sent and did not arrive.
-    pub(super) lost: u32,
+    pub(in crate::report) lost: u32,
     /// Standard deviation of the intervals with which the codes were sent to the node.
     sent_sd_ms: f64,
-    interval_mean_ms: f64,
+    pub(in crate::report) interval_mean_ms: f64,
     /// Standard deviation of the intervals between arrivals.
-    pub(super) interval_sd_ms: f64,
+    pub(in crate::report) interval_sd_ms: f64,
     interval_p99_ms: f64,
     interval_max_ms: f64,
     /// 99th percentile of the intervals' distance from [`HOP_MS`].
-    pub(super) deviation_p99_ms: f64,
+    pub(in crate::report) deviation_p99_ms: f64,
     /// Median of the time from the sending of a code to its arrival.
-    pub(super) latency_median_ms: f64,
-    pub(super) latency_p99_ms: f64,
+    pub(in crate::report) latency_median_ms: f64,
+    pub(in crate::report) latency_p99_ms: f64,
     /// Processor time of the node relative to the time that passed.
-    pub(super) cpu_percent: f64,
+    pub(in crate::report) cpu_percent: f64,
     /// Resident memory of the node at the end, 10^6 bytes.
-    pub(super) rss_mb: f64,
+    pub(in crate::report) rss_mb: f64,
     #[serde(skip)]
-    pub(super) intervals_ms: Vec<f64>,
+    pub(in crate::report) intervals_ms: Vec<f64>,
     #[serde(skip)]
-    pub(super) sent_intervals_ms: Vec<f64>,
+    pub(in crate::report) sent_intervals_ms: Vec<f64>,
 }
 
 impl Figures {
     /// Computes the figures of the codes that were sent between `start` and `end`.
-    pub(super) fn new(
+    pub(in crate::report) fn new(
         sent: &Times,
         arrived: &Times,
         [start, end]: [Instant; 2],

@@ -11,11 +11,11 @@ use crate::report::tools;
 
 /// A Python interpreter that imports rospy.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Rospy(&'static str);
+pub(in crate::report) struct Rospy(&'static str);
 
 impl Rospy {
     /// Finds an interpreter that imports rospy; `None` if there is none.
-    pub(super) fn find() -> Option<Self> {
+    pub(in crate::report) fn find() -> Option<Self> {
         tools::python("rospy", "`apt-get install python3-rospy`, then again").map(Self)
     }
 
@@ -23,16 +23,31 @@ impl Rospy {
     ///
     /// # Errors
     /// The interpreter does not start.
-    pub(super) fn start(
+    pub(in crate::report) fn start(
         self,
         master_uri: &str,
         port: u16,
         topic: &str,
         folder: &Path,
     ) -> anyhow::Result<Child> {
+        let arguments = [&*port.to_string(), topic];
+        self.start_script("rospy_bridge.py", &arguments, master_uri, folder)
+    }
+
+    /// Starts a script of this crate, whose input is the definition of `NeuroFrame`.
+    ///
+    /// # Errors
+    /// The interpreter does not start.
+    pub(in crate::report) fn start_script(
+        self,
+        script: &str,
+        arguments: &[&str],
+        master_uri: &str,
+        folder: &Path,
+    ) -> anyhow::Result<Child> {
         let mut process = Command::new(self.0)
-            .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/rospy_bridge.py"))
-            .args([&port.to_string(), topic])
+            .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join(script))
+            .args(arguments)
             .env("ROS_MASTER_URI", master_uri)
             .env("ROS_HOSTNAME", "127.0.0.1")
             .env("ROS_HOME", folder)
@@ -40,7 +55,7 @@ impl Rospy {
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .spawn()
-            .context("rospy_bridge.py does not start")?;
+            .with_context(|| format!("{script} does not start"))?;
         // The pipe is dropped at the end of the statement, which ends the process's input.
         let mut definition = process.stdin.take().context("it has no standard input")?;
         definition.write_all(NeuroFrame::TYPE.definition.as_bytes())?;

@@ -25,6 +25,8 @@ use super::usage::Usage;
 const FOLDER: &str = "CORTICODE_PROGRAMS";
 const BOARD: &str = "host-sim";
 const BRIDGE: &str = "corticode-bridge";
+/// All programs that are measured.
+pub(in crate::report) const PROGRAMS: [&str; 2] = [BOARD, BRIDGE];
 /// Topic of the node in rospy.
 const ROSPY_TOPIC: &str = "/rospy/encoded";
 /// Longest time until the first code arrives at each subscriber, on a busy machine.
@@ -36,24 +38,24 @@ const STRAGGLERS: Duration = Duration::from_secs(10);
 
 /// Folder of the programs that are measured.
 #[derive(Debug)]
-pub(super) struct Programs {
-    pub(super) folder: PathBuf,
+pub(in crate::report) struct Programs {
+    pub(in crate::report) folder: PathBuf,
 }
 
 impl Programs {
-    /// Finds the programs.
+    /// Finds the programs `names`, which the benchmark `benchmark` measures.
     ///
     /// # Errors
     /// A program is missing.
-    pub(super) fn find() -> anyhow::Result<Self> {
+    pub(in crate::report) fn find(benchmark: &str, names: &[&str]) -> anyhow::Result<Self> {
         let own = env::current_exe().context("this program has no path")?;
         let folder = env::var_os(FOLDER).map(PathBuf::from);
         let folder = folder.unwrap_or_else(|| own.parent().unwrap_or(Path::new(".")).to_owned());
-        for name in [BOARD, BRIDGE] {
+        for name in names {
             let path = folder.join(name);
             ensure!(
                 path.exists(),
-                "{} is missing\n  next: `cargo xtask bench bridge` builds it",
+                "{} is missing\n  next: `cargo xtask bench {benchmark}` builds it",
                 path.display()
             );
         }
@@ -61,7 +63,7 @@ impl Programs {
     }
 
     /// Starts a program; its log goes to a file in `logs`.
-    fn start(
+    pub(in crate::report) fn start(
         &self,
         name: &str,
         logs: &Path,
@@ -82,7 +84,7 @@ impl Programs {
 
 /// A child process; killed when dropped.
 #[derive(Debug)]
-struct Running(Child);
+pub(in crate::report) struct Running(pub(in crate::report) Child);
 
 impl Drop for Running {
     fn drop(&mut self) {

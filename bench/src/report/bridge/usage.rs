@@ -10,11 +10,11 @@ const TICKS_PER_SECOND: u32 = 100;
 
 /// Processor time and memory of a process.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Usage {
+pub(in crate::report) struct Usage {
     /// Time in user mode and in the kernel, of all threads.
-    pub(super) processor: Duration,
+    pub(in crate::report) processor: Duration,
     /// Resident memory, 10^6 bytes.
-    pub(super) resident_mb: f64,
+    pub(in crate::report) resident_mb: f64,
 }
 
 impl Usage {
@@ -22,7 +22,7 @@ impl Usage {
     ///
     /// # Errors
     /// The process has ended.
-    pub(super) fn of(pid: u32) -> anyhow::Result<Self> {
+    pub(in crate::report) fn of(pid: u32) -> anyhow::Result<Self> {
         let read = |name| {
             let path = format!("/proc/{pid}/{name}");
             fs::read_to_string(&path).context(path)
@@ -31,7 +31,7 @@ impl Usage {
     }
 
     /// Returns the usage since `before`; the memory is that at the end.
-    pub(super) fn since(self, before: &Self) -> Self {
+    pub(in crate::report) fn since(self, before: &Self) -> Self {
         Self {
             processor: self.processor.saturating_sub(before.processor),
             ..self

@@ -1,0 +1,86 @@
+//! The program `corticode-node`: options, log and exit status.
+
+use std::error::Error;
+use std::process::ExitCode;
+
+use bridge::{
+    BridgeError, Namespace, Publication, parameters_to_flags, read_parameters, start_log,
+};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, CommandFactory, FromArgMatches};
+use neuro_ros::ros1::{Node, NodeOptions};
+use neuro_ros::{NeuroFrame, RosMessage, Stamp};
+
+use crate::command_line::Options;
+use crate::feed::SourceFeed;
+
+/// Number of frames that wait when this program does not run: 64 s at 16 frames per second.
+const QUEUE_FRAMES: usize = 1024;
+
+/// Runs `corticode-node` with the arguments and environment of this process and returns its exit status.
+pub fn run() -> ExitCode {
+    let (ros, arguments) = NodeOptions::from_env_and_args("corticode");
+    match publish(ros, arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("corticode-node: {error}");
+            let mut source = error.source();
+            while let Some(cause) = source {
+                eprintln!("  because {cause}");
+                source = cause.source();
+            }
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeError> {
+    // One thread reads the frames and writes the sockets: passing a code to another thread would delay
+    // it by the time in which that thread wakes up.
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let names = Options::parameter_names();
+    let arguments = parameters_to_flags(arguments, &names)?;
+    let given = matches(&arguments);
+    if let Some(uri) = given.get_one::<String>("ros_master_uri") {
+        ros.master_uri.clone_from(uri);
+    }
+    let parameters = runtime.block_on(read_parameters(&ros, &ros.master_uri, &names))?;
+    let is_set = |name: &str| {
+        let source = given.value_source(name);
+        source.is_some_and(|source| source != ValueSource::DefaultValue)
+    };
+    let parameters = parameters.into_iter().filter(|(name, _)| !is_set(name));
+    let mut all: Vec<String> = arguments.iter().take(1).cloned().collect();
+    all.extend(parameters.map(|(_, flag)| flag));
+    all.extend(arguments.into_iter().skip(1));
+    let options = Options::from_arg_matches(&matches(&all)).unwrap_or_else(|error| error.exit());
+    let log = start_log(&ros, options.log_level())?;
+    let publication = Publication {
+        settings: options.settings(),
+        model: options.model.clone(),
+        ros,
+        topic_prefix: options.topic_prefix.clone(),
+        get_info: "~get_info",
+    };
+    let mains = options.mains();
+    let connect = async |node: &Node, namespace: &Namespace| {
+        let topic = namespace.resolve("neurodata");
+        let subscriber = node
+            .subscribe(&topic, NeuroFrame::TYPE, QUEUE_FRAMES)
+            .await?;
+        Ok(SourceFeed::new(subscriber, mains, Stamp::now().nsecs))
+    };
+    let summary = runtime.block_on(Box::pin(publication.publish(log, connect)))?;
+    // A name that does not resolve would hold the runtime's end for as long as the resolver tries.
+    runtime.shutdown_background();
+    eprintln!("corticode-node: {summary}");
+    Ok(())
+}
+
+/// Parses the arguments. Wrong usage and requests for help end the process.
+fn matches(arguments: &[String]) -> ArgMatches {
+    let matches = Options::command().try_get_matches_from(arguments);
+    matches.unwrap_or_else(|error| error.exit())
+}

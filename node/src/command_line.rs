@@ -1,0 +1,175 @@
+//! Command-line options, which are also private parameters.
+
+use std::path::PathBuf;
+
+use bridge::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
+use clap::builder::{BoolishValueParser, PossibleValuesParser, TypedValueParser};
+use clap::{ArgAction, CommandFactory, Parser};
+use pipeline::Mains;
+
+use crate::encoder_device::STREAMS;
+
+/// Encode the EEG of any ROS-Neuro acquisition and publish its codes.
+///
+/// Subscribes to /neurodata (rosneuro_msgs/NeuroFrame): float microvolts, any frame size, 250 to 1024 Hz,
+/// electrodes by label. Publishes /encoded, /neurodata_reconstructed and /diagnostics as
+/// corticode-bridge does for a board, and serves ~get_info, ~start, ~stop and ~quit, as the node
+/// `corticode`. A recorder of /encoded needs the remapping /acquisition/get_info:=/corticode/get_info.
+/// Waits for an absent ROS master or acquisition. ROS's own arguments work too: __name:=, __ns:=,
+/// /neurodata:=/filtered. Each option but the master and the level of the log is a private parameter as
+/// well: _mains:=60, or ~mains on the parameter server, which flags and environment override. The log
+/// goes to stderr.
+///
+/// Exit status: 0 done, 1 publishing failed, 2 wrong usage, 3 ROS not reachable.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "corticode-node", version)]
+pub(crate) struct Options {
+    /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
+    #[arg(long, value_name = "URI")]
+    pub(crate) ros_master_uri: Option<String>,
+    /// Namespace of the node, its topics and services, such as /left for /left/neurodata and
+    /// /left/encoded; /diagnostics keeps its name
+    #[arg(
+        long,
+        env = "CORTICODE_TOPIC_PREFIX",
+        default_value = "",
+        value_name = "PREFIX"
+    )]
+    pub(crate) topic_prefix: String,
+    /// Mains frequency that the notch filter removes, Hz
+    #[arg(
+        long,
+        env = "CORTICODE_MAINS",
+        default_value = "50",
+        value_parser = PossibleValuesParser::new(["50", "60"]).map(|hz| if hz == "60" { 60_u8 } else { 50 })
+    )]
+    pub(crate) mains: u8,
+    /// Point of a frame that its stamp refers to
+    #[arg(long, env = "CORTICODE_STAMP", value_enum, default_value_t)]
+    pub(crate) stamp: StampPoint,
+    /// Replacement of a lost code
+    #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
+    pub(crate) filler: FillerPolicy,
+    /// Reconstruct from the newest window alone: one hop earlier, with a slightly larger error
+    #[arg(
+        long,
+        env = "CORTICODE_LOW_LATENCY",
+        action = ArgAction::Set,
+        num_args = 0..=1,
+        require_equals = true,
+        default_value = "false",
+        default_missing_value = "true",
+        value_parser = BoolishValueParser::new()
+    )]
+    pub(crate) low_latency: bool,
+    /// Stream that ~get_info describes; record this one and no other
+    #[arg(
+        long,
+        env = "CORTICODE_ANNOUNCE",
+        default_value = "encoded",
+        value_parser = PossibleValuesParser::new(["encoded", "reconstructed"]).map(|name| announced(&name))
+    )]
+    pub(crate) announce: AnnouncedStream,
+    /// Folder of the model to decode with; it must be the model that this program was built with
+    #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
+    pub(crate) model: Option<PathBuf>,
+    /// Log warnings and errors only
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+    /// Log every gap and command as well
+    #[arg(short, long)]
+    pub(crate) verbose: bool,
+}
+
+fn announced(name: &str) -> AnnouncedStream {
+    match name {
+        "reconstructed" => AnnouncedStream::Reconstructed,
+        _ => AnnouncedStream::Encoded,
+    }
+}
+
+impl Options {
+    /// Returns the names of the private parameters that set options.
+    pub(crate) fn parameter_names() -> Vec<String> {
+        let command = Options::command();
+        let ids = command
+            .get_arguments()
+            .map(|option| option.get_id().as_str());
+        let ids = ids.filter(|id| !["ros_master_uri", "quiet", "verbose"].contains(id));
+        ids.map(str::to_owned).collect()
+    }
+
+    /// Converts the options to the settings of the bridge's core.
+    pub(crate) fn settings(&self) -> Settings {
+        Settings {
+            stamp: self.stamp,
+            mains_hz: self.mains,
+            filler: self.filler,
+            low_latency: self.low_latency,
+            announced: self.announce,
+            streams: STREAMS,
+            event_stamps: EventStamps::Scalp,
+        }
+    }
+
+    /// Returns the mains frequency to remove.
+    pub(crate) fn mains(&self) -> Mains {
+        Mains::from_hz(self.mains).unwrap_or(Mains::Hz50)
+    }
+
+    /// Returns the least severe level of the log.
+    pub(crate) fn log_level(&self) -> &'static str {
+        match (self.quiet, self.verbose) {
+            (true, _) => "warn",
+            (_, true) => "debug",
+            _ => "info",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bridge::AnnouncedStream;
+    use clap::{CommandFactory, Parser};
+    use pipeline::Mains;
+
+    use super::Options;
+
+    #[test]
+    fn every_option_has_the_type_of_its_values_and_refuses_others() {
+        Options::command().debug_assert();
+        let parse = |arguments: &[&str]| {
+            let arguments = ["corticode-node"].iter().chain(arguments);
+            Options::try_parse_from(arguments)
+        };
+        let options = parse(&[]).unwrap();
+        assert_eq!(
+            (options.mains(), options.log_level()),
+            (Mains::Hz50, "info")
+        );
+        let options = parse(&[
+            "--mains=60",
+            "--announce=reconstructed",
+            "--low-latency",
+            "-q",
+        ]);
+        let options = options.unwrap();
+        assert_eq!(
+            (options.mains(), options.log_level()),
+            (Mains::Hz60, "warn")
+        );
+        let settings = options.settings();
+        assert_eq!(settings.announced, AnnouncedStream::Reconstructed);
+        assert!(settings.low_latency && settings.mains_hz == 60);
+        for wrong in [
+            &["--mains=55"][..],
+            &["--announce=raw"],
+            &["-q", "-v"],
+            &["--port=x"],
+        ] {
+            assert!(parse(wrong).is_err(), "{wrong:?}");
+        }
+        let names = Options::parameter_names();
+        assert!(names.contains(&"mains".to_owned()) && !names.contains(&"quiet".to_owned()));
+    }
+}

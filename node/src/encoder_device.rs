@@ -1,0 +1,166 @@
+//! A device in this process: encodes samples and speaks the wire format.
+
+use device::{
+    Abilities, AcquiredSample, Counts, FrameQueue, Identity, Marks, Order, Output, Payload,
+    Producer, Run, Sender, Session,
+};
+use link::{ResetCause, Streams, Substitutes};
+use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
+
+/// Streams that the device makes: what the bridge needs to publish codes and to check them.
+const ABILITIES: Abilities = Abilities {
+    streams: STREAMS,
+    self_test: false,
+    bootloader: false,
+};
+
+/// Streams of the device.
+pub(crate) const STREAMS: Streams =
+    Streams::from_bits(Streams::CODES.bits() | Streams::AUDIT.bits());
+
+/// A device that gets its samples from a program instead of converters. It runs the code of the boards:
+/// session, acquisition and encoder.
+///
+/// Methods take the device time as an argument, in microseconds since the device's start.
+pub struct EncoderDevice {
+    session: Session<'static>,
+    sender: Sender<Outgoing>,
+    acquisition: Acquisition,
+    producer: Box<Producer<EncoderMemory>>,
+    /// Parameters of a run that starts with the next sample; otherwise `None`.
+    new_run: Option<Run>,
+    /// Steps since the last `Start`.
+    steps: u64,
+    counts: Counts,
+    /// Number of electrode values clipped to int8 before the last `Start`; wraps.
+    clipped_before: u32,
+}
+
+/// Bytes for the host.
+#[derive(Clone, Debug, Default)]
+struct Outgoing {
+    bytes: Vec<u8>,
+    dropped: u32,
+}
+
+impl FrameQueue for Outgoing {
+    fn push(&mut self, frame: &[u8]) {
+        self.bytes.extend_from_slice(frame);
+    }
+
+    fn count_dropped(&mut self) {
+        self.dropped = self.dropped.wrapping_add(1);
+    }
+
+    fn dropped(&self) -> u32 {
+        self.dropped
+    }
+}
+
+impl EncoderDevice {
+    /// Creates a device that introduces itself. `session_id` must differ from that of the device before.
+    pub fn new(session_id: u32, substitutes: Substitutes, mains: Mains) -> EncoderDevice {
+        let identity = Identity {
+            firmware: env!("CARGO_PKG_VERSION"),
+            board: "corticode-node",
+            chip_uid: [0; 12],
+            session_id,
+            reset_cause: ResetCause::PowerOn,
+            fault: "",
+        };
+        let session = Session::new(identity, ABILITIES, mains).with_substitutes(substitutes);
+        let mut sender = Sender::new(Outgoing::default());
+        session.introduce(0, &mut sender);
+        EncoderDevice {
+            session,
+            sender,
+            acquisition: Acquisition::new(mains),
+            producer: Box::new(Producer::new(EncoderMemory::EMPTY)),
+            new_run: None,
+            steps: 0,
+            counts: Counts::default(),
+            clipped_before: 0,
+        }
+    }
+
+    /// Reads bytes from the host and answers the commands that they complete.
+    pub fn receive(&mut self, bytes: &[u8], now_us: u64) {
+        let counts = self.counts();
+        let mut order = None;
+        self.session
+            .receive(bytes, now_us, counts, &mut self.sender, |new| {
+                order = Some(new);
+            });
+        if let Some(Order::Start(run)) = order {
+            self.clipped_before = self.clipped_before.wrapping_add(self.acquisition.clipped());
+            self.acquisition = Acquisition::new(run.mains);
+            self.new_run = Some(run);
+            self.steps = 0;
+        }
+    }
+
+    /// Returns true between a `Start` and the next `Stop`.
+    pub fn is_streaming(&self) -> bool {
+        self.session.is_streaming()
+    }
+
+    /// Encodes a sample. Codes of windows with a sample that `is_lost` are dropped, so that the host
+    /// finds them missing. Ignores the sample outside a run.
+    pub fn process(&mut self, sample: &Sample, is_lost: bool, at_us: u64) {
+        if !self.is_streaming() {
+            return;
+        }
+        self.counts.samples += 1;
+        self.counts.overruns = self.counts.overruns.wrapping_add(is_lost.into());
+        let index = self.acquisition.samples();
+        let step = self.acquisition.process_sample(sample).map(|step| {
+            self.steps += 1;
+            (self.steps - 1, step)
+        });
+        let marks = Marks {
+            overrun: is_lost,
+            ..Marks::NONE
+        };
+        let acquired = AcquiredSample {
+            new_run: self.new_run.take(),
+            sample: *sample,
+            index,
+            step,
+            drdy_us: at_us,
+            marks,
+        };
+        let counts = self.counts();
+        let (session, sender) = (&mut self.session, &mut self.sender);
+        let mut emit = |output: Output| {
+            if let Payload::Code(_, marks) = &output.payload
+                && marks.overrun
+            {
+                sender.skip();
+                return;
+            }
+            if output.ends_second() {
+                session.send_stats(output.at_us, counts, sender);
+            }
+            session.send(&output, sender);
+        };
+        self.producer.process(&acquired, &mut emit);
+    }
+
+    /// Sends the counters, so that the host knows that the device still runs.
+    pub fn send_stats(&mut self, at_us: u64) {
+        let counts = self.counts();
+        self.session.send_stats(at_us, counts, &mut self.sender);
+    }
+
+    /// Removes and returns the bytes for the host.
+    pub fn take_bytes(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.sender.queue().bytes)
+    }
+
+    fn counts(&self) -> Counts {
+        Counts {
+            clipped: self.clipped_before.wrapping_add(self.acquisition.clipped()),
+            ..self.counts
+        }
+    }
+}

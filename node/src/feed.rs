@@ -1,0 +1,247 @@
+//! Connects the subscribed topic to the bridge's core.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use bridge::{BridgeError, Feed, FeedEvent, HostTime};
+use neuro_ros::ros1::Subscriber;
+use neuro_ros::{DiagnosticStatus, NeuroFrame, Wire};
+use pipeline::Mains;
+use tokio::time::{Instant, sleep_until, timeout_at};
+
+use crate::refusal::Refusal;
+use crate::sequence::Arrival;
+use crate::source::Source;
+use crate::source_status::{SourceFacts, status};
+
+/// How long the first frame of the device waits for the bridge to start the streams, which takes
+/// microseconds unless the user has stopped them.
+const START_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Time without bytes for the host after which the device sends its counters.
+const STATS_PERIOD: Duration = Duration::from_secs(1);
+
+/// The acquisition as a device that the bridge's core commands.
+pub(crate) struct SourceFeed {
+    subscriber: Subscriber,
+    mains: Mains,
+    session_id: u32,
+    /// `None` until a frame can be encoded.
+    source: Option<Source>,
+    /// First frame of the device, which waits for the start of the streams until the last time.
+    held: Option<(NeuroFrame, HostTime, Instant)>,
+    /// Host time of the bytes that were read last.
+    read: HostTime,
+    /// When bytes were passed to the host last.
+    passed: Instant,
+    /// Arrival of the newest frame.
+    newest: Option<HostTime>,
+    /// Kinds of refusals that were logged.
+    logged: BTreeSet<&'static str>,
+    refused: u64,
+    refusal: Option<String>,
+    /// Facts of the previous report.
+    reported: SourceFacts,
+}
+
+impl SourceFeed {
+    pub(crate) fn new(subscriber: Subscriber, mains: Mains, session_id: u32) -> SourceFeed {
+        tracing::info!("waiting for frames on {}", subscriber.topic());
+        SourceFeed {
+            subscriber,
+            mains,
+            session_id,
+            source: None,
+            held: None,
+            read: HostTime::now(),
+            passed: Instant::now(),
+            newest: None,
+            logged: BTreeSet::new(),
+            refused: 0,
+            refusal: None,
+            reported: SourceFacts::default(),
+        }
+    }
+
+    /// Moves bytes from the device to `buffer`, and returns their number.
+    fn pass_bytes(&mut self, buffer: &mut [u8]) -> Option<usize> {
+        let source = self.source.as_mut()?;
+        let (read, mut bytes) = source.next_bytes()?;
+        let count = bytes.len().min(buffer.len());
+        buffer[..count].copy_from_slice(&bytes[..count]);
+        if count < bytes.len() {
+            bytes.drain(..count);
+            source.put_back(read, bytes);
+        }
+        self.read = read;
+        self.passed = Instant::now();
+        Some(count)
+    }
+
+    /// Handles a message that arrived at `read`. Returns whether the device is connected now and was
+    /// not before.
+    fn handle_message(&mut self, body: &[u8], read: HostTime) -> bool {
+        self.newest = Some(read);
+        let handled = match NeuroFrame::from_bytes(body) {
+            Ok(frame) => self.handle_frame(frame, read),
+            Err(error) => Err(error.into()),
+        };
+        handled.unwrap_or_else(|refusal| {
+            self.refuse(&refusal);
+            false
+        })
+    }
+
+    fn handle_frame(&mut self, frame: NeuroFrame, read: HostTime) -> Result<bool, Refusal> {
+        let Some(source) = &mut self.source else {
+            let source = Source::new(&frame, self.mains, self.session_id)?;
+            log_source(&source, self.subscriber.topic());
+            self.source = Some(source);
+            self.held = Some((frame, read, Instant::now() + START_TIMEOUT));
+            return Ok(true);
+        };
+        match source.check(&frame)? {
+            Arrival::Lost(frames) => {
+                tracing::debug!(frames, before = frame.neuroheader.seq, "frames lost");
+                source.encode(&frame, frames, read)?;
+            }
+            Arrival::Restarted => {
+                tracing::warn!(
+                    seq = frame.neuroheader.seq,
+                    "the acquisition started again; codes go on as after a board's restart"
+                );
+                source.restart()?;
+                self.held = Some((frame, read, Instant::now() + START_TIMEOUT));
+            }
+            // The source refuses repeated frames.
+            Arrival::Next | Arrival::Repeated => source.encode(&frame, 0, read)?,
+        }
+        Ok(false)
+    }
+
+    /// Counts a refused frame, and logs the first of each kind.
+    fn refuse(&mut self, refusal: &Refusal) {
+        self.refused += 1;
+        self.refusal = Some(refusal.to_string());
+        if self.logged.insert(refusal.kind()) {
+            tracing::error!(
+                "frames on {} are refused: {refusal}; /diagnostics counts further ones",
+                self.subscriber.topic()
+            );
+        }
+    }
+
+    fn facts(&self) -> SourceFacts {
+        let source = self.source.as_ref();
+        let silent_us = self
+            .newest
+            .map(|newest| HostTime::now().monotonic_us - newest.monotonic_us);
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+        let seconds = |us: i64| us as f64 / 1e6;
+        let block_us = source.map_or(0, Source::block_us);
+        SourceFacts {
+            topic: self.subscriber.topic().to_owned(),
+            layout: source.map(|source| source.layout().to_string()),
+            publishers: self.subscriber.publishers(),
+            counts: source.map(Source::counts).unwrap_or_default(),
+            refused: self.refused,
+            refusal: self.refusal.clone(),
+            dropped: self.subscriber.dropped(),
+            silent_s: silent_us.map(seconds),
+            is_unnumbered: source.is_some_and(Source::is_unnumbered),
+            block_s: seconds(i64::try_from(block_us).unwrap_or(i64::MAX)),
+        }
+    }
+}
+
+impl Feed for SourceFeed {
+    async fn next_event(
+        &mut self,
+        buffer: &mut [u8],
+        outgoing: &mut Vec<u8>,
+    ) -> Result<FeedEvent, BridgeError> {
+        loop {
+            if let Some(count) = self.pass_bytes(buffer) {
+                return Ok(FeedEvent::Bytes(count));
+            }
+            if let Some(source) = &mut self.source {
+                if !outgoing.is_empty() {
+                    source.receive(outgoing, HostTime::now());
+                    outgoing.clear();
+                    continue;
+                }
+                if let Some((_, _, deadline)) = &self.held {
+                    if !source.is_streaming() && Instant::now() < *deadline {
+                        sleep_until(*deadline).await;
+                    }
+                    if let Some((frame, read, _)) = self.held.take()
+                        && let Err(refusal) = source.encode(&frame, 0, read)
+                    {
+                        self.refuse(&refusal);
+                    }
+                    continue;
+                }
+            }
+            // The caller drops this future at each of its ticks, so the deadline is absolute.
+            let deadline = self.passed + STATS_PERIOD;
+            let message = timeout_at(deadline, self.subscriber.recv()).await;
+            // The time at which the frame arrived, before it is encoded.
+            let read = HostTime::now();
+            match message {
+                Ok(Some(body)) => {
+                    if self.handle_message(&body, read) {
+                        return Ok(FeedEvent::Opened);
+                    }
+                }
+                // The node has shut down, and the program ends for another reason.
+                Ok(None) => std::future::pending().await,
+                Err(_) => {}
+            }
+            if self.passed.elapsed() >= STATS_PERIOD
+                && let Some(source) = &mut self.source
+            {
+                source.send_stats();
+                self.passed = Instant::now();
+            }
+        }
+    }
+
+    fn is_open(&self) -> bool {
+        self.source.is_some()
+    }
+
+    fn name(&self) -> String {
+        self.subscriber.topic().to_owned()
+    }
+
+    fn read_time(&self) -> HostTime {
+        self.read
+    }
+
+    fn status(&mut self) -> Option<DiagnosticStatus> {
+        let facts = self.facts();
+        let status = status(&facts, &self.reported);
+        self.reported = facts;
+        Some(status)
+    }
+}
+
+/// Logs what is encoded, and what subscribers should know about it.
+fn log_source(source: &Source, topic: &str) {
+    tracing::info!("encoding {topic}: {}", source.layout());
+    // The bridge's core names the interpolated electrodes when the device introduces itself.
+    let unused = source.map().unused();
+    if !unused.is_empty() {
+        tracing::info!("channels that no electrode uses: {}", unused.join(" "));
+    }
+    if source.block_us() > 0 {
+        tracing::warn!(
+            "{} Hz is resampled to {} Hz in blocks of {} ms: codes come in bursts, up to one and a half \
+             blocks late; their stamps are right; an acquisition at {} Hz has no such delay",
+            source.layout().rate_hz,
+            model::ADC_RATE_HZ,
+            source.block_us() / 1000,
+            model::ADC_RATE_HZ
+        );
+    }
+}

@@ -1,0 +1,119 @@
+//! Layout of an acquisition's frames: rate, size and labels.
+
+use std::fmt;
+
+use neuro_ros::NeuroFrame;
+
+use crate::refusal::Refusal;
+
+/// Supported sampling rates, Hz. Below, the model's band would not be covered.
+const RATES_HZ: std::ops::RangeInclusive<u16> = 250..=1024;
+
+/// Units that mean microvolt. An empty one is accepted because simple publishers leave it out.
+const UNITS: [&str; 5] = ["", "uv", "µv", "μv", "microvolt"];
+
+/// Layout of an acquisition's frames, which must not change.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Sampling rate, Hz.
+    pub rate_hz: u16,
+    /// Samples per frame.
+    pub samples: u16,
+    /// Labels of the channels, in the order of the values in a sample.
+    pub labels: Vec<String>,
+}
+
+impl Layout {
+    /// Reads the layout of a frame.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal`] if the frame cannot be encoded.
+    pub fn from_frame(frame: &NeuroFrame) -> Result<Layout, Refusal> {
+        let info = &frame.eeg.info;
+        if !RATES_HZ.contains(&frame.sr) {
+            return Err(Refusal::Rate {
+                rate_hz: frame.sr,
+                least: *RATES_HZ.start(),
+                most: *RATES_HZ.end(),
+            });
+        }
+        let values = usize::from(info.nsamples) * usize::from(info.nchannels);
+        let channels = usize::from(info.nchannels);
+        if values == 0 || frame.eeg.data.len() != values || info.labels.len() != channels {
+            return Err(Refusal::Shape {
+                values: frame.eeg.data.len(),
+                labels: info.labels.len(),
+                nsamples: info.nsamples,
+                nchannels: info.nchannels,
+            });
+        }
+        if !UNITS.contains(&info.unit.trim().to_lowercase().as_str()) {
+            return Err(Refusal::Unit {
+                unit: info.unit.clone(),
+            });
+        }
+        Ok(Layout {
+            rate_hz: frame.sr,
+            samples: info.nsamples,
+            labels: info.labels.clone(),
+        })
+    }
+
+    /// Checks that a frame has this layout and that all its values are numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal`] with the first difference.
+    pub fn admit(&self, frame: &NeuroFrame) -> Result<(), Refusal> {
+        let found = Layout::from_frame(frame)?;
+        let changed = |what, expected: &dyn fmt::Display, found: &dyn fmt::Display| {
+            let [expected, found] = [expected, found].map(ToString::to_string);
+            Err(Refusal::Changed {
+                what,
+                expected,
+                found,
+            })
+        };
+        if found.rate_hz != self.rate_hz {
+            return changed("the rate in Hz", &self.rate_hz, &found.rate_hz);
+        }
+        if found.samples != self.samples {
+            return changed("the samples per frame", &self.samples, &found.samples);
+        }
+        if found.labels.len() != self.labels.len() {
+            let lengths = [self.labels.len(), found.labels.len()];
+            return changed("the number of channels", &lengths[0], &lengths[1]);
+        }
+        let labels = self.labels.iter().zip(&found.labels);
+        if let Some((old, new)) = labels.into_iter().find(|(old, new)| old != new) {
+            return changed("a label", old, new);
+        }
+        let values = frame.eeg.data.iter();
+        if let Some((index, value)) = values.enumerate().find(|(_, value)| !value.is_finite()) {
+            return Err(Refusal::NotFinite {
+                sample: index / self.labels.len(),
+                label: self.labels[index % self.labels.len()].clone(),
+                value: *value,
+            });
+        }
+        Ok(())
+    }
+
+    /// Returns the duration of a frame, microseconds.
+    pub fn frame_us(&self) -> i64 {
+        i64::from(self.samples) * 1_000_000 / i64::from(self.rate_hz)
+    }
+}
+
+impl fmt::Display for Layout {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            formatter,
+            "{} samples of {} electrodes at {} Hz",
+            self.samples,
+            self.labels.len(),
+            self.rate_hz
+        )
+    }
+}

@@ -1,0 +1,123 @@
+//! Finds lost frames and restarts of the acquisition in the numbers and stamps of its frames.
+
+use neuro_ros::NeuroFrame;
+
+/// Longest gap that is bridged by fillers, microseconds. After a longer one the acquisition counts as
+/// restarted.
+const LONGEST_GAP_US: i64 = 120_000_000;
+
+/// How much later than its predecessor's end a consecutive frame can begin before the acquisition counts
+/// as restarted, microseconds. Stamps are taken when a frame is read from the amplifier, so they vary
+/// by some frames.
+const LONGEST_PAUSE_US: i64 = 1_000_000;
+
+/// What a frame's number says about the frames before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arrival {
+    /// The frame follows the previous one, or is the first.
+    Next,
+    /// This many frames between the previous one and this one are lost.
+    Lost(u32),
+    /// The acquisition started again; nothing is known about the time since the previous frame.
+    Restarted,
+    /// The frame has the number of the previous one.
+    Repeated,
+}
+
+/// Number and stamp of the newest frame.
+#[derive(Clone, Debug, Default)]
+pub struct Sequence {
+    newest: Option<(u32, i64)>,
+    /// Whether the acquisition leaves all numbers 0.
+    is_unnumbered: bool,
+}
+
+impl Sequence {
+    /// Records a frame that takes `frame_us` microseconds.
+    pub fn record(&mut self, frame: &NeuroFrame, frame_us: i64) -> Arrival {
+        let seq = frame.neuroheader.seq;
+        let stamp_us = frame.header.stamp.nanoseconds() / 1000;
+        let Some((last, last_us)) = self.newest.replace((seq, stamp_us)) else {
+            return Arrival::Next;
+        };
+        if seq == last && seq == 0 {
+            self.is_unnumbered = true;
+        } else if seq != 0 {
+            self.is_unnumbered = false;
+        }
+        let are_stamped = stamp_us != 0 && last_us != 0;
+        let late_us = stamp_us - last_us - frame_us;
+        match seq.wrapping_sub(last) {
+            0 if !self.is_unnumbered => Arrival::Repeated,
+            0 | 1 if are_stamped && late_us > LONGEST_PAUSE_US => Arrival::Restarted,
+            0 | 1 => Arrival::Next,
+            step if i64::from(step - 1).saturating_mul(frame_us) <= LONGEST_GAP_US => {
+                Arrival::Lost(step - 1)
+            }
+            _ => Arrival::Restarted,
+        }
+    }
+
+    /// Returns whether the acquisition does not number its frames, so that no loss can be found.
+    pub fn is_unnumbered(&self) -> bool {
+        self.is_unnumbered
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use neuro_ros::{Header, NeuroFrame, NeuroHeader, Stamp};
+
+    use super::{Arrival, Sequence};
+
+    /// Records frames of 62.5 ms with these numbers, stamped at these times in milliseconds.
+    fn arrivals(frames: &[(u32, i64)]) -> Vec<Arrival> {
+        let mut sequence = Sequence::default();
+        let mut record = |(seq, ms): &(u32, i64)| {
+            let frame = NeuroFrame {
+                header: Header {
+                    stamp: Stamp::from_nanoseconds(ms * 1_000_000),
+                    ..Header::default()
+                },
+                neuroheader: NeuroHeader { seq: *seq },
+                ..NeuroFrame::default()
+            };
+            sequence.record(&frame, 62_500)
+        };
+        frames.iter().map(&mut record).collect()
+    }
+
+    #[test]
+    fn gaps_are_counted_across_the_wrap_and_long_ones_are_restarts() {
+        let frames = [
+            (u32::MAX - 1, 0),
+            (u32::MAX, 0),
+            (2, 0),
+            (3, 0),
+            (3000, 0),
+            (1, 0),
+        ];
+        let expected = [
+            Arrival::Next,
+            Arrival::Next,
+            Arrival::Lost(2),
+            Arrival::Next,
+            Arrival::Restarted,
+            Arrival::Restarted,
+        ];
+        assert_eq!(arrivals(&frames), expected);
+    }
+
+    #[test]
+    fn a_repeated_number_is_found_unless_the_acquisition_leaves_all_numbers_0() {
+        let repeated = arrivals(&[(5, 0), (5, 0), (6, 0)]);
+        assert_eq!(repeated, [Arrival::Next, Arrival::Repeated, Arrival::Next]);
+        assert_eq!(arrivals(&[(0, 0), (0, 0), (0, 0)]), [Arrival::Next; 3]);
+    }
+
+    #[test]
+    fn a_pause_between_consecutive_frames_shows_in_their_stamps() {
+        let paused = arrivals(&[(1, 1000), (2, 1300), (3, 9000)]);
+        assert_eq!(paused, [Arrival::Next, Arrival::Next, Arrival::Restarted]);
+    }
+}

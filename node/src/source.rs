@@ -1,0 +1,286 @@
+//! The acquisition as a device: frames in, bytes of the wire format out.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+
+use bridge::HostTime;
+use link::Substitutes;
+use neuro_ros::NeuroFrame;
+use pipeline::{Mains, Sample};
+use recordings::{AdcSpec, LiveAdc, Missing, MontageMap};
+
+use crate::encoder_device::EncoderDevice;
+use crate::layout::Layout;
+use crate::refusal::Refusal;
+use crate::sequence::{Arrival, Sequence};
+
+const _: () = assert!(model::CHANNELS == recordings::virtual_adc::CHANNELS);
+
+/// An acquisition whose frames are encoded by a device in this process.
+///
+/// The device's time counts samples at their nominal rate, as a board's converters do. The bridge fits
+/// it to the arrival of the frames.
+pub struct Source {
+    layout: Layout,
+    map: MontageMap,
+    mains: Mains,
+    session_id: u32,
+    sequence: Sequence,
+    adc: LiveAdc,
+    device: EncoderDevice,
+    /// Samples of the acquisition since the device's start, with the lost ones.
+    inputs: u64,
+    /// Samples of the virtual ADC since the device's start.
+    outputs: u64,
+    /// First sample and arrival of each frame whose samples are not all converted, oldest first. The
+    /// newest frame stays.
+    arrivals: VecDeque<(u64, HostTime)>,
+    /// Lost samples that are not all converted, oldest first.
+    lost: VecDeque<Range<u64>>,
+    /// Bytes for the host, with the arrival of the samples that they were made of.
+    outgoing: VecDeque<(HostTime, Vec<u8>)>,
+    counts: SourceCounts,
+}
+
+/// Numbers of frames since the first one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SourceCounts {
+    /// Frames that were encoded.
+    pub encoded: u64,
+    /// Frames that are missing in the acquisition's numbers, refused ones included.
+    pub lost: u64,
+    /// Restarts of the acquisition.
+    pub restarts: u64,
+}
+
+impl Source {
+    /// Creates a source with the layout of `frame`, its first frame, without encoding it. The notch
+    /// filter removes `mains` until the host selects another frequency. `session_id` identifies the
+    /// device's start and should differ at each start of the program.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal`] if the frame cannot be encoded.
+    pub fn new(frame: &NeuroFrame, mains: Mains, session_id: u32) -> Result<Source, Refusal> {
+        let layout = Layout::from_frame(frame)?;
+        layout.admit(frame)?;
+        let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
+        let map = MontageMap::new(&layout.labels, &electrodes, Missing::Interpolate)?;
+        let mut sequence = Sequence::default();
+        sequence.record(frame, layout.frame_us());
+        Ok(Source {
+            adc: adc(&layout, &map)?,
+            device: EncoderDevice::new(session_id, substitutes(&map), mains),
+            layout,
+            map,
+            mains,
+            session_id,
+            sequence,
+            inputs: 0,
+            outputs: 0,
+            arrivals: VecDeque::new(),
+            lost: VecDeque::new(),
+            outgoing: VecDeque::new(),
+            counts: SourceCounts::default(),
+        })
+    }
+
+    /// Layout of all frames.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Map from the acquisition's channels to the model's electrodes.
+    pub fn map(&self) -> &MontageMap {
+        &self.map
+    }
+
+    /// Numbers of frames since the first one.
+    pub fn counts(&self) -> SourceCounts {
+        self.counts
+    }
+
+    /// Returns whether the acquisition does not number its frames, so that no loss can be found.
+    pub fn is_unnumbered(&self) -> bool {
+        self.sequence.is_unnumbered()
+    }
+
+    /// Returns the time that the acquisition takes for the samples that are resampled together,
+    /// microseconds; 0 without resampling.
+    pub fn block_us(&self) -> u64 {
+        match self.adc.block() {
+            1 => 0,
+            samples => samples as u64 * 1_000_000 / u64::from(self.layout.rate_hz),
+        }
+    }
+
+    /// Checks a frame and its number.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal`] if the frame must not be encoded. It then counts as lost when the next one comes.
+    pub fn check(&mut self, frame: &NeuroFrame) -> Result<Arrival, Refusal> {
+        self.layout.admit(frame)?;
+        match self.sequence.record(frame, self.layout.frame_us()) {
+            Arrival::Repeated => Err(Refusal::Repeated {
+                seq: frame.neuroheader.seq,
+            }),
+            arrival => Ok(arrival),
+        }
+    }
+
+    /// Starts the device again, because the acquisition started again. Samples that wait for the
+    /// resampler are discarded.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal::Conversion`], a defect of this program.
+    pub fn restart(&mut self) -> Result<(), Refusal> {
+        self.adc = adc(&self.layout, &self.map)?;
+        self.session_id = self.session_id.wrapping_add(1);
+        let substitutes = substitutes(&self.map);
+        self.device = EncoderDevice::new(self.session_id, substitutes, self.mains);
+        (self.inputs, self.outputs) = (0, 0);
+        self.arrivals.clear();
+        self.lost.clear();
+        self.counts.restarts += 1;
+        Ok(())
+    }
+
+    /// Encodes a frame that [`Source::check`] has accepted, `lost` frames after the previous one. It
+    /// arrived at `read`.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal::Conversion`], a defect of this program.
+    pub fn encode(&mut self, frame: &NeuroFrame, lost: u32, read: HostTime) -> Result<(), Refusal> {
+        self.counts.encoded += 1;
+        self.counts.lost += u64::from(lost);
+        if lost > 0 {
+            let samples = u64::from(lost) * u64::from(self.layout.samples);
+            let first = self.inputs;
+            self.inputs += samples;
+            self.lost.push_back(first..self.inputs);
+            self.arrivals.push_back((first, read));
+            self.adc
+                .hold(usize::try_from(samples).unwrap_or(usize::MAX))?;
+        }
+        self.arrivals.push_back((self.inputs, read));
+        self.inputs += u64::from(self.layout.samples);
+        self.adc.append(&frame.eeg.data)?;
+        while let Some(counts) = self.adc.next_sample() {
+            let is_lost = self.is_lost();
+            let at_us = self.device_us();
+            self.outputs += 1;
+            self.device.process(&Sample { counts }, is_lost, at_us);
+            self.collect();
+        }
+        Ok(())
+    }
+
+    /// Passes bytes from the host to the device at `now`.
+    pub fn receive(&mut self, bytes: &[u8], now: HostTime) {
+        // Between two frames the device's time goes on, but not beyond the samples of the next one.
+        let since_us = self.arrivals.back().map_or(0, |(_, arrival)| {
+            now.monotonic_us.saturating_sub(arrival.monotonic_us)
+        });
+        let since_us = since_us.clamp(0, self.layout.frame_us());
+        let now_us = self.device_us().saturating_add_signed(since_us);
+        self.device.receive(bytes, now_us);
+        let bytes = self.device.take_bytes();
+        self.outgoing.push_back((now, bytes));
+    }
+
+    /// Returns whether the host has started the device's streams.
+    pub fn is_streaming(&self) -> bool {
+        self.device.is_streaming()
+    }
+
+    /// Sends the device's counters, as a device does every second. The resampler makes codes less often.
+    pub fn send_stats(&mut self) {
+        if self.is_streaming() {
+            self.device.send_stats(self.device_us());
+            self.collect();
+        }
+    }
+
+    /// Returns bytes for the host, and when the samples that they were made of arrived.
+    pub fn next_bytes(&mut self) -> Option<(HostTime, Vec<u8>)> {
+        self.outgoing.pop_front()
+    }
+
+    /// Puts bytes back that the host has not taken.
+    pub(crate) fn put_back(&mut self, read: HostTime, bytes: Vec<u8>) {
+        self.outgoing.push_front((read, bytes));
+    }
+
+    /// Returns the device time of the next sample of the virtual ADC, microseconds.
+    fn device_us(&self) -> u64 {
+        self.outputs * 1_000_000 / u64::from(model::ADC_RATE_HZ)
+    }
+
+    /// Returns the acquisition's samples on both sides of the next sample of the virtual ADC.
+    fn input_around(&self) -> [u64; 2] {
+        let position = self.outputs * u64::from(self.layout.rate_hz);
+        let adc_rate = u64::from(model::ADC_RATE_HZ);
+        [position / adc_rate, position.div_ceil(adc_rate)]
+    }
+
+    /// Returns whether the next sample of the virtual ADC is next to a lost sample.
+    fn is_lost(&mut self) -> bool {
+        let [before, after] = self.input_around();
+        while self.lost.front().is_some_and(|lost| lost.end <= before) {
+            self.lost.pop_front();
+        }
+        let lost = self.lost.front();
+        lost.is_some_and(|lost| lost.contains(&before) || lost.contains(&after))
+    }
+
+    /// Moves the device's bytes to the outgoing ones, with the arrival of the newest sample that was
+    /// converted.
+    fn collect(&mut self) {
+        let bytes = self.device.take_bytes();
+        if bytes.is_empty() {
+            return;
+        }
+        let newest = self.outputs.saturating_sub(1) * u64::from(self.layout.rate_hz);
+        let newest = newest / u64::from(model::ADC_RATE_HZ);
+        while self
+            .arrivals
+            .get(1)
+            .is_some_and(|(first, _)| *first <= newest)
+        {
+            self.arrivals.pop_front();
+        }
+        if let Some((_, read)) = self.arrivals.front() {
+            self.outgoing.push_back((*read, bytes));
+        }
+    }
+}
+
+fn adc(layout: &Layout, map: &MontageMap) -> Result<LiveAdc, Refusal> {
+    let spec = AdcSpec {
+        rate_hz: model::ADC_RATE_HZ.into(),
+        lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
+    };
+    Ok(LiveAdc::new(
+        &layout.labels,
+        layout.rate_hz.into(),
+        map,
+        spec,
+    )?)
+}
+
+/// Returns which electrodes of the montage are interpolated.
+fn substitutes(map: &MontageMap) -> Substitutes {
+    let interpolated = map.interpolated();
+    let bits = map
+        .electrodes()
+        .iter()
+        .enumerate()
+        .filter(|(_, label)| interpolated.contains(&label.as_str()));
+    Substitutes {
+        interpolated: bits.fold(0, |bits, (index, _)| bits | 1 << index),
+        zero: 0,
+    }
+}

@@ -1,0 +1,133 @@
+//! The status of the acquisition in `/diagnostics`.
+
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
+
+use crate::source::SourceCounts;
+
+/// Silence of the acquisition after which its status is an error, seconds.
+const SILENCE_S: f64 = 2.0;
+
+/// Facts about the acquisition.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SourceFacts {
+    /// Full name of the topic.
+    pub(crate) topic: String,
+    /// Layout of the frames; `None` before the first frame that can be encoded.
+    pub(crate) layout: Option<String>,
+    /// Number of nodes that publish the topic.
+    pub(crate) publishers: usize,
+    pub(crate) counts: SourceCounts,
+    /// Frames that were refused, and why the newest of them was.
+    pub(crate) refused: u64,
+    pub(crate) refusal: Option<String>,
+    /// Frames that waited too long for this program and were dropped.
+    pub(crate) dropped: u64,
+    /// Time since the newest frame, seconds; `None` before the first.
+    pub(crate) silent_s: Option<f64>,
+    /// Whether the frames have no numbers.
+    pub(crate) is_unnumbered: bool,
+    /// Longest time that a sample waits for the resampler, seconds.
+    pub(crate) block_s: f64,
+}
+
+/// Returns the status. `before` are the facts of the previous report, one second earlier: losses and
+/// refusals are warnings only in the first report after them.
+pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticStatus {
+    let lost = facts.counts.lost - before.counts.lost;
+    let refused = facts.refused - before.refused;
+    let topic = &facts.topic;
+    let (level, message) = if facts.publishers > 1 {
+        let message = format!(
+            "{} nodes publish {topic}, and their frames are mixed; stop all but one",
+            facts.publishers
+        );
+        (DiagnosticLevel::Error, message)
+    } else if refused > 0 {
+        let why = facts.refusal.as_deref().unwrap_or_default();
+        (
+            DiagnosticLevel::Error,
+            format!("{refused} frames refused: {why}"),
+        )
+    } else if facts.publishers == 0 {
+        (DiagnosticLevel::Error, format!("no node publishes {topic}"))
+    } else if facts.silent_s.is_none_or(|seconds| seconds > SILENCE_S) {
+        (DiagnosticLevel::Error, format!("no frames come on {topic}"))
+    } else if lost > 0 {
+        let message = format!("{lost} frames lost since the last report");
+        (DiagnosticLevel::Warn, message)
+    } else if facts.counts.restarts > before.counts.restarts {
+        let message = "the acquisition started again".to_owned();
+        (DiagnosticLevel::Warn, message)
+    } else if facts.is_unnumbered {
+        let message =
+            "all frames have the number 0, so lost ones are not found; count neuroheader.seq up";
+        (DiagnosticLevel::Warn, message.to_owned())
+    } else {
+        (DiagnosticLevel::Ok, "all frames arrive".to_owned())
+    };
+    let silent = facts.silent_s.map(|seconds| format!("{seconds:.1}"));
+    let mut values = vec![
+        KeyValue::new("topic", topic),
+        KeyValue::new(
+            "layout",
+            facts.layout.as_ref().map_or(&"unknown", |text| text),
+        ),
+        KeyValue::new("publishers", &facts.publishers),
+        KeyValue::new("frames encoded", &facts.counts.encoded),
+        KeyValue::new("frames lost", &facts.counts.lost),
+        KeyValue::new("frames refused", &facts.refused),
+        KeyValue::new("frames dropped", &facts.dropped),
+        KeyValue::new("restarts", &facts.counts.restarts),
+        KeyValue::new("resampling block s", &format!("{:.2}", facts.block_s)),
+    ];
+    if let Some(silent) = silent {
+        values.push(KeyValue::new("newest frame s ago", &silent));
+    }
+    DiagnosticStatus {
+        level,
+        name: "corticode: source".to_owned(),
+        message,
+        hardware_id: String::new(),
+        values,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use neuro_ros::DiagnosticLevel;
+
+    use super::{SourceCounts, SourceFacts, status};
+
+    #[test]
+    fn a_loss_is_a_warning_once_and_worse_states_come_first() {
+        let calm = SourceFacts {
+            topic: "/neurodata".to_owned(),
+            publishers: 1,
+            silent_s: Some(0.1),
+            ..SourceFacts::default()
+        };
+        let level = |facts: &SourceFacts, before| status(facts, before).level;
+        assert_eq!(level(&calm, &calm), DiagnosticLevel::Ok);
+        let lossy = SourceFacts {
+            counts: SourceCounts {
+                lost: 3,
+                ..SourceCounts::default()
+            },
+            ..calm.clone()
+        };
+        let report = status(&lossy, &calm);
+        assert_eq!(report.level, DiagnosticLevel::Warn);
+        assert_eq!(report.message, "3 frames lost since the last report");
+        assert_eq!(level(&lossy, &lossy), DiagnosticLevel::Ok);
+        let silent = SourceFacts {
+            silent_s: Some(5.0),
+            ..lossy.clone()
+        };
+        assert_eq!(level(&silent, &calm), DiagnosticLevel::Error);
+        let two = SourceFacts {
+            publishers: 2,
+            ..calm.clone()
+        };
+        assert!(status(&two, &calm).message.starts_with("2 nodes publish"));
+    }
+}

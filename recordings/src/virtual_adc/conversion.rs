@@ -1,0 +1,282 @@
+//! Resamples signals, mixes them to electrodes and converts the result to counts.
+
+use crate::{
+    error::RecordingError,
+    montage_map::{MontageMap, Origin},
+    ratio::Ratio,
+};
+
+use super::dither::Dither;
+use super::rails::RAILS;
+use super::rate_converter::RateConverter;
+use super::spec::{AdcCounters, AdcSpec, CHANNELS};
+
+/// Largest magnitude passed to the resampler, uV. It is far beyond the ADC's range, and small enough
+/// that no sum in a transform overflows; the resampler would panic on an overflow.
+const LARGEST_UV: f64 = 1e100;
+
+/// Label and sampling rate of a signal.
+pub(super) struct SignalRate<'a> {
+    pub(super) label: &'a str,
+    /// `None` if the signal has no samples.
+    pub(super) rate: Option<Ratio>,
+}
+
+/// Converts signals in uV to samples of the ADC.
+pub(super) struct Conversion {
+    spec: AdcSpec,
+    groups: Vec<RateGroup>,
+    /// Terms of each electrode; the value of an electrode is the sum of its weighted signals.
+    mixes: Vec<Vec<MixTerm>>,
+    /// `None` for the exact conversion.
+    dither: Option<Dither<CHANNELS>>,
+    counters: AdcCounters,
+}
+
+/// A weighted signal in the mix of an electrode.
+struct MixTerm {
+    group: usize,
+    /// Index of the signal within its group.
+    member: usize,
+    weight: f64,
+}
+
+/// The signals of one sampling rate, which share a converter.
+struct RateGroup {
+    signals: Vec<usize>,
+    converter: RateConverter,
+    /// Last finite sample of each signal, uV.
+    held: Vec<f64>,
+}
+
+impl Conversion {
+    /// Creates the conversion of `signals` to the electrodes of `map`.
+    ///
+    /// # Errors
+    /// [`RecordingError::AdcSpec`], [`RecordingError::TooManyElectrodes`],
+    /// [`RecordingError::MapMismatch`], [`RecordingError::NoSamples`] and [`RecordingError::Rate`].
+    pub(super) fn new(
+        signals: &[SignalRate],
+        map: &MontageMap,
+        spec: AdcSpec,
+    ) -> Result<Self, RecordingError> {
+        let scale_is_usable = spec.lsb_uv.is_finite() && spec.lsb_uv > 0.0;
+        if !scale_is_usable || !(1..=100_000).contains(&spec.rate_hz) {
+            let AdcSpec { rate_hz, lsb_uv } = spec;
+            return Err(RecordingError::AdcSpec { rate_hz, lsb_uv });
+        }
+        if map.origins().len() > CHANNELS {
+            let electrodes = map.origins().len();
+            return Err(RecordingError::TooManyElectrodes {
+                electrodes,
+                channels: CHANNELS,
+            });
+        }
+        let mut rates: Vec<(Ratio, Vec<usize>)> = Vec::new();
+        let mut mixes = Vec::with_capacity(map.origins().len());
+        for origin in map.origins() {
+            let sources = match origin {
+                Origin::Real(signal) => vec![(*signal, 1.0)],
+                Origin::Interpolated(mix) => mix.clone(),
+                Origin::Zero => Vec::new(),
+            };
+            let mut mix = Vec::with_capacity(sources.len());
+            for (signal, weight) in sources {
+                let (group, member) = find_or_add(signal, signals, &mut rates)?;
+                mix.push(MixTerm {
+                    group,
+                    member,
+                    weight,
+                });
+            }
+            mixes.push(mix);
+        }
+        let mut groups = Vec::with_capacity(rates.len());
+        for (rate, members) in rates {
+            let converter = RateConverter::new(rate, spec.rate_hz, members.len())?
+                .map_err(|reason| rate_error(&signals[members[0]], spec, reason))?;
+            let held = vec![0.0; members.len()];
+            groups.push(RateGroup {
+                signals: members,
+                converter,
+                held,
+            });
+        }
+        let counters = AdcCounters::default();
+        Ok(Self {
+            spec,
+            groups,
+            mixes,
+            dither: Some(Dither::new()),
+            counters,
+        })
+    }
+
+    /// Leaves repeated samples as they are.
+    pub(super) fn disable_dither(&mut self) {
+        self.dither = None;
+    }
+
+    pub(super) fn spec(&self) -> AdcSpec {
+        self.spec
+    }
+
+    pub(super) fn counters(&self) -> AdcCounters {
+        self.counters
+    }
+
+    /// Returns whether more input is needed for the next sample.
+    pub(super) fn is_starved(&self) -> bool {
+        self.groups.iter().any(|group| group.converter.ready() == 0)
+    }
+
+    /// Appends samples and converts them. `samples` returns the next samples of the signal with the
+    /// given index, uV.
+    ///
+    /// # Errors
+    /// Those of [`RateConverter::convert`].
+    pub(super) fn append<S: Iterator<Item = f64>>(
+        &mut self,
+        samples: impl Fn(usize) -> S,
+    ) -> Result<(), RecordingError> {
+        for group in &mut self.groups {
+            self.counters.not_finite += group.append(&samples);
+            group.converter.convert()?;
+        }
+        Ok(())
+    }
+
+    /// Extends every signal by `samples` repetitions of its last finite sample, and converts them.
+    ///
+    /// # Errors
+    /// Those of [`RateConverter::convert`].
+    pub(super) fn hold(&mut self, samples: usize) -> Result<(), RecordingError> {
+        for group in &mut self.groups {
+            for (member, &value) in group.held.iter().enumerate() {
+                let held = std::iter::repeat_n(value, samples);
+                group.converter.queue_mut(member).extend(held);
+            }
+            group.converter.convert()?;
+        }
+        Ok(())
+    }
+
+    /// Converts one block in which every signal keeps its last finite sample.
+    ///
+    /// # Errors
+    /// Those of [`RateConverter::convert`].
+    pub(super) fn flush(&mut self) -> Result<(), RecordingError> {
+        for group in &mut self.groups {
+            group.converter.flush(&group.held)?;
+        }
+        Ok(())
+    }
+
+    /// Returns the next sample. Call it only if [`Self::is_starved`] is false.
+    pub(super) fn next_counts(&mut self) -> [i32; CHANNELS] {
+        let mut counts = self.convert_to_counts();
+        if let Some(dither) = &mut self.dither {
+            dither.apply(&mut counts);
+        }
+        for group in &mut self.groups {
+            group.converter.advance();
+        }
+        counts
+    }
+
+    fn convert_to_counts(&mut self) -> [i32; CHANNELS] {
+        let mut counts = [0; CHANNELS];
+        for (count, mix) in counts.iter_mut().zip(&self.mixes) {
+            let terms = mix
+                .iter()
+                .map(|term| self.groups[term.group].converter.peek(term.member) * term.weight);
+            let unlimited = (terms.sum::<f64>() / self.spec.lsb_uv).round();
+            let limited = unlimited.clamp(*RAILS.start(), *RAILS.end());
+            self.counters.saturated += u64::from(!RAILS.contains(&unlimited));
+            #[expect(clippy::cast_possible_truncation, reason = "whole and within i24")]
+            let value = limited as i32;
+            *count = value;
+        }
+        counts
+    }
+
+    /// Returns the largest number of input samples that one block of a resampler takes; 1 if no
+    /// signal is resampled.
+    pub(super) fn block(&self) -> usize {
+        let blocks = self.groups.iter().map(|group| group.converter.block());
+        blocks.max().unwrap_or(1)
+    }
+
+    /// Returns the largest number of samples in memory per signal.
+    #[cfg(test)]
+    pub(super) fn queued_samples(&self) -> usize {
+        let groups = self.groups.iter();
+        let queued = groups.map(|group| group.converter.queued_samples());
+        queued.max().unwrap_or(0)
+    }
+}
+
+impl RateGroup {
+    /// Appends samples, uV. Returns the number of non-finite samples.
+    fn append<S: Iterator<Item = f64>>(&mut self, samples: &impl Fn(usize) -> S) -> u64 {
+        let mut not_finite = 0;
+        for (member, &signal) in self.signals.iter().enumerate() {
+            let held = &mut self.held[member];
+            self.converter
+                .queue_mut(member)
+                .extend(samples(signal).map(|uv| {
+                    if uv.is_finite() {
+                        *held = uv.clamp(-LARGEST_UV, LARGEST_UV);
+                    } else {
+                        not_finite += 1;
+                    }
+                    *held
+                }));
+        }
+        not_finite
+    }
+}
+
+/// Returns the index of the rate group of a signal, and the index of the signal within the group. Adds
+/// the group and the signal if they are new.
+fn find_or_add(
+    signal: usize,
+    signals: &[SignalRate],
+    rates: &mut Vec<(Ratio, Vec<usize>)>,
+) -> Result<(usize, usize), RecordingError> {
+    let described = signals.get(signal).ok_or(RecordingError::MapMismatch {
+        signal,
+        signals: signals.len(),
+    })?;
+    let no_samples = || RecordingError::NoSamples {
+        label: described.label.to_owned(),
+    };
+    let rate = described.rate.ok_or_else(no_samples)?;
+    let group = rates
+        .iter()
+        .position(|(other, _)| *other == rate)
+        .unwrap_or_else(|| {
+            rates.push((rate, Vec::new()));
+            rates.len() - 1
+        });
+    let members = &mut rates[group].1;
+    let member = members
+        .iter()
+        .position(|&other| other == signal)
+        .unwrap_or_else(|| {
+            members.push(signal);
+            members.len() - 1
+        });
+    Ok((group, member))
+}
+
+fn rate_error(signal: &SignalRate, spec: AdcSpec, reason: &'static str) -> RecordingError {
+    RecordingError::Rate {
+        label: signal.label.to_owned(),
+        rate: signal
+            .rate
+            .map_or_else(|| "no".to_owned(), |rate| rate.to_string()),
+        rate_hz: spec.rate_hz,
+        reason,
+    }
+}

@@ -1,0 +1,91 @@
+//! The virtual ADC of a source that is still measuring.
+
+use crate::{error::RecordingError, montage_map::MontageMap, ratio::Ratio};
+
+use super::conversion::{Conversion, SignalRate};
+use super::spec::{AdcCounters, AdcSpec, CHANNELS};
+
+/// Converts samples to those of an ADC as they arrive. The same samples yield the counts that
+/// [`VirtualAdc`](super::VirtualAdc) yields for a recording of them, bit for bit; only the last ones of
+/// a resampled recording, which depend on its end, have not been converted yet.
+///
+/// Samples at the rate of the ADC are converted at once. Other rates are resampled in blocks of
+/// [`LiveAdc::block`] samples, so that counts come in bursts.
+///
+/// ```
+/// use recordings::{AdcSpec, LiveAdc, Missing, MontageMap};
+///
+/// let labels = ["Cz", "Pz"];
+/// let map = MontageMap::new(&labels, &["Pz"], Missing::Interpolate)?;
+/// let mut adc = LiveAdc::new(&labels, 512, &map, AdcSpec::ads1299(512))?;
+/// adc.append(&[0.0, 100.0])?;
+/// // 100 uV at 22.35 nV per count.
+/// assert_eq!(adc.next_sample().map(|counts| counts[0]), Some(4474));
+/// assert_eq!(adc.next_sample(), None);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct LiveAdc {
+    conversion: Conversion,
+    signals: usize,
+}
+
+impl LiveAdc {
+    /// Creates a virtual ADC for the signals `labels`, which all have the rate `rate_hz`. `map` must
+    /// have been created from the same labels.
+    ///
+    /// # Errors
+    /// Those of [`VirtualAdc::new`](super::VirtualAdc::new).
+    pub fn new<L: AsRef<str>>(
+        labels: &[L],
+        rate_hz: u32,
+        map: &MontageMap,
+        spec: AdcSpec,
+    ) -> Result<Self, RecordingError> {
+        let rate = Ratio::new(rate_hz.into(), 1);
+        let signals = labels.iter().map(AsRef::as_ref);
+        let signals: Vec<SignalRate> = signals.map(|label| SignalRate { label, rate }).collect();
+        let conversion = Conversion::new(&signals, map, spec)?;
+        Ok(Self {
+            conversion,
+            signals: labels.len(),
+        })
+    }
+
+    /// Appends samples, uV: the first sample of all signals, then the second, and so on. Ignores an
+    /// incomplete last sample.
+    ///
+    /// # Errors
+    /// [`RecordingError::Resampler`] or [`RecordingError::ResamplerBuffer`], both of which are defects
+    /// of this crate.
+    pub fn append(&mut self, samples: &[f32]) -> Result<(), RecordingError> {
+        let signals = self.signals;
+        self.conversion.append(|signal| {
+            let rows = samples.chunks_exact(signals);
+            rows.map(move |row| f64::from(row[signal]))
+        })
+    }
+
+    /// Replaces `samples` lost samples by repetitions of the last one.
+    ///
+    /// # Errors
+    /// As [`LiveAdc::append`].
+    pub fn hold(&mut self, samples: usize) -> Result<(), RecordingError> {
+        self.conversion.hold(samples)
+    }
+
+    /// Returns the next sample of the ADC, or `None` until more samples have been appended. Sample k is
+    /// the input at the time k / [`AdcSpec::rate_hz`].
+    pub fn next_sample(&mut self) -> Option<[i32; CHANNELS]> {
+        (!self.conversion.is_starved()).then(|| self.conversion.next_counts())
+    }
+
+    /// Returns the number of input samples that are resampled together; 1 without resampling.
+    pub fn block(&self) -> usize {
+        self.conversion.block()
+    }
+
+    /// Counts of saturated and non-finite values since the first sample.
+    pub fn counters(&self) -> AdcCounters {
+        self.conversion.counters()
+    }
+}
