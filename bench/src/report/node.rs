@@ -19,12 +19,9 @@ use anyhow::Context;
 use picture::intervals::{Intervals, Series};
 use serde_json::json;
 
-use self::setup::{Pair, Setup};
+use self::setup::{NODE, Pair, Setup};
 use super::bridge::setup::Programs;
 use super::figures::Report;
-
-/// Program that is measured.
-const NODE: &str = "corticode-node";
 
 /// Measures both nodes for `seconds`. Without rospy, `corticode-node` is measured alone.
 ///

@@ -9,7 +9,6 @@ use ros1::{Master, Node, NodeOptions, Publisher, PublisherOptions};
 use tempfile::TempDir;
 use tokio::time::sleep;
 
-use super::NODE;
 use super::amplifier::{Amplifier, FIRST};
 use crate::report::bridge::node_figures::Figures;
 use crate::report::bridge::rospy::Rospy;
@@ -17,6 +16,8 @@ use crate::report::bridge::setup::{Programs, Running};
 use crate::report::bridge::subscriber::Subscriber;
 use crate::report::bridge::usage::Usage;
 
+/// Program that is measured.
+pub(super) const NODE: &str = "corticode-node";
 /// Topics of `corticode-node` and of the node in rospy: frames and codes.
 const TOPICS: [[&str; 2]; 2] = [
     ["/neurodata", "/encoded"],
