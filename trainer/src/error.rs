@@ -13,6 +13,12 @@ pub enum TrainerError {
         /// Error from the operating system.
         source: std::io::Error,
     },
+    /// The folder to write to holds an artifact.
+    #[error("{} holds an artifact already; choose another folder, or replace it with --force", folder.display())]
+    ArtifactExists {
+        /// Folder of the artifact.
+        folder: PathBuf,
+    },
     /// A name on the command line matches no recording.
     #[error("no recording in {} ends with {name}; the folder has: {}", folder.display(), found.join(" "))]
     NothingFound {

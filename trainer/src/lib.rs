@@ -18,7 +18,7 @@
 //! 1. Put EDF, BDF or GDF files of one subject and one cap into a folder. Reserve whole recordings for
 //!    testing: with overlapping windows of one recording in both parts, every figure would be too good.
 //! 2. `cargo run --release --package trainer -- train --data FOLDER --train R03..R10
-//!    --test R11,R12 --mains 50 --dataset "..." --citation "..." --out model/artifact`.
+//!    --test R11,R12 --mains 50 --dataset "..." --citation "..." --out model/artifact --force`.
 //!    A name matches the files whose stem ends with it; `R03..R10` means R03, R04, ... R10. Electrodes
 //!    missing in the cap are interpolated, and the training card lists them.
 //! 3. The table at the end compares the network with PCA with the same number of components, both in

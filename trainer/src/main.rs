@@ -64,6 +64,9 @@ struct TrainArgs {
     /// Folder to write the artifact to.
     #[arg(long)]
     out: PathBuf,
+    /// Replace an artifact in this folder.
+    #[arg(long)]
+    force: bool,
 }
 
 #[derive(Args, Debug)]
@@ -133,6 +136,7 @@ impl From<TrainArgs> for TrainOptions {
             checkpoint: args.checkpoint,
             resume: args.resume,
             out: args.out,
+            force: args.force,
         }
     }
 }

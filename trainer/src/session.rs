@@ -37,6 +37,8 @@ pub struct TrainOptions {
     pub resume: bool,
     /// Folder to write the artifact to.
     pub out: PathBuf,
+    /// True to replace an artifact in `out`.
+    pub force: bool,
 }
 
 /// Receives the progress of a training run or an evaluation.
@@ -78,6 +80,11 @@ pub fn train(
     options: &TrainOptions,
     observer: &mut impl ProgressObserver,
 ) -> Result<Comparison, TrainerError> {
+    // Before the training, which takes hours.
+    if !options.force && options.out.join("model.toml").exists() {
+        let folder = options.out.clone();
+        return Err(TrainerError::ArtifactExists { folder });
+    }
     let mut description = card::description();
     let train_files = selection::recordings(&options.data, &options.train)?;
     let test_files = selection::recordings(&options.data, &options.test)?;
