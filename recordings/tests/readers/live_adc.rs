@@ -89,6 +89,7 @@ fn lost_samples_are_held_so_that_later_samples_keep_their_time() {
     adc.hold(2).expect("converted");
     adc.append(&[f32::NAN, -100.0]).expect("converted");
     let counts: Vec<i32> = std::iter::from_fn(|| adc.next_sample().map(|all| all[0])).collect();
-    assert_eq!(counts, [0, 4474, 4474, 4474, 4474, -4474]);
+    // Every second repetition gets one count of dither.
+    assert_eq!(counts, [0, 4474, 4475, 4474, 4475, -4474]);
     assert_eq!(adc.counters().not_finite, 1);
 }
