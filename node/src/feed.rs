@@ -82,9 +82,10 @@ impl SourceFeed {
     /// not before.
     fn handle_message(&mut self, body: &[u8], read: HostTime) -> bool {
         self.newest = Some(read);
-        let handled = match NeuroFrame::from_bytes(body) {
-            Ok(frame) => self.handle_frame(frame, read),
-            Err(error) => Err(error.into()),
+        let handled = match (NeuroFrame::from_bytes(body), self.subscriber.publishers()) {
+            (Ok(_), publishers @ 2..) => Err(Refusal::Mixed { publishers }),
+            (Ok(frame), _) => self.handle_frame(frame, read),
+            (Err(error), _) => Err(error.into()),
         };
         handled.unwrap_or_else(|refusal| {
             self.refuse(&refusal);

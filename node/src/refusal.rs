@@ -74,6 +74,12 @@ pub enum Refusal {
         /// `neuroheader.seq` of the frame.
         seq: u32,
     },
+    /// Several nodes publish the topic, and their frames cannot be told apart.
+    #[error("{publishers} nodes publish the topic and their frames are mixed; stop all but one")]
+    Mixed {
+        /// Number of connected publishers.
+        publishers: usize,
+    },
     /// The samples cannot be converted.
     #[error("the samples cannot be converted: {0}")]
     Conversion(#[from] RecordingError),
@@ -91,6 +97,7 @@ impl Refusal {
             Refusal::Labels(_) => "labels",
             Refusal::Changed { .. } => "changed layout",
             Refusal::Repeated { .. } => "repeated",
+            Refusal::Mixed { .. } => "mixed",
             Refusal::Conversion(_) => "conversion",
         }
     }

@@ -77,9 +77,29 @@ async fn a_silent_acquisition_and_a_second_one_are_errors_in_diagnostics() {
     let log = graph.log();
     // The bridge's core repeats `Start` when a device is silent.
     assert_eq!(log.matches("streaming codes").count(), 1, "{log}");
-    let (_node, _publisher) = graph.another_acquisition().await;
+    let (node, publisher) = graph.another_acquisition().await;
     let is_mixed = |status: &neuro_ros::DiagnosticStatus| status.message.starts_with("2 nodes");
     graph.status("corticode: source", is_mixed).await;
+    // Without the refusal, every frame would look like a restart.
+    for number in 25..=40 {
+        graph.publish([number]).await;
+        publisher.publish(&frame(number + 500).to_bytes());
+    }
+    let is_counted = |status: &neuro_ros::DiagnosticStatus| {
+        let mut values = status.values.iter();
+        values.any(|value| value.key == "frames refused" && value.value == "32")
+    };
+    graph.status("corticode: source", is_counted).await;
+    let log = graph.log();
+    assert_eq!(log.matches("2 nodes publish the topic").count(), 1, "{log}");
+    assert!(!log.contains("started again"), "{log}");
+    // The first acquisition goes on when the second one has ended.
+    node.shutdown().await;
+    let is_alone = |status: &neuro_ros::DiagnosticStatus| !status.message.starts_with("2 nodes");
+    graph.status("corticode: source", is_alone).await;
+    let before = graph.next_code().await.neuroheader.seq;
+    graph.publish(41..=56).await;
+    while graph.next_code().await.neuroheader.seq < before + 24 {}
 }
 
 #[tokio::test]
