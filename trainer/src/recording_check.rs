@@ -86,7 +86,8 @@ impl fmt::Display for RecordingCheck {
             ("signals that are no electrode of the montage", unused),
         ] {
             let labels: Vec<&str> = labels;
-            writeln!(f, "  {what}: {} {}", labels.len(), labels.join(" "))?;
+            let text = format!("  {what}: {} {}", labels.len(), labels.join(" "));
+            writeln!(f, "{}", text.trim_end())?;
         }
         for warning in self.map.warnings() {
             writeln!(f, "  note: {warning}")?;
