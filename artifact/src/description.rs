@@ -5,21 +5,7 @@ use crate::training_card::TrainingCard;
 use serde::{Deserialize, Serialize};
 
 /// Label of a grid cell without an electrode.
-pub(crate) const EMPTY: &str = "_";
-
-/// The paper's scalp grid (arXiv 2008.13485, figure of the electrode grid), front to back.
-const PAPER_GRID: [&str; 10] = [
-    "_ _ F3 F1 Fz F2 F4 _ _",
-    "_ FFC5 FFC3 FFC1 _ FFC2 FFC4 FFC6 _",
-    "_ FC5 FC3 FC1 FCz FC2 FC4 FC6 _",
-    "FTT7 FCC5 FCC3 FCC1 _ FCC2 FCC4 FCC6 FTT8",
-    "_ C5 C3 C1 Cz C2 C4 C6 _",
-    "TTP7 CCP5 CCP3 CCP1 _ CCP2 CCP4 CCP6 TTP8",
-    "_ CP5 CP3 CP1 CPz CP2 CP4 CP6 _",
-    "_ CPP5 CPP3 CPP1 _ CPP2 CPP4 CPP6 _",
-    "_ _ P3 P1 Pz P2 P4 _ _",
-    "_ _ _ PPO1 _ PPO2 _ _ _",
-];
+pub const EMPTY: &str = "_";
 
 /// Everything that training decided except the weights: the contents of `model.toml`.
 ///
@@ -179,14 +165,6 @@ impl Grid {
             columns: cells.first().map_or(0, Vec::len),
             cells,
         }
-    }
-
-    /// Returns the paper's grid of 61 electrodes.
-    pub fn paper() -> Self {
-        let cells = PAPER_GRID
-            .map(|row| row.split(' ').map(str::to_owned).collect())
-            .to_vec();
-        Self::new(cells)
     }
 
     /// Returns the labels of all electrodes on the grid, row-major.

@@ -54,6 +54,7 @@ mod geometry;
 mod golden;
 mod integer_code;
 mod model_id;
+mod montage_file;
 mod scalp_grid;
 mod shapes;
 mod tensors;
@@ -64,7 +65,7 @@ mod validation;
 mod testing;
 
 pub use description::{
-    Adc, CodeFormat, CodeQuantisation, Decimation, Description, Filters, Grid, Input, Mode,
+    Adc, CodeFormat, CodeQuantisation, Decimation, Description, EMPTY, Filters, Grid, Input, Mode,
     Montage, NetworkShape, Padding, Window,
 };
 pub use dimensions::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, KERNEL};
@@ -76,7 +77,11 @@ pub use geometry::Geometry;
 pub use golden::Golden;
 pub use integer_code::IntegerCode;
 pub use model_id::ModelId;
+pub use montage_file::{MontageAdc, MontageFile, MontageFileError};
 pub use scalp_grid::ScalpGrid;
 pub use shapes::{NORM_EPSILON, NamedShape, weight_shapes};
 pub use tensors::Tensors;
 pub use training_card::{Figures, TrainingCard};
+pub use validation::{
+    ADC_RATES_HZ, CHIP_CHANNELS, ELECTRODES, GAINS, LARGEST_CHAIN, LARGEST_SIDE, check_description,
+};

@@ -1,16 +1,20 @@
 //! Small hand-made models for the tests of this crate.
 
 use crate::description::{
-    Adc, CodeFormat, CodeQuantisation, Decimation, Description, Filters, Grid, Input, Mode,
-    Montage, NetworkShape, Padding, Window,
+    CodeFormat, CodeQuantisation, Decimation, Description, Filters, Input, Mode, NetworkShape,
+    Padding, Window,
 };
 use crate::folder::Artifact;
 use crate::geometry::Geometry;
+use crate::montage_file::MontageFile;
 use crate::shapes::{NORM_EPSILON, calibration_shapes, weight_shapes};
 use crate::tensors::Tensors;
 use crate::training_card::TrainingCard;
+use std::path::Path;
 
 pub(crate) fn description() -> Description {
+    let paper = include_str!("../../montages/paper-61.toml");
+    let paper = MontageFile::parse(Path::new("paper-61.toml"), paper).unwrap();
     Description {
         format: 1,
         mode: Mode::Pca,
@@ -27,16 +31,9 @@ pub(crate) fn description() -> Description {
             numbers: 128,
             format: CodeFormat::Int8,
         },
-        grid: Grid::paper(),
-        montage: Montage {
-            electrodes: Grid::paper().electrodes(),
-        },
-        adc: Adc {
-            rate_hz: 512,
-            vref_v: 4.5,
-            gain: 24,
-            channels: 64,
-        },
+        grid: paper.grid(),
+        montage: paper.montage(),
+        adc: paper.adc(),
         filters: Filters {
             mains_hz: vec![50, 60],
             notch_q: 30.0,

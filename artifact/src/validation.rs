@@ -18,9 +18,9 @@ const STEPS: [usize; 2] = [16, 32];
 /// Permitted numbers of time steps from the start of one window to the start of the next.
 const HOPS: [usize; 3] = [4, 8, 16];
 /// Largest number of rows, and of columns, of the scalp grid.
-const LARGEST_SIDE: usize = 12;
+pub const LARGEST_SIDE: usize = 12;
 /// Permitted numbers of electrodes. A mask of 64 bits marks the channels at the rail.
-const ELECTRODES: RangeInclusive<usize> = 4..=64;
+pub const ELECTRODES: RangeInclusive<usize> = 4..=64;
 /// Permitted numbers of numbers in a code.
 const NUMBERS: RangeInclusive<usize> = 8..=256;
 /// The number of numbers in a code must be a multiple of this number: the kernels of the linear layers
@@ -31,15 +31,15 @@ const NUMBERS_MULTIPLE: usize = 4;
 const COLUMNS_AT_A_TIME: usize = 3;
 /// Sampling rates of an ADS1299, Hz: its master clock of 2.048 MHz or 2.097152 MHz over powers of two
 /// (datasheet SBAS499, section 9.6.1.2).
-const ADC_RATES_HZ: [u32; 6] = [250, 256, 500, 512, 1000, 1024];
+pub const ADC_RATES_HZ: [u32; 6] = [250, 256, 500, 512, 1000, 1024];
 /// Gains of the programmable-gain amplifier of an ADS1299 (section 9.6.1.6).
-const GAINS: [u32; 7] = [1, 2, 4, 6, 8, 12, 24];
+pub const GAINS: [u32; 7] = [1, 2, 4, 6, 8, 12, 24];
 /// Internal reference of an ADS1299, V (section 7.5).
 const VREF_V: f64 = 4.5;
 /// Channels of an ADS1299.
-const CHIP_CHANNELS: usize = 8;
+pub const CHIP_CHANNELS: usize = 8;
 /// Largest number of converters in a chain.
-const LARGEST_CHAIN: usize = 8;
+pub const LARGEST_CHAIN: usize = 8;
 
 /// Returns an error that names `field`, its value and the `expected` values unless `holds`.
 fn require(
@@ -58,8 +58,11 @@ fn require(
     })
 }
 
-/// Returns an error if a field of the description has an invalid value.
-pub(crate) fn check_description(d: &Description) -> Result<(), ArtifactError> {
+/// Checks every field of a description, before work starts on its model.
+///
+/// # Errors
+/// If a field has a value that no model can have.
+pub fn check_description(d: &Description) -> Result<(), ArtifactError> {
     require(
         d.format == FORMAT,
         "format",

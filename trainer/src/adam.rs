@@ -93,7 +93,7 @@ mod tests {
 
     #[test]
     fn the_first_update_is_the_rate_against_the_sign_of_the_gradient() {
-        let start = Parameters::pca(&testing::directions());
+        let start = Parameters::pca(testing::geometry(), &testing::directions());
         let mut parameters = start.clone();
         let mut adam = Adam::new(&parameters);
         let gradients = start

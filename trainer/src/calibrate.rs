@@ -4,7 +4,7 @@ use crate::dataset::{Dataset, Window};
 use crate::error::TrainerError;
 use crate::in_parallel;
 use crate::parameters::Parameters;
-use artifact::{Artifact, CODE, Description, FloatEncoder, Mode, ScalpGrid, Tensors, TracedCode};
+use artifact::{Artifact, Description, FloatEncoder, Mode, ScalpGrid, Tensors, TracedCode};
 
 /// Smallest calibrated range of a dimension of the code: +-10 standard deviations of the input.
 ///
@@ -31,8 +31,8 @@ pub fn calibrated_artifact(
     description.mode = parameters.mode();
     let weights = parameters.to_tensors();
     let placeholder = Ranges {
-        low: [-1.0; CODE],
-        high: [1.0; CODE],
+        low: vec![-1.0; description.code.numbers],
+        high: vec![1.0; description.code.numbers],
         activations: [1.0; 2],
     };
     let hop = description.window.hop;
@@ -47,7 +47,7 @@ pub fn calibrated_artifact(
     let traces = in_parallel::map(&windows, |window| {
         encoder.encode_traced(&grid.scatter(window))
     });
-    let ranges = Ranges::from_traces(&traces);
+    let ranges = Ranges::from_traces(&traces, description.code.numbers);
     #[expect(clippy::cast_possible_truncation, reason = "calibration is f32")]
     let largest_uv = (f64::from(dataset.max_abs()) * description.input.sd_uv) as f32;
     let calibration = ranges.to_tensors(parameters.mode(), largest_uv);
@@ -56,22 +56,22 @@ pub fn calibrated_artifact(
 
 /// Measured ranges of each number of the code, and the largest activations of both convolutions.
 struct Ranges {
-    low: [f32; CODE],
-    high: [f32; CODE],
+    low: Vec<f32>,
+    high: Vec<f32>,
     activations: [f32; 2],
 }
 
 impl Ranges {
-    fn from_traces(traces: &[TracedCode]) -> Self {
+    fn from_traces(traces: &[TracedCode], numbers: usize) -> Self {
         let mut ranges = Self {
-            low: [-MIN_RANGE; CODE],
-            high: [MIN_RANGE; CODE],
+            low: vec![-MIN_RANGE; numbers],
+            high: vec![MIN_RANGE; numbers],
             activations: [0.0; 2],
         };
         for trace in traces {
-            for ((low, high), z) in ranges.low.iter_mut().zip(&mut ranges.high).zip(trace.code) {
-                *low = low.min(z);
-                *high = high.max(z);
+            for ((low, high), z) in ranges.low.iter_mut().zip(&mut ranges.high).zip(&trace.code) {
+                *low = low.min(*z);
+                *high = high.max(*z);
             }
             let [first, second] = &mut ranges.activations;
             *first = first.max(trace.activation1_max);
@@ -83,8 +83,8 @@ impl Ranges {
     fn to_tensors(&self, mode: Mode, largest_uv: f32) -> Tensors {
         let mut tensors = Tensors::for_calibration();
         tensors.insert("input.max_abs", &[1], vec![largest_uv]);
-        tensors.insert("code.min", &[CODE], self.low.to_vec());
-        tensors.insert("code.max", &[CODE], self.high.to_vec());
+        tensors.insert("code.min", &[self.low.len()], self.low.clone());
+        tensors.insert("code.max", &[self.high.len()], self.high.clone());
         if mode.has_convolutions() {
             tensors.insert("activation1.max", &[1], vec![self.activations[0]]);
             tensors.insert("activation2.max", &[1], vec![self.activations[1]]);
@@ -102,18 +102,24 @@ mod tests {
     fn the_ranges_are_those_of_the_codes_and_the_input() {
         let mut dataset = testing::dataset(3, 128);
         dataset.scale(20.0);
-        let parameters = Parameters::pca(&testing::directions());
+        let parameters = Parameters::pca(testing::geometry(), &testing::directions());
         let artifact = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
         // Each test direction selects one feature, so the range of a code dimension is the range of
         // its feature.
-        let feature = 5 * artifact::WINDOW_ELECTRODES / CODE;
+        let feature = testing::feature(5);
         let values = dataset
             .aligned(8)
             .iter()
             .map(|window| window[feature])
             .collect::<Vec<_>>();
-        let low = artifact.calibration.tensor("code.min", &[CODE]).unwrap()[5];
-        let high = artifact.calibration.tensor("code.max", &[CODE]).unwrap()[5];
+        let low = artifact
+            .calibration
+            .tensor("code.min", &[testing::directions().len()])
+            .unwrap()[5];
+        let high = artifact
+            .calibration
+            .tensor("code.max", &[testing::directions().len()])
+            .unwrap()[5];
         assert!((low - values.iter().copied().fold(f32::INFINITY, f32::min)).abs() < 1e-6);
         assert!((high - values.iter().copied().fold(f32::NEG_INFINITY, f32::max)).abs() < 1e-6);
         let uv = artifact.calibration.tensor("input.max_abs", &[1]).unwrap()[0];
@@ -123,10 +129,13 @@ mod tests {
     #[test]
     fn a_dimension_without_energy_has_the_minimum_range() {
         let dataset = testing::dataset(3, 64);
-        let parameters = Parameters::pca(&testing::directions());
+        let parameters = Parameters::pca(testing::geometry(), &testing::directions());
         let artifact = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
         for (name, reach) in [("code.min", -MIN_RANGE), ("code.max", MIN_RANGE)] {
-            let values = artifact.calibration.tensor(name, &[CODE]).unwrap();
+            let values = artifact
+                .calibration
+                .tensor(name, &[testing::directions().len()])
+                .unwrap();
             assert!(
                 values
                     .iter()
@@ -139,7 +148,8 @@ mod tests {
     #[test]
     fn activations_are_calibrated_in_a_model_with_convolutions() {
         let dataset = testing::dataset(3, 64);
-        let parameters = Parameters::from_directions(&testing::directions(), 1);
+        let parameters =
+            Parameters::from_directions(testing::geometry(), &testing::directions(), 1);
         let artifact = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
         for name in ["activation1.max", "activation2.max"] {
             assert!(artifact.calibration.tensor(name, &[1]).unwrap()[0] > 0.0);

@@ -1,46 +1,65 @@
 //! The description of a new artifact, and its training card.
 
 use artifact::{
-    Adc, CodeFormat, CodeQuantisation, Decimation, Description, Figures, Filters, Grid, Input,
-    Mode, Montage, STEPS, TrainingCard, Window,
+    CodeFormat, CodeQuantisation, Decimation, Description, Figures, Filters, Input, Mode,
+    MontageFile, NetworkShape, Padding, TrainingCard, Window,
 };
 
 use crate::evaluate::{Evaluation, ReconstructionError};
-use crate::pool::NETWORK;
 
-/// Returns the description of the paper's chain (arXiv 2008.13485) for an ADS1299 at gain 24, with an
-/// empty training card.
-pub fn description() -> Description {
-    let grid = Grid::paper();
+/// Rate of the time steps, Hz.
+const STEP_RATE_HZ: u32 = 128;
+
+/// What `trainer train` can choose of a model; the defaults of its command line are the paper's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Layers of the network.
+    pub mode: Mode,
+    /// Number of numbers in a code.
+    pub numbers: usize,
+    /// Number of time steps in a window.
+    pub steps: usize,
+    /// Time steps from the start of one window to the start of the next.
+    pub hop: usize,
+    /// Zero padding of both convolutions.
+    pub padding: Padding,
+}
+
+/// Returns the description of the paper's chain (arXiv 2008.13485) for a montage, with an empty training
+/// card. Only an ADC rate that is no multiple of the step rate needs another decimation than the paper's.
+pub fn description(montage: &MontageFile, shape: Shape) -> Description {
+    let adc = montage.adc();
+    let decimation = if adc.rate_hz.is_multiple_of(STEP_RATE_HZ) {
+        Decimation::Literal
+    } else {
+        Decimation::Fir
+    };
     Description {
         format: 1,
-        mode: Mode::Shortcut,
+        mode: shape.mode,
         window: Window {
-            steps: STEPS,
-            hop: STEPS / 2,
-            rate_hz: 128,
+            steps: shape.steps,
+            hop: shape.hop,
+            rate_hz: STEP_RATE_HZ,
         },
-        network: NETWORK,
+        network: NetworkShape {
+            padding: shape.padding,
+            pool: [2, 2, 2],
+        },
         code: CodeQuantisation {
+            numbers: shape.numbers,
             format: CodeFormat::Int8,
         },
-        montage: Montage {
-            electrodes: grid.electrodes(),
-        },
-        grid,
-        adc: Adc {
-            rate_hz: 512,
-            vref_v: 4.5,
-            gain: 24,
-            channels: 64,
-        },
+        grid: montage.grid(),
+        montage: montage.montage(),
+        adc,
         filters: Filters {
             mains_hz: vec![50, 60],
             notch_q: 30.0,
             harmonics: 0,
             band_hz: [0.5, 60.0],
             order: 5,
-            decimation: Decimation::Literal,
+            decimation,
         },
         input: Input { sd_uv: 1.0 },
         training: TrainingCard {

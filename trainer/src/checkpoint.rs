@@ -3,9 +3,8 @@
 use crate::adam::{Adam, Moments};
 use crate::error::TrainerError;
 use crate::parameters::{Parameters, is_statistic};
-use crate::pool::GEOMETRY;
 use crate::training::{Candidate, Settings, Training};
-use artifact::{Mode, Tensors, weight_shapes};
+use artifact::{Description, Geometry, Tensors, weight_shapes};
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 use std::collections::{BTreeMap, HashMap};
@@ -15,7 +14,7 @@ use std::str::FromStr;
 
 /// Writes a training run to `path`; a crash while writing leaves the previous checkpoint intact.
 ///
-/// `data` identifies the data: a training run can be resumed only on the same data.
+/// `data` identifies the data and the model's shape: a training run can be resumed only with the same.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -37,7 +36,13 @@ pub fn write(path: &Path, training: &Training, data: &str) -> Result<(), Trainer
 ///
 /// # Errors
 /// If the file cannot be read, is damaged or belongs to another training run.
-pub fn read(path: &Path, settings: Settings, data: &str) -> Result<Training, TrainerError> {
+pub fn read(
+    path: &Path,
+    description: &Description,
+    settings: Settings,
+    data: &str,
+) -> Result<Training, TrainerError> {
+    let (mode, geometry) = (description.mode, Geometry::new(description));
     let bytes = std::fs::read(path).map_err(|source| TrainerError::File {
         path: path.to_owned(),
         source,
@@ -68,13 +73,13 @@ pub fn read(path: &Path, settings: Settings, data: &str) -> Result<Training, Tra
     };
     let parameters = |kind: &str| -> Result<Parameters, TrainerError> {
         let mut tensors = Tensors::for_weights();
-        for (name, shape) in weight_shapes(Mode::Shortcut, &GEOMETRY) {
+        for (name, shape) in weight_shapes(mode, &geometry) {
             tensors.insert(name, &shape, tensor(kind, name, &shape)?);
         }
-        Ok(Parameters::from_tensors(Mode::Shortcut, &tensors)?)
+        Ok(Parameters::from_tensors(mode, geometry, &tensors)?)
     };
     let mut moments = BTreeMap::new();
-    for (name, shape) in weight_shapes(Mode::Shortcut, &GEOMETRY) {
+    for (name, shape) in weight_shapes(mode, &geometry) {
         if !is_statistic(name) {
             let mean = tensor("mean", name, &shape)?;
             moments.insert(
@@ -182,7 +187,6 @@ mod tests {
     use crate::dataset::Split;
     use crate::network::Network;
     use crate::testing;
-    use artifact::ScalpGrid;
 
     const SETTINGS: Settings = Settings {
         epochs: 2,
@@ -193,24 +197,25 @@ mod tests {
 
     #[test]
     fn a_resumed_training_equals_an_uninterrupted_one() {
-        let network = Network::new(ScalpGrid::new(&testing::description()));
+        let network = Network::new(&testing::description());
         let split = Split {
             training: testing::dataset(1, 16 * 16),
             validation: testing::dataset(2, 16 * 4),
         };
-        let parameters = Parameters::from_directions(&testing::directions(), SETTINGS.seed);
+        let parameters =
+            Parameters::from_directions(testing::geometry(), &testing::directions(), SETTINGS.seed);
         let mut through = Training::start(SETTINGS, parameters, &network, &split);
         through.run_epoch(&network, &split, |_, _| {}).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/checkpoint.safetensors");
         write(&path, &through, "these").unwrap();
-        let mut resumed = read(&path, SETTINGS, "these").unwrap();
+        let mut resumed = read(&path, &testing::description(), SETTINGS, "these").unwrap();
         assert_eq!(resumed, through);
         through.run_epoch(&network, &split, |_, _| {}).unwrap();
         resumed.run_epoch(&network, &split, |_, _| {}).unwrap();
         assert_eq!(resumed, through);
 
-        let error = read(&path, SETTINGS, "others").unwrap_err();
+        let error = read(&path, &testing::description(), SETTINGS, "others").unwrap_err();
         assert!(
             matches!(error, TrainerError::OtherTraining { .. }),
             "{error}"
@@ -220,12 +225,12 @@ mod tests {
             ..SETTINGS
         };
         assert!(matches!(
-            read(&path, other, "these"),
+            read(&path, &testing::description(), other, "these"),
             Err(TrainerError::OtherTraining { .. })
         ));
         std::fs::write(&path, b"nothing").unwrap();
         assert!(matches!(
-            read(&path, SETTINGS, "these"),
+            read(&path, &testing::description(), SETTINGS, "these"),
             Err(TrainerError::Checkpoint { .. })
         ));
     }

@@ -1,72 +1,99 @@
 //! Windows of tracks: at random offsets for training, at every hop for evaluation.
 
 use crate::error::TrainerError;
-use crate::track::{Step, Track};
-use artifact::{STEPS, WINDOW_ELECTRODES};
+use crate::track::Track;
+use artifact::Dimensions;
 use rand::{Rng, RngExt};
 
 /// The last 1 / `VALIDATION_PART` of every track is used for validation.
 const VALIDATION_PART: usize = 8;
 
 /// Contiguous segments of filtered recordings, from which windows are cut.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Dataset {
-    segments: Vec<Vec<Step>>,
+    dimensions: Dimensions,
+    /// Values of each segment, in the order step, electrode (the last fastest).
+    segments: Vec<Vec<f32>>,
 }
 
-/// A window of 16 time steps, flattened: the value of an electrode has the index step * 61 + electrode.
-pub type Window = [f32; WINDOW_ELECTRODES];
+/// The values of a window, in the order step, electrode (the last fastest).
+pub type Window = [f32];
 
 impl Dataset {
     /// Creates a dataset from whole tracks.
     ///
     /// # Errors
     /// If a track is shorter than a window.
-    pub fn from_tracks(tracks: &[Track]) -> Result<Self, TrainerError> {
-        tracks.iter().try_for_each(|track| require(track, STEPS))?;
+    pub fn from_tracks(tracks: &[Track], dimensions: Dimensions) -> Result<Self, TrainerError> {
+        tracks
+            .iter()
+            .try_for_each(|track| require(track, dimensions.steps))?;
         Ok(Self {
-            segments: tracks.iter().map(|track| track.steps.clone()).collect(),
+            dimensions,
+            segments: tracks.iter().map(|track| track.values.clone()).collect(),
         })
     }
 
-    /// Splits every track: the last eighth is for validation, the rest for training. The 16 time steps
-    /// between the two parts are in neither, so that windows of different parts are not adjacent.
+    /// Splits every track: the last eighth is for validation, the rest for training. The time steps of one
+    /// window between the two parts are in neither, so that windows of different parts are not adjacent.
     ///
     /// # Errors
-    /// If a track has fewer than 256 time steps: its last eighth would be shorter than two windows.
-    pub fn split(tracks: &[Track]) -> Result<Split, TrainerError> {
+    /// If the last eighth of a track would be shorter than two windows.
+    pub fn split(tracks: &[Track], dimensions: Dimensions) -> Result<Split, TrainerError> {
         let mut split = Split {
-            training: Self::default(),
-            validation: Self::default(),
+            training: Self::from_segments(Vec::new(), dimensions),
+            validation: Self::from_segments(Vec::new(), dimensions),
         };
+        let Dimensions {
+            steps, electrodes, ..
+        } = dimensions;
         for track in tracks {
-            require(track, 2 * VALIDATION_PART * STEPS)?;
-            let at = track.steps.len() - track.steps.len() / VALIDATION_PART;
-            split
-                .training
-                .segments
-                .push(track.steps[..at - STEPS].to_vec());
-            split.validation.segments.push(track.steps[at..].to_vec());
+            require(track, 2 * VALIDATION_PART * steps)?;
+            let at = track.steps() - track.steps() / VALIDATION_PART;
+            let training = &track.values[..(at - steps) * electrodes];
+            split.training.segments.push(training.to_vec());
+            let validation = &track.values[at * electrodes..];
+            split.validation.segments.push(validation.to_vec());
         }
         Ok(split)
     }
 
-    /// Creates a dataset from segments of at least 16 time steps each.
+    /// Creates a dataset from segments of at least one window each.
     ///
     /// # Panics
-    /// If a segment is shorter than 16 time steps.
-    pub fn from_segments(segments: Vec<Vec<Step>>) -> Self {
+    /// If a segment is shorter than a window.
+    pub fn from_segments(segments: Vec<Vec<f32>>, dimensions: Dimensions) -> Self {
+        let window = dimensions.window_electrodes();
         assert!(
-            segments.iter().all(|steps| steps.len() >= STEPS),
+            segments.iter().all(|values| values.len() >= window),
             "every segment must hold a window"
         );
-        Self { segments }
+        Self {
+            dimensions,
+            segments,
+        }
+    }
+
+    /// Returns the dimensions of the windows.
+    pub fn dimensions(&self) -> Dimensions {
+        self.dimensions
+    }
+
+    /// Returns the number of time steps of a segment.
+    fn steps(&self, segment: &[f32]) -> usize {
+        segment.len() / self.dimensions.electrodes
+    }
+
+    /// Returns the window that starts at a time step of a segment.
+    fn window<'a>(&self, segment: &'a [f32], at: usize) -> &'a Window {
+        let start = at * self.dimensions.electrodes;
+        &segment[start..start + self.dimensions.window_electrodes()]
     }
 
     /// Multiplies every value of the dataset by `factor`.
     pub fn scale(&mut self, factor: f64) {
         #[expect(clippy::cast_possible_truncation, reason = "a float network takes f32")]
-        for value in self.segments.iter_mut().flatten().flatten() {
+        for value in self.segments.iter_mut().flatten() {
             *value = (f64::from(*value) * factor) as f32;
         }
     }
@@ -74,7 +101,7 @@ impl Dataset {
     /// Returns the root mean square over all time steps and electrodes. This is the standard deviation,
     /// because the band-pass removes the mean.
     pub fn deviation(&self) -> f64 {
-        let values = self.segments.iter().flatten().flatten();
+        let values = self.segments.iter().flatten();
         let (count, sum) = values.fold((0_u64, 0.0), |(count, sum), value| {
             (count + 1, sum + f64::from(*value).powi(2))
         });
@@ -85,40 +112,39 @@ impl Dataset {
 
     /// Returns the largest magnitude of all values, in the unit of the dataset.
     pub fn max_abs(&self) -> f32 {
-        let values = self.segments.iter().flatten().flatten();
+        let values = self.segments.iter().flatten();
         values.fold(0.0, |largest, value| largest.max(value.abs()))
     }
 
     /// Returns the number of disjoint windows, which determines the number of windows of an epoch.
     pub fn disjoint_windows(&self) -> usize {
-        self.segments.iter().map(|steps| steps.len() / STEPS).sum()
+        let steps = self.dimensions.steps;
+        let windows = |segment: &Vec<f32>| self.steps(segment) / steps;
+        self.segments.iter().map(windows).sum()
     }
 
     /// Returns the windows that start at every `hop`-th time step of every segment.
     pub fn aligned(&self, hop: usize) -> Vec<&Window> {
         let segments = self.segments.iter();
         segments
-            .flat_map(|steps| {
-                (0..=steps.len() - STEPS)
+            .flat_map(|segment| {
+                (0..=self.steps(segment) - self.dimensions.steps)
                     .step_by(hop)
-                    .map(|at| window(steps, at))
+                    .map(|at| self.window(segment, at))
             })
             .collect()
     }
 
     /// Returns `count` windows at random offsets, uniformly distributed over all segments.
     pub fn random(&self, count: usize, rng: &mut impl Rng) -> Vec<&Window> {
-        let offsets: usize = self
-            .segments
-            .iter()
-            .map(|steps| steps.len() - STEPS + 1)
-            .sum();
+        let in_segment = |segment: &Vec<f32>| self.steps(segment) - self.dimensions.steps + 1;
+        let offsets: usize = self.segments.iter().map(in_segment).sum();
         let mut draw = || {
             let mut at = rng.random_range(0..offsets);
-            for steps in &self.segments {
-                let here = steps.len() - STEPS + 1;
+            for segment in &self.segments {
+                let here = in_segment(segment);
                 if at < here {
-                    return window(steps, at);
+                    return self.window(segment, at);
                 }
                 at -= here;
             }
@@ -138,7 +164,7 @@ pub struct Split {
 }
 
 fn require(track: &Track, needed: usize) -> Result<(), TrainerError> {
-    let steps = track.steps.len();
+    let steps = track.steps();
     if steps >= needed {
         return Ok(());
     }
@@ -149,25 +175,26 @@ fn require(track: &Track, needed: usize) -> Result<(), TrainerError> {
     })
 }
 
-fn window(steps: &[Step], at: usize) -> &Window {
-    let flat = steps[at..at + STEPS].as_flattened();
-    flat.try_into().expect("16 steps of 61 electrodes")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use artifact::ELECTRODES;
+    use crate::testing;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
+
+    fn dimensions() -> Dimensions {
+        testing::description().dimensions()
+    }
 
     /// Returns a track whose values equal the index of their time step.
     #[expect(clippy::cast_precision_loss, reason = "a few hundred steps")]
     fn ramp(length: usize) -> Track {
-        let steps = (0..length).map(|step| [step as f32; ELECTRODES]).collect();
+        let electrodes = dimensions().electrodes;
+        let values = (0..length).flat_map(|step| vec![step as f32; electrodes]);
         Track {
             name: "ramp".to_owned(),
-            steps,
+            electrodes,
+            values: values.collect(),
             interpolated: vec![],
             saturated: 0,
             warnings: Vec::new(),
@@ -176,8 +203,15 @@ mod tests {
 
     #[test]
     fn training_and_validation_are_separated_by_a_window() {
-        let split = Dataset::split(&[ramp(800)]).unwrap();
-        let last = split.training.aligned(1).last().unwrap()[WINDOW_ELECTRODES - 1];
+        let split = Dataset::split(&[ramp(800)], dimensions()).unwrap();
+        let last = split
+            .training
+            .aligned(1)
+            .last()
+            .unwrap()
+            .last()
+            .copied()
+            .unwrap();
         let first = split.validation.aligned(1)[0][0];
         assert!((first - last - 17.0).abs() < f32::EPSILON, "{last} {first}");
         assert_eq!(split.validation.disjoint_windows(), 100 / 16);
@@ -185,14 +219,14 @@ mod tests {
 
     #[test]
     fn aligned_windows_are_a_hop_apart_within_their_segment() {
-        let dataset = Dataset::from_tracks(&[ramp(40), ramp(16)]).unwrap();
+        let dataset = Dataset::from_tracks(&[ramp(40), ramp(16)], dimensions()).unwrap();
         let starts: Vec<f32> = dataset.aligned(8).iter().map(|window| window[0]).collect();
         assert_eq!(starts, [0.0, 8.0, 16.0, 24.0, 0.0]);
     }
 
     #[test]
     fn random_windows_reach_every_offset_and_depend_on_the_seed_only() {
-        let dataset = Dataset::from_tracks(&[ramp(20), ramp(17)]).unwrap();
+        let dataset = Dataset::from_tracks(&[ramp(20), ramp(17)], dimensions()).unwrap();
         let draw = |seed| -> Vec<f32> {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             dataset
@@ -210,7 +244,7 @@ mod tests {
 
     #[test]
     fn the_error_of_a_short_track_names_it() {
-        let error = Dataset::split(&[ramp(200)]).unwrap_err();
+        let error = Dataset::split(&[ramp(200)], dimensions()).unwrap_err();
         assert!(
             error.to_string().starts_with("ramp has 200 time steps"),
             "{error}"
@@ -219,7 +253,7 @@ mod tests {
 
     #[test]
     fn dividing_by_the_deviation_makes_it_one() {
-        let mut dataset = Dataset::from_tracks(&[ramp(50)]).unwrap();
+        let mut dataset = Dataset::from_tracks(&[ramp(50)], dimensions()).unwrap();
         dataset.scale(1.0 / dataset.deviation());
         assert!((dataset.deviation() - 1.0).abs() < 1e-6);
     }

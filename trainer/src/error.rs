@@ -87,14 +87,43 @@ pub enum TrainerError {
     /// The resampler of the description cannot be realised.
     #[error("the decimation cannot be realised")]
     Resampler(#[source] model_gen::FilterError),
-    /// The filters have a number of sections that the trainer does not support.
+    /// A montage file cannot be read.
+    #[error("the montage cannot be used")]
+    MontageFile(#[from] artifact::MontageFileError),
+    /// A montage has mistakes.
     #[error(
-        "the filters have {found} sections, but the trainer supports only 6: write harmonics = 0 and order = 5 under [filters] of model.toml"
+        "the montage {name} has {} mistake(s):\n  {}\n`trainer montage check` prints the grid with them",
+        mistakes.len(),
+        mistakes.join("\n  ")
     )]
-    Sections {
-        /// Number of sections that the description requires.
-        found: usize,
+    MontageMistakes {
+        /// Name of the montage.
+        name: String,
+        /// All mistakes, in words.
+        mistakes: Vec<String>,
     },
+    /// A code has more numbers than a window has values.
+    #[error(
+        "--numbers {numbers} is more than the {values} values of a window ({steps} steps of {electrodes} electrodes); use at most {values}, or more --steps"
+    )]
+    TooManyNumbers {
+        /// Requested length of the code.
+        numbers: usize,
+        /// Number of values in a window.
+        values: usize,
+        /// Number of time steps in a window.
+        steps: usize,
+        /// Number of electrodes.
+        electrodes: usize,
+    },
+    /// No model can have the requested shape.
+    #[error("no model can have this shape; see `trainer train --help`")]
+    Shape(#[source] artifact::ArtifactError),
+    /// A model of mode `paper` cannot be evaluated, because its codes cannot be decoded.
+    #[error(
+        "--mode paper is not trained here: its decoder needs pool indices that are not sent; use paper-code-only or shortcut"
+    )]
+    PaperMode,
     /// The artifact cannot be read, created or written.
     #[error(transparent)]
     Artifact(#[from] artifact::ArtifactError),
@@ -120,7 +149,7 @@ pub enum TrainerError {
         expected: String,
     },
     /// The loss is infinite or NaN.
-    #[error("the loss of epoch {epoch} is {loss}: training diverged; use a lower --rate")]
+    #[error("the loss of epoch {epoch} is {loss}: training diverged; use a lower --learning-rate")]
     Diverged {
         /// Number of the epoch that diverged, from 1.
         epoch: u32,

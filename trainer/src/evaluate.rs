@@ -3,11 +3,8 @@
 use crate::dataset::{Dataset, Window};
 use crate::error::TrainerError;
 use crate::in_parallel;
-use artifact::{
-    Artifact, CELLS, CodeFormat, ELECTRODES, FloatDecoder, FloatEncoder, IntegerCode, STEPS,
-    ScalpGrid, WINDOW_ELECTRODES,
-};
-use model_gen::{IntegerModel, Plane};
+use artifact::{Artifact, CodeFormat, FloatDecoder, FloatEncoder, IntegerCode, ScalpGrid};
+use model_gen::IntegerModel;
 use std::fmt;
 
 /// Reconstruction and quantisation figures of a model, measured on a set of windows.
@@ -15,6 +12,8 @@ use std::fmt;
 pub struct Evaluation {
     /// Number of measured windows.
     pub windows: usize,
+    /// Number of electrodes.
+    pub electrodes: usize,
     /// Reconstruction error with the float encoder's codes.
     pub float: ReconstructionError,
     /// Reconstruction error with the integer encoder's codes.
@@ -88,7 +87,7 @@ pub fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation, Train
         total.code_clipped += sums.code_clipped;
     }
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 numbers")]
-    let count = (windows.len() * WINDOW_ELECTRODES) as f64;
+    let count = (windows.len() * dataset.dimensions().window_electrodes()) as f64;
     let relative = |error: f64| ReconstructionError {
         mse: error / count,
         mse_uv2: error / count * codec.sd_uv.powi(2),
@@ -96,6 +95,7 @@ pub fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation, Train
     };
     Ok(Evaluation {
         windows: windows.len(),
+        electrodes: dataset.dimensions().electrodes,
         float: relative(total.float_error),
         integer: relative(total.integer_error),
         format: codec.integers.code_format,
@@ -109,25 +109,25 @@ impl Codec {
     fn measure(&self, window: &Window) -> Sums {
         let cells = self.grid.scatter(window);
         let code = self.encoder.encode(&cells);
-        let (planes, input_clipped) = self.quantise(cells.as_slice());
+        let (planes, input_clipped) = self.quantise(&cells);
         let integer = self.integers.encode_window(&planes);
         let received = self.integers.dequantise(&integer);
         Sums {
             signal: squares(window.iter().copied()),
             float_error: distance(window, &self.decoder.decode(&code)),
             integer_error: distance(window, &self.decoder.decode(&received)),
-            code: squares(code.into_iter()),
+            code: squares(code.iter().copied()),
             code_error: distance(&code, &received),
             input_clipped,
             code_clipped: at_rails(self.integers.code_format, &integer),
         }
     }
 
-    /// Returns the quantised planes, q = round(uV / scale), and the number of saturated values.
-    fn quantise(&self, cells: &[f32]) -> ([Plane; STEPS], u64) {
-        let mut planes = [[0; CELLS]; STEPS];
+    /// Returns the quantised window, q = round(uV / scale), and the number of saturated values.
+    fn quantise(&self, cells: &[f32]) -> (Vec<i8>, u64) {
+        let mut planes = vec![0; cells.len()];
         let mut clipped = 0;
-        for (q, value) in planes.as_flattened_mut().iter_mut().zip(cells) {
+        for (q, value) in planes.iter_mut().zip(cells) {
             let uv = f64::from(*value) * self.sd_uv;
             let rounded = (uv / f64::from(self.integers.input_scale_uv)).round();
             clipped += u64::from(!(-128.0..=127.0).contains(&rounded));
@@ -164,13 +164,12 @@ pub struct Table<'a>(pub &'a [(&'a str, Evaluation)]);
 
 impl fmt::Display for Table<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let windows = self
-            .0
-            .first()
-            .map_or(0, |(_, evaluation)| evaluation.windows);
+        let (windows, electrodes) = self.0.first().map_or((0, 0), |(_, evaluation)| {
+            (evaluation.windows, evaluation.electrodes)
+        });
         writeln!(
             f,
-            "{windows} windows; the error is over the {ELECTRODES} electrodes"
+            "{windows} windows; the error is over the {electrodes} electrodes"
         )?;
         writeln!(
             f,
@@ -216,20 +215,19 @@ mod tests {
     use crate::calibrate::calibrated_artifact;
     use crate::parameters::Parameters;
     use crate::testing;
-    use artifact::CODE;
 
     #[test]
     fn the_error_is_that_outside_the_directions_and_slightly_larger_in_int8() {
         let mut dataset = testing::dataset(9, 256);
         // Scale the data so that they fill the minimum range of the calibration.
         dataset.scale(5.0);
-        let parameters = Parameters::pca(&testing::directions());
+        let parameters = Parameters::pca(testing::geometry(), &testing::directions());
         let model = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
         let evaluation = evaluate(&model, &dataset).unwrap();
         let windows = dataset.aligned(8);
         assert_eq!(evaluation.windows, windows.len());
-        let seen: Vec<usize> = (0..CODE)
-            .map(|index| index * WINDOW_ELECTRODES / CODE)
+        let seen: Vec<usize> = (0..testing::directions().len())
+            .map(testing::feature)
             .collect();
         let (mut lost, mut signal) = (0.0, 0.0);
         for window in &windows {
@@ -253,14 +251,20 @@ mod tests {
     #[test]
     fn wider_code_formats_have_less_error_and_clip_nothing() {
         let mut dataset = testing::dataset(9, 64);
-        let parameters = Parameters::pca(&testing::directions());
+        let parameters = Parameters::pca(testing::geometry(), &testing::directions());
         let mut model = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
         // The scaled data exceed the head room of int8 codes, but not that of the other formats or
         // of the input.
         for name in ["code.min", "code.max"] {
-            let range = model.calibration.tensor(name, &[CODE]).unwrap().to_vec();
+            let range = model
+                .calibration
+                .tensor(name, &[testing::directions().len()])
+                .unwrap()
+                .to_vec();
             let less = range.iter().map(|end| end / 9.0).collect();
-            model.calibration.insert(name, &[CODE], less);
+            model
+                .calibration
+                .insert(name, &[testing::directions().len()], less);
         }
         dataset.scale(1.2);
         let mut evaluation = |format| {
@@ -281,7 +285,7 @@ mod tests {
     #[test]
     fn clipped_inputs_are_counted() {
         let mut dataset = testing::dataset(9, 64);
-        let parameters = Parameters::pca(&testing::directions());
+        let parameters = Parameters::pca(testing::geometry(), &testing::directions());
         let model = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
         dataset.scale(10.0);
         assert!(evaluate(&model, &dataset).unwrap().input_clipped > 0);

@@ -1,7 +1,7 @@
 //! Generates golden windows, for which every integer encoder must return the same codes.
 
-use artifact::{CELLS, COLUMNS, Golden, STEPS};
-use model_gen::{IntegerModel, Plane};
+use artifact::{Dimensions, Golden};
+use model_gen::IntegerModel;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f32::consts::TAU;
@@ -22,10 +22,11 @@ pub fn golden_windows(integers: &IntegerModel) -> Golden {
         .iter()
         .map(|&cell| usize::from(cell))
         .collect();
-    let mut windows = extremes(&cells);
+    let dimensions = integers.geometry.dimensions;
+    let mut windows = extremes(&cells, &dimensions);
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     for amplitude in AMPLITUDES {
-        let noise = |_| noise(&cells, amplitude, &mut rng);
+        let noise = |_| noise(&cells, &dimensions, amplitude, &mut rng);
         windows.extend((0..WINDOWS_PER_AMPLITUDE).map(noise));
     }
     let codes = windows
@@ -34,6 +35,7 @@ pub fn golden_windows(integers: &IntegerModel) -> Golden {
         .collect();
     Golden {
         format: integers.code_format,
+        window_shape: [dimensions.steps, dimensions.cells()],
         windows,
         codes,
     }
@@ -41,10 +43,10 @@ pub fn golden_windows(integers: &IntegerModel) -> Golden {
 
 /// Returns ten windows: zeros, each rail, three patterns that alternate between the rails in time, in
 /// space and in both, and four single impulses.
-fn extremes(cells: &[usize]) -> Vec<[Plane; STEPS]> {
+fn extremes(cells: &[usize], dimensions: &Dimensions) -> Vec<Vec<i8>> {
     let window_of = |f: &dyn Fn(usize, usize) -> i8| {
-        let mut window = [[0; CELLS]; STEPS];
-        for (step, plane) in window.iter_mut().enumerate() {
+        let mut window = vec![0; dimensions.window_cells()];
+        for (step, plane) in window.chunks_mut(dimensions.cells()).enumerate() {
             for (electrode, &cell) in cells.iter().enumerate() {
                 plane[cell] = f(step, electrode);
             }
@@ -60,7 +62,14 @@ fn extremes(cells: &[usize]) -> Vec<[Plane; STEPS]> {
         window_of(&|_, electrode| rails(electrode % 2 == 0)),
         window_of(&|step, electrode| rails((step + electrode) % 2 == 0)),
     ];
-    for (at_step, at_electrode) in [(0, 0), (7, 29), (8, 25), (15, 60)] {
+    let (steps, electrodes) = (dimensions.steps, dimensions.electrodes);
+    // The corners of the window, and two places in its middle.
+    for (at_step, at_electrode) in [
+        (0, 0),
+        (steps / 2 - 1, electrodes / 2 - 1),
+        (steps / 2, (5 * electrodes - 1) / 12),
+        (steps - 1, electrodes - 1),
+    ] {
         windows.push(window_of(&|step, electrode| {
             if (step, electrode) == (at_step, at_electrode) {
                 i8::MAX
@@ -74,15 +83,16 @@ fn extremes(cells: &[usize]) -> Vec<[Plane; STEPS]> {
 
 /// Returns a window of 12 plane waves over the scalp grid, whose amplitudes fall as 1 / frequency, plus
 /// white noise in each electrode.
-fn noise(cells: &[usize], amplitude: f32, rng: &mut impl Rng) -> [Plane; STEPS] {
-    let mut window = [[0.0_f32; CELLS]; STEPS];
+fn noise(cells: &[usize], dimensions: &Dimensions, amplitude: f32, rng: &mut impl Rng) -> Vec<i8> {
+    let columns = dimensions.columns;
+    let mut window = vec![0.0_f32; dimensions.window_cells()];
     for harmonic in 1..=12_u8 {
         let frequency = f32::from(harmonic) / 32.0;
         let (phase, tilt) = (rng.random_range(0.0..TAU), rng.random_range(0.0..TAU));
-        for (step, plane) in (0_u8..).zip(&mut window) {
+        for (step, plane) in (0_u8..).zip(window.chunks_mut(dimensions.cells())) {
             for &cell in cells {
-                #[expect(clippy::cast_precision_loss, reason = "a cell's index is below 90")]
-                let place = tilt + 0.3 * (cell % COLUMNS) as f32 + 0.2 * (cell / COLUMNS) as f32;
+                #[expect(clippy::cast_precision_loss, reason = "a cell's index is below 144")]
+                let place = tilt + 0.3 * (cell % columns) as f32 + 0.2 * (cell / columns) as f32;
                 let wave = (TAU * frequency * f32::from(step) + phase + place).sin();
                 plane[cell] += wave / f32::from(harmonic) + rng.random_range(-0.05..0.05);
             }
@@ -92,7 +102,10 @@ fn noise(cells: &[usize], amplitude: f32, rng: &mut impl Rng) -> [Plane; STEPS] 
         clippy::cast_possible_truncation,
         reason = "saturates, as the device does"
     )]
-    window.map(|plane| plane.map(|value| (value * amplitude * 127.0).round() as i8))
+    window
+        .into_iter()
+        .map(|value| (value * amplitude * 127.0).round() as i8)
+        .collect()
 }
 
 #[cfg(test)]
@@ -104,7 +117,7 @@ mod tests {
 
     #[test]
     fn golden_windows_reach_both_rails_keep_empty_cells_0_and_are_reproducible() {
-        let parameters = Parameters::pca(&testing::directions());
+        let parameters = Parameters::pca(testing::geometry(), &testing::directions());
         let data = testing::dataset(1, 64);
         let model = calibrated_artifact(testing::description(), &parameters, &data).unwrap();
         let integers = model_gen::quantise(&model).unwrap();
@@ -113,10 +126,15 @@ mod tests {
             golden.windows.len(),
             10 + AMPLITUDES.len() * WINDOWS_PER_AMPLITUDE
         );
-        let values = || golden.windows.as_flattened().iter();
-        assert!(values().flatten().any(|q| *q == i8::MAX));
-        assert!(values().flatten().any(|q| *q == i8::MIN));
-        assert!(values().all(|plane| plane[0] == 0 && plane[CELLS - 1] == 0));
+        let values = || golden.windows.iter().flatten();
+        assert!(values().any(|q| *q == i8::MAX));
+        assert!(values().any(|q| *q == i8::MIN));
+        let cells = model.description.dimensions().cells();
+        let mut planes = golden
+            .windows
+            .iter()
+            .flat_map(|window| window.chunks(cells));
+        assert!(planes.all(|plane| plane[0] == 0 && plane[cells - 1] == 0));
         for (window, code) in golden.windows.iter().zip(&golden.codes) {
             assert_eq!(integers.encode_window(window), *code);
         }

@@ -1,12 +1,17 @@
-//! The command line: `trainer train` and `trainer evaluate`.
+//! The command line: `trainer train`, `trainer evaluate` and `trainer montage check`.
 #![forbid(unsafe_code)]
 
-use clap::{Args, Parser, Subcommand};
+use artifact::{Mode, MontageFile, Padding};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::error::Error;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use trainer::card::Shape;
+use trainer::error::TrainerError;
 use trainer::evaluate::Table;
+use trainer::montage_check::MontageCheck;
+use trainer::recording_check::RecordingCheck;
 use trainer::session::{self, Comparison, ProgressObserver, TrainOptions};
 use trainer::training::{EpochReport, Settings};
 
@@ -24,6 +29,45 @@ enum Verb {
     Train(TrainArgs),
     /// Print the figures of an artifact, and of PCA with the same number of components.
     Evaluate(EvaluateArgs),
+    /// Work with montage files, such as those in `montages/`.
+    #[command(subcommand)]
+    Montage(MontageVerb),
+}
+
+#[derive(Debug, Subcommand)]
+enum MontageVerb {
+    /// Print the grid of a montage and every mistake in it. Exit status: 0 no mistake, 2 mistakes.
+    Check {
+        /// Montage file.
+        file: PathBuf,
+        /// Recording (EDF, BDF, GDF) to compare: which electrodes it has, which are missing.
+        #[arg(long)]
+        recording: Option<PathBuf>,
+    },
+}
+
+/// Layers of the network.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ModeArg {
+    /// Linear maps only, fitted without epochs.
+    Pca,
+    /// The paper's network plus linear maps, which start as PCA.
+    Shortcut,
+    /// The paper's network; refused, because its codes cannot be decoded.
+    Paper,
+    /// The paper's network with nearest-neighbour unpooling.
+    PaperCodeOnly,
+}
+
+/// Zero padding of both convolutions.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum PaddingArg {
+    /// No padding; needs a grid of at least 6 x 8 cells.
+    None,
+    /// One row and column on each side.
+    Space,
+    /// One row, column and step on each side.
+    All,
 }
 
 #[derive(Args, Debug)]
@@ -37,6 +81,27 @@ struct TrainArgs {
     /// Recordings to test with; they are not used for training or validation.
     #[arg(long, required = true, value_delimiter = ',')]
     test: Vec<String>,
+    /// Montage file: grid, order of the ADC's channels, ADC [default: montages/paper-61.toml].
+    #[arg(long)]
+    montage: Option<PathBuf>,
+    /// Sampling rate of the ADC, Hz [default: that of the montage].
+    #[arg(long, value_name = "HZ")]
+    rate: Option<u32>,
+    /// Layers of the network; pca takes no epochs.
+    #[arg(long, value_enum, default_value = "shortcut")]
+    mode: ModeArg,
+    /// Length of a code: 8 to 256, a multiple of 4, at most steps times electrodes.
+    #[arg(long, default_value_t = 128)]
+    numbers: usize,
+    /// Time steps from the start of one window to the next: 4, 8 or 16.
+    #[arg(long, default_value_t = 8)]
+    hop: usize,
+    /// Time steps of a window: 16 or 32.
+    #[arg(long, default_value_t = 16)]
+    steps: usize,
+    /// Zero padding of the convolutions.
+    #[arg(long, value_enum, default_value = "none")]
+    padding: PaddingArg,
     /// Mains frequency of the recordings, Hz.
     #[arg(long, value_parser = clap::value_parser!(u32).range(45..=65))]
     mains: u32,
@@ -54,7 +119,7 @@ struct TrainArgs {
     seed: u64,
     /// Largest learning rate.
     #[arg(long, default_value_t = 1e-3)]
-    rate: f64,
+    learning_rate: f64,
     /// File that stores the training run after each epoch.
     #[arg(long, default_value = "target/trainer/checkpoint.safetensors")]
     checkpoint: PathBuf,
@@ -82,6 +147,8 @@ struct EvaluateArgs {
     test: Vec<String>,
 }
 
+/// The default montage.
+const PAPER: &str = include_str!("../../montages/paper-61.toml");
 /// Number of windows in a batch; each batch is one update of the parameters.
 const BATCH: usize = 32;
 
@@ -90,37 +157,115 @@ fn main() -> ExitCode {
         bar: ProgressBar::hidden(),
     };
     let result = match Cli::parse().verb {
-        Verb::Train(args) => session::train(&args.into(), &mut terminal),
+        Verb::Montage(MontageVerb::Check { file, recording }) => {
+            return check_montage(&file, recording.as_deref());
+        }
+        Verb::Train(args) => match args.into_options() {
+            Ok(options) => session::train(&options, &mut terminal),
+            Err(error) => Err(error),
+        },
         Verb::Evaluate(args) => {
             session::compare(&args.artifact, &args.data, &args.test, &mut terminal)
         }
     };
     match result {
-        Ok(Comparison { network, pca }) => {
-            print!("{}", Table(&[("autoencoder", network), ("PCA-128", pca)]));
+        Ok(Comparison {
+            network,
+            pca,
+            numbers,
+            is_pca,
+        }) => {
+            let name = format!("PCA-{numbers}");
+            let rows = [("autoencoder", network), (name.as_str(), pca)];
+            print!("{}", Table(&rows[usize::from(is_pca)..]));
             ExitCode::SUCCESS
         }
         Err(error) => {
-            eprintln!("trainer: {error}");
-            let mut cause = error.source();
-            while let Some(error) = cause {
-                eprintln!("  because {error}");
-                cause = error.source();
+            print_error(&error);
+            // Settings and montages that no model can have are wrong usage.
+            match error {
+                TrainerError::MontageFile(_)
+                | TrainerError::MontageMistakes { .. }
+                | TrainerError::TooManyNumbers { .. }
+                | TrainerError::PaperMode
+                | TrainerError::Shape(_) => ExitCode::from(2),
+                _ => ExitCode::FAILURE,
             }
-            ExitCode::FAILURE
         }
     }
 }
 
-impl From<TrainArgs> for TrainOptions {
-    fn from(args: TrainArgs) -> Self {
+/// Prints an error with its causes to standard error.
+fn print_error(error: &dyn Error) {
+    eprintln!("trainer: {error}");
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        eprintln!("  because {error}");
+        cause = error.source();
+    }
+}
+
+/// Prints the check of a montage, and how a recording fits it; returns the exit status.
+fn check_montage(file: &Path, recording: Option<&Path>) -> ExitCode {
+    let montage = match MontageFile::read(file) {
+        Ok(montage) => montage,
+        Err(error) => {
+            print_error(&error);
+            return ExitCode::from(2);
+        }
+    };
+    let check = MontageCheck::new(&montage);
+    print!("{check}");
+    if !check.mistakes.is_empty() {
+        return ExitCode::from(2);
+    }
+    let Some(recording) = recording else {
+        return ExitCode::SUCCESS;
+    };
+    match RecordingCheck::read(recording, &montage) {
+        Ok(check) => {
+            print!("{check}");
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            print_error(&error);
+            ExitCode::from(2)
+        }
+    }
+}
+
+impl TrainArgs {
+    fn into_options(self) -> Result<TrainOptions, TrainerError> {
+        let args = self;
         let TrainArgs {
             epochs,
             seed,
-            rate: peak_rate,
+            learning_rate: peak_rate,
             ..
         } = args;
-        Self {
+        let mut montage = match &args.montage {
+            Some(path) => MontageFile::read(path)?,
+            None => MontageFile::parse(Path::new("montages/paper-61.toml"), PAPER)?,
+        };
+        montage.adc.rate_hz = args.rate.unwrap_or(montage.adc.rate_hz);
+        Ok(TrainOptions {
+            montage,
+            shape: Shape {
+                mode: match args.mode {
+                    ModeArg::Pca => Mode::Pca,
+                    ModeArg::Shortcut => Mode::Shortcut,
+                    ModeArg::Paper => Mode::Paper,
+                    ModeArg::PaperCodeOnly => Mode::PaperCodeOnly,
+                },
+                numbers: args.numbers,
+                steps: args.steps,
+                hop: args.hop,
+                padding: match args.padding {
+                    PaddingArg::None => Padding::None,
+                    PaddingArg::Space => Padding::Space,
+                    PaddingArg::All => Padding::All,
+                },
+            },
             data: args.data,
             train: args.train,
             test: args.test,
@@ -137,7 +282,7 @@ impl From<TrainArgs> for TrainOptions {
             resume: args.resume,
             out: args.out,
             force: args.force,
-        }
+        })
     }
 }
 

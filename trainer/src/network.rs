@@ -3,10 +3,10 @@
 use crate::adam::Gradients;
 use crate::dataset::Window;
 use crate::parameters::{Parameters, is_statistic};
-use crate::pool::{GEOMETRY, indices, max_pool, numbers, unpool};
+use crate::pool::{indices, max_pool, numbers, unpool};
 use artifact::{
-    CELLS, CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, KERNEL, NORM_EPSILON, ROWS, STEPS,
-    ScalpGrid, WINDOW_ELECTRODES,
+    CONV1_CHANNELS, CONV2_CHANNELS, Description, Dimensions, Geometry, KERNEL, Mode, NORM_EPSILON,
+    ScalpGrid,
 };
 use burn_tensor::activation::relu;
 use burn_tensor::module::{conv_transpose3d, conv3d};
@@ -22,6 +22,7 @@ const EVALUATION_BATCH: usize = 64;
 #[derive(Debug)]
 pub struct Network {
     grid: ScalpGrid,
+    dimensions: Dimensions,
 }
 
 /// Loss and gradients of one batch.
@@ -35,6 +36,8 @@ pub struct BatchGradients {
 
 /// A forward pass: the parameters as tensors, and in training the statistics of the batch.
 struct ForwardPass {
+    mode: Mode,
+    geometry: Geometry,
     parameters: BTreeMap<&'static str, Tensor<1>>,
     /// Statistics of the batch for batch norm; `None` if it uses the running statistics.
     statistics: Option<Vec<(&'static str, BatchStatistics)>>,
@@ -54,8 +57,11 @@ struct Batch {
 
 impl Network {
     /// Creates a network; its methods take the parameters as an argument.
-    pub fn new(grid: ScalpGrid) -> Self {
-        Self { grid }
+    pub fn new(description: &Description) -> Self {
+        Self {
+            grid: ScalpGrid::new(description),
+            dimensions: description.dimensions(),
+        }
     }
 
     /// Computes loss and gradients of a batch, and updates the running statistics in `parameters`.
@@ -102,7 +108,7 @@ impl Network {
         });
         let sum: f64 = errors.into_iter().map(f64::from).sum();
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 numbers")]
-        let count = (windows.len() * WINDOW_ELECTRODES) as f64;
+        let count = (windows.len() * self.dimensions.window_electrodes()) as f64;
         sum / count
     }
 
@@ -138,16 +144,20 @@ impl Network {
     fn batch(&self, windows: &[&Window], device: &Device) -> Batch {
         let cells: Vec<f32> = windows
             .iter()
-            .flat_map(|window| *self.grid.scatter(window))
+            .flat_map(|window| self.grid.scatter(window))
             .collect();
-        let electrodes: Vec<f32> = windows.iter().flat_map(|window| **window).collect();
-        let shape = [windows.len(), 1, STEPS, ROWS, COLUMNS];
+        let electrodes: Vec<f32> = windows.concat();
+        let Dimensions {
+            steps,
+            rows,
+            columns,
+            ..
+        } = self.dimensions;
+        let shape = [windows.len(), 1, steps, rows, columns];
+        let flat = [windows.len(), self.dimensions.window_electrodes()];
         Batch {
             cells: Tensor::from_data(TensorData::new(cells, shape), device),
-            electrodes: Tensor::from_data(
-                TensorData::new(electrodes, [windows.len(), WINDOW_ELECTRODES]),
-                device,
-            ),
+            electrodes: Tensor::from_data(TensorData::new(electrodes, flat), device),
         }
     }
 
@@ -158,6 +168,7 @@ impl Network {
 
 impl ForwardPass {
     fn new(parameters: &Parameters, device: &Device) -> Self {
+        let (mode, geometry) = (parameters.mode(), parameters.geometry());
         let parameters = parameters
             .iter()
             .map(|(name, values)| {
@@ -175,6 +186,8 @@ impl ForwardPass {
             })
             .collect();
         Self {
+            mode,
+            geometry,
             parameters,
             statistics: None,
         }
@@ -189,28 +202,40 @@ impl ForwardPass {
         let x = self.normalise(relu(x), "encoder.norm1");
         let x = self.convolve(x, "encoder.conv2", [CONV2_CHANNELS, CONV1_CHANNELS]);
         let x = self.normalise(relu(x), "encoder.norm2");
-        let flat = max_pool(x);
-        let [count, features] = flat.dims();
-        let weight = self.parameter("encoder.fc.weight", [CODE, features]);
-        let bias = self.parameter("encoder.fc.bias", [1, CODE]);
-        let shortcut = self.parameter("encoder.shortcut.weight", [CODE, WINDOW_ELECTRODES]);
+        let flat = max_pool(x, &self.geometry);
+        let numbers = self.geometry.dimensions.numbers;
+        let weight = self.parameter("encoder.fc.weight", [numbers, self.geometry.flat()]);
+        let bias = self.parameter("encoder.fc.bias", [1, numbers]);
         let code = flat.matmul(weight.transpose()) + bias;
-        debug_assert_eq!(code.dims(), [count, CODE]);
+        if !self.mode.has_shortcut() {
+            return code;
+        }
+        let window = self.geometry.dimensions.window_electrodes();
+        let shortcut = self.parameter("encoder.shortcut.weight", [numbers, window]);
         code + batch.electrodes.clone().matmul(shortcut.transpose())
     }
 
     fn decode(&mut self, code: Tensor<2>, cells: &Tensor<1, Int>) -> Tensor<2> {
         let count = code.dims()[0];
-        let features = GEOMETRY.flat();
-        let weight = self.parameter("decoder.fc.weight", [features, CODE]);
+        let features = self.geometry.flat();
+        let dimensions = self.geometry.dimensions;
+        let (numbers, window) = (dimensions.numbers, dimensions.window_electrodes());
+        let weight = self.parameter("decoder.fc.weight", [features, numbers]);
         let bias = self.parameter("decoder.fc.bias", [1, features]);
-        let x = unpool(code.clone().matmul(weight.transpose()) + bias);
+        let x = unpool(
+            code.clone().matmul(weight.transpose()) + bias,
+            &self.geometry,
+        );
         let x = self.convolve_transposed(x, "decoder.conv1", CONV2_CHANNELS, CONV1_CHANNELS);
         let x = self.normalise(relu(x), "decoder.norm1");
         let x = self.convolve_transposed(x, "decoder.conv2", CONV1_CHANNELS, 1);
-        let x = x.reshape([count, STEPS, CELLS]).select(2, cells.clone());
-        let shortcut = self.parameter("decoder.shortcut.weight", [WINDOW_ELECTRODES, CODE]);
-        x.reshape([count, WINDOW_ELECTRODES]) + code.matmul(shortcut.transpose())
+        let x = x.reshape([count, dimensions.steps, dimensions.cells()]);
+        let x = x.select(2, cells.clone()).reshape([count, window]);
+        if !self.mode.has_shortcut() {
+            return x;
+        }
+        let shortcut = self.parameter("decoder.shortcut.weight", [window, numbers]);
+        x + code.matmul(shortcut.transpose())
     }
 
     fn convolve(&self, x: Tensor<5>, name: &str, [outputs, inputs]: [usize; 2]) -> Tensor<5> {
@@ -223,7 +248,7 @@ impl ForwardPass {
             x,
             weight,
             Some(bias),
-            ConvOptions::new([1; 3], [0; 3], [1; 3], 1),
+            ConvOptions::new([1; 3], self.geometry.padding.pads(), [1; 3], 1),
         )
     }
 
@@ -239,7 +264,8 @@ impl ForwardPass {
             [inputs, outputs, KERNEL, KERNEL, KERNEL],
         );
         let bias = self.parameter(&format!("{name}.bias"), [outputs]);
-        let options = ConvTransposeOptions::new([1; 3], [0; 3], [0; 3], [1; 3], 1);
+        let pads = self.geometry.padding.pads();
+        let options = ConvTransposeOptions::new([1; 3], pads, [0; 3], [1; 3], 1);
         conv_transpose3d(x, weight, Some(bias), options)
     }
 
@@ -286,115 +312,4 @@ fn update_running(running: &mut [f32], batch: &[f32]) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing;
-    use artifact::{FloatDecoder, FloatEncoder};
-
-    fn network() -> Network {
-        Network::new(ScalpGrid::new(&testing::description()))
-    }
-
-    /// Returns parameters in which no layer is 0.
-    fn parameters() -> Parameters {
-        let mut parameters = Parameters::from_directions(&testing::directions(), 3);
-        let names: Vec<&str> = parameters.iter().map(|(name, _)| name).collect();
-        for name in names {
-            for (index, value) in parameters.values_mut(name).iter_mut().enumerate() {
-                #[expect(clippy::cast_precision_loss, reason = "a small number")]
-                let change = (index * 7 % 11) as f32 - 4.5;
-                *value += if name.ends_with("running_var") {
-                    change.abs()
-                } else {
-                    0.02 * change
-                };
-            }
-        }
-        parameters
-    }
-
-    #[test]
-    fn the_network_equals_the_artifacts_float_encoder_and_decoder() {
-        let parameters = parameters();
-        let dataset = testing::dataset(5, 64);
-        let windows = dataset.aligned(16);
-        let (codes, reconstructed) = network().reconstruct(&parameters, &windows);
-        let artifact = testing::artifact(&parameters);
-        let encoder = FloatEncoder::new(&artifact).unwrap();
-        let decoder = FloatDecoder::new(&artifact).unwrap();
-        let grid = ScalpGrid::new(&artifact.description);
-        let mut worst = 0.0_f32;
-        for (index, window) in windows.iter().enumerate() {
-            let code = encoder.encode(&grid.scatter(window));
-            let window = decoder.decode(&code);
-            let size = code
-                .iter()
-                .chain(&window)
-                .fold(1.0, |a: f32, b| a.max(b.abs()));
-            let code_pairs = code.iter().zip(&codes[index * CODE..]);
-            let window_pairs = window
-                .iter()
-                .zip(&reconstructed[index * WINDOW_ELECTRODES..]);
-            for (a, b) in code_pairs.chain(window_pairs) {
-                worst = worst.max((a - b).abs() / size);
-            }
-        }
-        // Each implementation adds at most 1152 products in f32, in its own order. Measured: 9e-6.
-        assert!(worst < 1e-4, "{worst}");
-    }
-
-    #[test]
-    fn gradients_equal_finite_differences_of_the_loss() {
-        let parameters = parameters();
-        let dataset = testing::dataset(6, 64);
-        let windows = dataset.aligned(16);
-        let network = network();
-        let batch = network.gradients(&mut parameters.clone(), &windows);
-        let loss_with = |name: &str, index: usize, change: f32| {
-            let mut changed = parameters.clone();
-            changed.values_mut(name)[index] += change;
-            network.gradients(&mut changed, &windows).loss
-        };
-        for (name, index) in [
-            ("encoder.conv1.weight", 30),
-            ("encoder.norm1.weight", 3),
-            ("encoder.conv2.weight", 1000),
-            ("encoder.fc.weight", 5000),
-            ("encoder.shortcut.weight", 70_000),
-            ("decoder.fc.bias", 100),
-            ("decoder.conv1.weight", 700),
-            ("decoder.norm1.bias", 5),
-            ("decoder.conv2.weight", 40),
-            ("decoder.shortcut.weight", 300),
-        ] {
-            let change = 1e-2;
-            let slope = (loss_with(name, index, change) - loss_with(name, index, -change))
-                / (2.0 * f64::from(change));
-            let gradient = f64::from(batch.gradients[name][index]);
-            // The loss is in f32 and only piecewise smooth: measured deviations of up to 2 %.
-            assert!(
-                (slope - gradient).abs() < 0.05 * gradient.abs() + 1e-3,
-                "{name}: {slope} {gradient}"
-            );
-        }
-    }
-
-    #[test]
-    fn running_statistics_move_a_tenth_towards_the_batch() {
-        let mut parameters = parameters();
-        let mean = |parameters: &mut Parameters| {
-            parameters.values_mut("encoder.norm1.running_mean").to_vec()
-        };
-        let before = mean(&mut parameters);
-        let dataset = testing::dataset(6, 64);
-        let windows = dataset.aligned(16);
-        network().gradients(&mut parameters, &windows);
-        let first = mean(&mut parameters);
-        network().gradients(&mut parameters, &windows);
-        let second = mean(&mut parameters);
-        for ((before, first), second) in before.iter().zip(first).zip(second) {
-            // The batch is the same twice, and each update removes a tenth of the remaining difference.
-            assert!(((second - first) - 0.9 * (first - before)).abs() < 1e-5);
-        }
-    }
-}
+mod tests;

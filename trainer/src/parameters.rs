@@ -1,9 +1,6 @@
 //! The parameters of the network, keyed by the artifact's tensor names.
 
-use crate::pool::GEOMETRY;
-use artifact::{
-    ArtifactError, CODE, CONV1_CHANNELS, KERNEL, Mode, Tensors, WINDOW_ELECTRODES, weight_shapes,
-};
+use artifact::{ArtifactError, CONV1_CHANNELS, Geometry, KERNEL, Mode, Tensors, weight_shapes};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -12,6 +9,7 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     mode: Mode,
+    geometry: Geometry,
     values: BTreeMap<&'static str, Vec<f32>>,
 }
 
@@ -23,13 +21,30 @@ impl Parameters {
     /// and offset 0. All other layers are random.
     ///
     /// # Panics
-    /// Unless there are 128 directions of 976 elements.
-    pub fn from_directions(directions: &[Vec<f32>], seed: u64) -> Self {
-        let mut parameters = Self::linear(Mode::Shortcut, directions);
-        for (index, (name, shape)) in weight_shapes(Mode::Shortcut, &GEOMETRY)
-            .into_iter()
-            .enumerate()
-        {
+    /// Unless there is a direction for each number of the code, with an element for each value of a
+    /// window.
+    pub fn from_directions(geometry: Geometry, directions: &[Vec<f32>], seed: u64) -> Self {
+        let mut parameters = Self::linear(Mode::Shortcut, geometry, directions);
+        parameters.draw_convolutions(seed);
+        parameters
+    }
+
+    /// Returns the initial parameters of a training run without a shortcut (mode `paper-code-only`):
+    /// all layers are random, and batch norm starts with factor 1 and offset 0.
+    pub fn random(mode: Mode, geometry: Geometry, seed: u64) -> Self {
+        let mut parameters = Self {
+            mode,
+            geometry,
+            values: BTreeMap::new(),
+        };
+        parameters.draw_convolutions(seed);
+        parameters
+    }
+
+    /// Draws the initial values of all tensors except those of the shortcut.
+    fn draw_convolutions(&mut self, seed: u64) {
+        let geometry = self.geometry;
+        for (index, (name, shape)) in weight_shapes(self.mode, &geometry).into_iter().enumerate() {
             if name.contains("shortcut") {
                 continue;
             }
@@ -40,68 +55,87 @@ impl Parameters {
             let values = match (name.rsplit_once('.'), name.contains("norm")) {
                 (Some((_, "weight" | "running_var")), true) => vec![1.0; count],
                 (_, true) => vec![0.0; count],
-                _ if starts_at_zero(name) => vec![0.0; count],
+                _ if self.mode.has_shortcut() && starts_at_zero(name) => vec![0.0; count],
                 _ => {
-                    let bound = 1.0 / fan_in(name).sqrt();
+                    let bound = 1.0 / fan_in(name, &geometry).sqrt();
                     (0..count)
                         .map(|_| rng.random_range(-bound..bound))
                         .collect()
                 }
             };
-            parameters.values.insert(name, values);
+            self.values.insert(name, values);
         }
-        parameters
     }
 
     /// Returns the parameters of PCA: the projection onto `directions` and back.
     ///
     /// # Panics
-    /// Unless there are 128 directions of 976 elements.
-    pub fn pca(directions: &[Vec<f32>]) -> Self {
-        Self::linear(Mode::Pca, directions)
+    /// Unless there is a direction for each number of the code, with an element for each value of a
+    /// window.
+    pub fn pca(geometry: Geometry, directions: &[Vec<f32>]) -> Self {
+        Self::linear(Mode::Pca, geometry, directions)
     }
 
-    fn linear(mode: Mode, directions: &[Vec<f32>]) -> Self {
+    fn linear(mode: Mode, geometry: Geometry, directions: &[Vec<f32>]) -> Self {
+        let numbers = geometry.dimensions.numbers;
+        let features = geometry.dimensions.window_electrodes();
         assert_eq!(
             directions.len(),
-            CODE,
+            numbers,
             "one direction for each number of the code"
         );
         let encoder = directions.concat();
         assert_eq!(
             encoder.len(),
-            CODE * WINDOW_ELECTRODES,
+            numbers * features,
             "one element for each feature"
         );
-        let decoder = (0..WINDOW_ELECTRODES)
+        let decoder = (0..features)
             .flat_map(|feature| directions.iter().map(move |direction| direction[feature]))
             .collect();
         let values = BTreeMap::from([
             ("encoder.shortcut.weight", encoder),
             ("decoder.shortcut.weight", decoder),
         ]);
-        Self { mode, values }
+        Self {
+            mode,
+            geometry,
+            values,
+        }
     }
 
     /// Reads the parameters from the weights of an artifact.
     ///
     /// # Errors
     /// If a tensor of the mode is missing or has the wrong shape.
-    pub fn from_tensors(mode: Mode, weights: &Tensors) -> Result<Self, ArtifactError> {
-        let values = weight_shapes(mode, &GEOMETRY)
+    pub fn from_tensors(
+        mode: Mode,
+        geometry: Geometry,
+        weights: &Tensors,
+    ) -> Result<Self, ArtifactError> {
+        let values = weight_shapes(mode, &geometry)
             .into_iter()
             .map(|(name, shape)| Ok((name, weights.tensor(name, &shape)?.to_vec())))
             .collect::<Result<_, ArtifactError>>()?;
-        Ok(Self { mode, values })
+        Ok(Self {
+            mode,
+            geometry,
+            values,
+        })
     }
 
     /// Returns the parameters as weights of an artifact.
     pub fn to_tensors(&self) -> Tensors {
         let mut weights = Tensors::for_weights();
-        for (name, shape) in weight_shapes(self.mode, &GEOMETRY) {
+        for (name, shape) in weight_shapes(self.mode, &self.geometry) {
             weights.insert(name, &shape, self.values[name].clone());
         }
         weights
+    }
+
+    /// Returns the sizes between the layers, which determine the shapes of the tensors.
+    pub fn geometry(&self) -> Geometry {
+        self.geometry
     }
 
     /// Returns the mode, which determines which tensors there are.
@@ -151,13 +185,13 @@ fn starts_at_zero(name: &str) -> bool {
 /// Returns the fan-in of a layer as PyTorch counts it; initial values are uniform within +-1 /
 /// sqrt(fan-in).
 #[expect(clippy::cast_precision_loss, reason = "a few thousand inputs")]
-fn fan_in(name: &str) -> f32 {
+fn fan_in(name: &str, geometry: &Geometry) -> f32 {
     const TAPS: usize = KERNEL.pow(3);
     let inputs = match name.rsplit_once('.') {
         Some(("encoder.conv1" | "decoder.conv2", _)) => TAPS,
         Some(("encoder.conv2" | "decoder.conv1", _)) => CONV1_CHANNELS * TAPS,
-        Some(("encoder.fc", _)) => GEOMETRY.flat(),
-        _ => CODE,
+        Some(("encoder.fc", _)) => geometry.flat(),
+        _ => geometry.dimensions.numbers,
     };
     inputs as f32
 }
@@ -169,25 +203,25 @@ mod tests {
 
     #[test]
     fn the_initial_parameters_have_every_tensor_and_depend_on_the_seed_only() {
-        let start = Parameters::from_directions(&testing::directions(), 7);
+        let start = Parameters::from_directions(testing::geometry(), &testing::directions(), 7);
         let tensors = start.to_tensors();
         assert_eq!(
-            Parameters::from_tensors(Mode::Shortcut, &tensors).unwrap(),
+            Parameters::from_tensors(Mode::Shortcut, testing::geometry(), &tensors).unwrap(),
             start
         );
         assert_eq!(
             start,
-            Parameters::from_directions(&testing::directions(), 7)
+            Parameters::from_directions(testing::geometry(), &testing::directions(), 7)
         );
         assert_ne!(
             start,
-            Parameters::from_directions(&testing::directions(), 8)
+            Parameters::from_directions(testing::geometry(), &testing::directions(), 8)
         );
     }
 
     #[test]
     fn random_layers_fill_their_range() {
-        let start = Parameters::from_directions(&testing::directions(), 7);
+        let start = Parameters::from_directions(testing::geometry(), &testing::directions(), 7);
         let largest = |name: &str| {
             start.values[name]
                 .iter()

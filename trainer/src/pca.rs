@@ -2,20 +2,16 @@
 //! code with which the network is compared.
 
 use crate::dataset::Dataset;
-use artifact::{STEPS, WINDOW_ELECTRODES};
 use nalgebra::{DMatrix, SymmetricEigen};
 
-/// Number of time steps from the start of one window to the start of the next, for the second moment:
-/// half a window.
-const HOP: usize = STEPS / 2;
 /// Number of windows in one matrix product.
 const BLOCK: usize = 512;
 
-/// Returns the second-moment matrix of the dataset's windows. It is used instead of the covariance: the
+/// Returns the second-moment matrix of the dataset's windows, each half a window after the previous. It is used instead of the covariance: the
 /// band-pass removes the mean, and without subtraction of a mean the code of a zero window is 0.
 pub fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
-    let windows = dataset.aligned(HOP);
-    let features = WINDOW_ELECTRODES;
+    let windows = dataset.aligned(dataset.dimensions().steps / 2);
+    let features = dataset.dimensions().window_electrodes();
     let mut moment = DMatrix::zeros(features, features);
     for block in windows.chunks(BLOCK) {
         let columns = DMatrix::from_iterator(
@@ -59,7 +55,7 @@ pub fn principal_directions(moment: DMatrix<f64>, count: usize) -> Vec<Vec<f32>>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use artifact::ELECTRODES;
+    use crate::testing;
     use nalgebra::DVector;
 
     #[test]
@@ -82,11 +78,11 @@ mod tests {
 
     #[test]
     fn the_second_moment_is_the_mean_of_outer_products() {
-        let mut steps = vec![[0.0; ELECTRODES]; STEPS];
-        steps[2][3] = 2.0;
-        steps[5][7] = -3.0;
-        let moment = second_moment(&Dataset::from_segments(vec![steps]));
-        let (a, b) = (2 * ELECTRODES + 3, 5 * ELECTRODES + 7);
+        let dimensions = testing::description().dimensions();
+        let (a, b) = (2 * dimensions.electrodes + 3, 5 * dimensions.electrodes + 7);
+        let mut values = vec![0.0; dimensions.window_electrodes()];
+        (values[a], values[b]) = (2.0, -3.0);
+        let moment = second_moment(&Dataset::from_segments(vec![values], dimensions));
         assert!((moment[(a, b)] + 6.0).abs() < 1e-12);
         assert!((moment[(b, b)] - 9.0).abs() < 1e-12);
         assert!((moment.sum() - (4.0 + 9.0 - 12.0)).abs() < 1e-12);

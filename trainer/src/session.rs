@@ -5,13 +5,14 @@ use crate::dataset::{Dataset, Split};
 use crate::error::TrainerError;
 use crate::evaluate::{Evaluation, evaluate};
 use crate::golden::golden_windows;
+use crate::montage_check::MontageCheck;
 use crate::network::Network;
 use crate::parameters::Parameters;
 use crate::selection::file_name;
 use crate::track::{SETTLING_S, Track};
 use crate::training::{EpochReport, Settings, Training};
 use crate::{card, checkpoint, pca, selection};
-use artifact::{Artifact, CODE, Description, ScalpGrid};
+use artifact::{Artifact, Description, Dimensions, Geometry, Mode, MontageFile};
 use std::path::{Path, PathBuf};
 
 /// Options of `trainer train`.
@@ -23,6 +24,10 @@ pub struct TrainOptions {
     pub train: Vec<String>,
     /// Names or ranges of the test recordings.
     pub test: Vec<String>,
+    /// Grid, order of the ADC's channels and ADC.
+    pub montage: MontageFile,
+    /// Mode and dimensions of the model.
+    pub shape: card::Shape,
     /// Mains frequency of the recordings, Hz.
     pub mains_hz: u32,
     /// Origin and licence of the recordings, for the training card.
@@ -60,6 +65,10 @@ pub struct Comparison {
     pub network: Evaluation,
     /// Figures of PCA, fitted to the training part of the training recordings.
     pub pca: Evaluation,
+    /// Number of numbers in a code.
+    pub numbers: usize,
+    /// Whether the model is itself the PCA.
+    pub is_pca: bool,
 }
 
 /// Recordings after the front end, scaled and split for training.
@@ -85,7 +94,7 @@ pub fn train(
         let folder = options.out.clone();
         return Err(TrainerError::ArtifactExists { folder });
     }
-    let mut description = card::description();
+    let mut description = checked_description(options)?;
     let train_files = selection::recordings(&options.data, &options.train)?;
     let test_files = selection::recordings(&options.data, &options.test)?;
     if let Some(both) = test_files.iter().find(|file| train_files.contains(file)) {
@@ -96,28 +105,27 @@ pub fn train(
     let data = PreparedData::read(&train_files, &description, options.mains_hz, observer)?;
     description.input.sd_uv = data.sd_uv;
     observer.message("computing the principal directions of the training windows ...");
-    let directions = data.directions();
-    let grid = ScalpGrid::new(&description);
-    let network = Network::new(grid);
-    let training = run_epochs(options, &data, &network, &directions, observer)?;
-    let best = training.best();
-    observer.message(&format!(
-        "best epoch: {}, validation MSE {:.5}",
-        best.epoch, best.validation
-    ));
-
-    fill_card(&mut description, options, &data, &training);
+    let geometry = Geometry::new(&description);
+    let directions = data.directions(geometry.dimensions.numbers);
+    let pca = Parameters::pca(geometry, &directions);
+    fill_card(&mut description, options, &data);
+    let best = if description.mode == Mode::Pca {
+        pca.clone()
+    } else {
+        train_network(options, &mut description, &data, &directions, observer)?
+    };
     description.training.test_files = test_files.iter().map(|file| file_name(file)).collect();
-    let mut model = calibrated_artifact(description.clone(), &best.parameters, &data.whole)?;
-    let pca = Parameters::pca(&directions);
+    let mut model = calibrated_artifact(description.clone(), &best, &data.whole)?;
     let pca = calibrated_artifact(description, &pca, &data.whole)?;
     let test = read_test(&test_files, &model, options.mains_hz, observer)?;
     observer.message("evaluating on the test recordings ...");
     let comparison = Comparison {
         network: evaluate(&model, &test)?,
         pca: evaluate(&pca, &test)?,
+        numbers: geometry.dimensions.numbers,
+        is_pca: model.description.mode == Mode::Pca,
     };
-    let Comparison { network, pca } = &comparison;
+    let Comparison { network, pca, .. } = &comparison;
     let card = &mut model.description.training;
     card.mse = Some(card::figures(network, pca, |error| error.mse));
     card.prd_percent = Some(card::figures(network, pca, |error| error.prd_percent));
@@ -153,8 +161,9 @@ pub fn compare(
         });
     }
     let data = PreparedData::read(&train_files, &model.description, card.mains_hz, observer)?;
-    let pca = Parameters::pca(&data.directions());
     let mut description = model.description.clone();
+    let geometry = Geometry::new(&description);
+    let pca = Parameters::pca(geometry, &data.directions(geometry.dimensions.numbers));
     description.input.sd_uv = data.sd_uv;
     let pca = calibrated_artifact(description, &pca, &data.whole)?;
     let test_network = read_test(&test_files, &model, card.mains_hz, observer)?;
@@ -162,6 +171,8 @@ pub fn compare(
     Ok(Comparison {
         network: evaluate(&model, &test_network)?,
         pca: evaluate(&pca, &test_pca)?,
+        numbers: geometry.dimensions.numbers,
+        is_pca: model.description.mode == Mode::Pca,
     })
 }
 
@@ -170,7 +181,7 @@ fn run_epochs(
     options: &TrainOptions,
     data: &PreparedData,
     network: &Network,
-    directions: &[Vec<f32>],
+    (description, directions): (&Description, &[Vec<f32>]),
     observer: &mut impl ProgressObserver,
 ) -> Result<Training, TrainerError> {
     let TrainOptions {
@@ -179,13 +190,24 @@ fn run_epochs(
         ..
     } = options;
     let split = &data.split;
-    let data_identity = format!("{} with SD {:?} uV", data.files.join(" "), data.sd_uv);
+    let data_identity = format!(
+        "{} with SD {:?} uV; montage {}, {:?}",
+        data.files.join(" "),
+        data.sd_uv,
+        options.montage.name,
+        options.shape
+    );
     let mut training = if options.resume {
-        let training = checkpoint::read(path, *settings, &data_identity)?;
+        let training = checkpoint::read(path, description, *settings, &data_identity)?;
         observer.message(&format!("resumed after epoch {}", training.epoch()));
         training
     } else {
-        let start = Parameters::from_directions(directions, settings.seed);
+        let geometry = Geometry::new(description);
+        let start = if description.mode.has_shortcut() {
+            Parameters::from_directions(geometry, directions, settings.seed)
+        } else {
+            Parameters::random(description.mode, geometry, settings.seed)
+        };
         Training::start(*settings, start, network, split)
     };
     observer.message(&format!(
@@ -205,18 +227,7 @@ fn run_epochs(
 }
 
 /// Fills the training card, except for the test files and figures.
-fn fill_card(
-    description: &mut Description,
-    options: &TrainOptions,
-    data: &PreparedData,
-    training: &Training,
-) {
-    let Settings {
-        epochs,
-        batch,
-        peak_rate,
-        seed,
-    } = options.settings;
+fn fill_card(description: &mut Description, options: &TrainOptions, data: &PreparedData) {
     let card = &mut description.training;
     card.dataset.clone_from(&options.dataset);
     card.citation.clone_from(&options.citation);
@@ -229,14 +240,86 @@ fn fill_card(
         "last eighth of every training file; the first {SETTLING_S} s of every file are left out"
     );
     card.mains_hz = options.mains_hz;
-    card.seed = seed;
+    card.seed = options.settings.seed;
+    "none: principal directions of the training part".clone_into(&mut card.optimiser);
+}
+
+/// Trains a network from its initial parameters, completes the training card, and returns the
+/// parameters of the best epoch.
+fn train_network(
+    options: &TrainOptions,
+    description: &mut Description,
+    data: &PreparedData,
+    directions: &[Vec<f32>],
+    observer: &mut impl ProgressObserver,
+) -> Result<Parameters, TrainerError> {
+    let network = Network::new(description);
+    let training = run_epochs(options, data, &network, (description, directions), observer)?;
+    let best = training.best();
+    observer.message(&format!(
+        "best epoch: {}, validation MSE {:.5}",
+        best.epoch, best.validation
+    ));
+    let Settings {
+        epochs,
+        batch,
+        peak_rate,
+        ..
+    } = options.settings;
+    let card = &mut description.training;
     card.epochs = epochs;
-    card.best_epoch = training.best().epoch;
+    card.best_epoch = best.epoch;
     card.windows = (training.batches(&data.split) * batch) as u64;
+    let (start, shortcut) = if description.mode.has_shortcut() {
+        (
+            "PCA start, convolutions silent at first",
+            " (shortcut a hundredth)",
+        )
+    } else {
+        ("random start", "")
+    };
     card.optimiser = format!(
-        "PCA start, convolutions silent at first; Adam, one cycle with peak {peak_rate} (shortcut \
-         a hundredth), 15 % warm-up, batch {batch}"
+        "{start}; Adam, one cycle with peak {peak_rate}{shortcut}, 15 % warm-up, batch {batch}"
     );
+    Ok(best.parameters.clone())
+}
+
+/// Returns the description of the model to train, after all checks that need no recording.
+///
+/// # Errors
+/// If the montage has mistakes, or no model can have this shape.
+fn checked_description(options: &TrainOptions) -> Result<Description, TrainerError> {
+    let montage = &options.montage;
+    let mistakes = MontageCheck::new(montage).mistakes;
+    if !mistakes.is_empty() {
+        return Err(TrainerError::MontageMistakes {
+            name: montage.name.clone(),
+            mistakes: mistakes.iter().map(ToString::to_string).collect(),
+        });
+    }
+    if options.shape.mode == Mode::Paper {
+        return Err(TrainerError::PaperMode);
+    }
+    let mut description = card::description(montage, options.shape);
+    // Replaced by the standard deviation of the recordings.
+    description.input.sd_uv = 1.0;
+    artifact::check_description(&description).map_err(TrainerError::Shape)?;
+    let Dimensions {
+        steps,
+        electrodes,
+        numbers,
+        ..
+    } = description.dimensions();
+    let values = steps * electrodes;
+    if numbers > values {
+        return Err(TrainerError::TooManyNumbers {
+            numbers,
+            values,
+            steps,
+            electrodes,
+        });
+    }
+    Ok(description)
 }
 
 /// Passes recordings through the front end, and reports the length and the warnings of each recording.
@@ -253,7 +336,7 @@ fn read_tracks(
             observer.message(&format!(
                 "{}: {} time steps, {} electrodes interpolated, {} counts at the rail",
                 track.name,
-                track.steps.len(),
+                track.steps(),
                 track.interpolated.len(),
                 track.saturated
             ));
@@ -273,7 +356,7 @@ fn read_test(
     observer: &mut impl ProgressObserver,
 ) -> Result<Dataset, TrainerError> {
     let tracks = read_tracks(files, &model.description, mains_hz, observer)?;
-    let mut test = Dataset::from_tracks(&tracks)?;
+    let mut test = Dataset::from_tracks(&tracks, model.description.dimensions())?;
     test.scale(1.0 / model.description.input.sd_uv);
     Ok(test)
 }
@@ -288,8 +371,8 @@ impl PreparedData {
         observer: &mut impl ProgressObserver,
     ) -> Result<Self, TrainerError> {
         let tracks = read_tracks(files, description, mains_hz, observer)?;
-        let mut split = Dataset::split(&tracks)?;
-        let mut whole = Dataset::from_tracks(&tracks)?;
+        let mut split = Dataset::split(&tracks, description.dimensions())?;
+        let mut whole = Dataset::from_tracks(&tracks, description.dimensions())?;
         let sd_uv = split.training.deviation();
         if sd_uv <= 0.0 {
             return Err(TrainerError::Silent);
@@ -314,8 +397,8 @@ impl PreparedData {
         })
     }
 
-    /// Returns the principal directions of the training part.
-    fn directions(&self) -> Vec<Vec<f32>> {
-        pca::principal_directions(pca::second_moment(&self.split.training), CODE)
+    /// Returns the `count` principal directions of the training part.
+    fn directions(&self, count: usize) -> Vec<Vec<f32>> {
+        pca::principal_directions(pca::second_moment(&self.split.training), count)
     }
 }

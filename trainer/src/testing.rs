@@ -1,49 +1,63 @@
 //! Small models and datasets for the tests of this crate.
 
 use crate::calibrate::calibrated_artifact;
-use crate::card;
+use crate::card::{self, Shape};
 use crate::dataset::Dataset;
 use crate::parameters::Parameters;
-use crate::track::Step;
-use artifact::{Artifact, CODE, Description, ELECTRODES, WINDOW_ELECTRODES};
+use artifact::{Artifact, Description, Geometry, Mode, MontageFile, Padding};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::path::Path;
 
 /// Returns orthonormal directions. Each selects a single feature, and the selected features are spread
 /// evenly over the window.
 pub(crate) fn directions() -> Vec<Vec<f32>> {
-    (0..CODE)
+    (0..geometry().dimensions.numbers)
         .map(|index| {
-            let mut direction = vec![0.0; WINDOW_ELECTRODES];
-            direction[index * WINDOW_ELECTRODES / CODE] = 1.0;
+            let mut direction = vec![0.0; geometry().dimensions.window_electrodes()];
+            direction[feature(index)] = 1.0;
             direction
         })
         .collect()
+}
+
+/// Returns the index of the value in a window that direction `index` of [`directions`] selects.
+pub(crate) fn feature(index: usize) -> usize {
+    let dimensions = geometry().dimensions;
+    index * dimensions.window_electrodes() / dimensions.numbers
 }
 
 /// Returns a dataset of a few low-pass-filtered sources shared by all electrodes, plus a little noise.
 pub(crate) fn dataset(seed: u64, steps: usize) -> Dataset {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut sources = [0.0_f32; 4];
-    let steps = (0..steps)
-        .map(|_| -> Step {
+    let dimensions = geometry().dimensions;
+    let values = (0..steps)
+        .flat_map(|_| -> Vec<f32> {
             for source in &mut sources {
                 *source = 0.9 * *source + rng.random_range(-0.7..0.7);
             }
-            std::array::from_fn(|electrode| {
-                let own = sources[electrode % 4] + 0.5 * sources[electrode / 16];
+            let electrode = |electrode: usize| {
+                let own = sources[electrode % 4] + 0.5 * sources[electrode / 16 % 4];
                 own + rng.random_range(-0.05..0.05)
-            })
+            };
+            (0..dimensions.electrodes).map(electrode).collect()
         })
         .collect();
-    debug_assert!(ELECTRODES.div_ceil(16) == sources.len());
-    Dataset::from_segments(vec![steps])
+    Dataset::from_segments(vec![values], dimensions)
 }
 
 /// Returns the description of the paper's chain with a realistic standard deviation of the input,
 /// 47.3 uV.
 pub(crate) fn description() -> Description {
-    let mut description = card::description();
+    let shape = Shape {
+        mode: Mode::Shortcut,
+        numbers: 128,
+        steps: 16,
+        hop: 8,
+        padding: Padding::None,
+    };
+    let mut description = card::description(&montage(), shape);
     description.input.sd_uv = 47.3;
     description
 }
@@ -51,4 +65,15 @@ pub(crate) fn description() -> Description {
 /// Returns a calibrated model with the given parameters.
 pub(crate) fn artifact(parameters: &Parameters) -> Artifact {
     calibrated_artifact(description(), parameters, &dataset(1, 64)).unwrap()
+}
+
+/// Returns the paper's montage.
+pub(crate) fn montage() -> MontageFile {
+    let text = include_str!("../../montages/paper-61.toml");
+    MontageFile::parse(Path::new("paper-61.toml"), text).unwrap()
+}
+
+/// Returns the sizes between the layers of the paper's network.
+pub(crate) fn geometry() -> Geometry {
+    Geometry::new(&description())
 }

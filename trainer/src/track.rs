@@ -1,20 +1,13 @@
 //! A recording, filtered by the device's front end.
 
 use crate::error::TrainerError;
+use crate::filters::Filters;
 use crate::resampler::Resampler;
 use crate::selection::file_name;
-use artifact::{Description, ELECTRODES};
-use fixed_dsp::Cascade;
+use artifact::Description;
 use model_gen::headroom::GUARD_BITS;
-use pipeline::{FrontEnd, Sample};
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc, Warning};
 use std::path::Path;
-
-/// Number of sections that the trainer supports: one notch, and five for a band-pass of order 5.
-const SECTIONS: usize = 6;
-
-/// All electrodes at one time step.
-pub type Step = [f32; ELECTRODES];
 
 /// Seconds omitted at the start of every recording, in which the 0.5 Hz high-pass responds to the offset
 /// of the recording.
@@ -32,8 +25,11 @@ const UNITS_PER_COUNT: f64 = (1_u32 << GUARD_BITS) as f64;
 pub struct Track {
     /// File name of the recording.
     pub name: String,
-    /// Filtered time steps, microvolts; the first [`SETTLING_S`] seconds are omitted.
-    pub steps: Vec<Step>,
+    /// Number of electrodes.
+    pub electrodes: usize,
+    /// Filtered time steps, microvolts, in the order step, electrode (the last fastest); the first
+    /// [`SETTLING_S`] seconds are omitted.
+    pub values: Vec<f32>,
     /// Labels of electrodes that are missing in the recording and were interpolated.
     pub interpolated: Vec<String>,
     /// Number of counts that the virtual ADC limited to its rails.
@@ -70,43 +66,37 @@ impl Track {
             rate_hz: adc.rate_hz,
             lsb_uv: adc.lsb_uv(),
         };
-        let every = fixed_dsp::Resampler::every(1);
-        let mut filters = FrontEnd::new(cascade(description, mains_hz)?, &every);
+        let mut filters = Filters::new(description, mains_hz)?;
         let mut resampler = Resampler::new(description)?;
         let uv_per_unit = adc.lsb_uv() / UNITS_PER_COUNT;
         let mut virtual_adc = VirtualAdc::new(recording, &map, spec).map_err(unreadable)?;
-        let mut steps: Vec<Step> = Vec::new();
+        let mut values: Vec<f32> = Vec::new();
+        let electrodes = electrodes.len();
         for counts in &mut virtual_adc {
             let counts = counts.map_err(unreadable)?;
-            let filtered = filters.filter_sample(&Sample { counts });
-            if let Some(electrodes) = filtered.and_then(|(now, _)| resampler.resample(now)) {
+            let filtered = filters.filter_sample(&counts[..electrodes]);
+            if let Some(step) = resampler.resample(filtered) {
                 #[expect(clippy::cast_possible_truncation, reason = "a float network takes f32")]
-                steps.push(electrodes.map(|v| (f64::from(v) * uv_per_unit) as f32));
+                values.extend(step.iter().map(|v| (f64::from(*v) * uv_per_unit) as f32));
             }
         }
-        let settling = SETTLING_S * description.window.rate_hz as usize;
-        steps.drain(..settling.min(steps.len()));
+        let settling = SETTLING_S * description.window.rate_hz as usize * electrodes;
+        values.drain(..settling.min(values.len()));
         let interpolated = map.interpolated().into_iter().map(str::to_owned).collect();
         let saturated = virtual_adc.counters().saturated;
         let warnings = virtual_adc.recording().warnings().to_vec();
         Ok(Self {
             name,
-            steps,
+            electrodes,
+            values,
             interpolated,
             saturated,
             warnings,
         })
     }
-}
 
-/// Returns the filters for a mains frequency, or an error if they do not have [`SECTIONS`] sections.
-fn cascade(description: &Description, mains_hz: u32) -> Result<Cascade<SECTIONS>, TrainerError> {
-    let rate_hz = description.adc.rate_hz;
-    let sections = model_gen::filter_cascade(&description.filters, rate_hz, mains_hz)
-        .map_err(|source| TrainerError::Filter { mains_hz, source })?;
-    let found = sections.len();
-    let sections = sections
-        .try_into()
-        .map_err(|_| TrainerError::Sections { found })?;
-    Ok(Cascade { sections })
+    /// Returns the number of time steps.
+    pub fn steps(&self) -> usize {
+        self.values.len() / self.electrodes
+    }
 }

@@ -6,7 +6,6 @@ use crate::error::TrainerError;
 use crate::network::{BatchGradients, Network};
 use crate::parameters::Parameters;
 use crate::schedule::OneCycle;
-use artifact::STEPS;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -158,14 +157,15 @@ impl Training {
 
 /// Returns disjoint windows of the validation part; overlapping windows would slow down every epoch.
 fn validation_windows(split: &Split) -> Vec<&Window> {
-    split.validation.aligned(STEPS)
+    split
+        .validation
+        .aligned(split.validation.dimensions().steps)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::testing;
-    use artifact::ScalpGrid;
 
     const SETTINGS: Settings = Settings {
         epochs: 2,
@@ -175,7 +175,7 @@ mod tests {
     };
 
     fn network() -> Network {
-        Network::new(ScalpGrid::new(&testing::description()))
+        Network::new(&testing::description())
     }
 
     fn split() -> Split {
@@ -186,7 +186,8 @@ mod tests {
     }
 
     fn start() -> Training {
-        let parameters = Parameters::from_directions(&testing::directions(), SETTINGS.seed);
+        let parameters =
+            Parameters::from_directions(testing::geometry(), &testing::directions(), SETTINGS.seed);
         Training::start(SETTINGS, parameters, &network(), &split())
     }
 
@@ -197,7 +198,7 @@ mod tests {
     #[test]
     fn epoch_0_has_the_error_of_the_projection_onto_the_directions() {
         let split = split();
-        let windows = split.validation.aligned(STEPS);
+        let windows = validation_windows(&split);
         let directions = testing::directions();
         let mut sum = 0.0;
         for window in &windows {
