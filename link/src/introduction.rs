@@ -112,8 +112,7 @@ pub struct Capabilities<'a> {
     /// represents the signal that was at the electrodes at `t - group_delay_us`. A code has the
     /// time of its last step.
     pub group_delay_us: u32,
-    /// Electrode labels, blank-separated, in the order of the montage (ADC channel order, the same
-    /// as the row-major order of the scalp grid's cells). At most [`MAX_LABELS_BYTES`] bytes.
+    /// Electrode labels, blank-separated, in the order of the montage (ADC channel order). At most [`MAX_LABELS_BYTES`] bytes.
     pub labels: &'a str,
     /// Description of the filter chain, for human readers. At most [`MAX_TEXT_BYTES`] bytes.
     pub filters: &'a str,

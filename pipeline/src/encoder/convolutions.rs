@@ -69,10 +69,9 @@ impl Convolutions {
         if let Some(place) = self.newest.take() {
             self.add_pooled(place, network, windows);
         }
-        for index in 0..BETWEEN {
-            if let Some(place) = self.between[index].take() {
-                self.add_pooled(place, network, windows);
-            }
+        let between = core::mem::replace(&mut self.between, [None; BETWEEN]);
+        for place in between.into_iter().flatten() {
+            self.add_pooled(place, network, windows);
         }
         if index >= 2 {
             let transformed = self.transformed.advance();
