@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, SymmetricEigen};
 /// Number of windows in one matrix product.
 const BLOCK: usize = 512;
 
-/// Returns the second-moment matrix of the dataset's windows, each half a window after the previous. It is used instead of the covariance: the
+/// Returns the second-moment matrix of the dataset's windows, one every half a window. It is used instead of the covariance: the
 /// band-pass removes the mean, and without subtraction of a mean the code of a zero window is 0.
 pub fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
     let windows = dataset.aligned(dataset.dimensions().steps / 2);

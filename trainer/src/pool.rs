@@ -14,22 +14,22 @@ pub(crate) fn max_pool(x: Tensor<5>, geometry: &Geometry) -> Tensor<2> {
     let [steps, rows, columns] = [0, 1, 2].map(|axis| pooled[axis] * pool[axis]);
     let x = x.slice([0..count, 0..channels, 0..steps, 0..rows, 0..columns]);
     let planes = count * channels * pooled[0];
-    let x = largest(x.reshape([planes, pool[0], rows * columns]));
+    let x = largest(&x.reshape([planes, pool[0], rows * columns]));
     let planes = planes * pooled[1];
-    let x = largest(x.reshape([planes, pool[1], columns]));
-    let x = largest(x.reshape([planes * pooled[2], pool[2], 1]));
+    let x = largest(&x.reshape([planes, pool[1], columns]));
+    let x = largest(&x.reshape([planes * pooled[2], pool[2], 1]));
     x.reshape([count, geometry.flat()])
 }
 
 /// Returns the maximum over the middle axis, whose elements are compared in ascending order.
-fn largest(x: Tensor<3>) -> Tensor<3> {
+fn largest(x: &Tensor<3>) -> Tensor<3> {
     let [outer, length, inner] = x.dims();
     let element = |at| x.clone().slice([0..outer, at..at + 1, 0..inner]);
     (1..length).fold(element(0), |largest, at| largest.max_pair(element(at)))
 }
 
-/// Unpools to the feature map by nearest neighbour. For example, in the paper's network, columns 0 to 2 of the five take pooled
-/// column 0, and columns 3 and 4 take pooled column 1.
+/// Unpools to the feature map by nearest neighbour. For example, in the paper's network, columns 0 to 2
+/// of the five take pooled column 0, and columns 3 and 4 take pooled column 1.
 pub(crate) fn unpool(flat: Tensor<2>, geometry: &Geometry) -> Tensor<5> {
     let (count, device) = (flat.dims()[0], flat.device());
     let [steps, rows, columns] = geometry.pooled;

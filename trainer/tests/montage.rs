@@ -15,12 +15,12 @@ fn check(changes: &[(&str, &str)]) -> MontageCheck {
         assert!(text.contains(from), "{from}");
         text = text.replacen(from, to, 1);
     }
-    MontageCheck::new(&MontageFile::parse(Path::new("four.toml"), &text).unwrap())
+    MontageCheck::new(&MontageFile::parse(Path::new("four.toml"), &text).expect("a montage"))
 }
 
 fn trainer(arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trainer"));
-    command.args(arguments).output().unwrap()
+    command.args(arguments).output().expect("trainer starts")
 }
 
 #[test]
@@ -121,7 +121,7 @@ fn a_small_grid_and_far_neighbours_are_notes() {
         rows: 2,
         columns: 3,
     };
-    assert_eq!(check(&[]).notes, [small.clone()]);
+    assert_eq!(check(&[]).notes, std::slice::from_ref(&small));
     assert!(small.to_string().contains("--mode pca"), "{small}");
     let wide = Note::SmallGrid {
         rows: 2,

@@ -27,7 +27,7 @@ impl ProgressObserver for Silent {
 
 fn montage(name: &str) -> MontageFile {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../montages");
-    MontageFile::read(&folder.join(name)).unwrap()
+    MontageFile::read(&folder.join(name)).expect("a montage")
 }
 
 /// Writes 16 s of mixed low-pass-filtered sources at 256 Hz.
@@ -45,7 +45,8 @@ fn write_recording(path: &Path, labels: &[String], seed: u64) {
         start_ns: 0,
         description: "synthetic".to_owned(),
     };
-    let mut writer = GdfWriter::new(File::create(path).unwrap(), &file).unwrap();
+    let mut writer =
+        GdfWriter::new(File::create(path).expect("a new file"), &file).expect("a header");
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut weights = ChaCha8Rng::seed_from_u64(0);
     let mix: Vec<[f32; SOURCES]> = labels
@@ -64,9 +65,9 @@ fn write_recording(path: &Path, labels: &[String], seed: u64) {
                 mixed + rng.random_range(-0.5..0.5)
             }));
         }
-        writer.write_record(&rows).unwrap();
+        writer.write_record(&rows).expect("one record");
     }
-    writer.finish(&[]).unwrap();
+    writer.finish(&[]).expect("no events");
 }
 
 /// Fits a PCA model of 48 numbers in `folder`, and returns its figures.
@@ -100,24 +101,24 @@ fn fit(montage: MontageFile, folder: &Path) -> Comparison {
         force: false,
         out: folder.join("model"),
     };
-    session::train(&options, &mut Silent).unwrap()
+    session::train(&options, &mut Silent).expect("a model")
 }
 
 /// Fits a model for the montage of a file in `montages/` and checks it.
 fn check(name: &str) {
     let montage = montage(name);
     assert_eq!(MontageCheck::new(&montage).mistakes, []);
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("a folder");
     let Comparison { network, .. } = fit(montage.clone(), folder.path());
-    let model = Artifact::read(&folder.path().join("model")).unwrap();
+    let model = Artifact::read(&folder.path().join("model")).expect("an artifact");
     assert_eq!(model.description.montage, montage.montage());
     assert_eq!(model.description.adc, montage.adc());
-    let device = model_gen::DeviceModel::new(&model).unwrap();
+    let device = model_gen::DeviceModel::new(&model).expect("integers");
     assert_eq!(device.integers.code_scale.len(), 48);
     // Three sources in 16 steps span at most 48 dimensions, which 48 numbers hold; what is left is the
-    // noise of each electrode, 0.3 uV. With int8 codes, quantisation adds to this error.
-    assert!(network.float.prd_percent < 5.0, "{network:?}");
-    assert!(network.integer.prd_percent < 20.0, "{network:?}");
+    // noise of each electrode, 0.3 uV. Measured: at most 0.7 %, and with int8 codes 3.0 %.
+    assert!(network.float.prd_percent < 1.0, "{network:?}");
+    assert!(network.integer.prd_percent < 5.0, "{network:?}");
 }
 
 #[test]
