@@ -3,7 +3,7 @@
 pub(crate) mod bridge;
 mod check_options;
 mod claim;
-mod command_line;
+pub(crate) mod command_line;
 mod completions;
 mod config_file;
 mod convert;

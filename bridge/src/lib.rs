@@ -84,6 +84,7 @@ mod time;
 mod wire;
 
 pub use app::bridge::Publication;
+pub use app::command_line::ignore_empty_variable;
 pub use app::log::start as start_log;
 pub use app::namespace::Namespace;
 pub use app::parameters::{read as read_parameters, to_flags as parameters_to_flags};

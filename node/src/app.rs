@@ -4,7 +4,8 @@ use std::error::Error;
 use std::process::ExitCode;
 
 use bridge::{
-    BridgeError, Namespace, Publication, parameters_to_flags, read_parameters, start_log,
+    BridgeError, Namespace, Publication, ignore_empty_variable, parameters_to_flags,
+    read_parameters, start_log,
 };
 use clap::parser::ValueSource;
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
@@ -81,6 +82,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
 
 /// Parses the arguments. Wrong usage and requests for help end the process.
 fn matches(arguments: &[String]) -> ArgMatches {
-    let matches = Options::command().try_get_matches_from(arguments);
+    let command = Options::command().mut_args(ignore_empty_variable);
+    let matches = command.try_get_matches_from(arguments);
     matches.unwrap_or_else(|error| error.exit())
 }

@@ -233,15 +233,17 @@ impl Task {
 
 /// Returns the command line with all subcommands. An empty variable of the environment sets no option.
 pub(crate) fn command() -> Command {
-    let without_empty = |option: Arg| {
-        let value = option.get_env().and_then(std::env::var_os);
-        match value {
-            Some(value) if value.is_empty() => option.env(Resettable::Reset),
-            _ => option,
-        }
-    };
-    let command = all_options().mut_args(without_empty);
-    command.mut_subcommands(|subcommand| subcommand.mut_args(without_empty))
+    let command = all_options().mut_args(ignore_empty_variable);
+    command.mut_subcommands(|subcommand| subcommand.mut_args(ignore_empty_variable))
+}
+
+/// Returns an option that takes no value from a variable of the environment that is set to nothing.
+pub fn ignore_empty_variable(option: Arg) -> Arg {
+    let value = option.get_env().and_then(std::env::var_os);
+    match value {
+        Some(value) if value.is_empty() => option.env(Resettable::Reset),
+        _ => option,
+    }
 }
 
 fn all_options() -> Command {

@@ -40,6 +40,8 @@ impl Graph {
             .env("ROS_HOSTNAME", "127.0.0.1")
             .env_remove("ROS_IP")
             .env_remove("RUST_LOG")
+            // Sets no option.
+            .env("CORTICODE_MAINS", "")
             .stdin(Stdio::null())
             .stderr(File::create(log.path().join("log")).unwrap())
             .spawn()
