@@ -116,9 +116,12 @@ impl Size {
             // Cell k has an electrode where k * electrodes / cells reaches the next integer.
             (cell + 1) * self.electrodes / cells > cell * self.electrodes / cells
         };
-        let label = |cell: usize| match is_electrode(cell) {
-            true => format!("E{}", cell * self.electrodes / cells + 1),
-            false => "_".to_owned(),
+        let label = |cell: usize| {
+            if is_electrode(cell) {
+                format!("E{}", cell * self.electrodes / cells + 1)
+            } else {
+                "_".to_owned()
+            }
         };
         let row = |row: usize| {
             (0..columns)

@@ -155,7 +155,7 @@ fn dequantised_codes(mut bytes: &[u8]) -> Vec<Vec<f32>> {
     while let Some(frame) = decoder.next::<ToHost>(&mut bytes) {
         if let ToHost::Code(code) = frame.expect("a whole frame").message {
             let scales = model::CODE_SCALE.iter().zip(&model::CODE_ZERO_POINT);
-            let levels = code.values.levels().into_iter().zip(scales);
+            let levels = code.values.levels().zip(scales);
             let values =
                 levels.map(|(level, (scale, zero))| (level - i32::from(*zero)) as f32 * scale);
             codes.push(values.collect());

@@ -31,7 +31,7 @@ pub(crate) const NUMBERS: usize = 128;
 /// A board that answers commands as the firmware does. Tests set its properties.
 pub(crate) struct Board {
     pub(crate) encoder: Encoder,
-    pub(crate) commands: Decoder<MAX_FRAME>,
+    pub(crate) commands: Decoder<256>,
     pub(crate) model_id: [u8; 8],
     pub(crate) session_id: u32,
     pub(crate) labels: String,

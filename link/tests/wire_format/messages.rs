@@ -39,11 +39,11 @@ pub(crate) fn capabilities() -> ToHost<'static> {
 
 /// The values -64 to 63 as bytes.
 const RAMP: [u8; 128] = {
-    let mut ramp = [0; 128];
-    let mut value = -64_i8;
-    while value < 64 {
-        ramp[(value + 64) as usize] = value.cast_unsigned();
-        value += 1;
+    let mut ramp = [192_u8; 128];
+    let mut index = 1;
+    while index < ramp.len() {
+        ramp[index] = ramp[index - 1].wrapping_add(1);
+        index += 1;
     }
     ramp
 };
