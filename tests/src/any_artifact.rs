@@ -1,10 +1,10 @@
 //! Random networks of every mode, padding, pool and size, calibrated like a trained network.
 
-use std::fmt;
+use std::{fmt, fs, path::PathBuf};
 
 use artifact::{
-    Artifact, ArtifactError, Description, FloatEncoder, Geometry, Grid, Mode, NetworkShape,
-    Padding, ScalpGrid, Tensors, TracedCode,
+    Artifact, ArtifactError, Decimation, Description, FloatEncoder, Geometry, Grid, Mode,
+    MontageFile, NetworkShape, Padding, ScalpGrid, Tensors, TracedCode,
 };
 use model_gen::IntegerModel;
 
@@ -157,6 +157,32 @@ impl fmt::Display for Size {
              {numbers} numbers"
         )
     }
+}
+
+/// Returns the montage files of the folder `montages`, by name.
+///
+/// # Panics
+/// When the folder or a file cannot be read.
+pub fn montages() -> Vec<MontageFile> {
+    let folder = workspace::root().join("montages");
+    let files = fs::read_dir(folder).expect("the folder of the montages");
+    let mut paths: Vec<PathBuf> = files.map(|file| file.expect("a file").path()).collect();
+    paths.sort();
+    let read = |path: &PathBuf| MontageFile::read(path).expect("a montage");
+    paths.iter().map(read).collect()
+}
+
+/// Writes the grid, the electrodes and the converters of a montage into a description, whose ADC may have
+/// any rate.
+pub fn apply_montage(montage: &MontageFile, description: &mut Description) {
+    description.grid = montage.grid();
+    description.montage = montage.montage();
+    description.adc = montage.adc();
+    description.filters.decimation = Decimation::Fir;
+    let card = &mut description.training;
+    (card.real_electrodes, card.interpolated_electrodes) =
+        (description.montage.electrodes.len(), 0);
+    card.interpolated.clear();
 }
 
 /// Returns `count` random windows of a model's electrodes, smooth over time.

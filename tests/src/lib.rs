@@ -24,6 +24,7 @@ pub mod lossy_cable;
 pub mod modules;
 pub mod npz;
 pub mod numpy_reference;
+pub mod other_model;
 pub mod process;
 pub mod programs;
 pub mod real_data;

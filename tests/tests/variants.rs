@@ -4,11 +4,9 @@
 //! `encoder_numpy.rs` compares the reference itself with numpy for networks of every mode, padding and pool.
 #![forbid(unsafe_code)]
 
-use std::process::Command;
-
 use acceptance::{
     any_artifact::{Size, any_artifact_with},
-    workspace,
+    other_model,
 };
 use artifact::{
     CodeFormat,
@@ -78,20 +76,12 @@ fn streaming_equals_batch_with_every_variant() {
         let mut artifact = artifact.expect("a model");
         artifact.description.code.format = format;
         artifact.write(folder.path()).expect("a folder to write to");
-        let test = [
-            "test",
-            "--package",
-            "pipeline",
-            "--test",
-            "streaming_equals_batch",
-        ];
-        let output = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
-            .args(test)
-            .current_dir(workspace::root())
-            .env("CORTICODE_ARTIFACT", folder.path())
-            // Use a separate folder: in the usual one, each change of the model would rebuild the crates that
-            // depend on it twice.
-            .env("CARGO_TARGET_DIR", target().join("variants"))
+        let output = other_model::cargo(folder.path())
+            .args([
+                "test",
+                "--package=pipeline",
+                "--test=streaming_equals_batch",
+            ])
             .output()
             .expect("cargo runs");
         let stdout = String::from_utf8_lossy(&output.stdout);
@@ -104,11 +94,4 @@ fn streaming_equals_batch_with_every_variant() {
         let result = stdout.lines().find(|line| line.starts_with("test result"));
         println!("{variant}: {}", result.expect("a test ran"));
     }
-}
-
-/// Returns cargo's target folder, in which this test was built.
-fn target() -> std::path::PathBuf {
-    let this = std::env::current_exe().expect("this program has a path");
-    let profile = this.ancestors().nth(2).expect("target/profile/deps/test");
-    profile.parent().expect("a target folder").to_owned()
 }

@@ -1,0 +1,127 @@
+//! Each file in `montages/` makes a model that streams: the codes of the pipeline equal those of the batch
+//! reference, these equal numpy's, and host-sim, built with the model, announces and streams it.
+#![forbid(unsafe_code)]
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use acceptance::{any_artifact, numpy_reference, other_model};
+use artifact::{Artifact, IntegerCode, Mode, MontageFile};
+use link::{Decoder, MAX_FRAME, ToHost};
+
+/// Numbers in a code of each model.
+const NUMBERS: usize = 48;
+/// Seconds that host-sim plays.
+const SECONDS: u64 = 6;
+
+#[test]
+fn every_montage_streams_the_codes_of_numpy() {
+    let montages = any_artifact::montages();
+    assert!(montages.len() >= 5, "{} montages", montages.len());
+    for (seed, montage) in (1..).zip(&montages) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let artifact = model(seed, montage);
+        artifact.write(folder.path()).expect("a folder to write to");
+        compare_with_numpy(seed, &artifact);
+        streaming_equals_batch(folder.path());
+        let codes = play(folder.path(), &artifact);
+        println!("{}: {codes} codes", montage.name);
+    }
+}
+
+/// Returns a model of mode `pca` with random weights for a montage.
+fn model(seed: u32, montage: &MontageFile) -> Artifact {
+    let artifact = any_artifact::any_artifact_with(seed, |description| {
+        description.mode = Mode::Pca;
+        description.code.numbers = NUMBERS;
+        any_artifact::apply_montage(montage, description);
+    });
+    artifact.expect("a model")
+}
+
+/// Compares the batch reference with numpy on random windows.
+fn compare_with_numpy(seed: u32, artifact: &Artifact) {
+    if !numpy_reference::available("montages against numpy") {
+        return;
+    }
+    let model = model_gen::quantise(artifact).expect("an integer model");
+    let windows = any_artifact::windows(!seed, artifact, 20);
+    let quantise = |window| any_artifact::quantised(artifact, &model, window);
+    let windows: Vec<Vec<i8>> = windows.iter().map(quantise).collect();
+    let theirs = numpy_reference::integer_codes(&model, windows.iter().map(Vec::as_slice));
+    let ours: Vec<IntegerCode> = windows.iter().map(|w| model.encode_window(w)).collect();
+    assert_eq!(ours, theirs.expect("numpy's codes"));
+    assert_ne!(ours[0], ours[1]);
+}
+
+/// Runs the tests of the streaming encoder in a build with the model.
+fn streaming_equals_batch(folder: &Path) {
+    let output = other_model::cargo(folder)
+        .args([
+            "test",
+            "--package=pipeline",
+            "--test=streaming_equals_batch",
+        ])
+        .output()
+        .expect("cargo runs");
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{stdout}\n{stderr}");
+}
+
+/// Plays synthetic EEG with a host-sim that is built with the model, and checks what it sends. Returns the
+/// number of codes.
+fn play(folder: &Path, artifact: &Artifact) -> usize {
+    let build = other_model::cargo(folder)
+        .args(["build", "--package=host-sim"])
+        .output()
+        .expect("cargo runs");
+    let stderr = String::from_utf8_lossy(&build.stderr);
+    assert!(build.status.success(), "{stderr}");
+    let frames = folder.join("frames");
+    let played = Command::new(other_model::target().join("debug/host-sim"))
+        .args(["run", "--input=synthetic", "--mains=50"])
+        .arg(format!("--duration={SECONDS}"))
+        .arg(format!("--output=file:{}", frames.display()))
+        .output()
+        .expect("host-sim starts");
+    let stderr = String::from_utf8_lossy(&played.stderr);
+    assert!(played.status.success(), "{stderr}");
+
+    let description = &artifact.description;
+    let bytes = fs::read(frames).expect("frames");
+    let mut input = bytes.as_slice();
+    let mut decoder = Decoder::<MAX_FRAME>::new();
+    let (mut codes, mut announced) = (Vec::new(), 0);
+    while let Some(frame) = decoder.next::<ToHost<'_>>(&mut input) {
+        match frame.expect("a sound frame").message {
+            ToHost::Capabilities(capabilities) => {
+                announced += 1;
+                assert_eq!(u32::from(capabilities.adc_rate_hz), description.adc.rate_hz);
+                assert_eq!(usize::from(capabilities.channels), description.adc.channels);
+                let labels: Vec<&str> = capabilities.labels.split(' ').collect();
+                assert_eq!(labels, description.montage.electrodes);
+                assert_eq!(capabilities.code_scale.len(), NUMBERS);
+                let lsb_nv = description.adc.lsb_uv() * 1_000.0;
+                assert!((f64::from(capabilities.lsb_nv) - lsb_nv).abs() < 1e-5 * lsb_nv);
+            }
+            ToHost::Code(code) => {
+                assert_eq!((code.model_id, code.saturated), (artifact.id.0, 0));
+                let flags = code.flags;
+                assert!(!flags.contains(link::Flags::ADC_STATUS_BAD), "{flags:?}");
+                codes.push(code.values.levels().collect::<Vec<i32>>());
+            }
+            _ => {}
+        }
+    }
+    assert!(announced > 0, "no Capabilities");
+    let steps = SECONDS * u64::from(description.window.rate_hz);
+    let window = &description.window;
+    let expected = (steps - window.steps as u64) / window.hop as u64 + 1;
+    assert_eq!(codes.len() as u64, expected);
+    assert!(codes.iter().all(|levels| levels.len() == NUMBERS));
+    let changes = codes.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    assert!(changes > codes.len() / 2, "{changes} of {}", codes.len());
+    codes.len()
+}
