@@ -40,7 +40,13 @@ pub struct Description {
 impl Description {
     /// Returns the dimensions of the model.
     pub const fn dimensions(&self) -> Dimensions {
-        Dimensions::new(self)
+        Dimensions {
+            steps: self.window.steps,
+            rows: self.grid.rows,
+            columns: self.grid.columns,
+            electrodes: self.montage.electrodes.len(),
+            numbers: self.code.numbers,
+        }
     }
 }
 

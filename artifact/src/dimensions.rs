@@ -1,7 +1,5 @@
 //! Dimensions of a model: its window, scalp grid, electrodes and code.
 
-use crate::description::Description;
-
 /// Number of output channels of the first convolution.
 pub const CONV1_CHANNELS: usize = 16;
 /// Number of output channels of the second convolution.
@@ -25,17 +23,6 @@ pub struct Dimensions {
 }
 
 impl Dimensions {
-    /// Returns the dimensions that a description states.
-    pub const fn new(description: &Description) -> Self {
-        Self {
-            steps: description.window.steps,
-            rows: description.grid.rows,
-            columns: description.grid.columns,
-            electrodes: description.montage.electrodes.len(),
-            numbers: description.code.numbers,
-        }
-    }
-
     /// Returns the number of cells in one plane of the scalp grid; a cell without an electrode holds 0.
     pub const fn cells(&self) -> usize {
         self.rows * self.columns

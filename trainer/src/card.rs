@@ -1,11 +1,13 @@
 //! The description of a new artifact, and its training card.
 
 use artifact::{
-    CodeFormat, CodeQuantisation, Decimation, Description, Figures, Filters, Input, Mode,
-    MontageFile, NetworkShape, Padding, TrainingCard, Window,
+    CodeFormat, CodeQuantisation, Decimation, Description, Dimensions, Figures, Filters, Input,
+    Mode, MontageFile, NetworkShape, Padding, TrainingCard, Window,
 };
 
+use crate::error::TrainerError;
 use crate::evaluate::{Evaluation, ReconstructionError};
+use crate::montage_check::MontageCheck;
 
 /// Rate of the time steps, Hz.
 const STEP_RATE_HZ: u32 = 128;
@@ -111,4 +113,44 @@ pub fn figures(
         pca_float: figure(&pca.float),
         pca_int8: figure(&pca.integer),
     }
+}
+
+/// Returns the description of the model to train, after all checks that need no recording.
+///
+/// # Errors
+/// If the montage has mistakes, or no model can have this shape.
+pub fn checked_description(
+    montage: &MontageFile,
+    shape: Shape,
+) -> Result<Description, TrainerError> {
+    let mistakes = MontageCheck::new(montage).mistakes;
+    if !mistakes.is_empty() {
+        return Err(TrainerError::MontageMistakes {
+            name: montage.name.clone(),
+            mistakes: mistakes.iter().map(ToString::to_string).collect(),
+        });
+    }
+    if shape.mode == Mode::Paper {
+        return Err(TrainerError::PaperMode);
+    }
+    let mut description = description(montage, shape);
+    // Replaced by the standard deviation of the recordings.
+    description.input.sd_uv = 1.0;
+    artifact::check_description(&description).map_err(TrainerError::Shape)?;
+    let Dimensions {
+        steps,
+        electrodes,
+        numbers,
+        ..
+    } = description.dimensions();
+    let values = steps * electrodes;
+    if numbers > values {
+        return Err(TrainerError::TooManyNumbers {
+            numbers,
+            values,
+            steps,
+            electrodes,
+        });
+    }
+    Ok(description)
 }

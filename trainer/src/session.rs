@@ -5,14 +5,13 @@ use crate::dataset::{Dataset, Split};
 use crate::error::TrainerError;
 use crate::evaluate::{Evaluation, evaluate};
 use crate::golden::golden_windows;
-use crate::montage_check::MontageCheck;
 use crate::network::Network;
 use crate::parameters::Parameters;
 use crate::selection::file_name;
 use crate::track::{SETTLING_S, Track};
 use crate::training::{EpochReport, Settings, Training};
 use crate::{card, checkpoint, pca, selection};
-use artifact::{Artifact, Description, Dimensions, Geometry, Mode, MontageFile};
+use artifact::{Artifact, Description, Geometry, Mode, MontageFile};
 use std::path::{Path, PathBuf};
 
 /// Options of `trainer train`.
@@ -94,7 +93,7 @@ pub fn train(
         let folder = options.out.clone();
         return Err(TrainerError::ArtifactExists { folder });
     }
-    let mut description = checked_description(options)?;
+    let mut description = card::checked_description(&options.montage, options.shape)?;
     let train_files = selection::recordings(&options.data, &options.train)?;
     let test_files = selection::recordings(&options.data, &options.test)?;
     if let Some(both) = test_files.iter().find(|file| train_files.contains(file)) {
@@ -282,44 +281,6 @@ fn train_network(
         "{start}; Adam, one cycle with peak {peak_rate}{shortcut}, 15 % warm-up, batch {batch}"
     );
     Ok(best.parameters.clone())
-}
-
-/// Returns the description of the model to train, after all checks that need no recording.
-///
-/// # Errors
-/// If the montage has mistakes, or no model can have this shape.
-fn checked_description(options: &TrainOptions) -> Result<Description, TrainerError> {
-    let montage = &options.montage;
-    let mistakes = MontageCheck::new(montage).mistakes;
-    if !mistakes.is_empty() {
-        return Err(TrainerError::MontageMistakes {
-            name: montage.name.clone(),
-            mistakes: mistakes.iter().map(ToString::to_string).collect(),
-        });
-    }
-    if options.shape.mode == Mode::Paper {
-        return Err(TrainerError::PaperMode);
-    }
-    let mut description = card::description(montage, options.shape);
-    // Replaced by the standard deviation of the recordings.
-    description.input.sd_uv = 1.0;
-    artifact::check_description(&description).map_err(TrainerError::Shape)?;
-    let Dimensions {
-        steps,
-        electrodes,
-        numbers,
-        ..
-    } = description.dimensions();
-    let values = steps * electrodes;
-    if numbers > values {
-        return Err(TrainerError::TooManyNumbers {
-            numbers,
-            values,
-            steps,
-            electrodes,
-        });
-    }
-    Ok(description)
 }
 
 /// Passes recordings through the front end, and reports the length and the warnings of each recording.
