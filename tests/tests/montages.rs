@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 use acceptance::{any_artifact, numpy_reference, other_model};
-use artifact::{Artifact, IntegerCode, Mode, MontageFile};
+use artifact::{Artifact, Dimensions, IntegerCode, Mode, MontageFile};
 use link::{Decoder, MAX_FRAME, ToHost};
 
 /// Numbers in a code of each model.
@@ -24,9 +24,22 @@ fn every_montage_streams_the_codes_of_numpy() {
         let artifact = model(seed, montage);
         artifact.write(folder.path()).expect("a folder to write to");
         compare_with_numpy(seed, &artifact);
-        streaming_equals_batch(folder.path());
+        if artifact.description.dimensions() != paper(NUMBERS) {
+            streaming_equals_batch(folder.path());
+        }
         let codes = play(folder.path(), &artifact);
         println!("{}: {codes} codes", montage.name);
+    }
+}
+
+/// Returns the paper's dimensions with another length of the codes, whose streaming `variants.rs` checks.
+const fn paper(numbers: usize) -> Dimensions {
+    Dimensions {
+        steps: 16,
+        rows: 10,
+        columns: 9,
+        electrodes: 61,
+        numbers,
     }
 }
 
