@@ -14,7 +14,7 @@ use crate::layout::Layout;
 use crate::refusal::Refusal;
 use crate::sequence::{Arrival, Sequence};
 
-const _: () = assert!(model::CHANNELS == recordings::virtual_adc::CHANNELS);
+const _: () = assert!(model::CHANNELS <= recordings::virtual_adc::CHANNELS);
 
 /// An acquisition whose frames are encoded by a device in this process.
 ///
@@ -172,7 +172,11 @@ impl Source {
             let is_lost = self.is_lost();
             let at_us = self.device_us();
             self.outputs += 1;
-            self.device.process(&Sample { counts }, is_lost, at_us);
+            // The virtual ADC fills the channels of the longest chain.
+            let sample = Sample {
+                counts: std::array::from_fn(|channel| counts[channel]),
+            };
+            self.device.process(&sample, is_lost, at_us);
             self.collect();
         }
         Ok(())
