@@ -112,14 +112,15 @@ pub struct Capabilities<'a> {
     /// represents the signal that was at the electrodes at `t - group_delay_us`. A code has the
     /// time of its last step.
     pub group_delay_us: u32,
-    /// Electrode labels, blank-separated, in the order of the montage (ADC channel order). At most [`MAX_LABELS_BYTES`] bytes.
+    /// Electrode labels, blank-separated, in the order of the montage (ADC channel order). At most
+    /// [`MAX_LABELS_BYTES`] bytes.
     pub labels: &'a str,
     /// Description of the filter chain, for human readers. At most [`MAX_TEXT_BYTES`] bytes.
     pub filters: &'a str,
     /// Format of all codes of this device; it is part of the model.
     pub code_format: CodeFormat,
-    /// Scale of each code value; a code has as many values as there are scales. The decoder network's input is
-    /// `z = (level - code_zero_point) * code_scale`, with the [levels](crate::CodeValues::levels)
+    /// Scale of each code value; a code has as many values as there are scales. The decoder network's
+    /// input is `z = (level - code_zero_point) * code_scale`, with the [levels](crate::CodeValues::levels)
     /// of the code. Positive and finite.
     pub code_scale: Vec<f32, MAX_NUMBERS>,
     /// Level of each code value that stands for `z = 0`; always 0 in the formats other than

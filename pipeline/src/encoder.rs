@@ -24,9 +24,9 @@ use window::{OpenWindow, containing_windows, slot_of};
 /// windows that contain it. The codes equal those of a batch encoder over each window bit
 /// for bit, because the hop is a multiple of the pool's steps.
 ///
-/// Without padded steps, all steps take about the same work: where a pooled plane belongs to several
-/// windows, its products for all but the oldest window are deferred to the next step. With padded steps,
-/// each window also has planes of its own at its ends.
+/// Where a pooled plane belongs to several windows, its products for all but the oldest window are
+/// deferred to the next step. With at most two windows and without padded steps, all steps then take
+/// about the same work. With padded steps, each window also has planes of its own at its ends.
 ///
 /// `M` is an [`EncoderMemory`], or a mutable reference to one.
 #[derive(Clone, Debug)]

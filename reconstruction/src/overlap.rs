@@ -50,7 +50,7 @@ pub enum Source {
     Average,
     /// Earlier windows, because the code of the window is lost.
     Earlier,
-    /// No window: the codes of all are lost. The hop is left as it was.
+    /// No window: the codes of all windows with this hop are lost. The values are not written.
     Missing,
 }
 

@@ -19,7 +19,7 @@ codes = np.fromfile(folder / "z.f32", "<f4").reshape(-1, decoder.model["code"]["
 np.array([decoder.window(z) for z in codes.astype(float)]).tofile(folder / "windows.f64")
 "#;
 
-/// One of so many variants is decoded: with this number, each padding and mode is among them.
+/// Only every fifth variant is decoded, to save time; they include each padding and each mode.
 const EVERY: usize = 5;
 
 /// Number of codes of each network.

@@ -23,7 +23,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// Reads the model that this program was built with.
+    /// Reads the checked-in model, which is part of this program.
     ///
     /// # Errors
     ///
