@@ -24,6 +24,7 @@ fn main() -> ExitCode {
         return ExitCode::FAILURE;
     }
     println!("cargo::rerun-if-changed={}", artifact.display());
+    println!("cargo::rustc-env=ARTIFACT_FOLDER={}", artifact.display());
     let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     match model_gen::generate(&artifact, &out) {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,6 +1,7 @@
 //! Properties of the connected device, from its `Hello` and `Capabilities`.
 
 use link::{Capabilities, CodeFormat, CodeValues, Hello, Substitutes};
+use reconstruction::dequantise;
 use thiserror::Error;
 
 /// Properties of a device, which are needed to interpret its codes, samples and steps.
@@ -292,7 +293,7 @@ impl Device {
     pub fn dequantise(&self, values: &CodeValues, z: &mut [f32]) {
         let numbers = self.scale.iter().zip(&self.zero_point);
         for (z, (level, (scale, zero_point))) in z.iter_mut().zip(values.levels().zip(numbers)) {
-            *z = dequantised(level, *scale, *zero_point);
+            *z = dequantise(level, *scale, *zero_point);
         }
     }
 }
@@ -304,20 +305,12 @@ pub(crate) fn channel_label(labels: &[String], channel: usize) -> String {
     labels.get(channel).cloned().unwrap_or_else(spare)
 }
 
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "the difference has 17 bits at most"
-)]
-fn dequantised(level: i32, scale: f32, zero_point: i8) -> f32 {
-    (level - i32::from(zero_point)) as f32 * scale
-}
-
 /// Returns the smallest and the largest value `z` to which levels from `least` to `greatest`
 /// dequantise, over all places of a code.
 fn code_range([least, greatest]: [i32; 2], scale: &[f32], zero_point: &[i8]) -> [f32; 2] {
     let ends = |level| {
         let numbers = scale.iter().zip(zero_point);
-        numbers.map(move |(scale, zero_point)| dequantised(level, *scale, *zero_point))
+        numbers.map(move |(scale, zero_point)| dequantise(level, *scale, *zero_point))
     };
     [
         ends(least).fold(f32::INFINITY, f32::min),

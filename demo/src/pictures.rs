@@ -62,6 +62,12 @@ fn traces(comparison: &Comparison) -> Traces {
         rows: shown.collect(),
         rate_hz: f64::from(model::STEP_RATE_HZ),
         start_s: seconds(comparison.first_step + start),
+        since: "the device's start".to_owned(),
+        result: format!(
+            "decoded from {} numbers per {} ms",
+            model::CODE,
+            1_000.0 * seconds(model::HOP)
+        ),
         subtitle: format!(
             "{} of {} electrodes of synthetic EEG; the model was trained on a recording. PRD {:.1} % over {:.0} s",
             SHOWN.len(),

@@ -6,6 +6,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use host_sim::{FAULTS, Fault, Output, Trigger};
 use recordings::Missing;
 
+use crate::offline_options::{DecodeOptions, EncodeOptions};
+
 /// Virtual board: plays EEG through the firmware's pipeline, bit for bit.
 #[derive(Debug, Parser)]
 #[command(version)]
@@ -18,6 +20,10 @@ pub(crate) struct CommandLine {
 pub(crate) enum Command {
     /// Run the virtual board on a recording or on synthetic EEG.
     Run(RunOptions),
+    /// Encode recordings to files of codes, as fast as the PC can.
+    Encode(EncodeOptions),
+    /// Decode files of codes to files of signals, and report the error.
+    Decode(DecodeOptions),
     /// Show what a recording holds and how it fits the model's montage.
     Inspect(InspectOptions),
 }

@@ -1,8 +1,12 @@
 //! Command line of the virtual board.
 #![forbid(unsafe_code)]
 
+mod batch;
 mod command_line;
+mod decode;
+mod encode;
 mod inspect;
+mod offline_options;
 mod opened_input;
 mod run;
 
@@ -10,7 +14,9 @@ use std::{error::Error, process::ExitCode};
 
 use clap::Parser as _;
 use host_sim::SessionError;
+use offline::OfflineError;
 
+use batch::BatchError;
 use command_line::{Command, CommandLine};
 
 /// Exit status if the input or the options cannot be used.
@@ -21,15 +27,20 @@ const UNREACHABLE: u8 = 3;
 fn main() -> ExitCode {
     let outcome = match CommandLine::parse().command {
         Command::Run(options) => run::run(&options),
+        Command::Encode(options) => encode::encode(&options),
+        Command::Decode(options) => decode::decode(&options),
         Command::Inspect(options) => inspect::inspect(&options),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("host-sim: {}", chain(&*error));
-            let unreachable = error
-                .downcast_ref()
-                .is_some_and(SessionError::is_output_error);
+            let unreachable = [
+                error.downcast_ref().map(SessionError::is_output_error),
+                error.downcast_ref().map(OfflineError::is_output_error),
+                error.downcast_ref().map(BatchError::is_output_error),
+            ];
+            let unreachable = unreachable.contains(&Some(true));
             ExitCode::from(if unreachable { UNREACHABLE } else { UNUSABLE })
         }
     }

@@ -81,6 +81,7 @@ mod tests {
         let onsets = Onsets {
             seconds: vec![0.0, 1.0, 1.0, 1.001, 1.008],
             outside: 0,
+            ..Onsets::default()
         };
         let mut edges = RecordedEdges::new(&onsets);
         assert_eq!(edges.pulses(), 3);

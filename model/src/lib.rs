@@ -27,6 +27,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod artifact_files;
 mod code_format;
 mod constants;
 mod mains_filter;

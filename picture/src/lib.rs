@@ -1,13 +1,16 @@
 //! Charts as SVG files, drawn without any font or library of the system.
 //!
 //! Each chart is a struct of plain numbers with a `draw` method that writes one file. The demo draws
-//! a run of the signal path, the benchmarks draw the filters over frequency.
+//! a run of the signal path, the benchmarks draw the filters over
+//! frequency, `host-sim decode` draws the error of decoded recordings.
 //!
 //! ```text
-//! demo  ──┬─ Traces     electrodes over time ─────┐
-//!         ├─ HeatMap    codes over time ──────────┤
-//!         ├─ Intervals  histogram of intervals ───┼─ canvas (title, axes, colours) ── *.svg
-//! bench ──┴─ Curves     curves over frequency ────┘
+//! demo  ────┬─ Traces     electrodes over time ─────┐
+//!           ├─ HeatMap    codes over time ──────────┤
+//! bench ────┼─ Intervals  histogram of intervals ───┤
+//!           ├─ Curves     curves over frequency ────┼─ canvas (title, axes, colours) ── *.svg
+//! offline ──┼─ ScalpMap   a value per electrode ────┤
+//!           └─ Histogram  counted values ───────────┘
 //! ```
 //!
 //! ```
@@ -30,6 +33,8 @@
 pub mod canvas;
 pub mod curves;
 pub mod heat_map;
+pub mod histogram;
 pub mod intervals;
+pub mod scalp_map;
 pub mod spread;
 pub mod traces;

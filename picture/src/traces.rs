@@ -25,8 +25,12 @@ pub struct Traces {
     pub rows: Vec<Trace>,
     /// Number of values per second in each trace, Hz.
     pub rate_hz: f64,
-    /// Time of the first value since the device's start, s.
+    /// Time of the first value, s.
     pub start_s: f64,
+    /// What the time is counted from, such as "the device's start".
+    pub since: String,
+    /// Name of the decoded signal in the legend, such as "decoded from 128 int8 per 62.5 ms".
+    pub result: String,
     /// Line below the title, such as the number of electrodes and the error of the reconstruction.
     pub subtitle: String,
 }
@@ -54,9 +58,10 @@ impl Traces {
         let lengths = self.rows.iter().map(|trace| trace.source_uv.len());
         let end_s = self.start_s + real(lengths.max().unwrap_or(0)) / self.rate_hz;
         let right = i32::try_from(area.dim_in_pixel().0).unwrap_or(i32::MAX);
+        let source = format!("filtered, {} Hz (reference)", self.rate_hz);
         for (x, color, label) in [
-            (right - 610, SOURCE, "filtered, 128 Hz (reference)"),
-            (right - 320, RESULT, "decoded from 128 int8 per 62.5 ms"),
+            (right - 610, SOURCE, &source),
+            (right - 320, RESULT, &self.result),
         ] {
             canvas::legend(area, (x, 6), color, label)?;
         }
@@ -71,7 +76,7 @@ impl Traces {
             .axis_style(FAINT)
             .x_labels(11)
             .x_label_formatter(&|seconds| format!("{seconds:.1}"))
-            .x_desc("time since the device's start (s)")
+            .x_desc(format!("time since {} (s)", self.since))
             .label_style(canvas::text(15, INK))
             .axis_desc_style(canvas::text(16, INK))
             .draw()?;

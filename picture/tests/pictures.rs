@@ -7,7 +7,9 @@ use std::path::Path;
 use picture::canvas::{PictureError, RESULT, SOURCE};
 use picture::curves::{Curve, Curves, Mark};
 use picture::heat_map::HeatMap;
+use picture::histogram::Histogram;
 use picture::intervals::{Intervals, Series};
+use picture::scalp_map::{Place, ScalpMap};
 use picture::traces::{Trace, Traces};
 
 const SUBTITLE: &str = "synthetic data";
@@ -50,9 +52,11 @@ fn traces_are_drawn() {
         rows: (0..6).map(trace).collect(),
         rate_hz: 128.0,
         start_s: 3.0,
+        since: "the device's start".to_owned(),
+        result: "decoded from 128 int8".to_owned(),
         subtitle: SUBTITLE.to_owned(),
     };
-    let words = ["time since the device", "E5", "µV"];
+    let words = ["time since the device", "E5", "µV", "128 Hz", "128 int8"];
     assert_drawn(|path| traces.draw(path), &words, "<polyline", 12..);
 }
 
@@ -127,4 +131,42 @@ fn lines_and_circles_are_drawn_within_the_axes() {
     ];
     // One of the 60 points is not drawn: its value, 1, is above the y axis, which ends at 0.5.
     assert_drawn(|path| curves.draw(path), &words, "<circle", 59..=59);
+}
+
+#[test]
+fn a_scalp_map_is_drawn() {
+    let place = |electrode: u8| Place {
+        label: format!("E{electrode}"),
+        at: [f64::from(electrode) / 5.0 - 0.5, 0.3],
+        value: f64::from(electrode),
+        is_measured: electrode > 1,
+    };
+    let map = ScalpMap {
+        places: (0..6).map(place).collect(),
+        title: "error".to_owned(),
+        subtitle: SUBTITLE.to_owned(),
+        unit: "%".to_owned(),
+    };
+    let words = ["E5", "5.0 %", "hollow"];
+    // Two circles for each electrode, and the head.
+    assert_drawn(|path| map.draw(path), &words, "<circle", 13..=13);
+    assert_drawn(|path| map.draw(path), &words, "<rect", 200..);
+}
+
+#[test]
+fn a_histogram_is_drawn() {
+    let histogram = Histogram {
+        range: [-128.0, 128.0],
+        counts: vec![0, 10, 30, 0],
+        title: "levels".to_owned(),
+        subtitle: SUBTITLE.to_owned(),
+        x: "level".to_owned(),
+    };
+    // The page, and the two bins that are not empty.
+    assert_drawn(
+        |path| histogram.draw(path),
+        &["level", "share"],
+        "<rect",
+        3..=3,
+    );
 }

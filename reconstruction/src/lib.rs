@@ -24,8 +24,10 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod dequantise;
 mod overlap;
 mod window_decoder;
 
+pub use dequantise::dequantise;
 pub use overlap::{Hop, HopLayout, Overlap, Source, Window};
 pub use window_decoder::WindowDecoder;

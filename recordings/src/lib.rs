@@ -59,7 +59,7 @@ mod text_mode;
 pub mod virtual_adc;
 mod warning;
 
-pub use edf::writer::{BdfWriter, RowAnnotation};
+pub use edf::writer::{EdfWriter, RowAnnotation};
 pub use electrode::Electrode;
 pub use error::RecordingError;
 pub use event::{Event, EventLabel};

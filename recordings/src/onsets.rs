@@ -15,6 +15,8 @@ pub struct Onsets {
     /// Starts in order of time, s of the signal that a [`crate::VirtualAdc`] plays, >= 0. Events that
     /// start together have one entry each.
     pub seconds: Vec<f64>,
+    /// Labels of the same events, in the same order.
+    pub labels: Vec<EventLabel>,
     /// Number of events before the start or after the end of the signal.
     pub outside: usize,
 }
@@ -24,12 +26,20 @@ impl Onsets {
     /// event, and sparse samples are no events.
     pub(crate) fn new(events: &[Event], timeline: &Timeline) -> Self {
         let starts = events.iter().filter(|event| is_start(&event.label));
-        let places: Vec<_> = starts.map(|event| timeline.place(event.onset_s)).collect();
-        let mut seconds: Vec<f64> = places.iter().copied().flatten().collect();
-        seconds.sort_by(f64::total_cmp);
+        let mut placed: Vec<(f64, EventLabel)> = Vec::new();
+        let mut outside = 0;
+        for event in starts {
+            match timeline.place(event.onset_s) {
+                Some(place) => placed.push((place, event.label.clone())),
+                None => outside += 1,
+            }
+        }
+        placed.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let (seconds, labels) = placed.into_iter().unzip();
         Self {
-            outside: places.len() - seconds.len(),
             seconds,
+            labels,
+            outside,
         }
     }
 }
@@ -114,6 +124,7 @@ mod tests {
         ];
         let expected = Onsets {
             seconds: vec![1.0, 2.0],
+            labels: vec![EventLabel::Type(0x0300), EventLabel::Type(0x0301)],
             outside: 2,
         };
         assert_eq!(Onsets::new(&events, &timeline), expected);

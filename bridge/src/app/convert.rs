@@ -16,7 +16,7 @@ use crate::conversion::block::Stream;
 use crate::conversion::collector::Listener;
 use crate::conversion::csv::CsvWriter;
 use crate::conversion::gdf::GdfRows;
-use crate::conversion::npz::NpzWriter;
+use crate::conversion::npz::NpzRows;
 use crate::conversion::playback::Playback;
 use crate::conversion::rows::{RowWriter, Rows, StreamFile};
 use crate::conversion::survey::Survey;
@@ -242,7 +242,7 @@ fn writer(
         FileFormat::Csv => Box::new(CsvWriter::new(file, &description)?),
         FileFormat::Gdf => Box::new(GdfRows::new(file, &description)?),
         FileFormat::Bdf => Box::new(BdfRows::new(file, &description)?),
-        FileFormat::Npz => Box::new(NpzWriter::new(file, &description)?),
+        FileFormat::Npz => Box::new(NpzRows::new(file, &description)?),
     }))
 }
 

@@ -2,7 +2,7 @@
 
 use std::io::{self, BufWriter, Seek, Write};
 
-use recordings::BdfWriter;
+use recordings::EdfWriter;
 
 use crate::conversion::block::Block;
 use crate::conversion::gdf::{append_values, file_to_write};
@@ -10,7 +10,7 @@ use crate::conversion::rows::{RowWriter, StreamFile};
 
 /// Writes one record for each block, with the status words as signals of their own.
 pub(crate) struct BdfRows<W: Write + Seek> {
-    writer: BdfWriter<BufWriter<W>>,
+    writer: EdfWriter<BufWriter<W>>,
     values: Vec<f32>,
 }
 
@@ -19,13 +19,13 @@ impl<W: Write + Seek> BdfRows<W> {
     ///
     /// # Errors
     ///
-    /// As [`BdfWriter::new`].
+    /// As [`EdfWriter::bdf`].
     pub(crate) fn new(out: W, file: &StreamFile<'_>) -> io::Result<BdfRows<W>> {
         let events = file.events.iter();
         let texts = events.map(|(row, event)| (*row, event.description.clone()));
         let out = BufWriter::new(out);
         Ok(BdfRows {
-            writer: BdfWriter::new(out, &file_to_write(file), file.rows, texts.collect())?,
+            writer: EdfWriter::bdf(out, &file_to_write(file), file.rows, texts.collect())?,
             values: Vec::new(),
         })
     }

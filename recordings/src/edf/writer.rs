@@ -1,4 +1,4 @@
-//! Writes BDF+: 24-bit samples of one rate, and events as annotations.
+//! Writes EDF+ and BDF+: 16-bit or 24-bit samples of one rate, and events as annotations.
 //!
 //! Sources: Kemp and Olivan 2003 (EDF+), BioSemi's description of BDF.
 
@@ -12,22 +12,31 @@ use crate::signal::calibration::Calibration;
 const RECORDS_AT: u64 = 236;
 /// Largest number of records that its field of 8 characters holds.
 const MAX_RECORDS: u64 = 99_999_999;
-/// Smallest and largest digital value: 24 bits.
-const DIGITAL: [f64; 2] = [-8_388_608.0, 8_388_607.0];
 /// Bytes of a record's own time stamp in its annotations: `+`, 16 digits with a point, 0x14 0x14 0.
 const TIME_STAMP: usize = 20;
 
 /// An annotation to write: the row at which it stands, and its text.
 pub type RowAnnotation = (u64, String);
 
-/// Writes a BDF+ file record by record. Values are rounded to 24 bits of their signal's range.
+/// The two formats, which differ in the width of a sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Width {
+    /// EDF+: 16 bits.
+    Edf,
+    /// BDF+: 24 bits.
+    Bdf,
+}
+
+/// Writes an EDF+ or BDF+ file record by record. Values are rounded to 16 or 24 bits of their signal's
+/// range; values outside the range become its ends.
 #[derive(Debug)]
-pub struct BdfWriter<W> {
+pub struct EdfWriter<W> {
     out: W,
+    width: Width,
     lines: Vec<Calibration>,
     rows_per_record: usize,
     rate_hz: u32,
-    /// Bytes of the annotation signal in a record, a multiple of 3.
+    /// Bytes of the annotation signal in a record, a multiple of the bytes of a sample.
     annotation_bytes: usize,
     /// Annotations with the record that holds them, the next one last.
     annotations: Vec<(u64, RowAnnotation)>,
@@ -35,18 +44,50 @@ pub struct BdfWriter<W> {
     record: Vec<u8>,
 }
 
-impl<W: Write + Seek> BdfWriter<W> {
-    /// Writes the header of a file with `rows` rows. `annotations` are in the order of their rows;
+impl<W: Write + Seek> EdfWriter<W> {
+    /// Writes the header of an EDF+ file with `rows` rows. `annotations` are in the order of their rows;
     /// one after the last row is in the last record.
     ///
     /// # Errors
     /// `InvalidInput` if the file does not fit the format; otherwise the operating system's error.
-    pub fn new(
+    pub fn edf(
+        out: W,
+        file: &FileToWrite,
+        rows: u64,
+        annotations: Vec<RowAnnotation>,
+    ) -> io::Result<EdfWriter<W>> {
+        Self::new(Width::Edf, out, file, rows, annotations)
+    }
+
+    /// Writes the header of a BDF+ file, as [`Self::edf`] does that of an EDF+ file.
+    ///
+    /// # Errors
+    /// Those of [`Self::edf`].
+    pub fn bdf(
+        out: W,
+        file: &FileToWrite,
+        rows: u64,
+        annotations: Vec<RowAnnotation>,
+    ) -> io::Result<EdfWriter<W>> {
+        Self::new(Width::Bdf, out, file, rows, annotations)
+    }
+
+    fn new(
+        width: Width,
         mut out: W,
         file: &FileToWrite,
         rows: u64,
         annotations: Vec<RowAnnotation>,
-    ) -> io::Result<BdfWriter<W>> {
+    ) -> io::Result<EdfWriter<W>> {
+        let [least, most] = width.digital();
+        let fits = |signal: &SignalToWrite| {
+            !signal.is_integer || (signal.range[0] >= least && signal.range[1] <= most)
+        };
+        if width == Width::Edf && !file.signals.iter().all(fits) {
+            return Err(invalid(
+                "an EDF+ file holds integers of 16 bits with their sign; choose BDF",
+            ));
+        }
         let rows_per_record = u64::from(file.rows_per_record.max(1));
         let record_of = |row: u64| row.min(rows.saturating_sub(1)) / rows_per_record;
         let annotations = annotations.into_iter();
@@ -55,12 +96,19 @@ impl<W: Write + Seek> BdfWriter<W> {
             let lists = of.iter().map(|(_, of)| list(of, file.rate_hz).len());
             lists.sum::<usize>()
         });
-        let annotation_bytes = (TIME_STAMP + in_record.max().unwrap_or(0)).next_multiple_of(3);
+        let annotation_bytes =
+            (TIME_STAMP + in_record.max().unwrap_or(0)).next_multiple_of(width.bytes());
         annotations.reverse();
-        let ranges: Vec<Range> = file.signals.iter().map(Range::new).collect();
-        out.write_all(&header(file, &ranges, annotation_bytes / 3)?)?;
-        Ok(BdfWriter {
+        let ranges: Vec<Range> = file
+            .signals
+            .iter()
+            .map(|signal| Range::new(signal, width))
+            .collect();
+        let samples = annotation_bytes / width.bytes();
+        out.write_all(&header(width, file, &ranges, samples)?)?;
+        Ok(EdfWriter {
             out,
+            width,
             lines: ranges.iter().map(Range::calibration).collect(),
             rows_per_record: file.rows_per_record as usize,
             rate_hz: file.rate_hz,
@@ -85,9 +133,10 @@ impl<W: Write + Seek> BdfWriter<W> {
             for value in rows.iter().skip(signal).step_by(signals) {
                 let digital = (f64::from(*value) - line.physical_min) / line.gain();
                 let digital = (digital + line.digital_min).round();
-                #[expect(clippy::cast_possible_truncation, reason = "clamped to 24 bits")]
+                #[expect(clippy::cast_possible_truncation, reason = "clamped to the width")]
                 let digital = digital.clamp(line.digital_min, line.digital_max) as i32;
-                self.record.extend(&digital.to_le_bytes()[..3]);
+                self.record
+                    .extend(&digital.to_le_bytes()[..self.width.bytes()]);
             }
         }
         let end = self.record.len() + self.annotation_bytes;
@@ -101,7 +150,7 @@ impl<W: Write + Seek> BdfWriter<W> {
         }
         if self.records >= MAX_RECORDS || self.record.len() > end {
             return Err(invalid(
-                "a BDF+ file has at most 99,999,999 records, none of which starts later than 10^8 s (3 years) \
+                "a file of EDF+ or BDF+ has at most 99,999,999 records, none of which starts later than 10^8 s (3 years) \
                  after the first; choose another format, such as GDF",
             ));
         }
@@ -123,6 +172,40 @@ impl<W: Write + Seek> BdfWriter<W> {
     }
 }
 
+impl Width {
+    /// Bytes of a sample.
+    const fn bytes(self) -> usize {
+        match self {
+            Self::Edf => 2,
+            Self::Bdf => 3,
+        }
+    }
+
+    /// Smallest and largest digital value.
+    const fn digital(self) -> [f64; 2] {
+        match self {
+            Self::Edf => [-32_768.0, 32_767.0],
+            Self::Bdf => [-8_388_608.0, 8_388_607.0],
+        }
+    }
+
+    /// First bytes of the file.
+    const fn magic(self) -> &'static [u8; 8] {
+        match self {
+            Self::Edf => b"0       ",
+            Self::Bdf => b"\xffBIOSEMI",
+        }
+    }
+
+    /// Name of the format in the header and in the label of the annotations.
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Edf => "EDF",
+            Self::Bdf => "BDF",
+        }
+    }
+}
+
 /// Ranges of a signal as its header states them.
 struct Range {
     /// Physical ends, as text of at most 8 characters.
@@ -131,7 +214,7 @@ struct Range {
 }
 
 impl Range {
-    fn new(signal: &SignalToWrite) -> Range {
+    fn new(signal: &SignalToWrite, width: Width) -> Range {
         let [least, most] = signal.range;
         let [least, most] = if least < most {
             [least, most]
@@ -143,7 +226,7 @@ impl Range {
             digital: if signal.is_integer {
                 [least, most]
             } else {
-                DIGITAL
+                width.digital()
             },
         }
     }
@@ -182,22 +265,27 @@ fn list((row, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
     format!("+{}\x14{text}\x14\0", onset(*row, rate_hz)).into_bytes()
 }
 
-fn header(file: &FileToWrite, ranges: &[Range], annotation_samples: usize) -> io::Result<Vec<u8>> {
+fn header(
+    width: Width,
+    file: &FileToWrite,
+    ranges: &[Range],
+    annotation_samples: usize,
+) -> io::Result<Vec<u8>> {
     file.check()?;
     let duration = f64::from(file.rows_per_record) / f64::from(file.rate_hz);
     let duration = duration.to_string();
     if file.signals.len() > 9_998 || duration.len() > 8 {
         return Err(invalid(
-            "a BDF file holds at most 9,998 signals, and records whose duration has 8 digits",
+            "a file of EDF+ or BDF+ holds at most 9,998 signals, and records whose duration has 8 digits",
         ));
     }
     let signals = file.signals.len() + 1;
     let date = DateTime::new(file.start_ns);
-    let mut bytes = b"\xffBIOSEMI".to_vec();
-    let mut field = |text: &str, width: usize| {
-        let ascii = text.chars().filter(char::is_ascii).take(width);
+    let mut bytes = width.magic().to_vec();
+    let mut field = |text: &str, length: usize| {
+        let ascii = text.chars().filter(char::is_ascii).take(length);
         let text: String = ascii.collect();
-        bytes.extend(format!("{text:width$}").bytes());
+        bytes.extend(format!("{text:length$}").bytes());
     };
     field("X X X X", 80);
     let device = file.description.replace(' ', "_");
@@ -205,15 +293,16 @@ fn header(file: &FileToWrite, ranges: &[Range], annotation_samples: usize) -> io
     field(&date.short_date(), 8);
     field(&date.time(), 8);
     field(&(256 * (signals + 1)).to_string(), 8);
-    field("BDF+C", 44);
+    let name = width.name();
+    field(&format!("{name}+C"), 44);
     field("-1", 8);
     field(&duration, 8);
     field(&signals.to_string(), 4);
-    let mut fields = |width: usize, last: &str, of: &dyn Fn(usize) -> String| {
-        (0..signals - 1).for_each(|signal| field(&of(signal), width));
-        field(last, width);
+    let mut fields = |length: usize, last: &str, of: &dyn Fn(usize) -> String| {
+        (0..signals - 1).for_each(|signal| field(&of(signal), length));
+        field(last, length);
     };
-    fields(16, "BDF Annotations", &|signal| {
+    fields(16, &format!("{name} Annotations"), &|signal| {
         file.signals[signal].label.clone()
     });
     fields(80, "", &|_| String::new());
@@ -227,12 +316,9 @@ fn header(file: &FileToWrite, ranges: &[Range], annotation_samples: usize) -> io
     fields(8, "", &|signal| unit(signal).to_owned());
     fields(8, "-1", &|signal| ranges[signal].physical[0].clone());
     fields(8, "1", &|signal| ranges[signal].physical[1].clone());
-    fields(8, "-8388608", &|signal| {
-        ranges[signal].digital[0].to_string()
-    });
-    fields(8, "8388607", &|signal| {
-        ranges[signal].digital[1].to_string()
-    });
+    let [least, most] = width.digital().map(|end| end.to_string());
+    fields(8, &least, &|signal| ranges[signal].digital[0].to_string());
+    fields(8, &most, &|signal| ranges[signal].digital[1].to_string());
     fields(80, "", &|_| String::new());
     fields(8, &annotation_samples.to_string(), &|_| {
         file.rows_per_record.to_string()
@@ -245,7 +331,7 @@ fn header(file: &FileToWrite, ranges: &[Range], annotation_samples: usize) -> io
 mod tests {
     use std::io::Cursor;
 
-    use super::{BdfWriter, MAX_RECORDS};
+    use super::{EdfWriter, MAX_RECORDS};
     use crate::file_to_write::{FileToWrite, SignalToWrite};
 
     #[test]
@@ -263,7 +349,7 @@ mod tests {
             start_ns: 0,
             description: String::new(),
         };
-        let mut writer = BdfWriter::new(Cursor::new(Vec::new()), &file, 1, Vec::new()).unwrap();
+        let mut writer = EdfWriter::bdf(Cursor::new(Vec::new()), &file, 1, Vec::new()).unwrap();
         writer.records = MAX_RECORDS - 1;
         writer.write_record(&[0.0]).unwrap();
         let error = writer.write_record(&[0.0]).unwrap_err().to_string();

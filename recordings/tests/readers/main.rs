@@ -13,7 +13,7 @@ mod real_files;
 mod synthetic_edf;
 mod synthetic_gdf;
 mod virtual_adc;
-mod written_bdf;
+mod written_edf;
 mod written_gdf;
 
 use std::io::Cursor;

@@ -1,4 +1,4 @@
-//! Files of the BDF+ writer, read by the BDF+ reader.
+//! Files of the EDF+ and BDF+ writer, read by the reader of both formats.
 #![expect(
     clippy::cast_precision_loss,
     reason = "numbers of rows, times and words are small and exact"
@@ -6,7 +6,7 @@
 
 use std::io::Cursor;
 
-use recordings::{BdfWriter, EventLabel, FileToWrite, Format, Ratio, SignalToWrite};
+use recordings::{EdfWriter, EventLabel, FileToWrite, Format, Ratio, SignalToWrite};
 
 use crate::{open, read_all};
 
@@ -48,7 +48,7 @@ fn values_rates_and_annotations_are_read_back() {
     ];
     let annotations = annotations.map(|(row, text)| (row, text.to_owned()));
     let bytes = Cursor::new(Vec::new());
-    let mut writer = BdfWriter::new(bytes, &file(512, 32), 160, annotations.to_vec()).unwrap();
+    let mut writer = EdfWriter::bdf(bytes, &file(512, 32), 160, annotations.to_vec()).unwrap();
     for record in 0..5 {
         let rows = (record * 32..(record + 1) * 32).flat_map(|row| [value(row), word(row)]);
         writer.write_record(&rows.collect::<Vec<f32>>()).unwrap();
@@ -83,8 +83,44 @@ fn values_rates_and_annotations_are_read_back() {
 }
 
 #[test]
+fn an_edf_file_holds_microvolts_in_tenths_and_its_annotations() {
+    let cz = SignalToWrite {
+        label: "Cz".to_owned(),
+        is_microvolt: true,
+        is_integer: false,
+        range: [-3_276.8, 3_276.7],
+    };
+    let file = FileToWrite {
+        signals: vec![cz],
+        ..file(128, 4)
+    };
+    let annotations = vec![(5, "T1".to_owned())];
+    let mut writer = EdfWriter::edf(Cursor::new(Vec::new()), &file, 8, annotations).unwrap();
+    writer.write_record(&[0.04, -0.06, 12.34, 4_000.0]).unwrap();
+    writer
+        .write_record(&[-4_000.0, 3_276.7, -3_276.8, 1.0])
+        .unwrap();
+    let mut recording = open(writer.finish().unwrap().into_inner()).unwrap();
+    assert_eq!(recording.format(), Format::EdfPlusContinuous);
+    let expected = [0.0, -0.1, 12.3, 3_276.7, -3_276.8, 3_276.7, -3_276.8, 1.0];
+    for (value, expected) in read_all(&mut recording)[0].iter().zip(expected) {
+        assert!((value - expected).abs() < 1e-9, "{value} {expected}");
+    }
+    let events = recording.events().unwrap();
+    assert_eq!(events[0].label, EventLabel::Text("T1".to_owned()));
+    assert!((events[0].onset_s - 5.0 / 128.0).abs() < 1e-6);
+    assert_eq!(recording.warnings(), []);
+}
+
+#[test]
+fn integers_beyond_16_bits_do_not_fit_an_edf_file() {
+    let error = EdfWriter::edf(Cursor::new(Vec::new()), &file(128, 4), 4, Vec::new()).unwrap_err();
+    assert!(error.to_string().contains("choose BDF"), "{error}");
+}
+
+#[test]
 fn values_beyond_the_range_are_clamped() {
-    let mut writer = BdfWriter::new(Cursor::new(Vec::new()), &file(2, 1), 2, Vec::new()).unwrap();
+    let mut writer = EdfWriter::bdf(Cursor::new(Vec::new()), &file(2, 1), 2, Vec::new()).unwrap();
     writer.write_record(&[1e9, -5.0]).unwrap();
     writer.write_record(&[-1e9, 1e6]).unwrap();
     let mut recording = open(writer.finish().unwrap().into_inner()).unwrap();
@@ -97,6 +133,6 @@ fn values_beyond_the_range_are_clamped() {
 fn what_does_not_fit_the_format_is_an_error() {
     for (rate_hz, rows) in [(0, 1), (512, 0), (240, 5)] {
         let file = file(rate_hz, rows);
-        assert!(BdfWriter::new(Cursor::new(Vec::new()), &file, 1, Vec::new()).is_err());
+        assert!(EdfWriter::bdf(Cursor::new(Vec::new()), &file, 1, Vec::new()).is_err());
     }
 }

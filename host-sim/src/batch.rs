@@ -1,0 +1,286 @@
+//! Files of a folder, processed in parallel.
+
+use std::{
+    ffi::OsStr,
+    fs, io,
+    num::NonZero,
+    path::{Path, PathBuf},
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, AtomicUsize, Ordering},
+    },
+    thread,
+    time::{Duration, Instant},
+};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use offline::{OfflineError, Progress};
+use signal_hook::consts::{SIGINT, SIGTERM};
+use thiserror::Error;
+
+use crate::offline_options::BatchOptions;
+
+/// Time between two updates of the progress bar.
+const TICK: Duration = Duration::from_millis(100);
+
+/// Why a batch failed.
+#[derive(Debug, Error)]
+pub(crate) enum BatchError {
+    /// A folder cannot be read.
+    #[error("{} cannot be read; name a file or a folder that exists", path.display())]
+    Unreadable { path: PathBuf, source: io::Error },
+    /// A folder has none of the files.
+    #[error("{} has no file that ends in {endings}; name another folder, or a file", path.display())]
+    Nothing { path: PathBuf, endings: String },
+    /// A folder cannot be created.
+    #[error("the folder {} cannot be created", path.display())]
+    Folder { path: PathBuf, source: io::Error },
+    /// Two inputs have the same output.
+    #[error(
+        "{} and {} would both become {}; rename one of them, or process them one by one",
+        inputs[0].display(),
+        inputs[1].display(),
+        output.display()
+    )]
+    SameOutput {
+        inputs: [PathBuf; 2],
+        output: PathBuf,
+    },
+    /// Some files failed; their errors were printed.
+    #[error("{failed} of {files} files failed, see above; the others are complete")]
+    Some {
+        failed: usize,
+        files: usize,
+        /// Whether an output was at fault.
+        at_output: bool,
+    },
+    /// The signals of the operating system cannot be received.
+    #[error("Ctrl-C cannot be received")]
+    Signals(#[from] io::Error),
+}
+
+impl BatchError {
+    pub(crate) fn is_output_error(&self) -> bool {
+        match self {
+            Self::Folder { .. } => true,
+            Self::Some { at_output, .. } => *at_output,
+            _ => false,
+        }
+    }
+}
+
+/// A file to read and the file to write.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Job {
+    pub(crate) input: PathBuf,
+    pub(crate) output: PathBuf,
+    /// Path of the input below the folder, without its extension.
+    pub(crate) name: String,
+}
+
+/// Returns one job for a file, which becomes `output`, or one for each file of a folder and its subfolders
+/// that has one of the extensions. Those become files with `extension` below the folder `output`, at the
+/// same places.
+///
+/// # Errors
+/// [`BatchError`] if there is nothing to do, or two inputs have the same output.
+pub(crate) fn jobs(
+    input: &Path,
+    output: &Path,
+    extensions: &[&str],
+    extension: &str,
+) -> Result<Vec<Job>, BatchError> {
+    if !input.is_dir() {
+        let name = input.file_stem().unwrap_or(OsStr::new("recording"));
+        return Ok(vec![Job {
+            input: input.to_owned(),
+            output: output.to_owned(),
+            name: name.to_string_lossy().into_owned(),
+        }]);
+    }
+    let mut files = Vec::new();
+    collect(input, extensions, &mut files)?;
+    files.sort();
+    if files.is_empty() {
+        return Err(BatchError::Nothing {
+            path: input.to_owned(),
+            endings: extensions.join(", "),
+        });
+    }
+    let mut jobs: Vec<Job> = Vec::new();
+    for file in files {
+        let below = file.strip_prefix(input).unwrap_or(&file).with_extension("");
+        let job = Job {
+            output: output.join(&below).with_extension(extension),
+            name: below.to_string_lossy().into_owned(),
+            input: file,
+        };
+        if let Some(other) = jobs.iter().find(|other| other.output == job.output) {
+            return Err(BatchError::SameOutput {
+                inputs: [other.input.clone(), job.input],
+                output: job.output,
+            });
+        }
+        jobs.push(job);
+    }
+    for job in &jobs {
+        if let Some(folder) = job.output.parent() {
+            fs::create_dir_all(folder).map_err(|source| BatchError::Folder {
+                path: folder.to_owned(),
+                source,
+            })?;
+        }
+    }
+    Ok(jobs)
+}
+
+fn collect(folder: &Path, extensions: &[&str], files: &mut Vec<PathBuf>) -> Result<(), BatchError> {
+    let unreadable = |source| BatchError::Unreadable {
+        path: folder.to_owned(),
+        source,
+    };
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        if path.is_dir() {
+            collect(&path, extensions, files)?;
+        } else if has_extension(&path, extensions) {
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// Returns whether a file has one of the extensions, in upper or lower case, and is not hidden.
+pub(crate) fn has_extension(path: &Path, extensions: &[&str]) -> bool {
+    let is_hidden = path
+        .file_name()
+        .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+    let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default();
+    let mut extensions = extensions.iter();
+    !is_hidden && extensions.any(|other| extension.eq_ignore_ascii_case(other))
+}
+
+/// Results of a batch, and the time that it took.
+pub(crate) struct Finished<'j, R> {
+    /// Jobs that succeeded with their results, in the order of the jobs.
+    pub(crate) results: Vec<(&'j Job, R)>,
+    /// Error of the batch if some of several jobs failed.
+    pub(crate) failure: Option<BatchError>,
+    pub(crate) elapsed: Duration,
+    pub(crate) threads: usize,
+}
+
+/// Runs `work` for all jobs in parallel. Prints the error of each job that fails while others go on.
+/// `seconds` is the length of all signals, if it is known.
+///
+/// # Errors
+/// The error of a single job; that of an interruption.
+pub(crate) fn run<'j, R: Send>(
+    jobs: &'j [Job],
+    options: &BatchOptions,
+    seconds: Option<u64>,
+    work: impl Fn(&Job, &Progress) -> Result<R, OfflineError> + Sync,
+) -> Result<Finished<'j, R>, Box<dyn std::error::Error>> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        signal_hook::flag::register(signal, stop.clone()).map_err(BatchError::Signals)?;
+    }
+    let threads = options.jobs.map_or_else(
+        || thread::available_parallelism().map_or(1, NonZero::get),
+        NonZero::get,
+    );
+    let threads = threads.min(jobs.len());
+    let progress = Progress::default();
+    let next = AtomicUsize::new(0);
+    let results = Mutex::new(Vec::new());
+    let start = Instant::now();
+    thread::scope(|scope| {
+        let workers = (0..threads).map(|_| {
+            scope.spawn(|| {
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(job) = jobs.get(index) else { return };
+                    let result = work(job, &progress);
+                    let interrupted = matches!(result, Err(OfflineError::Interrupted));
+                    let mut results = results.lock().unwrap_or_else(PoisonError::into_inner);
+                    results.push((index, result));
+                    if interrupted {
+                        return;
+                    }
+                }
+            })
+        });
+        let workers: Vec<_> = workers.collect();
+        let bar = progress_bar(seconds, options.quiet);
+        while !workers.iter().all(thread::ScopedJoinHandle::is_finished) {
+            bar.set_position(progress.seconds());
+            if stop.load(Ordering::Relaxed) {
+                progress.interrupt();
+            }
+            thread::sleep(TICK.min(start.elapsed() / 8));
+        }
+        bar.finish_and_clear();
+    });
+    let elapsed = start.elapsed();
+    let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
+    results.sort_by_key(|(index, _)| *index);
+    let mut finished = Vec::new();
+    let (mut failed, mut at_output) = (0, false);
+    for (index, result) in results {
+        match result {
+            Ok(result) => finished.push((&jobs[index], result)),
+            Err(error) if jobs.len() == 1 || matches!(error, OfflineError::Interrupted) => {
+                return Err(error.into());
+            }
+            Err(error) => {
+                eprintln!("host-sim: {}", crate::chain(&error));
+                failed += 1;
+                at_output |= error.is_output_error();
+            }
+        }
+    }
+    let failure = (failed > 0).then_some(BatchError::Some {
+        failed,
+        files: jobs.len(),
+        at_output,
+    });
+    Ok(Finished {
+        results: finished,
+        failure,
+        elapsed,
+        threads,
+    })
+}
+
+fn progress_bar(seconds: Option<u64>, quiet: bool) -> ProgressBar {
+    let (bar, template) = match seconds {
+        _ if quiet => return ProgressBar::hidden(),
+        Some(seconds) => (
+            ProgressBar::new(seconds),
+            "{elapsed_precise} {bar:32} {pos}/{len} s of signal, {eta} left",
+        ),
+        None => (
+            ProgressBar::new_spinner(),
+            "{elapsed_precise} {spinner} {pos} s of signal",
+        ),
+    };
+    match ProgressStyle::with_template(template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+impl<R> Finished<'_, R> {
+    /// Returns a line about `seconds` of signal: how many times faster than real time they were processed.
+    pub(crate) fn speed(&self, seconds: f64) -> String {
+        let times = seconds / self.elapsed.as_secs_f64();
+        let per_thread = match self.threads {
+            0 | 1 => String::new(),
+            threads => format!(" on {threads} cores"),
+        };
+        format!(
+            "{seconds:.1} s of signal in {:.2} s{per_thread}: {times:.0} times real time",
+            self.elapsed.as_secs_f64()
+        )
+    }
+}

@@ -1,0 +1,162 @@
+//! The command `host-sim decode`.
+
+use std::{
+    error::Error,
+    path::{Path, PathBuf},
+};
+
+use new_file::Existing;
+use offline::{Decoded, Decoding, Model, OfflineError, Progress, SignalFormat, report};
+
+use crate::batch::{self, Job};
+use crate::encode::{CODES, RECORDINGS};
+use crate::offline_options::DecodeOptions;
+
+pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
+    let model = match &options.model {
+        Some(folder) => Model::read(folder)?,
+        None => Model::embedded()?,
+    };
+    let format = SignalFormat::from(options.to);
+    let decoding = Decoding {
+        model: &model,
+        format,
+        existing: Existing::from_force(options.batch.force),
+    };
+    let extension = format!("decoded.{}", format.extension());
+    let output = options.output.clone().unwrap_or_else(|| {
+        if options.input.is_dir() {
+            options.input.clone()
+        } else {
+            options.input.with_extension(&extension)
+        }
+    });
+    let jobs = batch::jobs(&options.input, &output, &[CODES], &extension)?;
+    let originals = Originals::new(options);
+    let finished = batch::run(&jobs, &options.batch, None, |job, progress| {
+        decode_one(&decoding, &originals, job, progress)
+    })?;
+    if !options.batch.quiet {
+        for (job, decoded) in &finished.results {
+            eprintln!("{}", summary(job, decoded, format));
+        }
+        let seconds = finished
+            .results
+            .iter()
+            .map(|(_, decoded)| decoded.signal_s());
+        eprintln!("{}", finished.speed(seconds.sum()));
+    }
+    if let Some(folder) = &options.report {
+        let entries = finished
+            .results
+            .into_iter()
+            .map(|(job, decoded)| report::Entry {
+                name: job.name.clone(),
+                decoded,
+            });
+        let entries: Vec<_> = entries.collect();
+        report::write(folder, &model.description, &entries)?;
+        if !options.batch.quiet {
+            eprintln!("report: {}", folder.join("index.html").display());
+        }
+    }
+    finished
+        .failure
+        .map_or(Ok(()), |failure| Err(failure.into()))
+}
+
+fn decode_one(
+    decoding: &Decoding,
+    originals: &Originals,
+    job: &Job,
+    progress: &Progress,
+) -> Result<Decoded, OfflineError> {
+    let file = job.input.display();
+    let original = originals.of(job);
+    if originals.are_named() && original.is_none() {
+        eprintln!(
+            "warning: {file}: no recording of this name; decoded without events and comparison"
+        );
+    }
+    let decoded = decoding.decode(&job.input, &job.output, original.as_deref(), progress)?;
+    for warning in &decoded.warnings {
+        eprintln!("warning: {file}: {warning}");
+    }
+    if decoded.missing > 0 || decoded.damaged > 0 {
+        eprintln!(
+            "warning: {file}: {} codes are missing, {} places are damaged; rows without any code repeat the last \
+             values and are flagged",
+            decoded.missing, decoded.damaged
+        );
+    }
+    if decoded.limited > 0 {
+        eprintln!(
+            "warning: {file}: {} values are beyond the range of the format and were limited; --to gdf keeps them",
+            decoded.limited
+        );
+    }
+    Ok(decoded)
+}
+
+/// The recordings of which the codes are.
+enum Originals {
+    None,
+    File(PathBuf),
+    /// A folder that has them under the names of the codes.
+    Folder(PathBuf),
+}
+
+impl Originals {
+    fn new(options: &DecodeOptions) -> Self {
+        match &options.original {
+            None => Self::None,
+            Some(path) if path.is_dir() => Self::Folder(path.clone()),
+            Some(path) => Self::File(path.clone()),
+        }
+    }
+
+    fn are_named(&self) -> bool {
+        !matches!(self, Self::None)
+    }
+
+    fn of(&self, job: &Job) -> Option<PathBuf> {
+        match self {
+            Self::None => None,
+            Self::File(path) => Some(path.clone()),
+            Self::Folder(folder) => {
+                let place = folder.join(&job.name);
+                let stem = place.file_name()?;
+                let files = place.parent().map(Path::read_dir)?.ok()?;
+                let mut files = files.filter_map(|file| Some(file.ok()?.path()));
+                files.find(|path| {
+                    path.file_stem() == Some(stem) && batch::has_extension(path, &RECORDINGS)
+                })
+            }
+        }
+    }
+}
+
+fn summary(job: &Job, decoded: &Decoded, format: SignalFormat) -> String {
+    let mut text = format!(
+        "{}: {} codes, {:.1} s at {} Hz",
+        job.output.display(),
+        decoded.codes,
+        decoded.signal_s(),
+        decoded.rate_hz
+    );
+    if let Some(comparison) = &decoded.comparison {
+        let total = comparison.total();
+        text = format!(
+            "{text}; PRD {:.2} % over all electrodes, {:.2} % over the measured ones; MSE {:.2} uV^2",
+            total.prd_percent(),
+            comparison.total_measured().prd_percent(),
+            comparison.mse_uv2(total, comparison.electrodes.len())
+        );
+    }
+    if format == SignalFormat::Gdf && !decoded.event_types.is_empty() {
+        let types = decoded.event_types.iter();
+        let types: Vec<String> = types.map(|(text, kind)| format!("{kind} {text}")).collect();
+        text = format!("{text}; event types: {}", types.join(", "));
+    }
+    text
+}

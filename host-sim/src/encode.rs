@@ -1,0 +1,97 @@
+//! The command `host-sim encode`.
+
+use std::error::Error;
+
+use new_file::Existing;
+use offline::{Encoded, Encoding};
+use pipeline::Mains;
+use recordings::Recording;
+
+use crate::batch::{self, Job};
+use crate::command_line::MainsHz;
+use crate::offline_options::EncodeOptions;
+
+/// Extensions of recordings in a folder.
+pub(crate) const RECORDINGS: [&str; 3] = ["edf", "bdf", "gdf"];
+/// Extension of files of codes in a folder.
+pub(crate) const CODES: &str = "codes";
+
+pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
+    let encoding = Encoding {
+        mains: match options.mains {
+            MainsHz::Fifty => Mains::Hz50,
+            MainsHz::Sixty => Mains::Hz60,
+        },
+        missing: options.missing.into(),
+        existing: Existing::from_force(options.batch.force),
+    };
+    let jobs = batch::jobs(&options.input, &options.output, &RECORDINGS, CODES)?;
+    let is_single = jobs.len() == 1;
+    let finished = batch::run(
+        &jobs,
+        &options.batch,
+        Some(seconds(&jobs)),
+        |job, progress| {
+            let encoded = encoding.encode(&job.input, &job.output, progress)?;
+            let file = job.input.display();
+            for warning in &encoded.warnings {
+                eprintln!("warning: {file}: {warning}");
+            }
+            Ok(encoded)
+        },
+    )?;
+    if !options.batch.quiet {
+        for (job, encoded) in &finished.results {
+            if is_single {
+                eprintln!("{}", encoded.montage);
+            }
+            eprintln!("{}", summary(job, encoded));
+        }
+        let seconds = finished
+            .results
+            .iter()
+            .map(|(_, encoded)| encoded.signal_s());
+        eprintln!("{}", finished.speed(seconds.sum()));
+    }
+    finished
+        .failure
+        .map_or(Ok(()), |failure| Err(failure.into()))
+}
+
+/// Returns the length of all recordings, seconds; those that cannot be read count as 0.
+fn seconds(jobs: &[Job]) -> u64 {
+    let recordings = jobs
+        .iter()
+        .filter_map(|job| Recording::open(&job.input).ok());
+    let seconds: f64 = recordings.map(|recording| recording.duration_s()).sum();
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "durations are not negative; beyond 2^64 s it saturates"
+    )]
+    let seconds = seconds as u64;
+    seconds
+}
+
+fn summary(job: &Job, encoded: &Encoded) -> String {
+    let stats = &encoded.stats;
+    let mut text = format!(
+        "{}: {:.1} s, {} codes, {} bytes; {} values clipped, {} in codes ({})",
+        job.output.display(),
+        encoded.signal_s(),
+        stats.codes_made,
+        encoded.bytes,
+        stats.clipped,
+        stats.clipped_values,
+        device::CODE_FORMAT
+    );
+    for (count, what) in [
+        (encoded.adc.saturated, "counts at the rail"),
+        (encoded.adc.not_finite, "numbers missing"),
+    ] {
+        if count > 0 {
+            text = format!("{text}; virtual ADC: {count} {what}");
+        }
+    }
+    text
+}

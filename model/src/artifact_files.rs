@@ -1,0 +1,10 @@
+//! The files of the artifact from which this crate was generated, for programs on a PC that decode codes.
+//! A program that does not use them does not contain them.
+
+/// Text of `model.toml`.
+pub const MODEL_TOML: &str = include_str!(concat!(env!("ARTIFACT_FOLDER"), "/model.toml"));
+/// Bytes of `weights.safetensors`.
+pub const WEIGHTS: &[u8] = include_bytes!(concat!(env!("ARTIFACT_FOLDER"), "/weights.safetensors"));
+/// Bytes of `calibration.safetensors`.
+pub const CALIBRATION: &[u8] =
+    include_bytes!(concat!(env!("ARTIFACT_FOLDER"), "/calibration.safetensors"));

@@ -1,0 +1,111 @@
+//! Arrays for `numpy.load`, written in one pass.
+//!
+//! An NPZ file is a ZIP archive with one NPY file per array. Its arrays are stored without compression,
+//! so that the values of the last array can be written while they appear, and numpy can map the file.
+//!
+//! ```
+//! use std::io::{Cursor, Write as _};
+//!
+//! use npz::NpzWriter;
+//!
+//! let mut file = NpzWriter::new(Cursor::new(Vec::new()));
+//! file.texts("labels", &["Cz", "Pz"])?;
+//! file.start_array("uv", "'<f4'", &[1, 2])?;
+//! for value in [1.5_f32, -2.5] {
+//!     file.write_all(&value.to_le_bytes())?;
+//! }
+//! let bytes = file.finish()?.into_inner();
+//! assert!(bytes.starts_with(b"PK"));
+//! # Ok::<(), std::io::Error>(())
+//! ```
+#![forbid(unsafe_code)]
+
+use std::io::{self, BufWriter, Seek, Write};
+
+use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
+
+/// Magic and version of an NPY file.
+const MAGIC: &[u8] = b"\x93NUMPY\x01\x00";
+
+/// Writes the arrays of an NPZ file one after another. Bytes that are written belong to the array that
+/// was started last.
+#[derive(Debug)]
+pub struct NpzWriter<W: Write + Seek> {
+    zip: ZipWriter<BufWriter<W>>,
+}
+
+impl<W: Write + Seek> NpzWriter<W> {
+    /// Creates a file without arrays.
+    pub fn new(out: W) -> Self {
+        Self {
+            zip: ZipWriter::new(BufWriter::new(out)),
+        }
+    }
+
+    /// Starts an array. `element` is the type as Python source, such as `'<f4'` or
+    /// `[('row', '<i8'), ('code', '<u2')]`. `shape` is empty for a single number.
+    ///
+    /// Source: numpy's NEP 1.
+    ///
+    /// # Errors
+    /// The operating system's error, or that of a header longer than 65,535 bytes.
+    pub fn start_array(&mut self, name: &str, element: &str, shape: &[u64]) -> io::Result<()> {
+        // The final size of an array is not known to be below 4 GB.
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Stored)
+            .large_file(true);
+        self.zip.start_file(format!("{name}.npy"), options)?;
+        let lengths = shape.iter().map(|length| format!("{length},"));
+        let shape: String = lengths.collect();
+        let mut text =
+            format!("{{'descr': {element}, 'fortran_order': False, 'shape': ({shape}), }}");
+        // Magic, version and length take 10 bytes; the values start at a multiple of 64.
+        let header = (10 + text.len() + 1).next_multiple_of(64) - 10;
+        while text.len() + 1 < header {
+            text.push(' ');
+        }
+        text.push('\n');
+        self.zip.write_all(MAGIC)?;
+        let length = u16::try_from(text.len()).map_err(io::Error::other)?;
+        self.zip.write_all(&length.to_le_bytes())?;
+        self.zip.write_all(text.as_bytes())
+    }
+
+    /// Writes an array of texts, in numpy's UTF-32.
+    ///
+    /// # Errors
+    /// Those of [`Self::start_array`].
+    pub fn texts<T: AsRef<str>>(&mut self, name: &str, texts: &[T]) -> io::Result<()> {
+        let lengths = texts.iter().map(|text| text.as_ref().chars().count());
+        let width = lengths.max().unwrap_or(0).max(1);
+        self.start_array(name, &format!("'<U{width}'"), &[texts.len() as u64])?;
+        for text in texts {
+            let characters = text.as_ref().chars().map(u32::from);
+            for character in characters.chain(std::iter::repeat(0)).take(width) {
+                self.zip.write_all(&character.to_le_bytes())?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Completes the file and returns the output.
+    ///
+    /// # Errors
+    /// The operating system's error.
+    pub fn finish(self) -> io::Result<W> {
+        self.zip
+            .finish()?
+            .into_inner()
+            .map_err(io::IntoInnerError::into_error)
+    }
+}
+
+impl<W: Write + Seek> Write for NpzWriter<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.zip.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.zip.flush()
+    }
+}

@@ -1,0 +1,290 @@
+//! A file of codes: the frames of a device, as `host-sim encode` and `host-sim run` write them.
+
+use std::io::{self, Read};
+use std::ops::RangeInclusive;
+
+use artifact::ModelId;
+use link::{Capabilities, CodeFormat, Decoder, Flags, FrameError, ToHost};
+use thiserror::Error;
+
+/// First bytes of a recording of corticode-bridge, which holds frames of both directions with times.
+const BRIDGE_RECORDING: &[u8] = b"CORTIREC";
+/// Number of bytes that are read together.
+const PIECE: usize = 1 << 16;
+
+/// Why a file of codes cannot be decoded.
+#[derive(Debug, Error)]
+pub enum CodeFileError {
+    /// The operating system cannot read the file.
+    #[error("it cannot be read")]
+    Io(#[from] io::Error),
+    /// The file is a recording of the bridge.
+    #[error("it is a recording of corticode-bridge; `corticode-bridge convert` decodes it")]
+    BridgeRecording,
+    /// The file holds no intact frame.
+    #[error(
+        "it holds no intact frame; name a file that `host-sim encode` or `host-sim run` has written"
+    )]
+    NoFrames,
+    /// The file holds no code.
+    #[error(
+        "it holds no code; the shortest recording that yields a code is one window long ({steps} \
+         steps)"
+    )]
+    NoCodes {
+        /// Number of steps in a window.
+        steps: usize,
+    },
+    /// The first code comes before the device's introduction.
+    #[error(
+        "the device does not introduce itself before the first code; the start of the file is \
+         missing, so copy the whole file again"
+    )]
+    NoIntroduction,
+    /// The codes are those of another model.
+    #[error(
+        "its codes are those of model {file}, and {model} is to decode them; name the folder of model \
+         {file} with --model"
+    )]
+    OtherModel {
+        /// Model of the codes.
+        file: ModelId,
+        /// Model of the decoder.
+        model: ModelId,
+    },
+    /// The scales of the codes cannot be used.
+    #[error(
+        "it announces {scales} scales and {zero_points} zero points, and the codes of the model have \
+         {numbers} numbers; it was made by a defective device"
+    )]
+    Scales {
+        /// Number of scales.
+        scales: usize,
+        /// Number of zero points.
+        zero_points: usize,
+        /// Length of the model's codes.
+        numbers: usize,
+    },
+    /// The format of the codes is newer than this program.
+    #[error(
+        "its codes have a format that is newer than this program ({0}); decode it with the release that wrote it"
+    )]
+    Format(CodeFormat),
+    /// The windows do not increase.
+    #[error(
+        "a second run starts after window {after}: a file holds one run, so keep runs in files of their \
+         own"
+    )]
+    SecondRun {
+        /// Index of the last window of the first run.
+        after: u32,
+    },
+    /// Too many windows are missing.
+    #[error(
+        "{missing} windows are missing after window {after}, more than an hour; the file was joined \
+         from several ones or is damaged"
+    )]
+    Gap {
+        /// Index of the last window before the gap.
+        after: u32,
+        /// Number of missing windows.
+        missing: u32,
+    },
+    /// The frames have another version of the wire format.
+    #[error(
+        "its frames have wire version {0}, and this program reads {version}; decode it with the \
+         release that wrote it",
+        version = link::VERSION
+    )]
+    Version(u8),
+}
+
+/// What the device of a file announces about its codes.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Announcement {
+    pub(crate) scale: Vec<f32>,
+    pub(crate) zero_point: Vec<i8>,
+    /// Smallest and largest level of a code.
+    pub(crate) levels: RangeInclusive<i32>,
+    /// Largest input voltage, microvolts.
+    pub(crate) full_scale_uv: f32,
+    /// Delay of the filters, microseconds.
+    pub(crate) group_delay_us: u32,
+    /// Mains frequency that the notch filter removed, Hz.
+    pub(crate) mains_hz: u8,
+}
+
+impl Announcement {
+    fn new(capabilities: &Capabilities) -> Result<Self, CodeFileError> {
+        let format = capabilities.code_format;
+        let [least, greatest] = format.range().ok_or(CodeFileError::Format(format))?;
+        Ok(Self {
+            levels: least..=greatest,
+            scale: capabilities.code_scale.to_vec(),
+            zero_point: capabilities.code_zero_point.to_vec(),
+            // Full scale is 2^23 counts (24 bits with sign); 1000 nV is 1 uV.
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "as the bridge computes it: 187500, exact in f32"
+            )]
+            full_scale_uv: (f64::from(capabilities.lsb_nv) * 8_388_608.0 / 1000.0) as f32,
+            group_delay_us: capabilities.group_delay_us,
+            mains_hz: capabilities.mains_hz,
+        })
+    }
+
+    /// Checks that every value of a code has a scale and a zero point.
+    pub(crate) fn check(&self, numbers: usize) -> Result<(), CodeFileError> {
+        let lengths = [self.scale.len(), self.zero_point.len()];
+        let usable = self
+            .scale
+            .iter()
+            .all(|scale| scale.is_finite() && *scale > 0.0);
+        if lengths == [numbers; 2] && usable {
+            return Ok(());
+        }
+        Err(CodeFileError::Scales {
+            scales: lengths[0],
+            zero_points: lengths[1],
+            numbers,
+        })
+    }
+}
+
+/// One code of a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct FileCode {
+    /// Index of the window in its run.
+    pub(crate) window: u32,
+    /// Faults and conditions of the window.
+    pub(crate) flags: Flags,
+    /// Values, in levels of the code's format.
+    pub(crate) levels: Vec<i32>,
+}
+
+/// Reads the codes of a file one by one.
+pub(crate) struct CodeFile<R> {
+    source: R,
+    model: ModelId,
+    buffer: Vec<u8>,
+    /// The part of the buffer that is not decoded yet.
+    unread: std::ops::Range<usize>,
+    decoder: Decoder,
+    announcement: Option<Announcement>,
+    at_start: bool,
+    last: Option<u32>,
+    /// Largest number of missing windows between two codes.
+    longest_gap: u32,
+}
+
+impl<R: Read> CodeFile<R> {
+    /// Creates a reader for codes of `model`, of which an hour holds `windows_per_hour`.
+    pub(crate) fn new(source: R, model: ModelId, windows_per_hour: u32) -> Self {
+        Self {
+            source,
+            model,
+            buffer: vec![0; PIECE],
+            unread: 0..0,
+            decoder: Decoder::new(),
+            announcement: None,
+            at_start: true,
+            last: None,
+            longest_gap: windows_per_hour,
+        }
+    }
+
+    /// Returns what the device announced before the code returned last.
+    pub(crate) fn announcement(&self) -> Option<&Announcement> {
+        self.announcement.as_ref()
+    }
+
+    /// Returns the number of frames that were damaged, so that their content is lost.
+    pub(crate) fn damaged(&self) -> u32 {
+        let counters = self.decoder.counters();
+        counters.resyncs.saturating_add(counters.malformed)
+    }
+
+    /// Returns the next code, or `None` at the end of the file.
+    ///
+    /// # Errors
+    /// [`CodeFileError`] if the rest of the file cannot be decoded.
+    pub(crate) fn next_code(&mut self) -> Result<Option<FileCode>, CodeFileError> {
+        loop {
+            if self.unread.is_empty() && !self.refill()? {
+                let nothing = self.decoder.counters().frames == 0;
+                return if nothing {
+                    Err(CodeFileError::NoFrames)
+                } else {
+                    Ok(None)
+                };
+            }
+            let mut bytes = &self.buffer[self.unread.clone()];
+            let outcome = self.decoder.next::<ToHost>(&mut bytes);
+            self.unread.start = self.unread.end - bytes.len();
+            let frame = match outcome {
+                Some(Ok(frame)) => frame,
+                Some(Err(FrameError::Version(version))) => {
+                    return Err(CodeFileError::Version(version));
+                }
+                // The decoder counts damaged frames.
+                Some(Err(_)) | None => continue,
+            };
+            match frame.message {
+                ToHost::Capabilities(capabilities) => {
+                    self.announcement = Some(Announcement::new(&capabilities)?);
+                }
+                ToHost::Code(code) => {
+                    let code_model = ModelId(code.model_id);
+                    let code = FileCode {
+                        window: code.window,
+                        flags: code.flags,
+                        levels: code.values.levels().collect(),
+                    };
+                    self.check(code_model, &code)?;
+                    return Ok(Some(code));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn check(&mut self, model: ModelId, code: &FileCode) -> Result<(), CodeFileError> {
+        if model != self.model {
+            return Err(CodeFileError::OtherModel {
+                file: model,
+                model: self.model,
+            });
+        }
+        let Some(announcement) = &self.announcement else {
+            return Err(CodeFileError::NoIntroduction);
+        };
+        announcement.check(code.levels.len())?;
+        if let Some(after) = self.last {
+            if code.window <= after {
+                return Err(CodeFileError::SecondRun { after });
+            }
+            let missing = code.window - after - 1;
+            if missing > self.longest_gap {
+                return Err(CodeFileError::Gap { after, missing });
+            }
+        }
+        self.last = Some(code.window);
+        Ok(())
+    }
+
+    /// Reads the next bytes. Returns false at the end of the file.
+    fn refill(&mut self) -> Result<bool, CodeFileError> {
+        let length = loop {
+            match self.source.read(&mut self.buffer) {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                length => break length?,
+            }
+        };
+        self.unread = 0..length;
+        if self.at_start && self.buffer[..length].starts_with(BRIDGE_RECORDING) {
+            return Err(CodeFileError::BridgeRecording);
+        }
+        self.at_start = false;
+        Ok(length > 0)
+    }
+}

@@ -1,0 +1,200 @@
+//! A file of codes, decoded to a file of signals.
+
+use std::{
+    fs::File,
+    path::{Path, PathBuf},
+};
+
+use artifact::Description;
+use new_file::{Existing, NewFile};
+use pipeline::Mains;
+
+use crate::code_file::{CodeFile, CodeFileError};
+use crate::comparison::{Comparing, Comparison};
+use crate::error::OfflineError;
+use crate::histogram::LevelHistogram;
+use crate::hops::{DecodedHop, Hops};
+use crate::model::Model;
+use crate::original::Original;
+use crate::progress::Progress;
+use crate::row_events::RowEvents;
+use crate::signal_file::{self, RowEvent, Signal, SignalFormat};
+use crate::survey::Survey;
+
+/// Length of the excerpt that is kept for a picture, seconds.
+const EXCERPT_S: u64 = 4;
+
+/// How files of codes are decoded.
+#[derive(Debug)]
+pub struct Decoding<'m> {
+    /// Model of the codes.
+    pub model: &'m Model,
+    /// Format of the files to write.
+    pub format: SignalFormat,
+    /// Treatment of a file that has the name of the output.
+    pub existing: Existing,
+}
+
+/// Result of decoding one file of codes.
+#[derive(Debug, Clone)]
+pub struct Decoded {
+    /// Number of codes.
+    pub codes: u64,
+    /// Number of windows whose code is missing; where neighbours do not cover them, the last values are
+    /// repeated.
+    pub missing: u64,
+    /// Number of damaged frames.
+    pub damaged: u32,
+    /// Number of rows: steps of the signal.
+    pub rows: u64,
+    /// Rows per second, Hz.
+    pub rate_hz: u32,
+    /// Number of values that were limited to the range of the file's format.
+    pub limited: u64,
+    /// GDF types of events that are texts in the recording.
+    pub event_types: Vec<(String, u16)>,
+    /// What is wrong with the original recording.
+    pub warnings: Vec<String>,
+    /// Histogram of the codes' values.
+    pub levels: LevelHistogram,
+    /// Comparison with the original recording; `None` without one.
+    pub comparison: Option<Comparison>,
+}
+
+impl Decoded {
+    /// Returns the length of the signal, seconds.
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 rows")]
+    pub fn signal_s(&self) -> f64 {
+        self.rows as f64 / f64::from(self.rate_hz)
+    }
+}
+
+impl Decoding<'_> {
+    /// Decodes the file of codes `input` to the file `output`. `original` is the recording of which the codes
+    /// are: its events are written, and the decoded signal is compared with its own.
+    ///
+    /// # Errors
+    /// [`OfflineError`] if a file cannot be read or written, or [`Progress::interrupt`] was called. Then no
+    /// file has the name of the output.
+    pub fn decode(
+        &self,
+        input: &Path,
+        output: &Path,
+        original: Option<&Path>,
+        progress: &Progress,
+    ) -> Result<Decoded, OfflineError> {
+        let unusable = |source| OfflineError::Codes {
+            path: input.to_owned(),
+            source,
+        };
+        let description = &self.model.description;
+        let survey = self
+            .open(input)
+            .and_then(|file| Survey::new(file, description));
+        let survey = survey.map_err(unusable)?;
+        let inputs = [Some(input), original].into_iter().flatten();
+        let inputs: Vec<PathBuf> = inputs.map(PathBuf::from).collect();
+        let file = NewFile::create(output, self.existing, &inputs)?;
+        let original = original.map(|path| self.open_original(path, survey.announcement.mains_hz));
+        let original = original.transpose()?;
+        let played = original.as_ref().map(|original| &original.played);
+        let events = RowEvents::new(played.map(|played| &played.onsets), &survey, description);
+        let warnings = played.map(|played| played.warnings.clone());
+        let signal = self.signal(&survey, events.rows);
+        let failed = OfflineError::write(output);
+        let handle = file.handle().map_err(&failed)?;
+        let mut writer = signal_file::create(self.format, handle, &signal).map_err(&failed)?;
+        let mut comparing = original.map(|original| comparing(original, &survey, description));
+        let mut levels = LevelHistogram::new(survey.announcement.levels.clone());
+        let mut hops = Hops::new(
+            &self.model.decoder,
+            description,
+            &survey.announcement,
+            survey.first_window,
+        );
+        let mut emit = |hop: DecodedHop| {
+            let rows = u64::from(signal.rows_per_hop);
+            let rate_hz = u64::from(signal.rate_hz);
+            if (hop.first_row + rows) / rate_hz > hop.first_row / rate_hz {
+                progress.add_second()?;
+            }
+            if let Some(comparing) = &mut comparing {
+                comparing.add(&hop)?;
+            }
+            writer.write_hop(hop.uv, hop.flags).map_err(&failed)
+        };
+        let mut codes = self.open(input).map_err(unusable)?;
+        while let Some(code) = codes.next_code().map_err(unusable)? {
+            levels.add(&code.levels);
+            hops.decode(&code, &mut emit)?;
+        }
+        hops.finish(&mut emit)?;
+        let limited = writer.finish().map_err(&failed)?;
+        file.finish()?;
+        Ok(Decoded {
+            codes: survey.codes,
+            missing: survey.missing(),
+            damaged: survey.damaged,
+            rows: signal.rows,
+            rate_hz: signal.rate_hz,
+            limited,
+            event_types: events.types,
+            warnings: warnings.unwrap_or_default(),
+            levels,
+            comparison: comparing.map(Comparing::finish),
+        })
+    }
+
+    /// Describes the signal of a file of codes.
+    fn signal(&self, survey: &Survey, events: Vec<RowEvent>) -> Signal<'_> {
+        let description = &self.model.description;
+        Signal {
+            labels: &description.montage.electrodes,
+            rate_hz: description.window.rate_hz,
+            rows_per_hop: u32::try_from(description.window.hop).unwrap_or(u32::MAX),
+            rows: survey.rows(description),
+            group_delay_us: survey.announcement.group_delay_us,
+            full_scale_uv: survey.announcement.full_scale_uv,
+            events,
+            description: format!("Corticode model {}", self.model.id),
+        }
+    }
+
+    fn open(&self, input: &Path) -> Result<CodeFile<File>, CodeFileError> {
+        let windows_per_hour = windows_per_hour(&self.model.description);
+        Ok(CodeFile::new(
+            File::open(input)?,
+            self.model.id,
+            windows_per_hour,
+        ))
+    }
+
+    fn open_original(&self, path: &Path, mains_hz: u8) -> Result<Original, OfflineError> {
+        if !self.model.is_built_in() {
+            return Err(OfflineError::OtherOriginal {
+                path: path.to_owned(),
+                model: self.model.id,
+            });
+        }
+        Original::open(path, Mains::from_hz(mains_hz).unwrap_or(Mains::Hz50))
+    }
+}
+
+/// Starts the comparison of a file of codes with its recording.
+fn comparing(original: Original, survey: &Survey, description: &Description) -> Comparing {
+    let rows = survey.rows(description);
+    let excerpt = (EXCERPT_S * u64::from(description.window.rate_hz)).min(rows);
+    let first = (rows - excerpt) / 2;
+    let electrodes = description.montage.electrodes.len();
+    Comparing::new(
+        original,
+        electrodes,
+        survey.first_row(description),
+        first..first + excerpt,
+    )
+}
+
+fn windows_per_hour(description: &Description) -> u32 {
+    let hop = u32::try_from(description.window.hop).unwrap_or(1).max(1);
+    3_600 * description.window.rate_hz / hop
+}

@@ -1,0 +1,107 @@
+//! A recording, encoded to a file of codes.
+
+mod device;
+
+use std::{
+    io::Write as _,
+    path::{Path, PathBuf},
+};
+
+use link::Stats;
+use new_file::{Existing, NewFile};
+use pipeline::Mains;
+use recordings::{Missing, virtual_adc::AdcCounters};
+
+use crate::error::OfflineError;
+use crate::played::{Played, first_channels};
+use crate::progress::Progress;
+use device::Device;
+
+/// Number of bytes of frames that are written together.
+const PIECE: usize = 1 << 16;
+
+/// How recordings are encoded.
+#[derive(Debug, Clone, Copy)]
+pub struct Encoding {
+    /// Mains frequency that the notch filter removes.
+    pub mains: Mains,
+    /// Treatment of electrodes that a recording lacks.
+    pub missing: Missing,
+    /// Treatment of a file that has the name of the output.
+    pub existing: Existing,
+}
+
+/// Result of encoding one recording.
+#[derive(Debug, Clone)]
+pub struct Encoded {
+    /// Origin of every electrode, as text.
+    pub montage: String,
+    /// What is wrong with the recording.
+    pub warnings: Vec<String>,
+    /// Counters of the pipeline: samples, codes, clipped values.
+    pub stats: Stats,
+    /// Counters of the virtual ADC.
+    pub adc: AdcCounters,
+    /// Size of the file of codes, bytes.
+    pub bytes: u64,
+}
+
+impl Encoded {
+    /// Returns the length of the encoded signal, seconds.
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "sample counts are far below 2^52"
+    )]
+    pub fn signal_s(&self) -> f64 {
+        self.stats.samples as f64 / f64::from(model::ADC_RATE_HZ)
+    }
+}
+
+impl Encoding {
+    /// Encodes the recording `input` to the file `output`, which holds the frames of a device from its start
+    /// to the end of the recording. The codes are those of `host-sim run`, bit for bit.
+    ///
+    /// # Errors
+    /// [`OfflineError`] if the recording cannot be read to its end, the file cannot be written, or
+    /// [`Progress::interrupt`] was called. Then no file has the name of the output.
+    pub fn encode(
+        &self,
+        input: &Path,
+        output: &Path,
+        progress: &Progress,
+    ) -> Result<Encoded, OfflineError> {
+        let mut played = Played::open(input, self.missing)?;
+        let mut file = NewFile::create(output, self.existing, &[PathBuf::from(input)])?;
+        let mut device = Device::new(self.mains, played.substitutes);
+        let mut bytes = 0;
+        let mut write = |frames: Vec<u8>| {
+            bytes += frames.len() as u64;
+            file.write_all(&frames).map_err(OfflineError::write(output))
+        };
+        let mut samples = 0_u64;
+        for counts in &mut played.adc {
+            let counts = counts.map_err(|source| OfflineError::Recording {
+                path: input.to_owned(),
+                source,
+            })?;
+            device.process(first_channels(counts));
+            samples += 1;
+            if samples.is_multiple_of(model::ADC_RATE_HZ.into()) {
+                progress.add_second()?;
+                if device.waiting_bytes() >= PIECE {
+                    write(device.take_frames())?;
+                }
+            }
+        }
+        let stats = device.finish();
+        write(device.take_frames())?;
+        file.finish()?;
+        Ok(Encoded {
+            montage: played.montage,
+            warnings: played.warnings,
+            stats,
+            adc: played.adc.counters(),
+            bytes,
+        })
+    }
+}

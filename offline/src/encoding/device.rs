@@ -1,0 +1,136 @@
+//! The firmware's pipeline without converters, clock and port: samples in, frames out.
+
+use device::{
+    Abilities, AcquiredSample, Counts, FrameQueue, Identity, Marks, Order, Output, Producer, Run,
+    Sender, Session,
+};
+use link::{ResetCause, Start, Stats, Streams, Substitutes};
+use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
+
+/// Frames of the device that have not been written to the file yet.
+#[derive(Debug, Default)]
+struct Frames(Vec<u8>);
+
+impl FrameQueue for Frames {
+    fn push(&mut self, frame: &[u8]) {
+        self.0.extend(frame);
+    }
+
+    /// Never called: the queue has no limit, and every message of a code fits a frame.
+    fn count_dropped(&mut self) {}
+
+    fn dropped(&self) -> u32 {
+        0
+    }
+}
+
+/// What the file says about the program that made it.
+const IDENTITY: Identity<'static> = Identity {
+    firmware: env!("CARGO_PKG_VERSION"),
+    board: "host-sim",
+    chip_uid: *b"\0host-sim\0\0\0",
+    // Equal recordings yield equal files.
+    session_id: 1,
+    reset_cause: ResetCause::PowerOn,
+    fault: "",
+};
+
+const ABILITIES: Abilities = Abilities {
+    streams: Streams::CODES,
+    self_test: false,
+    bootloader: false,
+};
+
+/// A device that streams codes from its first sample on. Its frames are those of a board but for the
+/// status of the converters, which it lacks.
+#[derive(Debug)]
+pub(super) struct Device {
+    session: Session<'static>,
+    sender: Sender<Frames>,
+    acquisition: Acquisition,
+    producer: Box<Producer<EncoderMemory>>,
+    /// Parameters of the run, which starts with the first sample; then `None`.
+    new_run: Option<Run>,
+    samples: u64,
+    steps: u64,
+}
+
+impl Device {
+    /// Creates a device whose introduction is in [`Self::take_frames`].
+    pub(super) fn new(mains: Mains, substitutes: Substitutes) -> Self {
+        let mut sender = Sender::new(Frames::default());
+        let session = Session::new(IDENTITY, ABILITIES, mains);
+        let mut session = session.with_substitutes(substitutes);
+        session.introduce(0, &mut sender);
+        let start = Start {
+            streams: Streams::CODES,
+            mains_hz: 0,
+        };
+        let (_, order) = session.start(start, 0, &mut sender);
+        Self {
+            session,
+            sender,
+            acquisition: Acquisition::new(mains),
+            producer: Box::new(Producer::new(EncoderMemory::EMPTY)),
+            new_run: match order {
+                Some(Order::Start(run)) => Some(run),
+                _ => None,
+            },
+            samples: 0,
+            steps: 0,
+        }
+    }
+
+    /// Processes one sample of the ADC.
+    pub(super) fn process(&mut self, sample: Sample) {
+        let drdy_us = self.samples * 1_000_000 / u64::from(model::ADC_RATE_HZ);
+        let step = self.acquisition.process_sample(&sample).map(|step| {
+            self.steps += 1;
+            (self.steps - 1, step)
+        });
+        let acquired = AcquiredSample {
+            new_run: self.new_run.take(),
+            sample,
+            index: self.samples,
+            step,
+            drdy_us,
+            marks: Marks::NONE,
+        };
+        self.samples += 1;
+        let counts = self.counts();
+        let (session, sender) = (&mut self.session, &mut self.sender);
+        let mut emit = |output: Output| {
+            if output.ends_second() {
+                session.send_stats(output.at_us, counts, sender);
+            }
+            session.send(&output, sender);
+        };
+        self.producer.process(&acquired, &mut emit);
+    }
+
+    /// Returns the number of bytes that [`Self::take_frames`] would return.
+    pub(super) fn waiting_bytes(&mut self) -> usize {
+        self.sender.queue().0.len()
+    }
+
+    /// Returns the frames since the last call.
+    pub(super) fn take_frames(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.sender.queue().0)
+    }
+
+    /// Returns the counters, and sends them as a device does after a run.
+    pub(super) fn finish(&mut self) -> Stats {
+        let counts = self.counts();
+        let now_us = self.samples * 1_000_000 / u64::from(model::ADC_RATE_HZ);
+        self.session.send_stats(now_us, counts, &mut self.sender);
+        self.session.stats(counts, 0)
+    }
+
+    fn counts(&self) -> Counts {
+        Counts {
+            samples: self.samples,
+            clipped: self.acquisition.clipped(),
+            ..Counts::default()
+        }
+    }
+}

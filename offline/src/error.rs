@@ -1,0 +1,103 @@
+//! Errors of encoding, decoding and comparing.
+
+use std::{io, path::PathBuf};
+
+use artifact::{ArtifactError, ModelId};
+use new_file::NewFileError;
+use picture::canvas::PictureError;
+use recordings::{MontageMapError, RecordingError};
+use thiserror::Error;
+
+use crate::code_file::CodeFileError;
+
+/// Why a file could not be encoded, decoded or compared.
+#[derive(Debug, Error)]
+pub enum OfflineError {
+    /// The recording cannot be read.
+    #[error("{} cannot be played", path.display())]
+    Recording {
+        /// Name of the recording.
+        path: PathBuf,
+        /// Error of its reader.
+        source: RecordingError,
+    },
+    /// The recording does not fit the model's montage.
+    #[error("{} cannot be encoded", path.display())]
+    Montage {
+        /// Name of the recording.
+        path: PathBuf,
+        /// What does not fit.
+        source: MontageMapError,
+    },
+    /// The file of codes cannot be decoded.
+    #[error("{} cannot be decoded", path.display())]
+    Codes {
+        /// Name of the file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: CodeFileError,
+    },
+    /// The model cannot decode codes.
+    #[error("the model in {} cannot decode codes", folder.display())]
+    Model {
+        /// Folder of the model.
+        folder: PathBuf,
+        /// What is wrong with it.
+        source: ArtifactError,
+    },
+    /// The program cannot filter the original recording for this model.
+    #[error(
+        "{} cannot be compared with codes of model {model}, because this program was built with another \
+         one; build it with CORTICODE_ARTIFACT, the absolute path of the model's folder, or leave out \
+         --original",
+        path.display()
+    )]
+    OtherOriginal {
+        /// Name of the recording.
+        path: PathBuf,
+        /// Model of the codes.
+        model: ModelId,
+    },
+    /// The name of an output cannot be used.
+    #[error(transparent)]
+    NewFile(#[from] NewFileError),
+    /// An output cannot be written.
+    #[error("{} cannot be written; is the disk full?", path.display())]
+    Write {
+        /// Name of the output.
+        path: PathBuf,
+        /// Error from the operating system, or what the format cannot hold.
+        source: io::Error,
+    },
+    /// A picture cannot be written.
+    #[error(transparent)]
+    Picture(#[from] PictureError),
+    /// The user ended the program.
+    #[error("interrupted; unfinished files were deleted")]
+    Interrupted,
+}
+
+impl OfflineError {
+    /// Returns a closure that makes the error of an output from that of the operating system.
+    pub(crate) fn write(path: &std::path::Path) -> impl Fn(io::Error) -> Self + use<> {
+        let path = path.to_owned();
+        move |source| Self::Write {
+            path: path.clone(),
+            source,
+        }
+    }
+
+    /// Returns whether the output is at fault, and not the input.
+    pub fn is_output_error(&self) -> bool {
+        match self {
+            Self::Write { .. } | Self::Picture(_) => true,
+            Self::NewFile(error) => {
+                matches!(
+                    error,
+                    NewFileError::Create { .. } | NewFileError::Finish { .. }
+                )
+            }
+            _ => false,
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! Recordings encoded to files of codes, codes decoded to files of signals, and the error between them,
+//! without a host or a clock.
+//!
+//! The pipeline and the link are those of the firmware, and the decoder is the bridge's, so codes and
+//! microvolts equal theirs bit for bit. The commands `host-sim encode` and `host-sim decode` run
+//! [`Encoding`] and [`Decoding`] for many files at once.
+//!
+//! ```text
+//! recording ──Played: virtual ADC──► Device: pipeline ──frames──► file of codes
+//!     │                                                               │ CodeFile: codes
+//!     └──Original: filtered EEG──► Comparison ◄──microvolts── Hops: decoder, overlap
+//!                                      │                              │
+//!                                    report                SignalFile: EDF, BDF, GDF, NPZ, CSV
+//! ```
+#![forbid(unsafe_code)]
+
+mod code_file;
+mod comparison;
+mod decoding;
+mod encoding;
+mod error;
+mod histogram;
+mod hops;
+mod model;
+mod original;
+mod played;
+mod progress;
+pub mod report;
+mod row_events;
+mod signal_file;
+mod survey;
+
+pub use code_file::CodeFileError;
+pub use comparison::{Comparison, ElectrodeError, Excerpt};
+pub use decoding::{Decoded, Decoding};
+pub use encoding::{Encoded, Encoding};
+pub use error::OfflineError;
+pub use histogram::{BINS, LevelHistogram};
+pub use model::Model;
+pub use played::Played;
+pub use progress::Progress;
+pub use signal_file::SignalFormat;

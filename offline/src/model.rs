@@ -1,0 +1,61 @@
+//! The model that decodes codes.
+
+use std::path::{Path, PathBuf};
+
+use ::model::artifact_files::{CALIBRATION, MODEL_TOML, WEIGHTS};
+use artifact::{Artifact, ArtifactError, Description, ModelId};
+use reconstruction::WindowDecoder;
+
+use crate::error::OfflineError;
+
+/// A model with its float decoder.
+#[derive(Debug, Clone)]
+pub struct Model {
+    /// Id of the model, as in its codes.
+    pub id: ModelId,
+    /// Dimensions, montage and filters.
+    pub description: Description,
+    pub(crate) decoder: WindowDecoder,
+}
+
+impl Model {
+    /// Reads the model with which this program was built, and which it contains.
+    ///
+    /// # Errors
+    /// [`OfflineError::Model`] if its decoder needs more input than the code.
+    pub fn embedded() -> Result<Self, OfflineError> {
+        Artifact::from_bytes(MODEL_TOML, WEIGHTS, CALIBRATION)
+            .and_then(|artifact| Self::new(&artifact))
+            .map_err(|source| OfflineError::Model {
+                folder: PathBuf::from("this program"),
+                source,
+            })
+    }
+
+    /// Reads the model in a folder.
+    ///
+    /// # Errors
+    /// [`OfflineError::Model`] if the folder holds no valid model, or its decoder needs more input than
+    /// the code.
+    pub fn read(folder: &Path) -> Result<Self, OfflineError> {
+        Artifact::read(folder)
+            .and_then(|artifact| Self::new(&artifact))
+            .map_err(|source| OfflineError::Model {
+                folder: folder.to_owned(),
+                source,
+            })
+    }
+
+    /// Returns whether this program was built with this model, so that it can filter recordings for it.
+    pub fn is_built_in(&self) -> bool {
+        self.id.0 == ::model::MODEL_ID
+    }
+
+    fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
+        Ok(Self {
+            id: artifact.id,
+            description: artifact.description.clone(),
+            decoder: WindowDecoder::new(artifact)?,
+        })
+    }
+}

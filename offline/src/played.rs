@@ -1,0 +1,86 @@
+//! A recording that a virtual ADC plays to the model's electrodes.
+
+use std::path::Path;
+
+use link::Substitutes;
+use pipeline::Sample;
+use recordings::{
+    AdcSpec, Event, Missing, MontageMap, Onsets, Recording, VirtualAdc, montage_map::Origin,
+    virtual_adc,
+};
+
+use crate::error::OfflineError;
+
+const _: () = assert!(model::CHANNELS <= virtual_adc::CHANNELS);
+
+/// A recording as the model's ADC measures it, with what the file says about itself.
+pub struct Played {
+    /// Samples of the ADC.
+    pub adc: VirtualAdc,
+    /// Electrodes that the recording lacks.
+    pub substitutes: Substitutes,
+    /// Origin of every electrode, as text.
+    pub montage: String,
+    /// What is wrong with the recording.
+    pub warnings: Vec<String>,
+    /// Events of the recording.
+    pub events: Vec<Event>,
+    /// Starts of the events within the played signal.
+    pub onsets: Onsets,
+}
+
+impl Played {
+    /// Opens a recording at its first sample.
+    ///
+    /// # Errors
+    /// [`OfflineError`] if the file is no recording, or does not fit the model's montage and ADC.
+    pub fn open(path: &Path, missing: Missing) -> Result<Self, OfflineError> {
+        let reading = |source| OfflineError::Recording {
+            path: path.to_owned(),
+            source,
+        };
+        let mut recording = Recording::open(path).map_err(reading)?;
+        let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
+        let map = MontageMap::new(&recording.labels(), &electrodes, missing);
+        let map = map.map_err(|source| OfflineError::Montage {
+            path: path.to_owned(),
+            source,
+        })?;
+        let events = recording.events().map_err(reading)?;
+        let onsets = recording.onsets().map_err(reading)?;
+        let of_map = map.warnings();
+        let warnings = of_map.iter().map(ToString::to_string);
+        let warnings = warnings.chain(recording.warnings().iter().map(ToString::to_string));
+        let warnings = warnings.collect();
+        let spec = AdcSpec {
+            rate_hz: model::ADC_RATE_HZ.into(),
+            lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
+        };
+        Ok(Self {
+            adc: VirtualAdc::new(recording, &map, spec).map_err(reading)?,
+            substitutes: Substitutes {
+                interpolated: bits(&map, |origin| matches!(origin, Origin::Interpolated(_))),
+                zero: bits(&map, |origin| matches!(origin, Origin::Zero)),
+            },
+            montage: map.to_string(),
+            warnings,
+            events,
+            onsets,
+        })
+    }
+}
+
+/// Returns the sample of the model's ADC. The virtual ADC fills the channels of the longest chain; those
+/// beyond the model's carry no electrode.
+pub(crate) fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
+    Sample {
+        counts: std::array::from_fn(|channel| counts[channel]),
+    }
+}
+
+/// Returns a bit set of the electrodes whose origin is `wanted`.
+fn bits(map: &MontageMap, wanted: impl Fn(&Origin) -> bool) -> u64 {
+    let electrodes = (0..u64::BITS).zip(map.origins());
+    let electrodes = electrodes.filter(|(_, origin)| wanted(origin));
+    electrodes.fold(0, |bits, (electrode, _)| bits | 1 << electrode)
+}

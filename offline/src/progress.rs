@@ -1,0 +1,36 @@
+//! Progress of a job, and the request to end it.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use crate::error::OfflineError;
+
+/// Seconds of signal processed by all jobs, and whether they shall end early. Jobs share one progress.
+#[derive(Debug, Default)]
+pub struct Progress {
+    seconds: AtomicU64,
+    interrupted: AtomicBool,
+}
+
+impl Progress {
+    /// Returns the seconds of signal processed so far.
+    pub fn seconds(&self) -> u64 {
+        self.seconds.load(Ordering::Relaxed)
+    }
+
+    /// Ends the jobs: each returns [`OfflineError::Interrupted`] within a second of signal.
+    pub fn interrupt(&self) {
+        self.interrupted.store(true, Ordering::Relaxed);
+    }
+
+    /// Adds a second of signal.
+    ///
+    /// # Errors
+    /// [`OfflineError::Interrupted`] after [`Self::interrupt`].
+    pub(crate) fn add_second(&self) -> Result<(), OfflineError> {
+        self.seconds.fetch_add(1, Ordering::Relaxed);
+        if self.interrupted.load(Ordering::Relaxed) {
+            return Err(OfflineError::Interrupted);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,127 @@
+//! The page of a report.
+
+use artifact::Description;
+
+use super::{Entry, pictures};
+use crate::comparison::Comparison;
+
+const STYLE: &str = "body{font:16px/1.5 Helvetica,Arial,sans-serif;color:#1f2933;max-width:1240px;margin:2em auto;\
+padding:0 1em}table{border-collapse:collapse;margin:1em 0}th,td{padding:.25em .8em;text-align:right;border-bottom:\
+1px solid #e4e9ee}th:first-child,td:first-child{text-align:left}img{max-width:100%;border:1px solid #e4e9ee;\
+margin:.5em 0}caption,p.note{color:#627080;text-align:left}";
+
+/// Returns the page as HTML. Its pictures are files in folders beside it.
+pub(super) fn page(description: &Description, entries: &[Entry]) -> String {
+    let rows: String = entries
+        .iter()
+        .map(|entry| summary(description, entry))
+        .collect();
+    let sections: String = entries
+        .iter()
+        .map(|entry| section(description, entry))
+        .collect();
+    let size = format!(
+        "{} electrodes, {} Hz, one code of {} numbers every {} ms",
+        description.montage.electrodes.len(),
+        description.window.rate_hz,
+        description.code.numbers,
+        1_000.0 * code_interval_s(description)
+    );
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Decoded EEG</title>\
+         <style>{STYLE}</style></head><body>\n<h1>Decoded EEG</h1>\n<p>{size}. Reference: the recording \
+         after notch, band-pass and resampling, before it becomes int8. Steps in which the filters settle, and \
+         steps without a code, are left out. PRD = 100 sqrt(sum of squared difference / sum of squared \
+         reference). MSE is in units of the network's input ({:.2} uV) squared. The numbers of all electrodes: \
+         <a href=\"electrodes.csv\">electrodes.csv</a>.</p>\n<table><tr><th>recording</th><th>seconds</th>\
+         <th>codes</th><th>missing</th><th>PRD, all</th><th>PRD, measured</th><th>MSE</th><th>MSE, uV&sup2;</th>\
+         </tr>\n{rows}</table>\n{sections}</body></html>\n",
+        description.input.sd_uv
+    )
+}
+
+/// Returns the time from one code to the next, seconds.
+fn code_interval_s(description: &Description) -> f64 {
+    let hop = u32::try_from(description.window.hop).unwrap_or(u32::MAX);
+    f64::from(hop) / f64::from(description.window.rate_hz)
+}
+
+fn summary(description: &Description, entry: &Entry) -> String {
+    let decoded = &entry.decoded;
+    let name = escaped(&entry.name);
+    let errors = match &decoded.comparison {
+        Some(comparison) => {
+            let total = comparison.total();
+            let mse_uv2 = comparison.mse_uv2(total, comparison.electrodes.len());
+            format!(
+                "<td>{:.2} %</td><td>{:.2} %</td><td>{:.5}</td><td>{mse_uv2:.2}</td>",
+                total.prd_percent(),
+                comparison.total_measured().prd_percent(),
+                mse_uv2 / description.input.sd_uv.powi(2)
+            )
+        }
+        None => "<td colspan=\"4\">no original to compare with</td>".to_owned(),
+    };
+    format!(
+        "<tr><td><a href=\"#{name}\">{name}</a></td><td>{:.1}</td><td>{}</td><td>{}</td>{errors}</tr>\n",
+        decoded.signal_s(),
+        decoded.codes,
+        decoded.missing
+    )
+}
+
+fn section(description: &Description, entry: &Entry) -> String {
+    let name = escaped(&entry.name);
+    let picture = |file: &str, what: &str| {
+        format!("<img loading=\"lazy\" src=\"{name}/{file}\" alt=\"{what}\">\n")
+    };
+    let compared = entry.decoded.comparison.as_ref().map(|comparison| {
+        let mut text = picture(pictures::TRACES, "original and decoded signal");
+        text += &picture(pictures::SCALP, "error of each electrode on the scalp");
+        text += &electrodes(description, comparison);
+        text
+    });
+    let levels = picture(pictures::LEVELS, "histogram of the codes' values");
+    let compared = compared.unwrap_or_default();
+    format!("<h2 id=\"{name}\">{name}</h2>\n{compared}{levels}")
+}
+
+fn electrodes(description: &Description, comparison: &Comparison) -> String {
+    let unit = description.input.sd_uv.powi(2);
+    let labels = description.montage.electrodes.iter();
+    let errors = comparison.electrodes.iter().zip(&comparison.measured);
+    let rows = labels.zip(errors).map(|(label, (error, measured))| {
+        let mse_uv2 = comparison.mse_uv2(*error, 1);
+        format!(
+            "<tr><td>{}</td><td>{}</td><td>{:.2} %</td><td>{:.5}</td><td>{mse_uv2:.2}</td></tr>\n",
+            escaped(label),
+            if *measured {
+                "measured"
+            } else {
+                "interpolated"
+            },
+            error.prd_percent(),
+            mse_uv2 / unit
+        )
+    });
+    let rows: String = rows.collect();
+    format!(
+        "<details><summary>all electrodes</summary><table><tr><th>electrode</th><th>origin</th><th>PRD</th>\
+         <th>MSE</th><th>MSE, uV&sup2;</th></tr>\n{rows}</table></details>\n"
+    )
+}
+
+/// Replaces the characters that have a meaning in HTML.
+fn escaped(text: &str) -> String {
+    let entities = [
+        ("&", "&amp;"),
+        ("<", "&lt;"),
+        (">", "&gt;"),
+        ("\"", "&quot;"),
+    ];
+    entities
+        .iter()
+        .fold(text.to_owned(), |text, (character, entity)| {
+            text.replace(character, entity)
+        })
+}

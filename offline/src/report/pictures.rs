@@ -1,0 +1,140 @@
+//! The pictures of one decoded recording.
+
+use std::path::Path;
+
+use artifact::Description;
+use picture::histogram::Histogram;
+use picture::scalp_map::{Place, ScalpMap};
+use picture::traces::{Trace, Traces};
+use recordings::Position;
+
+use super::Entry;
+use crate::comparison::Comparison;
+use crate::error::OfflineError;
+
+/// File name of the picture of original and decoded signal.
+pub(super) const TRACES: &str = "traces.svg";
+/// File name of the map of the electrodes' errors.
+pub(super) const SCALP: &str = "scalp.svg";
+/// File name of the histogram of the codes' values.
+pub(super) const LEVELS: &str = "levels.svg";
+/// Largest number of electrodes in the picture of traces.
+const SHOWN: usize = 8;
+
+/// Draws the pictures of an entry into a folder.
+///
+/// # Errors
+/// [`OfflineError::Picture`] if a file cannot be written.
+pub(super) fn draw(
+    folder: &Path,
+    description: &Description,
+    entry: &Entry,
+) -> Result<(), OfflineError> {
+    if let Some(comparison) = &entry.decoded.comparison {
+        traces(description, comparison, &entry.name).draw(&folder.join(TRACES))?;
+        let map = scalp_map(description, comparison, &entry.name);
+        if !map.places.is_empty() {
+            map.draw(&folder.join(SCALP))?;
+        }
+    }
+    Ok(levels(entry).draw(&folder.join(LEVELS))?)
+}
+
+fn traces(description: &Description, comparison: &Comparison, name: &str) -> Traces {
+    let labels = &description.montage.electrodes;
+    let excerpt = &comparison.excerpt;
+    let rows = shown(comparison).into_iter().map(|electrode| {
+        let part = |steps: &[Vec<f32>]| steps.iter().map(|step| step[electrode]).collect();
+        Trace {
+            label: labels[electrode].clone(),
+            source_uv: part(&excerpt.original_uv),
+            result_uv: part(&excerpt.decoded_uv),
+        }
+    });
+    let rate_hz = f64::from(description.window.rate_hz);
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 rows")]
+    let start_s = excerpt.first_row as f64 / rate_hz;
+    Traces {
+        rows: rows.collect(),
+        rate_hz,
+        start_s,
+        since: "the first code".to_owned(),
+        result: format!("decoded from {} numbers", description.code.numbers),
+        subtitle: format!(
+            "{name}: PRD {:.1} % over all {} electrodes and {} steps",
+            comparison.total().prd_percent(),
+            labels.len(),
+            comparison.steps
+        ),
+    }
+}
+
+/// Returns the electrodes to show, evenly spaced over the measured ones.
+fn shown(comparison: &Comparison) -> Vec<usize> {
+    let electrodes = comparison.measured.iter().enumerate();
+    let measured = electrodes.filter(|(_, measured)| **measured);
+    let measured: Vec<usize> = measured.map(|(electrode, _)| electrode).collect();
+    let count = SHOWN.min(measured.len());
+    (0..count)
+        .map(|place| measured[place * measured.len() / count])
+        .collect()
+}
+
+fn scalp_map(description: &Description, comparison: &Comparison, name: &str) -> ScalpMap {
+    let electrodes = description.montage.electrodes.iter();
+    let errors = comparison.electrodes.iter().zip(&comparison.measured);
+    let places = electrodes
+        .zip(errors)
+        .filter_map(|(label, (error, measured))| {
+            let value = error.prd_percent();
+            let at = on_map(Position::from_label(label)?);
+            value.is_finite().then(|| Place {
+                label: label.clone(),
+                at,
+                value,
+                is_measured: *measured,
+            })
+        });
+    ScalpMap {
+        places: places.collect(),
+        title: "Error of each electrode".to_owned(),
+        subtitle: format!(
+            "{name}: PRD, 100 sqrt(sum of squared difference / sum of squared original)"
+        ),
+        unit: "%".to_owned(),
+    }
+}
+
+/// Returns the place of an electrode on a map whose circle is the circumference of the 10-20 system: angles
+/// from the vertex become distances.
+fn on_map(position: Position) -> [f64; 2] {
+    /// Angle from the vertex to the circumference, degrees.
+    const CIRCUMFERENCE: f64 = 72.0;
+    let distance = position.z.clamp(-1.0, 1.0).acos().to_degrees() / CIRCUMFERENCE;
+    let direction = position.x.hypot(position.y);
+    if direction < 1e-9 {
+        return [0.0, 0.0];
+    }
+    // 0.9: room for electrodes below the circumference, and for labels.
+    [position.x, position.y].map(|part| 0.9 * distance * part / direction)
+}
+
+fn levels(entry: &Entry) -> Histogram {
+    let levels = &entry.decoded.levels;
+    Histogram {
+        range: [
+            f64::from(*levels.range.start()),
+            f64::from(*levels.range.end()) + 1.0,
+        ],
+        counts: levels.bins.to_vec(),
+        title: "Values of the codes".to_owned(),
+        subtitle: format!(
+            "{}: {} values in {} codes, {} at an end of the range",
+            entry.name,
+            levels.values(),
+            entry.decoded.codes,
+            levels.at_ends
+        ),
+        x: "level".to_owned(),
+    }
+}

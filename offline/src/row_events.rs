@@ -1,0 +1,79 @@
+//! Events of a recording, at the rows of its decoded signal.
+
+use artifact::Description;
+use recordings::{EventLabel, Onsets};
+
+use crate::signal_file::RowEvent;
+use crate::survey::Survey;
+
+/// GDF type of missing codes: the highest type without a fixed meaning.
+const MISSING_TYPE: u16 = 0x00ff;
+
+/// Events in the order of their rows.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) struct RowEvents {
+    pub(crate) rows: Vec<RowEvent>,
+    /// GDF types of texts, from 1.
+    pub(crate) types: Vec<(String, u16)>,
+}
+
+impl RowEvents {
+    /// Places the events of a recording, if there is one, at the rows that show them, and an event at the
+    /// first row of each gap.
+    pub(crate) fn new(onsets: Option<&Onsets>, survey: &Survey, description: &Description) -> Self {
+        let mut events = Self::default();
+        if let Some(onsets) = onsets {
+            for (onset_s, label) in onsets.seconds.iter().zip(&onsets.labels) {
+                if let Some(row) = row_of(*onset_s, survey, description) {
+                    events.add(row, label);
+                }
+            }
+        }
+        let hop = description.window.hop as u64;
+        let gaps = survey.gaps.iter().map(|gap| RowEvent {
+            row: u64::from(gap.first) * hop,
+            text: format!("codes missing: {}", gap.windows),
+            kind: MISSING_TYPE,
+        });
+        events.rows.extend(gaps);
+        events.rows.sort_by_key(|event| event.row);
+        events
+    }
+
+    fn add(&mut self, row: u64, label: &EventLabel) {
+        let kind = match label {
+            EventLabel::Type(kind) => *kind,
+            EventLabel::SparseSample(_) => return,
+            EventLabel::Text(text) => self.type_of(text),
+        };
+        self.rows.push(RowEvent {
+            row,
+            text: label.to_string(),
+            kind,
+        });
+    }
+
+    /// Returns the GDF type of a text: the next one for a new text.
+    fn type_of(&mut self, text: &str) -> u16 {
+        if let Some((_, kind)) = self.types.iter().find(|(known, _)| known == text) {
+            return *kind;
+        }
+        let kind = u16::try_from(self.types.len() + 1).unwrap_or(u16::MAX);
+        self.types.push((text.to_owned(), kind));
+        kind
+    }
+}
+
+/// Returns the row that shows the electrodes at a time of the recording; `None` outside the decoded signal.
+/// The filters delay the signal.
+fn row_of(onset_s: f64, survey: &Survey, description: &Description) -> Option<u64> {
+    let delay_s = f64::from(survey.announcement.group_delay_us) / 1e6;
+    let row = ((onset_s + delay_s) * f64::from(description.window.rate_hz)).round();
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "onsets are not negative; beyond 2^64 rows it saturates"
+    )]
+    let row = (row as u64).checked_sub(survey.first_row(description))?;
+    (row < survey.rows(description)).then_some(row)
+}

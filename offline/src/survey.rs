@@ -1,0 +1,83 @@
+//! The first pass over a file of codes: which windows it holds.
+
+use std::io::Read;
+
+use artifact::Description;
+
+use crate::code_file::{Announcement, CodeFile, CodeFileError};
+
+/// Consecutive windows whose codes are missing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Gap {
+    /// Index of the first missing window, counted from the first window of the file.
+    pub(crate) first: u32,
+    /// Number of missing windows.
+    pub(crate) windows: u32,
+}
+
+/// Contents of a file of codes.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Survey {
+    pub(crate) announcement: Announcement,
+    /// Number of codes.
+    pub(crate) codes: u64,
+    /// Index of the first window in its run.
+    pub(crate) first_window: u32,
+    /// Number of windows from the first to the last one, missing ones included.
+    pub(crate) windows: u32,
+    pub(crate) gaps: Vec<Gap>,
+    /// Number of damaged frames.
+    pub(crate) damaged: u32,
+}
+
+impl Survey {
+    /// Reads all codes of a file.
+    ///
+    /// # Errors
+    /// [`CodeFileError`] if the file cannot be decoded.
+    pub(crate) fn new(
+        mut file: CodeFile<impl Read>,
+        description: &Description,
+    ) -> Result<Self, CodeFileError> {
+        let (mut codes, mut range, mut gaps) = (0, None, Vec::new());
+        while let Some(code) = file.next_code()? {
+            codes += 1;
+            let (first, last) = *range.get_or_insert((code.window, code.window));
+            if code.window > last + 1 {
+                gaps.push(Gap {
+                    first: last + 1 - first,
+                    windows: code.window - last - 1,
+                });
+            }
+            range = Some((first, code.window));
+        }
+        let (Some((first, last)), Some(announcement)) = (range, file.announcement()) else {
+            let steps = description.window.steps;
+            return Err(CodeFileError::NoCodes { steps });
+        };
+        Ok(Self {
+            announcement: announcement.clone(),
+            codes,
+            first_window: first,
+            windows: last - first + 1,
+            gaps,
+            damaged: file.damaged(),
+        })
+    }
+
+    /// Returns the number of missing windows.
+    pub(crate) fn missing(&self) -> u64 {
+        self.gaps.iter().map(|gap| u64::from(gap.windows)).sum()
+    }
+
+    /// Returns the step, counted from the start of the run, of the first row of the decoded signal.
+    pub(crate) fn first_row(&self, description: &Description) -> u64 {
+        u64::from(self.first_window) * description.window.hop as u64
+    }
+
+    /// Returns the number of rows of the decoded signal: the steps of all windows.
+    pub(crate) fn rows(&self, description: &Description) -> u64 {
+        let window = &description.window;
+        (u64::from(self.windows) - 1) * window.hop as u64 + window.steps as u64
+    }
+}

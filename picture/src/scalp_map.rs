@@ -1,0 +1,208 @@
+//! Map of one value per electrode on the head, seen from above.
+
+use std::path::Path;
+
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use crate::canvas::{self, Area, Drawn, FAINT, INK, PictureError};
+
+/// An electrode on the map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Place {
+    /// Name of the electrode, such as "Cz".
+    pub label: String,
+    /// Distance from the vertex towards the right ear and towards the nose; the circle of the map has
+    /// radius 1.
+    pub at: [f64; 2],
+    /// Value at the electrode.
+    pub value: f64,
+    /// Whether the electrode was measured; the others are drawn hollow.
+    pub is_measured: bool,
+}
+
+/// Values of all electrodes, interpolated over the head.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScalpMap {
+    /// Electrodes with a finite value; at least one.
+    pub places: Vec<Place>,
+    /// Line of the title.
+    pub title: String,
+    /// Line below the title.
+    pub subtitle: String,
+    /// Unit of the values, such as "%".
+    pub unit: String,
+}
+
+const SIZE: (u32, u32) = (900, 860);
+/// Radius of the head, pixels.
+const RADIUS: i32 = 330;
+/// Side of the squares of which the map consists, pixels.
+const SQUARE: i32 = 6;
+/// Number of colour levels.
+const LEVELS: u8 = 24;
+/// Colours of the smallest, a middle and the largest value.
+const COLORS: [RGBColor; 3] = [
+    RGBColor(0xf4, 0xf8, 0xfb),
+    RGBColor(0xf2, 0xb1, 0x6d),
+    RGBColor(0xb0, 0x2a, 0x1d),
+];
+
+impl ScalpMap {
+    /// Writes the map as an SVG file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn draw(&self, path: &Path) -> Result<(), PictureError> {
+        canvas::page(path, SIZE, [&self.title, &self.subtitle], |area| {
+            self.draw_on(area)
+        })
+    }
+
+    fn draw_on(&self, area: &Area) -> Drawn {
+        let centre = (400, 380);
+        let largest = self.places.iter().map(|place| place.value);
+        let largest = largest.fold(0.0, f64::max).max(f64::MIN_POSITIVE);
+        for row in (-RADIUS..RADIUS).step_by(6) {
+            self.draw_row(area, centre, row, largest)?;
+        }
+        let outline = INK.stroke_width(3);
+        let nose = [(-34, 4 - RADIUS), (0, -RADIUS - 30), (34, 4 - RADIUS)];
+        let nose = nose.map(|(x, y)| (centre.0 + x, centre.1 + y));
+        area.draw(&PathElement::new(nose, outline))?;
+        area.draw(&Circle::new(centre, RADIUS, outline))?;
+        for place in &self.places {
+            let at = pixel(centre, place.at);
+            let dot = if place.is_measured {
+                INK.filled()
+            } else {
+                INK.into()
+            };
+            area.draw(&Circle::new(at, 4, WHITE.filled()))?;
+            area.draw(&Circle::new(at, 3, dot))?;
+            let style = canvas::text(12, INK).pos(Pos::new(HPos::Center, VPos::Top));
+            area.draw(&Text::new(place.label.clone(), (at.0, at.1 + 5), style))?;
+        }
+        self.draw_scale(area, largest)
+    }
+
+    /// Draws one row of squares; neighbours of the same level share a rectangle.
+    fn draw_row(&self, area: &Area, centre: (i32, i32), row: i32, largest: f64) -> Drawn {
+        let middle = row + SQUARE / 2;
+        let columns = (-RADIUS..RADIUS).step_by(6).filter(|column| {
+            let x = column + SQUARE / 2;
+            x * x + middle * middle <= RADIUS * RADIUS
+        });
+        let squares: Vec<(i32, u8)> = columns
+            .map(|column| {
+                let [x, y] =
+                    [column + SQUARE / 2, middle].map(|at| f64::from(at) / f64::from(RADIUS));
+                (column, level(self.value_at([x, -y]) / largest))
+            })
+            .collect();
+        for run in squares.chunk_by(|a, b| a.1 == b.1) {
+            let (first, last) = (run[0], run[run.len() - 1]);
+            let corners = [
+                (centre.0 + first.0, centre.1 + row),
+                (centre.0 + last.0 + SQUARE, centre.1 + row + SQUARE),
+            ];
+            area.draw(&Rectangle::new(corners, color_of(first.1).filled()))?;
+        }
+        Ok(())
+    }
+
+    /// Interpolates the values: the mean of all electrodes, weighted by the inverse fourth power of their
+    /// distance.
+    fn value_at(&self, at: [f64; 2]) -> f64 {
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for place in &self.places {
+            let distance = (place.at[0] - at[0]).powi(2) + (place.at[1] - at[1]).powi(2);
+            let weight = 1.0 / (distance * distance).max(1e-12);
+            sum += weight * place.value;
+            weights += weight;
+        }
+        sum / weights
+    }
+
+    fn draw_scale(&self, area: &Area, largest: f64) -> Drawn {
+        let (top, bottom, left, right) = (120, 640, 790, 812);
+        let count = i32::from(LEVELS);
+        for place in 0..LEVELS {
+            let row = |place: i32| top + (bottom - top) * place / count;
+            let corners = [
+                (left, row(place.into())),
+                (right, row(i32::from(place) + 1)),
+            ];
+            let color = color_of(LEVELS - 1 - place);
+            area.draw(&Rectangle::new(corners, color.filled()))?;
+        }
+        area.draw(&Rectangle::new([(left, top), (right, bottom)], FAINT))?;
+        for (value, y) in [
+            (largest, top),
+            (largest / 2.0, i32::midpoint(top, bottom)),
+            (0.0, bottom),
+        ] {
+            let style = canvas::anchored(15, INK, HPos::Left);
+            let text = format!("{value:.1} {}", self.unit);
+            area.draw(&Text::new(text, (right + 8, y), style))?;
+        }
+        let hollow = self.places.iter().any(|place| !place.is_measured);
+        if hollow {
+            let style = canvas::anchored(14, FAINT, HPos::Left);
+            let text = "hollow: electrodes that the recording lacks";
+            area.draw(&Text::new(text, (28, 745), style))?;
+        }
+        Ok(())
+    }
+}
+
+/// Returns the pixel of a place on the head.
+fn pixel(centre: (i32, i32), [x, y]: [f64; 2]) -> (i32, i32) {
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "saturates far outside the picture"
+    )]
+    let [x, y] = [x, y].map(|at| (at * f64::from(RADIUS)).round() as i32);
+    (centre.0.saturating_add(x), centre.1.saturating_sub(y))
+}
+
+/// Returns the colour level of a part of the largest value.
+fn level(part: f64) -> u8 {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "clamped to the levels"
+    )]
+    let level = (part.clamp(0.0, 1.0) * f64::from(LEVELS)) as u8;
+    level.min(LEVELS - 1)
+}
+
+fn color_of(level: u8) -> RGBColor {
+    let map = DerivedColorMap::new(&COLORS);
+    map.get_color_normalized(f64::from(level), 0.0, f64::from(LEVELS - 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_map_has_each_electrode_s_value_at_its_place_and_means_between() {
+        let place = |x, value| Place {
+            label: "E".to_owned(),
+            at: [x, 0.0],
+            value,
+            is_measured: true,
+        };
+        let map = ScalpMap {
+            places: vec![place(-0.5, 1.0), place(0.5, 3.0)],
+            title: String::new(),
+            subtitle: String::new(),
+            unit: String::new(),
+        };
+        for (x, value) in [(-0.5, 1.0), (0.5, 3.0), (0.0, 2.0)] {
+            assert!((map.value_at([x, 0.0]) - value).abs() < 1e-6, "{x}");
+        }
+        assert_eq!([level(-1.0), level(0.0), level(1.0)], [0, 0, LEVELS - 1]);
+    }
+}
