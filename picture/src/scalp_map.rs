@@ -39,6 +39,8 @@ const SIZE: (u32, u32) = (900, 860);
 const RADIUS: i32 = 330;
 /// Side of the squares of which the map consists, pixels.
 const SQUARE: i32 = 6;
+/// Distance from the nearest electrode up to which the map is coloured, in radii of the head.
+const REACH: f64 = 0.26;
 /// Number of colour levels.
 const LEVELS: u8 = 24;
 /// Colours of the smallest, a middle and the largest value.
@@ -89,18 +91,15 @@ impl ScalpMap {
     /// Draws one row of squares; neighbours of the same level share a rectangle.
     fn draw_row(&self, area: &Area, centre: (i32, i32), row: i32, largest: f64) -> Drawn {
         let middle = row + SQUARE / 2;
-        let columns = (-RADIUS..RADIUS).step_by(6).filter(|column| {
+        let squares = (-RADIUS..RADIUS).step_by(6).filter_map(|column| {
             let x = column + SQUARE / 2;
-            x * x + middle * middle <= RADIUS * RADIUS
+            let is_inside = x * x + middle * middle <= RADIUS * RADIUS;
+            let [x, y] = [x, -middle].map(|at| f64::from(at) / f64::from(RADIUS));
+            let value = self.value_at([x, y]).filter(|_| is_inside)?;
+            Some((column, level(value / largest)))
         });
-        let squares: Vec<(i32, u8)> = columns
-            .map(|column| {
-                let [x, y] =
-                    [column + SQUARE / 2, middle].map(|at| f64::from(at) / f64::from(RADIUS));
-                (column, level(self.value_at([x, -y]) / largest))
-            })
-            .collect();
-        for run in squares.chunk_by(|a, b| a.1 == b.1) {
+        let squares: Vec<(i32, u8)> = squares.collect();
+        for run in squares.chunk_by(|a, b| a.1 == b.1 && b.0 - a.0 == SQUARE) {
             let (first, last) = (run[0], run[run.len() - 1]);
             let corners = [
                 (centre.0 + first.0, centre.1 + row),
@@ -112,16 +111,17 @@ impl ScalpMap {
     }
 
     /// Interpolates the values: the mean of all electrodes, weighted by the inverse fourth power of their
-    /// distance.
-    fn value_at(&self, at: [f64; 2]) -> f64 {
-        let (mut sum, mut weights) = (0.0, 0.0);
+    /// distance. `None` where no electrode is near.
+    fn value_at(&self, at: [f64; 2]) -> Option<f64> {
+        let (mut sum, mut weights, mut nearest) = (0.0, 0.0, f64::INFINITY);
         for place in &self.places {
-            let distance = (place.at[0] - at[0]).powi(2) + (place.at[1] - at[1]).powi(2);
-            let weight = 1.0 / (distance * distance).max(1e-12);
+            let squared = (place.at[0] - at[0]).powi(2) + (place.at[1] - at[1]).powi(2);
+            let weight = 1.0 / (squared * squared).max(1e-12);
             sum += weight * place.value;
             weights += weight;
+            nearest = nearest.min(squared);
         }
-        sum / weights
+        (nearest <= REACH * REACH).then_some(sum / weights)
     }
 
     fn draw_scale(&self, area: &Area, largest: f64) -> Drawn {
@@ -195,14 +195,16 @@ mod tests {
             is_measured: true,
         };
         let map = ScalpMap {
-            places: vec![place(-0.5, 1.0), place(0.5, 3.0)],
+            places: vec![place(-0.2, 1.0), place(0.2, 3.0)],
             title: String::new(),
             subtitle: String::new(),
             unit: String::new(),
         };
-        for (x, value) in [(-0.5, 1.0), (0.5, 3.0), (0.0, 2.0)] {
-            assert!((map.value_at([x, 0.0]) - value).abs() < 1e-6, "{x}");
+        for (x, value) in [(-0.2, 1.0), (0.2, 3.0), (0.0, 2.0)] {
+            let interpolated = map.value_at([x, 0.0]).expect("near an electrode");
+            assert!((interpolated - value).abs() < 1e-6, "{x}");
         }
+        assert_eq!(map.value_at([0.0, 0.9]), None);
         assert_eq!([level(-1.0), level(0.0), level(1.0)], [0, 0, LEVELS - 1]);
     }
 }

@@ -63,7 +63,8 @@ fn summary(description: &Description, entry: &Entry) -> String {
         None => "<td colspan=\"4\">no original to compare with</td>".to_owned(),
     };
     format!(
-        "<tr><td><a href=\"#{name}\">{name}</a></td><td>{:.1}</td><td>{}</td><td>{}</td>{errors}</tr>\n",
+        "<tr><td><a href=\"#{}\">{name}</a></td><td>{:.1}</td><td>{}</td><td>{}</td>{errors}</tr>\n",
+        escaped(&as_url(&entry.name)),
         decoded.signal_s(),
         decoded.codes,
         decoded.missing
@@ -72,8 +73,9 @@ fn summary(description: &Description, entry: &Entry) -> String {
 
 fn section(description: &Description, entry: &Entry) -> String {
     let name = escaped(&entry.name);
+    let folder = escaped(&as_url(&entry.name));
     let picture = |file: &str, what: &str| {
-        format!("<img loading=\"lazy\" src=\"{name}/{file}\" alt=\"{what}\">\n")
+        format!("<img loading=\"lazy\" src=\"{folder}/{file}\" alt=\"{what}\">\n")
     };
     let compared = entry.decoded.comparison.as_ref().map(|comparison| {
         let mut text = picture(pictures::TRACES, "original and decoded signal");
@@ -123,5 +125,15 @@ fn escaped(text: &str) -> String {
         .iter()
         .fold(text.to_owned(), |text, (character, entity)| {
             text.replace(character, entity)
+        })
+}
+
+/// Replaces the characters of a path that have a meaning in a URL.
+fn as_url(path: &str) -> String {
+    let codes = [("%", "%25"), ("#", "%23"), ("?", "%3F"), (" ", "%20")];
+    codes
+        .iter()
+        .fold(path.to_owned(), |path, (character, code)| {
+            path.replace(character, code)
         })
 }

@@ -58,7 +58,7 @@ fn traces(description: &Description, comparison: &Comparison, name: &str) -> Tra
         rows: rows.collect(),
         rate_hz,
         start_s,
-        since: "the first code".to_owned(),
+        since: "the first step of the first code".to_owned(),
         result: format!("decoded from {} numbers", description.code.numbers),
         subtitle: format!(
             "{name}: PRD {:.1} % over all {} electrodes and {} steps",

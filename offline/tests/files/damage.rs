@@ -1,0 +1,197 @@
+//! Files of codes that are incomplete, damaged or of something else.
+
+use std::error::Error as _;
+use std::fs;
+use std::path::PathBuf;
+
+use link::{Decoder, Encoder, MAX_FRAME, ToHost};
+use offline::{OfflineError, Progress, SignalFormat};
+
+use crate::recording::{ENCODING, Fixture};
+
+/// Returns the frames of a file, with the zeros that end them, and the window of each code.
+fn frames(bytes: &[u8]) -> Vec<(Option<u32>, Vec<u8>)> {
+    let frames = bytes.split_inclusive(|byte| *byte == 0);
+    let frames = frames.map(|frame| {
+        let mut rest = frame;
+        let mut decoder = Decoder::<MAX_FRAME>::new();
+        let window = match decoder.next::<ToHost>(&mut rest) {
+            Some(Ok(frame)) => match frame.message {
+                ToHost::Code(code) => Some(code.window),
+                _ => None,
+            },
+            _ => None,
+        };
+        (window, frame.to_vec())
+    });
+    frames.collect()
+}
+
+/// Writes a variant of the fixture's codes.
+fn variant(fixture: &Fixture, name: &str, bytes: &[u8]) -> PathBuf {
+    let path = fixture.path(name);
+    fs::write(&path, bytes).expect("writable");
+    path
+}
+
+/// Returns what a user reads about a file that cannot be decoded.
+fn refusal(fixture: &Fixture, bytes: &[u8]) -> String {
+    let path = variant(fixture, "refused.codes", bytes);
+    let error = fixture.decode(&path, "refused.csv", SignalFormat::Csv, false);
+    let error = error.expect_err("no codes");
+    assert!(!fixture.path("refused.csv").exists());
+    let cause = error.source().map(ToString::to_string);
+    format!("{error}: {}", cause.unwrap_or_default())
+}
+
+#[test]
+fn missing_codes_are_covered_by_their_neighbours_or_flagged() {
+    let fixture = Fixture::new();
+    fixture.encode();
+    let bytes = fs::read(fixture.codes()).expect("codes");
+    // One code alone, and three in a row.
+    let lost = [50, 80, 81, 82];
+    let kept = frames(&bytes).into_iter();
+    let kept = kept.filter(|(window, _)| window.is_none_or(|window| !lost.contains(&window)));
+    let kept: Vec<u8> = kept.flat_map(|(_, frame)| frame).collect();
+    let path = variant(&fixture, "lossy.codes", &kept);
+    let whole = fixture.decode(&fixture.codes(), "whole.csv", SignalFormat::Csv, false);
+    let decoded = fixture.decode(&path, "lossy.csv", SignalFormat::Csv, false);
+    let (whole, decoded) = (whole.expect("decoded"), decoded.expect("decoded"));
+    assert_eq!((decoded.missing, decoded.rows), (4, whole.rows));
+    let text = fs::read_to_string(fixture.path("lossy.csv")).expect("text");
+    let lines: Vec<Vec<&str>> = text
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').collect())
+        .collect();
+    let is_filler = |row: usize| lines[row][2].parse::<u16>().expect("flags") >> 15 == 1;
+    let fillers: Vec<usize> = (0..lines.len()).filter(|row| is_filler(*row)).collect();
+    // Window 80 shares its first hop with window 79, and window 82 its second with window 83.
+    let expected: Vec<usize> = (81 * model::HOP..83 * model::HOP).collect();
+    assert_eq!(fillers, expected);
+    assert_eq!(lines[81 * model::HOP][4..], lines[81 * model::HOP - 1][4..]);
+    assert_eq!(lines[50 * model::HOP][3], "codes missing: 1");
+    assert_eq!(lines[80 * model::HOP][3], "codes missing: 3");
+}
+
+#[test]
+fn a_damaged_byte_costs_one_code_and_is_reported() {
+    let fixture = Fixture::new();
+    let encoded = fixture.encode();
+    let mut bytes = fs::read(fixture.codes()).expect("codes");
+    let all = frames(&bytes);
+    let target = all
+        .iter()
+        .position(|(window, _)| *window == Some(100))
+        .expect("window 100");
+    let at: usize = all[..target].iter().map(|(_, frame)| frame.len()).sum();
+    bytes[at + 40] ^= 0x10;
+    let path = variant(&fixture, "damaged.codes", &bytes);
+    let decoded = fixture.decode(&path, "damaged.gdf", SignalFormat::Gdf, false);
+    let decoded = decoded.expect("decoded");
+    assert_eq!((decoded.missing, decoded.damaged), (1, 1));
+    assert_eq!(decoded.codes, u64::from(encoded.stats.codes_made) - 1);
+}
+
+#[test]
+fn a_file_that_was_cut_off_yields_what_it_holds() {
+    let fixture = Fixture::new();
+    fixture.encode();
+    let bytes = fs::read(fixture.codes()).expect("codes");
+    let path = variant(&fixture, "short.codes", &bytes[..bytes.len() / 2]);
+    let decoded = fixture.decode(&path, "short.gdf", SignalFormat::Gdf, true);
+    let decoded = decoded.expect("decoded");
+    assert!((40..60).contains(&decoded.codes), "{}", decoded.codes);
+    assert_eq!(decoded.missing, 0);
+}
+
+#[test]
+fn other_files_are_refused_with_what_to_do() {
+    let fixture = Fixture::new();
+    fixture.encode();
+    let bytes = fs::read(fixture.codes()).expect("codes");
+    let codes: Vec<u8> = frames(&bytes)
+        .into_iter()
+        .filter(|(window, _)| window.is_some())
+        .flat_map(|(_, frame)| frame)
+        .collect();
+    let introduction: Vec<u8> = frames(&bytes)
+        .into_iter()
+        .take_while(|(window, _)| window.is_none())
+        .flat_map(|(_, frame)| frame)
+        .collect();
+    for (bytes, words) in [
+        (
+            Vec::new(),
+            "holds no intact frame; name a file that `host-sim encode`",
+        ),
+        (b"0       patient".to_vec(), "holds no intact frame"),
+        (
+            b"CORTIREC and more".to_vec(),
+            "`corticode-bridge convert` decodes it",
+        ),
+        (introduction, "holds no code; the shortest recording"),
+        (codes, "does not introduce itself before the first code"),
+        (
+            [bytes.clone(), bytes.clone()].concat(),
+            "a second run starts after window",
+        ),
+        (
+            changed(&bytes, |code| code.model_id[0] ^= 1),
+            "with --model",
+        ),
+        (
+            changed(&bytes, |code| {
+                code.window += 1_000_000 * (code.window / 80)
+            }),
+            "more than an hour",
+        ),
+    ] {
+        let text = refusal(&fixture, &bytes);
+        assert!(text.contains(words), "{words}: {text}");
+    }
+}
+
+/// Returns the file with every code changed.
+fn changed(bytes: &[u8], change: impl Fn(&mut link::Code)) -> Vec<u8> {
+    let mut rest = bytes;
+    let mut decoder = Decoder::<MAX_FRAME>::new();
+    let mut encoder = Encoder::starting_at(0);
+    let mut written = Vec::new();
+    while let Some(frame) = decoder.next::<ToHost>(&mut rest) {
+        let mut frame = frame.expect("an intact frame");
+        if let ToHost::Code(code) = &mut frame.message {
+            change(code);
+        }
+        let mut buffer = [0; MAX_FRAME];
+        let frame = encoder.encode(frame.header.device_time_us, &frame.message, &mut buffer);
+        written.extend(frame.expect("a frame"));
+    }
+    written
+}
+
+#[test]
+fn outputs_are_never_inputs_and_are_absent_after_an_interruption() {
+    let fixture = Fixture::new();
+    let progress = Progress::default();
+    progress.interrupt();
+    let error = ENCODING.encode(&fixture.recording(), &fixture.codes(), &progress);
+    assert!(matches!(error, Err(OfflineError::Interrupted)));
+    assert!(!fixture.codes().exists());
+    let before = fs::read(fixture.recording()).expect("a recording");
+    let itself = ENCODING.encode(
+        &fixture.recording(),
+        &fixture.recording(),
+        &Progress::default(),
+    );
+    assert!(itself.is_err());
+    assert_eq!(fs::read(fixture.recording()).expect("a recording"), before);
+    let folder = fixture.codes();
+    let folder = folder
+        .parent()
+        .expect("a folder")
+        .read_dir()
+        .expect("readable");
+    assert_eq!(folder.count(), 1, "only the recording is left");
+}

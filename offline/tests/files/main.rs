@@ -1,0 +1,8 @@
+//! Files that the crate writes, read back.
+#![forbid(unsafe_code)]
+
+mod comparison;
+mod damage;
+mod formats;
+mod recording;
+mod report;
