@@ -30,22 +30,14 @@ pub(crate) enum BatchError {
     #[error("{} cannot be read; name a file or a folder that exists", path.display())]
     Unreadable { path: PathBuf, source: io::Error },
     /// A folder has none of the files.
-    #[error("{} has no file that ends in {endings}; name another folder, or a file", path.display())]
+    #[error(
+        "{} has no file with the extension {endings}; name another folder, or a file",
+        path.display()
+    )]
     Nothing { path: PathBuf, endings: String },
     /// A folder cannot be created.
     #[error("the folder {} cannot be created", path.display())]
     Folder { path: PathBuf, source: io::Error },
-    /// Two inputs have the same output.
-    #[error(
-        "{} and {} would both become {}; rename one of them, or process them one by one",
-        inputs[0].display(),
-        inputs[1].display(),
-        output.display()
-    )]
-    SameOutput {
-        inputs: [PathBuf; 2],
-        output: PathBuf,
-    },
     /// Some files failed; their errors were printed.
     #[error("{failed} of {files} files failed, see above; the others are complete")]
     Some {
@@ -74,28 +66,28 @@ impl BatchError {
 pub(crate) struct Job {
     pub(crate) input: PathBuf,
     pub(crate) output: PathBuf,
-    /// Path of the input below the folder, without its extension.
+    /// Path of the input below the folder.
     pub(crate) name: String,
 }
 
 /// Returns one job for a file, which becomes `output`, or one for each file of a folder and its subfolders
-/// that has one of the extensions. Those become files with `extension` below the folder `output`, at the
-/// same places.
+/// that has one of the extensions. Those become files at the same places below the folder `output`, with
+/// names from `rename`.
 ///
 /// # Errors
-/// [`BatchError`] if there is nothing to do, or two inputs have the same output.
+/// [`BatchError`] if there is nothing to do, or a folder cannot be read or created.
 pub(crate) fn jobs(
     input: &Path,
     output: &Path,
     extensions: &[&str],
-    extension: &str,
+    rename: impl Fn(&Path) -> PathBuf,
 ) -> Result<Vec<Job>, BatchError> {
     if !input.is_dir() {
-        let name = input.file_stem().unwrap_or(OsStr::new("recording"));
+        let name = Path::new(input.file_name().unwrap_or(OsStr::new("recording")));
         return Ok(vec![Job {
             input: input.to_owned(),
             output: output.to_owned(),
-            name: name.to_string_lossy().into_owned(),
+            name: name.display().to_string(),
         }]);
     }
     let mut files = Vec::new();
@@ -104,32 +96,23 @@ pub(crate) fn jobs(
     if files.is_empty() {
         return Err(BatchError::Nothing {
             path: input.to_owned(),
-            endings: extensions.join(", "),
+            endings: extensions.join(" or "),
         });
     }
-    let mut jobs: Vec<Job> = Vec::new();
-    for file in files {
-        let below = file.strip_prefix(input).unwrap_or(&file).with_extension("");
-        let job = Job {
-            output: output.join(&below).with_extension(extension),
-            name: below.to_string_lossy().into_owned(),
+    let jobs = files.into_iter().map(|file| {
+        let below = file.strip_prefix(input).unwrap_or(&file);
+        Job {
+            output: output.join(rename(below)),
+            name: below.display().to_string(),
             input: file,
-        };
-        if let Some(other) = jobs.iter().find(|other| other.output == job.output) {
-            return Err(BatchError::SameOutput {
-                inputs: [other.input.clone(), job.input],
-                output: job.output,
-            });
         }
-        jobs.push(job);
-    }
-    for job in &jobs {
-        if let Some(folder) = job.output.parent() {
-            fs::create_dir_all(folder).map_err(|source| BatchError::Folder {
-                path: folder.to_owned(),
-                source,
-            })?;
-        }
+    });
+    let jobs: Vec<Job> = jobs.collect();
+    for folder in jobs.iter().filter_map(|job| job.output.parent()) {
+        fs::create_dir_all(folder).map_err(|source| BatchError::Folder {
+            path: folder.to_owned(),
+            source,
+        })?;
     }
     Ok(jobs)
 }

@@ -1,9 +1,6 @@
 //! The command `host-sim decode`.
 
-use std::{
-    error::Error,
-    path::{Path, PathBuf},
-};
+use std::{error::Error, path::PathBuf};
 
 use new_file::Existing;
 use offline::{Decoded, Decoding, Model, OfflineError, Progress, SignalFormat, report};
@@ -31,7 +28,9 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
             options.input.with_extension(&extension)
         }
     });
-    let jobs = batch::jobs(&options.input, &output, &[CODES], &extension)?;
+    let jobs = batch::jobs(&options.input, &output, &[CODES], |name| {
+        name.with_extension(&extension)
+    })?;
     let originals = Originals::new(options);
     let finished = batch::run(&jobs, &options.batch, None, |job, progress| {
         decode_one(&decoding, &originals, job, progress)
@@ -51,7 +50,7 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
             .results
             .into_iter()
             .map(|(job, decoded)| report::Entry {
-                name: job.name.clone(),
+                name: job.name.trim_end_matches(".codes").to_owned(),
                 decoded,
             });
         let entries: Vec<_> = entries.collect();
@@ -123,14 +122,17 @@ impl Originals {
         match self {
             Self::None => None,
             Self::File(path) => Some(path.clone()),
+            // `encode` names the codes of FILE.edf FILE.edf.codes.
             Self::Folder(folder) => {
-                let place = folder.join(&job.name);
-                let stem = place.file_name()?;
-                let files = place.parent().map(Path::read_dir)?.ok()?;
-                let mut files = files.filter_map(|file| Some(file.ok()?.path()));
-                files.find(|path| {
-                    path.file_stem() == Some(stem) && batch::has_extension(path, &RECORDINGS)
-                })
+                let place = folder.join(&job.name).with_extension("");
+                if place.is_file() {
+                    return Some(place);
+                }
+                let mut files = RECORDINGS.map(|extension| place.with_added_extension(extension));
+                files
+                    .iter_mut()
+                    .find(|file| file.is_file())
+                    .map(std::mem::take)
             }
         }
     }

@@ -25,7 +25,9 @@ pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
         missing: options.missing.into(),
         existing: Existing::from_force(options.batch.force),
     };
-    let jobs = batch::jobs(&options.input, &options.output, &RECORDINGS, CODES)?;
+    let jobs = batch::jobs(&options.input, &options.output, &RECORDINGS, |name| {
+        name.with_added_extension(CODES)
+    })?;
     let is_single = jobs.len() == 1;
     let finished = batch::run(
         &jobs,

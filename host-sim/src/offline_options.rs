@@ -12,7 +12,7 @@ use crate::command_line::{MainsHz, MissingElectrodes};
 pub(crate) struct EncodeOptions {
     /// EDF, BDF or GDF file, or a folder whose recordings are encoded.
     pub(crate) input: PathBuf,
-    /// File of codes to write, or a folder for the recordings of a folder: NAME.edf becomes NAME.codes.
+    /// File of codes to write, or a folder for the recordings of a folder: NAME.edf becomes NAME.edf.codes.
     pub(crate) output: PathBuf,
     /// Mains frequency of the notch, Hz.
     #[arg(long, value_enum, default_value = "50")]
@@ -28,7 +28,8 @@ pub(crate) struct EncodeOptions {
 pub(crate) struct DecodeOptions {
     /// File of codes, or a folder with files *.codes.
     pub(crate) input: PathBuf,
-    /// File to write, or a folder for the codes of a folder; by default NAME.decoded.FORMAT beside NAME.codes.
+    /// File to write, or a folder for the codes of a folder; by default NAME.decoded.FORMAT beside
+    /// NAME.codes.
     pub(crate) output: Option<PathBuf>,
     /// Format of the decoded signal.
     #[arg(long, value_enum)]
@@ -36,8 +37,8 @@ pub(crate) struct DecodeOptions {
     /// Folder of the model that decodes; by default the model with which this program was built.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
-    /// Recording of which the codes are, or a folder of recordings: its events are written to the output, and
-    /// the decoded signal is compared with its own.
+    /// Recording of which the codes are, or a folder of recordings for those of a folder: NAME.edf for
+    /// NAME.edf.codes. Its events are written to the output, and the decoded signal is compared with its own.
     #[arg(long, value_name = "FILE|FOLDER")]
     pub(crate) original: Option<PathBuf>,
     /// Write a report to this folder: index.html, electrodes.csv and pictures.

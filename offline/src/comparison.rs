@@ -66,6 +66,13 @@ impl Comparison {
             .map(|(error, _)| error))
     }
 
+    /// Returns the root mean square of the original over all electrodes, uV.
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 values")]
+    pub fn rms_uv(&self) -> f64 {
+        let values = self.steps as f64 * self.electrodes.len() as f64;
+        (self.total().signal / values.max(1.0)).sqrt()
+    }
+
     /// Returns the mean squared error of `error`, uV^2, which is a sum over `electrodes` electrodes.
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 values")]
     pub fn mse_uv2(&self, error: ElectrodeError, electrodes: usize) -> f64 {

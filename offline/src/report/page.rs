@@ -31,10 +31,10 @@ pub(super) fn page(description: &Description, entries: &[Entry]) -> String {
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Decoded EEG</title>\
          <style>{STYLE}</style></head><body>\n<h1>Decoded EEG</h1>\n<p>{size}. Reference: the recording \
          after notch, band-pass and resampling, before it becomes int8. Steps in which the filters settle, and \
-         steps without a code, are left out. PRD = 100 sqrt(sum of squared difference / sum of squared \
+         steps without a code, are left out. RMS is that of the reference; PRD = 100 sqrt(sum of squared difference / sum of squared \
          reference). MSE is in units of the network's input ({:.2} uV) squared. The numbers of all electrodes: \
          <a href=\"electrodes.csv\">electrodes.csv</a>.</p>\n<table><tr><th>recording</th><th>seconds</th>\
-         <th>codes</th><th>missing</th><th>PRD, all</th><th>PRD, measured</th><th>MSE</th><th>MSE, uV&sup2;</th>\
+         <th>codes</th><th>missing</th><th>RMS, uV</th><th>PRD, all</th><th>PRD, measured</th><th>MSE</th><th>MSE, uV&sup2;</th>\
          </tr>\n{rows}</table>\n{sections}</body></html>\n",
         description.input.sd_uv
     )
@@ -54,13 +54,14 @@ fn summary(description: &Description, entry: &Entry) -> String {
             let total = comparison.total();
             let mse_uv2 = comparison.mse_uv2(total, comparison.electrodes.len());
             format!(
-                "<td>{:.2} %</td><td>{:.2} %</td><td>{:.5}</td><td>{mse_uv2:.2}</td>",
+                "<td>{:.2}</td><td>{:.2} %</td><td>{:.2} %</td><td>{:.5}</td><td>{mse_uv2:.2}</td>",
+                comparison.rms_uv(),
                 total.prd_percent(),
                 comparison.total_measured().prd_percent(),
                 mse_uv2 / description.input.sd_uv.powi(2)
             )
         }
-        None => "<td colspan=\"4\">no original to compare with</td>".to_owned(),
+        None => "<td colspan=\"5\">no original to compare with</td>".to_owned(),
     };
     format!(
         "<tr><td><a href=\"#{}\">{name}</a></td><td>{:.1}</td><td>{}</td><td>{}</td>{errors}</tr>\n",

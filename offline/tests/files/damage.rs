@@ -142,9 +142,7 @@ fn other_files_are_refused_with_what_to_do() {
             "with --model",
         ),
         (
-            changed(&bytes, |code| {
-                code.window += 1_000_000 * (code.window / 80)
-            }),
+            changed(&bytes, |code| code.window += 1_000_000 * (code.window / 80)),
             "more than an hour",
         ),
     ] {
