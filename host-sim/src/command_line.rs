@@ -2,11 +2,11 @@
 
 use std::{convert::Infallible, path::PathBuf, str::FromStr, time::Duration};
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
-use host_sim::{FAULTS, Fault, Output, Trigger};
-use recordings::Missing;
-
+use crate::mains_hz::MainsHz;
+use crate::missing_electrodes::MissingElectrodes;
 use crate::offline_options::{DecodeOptions, EncodeOptions};
+use clap::{Args, Parser, Subcommand};
+use host_sim::{FAULTS, Fault, Output, Trigger};
 
 /// Virtual board: plays EEG through the firmware's pipeline, bit for bit.
 #[derive(Debug, Parser)]
@@ -47,36 +47,6 @@ impl FromStr for Input {
             Self::Recording(text.into())
         })
     }
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum MissingElectrodes {
-    /// Interpolate missing electrodes from the four nearest ones.
-    Interpolate,
-    /// Set missing electrodes to 0.
-    Zero,
-    /// Refuse the recording.
-    Refuse,
-}
-
-impl From<MissingElectrodes> for Missing {
-    fn from(choice: MissingElectrodes) -> Self {
-        match choice {
-            MissingElectrodes::Interpolate => Self::Interpolate,
-            MissingElectrodes::Zero => Self::Zero,
-            MissingElectrodes::Refuse => Self::Refuse,
-        }
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum MainsHz {
-    /// 50 Hz: Europe, most of Africa, Asia and Australia.
-    #[value(name = "50")]
-    Fifty,
-    /// 60 Hz: the Americas and parts of Asia.
-    #[value(name = "60")]
-    Sixty,
 }
 
 #[derive(Debug, Args)]
@@ -150,13 +120,4 @@ fn parse_trigger(text: &str) -> Result<Trigger, String> {
     let interval = Duration::try_from_secs_f64(parse_seconds(text)?);
     let interval = interval.map_err(|error| error.to_string())?;
     Trigger::every(interval).map_err(|error| error.to_string())
-}
-
-impl MainsHz {
-    pub(crate) fn hz(self) -> u8 {
-        match self {
-            Self::Fifty => 50,
-            Self::Sixty => 60,
-        }
-    }
 }

@@ -4,11 +4,9 @@ use std::error::Error;
 
 use new_file::Existing;
 use offline::{Encoded, Encoding};
-use pipeline::Mains;
 use recordings::Recording;
 
 use crate::batch::{self, Job};
-use crate::command_line::MainsHz;
 use crate::offline_options::EncodeOptions;
 
 /// Extensions of recordings in a folder.
@@ -18,10 +16,7 @@ pub(crate) const CODES: &str = "codes";
 
 pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
     let encoding = Encoding {
-        mains: match options.mains {
-            MainsHz::Fifty => Mains::Hz50,
-            MainsHz::Sixty => Mains::Hz60,
-        },
+        mains: options.mains.into(),
         missing: options.missing.into(),
         existing: Existing::from_force(options.batch.force),
     };

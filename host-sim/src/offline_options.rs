@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use offline::SignalFormat;
 
-use crate::command_line::{MainsHz, MissingElectrodes};
+use crate::mains_hz::MainsHz;
+use crate::missing_electrodes::MissingElectrodes;
 
 #[derive(Debug, Args)]
 pub(crate) struct EncodeOptions {

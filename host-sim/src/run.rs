@@ -10,10 +10,9 @@ use host_sim::{Faults, FileRules, Identity, Output, Pace, RecordedEdges, Report,
 use indicatif::{ProgressBar, ProgressStyle};
 use link::Substitutes;
 use new_file::Existing;
-use pipeline::Mains;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use crate::command_line::{Input, MainsHz, RunOptions};
+use crate::command_line::{Input, RunOptions};
 use crate::opened_input::OpenedInput;
 
 pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
@@ -93,10 +92,7 @@ fn session(options: &RunOptions, faults: Faults, substitutes: Substitutes) -> Se
             inputs,
         },
         pace,
-        mains: match options.mains {
-            MainsHz::Fifty => Mains::Hz50,
-            MainsHz::Sixty => Mains::Hz60,
-        },
+        mains: options.mains.into(),
         identity: Identity {
             session_id: options.session_id.unwrap_or_else(default_id),
             chip_uid: *b"\0host-sim\0\0\0",

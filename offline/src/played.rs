@@ -5,7 +5,7 @@ use std::path::Path;
 use link::Substitutes;
 use pipeline::Sample;
 use recordings::{
-    AdcSpec, Event, Missing, MontageMap, Onsets, Recording, VirtualAdc, montage_map::Origin,
+    AdcSpec, Missing, MontageMap, Onsets, Recording, VirtualAdc, montage_map::Origin,
     virtual_adc,
 };
 
@@ -23,8 +23,6 @@ pub struct Played {
     pub montage: String,
     /// What is wrong with the recording.
     pub warnings: Vec<String>,
-    /// Events of the recording.
-    pub events: Vec<Event>,
     /// Starts of the events within the played signal.
     pub onsets: Onsets,
 }
@@ -46,7 +44,6 @@ impl Played {
             path: path.to_owned(),
             source,
         })?;
-        let events = recording.events().map_err(reading)?;
         let onsets = recording.onsets().map_err(reading)?;
         let of_map = map.warnings();
         let warnings = of_map.iter().map(ToString::to_string);
@@ -64,7 +61,6 @@ impl Played {
             },
             montage: map.to_string(),
             warnings,
-            events,
             onsets,
         })
     }

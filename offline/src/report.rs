@@ -1,5 +1,6 @@
 //! The report of decoded recordings: pictures, a table, and a page that shows them.
 
+mod entry;
 mod page;
 mod pictures;
 mod table;
@@ -9,17 +10,8 @@ use std::path::Path;
 
 use artifact::Description;
 
-use crate::decoding::Decoded;
 use crate::error::OfflineError;
-
-/// A decoded recording, with its name in the report.
-#[derive(Debug, Clone)]
-pub struct Entry {
-    /// Name, such as "S001/S001R11": the folder of its pictures within that of the report.
-    pub name: String,
-    /// Result of decoding it.
-    pub decoded: Decoded,
-}
+pub use entry::Entry;
 
 /// Writes the report of `entries` to `folder`, which is created: `index.html`, `electrodes.csv`, and the
 /// pictures of each recording in a folder with its name. Entries without a comparison have no error and no

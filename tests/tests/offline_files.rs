@@ -16,7 +16,7 @@ use recordings::{FileToWrite, GdfWriter, Recording, SignalToWrite};
 const SECONDS: u32 = 12;
 
 /// Longest time that the bridge takes to record a run, and to end.
-const TIMEOUT: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_mins(2);
 
 /// Runs host-sim with arguments in a folder.
 fn host_sim(folder: &Path, arguments: &[&str]) -> Output {
@@ -130,7 +130,7 @@ fn compare_with_the_bridge(folder: &Path, recording: &str, codes: &str) {
     let mut record = Command::new(&programs().bridge);
     record.current_dir(folder);
     record.args(["record", "wire.rec", "--force", "--port", &port]);
-    let mut record = process::Process::start("record", &mut record, &log).expect("record starts");
+    let record = process::Process::start("record", &mut record, &log).expect("record starts");
     assert!(board.wait(TIMEOUT).success(), "{}", board.errors());
     record.stop(rustix::process::Signal::INT, TIMEOUT);
     let convert = Command::new(&programs().bridge)

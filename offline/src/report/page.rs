@@ -2,7 +2,7 @@
 
 use artifact::Description;
 
-use super::{Entry, pictures};
+use super::{entry::Entry, pictures};
 use crate::comparison::Comparison;
 
 const STYLE: &str = "body{font:16px/1.5 Helvetica,Arial,sans-serif;color:#1f2933;max-width:1240px;margin:2em auto;\

@@ -8,7 +8,7 @@ use picture::scalp_map::{Place, ScalpMap};
 use picture::traces::{Trace, Traces};
 use recordings::Position;
 
-use super::Entry;
+use super::entry::Entry;
 use crate::comparison::Comparison;
 use crate::error::OfflineError;
 

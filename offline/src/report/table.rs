@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use artifact::Description;
 
-use super::Entry;
+use super::entry::Entry;
 
 /// Returns one line for each recording and electrode.
 pub(super) fn electrodes(description: &Description, entries: &[Entry]) -> String {

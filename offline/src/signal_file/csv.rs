@@ -7,7 +7,7 @@ use std::{
 
 use link::Flags;
 
-use super::{RowEvent, Signal, SignalFile};
+use super::signal::{RowEvent, Signal, SignalFile};
 
 /// Writes a header line, and one line per row: `row`, `time_s` (time at the electrodes since the first
 /// sample), `flags`, `events`, and one column per electrode.

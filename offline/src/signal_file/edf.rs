@@ -8,7 +8,7 @@ use std::{
 use link::Flags;
 use recordings::{EdfWriter, FileToWrite, RowAnnotation, SignalToWrite};
 
-use super::{Signal, SignalFile};
+use super::signal::{Signal, SignalFile};
 
 /// Range of an EDF file, uV: 16 bits of 0.1 uV.
 const EDF_RANGE_UV: [f64; 2] = [-3_276.8, 3_276.7];

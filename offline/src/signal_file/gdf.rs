@@ -8,7 +8,8 @@ use std::{
 use link::Flags;
 use recordings::GdfWriter;
 
-use super::{Signal, SignalFile, edf::file_to_write};
+use super::edf::file_to_write;
+use super::signal::{Signal, SignalFile};
 
 /// Writes one record for each hop; values are float32 and unchanged.
 pub(super) struct GdfFile {
