@@ -95,4 +95,5 @@ def main():
     json.dump(answer, sys.stdout, allow_nan=False)
 
 
-main()
+if __name__ == "__main__":
+    main()

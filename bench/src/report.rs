@@ -9,6 +9,7 @@ mod host;
 mod images;
 mod inputs;
 mod node;
+mod offline;
 mod table;
 mod tools;
 
@@ -48,6 +49,13 @@ enum Benchmark {
     },
     /// Encoder on this PC: codes per second on one core, and PyTorch's where it is installed.
     Host,
+    /// Recordings to codes and back on one core of this PC, in multiples of real time, beside scipy and PyTorch
+    /// where they are installed.
+    Offline {
+        /// Seconds of signal.
+        #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u32).range(20..=86_400))]
+        seconds: u32,
+    },
     /// Bridge on this PC: intervals and latency of codes at a subscriber, processor time and memory, beside a
     /// node in rospy where it is installed.
     Bridge {
@@ -84,6 +92,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
         Benchmark::Filters => filters::measure()?,
         Benchmark::Encoder { windows } => encoder::measure(windows as usize)?,
         Benchmark::Host => host::measure()?,
+        Benchmark::Offline { seconds } => offline::measure(seconds)?,
         Benchmark::Bridge { seconds } => bridge::measure(seconds)?,
         Benchmark::Node { seconds } => node::measure(seconds)?,
     };

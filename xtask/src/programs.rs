@@ -21,12 +21,14 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     replace(demo.args([seconds.to_string(), seed.to_string()]))
 }
 
-/// Runs the program `report` of the benchmarks with these arguments. It is optimised only for `host`, `bridge`
-/// and `node`, the benchmarks that measure time on this PC.
+/// Runs the program `report` of the benchmarks with these arguments. It is optimised only for `host`, `offline`,
+/// `bridge` and `node`, the benchmarks that measure time on this PC.
 pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     install::board_target()?;
     match words.first().map(String::as_str) {
-        Some("host") => replace(cargo("run --release --package bench --bin report --").args(words)),
+        Some("host" | "offline") => {
+            replace(cargo("run --release --package bench --bin report --").args(words))
+        }
         Some("bridge") => {
             let build =
                 "build --release --package bench --package host-sim --package bridge --bins";
