@@ -111,8 +111,8 @@ impl Volume {
 #[derive(Clone, Debug)]
 pub(crate) struct Convolution {
     inputs: usize,
-    weight: Vec<f32>,
-    bias: Vec<f32>,
+    pub(crate) weight: Vec<f32>,
+    pub(crate) bias: Vec<f32>,
 }
 
 impl Convolution {

@@ -1,12 +1,13 @@
 //! The decoder in f32, from a code to a window of electrodes.
 
-use crate::convolution::{Convolution, Norm, Volume, add_product};
+use crate::convolution::{Convolution, Norm, add_product};
 use crate::description::Mode;
 use crate::dimensions::{CONV1_CHANNELS, CONV2_CHANNELS};
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
 use crate::geometry::Geometry;
 use crate::scalp_grid::ScalpGrid;
+use crate::unpooled_convolution::UnpooledConvolution;
 
 /// The decoder in f32: a fully connected layer, nearest-neighbour unpooling, a transposed convolution
 /// with ReLU and batch norm, and a second transposed convolution. The linear shortcut is added to their
@@ -25,7 +26,7 @@ struct Convolutions {
     /// Weights `[flat][number]`.
     fc_weight: Vec<f32>,
     fc_bias: Vec<f32>,
-    conv1: Convolution,
+    conv1: UnpooledConvolution,
     norm1: Norm,
     conv2: Convolution,
 }
@@ -53,12 +54,15 @@ impl FloatDecoder {
                         .tensor("decoder.fc.weight", &[flat, numbers])?
                         .to_vec(),
                     fc_bias: weights.tensor("decoder.fc.bias", &[flat])?.to_vec(),
-                    conv1: Convolution::read(
-                        weights,
-                        "decoder.conv1",
-                        [CONV2_CHANNELS, CONV1_CHANNELS],
-                        CONV1_CHANNELS,
-                    )?,
+                    conv1: UnpooledConvolution::new(
+                        &Convolution::read(
+                            weights,
+                            "decoder.conv1",
+                            [CONV2_CHANNELS, CONV1_CHANNELS],
+                            CONV1_CHANNELS,
+                        )?,
+                        &geometry,
+                    ),
                     norm1: Norm::read(weights, "decoder.norm1", CONV1_CHANNELS)?,
                     conv2: Convolution::read(weights, "decoder.conv2", [CONV1_CHANNELS, 1], 1)?,
                 })
@@ -101,38 +105,11 @@ impl Convolutions {
     fn decode(&self, code: &[f32], geometry: &Geometry) -> Vec<f32> {
         let mut flat = self.fc_bias.clone();
         add_product(&mut flat, &self.fc_weight, code);
-        let pads = geometry.padding.pads();
-        let x = unpool(&flat, geometry);
-        let mut x = self.conv1.forward_transposed(&x).cropped(pads);
+        let mut x = self.conv1.forward(&flat);
         x.relu();
         self.norm1.apply(&mut x);
-        self.conv2.forward_transposed(&x).cropped(pads).values
-    }
-}
-
-/// Unpools by nearest neighbour: position p of n takes pooled position floor(p * m / n), where m is the
-/// pooled size, as in PyTorch's `interpolate`. For example, the first three of five columns take pooled
-/// column 0 of two.
-fn unpool(flat: &[f32], geometry: &Geometry) -> Volume {
-    let (pooled, size) = (geometry.pooled, geometry.feature_map);
-    let [steps, rows, columns] = size;
-    let from = |position: usize, axis: usize| position * pooled[axis] / size[axis];
-    let mut values = Vec::with_capacity(CONV2_CHANNELS * steps * rows * columns);
-    for channel in 0..CONV2_CHANNELS {
-        for step in 0..steps {
-            for row in 0..rows {
-                for column in 0..columns {
-                    let pooled_row =
-                        (channel * pooled[0] + from(step, 0)) * pooled[1] + from(row, 1);
-                    values.push(flat[pooled_row * pooled[2] + from(column, 2)]);
-                }
-            }
-        }
-    }
-    Volume {
-        channels: CONV2_CHANNELS,
-        size,
-        values,
+        let y = self.conv2.forward_transposed(&x);
+        y.cropped(geometry.padding.pads()).values
     }
 }
 
@@ -142,18 +119,6 @@ mod tests {
     use crate::description::{NetworkShape, Padding};
     use crate::float_encoder::FloatEncoder;
     use crate::testing;
-
-    #[test]
-    fn unpooling_repeats_the_nearest() {
-        let geometry = Geometry::new(&testing::description());
-        let flat: Vec<f32> = (0..geometry.flat()).map(|index| index as f32).collect();
-        let x = unpool(&flat, &geometry);
-        // Channel 1, step 3, row 5 takes pooled step 1, pooled row 2.
-        let row = ((12 + 3) * 6 + 5) * 5;
-        let first = ((6 + 1) * 3 + 2) * 2;
-        let expected = [first, first, first, first + 1, first + 1].map(|index| index as f32);
-        assert_eq!(x.values[row..row + 5], expected);
-    }
 
     #[test]
     fn pca_decoding_inverts_encoding_for_windows_spanned_by_the_components() {

@@ -59,6 +59,7 @@ mod scalp_grid;
 mod shapes;
 mod tensors;
 mod training_card;
+mod unpooled_convolution;
 mod validation;
 
 #[cfg(test)]

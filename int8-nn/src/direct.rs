@@ -1,12 +1,16 @@
 //! A direct convolution, one plane at a time.
 
+#[cfg(not(smlad))]
+use crate::octet::Kernel;
 use crate::{
     dot::{
         dots,
         layout::{self, OUTPUTS, POSITIONS},
     },
+    octet::Octet,
     pair::Pair,
     plane::PlaneShape,
+    processor,
 };
 
 /// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
@@ -102,6 +106,19 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
             "the shapes and the number of weights are inconsistent"
         );
         let largest = &mut largest[..self.pooled.len()];
+        #[cfg(smlad)]
+        self.convolve_max_pool_with::<processor::Quads>(transformed, largest);
+        #[cfg(not(smlad))]
+        processor::run(MaxPool {
+            conv: self,
+            transformed,
+            largest,
+        });
+    }
+
+    /// Computes [`Self::convolve_max_pool`] with octets of type `O`.
+    #[inline(always)]
+    fn convolve_max_pool_with<O: Octet>(&self, transformed: [&[Pair]; 3], largest: &mut [i32]) {
         let (rows, columns) = (self.pooled.rows * self.pool[0], COLUMNS - 2);
         let weights = self.weights.chunks_exact(layout::weights_len(TAPS * PAIRS));
         for row in 0..rows {
@@ -110,7 +127,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
                 // do not change the maxima.
                 let column = (group * POSITIONS).min(columns - POSITIONS);
                 for (pair, weights) in weights.clone().enumerate() {
-                    let sums = Self::dots(transformed, [row, column], weights);
+                    let sums = Self::dots::<O>(transformed, [row, column], weights);
                     self.keep_largest(&sums, [row, column, pair], largest);
                 }
             }
@@ -119,8 +136,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
 
     /// Returns the sums of a pair of outputs at three adjacent positions of a row; the first is (row,
     /// column).
-    #[inline]
-    fn dots(
+    #[inline(always)]
+    fn dots<O: Octet>(
         transformed: [&[Pair]; 3],
         [row, column]: [usize; 2],
         weights: &[Pair],
@@ -132,18 +149,18 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         if PAIRS == 8 {
             // The inputs of three adjacent columns are contiguous: one segment per row.
             let rows = core::array::from_fn(|row_of| input(row_of / 3, row + row_of % 3, column));
-            dots::<{ TAPS / 3 }, 24, 8>(rows, weights, &mut sums);
+            dots::<O, { TAPS / 3 }, 24, 8>(rows, weights, &mut sums);
         } else {
             let taps =
                 core::array::from_fn(|tap| input(tap / 9, row + tap / 3 % 3, column + tap % 3));
-            dots::<TAPS, PAIRS, PAIRS>(taps, weights, &mut sums);
+            dots::<O, TAPS, PAIRS, PAIRS>(taps, weights, &mut sums);
         }
         sums[0]
     }
 
     /// Updates the maxima of the pool windows with the sums of a pair of outputs at three adjacent
     /// positions of a row; the first is (row, column).
-    #[inline]
+    #[inline(always)]
     fn keep_largest(
         &self,
         sums: &[i32; POSITIONS * OUTPUTS],
@@ -186,5 +203,22 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
             let pair = &mut packed[output / OUTPUTS * step + place];
             *pair = pair.with(input % 2, weight.into());
         }
+    }
+}
+
+/// The arguments of [`Direct::convolve_max_pool`].
+#[cfg(not(smlad))]
+struct MaxPool<'a, const PAIRS: usize, const COLUMNS: usize> {
+    conv: &'a Direct<'a, PAIRS, COLUMNS>,
+    transformed: [&'a [Pair]; 3],
+    largest: &'a mut [i32],
+}
+
+#[cfg(not(smlad))]
+impl<const PAIRS: usize, const COLUMNS: usize> Kernel for MaxPool<'_, PAIRS, COLUMNS> {
+    #[inline(always)]
+    fn run<O: Octet>(self) {
+        self.conv
+            .convolve_max_pool_with::<O>(self.transformed, self.largest);
     }
 }

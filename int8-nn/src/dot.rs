@@ -4,7 +4,10 @@
 mod cortex_m;
 pub(crate) mod layout;
 
-use crate::{pair::Pair, quad::Quad};
+use crate::{
+    octet::{INPUTS, Octet, WEIGHTS},
+    pair::Pair,
+};
 use layout::{OUTPUTS, POSITIONS, ROUND, weights_len};
 
 /// Computes, for each block of `sums`, the dot products of [`POSITIONS`] positions and [`OUTPUTS`]
@@ -19,8 +22,8 @@ use layout::{OUTPUTS, POSITIONS, ROUND, weights_len};
 ///
 /// # Panics
 /// If a slice is shorter than the formula requires.
-#[inline]
-pub(crate) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
+#[inline(always)]
+pub(crate) fn dots<O: Octet, const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
     inputs: [&[Pair]; SEGMENTS],
     weights: &[Pair],
     sums: &mut [[i32; POSITIONS * OUTPUTS]],
@@ -43,21 +46,20 @@ pub(crate) fn dots<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usiz
     for (block, sums) in sums.iter_mut().enumerate() {
         let first = if is_shared { 0 } else { block * per_block };
         let inputs = inputs.map(|segment| &segment[block * POSITIONS * STRIDE..]);
-        block_portable::<SEGMENTS, WIDTH, STRIDE>(inputs, &weights[first..first + per_block], sums);
+        *sums = block_portable::<O, SEGMENTS, WIDTH, STRIDE>(
+            inputs,
+            &weights[first..first + per_block],
+        );
     }
 }
 
-/// Computes one block in plain Rust: the portable equivalent of the assembler.
-///
-/// For each position, a [`Quad`] accumulates four separate sums, `[output][pair of the round]`. The two
-/// sums of each output are added at the end.
-#[inline]
-fn block_portable<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
+/// Computes one block with octets: the portable equivalent of the assembler.
+#[inline(always)]
+fn block_portable<O: Octet, const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize>(
     inputs: [&[Pair]; SEGMENTS],
     weights: &[Pair],
-    sums: &mut [i32; POSITIONS * OUTPUTS],
-) {
-    let mut lanes = [Quad::new([Pair::ZERO; OUTPUTS * ROUND]); POSITIONS];
+) -> [i32; POSITIONS * OUTPUTS] {
+    let mut sums = [O::zeros(); POSITIONS];
     for (segment, weights) in inputs
         .into_iter()
         .zip(weights.chunks_exact(OUTPUTS * WIDTH))
@@ -67,17 +69,23 @@ fn block_portable<const SEGMENTS: usize, const WIDTH: usize, const STRIDE: usize
             let inputs = &segment[position * STRIDE..][..WIDTH];
             &inputs.as_chunks().0[0]
         });
-        let rounds = weights.as_chunks::<{ OUTPUTS * ROUND }>().0;
-        for (round, &weights) in rounds.iter().enumerate() {
-            let weights = Quad::new(weights);
-            for (lanes, inputs) in lanes.iter_mut().zip(positions) {
-                let [x, y] = [inputs[ROUND * round], inputs[ROUND * round + 1]];
-                *lanes = Quad::new([x, y, x, y]).multiply_add(weights, *lanes);
+        let (weights, last_weights) = weights.as_chunks::<WEIGHTS>();
+        for (at, weights) in weights.iter().enumerate() {
+            let weights = O::weights(weights);
+            for (sums, inputs) in sums.iter_mut().zip(positions) {
+                let inputs = O::inputs(&inputs.as_chunks::<INPUTS>().0[at]);
+                *sums = inputs.multiply_add(weights, *sums);
+            }
+        }
+        // An odd number of rounds: the last round and a round of zeros.
+        let zero = Pair::ZERO;
+        if let &[a, b, c, d] = last_weights {
+            let weights = O::weights(&[a, b, c, d, zero, zero, zero, zero]);
+            for (sums, inputs) in sums.iter_mut().zip(positions) {
+                let inputs = O::inputs(&[inputs[WIDTH - 2], inputs[WIDTH - 1], zero, zero]);
+                *sums = inputs.multiply_add(weights, *sums);
             }
         }
     }
-    for (sums, lanes) in sums.as_chunks_mut::<OUTPUTS>().0.iter_mut().zip(lanes) {
-        let [a, b, c, d] = lanes.words();
-        *sums = [a.wrapping_add(b), c.wrapping_add(d)];
-    }
+    O::position_sums(sums)
 }

@@ -1,12 +1,16 @@
 //! Convolution of a single input channel: the first layer of a network.
 
+#[cfg(not(smlad))]
+use crate::octet::Kernel;
 use crate::{
     dot::{
         dots,
         layout::{self, OUTPUTS, POSITIONS},
     },
+    octet::Octet,
     pair::Pair,
     plane::PlaneShape,
+    processor,
     requantise::{requantise, saturate_u8},
 };
 
@@ -106,6 +110,27 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         let patches = &mut patches[..self.patches_len()];
         let sums = &mut sums[..self.sums_len()];
         let output = &mut output[..self.output.len() / OUTPUTS];
+        #[cfg(smlad)]
+        self.convolve_with::<processor::Quads>(planes, patches, sums, output);
+        #[cfg(not(smlad))]
+        processor::run(Convolve {
+            conv: self,
+            planes,
+            patches,
+            sums,
+            output,
+        });
+    }
+
+    /// Computes [`Self::convolve`] with octets of type `O`.
+    #[inline(always)]
+    fn convolve_with<O: Octet>(
+        &self,
+        planes: [&[Pair]; 3],
+        patches: &mut [Pair],
+        sums: &mut [i32],
+        output: &mut [Pair],
+    ) {
         self.gather_patches(planes, patches);
         let positions = self.output.rows * self.output.columns;
         let channels = self
@@ -120,7 +145,7 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
             .zip(weights)
             .zip(channels)
         {
-            dots::<1, WIDTH, WIDTH>([patches], weights, sums.as_chunks_mut().0);
+            dots::<O, 1, WIDTH, WIDTH>([patches], weights, sums.as_chunks_mut().0);
             for (place, sums) in places.iter_mut().zip(sums.as_chunks::<OUTPUTS>().0) {
                 let activation = |index: usize| {
                     let sum = sums[index].wrapping_add(bias[index]);
@@ -163,9 +188,21 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
             });
             let inputs = a.zip(b).zip(c);
             for (((a, b), c), patch) in inputs.zip(patches.as_chunks_mut::<WIDTH>().0) {
+                #[cfg(smlad)]
                 let [a, b, c] = [a, b, c].map(|window| {
                     [0, COLUMNS, 2 * COLUMNS].map(|row| [window[row], window[row + 2]])
                 });
+                // The same without `map`, which LLVM does not inline on a PC.
+                #[cfg(not(smlad))]
+                let rows = |window: &[Pair]| {
+                    [
+                        [window[0], window[2]],
+                        [window[COLUMNS], window[COLUMNS + 2]],
+                        [window[2 * COLUMNS], window[2 * COLUMNS + 2]],
+                    ]
+                };
+                #[cfg(not(smlad))]
+                let (a, b, c) = (rows(a), rows(b), rows(c));
                 *patch = [
                     a[0][0],
                     a[1][0],
@@ -201,6 +238,25 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
             let pair = &mut packed[step + layout::weight_index(output % OUTPUTS, place / 2)];
             *pair = pair.with(place % 2, weight.into());
         }
+    }
+}
+
+/// The arguments of [`InputConv::convolve`].
+#[cfg(not(smlad))]
+struct Convolve<'a, const COLUMNS: usize> {
+    conv: &'a InputConv<'a, COLUMNS>,
+    planes: [&'a [Pair]; 3],
+    patches: &'a mut [Pair],
+    sums: &'a mut [i32],
+    output: &'a mut [Pair],
+}
+
+#[cfg(not(smlad))]
+impl<const COLUMNS: usize> Kernel for Convolve<'_, COLUMNS> {
+    #[inline(always)]
+    fn run<O: Octet>(self) {
+        self.conv
+            .convolve_with::<O>(self.planes, self.patches, self.sums, self.output);
     }
 }
 

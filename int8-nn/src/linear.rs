@@ -6,9 +6,10 @@ mod layout;
 
 use crate::pair::Pair;
 #[cfg(not(smlad))]
-use crate::quad::Quad;
-#[cfg(not(smlad))]
-use layout::ROUND;
+use crate::{
+    octet::{self, Kernel, Octet},
+    processor,
+};
 use layout::{INPUTS, OUTPUTS, weight_index};
 
 /// Largest number of outputs, with which byte offsets of the weights fit 32 bits.
@@ -72,7 +73,11 @@ impl Linear<'_> {
         #[cfg(smlad)]
         cortex_m::accumulate(inputs, self.weights, accumulators);
         #[cfg(not(smlad))]
-        accumulate_portable(inputs, self.weights, accumulators);
+        processor::run(Accumulate {
+            inputs,
+            weights: self.weights,
+            accumulators,
+        });
     }
 
     /// Packs weights `[input][output]` for [`Self::weights`], with `inputs` pairs of inputs; missing
@@ -98,30 +103,38 @@ impl Linear<'_> {
     }
 }
 
-/// Adds `weights * inputs` to the accumulators in plain Rust: the portable equivalent of the
-/// assembler.
+/// The arguments of [`Linear::accumulate`].
 #[cfg(not(smlad))]
-fn accumulate_portable(inputs: &[Pair], weights: &[Pair], accumulators: &mut [i32]) {
-    let quads = weights.chunks_exact(inputs.len() * OUTPUTS / 2);
-    for (weights, outputs) in quads.zip(accumulators.as_chunks_mut::<OUTPUTS>().0) {
-        let zeros = Quad::new([Pair::ZERO; 2 * ROUND]);
-        let (mut both, mut even) = (zeros, zeros);
-        let rounds = weights.as_chunks::<{ 2 * ROUND }>().0;
-        for (&[x, y], &weights) in inputs.as_chunks::<ROUND>().0.iter().zip(rounds) {
-            let (inputs, weights) = (Quad::new([x, y, x, y]), Quad::new(weights));
-            both = inputs.multiply_add(weights, both);
-            even = inputs.multiply_add(weights.low_bytes(), even);
-        }
-        let [both, even] = [both, even].map(|lanes| {
-            let [a, b, c, d] = lanes.words();
-            [a.wrapping_add(b), c.wrapping_add(d)]
-        });
-        for (index, outputs) in outputs.as_chunks_mut::<2>().0.iter_mut().enumerate() {
-            let odd = both[index].wrapping_sub(even[index]) >> 8;
-            *outputs = [
-                outputs[0].wrapping_add(even[index]),
-                outputs[1].wrapping_add(odd),
-            ];
+struct Accumulate<'a> {
+    inputs: &'a [Pair],
+    weights: &'a [Pair],
+    accumulators: &'a mut [i32],
+}
+
+#[cfg(not(smlad))]
+impl Kernel for Accumulate<'_> {
+    /// Adds `weights * inputs` to the accumulators: the portable equivalent of the assembler. The two
+    /// outputs of an octet are two pairs of outputs here.
+    #[inline(always)]
+    fn run<O: Octet>(self) {
+        let inputs = self.inputs.as_chunks::<{ octet::INPUTS }>().0;
+        let quads = self.weights.chunks_exact(self.inputs.len() * OUTPUTS / 2);
+        for (weights, outputs) in quads.zip(self.accumulators.as_chunks_mut::<OUTPUTS>().0) {
+            let (mut both, mut even) = (O::zeros(), O::zeros());
+            let weights = weights.as_chunks::<{ octet::WEIGHTS }>().0;
+            for (inputs, weights) in inputs.iter().zip(weights) {
+                let (inputs, weights) = (O::inputs(inputs), O::weights(weights));
+                both = inputs.multiply_add(weights, both);
+                even = inputs.multiply_add(weights.low_bytes(), even);
+            }
+            let (both, even) = (both.output_sums(), even.output_sums());
+            for (index, outputs) in outputs.as_chunks_mut::<2>().0.iter_mut().enumerate() {
+                let odd = both[index].wrapping_sub(even[index]) >> 8;
+                *outputs = [
+                    outputs[0].wrapping_add(even[index]),
+                    outputs[1].wrapping_add(odd),
+                ];
+            }
         }
     }
 }

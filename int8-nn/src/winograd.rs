@@ -1,22 +1,32 @@
 //! An exact integer Winograd convolution, one plane at a time.
 
+#[cfg(not(smlad))]
+mod channels;
 #[cfg(smlad)]
 mod cortex_m;
 mod tile;
 
+#[cfg(not(smlad))]
+use crate::octet::Kernel;
 use crate::{
     dot::{
         dots,
         layout::{self, OUTPUTS, POSITIONS},
     },
+    octet::Octet,
     pair::Pair,
     plane::PlaneShape,
+    processor,
 };
 #[cfg(smlad)]
 use cortex_m::keep_largest;
 #[cfg(not(smlad))]
 use tile::keep_largest;
-use tile::{PRODUCTS, SCALE, TILE, TRANSFORMED_TILE, WINDOWS, transform_inputs, transform_taps};
+#[cfg(smlad)]
+use tile::transform_inputs;
+use tile::{PRODUCTS, SCALE, TILE, TRANSFORMED_TILE, WINDOWS, transform_taps};
+#[cfg(not(smlad))]
+use {channels::Channels, tile::transform_tile};
 
 /// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = 27;
@@ -125,8 +135,15 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// If a slice is shorter than its shape requires.
     pub fn transform(&self, plane: &[Pair], transformed: &mut [Pair]) {
         let positions = self.input().rows * COLUMNS;
-        let planes = plane[..PAIRS * positions].chunks_exact(positions);
-        for (pair, plane) in planes.enumerate() {
+        let plane = &plane[..PAIRS * positions];
+        #[cfg(not(smlad))]
+        processor::run(Transform {
+            conv: self,
+            plane,
+            transformed,
+        });
+        #[cfg(smlad)]
+        for (pair, plane) in plane.chunks_exact(positions).enumerate() {
             for tile in 0..self.tile_rows * Self::TILE_COLUMNS {
                 let row = tile / Self::TILE_COLUMNS * TILE[0];
                 let column = tile % Self::TILE_COLUMNS * TILE[1];
@@ -153,6 +170,19 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
             "the shapes and the number of weights are inconsistent"
         );
         let largest = &mut largest[..self.pooled().len()];
+        #[cfg(smlad)]
+        self.convolve_max_pool_with::<processor::Quads>(transformed, largest);
+        #[cfg(not(smlad))]
+        processor::run(MaxPool {
+            conv: self,
+            transformed,
+            largest,
+        });
+    }
+
+    /// Computes [`Self::convolve_max_pool`] with octets of type `O`.
+    #[inline(always)]
+    fn convolve_max_pool_with<O: Octet>(&self, transformed: [&[Pair]; 3], largest: &mut [i32]) {
         let weights_of_pair = layout::weights_len(3 * PAIRS) * PRODUCTS;
         let tiles = self.tile_rows * Self::TILE_COLUMNS;
         let mut sums = [[0; POSITIONS * OUTPUTS]; PRODUCTS];
@@ -162,7 +192,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
             let first = group * POSITIONS;
             let tiles = POSITIONS.min(tiles - first);
             for (pair, weights) in self.weights.chunks_exact(weights_of_pair).enumerate() {
-                dots::<3, PAIRS, PAIRS>(inputs, weights, &mut sums);
+                dots::<O, 3, PAIRS, PAIRS>(inputs, weights, &mut sums);
                 let windows = &mut largest[first * WINDOWS * self.outputs + pair * OUTPUTS..];
                 let windows = &mut windows[..(WINDOWS * tiles - 1) * self.outputs + OUTPUTS];
                 keep_largest(&sums, tiles, self.outputs, windows);
@@ -207,6 +237,59 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
                 }
             }
         }
+    }
+}
+
+/// The arguments of [`Winograd::transform`].
+#[cfg(not(smlad))]
+struct Transform<'a, const PAIRS: usize, const COLUMNS: usize> {
+    conv: &'a Winograd<'a, PAIRS, COLUMNS>,
+    plane: &'a [Pair],
+    transformed: &'a mut [Pair],
+}
+
+#[cfg(not(smlad))]
+impl<const PAIRS: usize, const COLUMNS: usize> Kernel for Transform<'_, PAIRS, COLUMNS> {
+    #[inline(always)]
+    fn run<O: Octet>(self) {
+        let positions = self.plane.len() / PAIRS;
+        let tile_columns = Winograd::<PAIRS, COLUMNS>::TILE_COLUMNS;
+        for tile in 0..self.conv.tile_rows * tile_columns {
+            let row = tile / tile_columns * TILE[0];
+            let column = tile % tile_columns * TILE[1];
+            let corner = row * COLUMNS + column;
+            let mut window = [[Channels::<PAIRS>::ZERO; TRANSFORMED_TILE[1]]; TRANSFORMED_TILE[0]];
+            for (y, window) in window.iter_mut().enumerate() {
+                for (x, channels) in window.iter_mut().enumerate() {
+                    let plane = &self.plane[corner + y * COLUMNS + x..];
+                    *channels = Channels::gather(plane, positions);
+                }
+            }
+            let group = Winograd::<PAIRS, COLUMNS>::GROUP;
+            let first = tile / POSITIONS * group + tile % POSITIONS * PAIRS;
+            let products = self.transformed[first..].chunks_mut(POSITIONS * PAIRS);
+            let window = transform_tile(window);
+            for (channels, product) in window.as_flattened().iter().zip(products) {
+                channels.store(product);
+            }
+        }
+    }
+}
+
+/// The arguments of [`Winograd::convolve_max_pool`].
+#[cfg(not(smlad))]
+struct MaxPool<'a, const PAIRS: usize, const COLUMNS: usize> {
+    conv: &'a Winograd<'a, PAIRS, COLUMNS>,
+    transformed: [&'a [Pair]; 3],
+    largest: &'a mut [i32],
+}
+
+#[cfg(not(smlad))]
+impl<const PAIRS: usize, const COLUMNS: usize> Kernel for MaxPool<'_, PAIRS, COLUMNS> {
+    #[inline(always)]
+    fn run<O: Octet>(self) {
+        self.conv
+            .convolve_max_pool_with::<O>(self.transformed, self.largest);
     }
 }
 

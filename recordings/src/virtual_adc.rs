@@ -1,6 +1,7 @@
 //! Converts a recording to the samples that an ADC would have delivered.
 
 mod conversion;
+mod count_block;
 mod dither;
 pub mod live_adc;
 mod rails;

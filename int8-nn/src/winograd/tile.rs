@@ -1,5 +1,7 @@
 //! One tile of Winograd's convolution: its sizes and its transforms.
 
+use core::ops::{Add, Sub};
+
 use crate::{
     dot::layout::{OUTPUTS, POSITIONS},
     pair::Pair,
@@ -20,8 +22,21 @@ pub(super) const WINDOWS: usize = 2;
 /// Sums of one product: `[position][output]`.
 pub(super) type Sums = [i32; POSITIONS * OUTPUTS];
 
+/// Numbers that are transformed together, each separately.
+pub(super) trait Lanes: Copy + Add<Output = Self> + Sub<Output = Self> {
+    /// Returns all numbers times four; all must be in 0..2^13.
+    fn quadrupled(self) -> Self;
+}
+
+impl Lanes for Pair {
+    #[inline(always)]
+    fn quadrupled(self) -> Self {
+        Self::quadrupled(self)
+    }
+}
+
 #[inline(always)]
-fn transform_columns([d0, d1, d2, d3, d4, d5]: [Pair; 6]) -> [Pair; 6] {
+fn transform_columns<L: Lanes>([d0, d1, d2, d3, d4, d5]: [L; 6]) -> [L; 6] {
     let (p, q) = (d4 - d2.quadrupled(), d3 - d1.quadrupled());
     let (r, s) = (d4 - d2, d3 - d1);
     let twice = s + s;
@@ -36,12 +51,34 @@ fn transform_columns([d0, d1, d2, d3, d4, d5]: [Pair; 6]) -> [Pair; 6] {
 }
 
 #[inline(always)]
-fn transform_rows([d0, d1, d2, d3]: [Pair; 4]) -> [Pair; 4] {
+fn transform_rows<L: Lanes>([d0, d1, d2, d3]: [L; 4]) -> [L; 4] {
     [d0 - d2, d1 + d2, d2 - d1, d1 - d3]
+}
+
+/// Transforms the inputs of a tile, `[row][column]`, to its products.
+#[cfg(not(smlad))]
+#[inline(always)]
+pub(super) fn transform_tile<L: Lanes>(tile: [[L; 6]; 4]) -> [[L; 6]; 4] {
+    let [a, b, c, d] = tile;
+    let rows = [
+        transform_columns(a),
+        transform_columns(b),
+        transform_columns(c),
+        transform_columns(d),
+    ];
+    let mut out = rows;
+    for x in 0..TRANSFORMED_TILE[1] {
+        let column = transform_rows([rows[0][x], rows[1][x], rows[2][x], rows[3][x]]);
+        for (out, value) in out.iter_mut().zip(column) {
+            out[x] = value;
+        }
+    }
+    out
 }
 
 /// Transforms the inputs of a tile for a pair of channels. In `tile` a row starts `COLUMNS` pairs after
 /// the row before; in `out` a product is `POSITIONS * PAIRS` pairs after the product before.
+#[cfg(smlad)]
 #[inline(always)]
 pub(super) fn transform_inputs<const PAIRS: usize, const COLUMNS: usize>(
     tile: &[Pair],
@@ -86,6 +123,7 @@ pub(super) fn transform_taps(tap: impl Fn(usize, usize) -> i32) -> [i16; PRODUCT
 /// This is the portable equivalent of the assembler. It transforms the rows first: 44 additions per
 /// tile and output, instead of 56 with the columns first.
 #[cfg(not(smlad))]
+#[inline(always)]
 pub(super) fn keep_largest(
     sums: &[Sums; PRODUCTS],
     tiles: usize,
@@ -114,6 +152,7 @@ pub(super) fn keep_largest(
 
 /// Returns the four outputs of a row from its six sums.
 #[cfg(not(smlad))]
+#[inline(always)]
 fn row_outputs([m0, m1, m2, m3, m4, m5]: [i32; 6]) -> [i32; TILE[1]] {
     let (a, b) = (m1.wrapping_add(m2), m1.wrapping_sub(m2));
     let (c, d) = (m3.wrapping_add(m4), m3.wrapping_sub(m4));

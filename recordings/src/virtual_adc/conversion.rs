@@ -6,8 +6,8 @@ use crate::{
     ratio::Ratio,
 };
 
+use super::count_block::CountBlock;
 use super::dither::Dither;
-use super::rails::RAILS;
 use super::rate_converter::RateConverter;
 use super::spec::{AdcCounters, AdcSpec, CHANNELS};
 
@@ -28,6 +28,8 @@ pub(super) struct Conversion {
     groups: Vec<RateGroup>,
     /// Terms of each electrode; the value of an electrode is the sum of its weighted signals.
     mixes: Vec<Vec<MixTerm>>,
+    /// Boxed, because it is large.
+    converted: Box<CountBlock>,
     /// `None` for the exact conversion.
     dither: Option<Dither<CHANNELS>>,
     counters: AdcCounters,
@@ -107,6 +109,7 @@ impl Conversion {
             spec,
             groups,
             mixes,
+            converted: Box::new(CountBlock::new()),
             dither: Some(Dither::new()),
             counters,
         })
@@ -127,10 +130,17 @@ impl Conversion {
 
     /// Returns whether more input is needed for the next sample.
     pub(super) fn is_starved(&self) -> bool {
-        self.groups.iter().any(|group| group.converter.ready() == 0)
+        self.converted.is_empty() && self.ready() == 0
     }
 
-    /// Appends samples and converts them. `samples` returns the next samples of the signal with the
+    /// Returns the number of samples that every group has resampled, but that are not converted to
+    /// counts.
+    fn ready(&self) -> usize {
+        let ready = self.groups.iter().map(|group| group.converter.ready());
+        ready.min().unwrap_or(usize::MAX)
+    }
+
+    /// Appends samples and resamples them. `samples` returns the next samples of the signal with the
     /// given index, uV.
     ///
     /// # Errors
@@ -174,30 +184,30 @@ impl Conversion {
 
     /// Returns the next sample. Call it only if [`Self::is_starved`] is false.
     pub(super) fn next_counts(&mut self) -> [i32; CHANNELS] {
-        let mut counts = self.convert_to_counts();
+        if self.converted.is_empty() {
+            self.convert_to_counts();
+        }
+        let (mut counts, saturated) = self.converted.next();
+        self.counters.saturated += saturated;
         if let Some(dither) = &mut self.dither {
             dither.apply(&mut counts);
-        }
-        for group in &mut self.groups {
-            group.converter.advance();
         }
         counts
     }
 
-    fn convert_to_counts(&mut self) -> [i32; CHANNELS] {
-        let mut counts = [0; CHANNELS];
-        for (count, mix) in counts.iter_mut().zip(&self.mixes) {
-            let terms = mix
-                .iter()
-                .map(|term| self.groups[term.group].converter.peek(term.member) * term.weight);
-            let unlimited = (terms.sum::<f64>() / self.spec.lsb_uv).round();
-            let limited = unlimited.clamp(*RAILS.start(), *RAILS.end());
-            self.counters.saturated += u64::from(!RAILS.contains(&unlimited));
-            #[expect(clippy::cast_possible_truncation, reason = "whole and within i24")]
-            let value = limited as i32;
-            *count = value;
+    /// Converts the resampled values of a block to counts.
+    fn convert_to_counts(&mut self) {
+        let samples = self.converted.start(self.ready());
+        for (channel, mix) in self.mixes.iter().enumerate() {
+            let terms = mix.iter().map(|term| {
+                let converter = &self.groups[term.group].converter;
+                (converter.next_outputs(term.member, samples), term.weight)
+            });
+            self.converted.convert(channel, terms, self.spec.lsb_uv);
         }
-        counts
+        for group in &mut self.groups {
+            group.converter.advance(samples);
+        }
     }
 
     /// Returns the largest number of input samples that one block of a resampler takes; 1 if no

@@ -175,12 +175,10 @@ impl RateConverter {
         self.output.iter().map(Vec::len).min().unwrap_or(0) - self.consumed
     }
 
-    /// Returns the next output of a signal, uV. Call it only if [`Self::ready`] is not 0.
-    pub(crate) fn peek(&self, signal: usize) -> f64 {
-        self.output[signal]
-            .get(self.consumed)
-            .copied()
-            .unwrap_or(0.0)
+    /// Returns the next `samples` outputs of a signal, uV, or fewer if fewer are ready.
+    pub(crate) fn next_outputs(&self, signal: usize, samples: usize) -> &[f64] {
+        let outputs = self.output[signal].get(self.consumed..).unwrap_or_default();
+        outputs.get(..samples).unwrap_or(outputs)
     }
 
     /// Returns the largest number of samples in memory per signal: inputs and outputs, including
@@ -191,12 +189,12 @@ impl RateConverter {
         longest(&self.input) + longest(&self.output)
     }
 
-    /// Advances to the next output.
+    /// Advances by `samples` outputs, at most [`Self::ready`].
     ///
     /// Memory is released after a fixed number of outputs, not when the queue is empty: if another converter
     /// has a longer delay, the queue of this converter is not empty before the end of the recording.
-    pub(crate) fn advance(&mut self) {
-        self.consumed += 1;
+    pub(crate) fn advance(&mut self, samples: usize) {
+        self.consumed += samples;
         if self.consumed >= CONSUMED_MAX {
             for queue in &mut self.output {
                 queue.drain(..self.consumed);

@@ -1,0 +1,218 @@
+//! The decoder's first convolution, together with the unpooling before it.
+
+use crate::convolution::{Convolution, Volume};
+use crate::dimensions::{CONV1_CHANNELS, CONV2_CHANNELS, KERNEL};
+use crate::geometry::Geometry;
+
+/// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
+const TAPS: usize = KERNEL * KERNEL * KERNEL;
+
+/// One value of each output channel.
+type Outputs = [f32; CONV1_CHANNELS];
+
+/// Nearest-neighbour unpooling followed by a transposed convolution, cropped to the size of the first
+/// convolution's output in the encoder.
+///
+/// Unpooling repeats each pooled value, for example 10 times: each product of a pooled value and a
+/// weight is computed once and added to all outputs that it belongs to. The output channels are
+/// innermost, which the compiler vectorises. With the built-in model, a window decodes in 0.37 ms
+/// instead of 0.75 ms with the two layers one after the other (x86-64 with SSE2, 7.3 million
+/// instructions instead of 11.6 million).
+///
+/// Each sum starts with its bias. The products are added in the order input channel, tap (step, row,
+/// column of the kernel), so that the result is that of the two layers one after the other, bit for
+/// bit, except for the sign of a zero.
+#[derive(Clone, Debug)]
+pub(crate) struct UnpooledConvolution {
+    /// Weights `[input][tap][output]`.
+    weights: Vec<[Outputs; TAPS]>,
+    bias: Outputs,
+    /// Number of values in a channel of the pooled input.
+    cells: usize,
+    /// Numbers of steps, rows and columns of the output.
+    size: [usize; 3],
+    /// Index `tap * cells + cell` of each product that an output position sums, in the order of the
+    /// sum; all positions one after the other, column fastest.
+    products: Vec<usize>,
+    /// For each output position, the end of its indices in `products`.
+    ends: Vec<usize>,
+}
+
+impl UnpooledConvolution {
+    /// Packs the weights of a transposed convolution for volumes of this geometry.
+    pub(crate) fn new(convolution: &Convolution, geometry: &Geometry) -> Self {
+        let mut bias = [0.0; CONV1_CHANNELS];
+        bias.copy_from_slice(&convolution.bias);
+        let mut weights = vec![[[0.0; CONV1_CHANNELS]; TAPS]; CONV2_CHANNELS];
+        for (at, weight) in convolution.weight.iter().enumerate() {
+            let (input, output) = (at / TAPS / CONV1_CHANNELS, at / TAPS % CONV1_CHANNELS);
+            weights[input][at % TAPS][output] = *weight;
+        }
+        let [steps, rows, columns] = geometry.hidden;
+        let (mut products, mut ends) = (Vec::new(), Vec::new());
+        for step in 0..steps {
+            for row in 0..rows {
+                for column in 0..columns {
+                    products.extend(products_of([step, row, column], geometry));
+                    ends.push(products.len());
+                }
+            }
+        }
+        Self {
+            weights,
+            bias,
+            cells: geometry.pooled.iter().product(),
+            size: geometry.hidden,
+            products,
+            ends,
+        }
+    }
+
+    /// Convolves the pooled values `[input][step][row][column]`.
+    pub(crate) fn forward(&self, pooled: &[f32]) -> Volume {
+        let mut sums = vec![self.bias; self.ends.len()];
+        let mut products = vec![[0.0; CONV1_CHANNELS]; TAPS * self.cells];
+        for (weights, values) in self.weights.iter().zip(pooled.chunks_exact(self.cells)) {
+            multiply(weights, values, &mut products);
+            let mut start = 0;
+            for (sums, &end) in sums.iter_mut().zip(&self.ends) {
+                // A copy in registers, because the compiler cannot prove that the products do not alias.
+                let mut outputs = *sums;
+                for &product in &self.products[start..end] {
+                    for (output, product) in outputs.iter_mut().zip(&products[product]) {
+                        *output += product;
+                    }
+                }
+                *sums = outputs;
+                start = end;
+            }
+        }
+        let channels = 0..CONV1_CHANNELS;
+        Volume {
+            channels: CONV1_CHANNELS,
+            size: self.size,
+            values: channels
+                .flat_map(|channel| sums.iter().map(move |outputs| outputs[channel]))
+                .collect(),
+        }
+    }
+}
+
+/// Computes the products `[tap][cell]` of all values of a pooled channel with all its weights.
+fn multiply(weights: &[Outputs; TAPS], values: &[f32], products: &mut [Outputs]) {
+    for (weights, products) in weights.iter().zip(products.chunks_exact_mut(values.len())) {
+        for (value, products) in values.iter().zip(products) {
+            *products = weights.map(|weight| weight * value);
+        }
+    }
+}
+
+/// Returns the indices `tap * cells + cell` of the products that the output at `position` sums.
+///
+/// Output position p of the uncropped volume sums tap k times the unpooled value at p - k, if there is
+/// one. Unpooled position p of n repeats pooled position floor(p * m / n), where m is the pooled size,
+/// as in PyTorch's `interpolate`. For example, the first three of five columns repeat pooled column 0 of
+/// two.
+fn products_of(position: [usize; 3], geometry: &Geometry) -> impl Iterator<Item = usize> {
+    let (pooled, unpooled) = (geometry.pooled, geometry.feature_map);
+    let pads = geometry.padding.pads();
+    (0..TAPS).filter_map(move |tap| {
+        let taps = [tap / (KERNEL * KERNEL), tap / KERNEL % KERNEL, tap % KERNEL];
+        let mut cell = 0;
+        for axis in 0..3 {
+            let at = (position[axis] + pads[axis]).checked_sub(taps[axis])?;
+            if at >= unpooled[axis] {
+                return None;
+            }
+            cell = cell * pooled[axis] + at * pooled[axis] / unpooled[axis];
+        }
+        Some(tap * pooled.iter().product::<usize>() + cell)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::description::{NetworkShape, Padding};
+    use crate::tensors::Tensors;
+    use crate::testing;
+
+    fn geometry(padding: Padding, pool: [usize; 3]) -> Geometry {
+        let mut description = testing::description();
+        description.network = NetworkShape { padding, pool };
+        Geometry::new(&description)
+    }
+
+    /// Returns numbers in -1.0..1.0 whose sums round, so that another order of a sum has other bits.
+    fn numbers(count: usize, seed: u32) -> Vec<f32> {
+        let next = |state: &u32| Some(state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+        std::iter::successors(Some(seed), next)
+            .map(|state| (state >> 8) as f32 / (1 << 23) as f32 - 1.0)
+            .skip(1)
+            .take(count)
+            .collect()
+    }
+
+    /// Unpools by nearest neighbour, one position at a time.
+    fn unpool(pooled: &[f32], geometry: &Geometry) -> Volume {
+        let (from, size) = (geometry.pooled, geometry.feature_map);
+        let mut values = Vec::new();
+        for channel in 0..CONV2_CHANNELS {
+            for step in 0..size[0] {
+                for row in 0..size[1] {
+                    for column in 0..size[2] {
+                        let step = channel * from[0] + step * from[0] / size[0];
+                        let row = step * from[1] + row * from[1] / size[1];
+                        values.push(pooled[row * from[2] + column * from[2] / size[2]]);
+                    }
+                }
+            }
+        }
+        Volume {
+            channels: CONV2_CHANNELS,
+            size,
+            values,
+        }
+    }
+
+    #[test]
+    fn unpooling_repeats_the_nearest() {
+        let geometry = geometry(Padding::None, [2, 2, 2]);
+        let pooled: Vec<f32> = (0..geometry.flat()).map(|index| index as f32).collect();
+        let x = unpool(&pooled, &geometry);
+        // Channel 1, step 3, row 5 takes pooled step 1, pooled row 2.
+        let row = ((12 + 3) * 6 + 5) * 5;
+        let first = ((6 + 1) * 3 + 2) * 2;
+        let expected = [first, first, first, first + 1, first + 1].map(|index| index as f32);
+        assert_eq!(x.values[row..row + 5], expected);
+    }
+
+    #[test]
+    fn the_result_is_that_of_unpooling_and_convolving_bit_for_bit() {
+        let mut weights = Tensors::for_weights();
+        let shape = [CONV2_CHANNELS, CONV1_CHANNELS, KERNEL, KERNEL, KERNEL];
+        weights.insert("c.weight", &shape, numbers(shape.iter().product(), 1));
+        weights.insert("c.bias", &[CONV1_CHANNELS], numbers(CONV1_CHANNELS, 2));
+        let channels = [CONV2_CHANNELS, CONV1_CHANNELS];
+        let convolution = Convolution::read(&weights, "c", channels, CONV1_CHANNELS).unwrap();
+        for (padding, pool) in [
+            (Padding::None, [2, 2, 2]),
+            (Padding::None, [4, 3, 5]),
+            (Padding::Space, [1, 3, 3]),
+            (Padding::All, [3, 2, 4]),
+        ] {
+            let geometry = geometry(padding, pool);
+            let pooled = numbers(geometry.flat(), 3);
+            let expected = convolution
+                .forward_transposed(&unpool(&pooled, &geometry))
+                .cropped(padding.pads());
+            let found = UnpooledConvolution::new(&convolution, &geometry).forward(&pooled);
+            assert_eq!(
+                (found.channels, found.size),
+                (CONV1_CHANNELS, expected.size)
+            );
+            let bits = |x: &Volume| -> Vec<u32> { x.values.iter().map(|x| x.to_bits()).collect() };
+            assert_eq!(bits(&found), bits(&expected), "{padding:?} {pool:?}");
+        }
+    }
+}
