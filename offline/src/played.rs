@@ -5,8 +5,7 @@ use std::path::Path;
 use link::Substitutes;
 use pipeline::Sample;
 use recordings::{
-    AdcSpec, Missing, MontageMap, Onsets, Recording, VirtualAdc, montage_map::Origin,
-    virtual_adc,
+    AdcSpec, Missing, MontageMap, Onsets, Recording, VirtualAdc, montage_map::Origin, virtual_adc,
 };
 
 use crate::error::OfflineError;

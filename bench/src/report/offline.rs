@@ -47,7 +47,11 @@ pub(crate) fn measure(seconds: u32) -> anyhow::Result<Report> {
     }
     let prd_percent = ours.prd_percent()?;
     let torch_prd_percent = torch.map(|_| ours.torch_prd_percent()).transpose()?;
-    report(&rounds[1..], seconds, [Some(prd_percent), torch_prd_percent])
+    report(
+        &rounds[1..],
+        seconds,
+        [Some(prd_percent), torch_prd_percent],
+    )
 }
 
 /// Returns the report, with medians over the rounds. A ratio is the median of the rounds' ratios, because

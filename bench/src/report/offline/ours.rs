@@ -48,9 +48,11 @@ impl Ours {
             for _ in 0..rate_hz {
                 let counts = generator.next_sample();
                 #[expect(clippy::cast_precision_loss, reason = "counts of 24 bits")]
-                rows.extend(counts[..model::ELECTRODES].iter().map(|count| {
-                    *count as f32 * model::LSB_NV / 1_000.0
-                }));
+                rows.extend(
+                    counts[..model::ELECTRODES]
+                        .iter()
+                        .map(|count| *count as f32 * model::LSB_NV / 1_000.0),
+                );
             }
             writer.write_record(&rows)?;
             numbers.extend(rows.iter().flat_map(|uv| uv.to_le_bytes()));
@@ -76,7 +78,11 @@ impl Ours {
             existing: Existing::Replace,
         };
         let start = Instant::now();
-        encoding.encode(&self.path("samples.gdf"), &self.path("ours.codes"), &Progress::default())?;
+        encoding.encode(
+            &self.path("samples.gdf"),
+            &self.path("ours.codes"),
+            &Progress::default(),
+        )?;
         Ok(start.elapsed().as_secs_f64())
     }
 

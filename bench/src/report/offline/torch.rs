@@ -45,7 +45,7 @@ impl Torch {
         let filters = &description.filters;
         let request = json!({
             "artifact": ARTIFACT,
-            "cells": model::GRID_CELL,
+            "cells": model::GRID_CELL.as_slice(),
             "numbers": model::CODE,
             "steps": model::STEPS,
             "hop": model::HOP,
