@@ -187,7 +187,7 @@ impl BridgeError {
             BridgeError::Sink(_)
             | BridgeError::System(_)
             | BridgeError::FileWrite { .. }
-            | BridgeError::NewFile(NewFileError::Finish { .. })
+            | BridgeError::NewFile(NewFileError::Write { .. } | NewFileError::Finish { .. })
             | BridgeError::RestartedDuringTest { .. } => 1,
             BridgeError::Port { .. }
             | BridgeError::Speed { .. }

@@ -39,6 +39,8 @@ struct Queue {
     writing: bool,
     closed: bool,
     dropped: u32,
+    /// Number of frames reported as written; wraps.
+    written: u32,
     failure: Option<io::Error>,
 }
 
@@ -117,7 +119,10 @@ impl Outbox {
 
     /// Reports that the popped frame was written.
     pub fn mark_written(&self) {
-        self.lock().writing = false;
+        let mut queue = self.lock();
+        queue.writing = false;
+        queue.written = queue.written.wrapping_add(1);
+        drop(queue);
         self.shared.changed.notify_all();
     }
 
@@ -156,7 +161,21 @@ impl Outbox {
     /// Waits until no frame is queued or being written, at most `timeout`. Returns false if the
     /// time limit expired.
     pub fn drain(&self, timeout: Duration) -> bool {
-        self.wait_while(timeout, |queue| !queue.frames.is_empty() || queue.writing)
+        self.wait_while(timeout, Queue::is_busy)
+    }
+
+    /// Waits until no frame is queued or being written, however long a slow writer takes. Returns false
+    /// if it wrote no frame for `stall`.
+    pub fn drain_slowly(&self, stall: Duration) -> bool {
+        loop {
+            let written = self.lock().written;
+            if !self.wait_while(stall, |queue| queue.is_busy() && queue.written == written) {
+                return false;
+            }
+            if !self.lock().is_busy() {
+                return true;
+            }
+        }
     }
 
     /// Closes the outbox: [`Outbox::pop`] returns `None` from now on, and frames that were not
@@ -193,6 +212,10 @@ impl Outbox {
 }
 
 impl Queue {
+    fn is_busy(&self) -> bool {
+        !self.frames.is_empty() || self.writing
+    }
+
     fn make_room(&mut self, now: Instant) {
         while let Some((queued, _)) = self.frames.front()
             && (self.frames.len() >= MAX_FRAMES || now.duration_since(*queued) > MAX_AGE)
@@ -273,6 +296,28 @@ mod tests {
         outbox.close();
         assert_eq!(received.join().expect("the writer ends"), sent);
         assert_eq!(outbox.dropped(), 0);
+    }
+
+    #[test]
+    fn a_slow_writer_is_waited_for_until_it_stalls() {
+        let outbox = Outbox::new(WhenFull::Wait);
+        (0..5).for_each(|_| outbox.push(b"frame"));
+        let writer = outbox.clone();
+        // Three frames take longer than the limit, each of them less; the fourth is never written.
+        let (pause, stall) = (Duration::from_millis(150), Duration::from_millis(400));
+        let thread = std::thread::spawn(move || {
+            for _ in 0..3 {
+                assert!(writer.pop().is_some());
+                std::thread::sleep(pause);
+                writer.mark_written();
+            }
+            assert!(writer.pop().is_some());
+        });
+        assert!(!outbox.drain_slowly(stall));
+        thread.join().expect("it has stalled");
+        outbox.close();
+        assert_eq!(outbox.dropped(), 2);
+        assert!(outbox.drain_slowly(SOON));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! to a port.
 
 use std::{
+    io,
     sync::atomic::{AtomicBool, Ordering},
     time::{Duration, Instant},
 };
@@ -24,6 +25,9 @@ use crate::virtual_board::{Identity, VirtualBoard};
 /// Time limit at the end of a run for writing the queued frames, and again for the host to read
 /// them.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// Longest time in which a file takes no frame at the end of a run: a disk that spins up takes less.
+const STALL_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Longest wait for a command or for room in the outbox before the stop flag is checked again.
 const IDLE_POLL: Duration = Duration::from_millis(20);
@@ -65,13 +69,15 @@ pub enum SessionError {
         source: PortError,
     },
     /// At least one frame could not be written to a file.
-    #[error("cannot write to {output}; is the disk full?")]
+    #[error("{frames} frames could not be written to {output}; make room on the disk and run again")]
     Write {
         /// Output as in [`Session::output`].
         output: Output,
+        /// Number of frames that were not written.
+        frames: u32,
         /// Error from the first write that failed.
         #[source]
-        source: std::io::Error,
+        source: io::Error,
     },
     /// The rest of the recording could not be read; the samples before the error were processed and
     /// sent.
@@ -210,6 +216,9 @@ impl Session {
         };
         let elapsed = started.map_or(Duration::ZERO, |started: Instant| started.elapsed());
         board.send_stats(clock.now_us());
+        if let Output::File(_) = self.output {
+            self.complete_writing(&outbox, &mut port)?;
+        }
         // Without a stream there is nothing that a host could miss.
         let unread_bytes = if samples > 0 && outbox.drain(DRAIN_TIMEOUT) {
             port.wait_until_read(DRAIN_TIMEOUT, stop)
@@ -217,12 +226,6 @@ impl Session {
             0
         };
         outbox.close();
-        if let (Output::File(_), Some(source)) = (&self.output, outbox.take_failure()) {
-            return Err(SessionError::Write {
-                output: self.output.clone(),
-                source,
-            });
-        }
         // The end of a damaged recording, too, leaves a file of whole frames.
         let finished = port.finish_file();
         outcome?;
@@ -234,6 +237,27 @@ impl Session {
             elapsed,
             unread_bytes,
         })
+    }
+
+    /// Waits until every frame is in the file.
+    fn complete_writing(&self, outbox: &Outbox, port: &mut Port) -> Result<(), SessionError> {
+        let is_drained = outbox.drain_slowly(STALL_TIMEOUT);
+        outbox.close();
+        // The thread of a file that takes no frames may never end.
+        let has_ended = is_drained && port.join_writer();
+        let unknown = || match is_drained {
+            true => io::Error::other("the thread that writes failed"),
+            false => io::Error::new(io::ErrorKind::TimedOut, format!("nothing was written for {} s", STALL_TIMEOUT.as_secs())),
+        };
+        let failure = outbox.take_failure();
+        match failure.or_else(|| (!has_ended).then(unknown)) {
+            None => Ok(()),
+            Some(source) => Err(SessionError::Write {
+                output: self.output.clone(),
+                frames: outbox.dropped(),
+                source,
+            }),
+        }
     }
 
     /// Returns whether the rest of the limit has passed since the last sample.
