@@ -69,7 +69,9 @@ pub enum SessionError {
         source: PortError,
     },
     /// At least one frame could not be written to a file.
-    #[error("{frames} frames could not be written to {output}; make room on the disk and run again")]
+    #[error(
+        "{frames} frames could not be written to {output}; make room on the disk and run again"
+    )]
     Write {
         /// Output as in [`Session::output`].
         output: Output,
@@ -247,7 +249,10 @@ impl Session {
         let has_ended = is_drained && port.join_writer();
         let unknown = || match is_drained {
             true => io::Error::other("the thread that writes failed"),
-            false => io::Error::new(io::ErrorKind::TimedOut, format!("nothing was written for {} s", STALL_TIMEOUT.as_secs())),
+            false => io::Error::new(
+                io::ErrorKind::TimedOut,
+                format!("nothing was written for {} s", STALL_TIMEOUT.as_secs()),
+            ),
         };
         let failure = outbox.take_failure();
         match failure.or_else(|| (!has_ended).then(unknown)) {

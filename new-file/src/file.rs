@@ -52,9 +52,7 @@ impl NewFile {
         let create = || {
             let target = follow_links(path)?;
             let bytes = match destination {
-                Destination::Stream => {
-                    Bytes::Stream(OpenOptions::new().write(true).open(&target)?)
-                }
+                Destination::Stream => Bytes::Stream(OpenOptions::new().write(true).open(&target)?),
                 Destination::File => Bytes::Temporary(temporary(&target)?),
             };
             Ok((target, bytes))
