@@ -175,7 +175,7 @@ pub enum BridgeError {
         source: RecordingError,
     },
     /// The operating system does not provide a signal handler, a thread or stdout.
-    #[error("the operating system refuses a resource that the bridge needs")]
+    #[error("the operating system refuses a resource that this program needs")]
     System(#[from] std::io::Error),
 }
 
