@@ -13,10 +13,8 @@ use host_sim::SessionError;
 
 use command_line::{Command, CommandLine};
 
-/// Exit status if the input or the options cannot be used.
+/// Exit status of every failure before a run starts: the input or the options cannot be used.
 const UNUSABLE: u8 = 2;
-/// Exit status if the output cannot be opened or written.
-const UNREACHABLE: u8 = 3;
 
 fn main() -> ExitCode {
     let outcome = match CommandLine::parse().command {
@@ -27,10 +25,8 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("host-sim: {}", chain(&*error));
-            let unreachable = error
-                .downcast_ref()
-                .is_some_and(SessionError::is_output_error);
-            ExitCode::from(if unreachable { UNREACHABLE } else { UNUSABLE })
+            let status = error.downcast_ref().map(SessionError::exit_status);
+            ExitCode::from(status.unwrap_or(UNUSABLE))
         }
     }
 }

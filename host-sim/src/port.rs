@@ -113,10 +113,9 @@ pub enum PortError {
 impl PortError {
     /// Returns whether the user has to choose another name, as opposed to a failure of the system.
     pub(crate) fn is_wrong_name(&self) -> bool {
-        use NewFileError::{Exists, Folder, Input};
         matches!(
             self,
-            Self::Occupied { .. } | Self::File(Exists { .. } | Input { .. } | Folder { .. })
+            Self::Occupied { .. } | Self::Link { .. } | Self::File(_)
         )
     }
 }

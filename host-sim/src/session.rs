@@ -10,6 +10,7 @@ use std::{
 use ads1299::SamplerCounters;
 use device::CHIPS;
 use link::{Start, Stats, Streams};
+use new_file::NewFileError;
 use pipeline::Mains;
 use recordings::RecordingError;
 
@@ -81,6 +82,9 @@ pub enum SessionError {
         #[source]
         source: io::Error,
     },
+    /// The complete file could not be moved to its name.
+    #[error(transparent)]
+    Finish(#[from] NewFileError),
     /// The rest of the recording could not be read; the samples before the error were processed and
     /// sent.
     #[error("the recording broke off after {samples} samples of the ADC; they were sent")]
@@ -94,12 +98,14 @@ pub enum SessionError {
 }
 
 impl SessionError {
-    /// Returns true if the output failed, false if the input did or the output's name cannot be used.
-    pub fn is_output_error(&self) -> bool {
+    /// Returns the exit status of the program: 1 if the output cannot be written any further, 2 if the input
+    /// or the output's name cannot be used, 3 if the port cannot be opened.
+    pub fn exit_status(&self) -> u8 {
         match self {
-            Self::Source { .. } => false,
-            Self::Port { source, .. } => !source.is_wrong_name(),
-            Self::Write { .. } => true,
+            Self::Write { .. } | Self::Finish(_) => 1,
+            Self::Source { .. } => 2,
+            Self::Port { source, .. } if source.is_wrong_name() => 2,
+            Self::Port { .. } => 3,
         }
     }
 }
@@ -231,7 +237,7 @@ impl Session {
         // The end of a damaged recording, too, leaves a file of whole frames.
         let finished = port.finish_file();
         outcome?;
-        finished.map_err(|error| cannot_open(error.into()))?;
+        finished?;
         Ok(Report {
             stats: board.stats(),
             converters: *board.converters().sampler().counters(),
@@ -247,12 +253,12 @@ impl Session {
         outbox.close();
         // The thread of a file that takes no frames may never end.
         let has_ended = is_drained && port.join_writer();
-        let unknown = || match is_drained {
-            true => io::Error::other("the thread that writes failed"),
-            false => io::Error::new(
-                io::ErrorKind::TimedOut,
-                format!("nothing was written for {} s", STALL_TIMEOUT.as_secs()),
-            ),
+        let unknown = || {
+            if is_drained {
+                return io::Error::other("the thread that writes failed");
+            }
+            let reason = format!("nothing was written for {} s", STALL_TIMEOUT.as_secs());
+            io::Error::new(io::ErrorKind::TimedOut, reason)
         };
         let failure = outbox.take_failure();
         match failure.or_else(|| (!has_ended).then(unknown)) {

@@ -349,7 +349,7 @@ fn counts_follow_the_gain_of_the_adc_and_microvolts_do_not() {
     let mut largest = 0.0_f64;
     for (usual, coarse) in usual.iter().flatten().zip(coarse.iter().flatten()) {
         // Each value is rounded to its own count.
-        let rounding = (spec().lsb_uv + quarter.lsb_uv) / 2.0 + 1e-9;
+        let rounding = 0.5 * spec().lsb_uv + 0.5 * quarter.lsb_uv + 1e-9;
         assert!(
             (usual - coarse).abs() <= rounding,
             "{usual} and {coarse} uV"
