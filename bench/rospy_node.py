@@ -1,10 +1,10 @@
 """The paper's node in rospy, timed for comparison by `cargo xtask bench node`.
 
-    python3 rospy_node.py INPUT OUTPUT FIRST LENGTH < DEFINITION
+    python3 rospy_node.py INPUT OUTPUT FIRST LENGTH RATE < DEFINITION
 
 Subscribes to the NeuroFrames of an acquisition on INPUT, and publishes a NeuroFrame of the shape of a code,
-LENGTH values, on OUTPUT for each frame from number FIRST on: the windows that these frames complete. It filters
-and encodes nothing, so that its times are those of rospy alone; a node that does would be slower. DEFINITION is
+LENGTH values at RATE codes per second, on OUTPUT for each frame from number FIRST on: the windows that these
+frames complete. It filters and encodes nothing, so that its times are those of rospy alone; a node that does would be slower. DEFINITION is
 the full definition of the message. The publisher is the fastest that rospy has: it writes the socket itself,
 without a queue and without Nagle's algorithm.
 """
@@ -19,14 +19,15 @@ WORDS = ["flags", "seq_lo", "seq_hi", "t_us_0", "t_us_1", "t_us_2", "lost", "tri
 
 
 def main():
-    source, topic, first, length = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
+    source, topic = sys.argv[1:3]
+    first, length, rate = (int(number) for number in sys.argv[3:6])
     NeuroFrame = generate_dynamic("rosneuro_msgs/NeuroFrame", sys.stdin.read())["rosneuro_msgs/NeuroFrame"]
     rospy.init_node("rospy_node", disable_signals=True)
     # rospy warns of a publisher without a queue, because a slow subscriber delays it.
     warnings.simplefilter("ignore", SyntaxWarning)
     publisher = rospy.Publisher(topic, NeuroFrame, queue_size=None, tcp_nodelay=True)
     code = NeuroFrame()
-    code.sr = 16
+    code.sr = rate
     describe(code.eeg.info, ["z%03d" % index for index in range(length)])
     describe(code.tri.info, WORDS)
 

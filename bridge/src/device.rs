@@ -87,7 +87,7 @@ pub enum DeviceError {
     /// The device is not compatible with the device that was announced to recorders.
     #[error(
         "it differs from the announced device in its {what}; recorders ask once and keep the \
-         answer, so restart this bridge and the recorder to use it"
+         answer, so restart this program and the recorder to use it"
     )]
     Changed {
         /// Property that differs.

@@ -67,7 +67,7 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
         (Some(objection), _) => (DiagnosticLevel::Error, objection.clone()),
         (None, true) if session.commands.is_starved(now.monotonic_us) => (
             DiagnosticLevel::Warn,
-            "the device should stream and sends no codes; the bridge asks it again".to_owned(),
+            "the device should stream and sends no codes; it is asked again".to_owned(),
         ),
         (None, true) if session.commands.is_streaming() => streaming_state(session),
         (None, true) => (DiagnosticLevel::Ok, "not streaming".to_owned()),

@@ -175,7 +175,7 @@ pub enum BridgeError {
         source: RecordingError,
     },
     /// The operating system does not provide a signal handler, a thread or stdout.
-    #[error("the operating system refuses a resource that the bridge needs")]
+    #[error("the operating system refuses a resource that this program needs")]
     System(#[from] std::io::Error),
 }
 
@@ -187,7 +187,7 @@ impl BridgeError {
             BridgeError::Sink(_)
             | BridgeError::System(_)
             | BridgeError::FileWrite { .. }
-            | BridgeError::NewFile(NewFileError::Finish { .. })
+            | BridgeError::NewFile(NewFileError::Write { .. } | NewFileError::Finish { .. })
             | BridgeError::RestartedDuringTest { .. } => 1,
             BridgeError::Port { .. }
             | BridgeError::Speed { .. }

@@ -37,7 +37,7 @@ pub enum EventStamps {
 /// Stream that is announced to ROS-Neuro's recorder and filters, which handle exactly one stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum AnnouncedStream {
-    /// `/encoded`: 128 values per code.
+    /// `/encoded`: the numbers of each code.
     #[default]
     Encoded,
     /// `/neurodata_reconstructed`: electrodes in microvolts.

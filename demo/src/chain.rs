@@ -19,8 +19,8 @@ pub(crate) const BOARD: &str = "host-sim";
 /// Name of the bridge's program.
 pub(crate) const BRIDGE: &str = "corticode-bridge";
 
-/// Rate at which the board makes codes: 128 steps per second, 8 per hop.
-const CODE_RATE_HZ: u64 = 16;
+/// Rate at which the board makes codes, Hz.
+const CODE_RATE_HZ: u64 = model::STEP_RATE_HZ as u64 / model::HOP as u64;
 /// Longest permitted time between two codes while the board runs: 80 times the normal interval.
 const SILENCE: Duration = Duration::from_secs(5);
 /// Longest permitted time, on a busy machine, for the bridge to announce its topics and for the first code to

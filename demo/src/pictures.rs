@@ -16,6 +16,11 @@ use crate::run::{Received, Run};
 
 /// Electrodes in the picture of traces, front to back.
 const SHOWN: [&str; 7] = ["F3", "Fz", "F4", "C3", "Cz", "C4", "Pz"];
+/// Folder of the model with which the demo was built.
+const MODEL: &str = match option_env!("CORTICODE_ARTIFACT") {
+    Some(folder) => folder,
+    None => concat!(env!("CARGO_MANIFEST_DIR"), "/../model/artifact"),
+};
 /// Length of the picture of traces, seconds: short enough to show single waves of 10 Hz.
 const SHOWN_SECONDS: usize = 4;
 
@@ -24,9 +29,8 @@ const SHOWN_SECONDS: usize = 4;
 /// # Errors
 /// The folder or a file cannot be written, or the model's artifact cannot be read.
 pub(crate) fn draw_all(run: &Run, comparison: &Comparison, folder: &Path) -> Result<(), Failure> {
-    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact");
     let draw = || -> Result<(), Box<dyn Error>> {
-        let artifact = Artifact::read(&model)?;
+        let artifact = Artifact::read(Path::new(MODEL))?;
         let twin = Twin::new(&artifact.description.filters);
         std::fs::create_dir_all(folder)?;
         traces(comparison).draw(&folder.join("traces.svg"))?;
@@ -36,9 +40,10 @@ pub(crate) fn draw_all(run: &Run, comparison: &Comparison, folder: &Path) -> Res
         Ok(response.draw(&folder.join("filters.svg"))?)
     };
     draw().map_err(|error| {
-        let next =
-            "is target/demo/ writable, the disk not full, and `git status model/artifact` clean?";
-        Failure::check("drawing the pictures", error, next)
+        let next = format!(
+            "is target/demo/ writable, the disk not full, and {MODEL} the model of the build?"
+        );
+        Failure::check("drawing the pictures", error, &next)
     })
 }
 

@@ -45,6 +45,9 @@ pub struct Abilities {
     pub self_test: bool,
     /// True if the board can start the boot loader that is built into its microcontroller.
     pub bootloader: bool,
+    /// True if the device time is that of a clock, which the host can query. Without a clock, device time
+    /// is counted in samples, and the answer would not bound any delay.
+    pub clock: bool,
 }
 
 impl Abilities {
@@ -53,5 +56,6 @@ impl Abilities {
         streams: Streams::CODES,
         self_test: false,
         bootloader: false,
+        clock: false,
     };
 }

@@ -131,6 +131,9 @@ impl<'i> Session<'i> {
             ToDevice::Identify => self.introduce(now_us, sender),
             ToDevice::Ping => {}
             ToDevice::SelfTest => return self.start_self_test(),
+            ToDevice::SyncTime { .. } if !self.abilities.clock => {
+                return (AckResult::NotSupported, None);
+            }
             ToDevice::SyncTime { host_time_us } => {
                 let reading = ClockReading {
                     host_time_us,

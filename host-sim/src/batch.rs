@@ -43,8 +43,8 @@ pub(crate) enum BatchError {
     Some {
         failed: usize,
         files: usize,
-        /// Whether an output was at fault.
-        at_output: bool,
+        /// Smallest exit status of their errors.
+        status: u8,
     },
     /// The signals of the operating system cannot be received.
     #[error("Ctrl-C cannot be received")]
@@ -52,11 +52,11 @@ pub(crate) enum BatchError {
 }
 
 impl BatchError {
-    pub(crate) fn is_output_error(&self) -> bool {
+    /// Returns the exit status of the program.
+    pub(crate) fn exit_status(&self) -> u8 {
         match self {
-            Self::Folder { .. } => true,
-            Self::Some { at_output, .. } => *at_output,
-            _ => false,
+            Self::Some { status, .. } => *status,
+            _ => 2,
         }
     }
 }
@@ -208,7 +208,7 @@ pub(crate) fn run<'j, R: Send>(
     let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
     results.sort_by_key(|(index, _)| *index);
     let mut finished = Vec::new();
-    let (mut failed, mut at_output) = (0, false);
+    let (mut failed, mut status) = (0, 2);
     for (index, result) in results {
         match result {
             Ok(result) => finished.push((&jobs[index], result)),
@@ -218,14 +218,14 @@ pub(crate) fn run<'j, R: Send>(
             Err(error) => {
                 eprintln!("host-sim: {}", crate::chain(&error));
                 failed += 1;
-                at_output |= error.is_output_error();
+                status = error.exit_status().min(status);
             }
         }
     }
     let failure = (failed > 0).then_some(BatchError::Some {
         failed,
         files: jobs.len(),
-        at_output,
+        status,
     });
     Ok(Finished {
         results: finished,

@@ -2,11 +2,12 @@
 
 use std::{convert::Infallible, path::PathBuf, str::FromStr, time::Duration};
 
+use clap::{Args, Parser, Subcommand};
+use host_sim::{Fault, Output, Trigger, fault_help};
+
 use crate::mains_hz::MainsHz;
 use crate::missing_electrodes::MissingElectrodes;
 use crate::offline_options::{DecodeOptions, EncodeOptions};
-use clap::{Args, Parser, Subcommand};
-use host_sim::{FAULTS, Fault, Output, Trigger};
 
 /// Virtual board: plays EEG through the firmware's pipeline, bit for bit.
 #[derive(Debug, Parser)]
@@ -77,9 +78,9 @@ pub(crate) struct RunOptions {
     /// Drive single electrodes of the synthetic EEG to the ADC's rail at random times.
     #[arg(long)]
     pub(crate) rails: bool,
-    /// Inject a fault into a converter or an electrode, such as dead@3s:chip2; can be repeated. --help
+    /// Inject a fault into a converter or an electrode, such as dead@3s:chip0; can be repeated. --help
     /// lists the faults.
-    #[arg(long, value_name = "FAULT", long_help = FAULTS)]
+    #[arg(long, value_name = "FAULT", long_help = fault_help())]
     pub(crate) fault: Vec<Fault>,
     /// Generate trigger edges at this interval of device time, rising and falling in turn; a bridge
     /// publishes them on /events/bus.

@@ -6,11 +6,26 @@ use ads1299::{Register, simulation};
 use device::CHIPS;
 use thiserror::Error;
 
-/// Syntax and kinds of faults, as `--help` prints them.
-pub const FAULTS: &str = "\
-KIND[@FROM[..TO]]:WHERE, such as dead@3s:chip2, stuck@2s..4.5s:chip0, lead-off@2s:Cz.
+/// Returns the syntax and kinds of faults, as `--help` prints them, for the model's converters.
+pub fn help() -> String {
+    help_for(CHIPS, model::LABELS)
+}
+
+/// Returns the help for a board with this number of chips and these electrodes.
+fn help_for(chips: usize, labels: &str) -> String {
+    let electrode = labels.split(' ').next().unwrap_or_default();
+    let numbers = match chips {
+        1 => "There is one chip, chip0; its DRDY is wired.".to_owned(),
+        _ => format!(
+            "Chips count from 0 to {}; chip 0 is the one whose DRDY is wired.",
+            chips - 1
+        ),
+    };
+    format!(
+        "\
+KIND[@FROM[..TO]]:WHERE, such as dead@3s:chip0, stuck@2s..4.5s:chip0, lead-off@2s:{electrode}.
 FROM and TO are seconds of signal since power-on; without FROM the fault is present at power-on, without
-TO it stays. Chips count from 0 to 7; chip 0 is the one whose DRDY is wired. Kinds:
+TO it stays. {numbers} Kinds:
   dead          no power; it also blocks the data of the chips that are daisy-chained through it
   stuck         repeats its last sample
   wrong-id      its ID is that of another part; detected at power-on and by the self-test
@@ -19,7 +34,9 @@ TO it stays. Chips count from 0 to 7; chip 0 is the one whose DRDY is wired. Kin
   missed-drdy   one edge of DRDY is missing; chip 0 only, without TO
   wrong-status  its status word does not begin with 1100
   shifted-bit   its data, and that of the chips daisy-chained through it, is one bit late
-  lead-off      an electrode comes off; WHERE is its label";
+  lead-off      an electrode comes off; WHERE is its label"
+    )
+}
 
 /// Kind and place of a fault, without its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,13 +61,13 @@ pub struct Fault {
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum FaultError {
     /// The text has no colon, so it names no place; holds the text.
-    #[error("'{0}' names no place; write KIND@FROM:WHERE, such as dead@3s:chip2")]
+    #[error("'{0}' names no place; write KIND@FROM:WHERE, such as dead@3s:chip0")]
     NoPlace(String),
     /// The word before `@` or `:` is not a kind of fault; holds the word.
     #[error("'{0}' is no kind of fault; the kinds are {KINDS}")]
     NoKind(String),
-    /// The fault needs a chip, and the place is not `chip0` to `chip7`; holds the place.
-    #[error("'{0}' is no chip; write chip0 to chip7")]
+    /// The fault needs a chip, and the place is none of the model's chips; holds the place.
+    #[error("'{0}' is no chip; write chip0 or another below chip{CHIPS}")]
     NoChip(String),
     /// The place of a `lead-off` is not an electrode of the model; holds the place.
     #[error("'{0}' is no electrode of the model; its electrodes are {labels}", labels = model::LABELS)]
@@ -253,10 +270,25 @@ mod tests {
     }
 
     #[test]
+    fn the_help_names_the_chips_and_an_electrode_of_the_model() {
+        assert!(help_for(2, "Fp1 Fp2").contains("from 0 to 1; chip 0"));
+        assert!(help_for(2, "Fp1 Fp2").contains("lead-off@2s:Fp1."));
+        assert!(help_for(1, "Fp1").contains("one chip, chip0"));
+        let help = help();
+        let examples = help.lines().next().expect("a line").split_once("such as ");
+        let (_, examples) = examples.expect("examples");
+        for example in examples.trim_end_matches('.').split(", ") {
+            let fault: Result<Fault, FaultError> = example.parse();
+            assert!(fault.is_ok(), "{example} is no fault of this model");
+        }
+    }
+
+    #[test]
     fn a_text_that_is_no_fault_is_refused_with_a_remedy() {
-        assert!(error("dead@3s").contains("dead@3s:chip2"));
+        assert!(error("dead@3s").contains("dead@3s:chip0"));
         assert!(error("smoke:chip1").contains("shifted-bit"));
-        assert!(error("dead:chip8").contains("chip0 to chip7"));
+        let none = format!("chip{CHIPS}");
+        assert!(error(&format!("dead:{none}")).contains(&format!("below {none}")));
         assert!(error("lead-off:Fp99").contains(model::LABELS));
         assert!(error("dead@soon:chip1").contains("0.5s"));
         assert!(error("dead@3s..2s:chip1").contains("before it begins"));

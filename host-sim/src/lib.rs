@@ -48,7 +48,7 @@ mod virtual_board;
 pub use converters::{ConvertedSample, Converters};
 pub use device::CHIPS;
 pub use device_clock::{DeviceClock, Pace};
-pub use fault::{FAULTS, Fault, FaultError, Faults};
+pub use fault::{Fault, FaultError, Faults, help as fault_help};
 pub use outbox::{Outbox, WhenFull};
 pub use port::{FileRules, Output, Port, PortError};
 pub use recorded_edges::RecordedEdges;

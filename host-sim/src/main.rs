@@ -21,10 +21,8 @@ use offline::OfflineError;
 use batch::BatchError;
 use command_line::{Command, CommandLine};
 
-/// Exit status if the input or the options cannot be used.
+/// Exit status of every failure before a run starts: the input or the options cannot be used.
 const UNUSABLE: u8 = 2;
-/// Exit status if the output cannot be opened or written.
-const UNREACHABLE: u8 = 3;
 
 fn main() -> ExitCode {
     let outcome = match CommandLine::parse().command {
@@ -37,13 +35,13 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("host-sim: {}", chain(&*error));
-            let unreachable = [
-                error.downcast_ref().map(SessionError::is_output_error),
-                error.downcast_ref().map(OfflineError::is_output_error),
-                error.downcast_ref().map(BatchError::is_output_error),
+            let statuses = [
+                error.downcast_ref().map(SessionError::exit_status),
+                error.downcast_ref().map(OfflineError::exit_status),
+                error.downcast_ref().map(BatchError::exit_status),
             ];
-            let unreachable = unreachable.contains(&Some(true));
-            ExitCode::from(if unreachable { UNREACHABLE } else { UNUSABLE })
+            let status = statuses.into_iter().flatten().next();
+            ExitCode::from(status.unwrap_or(UNUSABLE))
         }
     }
 }

@@ -7,6 +7,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use link::{FILTERED_STEPS, RAW_SAMPLES};
+
 /// Behaviour when the host reads frames more slowly than the board produces them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WhenFull {
@@ -39,19 +41,33 @@ struct Queue {
     writing: bool,
     closed: bool,
     dropped: u32,
+    /// Number of frames reported as written; wraps.
+    written: u32,
     failure: Option<io::Error>,
 }
 
+/// Number of codes per second.
+const CODE_RATE: usize = model::STEP_RATE_HZ as usize / model::HOP;
+
+/// Number of reports per second.
+const REPORT_RATE: usize = 5;
+
+/// Number of frames per second of all streams together: raw samples, filtered steps, codes and reports.
+const FRAME_RATE: usize = (model::ADC_RATE_HZ as usize).div_ceil(RAW_SAMPLES)
+    + (model::STEP_RATE_HZ as usize).div_ceil(FILTERED_STEPS)
+    + CODE_RATE
+    + REPORT_RATE;
+
 /// Number of queued frames at which the board waits in virtual time: 4 s of codes.
-const CAPACITY: usize = 64;
+const CAPACITY: usize = 4 * CODE_RATE;
 
 /// Greatest age of a queued frame in real time. The limit is an age, not a number of frames, so
-/// that the 64 raw frames per second do not displace the 16 codes per second during a pause.
+/// that the frequent raw frames do not displace the codes during a pause.
 const MAX_AGE: Duration = Duration::from_secs(4);
 
-/// Largest number of queued frames in real time, about 0.5 MB. In 4 s, all streams together have
-/// 468 frames: 64 raw frames, 32 filtered frames, 16 codes and 5 reports per second.
-const MAX_FRAMES: usize = 512;
+/// Largest number of queued frames in real time: those of all streams in 4.5 s, about 0.5 MB, so that
+/// [`MAX_AGE`] is reached first.
+const MAX_FRAMES: usize = FRAME_RATE * 9 / 2;
 
 impl Outbox {
     /// Creates an empty queue.
@@ -78,7 +94,7 @@ impl Outbox {
         self.when_full == WhenFull::DropOldest || self.wait_while(timeout, full)
     }
 
-    /// Appends a frame. With [`WhenFull::DropOldest`], drops frames older than 4 s first. With
+    /// Appends a frame. With [`WhenFull::DropOldest`], drops frames older than [`MAX_AGE`] first. With
     /// [`WhenFull::Wait`], the queue can exceed its limit, so call [`Outbox::wait_for_room`] before
     /// making a frame. A closed outbox counts the frame as dropped.
     pub fn push(&self, frame: &[u8]) {
@@ -117,7 +133,10 @@ impl Outbox {
 
     /// Reports that the popped frame was written.
     pub fn mark_written(&self) {
-        self.lock().writing = false;
+        let mut queue = self.lock();
+        queue.writing = false;
+        queue.written = queue.written.wrapping_add(1);
+        drop(queue);
         self.shared.changed.notify_all();
     }
 
@@ -156,7 +175,21 @@ impl Outbox {
     /// Waits until no frame is queued or being written, at most `timeout`. Returns false if the
     /// time limit expired.
     pub fn drain(&self, timeout: Duration) -> bool {
-        self.wait_while(timeout, |queue| !queue.frames.is_empty() || queue.writing)
+        self.wait_while(timeout, Queue::is_busy)
+    }
+
+    /// Waits until no frame is queued or being written, however long a slow writer takes. Returns false
+    /// if it wrote no frame for `stall`.
+    pub fn drain_slowly(&self, stall: Duration) -> bool {
+        loop {
+            let written = self.lock().written;
+            if !self.wait_while(stall, |queue| queue.is_busy() && queue.written == written) {
+                return false;
+            }
+            if !self.lock().is_busy() {
+                return true;
+            }
+        }
     }
 
     /// Closes the outbox: [`Outbox::pop`] returns `None` from now on, and frames that were not
@@ -193,6 +226,10 @@ impl Outbox {
 }
 
 impl Queue {
+    fn is_busy(&self) -> bool {
+        !self.frames.is_empty() || self.writing
+    }
+
     fn make_room(&mut self, now: Instant) {
         while let Some((queued, _)) = self.frames.front()
             && (self.frames.len() >= MAX_FRAMES || now.duration_since(*queued) > MAX_AGE)
@@ -229,27 +266,26 @@ mod tests {
     fn a_pause_of_four_seconds_loses_nothing_with_any_streams_and_a_longer_one_the_oldest() {
         let outbox = Outbox::new(WhenFull::DropOldest);
         let start = Instant::now();
-        // All streams have 117 frames per second: 64 raw frames, 32 filtered frames, 16 codes and 5
-        // reports.
-        for index in 0..6 * 117_u32 {
+        let [all, codes] = [FRAME_RATE, CODE_RATE + REPORT_RATE]
+            .map(|rate| u32::try_from(rate).expect("some frames"));
+        for index in 0..6 * all {
             outbox.push_at(
                 &index.to_le_bytes(),
-                start + index * Duration::from_secs(1) / 117,
+                start + index * Duration::from_secs(1) / all,
             );
-            if index == 4 * 117 {
+            if index == 4 * all {
                 assert_eq!(outbox.dropped(), 0);
             }
         }
-        assert_eq!(outbox.dropped(), 2 * 117 - 1);
-        // Codes alone have 21 frames per second: 16 codes and 5 reports.
+        assert_eq!(outbox.dropped(), 2 * all - 1);
         let outbox = Outbox::new(WhenFull::DropOldest);
-        for index in 0..6 * 21_u32 {
+        for index in 0..6 * codes {
             outbox.push_at(
                 &index.to_le_bytes(),
-                start + index * Duration::from_secs(1) / 21,
+                start + index * Duration::from_secs(1) / codes,
             );
         }
-        assert_eq!(outbox.dropped(), 2 * 21 - 1);
+        assert_eq!(outbox.dropped(), 2 * codes - 1);
     }
 
     #[test]
@@ -273,6 +309,28 @@ mod tests {
         outbox.close();
         assert_eq!(received.join().expect("the writer ends"), sent);
         assert_eq!(outbox.dropped(), 0);
+    }
+
+    #[test]
+    fn a_slow_writer_is_waited_for_until_it_stalls() {
+        let outbox = Outbox::new(WhenFull::Wait);
+        (0..5).for_each(|_| outbox.push(b"frame"));
+        let writer = outbox.clone();
+        // Three frames take longer than the limit, each of them less; the fourth is never written.
+        let (pause, stall) = (Duration::from_millis(150), Duration::from_millis(400));
+        let thread = std::thread::spawn(move || {
+            for _ in 0..3 {
+                assert!(writer.pop().is_some());
+                std::thread::sleep(pause);
+                writer.mark_written();
+            }
+            assert!(writer.pop().is_some());
+        });
+        assert!(!outbox.drain_slowly(stall));
+        thread.join().expect("it has stalled");
+        outbox.close();
+        assert_eq!(outbox.dropped(), 2);
+        assert!(outbox.drain_slowly(SOON));
     }
 
     #[test]

@@ -113,10 +113,9 @@ pub enum PortError {
 impl PortError {
     /// Returns whether the user has to choose another name, as opposed to a failure of the system.
     pub(crate) fn is_wrong_name(&self) -> bool {
-        use NewFileError::{Exists, Folder, Input};
         matches!(
             self,
-            Self::Occupied { .. } | Self::File(Exists { .. } | Input { .. } | Folder { .. })
+            Self::Occupied { .. } | Self::Link { .. } | Self::File(_)
         )
     }
 }
@@ -129,7 +128,7 @@ pub struct Port {
     /// The connected host of a TCP port in virtual time.
     waiting_host: Option<CurrentHost>,
     /// The file of [`Output::File`], with the thread that writes it.
-    file: Option<(NewFile, JoinHandle<()>)>,
+    file: Option<(NewFile, Option<JoinHandle<()>>)>,
 }
 
 /// What may happen to files that exist when an [`Output::File`] is opened.
@@ -184,7 +183,7 @@ impl Port {
                 })?;
                 let outbox = outbox.clone();
                 let thread = thread::spawn(move || write_all_to(handle, || 0, &outbox));
-                file = Some((new, thread));
+                file = Some((new, Some(thread)));
                 None
             }
         };
@@ -196,18 +195,19 @@ impl Port {
         })
     }
 
-    /// Gives the file of an [`Output::File`] its name, after the outbox was closed. Other outputs stay
-    /// as they are.
+    /// Waits until the thread that writes an [`Output::File`] has ended, after the outbox was drained and
+    /// closed. Returns false if the thread failed.
+    pub fn join_writer(&mut self) -> bool {
+        let writer = self.file.as_mut().and_then(|(_, writer)| writer.take());
+        writer.is_none_or(|writer| writer.join().is_ok())
+    }
+
+    /// Moves an [`Output::File`] to its name; other outputs stay as they are.
     ///
     /// # Errors
     /// [`NewFileError`] if the file cannot be completed.
     pub fn finish_file(&mut self) -> Result<(), NewFileError> {
-        let Some((file, thread)) = self.file.take() else {
-            return Ok(());
-        };
-        // A panic of the thread would have left frames in the closed outbox, which are counted.
-        let _ = thread.join();
-        file.finish()
+        self.file.take().map_or(Ok(()), |(file, _)| file.finish())
     }
 
     /// Returns whether this is a TCP port in virtual time without a host.

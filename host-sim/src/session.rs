@@ -2,6 +2,7 @@
 //! to a port.
 
 use std::{
+    io,
     sync::atomic::{AtomicBool, Ordering},
     time::{Duration, Instant},
 };
@@ -9,6 +10,7 @@ use std::{
 use ads1299::SamplerCounters;
 use device::CHIPS;
 use link::{Start, Stats, Streams};
+use new_file::NewFileError;
 use pipeline::Mains;
 use recordings::RecordingError;
 
@@ -24,6 +26,9 @@ use crate::virtual_board::{Identity, VirtualBoard};
 /// Time limit at the end of a run for writing the queued frames, and again for the host to read
 /// them.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(3);
+
+/// Longest time in which a file takes no frame at the end of a run: a disk that spins up takes less.
+const STALL_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Longest wait for a command or for room in the outbox before the stop flag is checked again.
 const IDLE_POLL: Duration = Duration::from_millis(20);
@@ -65,14 +70,21 @@ pub enum SessionError {
         source: PortError,
     },
     /// At least one frame could not be written to a file.
-    #[error("cannot write to {output}; is the disk full?")]
+    #[error(
+        "{frames} frames could not be written to {output}; make room on the disk and run again"
+    )]
     Write {
         /// Output as in [`Session::output`].
         output: Output,
+        /// Number of frames that were not written.
+        frames: u32,
         /// Error from the first write that failed.
         #[source]
-        source: std::io::Error,
+        source: io::Error,
     },
+    /// The complete file could not be moved to its name.
+    #[error(transparent)]
+    Finish(#[from] NewFileError),
     /// The rest of the recording could not be read; the samples before the error were processed and
     /// sent.
     #[error("the recording broke off after {samples} samples of the ADC; they were sent")]
@@ -86,12 +98,14 @@ pub enum SessionError {
 }
 
 impl SessionError {
-    /// Returns true if the output failed, false if the input did or the output's name cannot be used.
-    pub fn is_output_error(&self) -> bool {
+    /// Returns the exit status of the program: 1 if the output cannot be written any further, 2 if the input
+    /// or the output's name cannot be used, 3 if the port cannot be opened.
+    pub fn exit_status(&self) -> u8 {
         match self {
-            Self::Source { .. } => false,
-            Self::Port { source, .. } => !source.is_wrong_name(),
-            Self::Write { .. } => true,
+            Self::Write { .. } | Self::Finish(_) => 1,
+            Self::Source { .. } => 2,
+            Self::Port { source, .. } if source.is_wrong_name() => 2,
+            Self::Port { .. } => 3,
         }
     }
 }
@@ -210,6 +224,9 @@ impl Session {
         };
         let elapsed = started.map_or(Duration::ZERO, |started: Instant| started.elapsed());
         board.send_stats(clock.now_us());
+        if let Output::File(_) = self.output {
+            self.complete_writing(&outbox, &mut port)?;
+        }
         // Without a stream there is nothing that a host could miss.
         let unread_bytes = if samples > 0 && outbox.drain(DRAIN_TIMEOUT) {
             port.wait_until_read(DRAIN_TIMEOUT, stop)
@@ -217,16 +234,10 @@ impl Session {
             0
         };
         outbox.close();
-        if let (Output::File(_), Some(source)) = (&self.output, outbox.take_failure()) {
-            return Err(SessionError::Write {
-                output: self.output.clone(),
-                source,
-            });
-        }
         // The end of a damaged recording, too, leaves a file of whole frames.
         let finished = port.finish_file();
         outcome?;
-        finished.map_err(|error| cannot_open(error.into()))?;
+        finished?;
         Ok(Report {
             stats: board.stats(),
             converters: *board.converters().sampler().counters(),
@@ -234,6 +245,30 @@ impl Session {
             elapsed,
             unread_bytes,
         })
+    }
+
+    /// Waits until every frame is in the file.
+    fn complete_writing(&self, outbox: &Outbox, port: &mut Port) -> Result<(), SessionError> {
+        let is_drained = outbox.drain_slowly(STALL_TIMEOUT);
+        outbox.close();
+        // The thread of a file that takes no frames may never end.
+        let has_ended = is_drained && port.join_writer();
+        let unknown = || {
+            if is_drained {
+                return io::Error::other("the thread that writes failed");
+            }
+            let reason = format!("nothing was written for {} s", STALL_TIMEOUT.as_secs());
+            io::Error::new(io::ErrorKind::TimedOut, reason)
+        };
+        let failure = outbox.take_failure();
+        match failure.or_else(|| (!has_ended).then(unknown)) {
+            None => Ok(()),
+            Some(source) => Err(SessionError::Write {
+                output: self.output.clone(),
+                frames: outbox.dropped(),
+                source,
+            }),
+        }
     }
 
     /// Returns whether the rest of the limit has passed since the last sample.

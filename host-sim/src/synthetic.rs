@@ -23,7 +23,7 @@ mod spec;
 #[cfg(test)]
 mod tests;
 
-use recordings::{AdcSpec, virtual_adc::CHANNELS};
+use recordings::virtual_adc::CHANNELS;
 
 use self::{
     alpha::Alpha, background::Background, blink::Blinks, interference::Interference, noise::Noise,
@@ -55,10 +55,16 @@ impl Generator {
     /// [`SyntheticError`] if a field of `spec` is outside its range.
     pub fn new(spec: &SyntheticSpec) -> Result<Self, SyntheticError> {
         let SyntheticSpec {
-            rate_hz, mains_hz, ..
+            rate_hz,
+            lsb_uv,
+            mains_hz,
+            ..
         } = *spec;
         if !(128..=16_000).contains(&rate_hz) || mains_hz == 0 || mains_hz >= rate_hz / 2 {
             return Err(SyntheticError::Rate { rate_hz, mains_hz });
+        }
+        if !lsb_uv.is_finite() || lsb_uv <= 0.0 {
+            return Err(SyntheticError::Scale { lsb_uv });
         }
         for (name, value) in [
             ("background_uv", spec.background_uv),
@@ -79,7 +85,7 @@ impl Generator {
         let rate = f64::from(rate_hz);
         let noise = |stream| Noise::new(spec.seed, stream);
         Ok(Self {
-            lsb_uv: AdcSpec::ads1299(rate_hz).lsb_uv,
+            lsb_uv,
             electrodes,
             background: Background::new(noise(1), &scalp, rate, spec.background_uv),
             alpha: Alpha::new(noise(2), &scalp, rate, spec.alpha_uv),

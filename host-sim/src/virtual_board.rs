@@ -43,6 +43,7 @@ const ABILITIES: Abilities = Abilities {
     streams: Streams::ALL,
     self_test: true,
     bootloader: false,
+    clock: true,
 };
 
 /// Creates the session of a board that has just started.

@@ -20,6 +20,8 @@ use host_sim::{
 };
 use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice, ToHost};
 use pipeline::Mains;
+use rustix::fs::{CWD, Mode, mkfifoat};
+use rustix::pipe::fcntl_setpipe_size;
 
 /// Time limit of each wait: far longer than any operation takes, even on a busy machine.
 const TIMEOUT: Duration = Duration::from_secs(30);
@@ -165,10 +167,38 @@ fn a_file_contains_every_code_and_equal_runs_are_equal_files() {
 }
 
 #[test]
-fn a_full_disk_is_an_error() {
+fn a_full_disk_is_an_error_with_the_number_of_frames_that_were_not_written() {
     let session = session(Output::File("/dev/full".into()), Pace::Fast, Some(2));
     let error = run(&session, &AtomicBool::new(false)).expect_err("nothing can be written");
-    assert!(matches!(error, SessionError::Write { .. }), "{error:?}");
+    let SessionError::Write { frames, .. } = error else {
+        panic!("{error:?}");
+    };
+    let codes = (2 * model::STEP_RATE_HZ as usize - model::STEPS) / model::HOP + 1;
+    assert!(frames as usize > codes, "{frames} of {codes} codes");
+}
+
+#[test]
+fn a_file_on_a_slow_disk_gets_every_code() {
+    let folder = folder();
+    let path = folder.path().join("pipe");
+    mkfifoat(CWD, &path, Mode::RWXU).expect("a pipe");
+    let output = Output::File(path.clone());
+    let reader = thread::spawn(move || {
+        let mut pipe = File::open(path).expect("the pipe");
+        // As small as possible, so that the run ends while frames wait for the pause to end.
+        fcntl_setpipe_size(&pipe, 4_096).expect("a page");
+        thread::sleep(Duration::from_secs(5));
+        let mut bytes = Vec::new();
+        pipe.read_to_end(&mut bytes).expect("the board closes it");
+        bytes
+    });
+    let session = session(output, Pace::Fast, Some(3));
+    let report = run(&session, &AtomicBool::new(false)).expect("a slow disk is no error");
+    let bytes = reader.join().expect("no panic");
+    let codes = report.stats.codes_made;
+    let windows = read_codes(&mut &bytes[..], codes as usize);
+    assert_eq!(windows, (0..codes).collect::<Vec<_>>());
+    assert_eq!(report.stats.frames_dropped, 0);
 }
 
 #[test]

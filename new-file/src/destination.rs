@@ -1,13 +1,16 @@
 //! Rules for the name of a file to write.
 
 use std::{
-    fs::{File, Metadata, OpenOptions},
-    io::ErrorKind,
+    fs::{self, Metadata},
+    io,
     os::unix::fs::MetadataExt as _,
     path::{Path, PathBuf},
 };
 
 use crate::error::NewFileError;
+
+/// Number of links after which Linux, too, refuses a name.
+const MAX_LINKS: usize = 40;
 
 /// Treatment of a file that has the name already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -76,25 +79,24 @@ impl Destination {
     }
 }
 
-/// Creates a file that grows under its own name, such as a recording that must stay readable after a
-/// kill.
-///
-/// # Errors
-/// [`NewFileError`] if the name cannot be used.
-pub fn create_growing(path: &Path, existing: Existing) -> Result<File, NewFileError> {
-    let destination = Destination::check(path, existing, &[])?;
-    let mut options = OpenOptions::new();
-    options.write(true);
-    match (destination, existing) {
-        (Destination::Stream, _) => {}
-        (Destination::File, Existing::Refuse) => drop(options.create_new(true)),
-        (Destination::File, Existing::Replace) => drop(options.create(true).truncate(true)),
-    }
-    options.open(path).map_err(|source| {
-        let path = path.to_owned();
-        match source.kind() {
-            ErrorKind::AlreadyExists => NewFileError::Exists { path },
-            _ => NewFileError::Create { path, source },
+/// Follows the symbolic links of a name, so that a file is replaced and not a link to it. The last link
+/// can lead to a file that does not exist.
+pub(crate) fn follow_links(path: &Path) -> io::Result<PathBuf> {
+    let mut path = path.to_owned();
+    for _ in 0..=MAX_LINKS {
+        match fs::read_link(&path) {
+            Ok(target) => path = folder_of(&path).join(target),
+            // Not a link.
+            Err(_) => return Ok(path),
         }
-    })
+    }
+    Err(io::Error::other("its links lead to each other"))
+}
+
+/// Returns the folder of a file.
+pub(crate) fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    }
 }

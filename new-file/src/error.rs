@@ -42,11 +42,26 @@ pub enum NewFileError {
         /// Error from the operating system.
         source: io::Error,
     },
-    /// The complete file cannot be moved to its name, or its bytes did not reach the disk.
-    #[error("{} cannot be completed; make room on the disk and repeat the command", path.display())]
+    /// A part of the file cannot be written.
+    #[error("{} cannot be written; make room on the disk and repeat the command", path.display())]
+    Write {
+        /// Name from the user.
+        path: PathBuf,
+        /// Error from the operating system.
+        source: io::Error,
+    },
+    /// The complete file cannot be moved to its name, or its bytes may not have reached the disk. The file
+    /// keeps its temporary name.
+    #[error(
+        "{} cannot be completed; what was written is in {}: check the disk and rename that file",
+        path.display(),
+        kept.display()
+    )]
     Finish {
         /// Name from the user.
         path: PathBuf,
+        /// Temporary name, under which the file stays.
+        kept: PathBuf,
         /// Error from the operating system.
         source: io::Error,
     },

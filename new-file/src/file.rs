@@ -3,7 +3,7 @@
 use std::{
     ffi::OsStr,
     fs::{File, OpenOptions, Permissions},
-    io::{self, ErrorKind, Write},
+    io::{self, Write},
     os::unix::fs::PermissionsExt as _,
     path::{Path, PathBuf},
 };
@@ -11,7 +11,7 @@ use std::{
 use tempfile::{Builder, NamedTempFile};
 
 use crate::{
-    destination::{Destination, Existing},
+    destination::{Destination, Existing, folder_of, follow_links},
     error::NewFileError,
 };
 
@@ -21,7 +21,10 @@ const MODE: u32 = 0o666;
 /// A file to write, which [`NewFile::finish`] moves to its name. Dropping it deletes what was written.
 #[derive(Debug)]
 pub struct NewFile {
+    /// Name from the user.
     path: PathBuf,
+    /// The name after its symbolic links: that of the file itself.
+    target: PathBuf,
     existing: Existing,
     bytes: Bytes,
 }
@@ -45,20 +48,24 @@ impl NewFile {
         existing: Existing,
         inputs: &[PathBuf],
     ) -> Result<Self, NewFileError> {
+        let destination = Destination::check(path, existing, inputs)?;
         let create = || {
-            match Destination::check(path, existing, inputs)? {
-                Destination::Stream => OpenOptions::new().write(true).open(path).map(Bytes::Stream),
-                Destination::File => temporary(path).map(Bytes::Temporary),
-            }
-            .map_err(|source| NewFileError::Create {
-                path: path.to_owned(),
-                source,
-            })
+            let target = follow_links(path)?;
+            let bytes = match destination {
+                Destination::Stream => Bytes::Stream(OpenOptions::new().write(true).open(&target)?),
+                Destination::File => Bytes::Temporary(temporary(&target)?),
+            };
+            Ok((target, bytes))
         };
+        let (target, bytes) = create().map_err(|source| NewFileError::Create {
+            path: path.to_owned(),
+            source,
+        })?;
         Ok(Self {
             path: path.to_owned(),
+            target,
             existing,
-            bytes: create()?,
+            bytes,
         })
     }
 
@@ -70,34 +77,33 @@ impl NewFile {
         self.file().try_clone()
     }
 
-    /// Moves the complete file to its name.
+    /// Moves the complete file to its name. A device or a pipe has its bytes already.
     ///
     /// # Errors
-    /// [`NewFileError::Exists`] if another program has made a file with this name meanwhile,
-    /// [`NewFileError::Finish`] if the bytes did not reach the disk or the file cannot be renamed.
+    /// [`NewFileError::Finish`] if the bytes did not reach the disk, the file cannot be renamed, or, with
+    /// [`Existing::Refuse`], another program has created a file with this name meanwhile. What was
+    /// written then stays under the temporary name, which the error states.
     pub fn finish(self) -> Result<(), NewFileError> {
-        let Self {
-            path,
-            existing,
-            bytes: Bytes::Temporary(file),
-        } = self
-        else {
+        let Bytes::Temporary(mut file) = self.bytes else {
             return Ok(());
         };
+        file.disable_cleanup(true);
+        let kept = file.path().to_owned();
         // After the rename a loss of power must not leave an empty file under the name.
         let finished = file.as_file().sync_all().and_then(|()| {
-            match existing {
-                Existing::Refuse => file.persist_noclobber(&path),
-                Existing::Replace => file.persist(&path),
+            match self.existing {
+                Existing::Refuse => file.persist_noclobber(&self.target),
+                Existing::Replace => file.persist(&self.target),
             }
             .map_err(|error| error.error)
         });
         match finished {
             Ok(_) => Ok(()),
-            Err(error) if error.kind() == ErrorKind::AlreadyExists => {
-                Err(NewFileError::Exists { path })
-            }
-            Err(source) => Err(NewFileError::Finish { path, source }),
+            Err(source) => Err(NewFileError::Finish {
+                path: self.path,
+                kept,
+                source,
+            }),
         }
     }
 
@@ -120,10 +126,6 @@ impl Write for NewFile {
 }
 
 fn temporary(path: &Path) -> io::Result<NamedTempFile> {
-    let folder = match path.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
-    };
     let name = path.file_name().unwrap_or(OsStr::new("file"));
     let mut prefix = OsStr::new(".").to_owned();
     prefix.push(name);
@@ -132,7 +134,7 @@ fn temporary(path: &Path) -> io::Result<NamedTempFile> {
         .prefix(&prefix)
         .suffix(".part")
         .permissions(Permissions::from_mode(MODE))
-        .tempfile_in(folder)
+        .tempfile_in(folder_of(path))
 }
 
 #[cfg(test)]
@@ -196,14 +198,49 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_appears_meanwhile_is_not_replaced() {
+    fn a_file_that_cannot_be_renamed_stays_under_the_name_in_the_error() {
         let folder = folder();
         let path = folder.path().join("codes.bin");
-        let file = NewFile::create(&path, Existing::Refuse, &[]).expect("writable");
-        fs::write(&path, b"other").expect("writable");
-        let refused = file.finish().expect_err("it exists now");
-        assert!(matches!(refused, NewFileError::Exists { .. }), "{refused}");
-        assert_eq!(fs::read(&path).expect("still there"), b"other");
+        for existing in [Existing::Refuse, Existing::Replace] {
+            let mut file = NewFile::create(&path, existing, &[]).expect("writable");
+            file.write_all(b"new").expect("the disk has room");
+            // Neither is replaced: another program's file without, a folder not even with `Replace`.
+            match existing {
+                Existing::Refuse => fs::write(&path, b"other").expect("writable"),
+                Existing::Replace => fs::create_dir(&path).expect("writable"),
+            }
+            let failed = file.finish().expect_err("the name is taken");
+            let text = failed.to_string();
+            let NewFileError::Finish { kept, .. } = failed else {
+                panic!("{failed}");
+            };
+            assert!(text.contains(&kept.display().to_string()), "{text}");
+            assert_eq!(fs::read(&kept).expect("kept"), b"new");
+            if existing == Existing::Refuse {
+                assert_eq!(fs::read(&path).expect("still there"), b"other");
+                fs::remove_file(&path).expect("a file");
+            }
+        }
+    }
+
+    #[test]
+    fn the_target_of_a_link_is_replaced_and_the_link_stays() {
+        use std::os::unix::fs::symlink;
+        let folder = folder();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("disk")).expect("a folder");
+        fs::write(at("disk/old"), b"old").expect("writable");
+        symlink("disk/old", at("link")).expect("a link");
+        symlink("link", at("link-to-link")).expect("a link");
+        symlink("disk/absent", at("dangling")).expect("a link");
+        for (link, target) in [("link-to-link", "disk/old"), ("dangling", "disk/absent")] {
+            create(&at(link), Existing::Replace, &[]).expect("to be replaced");
+            assert!(at(link).is_symlink(), "{link} is no link any more");
+            assert_eq!(fs::read(at(target)).expect("the target"), b"new");
+        }
+        symlink("ring", at("ring")).expect("a link");
+        let refused = create(&at("ring"), Existing::Replace, &[]).expect_err("it leads nowhere");
+        assert!(matches!(refused, NewFileError::Create { .. }), "{refused}");
     }
 
     #[test]

@@ -1,12 +1,13 @@
 //! Files that a user names as output.
 //!
-//! A [`NewFile`] appears under its name when it is complete. Until then its bytes are in a temporary file
-//! in the same folder, so a killed program leaves no half file under the name. An existing file is
-//! replaced only if the user asks for it, and a file that the program reads is never replaced.
+//! A [`GrowingFile`] has its name from its first byte. A [`NewFile`] appears under its name when it is
+//! complete. Until then its bytes are in a temporary file in the same folder, so a killed program leaves no
+//! half file under the name. An existing file is replaced only if the user asks for it, and a file that the
+//! program reads is never replaced.
 //!
 //! ```text
 //! create ──> .NAME.XXXXXX.part ──> finish ──> NAME
-//!            deleted on drop       renamed
+//!            deleted on drop       renamed; keeps the temporary name if that fails
 //! ```
 //!
 //! ```
@@ -29,7 +30,9 @@
 mod destination;
 mod error;
 mod file;
+mod growing;
 
-pub use destination::{Existing, create_growing};
+pub use destination::Existing;
 pub use error::NewFileError;
 pub use file::NewFile;
+pub use growing::GrowingFile;

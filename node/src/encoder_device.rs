@@ -12,6 +12,7 @@ const ABILITIES: Abilities = Abilities {
     streams: STREAMS,
     self_test: false,
     bootloader: false,
+    clock: false,
 };
 
 /// Streams of the device.

@@ -111,7 +111,7 @@ impl SourceFeed {
                     seq = frame.neuroheader.seq,
                     "the acquisition started again; codes go on as after a board's restart"
                 );
-                source.restart()?;
+                source.restart(read)?;
                 self.held = Some((frame, read, Instant::now() + START_TIMEOUT));
             }
             // The source refuses repeated frames.

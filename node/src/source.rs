@@ -129,13 +129,14 @@ impl Source {
         }
     }
 
-    /// Starts the device again, because the acquisition started again. Samples that wait for the
-    /// resampler are discarded.
+    /// Starts the device again, because the acquisition started again with a frame that arrived at
+    /// `read`. The new device introduces itself to the host, which then starts its streams. Samples
+    /// that wait for the resampler are discarded.
     ///
     /// # Errors
     ///
     /// [`Refusal::Conversion`], a defect of this program.
-    pub fn restart(&mut self) -> Result<(), Refusal> {
+    pub fn restart(&mut self, read: HostTime) -> Result<(), Refusal> {
         self.adc = adc(&self.layout, &self.map)?;
         self.session_id = self.session_id.wrapping_add(1);
         let substitutes = substitutes(&self.map);
@@ -144,6 +145,7 @@ impl Source {
         self.arrivals.clear();
         self.lost.clear();
         self.counts.restarts += 1;
+        self.outgoing.push_back((read, self.device.take_bytes()));
         Ok(())
     }
 

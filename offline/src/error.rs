@@ -87,17 +87,15 @@ impl OfflineError {
         }
     }
 
-    /// Returns whether the output is at fault, and not the input.
-    pub fn is_output_error(&self) -> bool {
+    /// Returns the exit status of a program: 1 if the output cannot be written any further, or the user
+    /// ended the program; 2 if an input or the name of an output cannot be used.
+    pub fn exit_status(&self) -> u8 {
         match self {
-            Self::Write { .. } | Self::Picture(_) => true,
-            Self::NewFile(error) => {
-                matches!(
-                    error,
-                    NewFileError::Create { .. } | NewFileError::Finish { .. }
-                )
-            }
-            _ => false,
+            Self::Write { .. }
+            | Self::Picture(_)
+            | Self::Interrupted
+            | Self::NewFile(NewFileError::Finish { .. }) => 1,
+            _ => 2,
         }
     }
 }

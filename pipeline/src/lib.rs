@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! Sample ---Acquisition---> Step ---Encoder---> Code
-//! 512 Hz    filters,        128 Hz  streaming   16 Hz
-//! counts    resampler,      Q27.5,  int8        128 numbers
+//! ADC rate  filters,        128 Hz  streaming   one per hop
+//! counts    resampler,      Q27.5,  int8        integers
 //!           scalp grid      int8
 //! ```
 //!

@@ -1,5 +1,6 @@
 //! Each file in `montages/` makes a model that streams: the codes of the pipeline equal those of the batch
 //! reference, these equal numpy's, and host-sim, built with the model, announces and streams it.
+//! corticode-node builds for a montage with few channels, and decodes its codes.
 #![forbid(unsafe_code)]
 
 use std::fs;
@@ -12,6 +13,10 @@ use link::{Decoder, MAX_FRAME, ToHost};
 
 /// Numbers in a code of each model.
 const NUMBERS: usize = 48;
+/// Montage of the model with which corticode-node is built, which has another gain than the others.
+const NODE_MONTAGE: &str = "cyton-8";
+/// Gain of that model.
+const NODE_GAIN: u32 = 6;
 /// Seconds that host-sim plays.
 const SECONDS: u64 = 6;
 
@@ -25,7 +30,10 @@ fn every_montage_streams_the_codes_of_numpy() {
         artifact.write(folder.path()).expect("a folder to write to");
         compare_with_numpy(seed, &artifact);
         if artifact.description.dimensions() != paper(NUMBERS) {
-            streaming_equals_batch(folder.path());
+            test_build(folder.path(), "pipeline", "streaming_equals_batch", "");
+        }
+        if montage.name == NODE_MONTAGE {
+            test_build(folder.path(), "node", "core", "the_program_decodes");
         }
         let codes = play(folder.path(), &artifact);
         println!("{}: {codes} codes", montage.name);
@@ -49,6 +57,9 @@ fn model(seed: u32, montage: &MontageFile) -> Artifact {
         description.mode = Mode::Pca;
         description.code.numbers = NUMBERS;
         any_artifact::apply_montage(montage, description);
+        if montage.name == NODE_MONTAGE {
+            description.adc.gain = NODE_GAIN;
+        }
     });
     artifact.expect("a model")
 }
@@ -68,19 +79,16 @@ fn compare_with_numpy(seed: u32, artifact: &Artifact) {
     assert_ne!(ours[0], ours[1]);
 }
 
-/// Runs the tests of the streaming encoder in a build with the model.
-fn streaming_equals_batch(folder: &Path) {
+/// Runs the tests of a package whose names contain `filter`, in a build with the model.
+fn test_build(folder: &Path, package: &str, test: &str, filter: &str) {
     let output = other_model::cargo(folder)
-        .args([
-            "test",
-            "--package=pipeline",
-            "--test=streaming_equals_batch",
-        ])
+        .args(["test", "--package", package, "--test", test, filter])
         .output()
         .expect("cargo runs");
     let stdout = String::from_utf8_lossy(&output.stdout);
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{stdout}\n{stderr}");
+    assert!(!stdout.contains(" 0 passed"), "no test ran: {stdout}");
 }
 
 /// Plays synthetic EEG with a host-sim that is built with the model, and checks what it sends. Returns the

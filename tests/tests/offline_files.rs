@@ -244,7 +244,7 @@ fn a_folder_is_encoded_and_decoded_although_one_file_is_no_recording() {
             "csv",
         ],
     );
-    assert_eq!(absent.status.code(), Some(3));
+    assert_eq!(absent.status.code(), Some(2));
 }
 
 #[test]
@@ -278,7 +278,7 @@ fn ctrl_c_ends_encoding_without_a_file() {
     let output = child.wait_with_output().expect("it ends");
     let text = String::from_utf8_lossy(&output.stderr);
     assert!(text.contains("interrupted"), "{text}");
-    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(output.status.code(), Some(1));
     let files = fs::read_dir(folder.join("out")).expect("a folder");
     let names: Vec<PathBuf> = files.map(|file| file.expect("a file").path()).collect();
     assert!(names.len() < 40, "{} files", names.len());

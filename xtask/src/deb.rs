@@ -34,9 +34,9 @@ const COMPLETIONS: [(&str, &str); 3] = [
     ("fish", "fish/vendor_completions.d/corticode-bridge.fish"),
 ];
 
-/// Packs `program`, the bridge, with the program for other amplifiers from its folder, or both built in release,
-/// and prints the path of the package. With `check`, also runs
-/// the test that installs the package.
+/// Builds the package and prints its path. It contains the bridge `program` and `corticode-node` from the same
+/// folder; without `program`, both are built in release first. With `check`, also runs the test that installs
+/// the package.
 pub(crate) fn deb(program: Option<PathBuf>, check: bool) -> Result<(), Failure> {
     let program = if let Some(program) = program {
         program
@@ -45,6 +45,7 @@ pub(crate) fn deb(program: Option<PathBuf>, check: bool) -> Result<(), Failure> 
         run(&mut cargo(build), AFTER_A_BUILD)?;
         target_folder().join("release/corticode-bridge")
     };
+    refuse_missing(&program)?;
     let package = package(&program)?;
     if check {
         let mut test = cargo("test --package acceptance --test debian_package -- --nocapture");
@@ -52,6 +53,23 @@ pub(crate) fn deb(program: Option<PathBuf>, check: bool) -> Result<(), Failure> 
     }
     println!("{}", package.display());
     Ok(())
+}
+
+/// Returns an error if a program of the package is not in the folder of the bridge `program`.
+fn refuse_missing(program: &Path) -> Result<(), Failure> {
+    let paths = PROGRAMS.map(|name| program.with_file_name(name));
+    let Some(missing) = paths.iter().find(|path| !path.is_file()) else {
+        return Ok(());
+    };
+    Err(Failure::missing(
+        missing.display(),
+        format!(
+            "the package contains {}, from one folder",
+            PROGRAMS.join(" and ")
+        ),
+        "`cargo build --release --locked --package bridge --package node --bins`, and --program \
+         target/release/corticode-bridge; or leave out --program",
+    ))
 }
 
 fn package(program: &Path) -> Result<PathBuf, Failure> {
@@ -145,4 +163,33 @@ fn output(command: &mut Command) -> Result<String, Failure> {
     }
     let errors = String::from_utf8_lossy(&done.stderr);
     Err(Failure::check(typed(command), errors, NEXT))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_without_one_of_the_programs_is_refused_with_the_command_that_builds_both() {
+        let folder = std::env::temp_dir().join(format!("xtask-deb-{}", std::process::id()));
+        fs::create_dir_all(&folder).expect("a folder");
+        let bridge = folder.join("corticode-bridge");
+        fs::write(&bridge, "").expect("a file");
+        let refused = deb(Some(bridge.clone()), false).expect_err("the other is missing");
+        fs::write(folder.join("corticode-node"), "").expect("a file");
+        let complete = refuse_missing(&bridge);
+        fs::remove_dir_all(&folder).expect("the folder");
+        assert_eq!(refused.status, 2);
+        assert!(
+            refused.message.contains("corticode-node is missing"),
+            "{}",
+            refused.message
+        );
+        assert!(
+            refused.message.contains("--package node"),
+            "{}",
+            refused.message
+        );
+        assert!(complete.is_ok());
+    }
 }

@@ -107,7 +107,7 @@ enum Verb {
         /// root, mmdebstrap and systemd-container
         #[arg(long)]
         check: bool,
-        /// Pack this program instead of building one
+        /// Pack this bridge, and corticode-node from its folder, instead of building them
         #[arg(long)]
         program: Option<PathBuf>,
     },

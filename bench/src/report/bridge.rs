@@ -99,7 +99,12 @@ mod tests {
     /// Returns a node's figures if each code arrives `latency_ms` later than it was sent.
     fn figures(latency_ms: &[u64]) -> Figures {
         let start = Instant::now();
-        let sent = |window: u64| start + Duration::from_micros(62_500 * window);
+        let sent = |window: u64| {
+            start
+                + Duration::from_micros(
+                    1_000_000 * model::HOP as u64 / u64::from(model::STEP_RATE_HZ) * window,
+                )
+        };
         let windows = 0..latency_ms.len() as u64;
         let times: Times = windows.map(|window| (window, sent(window))).collect();
         let arrived = times.iter().zip(latency_ms);

@@ -187,7 +187,7 @@ pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, Bridge
 
 fn failed(path: &Path, source: std::io::Error) -> BridgeError {
     let path = path.to_owned();
-    NewFileError::Finish { path, source }.into()
+    NewFileError::Write { path, source }.into()
 }
 
 impl ConvertOptions {

@@ -151,7 +151,7 @@ impl Outlets {
         let lost = now > std::mem::replace(&mut self.reported, now);
         let objection = self.topics.as_ref().and_then(|topics| topics.objection());
         let (level, message) = if self.decoder.has_ended() {
-            let message = "the decoder has ended; restart the bridge for reconstructed frames";
+            let message = "the decoder has ended; restart this program for reconstructed frames";
             (DiagnosticLevel::Error, message.to_owned())
         } else if let Some(objection) = objection {
             objection

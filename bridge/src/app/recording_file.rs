@@ -1,13 +1,12 @@
 //! The file of a recording, written by a thread of its own.
 
-use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use new_file::{Existing, create_growing};
+use new_file::{Existing, GrowingFile};
 
 use crate::error::BridgeError;
 
@@ -32,7 +31,7 @@ impl RecordingFile {
     ///
     /// [`BridgeError::NewFile`]; [`BridgeError::System`] if no thread can be started.
     pub(crate) fn create(path: &Path, existing: Existing) -> Result<RecordingFile, BridgeError> {
-        let file = create_growing(path, existing)?;
+        let file = GrowingFile::create(path, existing)?;
         let (chunks, receiver) = sync_channel(QUEUE_CHUNKS);
         let thread = std::thread::Builder::new()
             .name("recording".to_owned())
@@ -68,7 +67,7 @@ impl RecordingFile {
 
 /// Appends each chunk as it comes, so that it survives the end of this process, and once a second
 /// waits until the disk has everything, so that it survives a loss of power.
-fn append_all(mut file: File, chunks: &Receiver<Vec<u8>>) -> io::Result<()> {
+fn append_all(mut file: GrowingFile, chunks: &Receiver<Vec<u8>>) -> io::Result<()> {
     let mut synced = Instant::now();
     let mut unsynced = false;
     loop {
@@ -78,10 +77,10 @@ fn append_all(mut file: File, chunks: &Receiver<Vec<u8>>) -> io::Result<()> {
                 unsynced = true;
             }
             Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => return file.sync_all(),
+            Err(RecvTimeoutError::Disconnected) => return file.sync(),
         }
         if unsynced && synced.elapsed() >= SYNC_INTERVAL {
-            file.sync_data()?;
+            file.sync()?;
             synced = Instant::now();
             unsynced = false;
         }

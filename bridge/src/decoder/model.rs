@@ -23,16 +23,17 @@ pub struct Model {
 }
 
 impl Model {
-    /// Reads the checked-in model, which is part of this program.
+    /// Reads the model with which this program was built, which is part of the program: the checked-in
+    /// one, or that in the folder `CORTICODE_ARTIFACT`.
     ///
     /// # Errors
     ///
     /// [`ArtifactError`] if the model's decoder needs more input than the code.
     pub fn embedded() -> Result<Model, ArtifactError> {
         Model::new(&Artifact::from_bytes(
-            include_str!("../../../model/artifact/model.toml"),
-            include_bytes!("../../../model/artifact/weights.safetensors"),
-            include_bytes!("../../../model/artifact/calibration.safetensors"),
+            include_str!(concat!(env!("EMBEDDED_MODEL"), "/model.toml")),
+            include_bytes!(concat!(env!("EMBEDDED_MODEL"), "/weights.safetensors")),
+            include_bytes!(concat!(env!("EMBEDDED_MODEL"), "/calibration.safetensors")),
         )?)
     }
 
@@ -83,11 +84,11 @@ impl Model {
     pub fn objection(&self, device: &Device) -> Option<String> {
         if device.model_id != self.id.0 {
             return Some(format!(
-                "the device runs model {} and this bridge decodes {}; codes are published, their \
-                 reconstruction is not: restart the bridge with --model and the folder of the \
-                 device's model, or flash firmware with the bridge's model",
-                ModelId(device.model_id),
-                self.id
+                "the codes are of model {coded} and this program decodes {own}; codes are published, \
+                 their reconstruction is not: start the program again with --model and the folder of \
+                 model {coded}",
+                coded = ModelId(device.model_id),
+                own = self.id
             ));
         }
         let same = usize::from(device.window_steps) == self.dimensions.steps
@@ -98,7 +99,7 @@ impl Model {
         (!same).then(|| {
             format!(
                 "the device reports model {} but another montage or window; codes are published, \
-                 their reconstruction is not: bring firmware and bridge to the same release",
+                 their reconstruction is not: bring the device and this program to the same release",
                 self.id
             )
         })

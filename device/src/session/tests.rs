@@ -14,6 +14,7 @@ const EVERYTHING: Abilities = Abilities {
     streams: Streams::ALL,
     self_test: true,
     bootloader: true,
+    clock: true,
 };
 
 fn identity() -> Identity<'static> {
@@ -267,6 +268,14 @@ fn only_resets_into_known_programs_are_ordered() {
     let newer = ToDevice::Reset(ResetInto::Newer(2));
     let answer = execute(&mut session, &mut sender, newer);
     assert_eq!(answer, (None, AckResult::BadArgument));
+}
+
+#[test]
+fn a_device_without_a_clock_refuses_to_read_it() {
+    let (mut session, mut sender) = board(Abilities::CODES);
+    let command = ToDevice::SyncTime { host_time_us: 77 };
+    let answer = execute(&mut session, &mut sender, command);
+    assert_eq!(answer, (None, AckResult::NotSupported));
 }
 
 #[test]

@@ -37,6 +37,7 @@ const ABILITIES: Abilities = Abilities {
     streams: Streams::ALL,
     self_test: false,
     bootloader: false,
+    clock: true,
 };
 
 #[embassy_executor::task]

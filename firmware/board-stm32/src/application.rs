@@ -42,6 +42,7 @@ const ABILITIES: Abilities = Abilities {
     },
     self_test: true,
     bootloader: true,
+    clock: true,
 };
 
 /// Everything that differs between the boards.

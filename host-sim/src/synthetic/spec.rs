@@ -10,6 +10,8 @@ pub struct SyntheticSpec {
     pub seed: u64,
     /// Samples per second, Hz, 128..=16,000.
     pub rate_hz: u32,
+    /// Microvolts per count of the ADC, > 0.
+    pub lsb_uv: f64,
     /// Labels of the electrodes in the 10-5 system; the first one is on ADC channel 0, and so on.
     pub electrodes: Vec<String>,
     /// Background, uV RMS within 0.5-60 Hz. A random factor of 0.7 to 1.3 scales it at each
@@ -34,7 +36,7 @@ pub struct SyntheticSpec {
 }
 
 impl SyntheticSpec {
-    /// Returns the parameters of EEG recorded at rest: 512 Hz, 50 Hz mains, blinks, no rails.
+    /// Returns the parameters of EEG recorded at rest by the model's ADC: 50 Hz mains, blinks, no rails.
     ///
     /// Spectral slope and spatial correlation are close to those of a recording (EEGMMIDB S001R03:
     /// 1/f^1.6 from 2 to 40 Hz). Including alpha and blinks, the electrodes' RMS values are 24 to
@@ -42,7 +44,8 @@ impl SyntheticSpec {
     pub fn new(seed: u64, electrodes: impl IntoIterator<Item = impl Into<String>>) -> Self {
         Self {
             seed,
-            rate_hz: 512,
+            rate_hz: model::ADC_RATE_HZ.into(),
+            lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
             electrodes: electrodes.into_iter().map(Into::into).collect(),
             background_uv: 20.0,
             alpha_uv: 20.0,
@@ -82,6 +85,12 @@ pub enum SyntheticError {
         rate_hz: u32,
         /// Mains frequency in the spec, Hz.
         mains_hz: u32,
+    },
+    /// A size of a count that is not above 0.
+    #[error("a count of {lsb_uv} uV is no scale; write a number above 0")]
+    Scale {
+        /// Size of a count in the spec, uV.
+        lsb_uv: f64,
     },
     /// An amplitude that is negative, infinite or not a number.
     #[error("{name} is {value}; write an amplitude of 0 or more")]

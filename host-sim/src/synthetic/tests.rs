@@ -33,12 +33,11 @@ fn channel(label: &str) -> usize {
 
 /// Generates samples for `seconds` s and returns one vector per channel, uV.
 fn generate(spec: &SyntheticSpec, seconds: usize) -> Vec<Vec<f64>> {
-    let lsb_uv = AdcSpec::ads1299(512).lsb_uv;
     let generator = Generator::new(spec).expect("a usable spec");
     let mut traces = vec![Vec::new(); CHANNELS];
     for sample in generator.take(512 * seconds) {
         for (trace, count) in traces.iter_mut().zip(sample) {
-            trace.push(f64::from(count) * lsb_uv);
+            trace.push(f64::from(count) * spec.lsb_uv);
         }
     }
     traces
@@ -336,5 +335,34 @@ fn invalid_specs_are_refused() {
             name: "alpha_uv",
             value: -1.0
         }
+    );
+}
+
+#[test]
+fn counts_follow_the_gain_of_the_adc_and_microvolts_do_not() {
+    // A quarter of the gain, such as 6 instead of 24.
+    let quarter = SyntheticSpec {
+        lsb_uv: 4.0 * spec().lsb_uv,
+        ..spec()
+    };
+    let [usual, coarse] = [&spec(), &quarter].map(|spec| generate(spec, 1));
+    let mut largest = 0.0_f64;
+    for (usual, coarse) in usual.iter().flatten().zip(coarse.iter().flatten()) {
+        // Each value is rounded to its own count.
+        let rounding = 0.5 * spec().lsb_uv + 0.5 * quarter.lsb_uv + 1e-9;
+        assert!(
+            (usual - coarse).abs() <= rounding,
+            "{usual} and {coarse} uV"
+        );
+        largest = largest.max(usual.abs());
+    }
+    assert!(largest > 10.0, "{largest} uV");
+    let none = SyntheticSpec {
+        lsb_uv: 0.0,
+        ..spec()
+    };
+    assert_eq!(
+        Generator::new(&none).err(),
+        Some(SyntheticError::Scale { lsb_uv: 0.0 })
     );
 }

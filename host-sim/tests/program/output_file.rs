@@ -144,3 +144,16 @@ fn an_output_that_cannot_be_is_wrong_usage_with_what_is_allowed() {
         assert!(refused.log.contains(allowed), "{refused:?}");
     }
 }
+
+#[test]
+fn an_output_that_cannot_be_created_is_wrong_usage_and_one_that_cannot_be_written_has_failed() {
+    for (output, status) in [
+        ("file:/no/such/folder/codes.bin", 2),
+        ("pty:/no/such/folder/board", 2),
+        ("file:/dev/full", 1),
+    ] {
+        let options = ["run", "-q", "--input=synthetic", "--duration=1"];
+        let ended = run(&[&options[..], &["--output", output]].concat());
+        assert_eq!(ended.status, Some(status), "{output}: {ended:?}");
+    }
+}

@@ -106,8 +106,10 @@ impl Acquisition {
         let mut pipeline = Pipeline::new(mains);
         let samples = VirtualAdc::new(recording, &map, spec).unwrap();
         let codes = samples.filter_map(|counts| {
+            // The virtual ADC fills the channels of the longest chain.
+            let counts = counts.unwrap();
             pipeline.encode_sample(&Sample {
-                counts: counts.unwrap(),
+                counts: std::array::from_fn(|channel| counts[channel]),
             })
         });
         codes.map(|code| dequantised(&code.values)).collect()

@@ -1,5 +1,7 @@
 //! Codes are those of host-sim, bit for bit.
 
+use bridge::Model;
+use neuro_ros::DiagnosticLevel;
 use pipeline::Mains;
 
 use crate::acquisition::Acquisition;
@@ -43,6 +45,31 @@ fn codes_of_frames_at_the_rate_of_the_adc_are_those_of_a_recording() {
     for samples in [32, 1, 7, 64, 512] {
         equals_recording(&Acquisition::new(model::ADC_RATE_HZ, samples), 8);
     }
+}
+
+#[test]
+fn the_program_decodes_the_codes_of_the_model_that_it_was_built_with() {
+    let acquisition = Acquisition::new(model::ADC_RATE_HZ, model::ADC_RATE_HZ / 16);
+    let mut harness = Harness::new(&acquisition.frame(0));
+    let decoded = Model::embedded().unwrap();
+    assert_eq!(decoded.id(), model::MODEL_ID);
+    let labels: Vec<&str> = model::LABELS.split(' ').collect();
+    assert_eq!(decoded.electrodes(), labels);
+    let device = harness.status("corticode: device");
+    assert_ne!(device.level, DiagnosticLevel::Error, "{}", device.message);
+    assert!(!device.message.contains("--model"), "{}", device.message);
+}
+
+#[test]
+fn no_bounds_of_a_delay_are_shown_because_the_device_has_no_clock() {
+    let acquisition = Acquisition::new(model::ADC_RATE_HZ, model::ADC_RATE_HZ / 16);
+    let mut harness = Harness::new(&acquisition.frame(0));
+    // The bridge's core queries the clock 2 s after the start, and again every 10 s.
+    harness.receive_all(&acquisition, 1..16 * 5);
+    let clock = harness.status("corticode: clock");
+    let keys: Vec<&str> = clock.values.iter().map(|value| &*value.key).collect();
+    assert!(keys.contains(&"drift ppm"), "{keys:?}");
+    assert!(!keys.contains(&"round trip us"), "{keys:?}");
 }
 
 #[test]

@@ -95,8 +95,7 @@ impl Harness {
         match arrival {
             Arrival::Lost(frames) => self.encode(frame, frames),
             Arrival::Restarted => {
-                self.source.restart().unwrap();
-                self.source.receive(&[], self.now);
+                self.source.restart(self.now).unwrap();
                 self.exchange();
                 assert!(self.source.is_streaming());
                 self.encode(frame, 0);

@@ -9,7 +9,8 @@ use serde::Serialize;
 use super::usage::Usage;
 
 /// Device time from one code to the next, ms.
-const HOP_MS: f64 = 62.5;
+#[expect(clippy::cast_precision_loss, reason = "some steps")]
+const HOP_MS: f64 = 1_000.0 * model::HOP as f64 / model::STEP_RATE_HZ as f64;
 
 /// Times by the index of the code's window.
 pub(in crate::report) type Times = BTreeMap<u64, Instant>;

@@ -1,5 +1,5 @@
 //! Passes the bytes of the source to the bridge, and the codes among them to the node in rospy, and notes when.
-//! Codes leave 62.5 ms apart to some microseconds, so that the jitter at a subscriber is that of the node.
+//! Codes leave one hop apart to some microseconds, so that the jitter at a subscriber is that of the node.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -14,7 +14,8 @@ use link::{Decoder, ToHost};
 use super::node_figures::Times;
 
 /// Time from one code to the next.
-const HOP: Duration = Duration::from_micros(62_500);
+const HOP: Duration =
+    Duration::from_micros(model::HOP as u64 * 1_000_000 / model::STEP_RATE_HZ as u64);
 /// Time by which the node in rospy gets a code later than the bridge.
 const OFFSET: Duration = HOP.checked_div(2).unwrap();
 /// Delay of every code in the relay, so that a code that the source sends late still leaves on time.

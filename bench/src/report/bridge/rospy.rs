@@ -13,6 +13,12 @@ use crate::report::tools;
 #[derive(Debug, Clone, Copy)]
 pub(in crate::report) struct Rospy(&'static str);
 
+/// Returns the arguments of a script that describe the codes: their length, and their rate in Hz.
+pub(in crate::report) fn code_arguments() -> [String; 2] {
+    let rate_hz = usize::from(model::STEP_RATE_HZ) / model::HOP;
+    [model::CODE, rate_hz].map(|number| number.to_string())
+}
+
 impl Rospy {
     /// Finds an interpreter that imports rospy; `None` if there is none.
     pub(in crate::report) fn find() -> Option<Self> {
@@ -30,7 +36,8 @@ impl Rospy {
         topic: &str,
         folder: &Path,
     ) -> anyhow::Result<Child> {
-        let arguments = [&*port.to_string(), topic];
+        let [length, rate] = code_arguments();
+        let arguments = [&*port.to_string(), topic, &length, &rate];
         self.start_script("rospy_bridge.py", &arguments, master_uri, folder)
     }
 

@@ -11,7 +11,7 @@ use tokio::time::sleep;
 
 use super::amplifier::{Amplifier, FIRST};
 use crate::report::bridge::node_figures::Figures;
-use crate::report::bridge::rospy::Rospy;
+use crate::report::bridge::rospy::{Rospy, code_arguments};
 use crate::report::bridge::setup::{Programs, Running};
 use crate::report::bridge::subscriber::Subscriber;
 use crate::report::bridge::usage::Usage;
@@ -77,8 +77,9 @@ impl Setup {
                 .env("ROS_HOSTNAME", "127.0.0.1")
                 .env_remove("ROS_IP")
         })?;
-        let numbers = [FIRST.to_string(), model::CODE.to_string()];
-        let arguments = [TOPICS[1][0], TOPICS[1][1], &numbers[0], &numbers[1]];
+        let first = FIRST.to_string();
+        let [length, rate] = code_arguments();
+        let arguments = [TOPICS[1][0], TOPICS[1][1], &first, &length, &rate];
         let rospy = Rospy::find();
         let rospy = rospy.map(|rospy| {
             rospy.start_script("rospy_node.py", &arguments, master.uri(), folder.path())
@@ -150,7 +151,8 @@ async fn wait_for_subscribers(publishers: &[&Publisher]) -> anyhow::Result<()> {
     {
         ensure!(
             Instant::now() < deadline,
-            "a node does not subscribe within {START:?}\n  next: is the machine very busy? repeat"
+            "a node does not subscribe within {} s\n  next: is the machine very busy? repeat",
+            START.as_secs()
         );
         sleep(Duration::from_millis(20)).await;
     }

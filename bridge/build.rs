@@ -1,0 +1,31 @@
+//! Names the folder of the model that the program embeds: `model/artifact/`, or the folder in
+//! `CORTICODE_ARTIFACT`, as `model/build.rs` does.
+
+use std::{
+    env,
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+/// Environment variable with the absolute path of the folder of another artifact.
+const ARTIFACT: &str = "CORTICODE_ARTIFACT";
+
+fn main() -> ExitCode {
+    println!("cargo::rerun-if-env-changed={ARTIFACT}");
+    println!("cargo::rerun-if-changed=build.rs");
+    let artifact = env::var_os(ARTIFACT).map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact"),
+        PathBuf::from,
+    );
+    if artifact.is_relative() {
+        println!(
+            "cargo::error={ARTIFACT} is {}, but cargo runs each build script in the folder of its package: \
+             set it to an absolute path",
+            artifact.display()
+        );
+        return ExitCode::FAILURE;
+    }
+    // The compiler reads the files, and cargo compiles again when one of them changes.
+    println!("cargo::rustc-env=EMBEDDED_MODEL={}", artifact.display());
+    ExitCode::SUCCESS
+}
