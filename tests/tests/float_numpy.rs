@@ -23,8 +23,7 @@ fn numpy_computes_the_float_codes_and_windows_of_every_variant() {
     let mut worst: f64 = 0.0;
     for (seed, (mode, padding, pool)) in (1..).zip(any_model::every_variant()) {
         let what = format!("{mode:?}, {padding:?}, {pool:?}");
-        let artifact =
-            any_model::any_artifact(seed, mode, padding, pool, 8).expect("an artifact");
+        let artifact = any_model::any_artifact(seed, mode, padding, pool, 8).expect("an artifact");
         let windows = any_model::windows(seed, &artifact, WINDOWS);
         let folder = tempfile::tempdir().expect("a folder");
         let folder = folder.path();

@@ -221,13 +221,18 @@ pub fn any_artifact_for(
     })
 }
 
-/// Writes the grid, the electrodes and the converters of a montage into a description, whose ADC may have
-/// any rate.
+/// Writes the grid, the electrodes and the converters of a montage into a description, with the decimation that
+/// `trainer` chooses for the rate of the ADC.
 fn apply_montage(montage: &MontageFile, description: &mut Description) {
     description.grid = montage.grid();
     description.montage = montage.montage();
     description.adc = montage.adc();
-    description.filters.decimation = Decimation::Fir;
+    let steps_hz = description.window.rate_hz;
+    description.filters.decimation = if description.adc.rate_hz.is_multiple_of(steps_hz) {
+        Decimation::Literal
+    } else {
+        Decimation::Fir
+    };
     let card = &mut description.training;
     (card.real_electrodes, card.interpolated_electrodes) =
         (description.montage.electrodes.len(), 0);
