@@ -90,7 +90,11 @@ fn budget(folder: &Path, options: Options) -> Result<Vec<String>, String> {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let map = read(&root.join(limits.memory_map))?;
         let regions = memory_map::regions(&String::from_utf8_lossy(&map));
-        let count = if options.default_images { 1 } else { limits.images.len() };
+        let count = if options.default_images {
+            1
+        } else {
+            limits.images.len()
+        };
         for name in limits.images.into_iter().take(count) {
             let path = folder.join(name).with_extension("elf");
             let image = Image::parse(&read(&path)?).ok_or_else(|| {
