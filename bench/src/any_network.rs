@@ -5,12 +5,12 @@ use int8_nn::{Direct, InputConv, Linear, Pair, PlaneShape, Winograd};
 
 use crate::random::Random;
 
-/// Number of random networks. The digests of all networks, 64 bits each, have 128 bytes together, as many as
-/// a code.
+/// Number of random networks.
 const NETWORKS: usize = 16;
-/// Length of the result of [`digests`] in bytes. It equals the length of a code, so that an image can write
-/// the digests as one more code.
-pub const BYTES: usize = NETWORKS * size_of::<u64>();
+/// Length of a network's digest in bytes.
+pub const DIGEST_BYTES: usize = size_of::<u64>();
+/// Length of the result of [`digests`] in bytes.
+pub const BYTES: usize = NETWORKS * DIGEST_BYTES;
 
 /// Largest number of rows of Winograd tiles.
 const TILE_ROWS: usize = 3;
@@ -37,7 +37,7 @@ type Plain<'w> = Direct<'w, HIDDEN_PAIRS, HIDDEN_COLUMNS>;
 /// Returns for each random network one hash over the outputs of all its kernels.
 pub fn digests() -> [u8; BYTES] {
     let mut bytes = [0; BYTES];
-    for (seed, digest) in (1..).zip(bytes.as_chunks_mut::<{ size_of::<u64>() }>().0) {
+    for (seed, digest) in (1..).zip(bytes.as_chunks_mut::<DIGEST_BYTES>().0) {
         let mut draw = Draw(Random(seed));
         let mut hash = Hash(0xcbf2_9ce4_8422_2325);
         draw.input_conv(&mut hash);
@@ -211,7 +211,7 @@ mod tests {
     #[test]
     fn no_two_networks_have_the_same_digest() {
         let bytes = digests();
-        let (digests, _) = bytes.as_chunks::<{ size_of::<u64>() }>();
+        let (digests, _) = bytes.as_chunks::<DIGEST_BYTES>();
         for (index, digest) in digests.iter().enumerate() {
             assert!(!digests[..index].contains(digest), "network {index}");
         }

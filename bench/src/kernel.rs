@@ -4,8 +4,9 @@ use core::hint::black_box;
 
 use int8_nn::Pair;
 use model::{
-    CELL_PLANE, CODE, ELECTRODE_PAIRS, FC_PIECES, HIDDEN, HIDDEN_INTERIOR, HOP, NETWORK, Network,
-    POOLED, POOLED_PAIRS, POOLED_STEPS, SHORTCUT_STEPS,
+    CELL_PLANE, CODE, ELECTRODE_PAIRS, FC_PIECES, HAS_CONVOLUTIONS, HAS_SHORTCUT, HIDDEN,
+    HIDDEN_INTERIOR, HOP, NETWORK, Network, POOLED, POOLED_PAIRS, POOLED_STEPS, SHORTCUT_PAIRS,
+    SHORTCUT_STEPS,
 };
 
 /// Number of consecutive planes that a convolution reads.
@@ -16,6 +17,12 @@ const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
 const FRAMED: usize = HIDDEN.len() / 2;
 /// Number of pairs in a plane after the transform of the second convolution.
 const TRANSFORMED: usize = NETWORK.conv2().transformed_len();
+
+/// Weights of the linear shortcut for the first time step of a window; unused in a network without shortcut.
+const SHORTCUT_WEIGHTS: &[Pair; SHORTCUT_PAIRS] = match NETWORK.shortcut.first() {
+    Some(weights) => weights,
+    None => &[Pair::ZERO; SHORTCUT_PAIRS],
+};
 
 /// A kernel of the encoder, and how often the encoder calls it for each code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,14 +36,29 @@ pub struct Kernel {
 /// Name of the only kernel that a network without shortcut does not call.
 pub const SHORTCUT: &str = "shortcut";
 
-/// Calls `count` for each kernel, with a closure that calls the kernel once. The inputs are zeros; their
-/// values do not affect the count.
+/// Calls `count` for each kernel that the network has, with a closure that calls the kernel once. The inputs
+/// are zeros; their values do not affect the count.
 pub fn each(mut count: impl FnMut(Kernel, &mut dyn FnMut())) {
-    #[expect(clippy::cast_possible_truncation, reason = "at most 16")]
+    #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
     let mut count = |name, per_code: usize, run: &mut dyn FnMut()| {
         let per_code = per_code as u32;
         count(Kernel { name, per_code }, run);
     };
+    if HAS_CONVOLUTIONS {
+        each_of_convolutions(&mut count);
+    }
+    let mut code = [0; CODE];
+    let electrodes = black_box([Pair::ZERO; ELECTRODE_PAIRS]);
+    if HAS_SHORTCUT {
+        count(SHORTCUT, SHORTCUT_STEPS, &mut || {
+            Network::shortcut(SHORTCUT_WEIGHTS).accumulate(&electrodes, &mut code);
+            black_box(&code);
+        });
+    }
+}
+
+/// Calls `count` for each kernel of the convolutions and of the fully connected layer after them.
+fn each_of_convolutions(count: &mut impl FnMut(&'static str, usize, &mut dyn FnMut())) {
     let cells = black_box([0_i8; CELL_PLANE.len()]);
     let mut input = black_box([[Pair::ZERO; CELL_PLANE.len()]; PLANES]);
     let mut patches = [Pair::ZERO; NETWORK.conv1().patches_len()];
@@ -66,14 +88,9 @@ pub fn each(mut count: impl FnMut(Kernel, &mut dyn FnMut())) {
     let pooled = black_box([Pair::ZERO; POOLED_PAIRS]);
     count("fully connected", POOLED_STEPS, &mut || {
         let pieces = pooled.chunks_exact(POOLED_PAIRS / FC_PIECES);
-        for (fc, pooled) in NETWORK.fc[0].iter().zip(pieces) {
+        for (fc, pooled) in NETWORK.fc.iter().flatten().zip(pieces) {
             Network::fc(fc).accumulate(pooled, &mut code);
         }
-        black_box(&code);
-    });
-    let electrodes = black_box([Pair::ZERO; ELECTRODE_PAIRS]);
-    count(SHORTCUT, SHORTCUT_STEPS, &mut || {
-        Network::shortcut(NETWORK.shortcut[0]).accumulate(&electrodes, &mut code);
         black_box(&code);
     });
 }
@@ -84,6 +101,7 @@ mod tests {
 
     #[test]
     fn every_kernel_runs_and_the_shortcut_once_for_each_time_step_of_a_window() {
+        let expected = 4 * usize::from(HAS_CONVOLUTIONS) + usize::from(HAS_SHORTCUT);
         let mut runs = 0;
         let mut shortcut = 0;
         each(|kernel, run| {
@@ -93,6 +111,6 @@ mod tests {
                 shortcut = kernel.per_code;
             }
         });
-        assert_eq!((runs, shortcut), (5, 16));
+        assert_eq!((runs, shortcut as usize), (expected, SHORTCUT_STEPS));
     }
 }

@@ -45,5 +45,6 @@ mod random;
 pub mod report;
 #[cfg(not(target_os = "none"))]
 pub mod response;
+#[cfg(not(target_os = "none"))]
 pub mod stress;
 pub mod tally;

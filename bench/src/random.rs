@@ -17,6 +17,7 @@ impl Random {
     }
 
     /// Returns true with a probability of 1 / `times`.
+    #[cfg(not(target_os = "none"))]
     pub(crate) fn once_in(&mut self, times: u32) -> bool {
         self.next() < u32::MAX / times
     }

@@ -2,23 +2,29 @@
 
 mod bridge;
 mod checked_in;
+mod cost;
 mod encoder;
 mod figures;
 mod filters;
+mod flash;
 mod host;
 mod images;
 mod inputs;
+mod model;
+mod montages;
 mod node;
 mod offline;
 mod table;
 mod tools;
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use emulator::EmulatorError;
+
+use self::cost::Parts;
 
 /// Environment variable with the path of a file to which the JSON object is written, with or without
 /// `--json`.
@@ -37,7 +43,7 @@ struct Options {
     json: bool,
 }
 
-#[derive(Debug, Clone, Copy, Subcommand)]
+#[derive(Debug, Clone, Subcommand)]
 enum Benchmark {
     /// Filters: instructions on emulated microcontrollers, noise, response.
     Filters,
@@ -45,6 +51,27 @@ enum Benchmark {
     Encoder {
         /// Number of windows that are encoded and compared, over all inputs.
         #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(100..=100_000))]
+        windows: u32,
+    },
+    /// Cost of a model: instructions of each time step on emulated microcontrollers, flash and RAM of the boards'
+    /// images. Fails when a code is not that of the batch reference, or an image does not fit.
+    Model {
+        /// Folder of the model, as `trainer train` writes it.
+        folder: PathBuf,
+        /// Number of windows that are encoded and compared, over all inputs.
+        #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
+        windows: u32,
+    },
+    /// The same for a model of each file in `montages/`, with random weights.
+    Montages {
+        /// Measure only the montage of this name.
+        #[arg(long)]
+        montage: Option<String>,
+        /// Leave out flash and RAM of the boards' images, whose builds take most of the time.
+        #[arg(long)]
+        without_boards: bool,
+        /// Number of windows of each model that are encoded and compared, over all inputs.
+        #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
         windows: u32,
     },
     /// Encoder on this PC: codes per second on one core, and PyTorch's where it is installed.
@@ -88,13 +115,26 @@ pub fn main() -> ExitCode {
 }
 
 fn run(options: &Options) -> anyhow::Result<()> {
-    let report = match options.benchmark {
+    let report = match &options.benchmark {
         Benchmark::Filters => filters::measure()?,
-        Benchmark::Encoder { windows } => encoder::measure(windows as usize)?,
+        Benchmark::Encoder { windows } => encoder::measure(*windows as usize)?,
+        Benchmark::Model { folder, windows } => model::measure(folder, *windows as usize)?,
+        Benchmark::Montages {
+            montage,
+            without_boards,
+            windows,
+        } => {
+            let parts = if *without_boards {
+                Parts::Encoder
+            } else {
+                Parts::EncoderAndBoards
+            };
+            montages::measure(montage.as_deref(), *windows as usize, parts)?
+        }
         Benchmark::Host => host::measure()?,
-        Benchmark::Offline { seconds } => offline::measure(seconds)?,
-        Benchmark::Bridge { seconds } => bridge::measure(seconds)?,
-        Benchmark::Node { seconds } => node::measure(seconds)?,
+        Benchmark::Offline { seconds } => offline::measure(*seconds)?,
+        Benchmark::Bridge { seconds } => bridge::measure(*seconds)?,
+        Benchmark::Node { seconds } => node::measure(*seconds)?,
     };
     if let Some(file) = std::env::var_os(OBJECT) {
         let file = Path::new(&file);

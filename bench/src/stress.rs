@@ -4,7 +4,7 @@ use pipeline::{CELLS, Plane};
 
 use crate::random::Random;
 
-/// A sequence of planes. Every cell of a plane has a signal, even a cell without an electrode.
+/// A sequence of planes of any size. Every cell of a plane has a signal, even a cell without an electrode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stress {
     /// All cells are 0.
@@ -31,16 +31,23 @@ impl Stress {
         }
     }
 
-    /// Returns an endless iterator over the planes of the sequence. All iterators return the same planes.
-    pub fn planes(self) -> impl Iterator<Item = Plane> {
+    /// Returns an endless iterator over the planes of the sequence, of `cells` cells each. All iterators of
+    /// planes of this size return the same planes.
+    pub fn planes_of(self, cells: usize) -> impl Iterator<Item = Vec<i8>> {
         let mut random = Random(4);
-        let mut plane = [0; CELLS];
-        core::iter::repeat_with(move || {
+        let mut plane = vec![0; cells];
+        std::iter::repeat_with(move || {
             for cell in &mut plane {
                 *cell = self.next(*cell, &mut random);
             }
-            plane
+            plane.clone()
         })
+    }
+
+    /// Returns the planes of the sequence for the built-in model.
+    pub fn planes(self) -> impl Iterator<Item = Plane> {
+        let planes = self.planes_of(CELLS);
+        planes.map(|plane| std::array::from_fn(|cell| plane[cell]))
     }
 
     /// Returns the value in the next plane for a cell whose current value is `cell`.
@@ -65,13 +72,14 @@ impl Stress {
 mod tests {
     use super::*;
 
-    /// Counts how often each int8 occurs in 100 planes.
+    /// Number of cells that are counted, of successive planes.
+    const COUNTED: usize = 9_000;
+
+    /// Counts how often each int8 occurs in [`COUNTED`] cells.
     fn histogram(stress: Stress) -> [u32; 256] {
         let mut histogram = [0; 256];
-        for plane in stress.planes().take(100) {
-            for cell in plane {
-                histogram[usize::from(cell.cast_unsigned())] += 1;
-            }
+        for cell in stress.planes().flatten().take(COUNTED) {
+            histogram[usize::from(cell.cast_unsigned())] += 1;
         }
         histogram
     }
@@ -79,9 +87,9 @@ mod tests {
     #[test]
     fn every_sequence_holds_the_values_that_its_variant_documents() {
         let at = |stress, value: i8| histogram(stress)[usize::from(value.cast_unsigned())];
-        assert_eq!(at(Stress::Silence, 0), 9_000);
+        assert_eq!(at(Stress::Silence, 0) as usize, COUNTED);
         let rails = [i8::MIN, i8::MAX].map(|rail| at(Stress::Rails, rail));
-        assert_eq!(rails.iter().sum::<u32>(), 9_000);
+        assert_eq!(rails.iter().sum::<u32>() as usize, COUNTED);
         assert!(rails.iter().all(|count| *count > 4_000), "{rails:?}");
         let impulses = [i8::MIN, i8::MAX].map(|rail| at(Stress::Impulses, rail));
         assert!(impulses.iter().all(|count| *count > 2), "{impulses:?}");
@@ -93,10 +101,10 @@ mod tests {
 
     #[test]
     fn a_cell_stays_at_its_rail_for_a_while() {
-        let mut planes = Stress::Rails.planes();
-        let (first, second) = (planes.next(), planes.next());
-        let cells = first.iter().flatten().zip(second.iter().flatten());
-        let jumped = cells.filter(|(before, now)| before != now).count();
-        assert!((1..CELLS / 3).contains(&jumped), "{jumped}");
+        let planes: Vec<Plane> = Stress::Rails.planes().take(COUNTED / CELLS).collect();
+        let cells = planes.as_flattened().iter();
+        let pairs = cells.zip(planes[1..].as_flattened());
+        let jumped = pairs.filter(|(before, now)| before != now).count();
+        assert!((1..COUNTED / 3).contains(&jumped), "{jumped}");
     }
 }

@@ -16,7 +16,6 @@
 //! ```
 #![forbid(unsafe_code)]
 
-pub mod any_artifact;
 pub mod catkin;
 pub mod chain;
 pub mod emulated_board;

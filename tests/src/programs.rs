@@ -4,6 +4,8 @@ use std::env;
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
+use emulator::skip::skip_unless_required;
+
 use crate::workspace::cargo;
 
 /// Paths of the programs that tests start.
@@ -52,6 +54,28 @@ pub fn programs() -> &'static Programs {
             xtask: executable(&messages, "xtask"),
         }
     })
+}
+
+/// Returns the path of `trainer`, which is no default member and takes minutes to build: in the folder that
+/// `CORTICODE_PROGRAMS` names, or where cargo has built it with the profile of the tests. Reports the test
+/// `what` as skipped if it is in neither place.
+///
+/// # Panics
+/// When it is missing and `CORTICODE_REQUIRE_ROS=1`.
+pub fn trainer(what: &str) -> Option<PathBuf> {
+    let folder = env::var_os(FOLDER).map(PathBuf::from).or_else(|| {
+        let this = env::current_exe().ok()?;
+        this.ancestors().nth(2).map(PathBuf::from)
+    });
+    let path = folder?.join("trainer");
+    if !path.exists() {
+        skip_unless_required(
+            what,
+            "no trainer; `cargo build --package trainer` builds it",
+        );
+        return None;
+    }
+    Some(path)
 }
 
 /// Returns the path of a program, from the JSON messages of cargo's build.

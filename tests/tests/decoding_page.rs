@@ -4,10 +4,8 @@
 use std::fs;
 use std::process::Command;
 
-use acceptance::{
-    any_artifact::{Size, any_artifact_with, every_variant},
-    numpy_reference, workspace,
-};
+use acceptance::{numpy_reference, workspace};
+use any_model::{Size, any_artifact_with, every_variant};
 use artifact::{Artifact, Mode, NetworkShape, Padding};
 use reconstruction::WindowDecoder;
 

@@ -5,7 +5,7 @@
 //! reads the integers that model-gen computes from the weights, in PyTorch's order.
 #![forbid(unsafe_code)]
 
-use acceptance::{any_artifact, numpy_reference, real_data, workspace};
+use acceptance::{numpy_reference, real_data, workspace};
 use artifact::{Artifact, CodeFormat, IntegerCode};
 use bench::{hop, stress::Stress};
 use host_sim::synthetic::{Generator, SyntheticSpec};
@@ -53,15 +53,15 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
     if !numpy_reference::available("codes of every variant against numpy") {
         return;
     }
-    for (seed, (mode, padding, pool)) in (1..).zip(any_artifact::every_variant()) {
-        let artifact = any_artifact::any_artifact(seed, mode, padding, pool, HOP);
+    for (seed, (mode, padding, pool)) in (1..).zip(any_model::every_variant()) {
+        let artifact = any_model::any_artifact(seed, mode, padding, pool, HOP);
         let mut artifact = artifact.expect("an artifact");
         artifact.description.code.format = FORMATS[seed as usize % FORMATS.len()];
         let model = model_gen::quantise(&artifact).expect("an integer model");
-        let windows = any_artifact::windows(seed, &artifact, 2);
+        let windows = any_model::windows(seed, &artifact, 2);
         let quiet = windows
             .iter()
-            .map(|window| any_artifact::quantised(&artifact, &model, window));
+            .map(|window| any_model::quantised(&artifact, &model, window));
         // A window at the rails drives activations and codes to their rails.
         let dimensions = &model.geometry.dimensions;
         let step = |cell: usize| cell / dimensions.cells();

@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::Path;
 
-use acceptance::{any_artifact, numpy_reference};
+use acceptance::numpy_reference;
 use artifact::{ArtifactError, FloatDecoder, FloatEncoder, Mode};
 
 /// Number of windows per variant.
@@ -21,11 +21,10 @@ fn numpy_computes_the_float_codes_and_windows_of_every_variant() {
         return;
     }
     let mut worst: f64 = 0.0;
-    for (seed, (mode, padding, pool)) in (1..).zip(any_artifact::every_variant()) {
+    for (seed, (mode, padding, pool)) in (1..).zip(any_model::every_variant()) {
         let what = format!("{mode:?}, {padding:?}, {pool:?}");
-        let artifact =
-            any_artifact::any_artifact(seed, mode, padding, pool, 8).expect("an artifact");
-        let windows = any_artifact::windows(seed, &artifact, WINDOWS);
+        let artifact = any_model::any_artifact(seed, mode, padding, pool, 8).expect("an artifact");
+        let windows = any_model::windows(seed, &artifact, WINDOWS);
         let folder = tempfile::tempdir().expect("a folder");
         let folder = folder.path();
         artifact.write(folder).expect("the folder is writable");

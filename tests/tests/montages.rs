@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use acceptance::{any_artifact, numpy_reference, other_model};
+use acceptance::{numpy_reference, other_model};
 use artifact::{Artifact, Dimensions, IntegerCode, Mode, MontageFile};
 use link::{Decoder, MAX_FRAME, ToHost};
 
@@ -22,7 +22,7 @@ const SECONDS: u64 = 6;
 
 #[test]
 fn every_montage_streams_the_codes_of_numpy() {
-    let montages = any_artifact::montages();
+    let montages = any_model::montages().expect("the montages");
     assert!(montages.len() >= 5, "{} montages", montages.len());
     for (seed, montage) in (1..).zip(&montages) {
         let folder = tempfile::tempdir().expect("a folder");
@@ -53,15 +53,11 @@ const fn paper(numbers: usize) -> Dimensions {
 
 /// Returns a model of mode `pca` with random weights for a montage.
 fn model(seed: u32, montage: &MontageFile) -> Artifact {
-    let artifact = any_artifact::any_artifact_with(seed, |description| {
-        description.mode = Mode::Pca;
-        description.code.numbers = NUMBERS;
-        any_artifact::apply_montage(montage, description);
-        if montage.name == NODE_MONTAGE {
-            description.adc.gain = NODE_GAIN;
-        }
-    });
-    artifact.expect("a model")
+    let mut montage = montage.clone();
+    if montage.name == NODE_MONTAGE {
+        montage.adc.gain = NODE_GAIN;
+    }
+    any_model::any_artifact_for(seed, &montage, Mode::Pca, NUMBERS).expect("a model")
 }
 
 /// Compares the batch reference with numpy on random windows.
@@ -70,8 +66,8 @@ fn compare_with_numpy(seed: u32, artifact: &Artifact) {
         return;
     }
     let model = model_gen::quantise(artifact).expect("an integer model");
-    let windows = any_artifact::windows(!seed, artifact, 20);
-    let quantise = |window| any_artifact::quantised(artifact, &model, window);
+    let windows = any_model::windows(!seed, artifact, 20);
+    let quantise = |window| any_model::quantised(artifact, &model, window);
     let windows: Vec<Vec<i8>> = windows.iter().map(quantise).collect();
     let theirs = numpy_reference::integer_codes(&model, windows.iter().map(Vec::as_slice));
     let ours: Vec<IntegerCode> = windows.iter().map(|w| model.encode_window(w)).collect();

@@ -2,7 +2,7 @@
 //! layer, every padding and every sign of a batch norm matters.
 #![forbid(unsafe_code)]
 
-use acceptance::any_artifact::{any_artifact, every_variant, quantised, windows};
+use any_model::{any_artifact, every_variant, quantised, windows};
 use artifact::{Artifact, FloatEncoder, Mode, Padding};
 use model_gen::{IntegerModel, ModelGenError, quantise};
 

@@ -4,10 +4,8 @@
 //! `encoder_numpy.rs` compares the reference itself with numpy for networks of every mode, padding and pool.
 #![forbid(unsafe_code)]
 
-use acceptance::{
-    any_artifact::{Size, any_artifact_with},
-    other_model,
-};
+use acceptance::other_model;
+use any_model::{Size, any_artifact_with};
 use artifact::{
     CodeFormat,
     Mode::{self, Paper, PaperCodeOnly, Pca, Shortcut},

@@ -46,8 +46,8 @@ enum Verb {
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
-    /// Count instructions on an emulated microcontroller, measure and draw the filters' noise, or time the
-    /// encoder, the bridge or the node on this PC; `cargo xtask bench --help` lists the options
+    /// Count instructions on an emulated microcontroller, for the checked-in model or another one, measure and
+    /// draw the filters' noise, or time the encoder, the bridge or the node on this PC; `cargo xtask bench --help` lists the options
     #[command(disable_help_flag = true)]
     Bench {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]

@@ -21,7 +21,7 @@ mod image {
 
     use ads1299::{CHANNELS, Decoder, frame_bytes};
     use cortex_m_rt::entry;
-    use device::{Order, Producer, Run};
+    use device::{CHIPS, Order, Producer, Run};
     use embassy_sync::zerocopy_channel::Channel;
     use firmware::{
         Clock, Conversion, Converter, OutputSlot, RawMutex, SampleSlot, Shared, acquire, deadlines,
@@ -29,9 +29,6 @@ mod image {
     };
     use pipeline::{Acquisition, EncoderMemory, Sample};
     use static_cell::{ConstStaticCell, StaticCell};
-
-    /// Number of ADS1299 chips in the daisy chain.
-    const CHIPS: usize = 8;
 
     static SHARED: Shared = Shared::new(Clock {
         now: || black_box(0),

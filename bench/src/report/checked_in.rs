@@ -1,4 +1,4 @@
-//! Checked-in data: the model's artifact and the TOML files of this crate.
+//! Data in files: the model's artifact and the TOML files of this crate.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -7,15 +7,19 @@ use anyhow::Context;
 use artifact::Artifact;
 use serde::de::DeserializeOwned;
 
-/// Folder of the built-in model's artifact.
-pub(crate) const ARTIFACT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../model/artifact");
+/// Folder of the built-in model's artifact: the checked-in one, or the one that `CORTICODE_ARTIFACT` named when
+/// this program was built.
+pub(crate) const ARTIFACT: &str = match option_env!("CORTICODE_ARTIFACT") {
+    Some(folder) => folder,
+    None => concat!(env!("CARGO_MANIFEST_DIR"), "/../model/artifact"),
+};
 
 /// Reads the built-in model's artifact.
 ///
 /// # Errors
 /// A file is missing or malformed.
 pub(crate) fn artifact() -> anyhow::Result<Artifact> {
-    let failed = "reading the model's artifact failed\n  next: `git status model/artifact`";
+    let failed = "reading the model's artifact failed\n  next: is the folder in which it was when this program was built still there?";
     Artifact::read(Path::new(ARTIFACT)).context(failed)
 }
 

@@ -3,10 +3,9 @@
 mod counts;
 mod cycles;
 mod disassembly;
-mod flash;
 
-use emulator::{Image, MACHINES};
-use model::CODE;
+use emulator::{Image, MACHINES, Machine};
+use model::CODE_FORMAT;
 use pipeline::{CodeValues, Encoder, Plane, Step};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
@@ -15,9 +14,10 @@ use self::counts::Counts;
 use self::cycles::{LoopCycles, REST_M4, REST_M7, load_percent};
 use super::checked_in;
 use super::figures::Report;
+use super::flash;
 use super::images;
 use super::inputs::{self, Inputs};
-use crate::hop;
+use crate::{any_network, hop};
 
 /// A microcontroller, and the flash and RAM that acquisition and encoder leave free on it, bytes; negative if
 /// they do not fit.
@@ -45,10 +45,7 @@ struct Part {
 /// QEMU or the target is missing, an image does not build or run, or an input cannot be made.
 pub(crate) fn measure(windows: usize) -> anyhow::Result<Report> {
     let inputs = inputs::planes(windows)?;
-    let bytes = input_file(&inputs);
-    let mut expected = codes(&inputs);
-    // After the codes, the image writes digests of random networks, which together are as long as one code.
-    expected.extend(crate::any_network::digests());
+    let expected = Expected::new(&inputs);
     let mut machines = Vec::new();
     let mut flash_bytes = 0;
     for machine in MACHINES {
@@ -57,10 +54,7 @@ pub(crate) fn measure(windows: usize) -> anyhow::Result<Report> {
         let tasks = Image::build("bench", "tasks", machine.features)?;
         flash::check_panics(&flash::loaded(tasks.path())?)?;
         let image = Image::build("bench", "encoder", machine.features)?;
-        let folder = "bench/encoder";
-        let (printed, output) = images::run(&image, machine, folder, &bytes, expected.len())?;
-        let mut counts = Counts::new(machine, printed);
-        counts.different_codes = different(&expected, &output);
+        let mut counts = count(&image, machine, &inputs, &expected)?;
         match cycles::loops(machine, &image) {
             Ok(loops) => counts.loops = loops,
             Err(why) => {
@@ -72,6 +66,51 @@ pub(crate) fn measure(windows: usize) -> anyhow::Result<Report> {
         machines.push(counts);
     }
     report(&inputs, &machines, flash_bytes)
+}
+
+/// Runs the image of the encoder, and compares its outputs with those of this PC.
+///
+/// # Errors
+/// The image does not run to its end, or its outputs are incomplete.
+fn count(
+    image: &Image,
+    machine: Machine,
+    inputs: &Inputs<Plane>,
+    expected: &Expected,
+) -> anyhow::Result<Counts> {
+    let length = expected.codes.len() + expected.digests.len();
+    let inputs = input_file(inputs);
+    let (printed, output) = images::run(image, machine, "bench/encoder", &inputs, length)?;
+    let mut counts = Counts::new(machine, printed);
+    (counts.different_codes, counts.different_networks) = expected.differences(&output);
+    Ok(counts)
+}
+
+/// Contents of the images' output file as this PC computes them.
+#[derive(Debug)]
+struct Expected {
+    /// Codes of all inputs.
+    codes: Vec<u8>,
+    /// Digests of random networks, which follow the codes.
+    digests: [u8; any_network::BYTES],
+}
+
+impl Expected {
+    fn new(inputs: &Inputs<Plane>) -> Self {
+        Self {
+            codes: codes(inputs),
+            digests: any_network::digests(),
+        }
+    }
+
+    /// Returns the numbers of codes and of digests in `output` that are not the expected ones.
+    fn differences(&self, output: &[u8]) -> (usize, usize) {
+        let (codes, digests) = output.split_at(self.codes.len().min(output.len()));
+        (
+            different(&self.codes, codes, CODE_FORMAT.bytes()),
+            different(&self.digests, digests, any_network::DIGEST_BYTES),
+        )
+    }
 }
 
 /// Returns the contents of the images' input file: the number of time steps of each input, then the planes of
@@ -102,10 +141,11 @@ fn codes(inputs: &Inputs<Plane>) -> Vec<u8> {
     codes
 }
 
-/// Returns the number of codes in `output` that differ from the code at the same position in `expected`.
-fn different(expected: &[u8], output: &[u8]) -> usize {
-    let codes = output.chunks(CODE).zip(expected.chunks(CODE));
-    codes.filter(|(code, expected)| code != expected).count()
+/// Returns the number of blocks of `length` bytes in `output` that differ from the block at the same position
+/// in `expected`.
+fn different(expected: &[u8], output: &[u8], length: usize) -> usize {
+    let blocks = output.chunks(length).zip(expected.chunks(length));
+    blocks.filter(|(block, expected)| block != expected).count()
 }
 
 /// Builds the report from the measured figures; `machines` are in the order of [`MACHINES`].
@@ -133,7 +173,7 @@ fn report(
         "load_168_mhz_percent": m4.map(|cycles| load_percent(cycles, 168.0)),
         "load_480_mhz_percent": m7.map(|cycles| load_percent(cycles, 480.0)),
         "constant_count": machines.iter().all(|counts| counts.constant),
-        "bytes_equal": machines.iter().all(|counts| counts.different_codes == 0),
+        "bytes_equal": machines.iter().all(Counts::bytes_equal),
         "ram_bytes": ram_bytes,
         "flash_bytes": flash_bytes,
         "rooms": rooms(flash_bytes, ram_bytes)?,
@@ -170,6 +210,8 @@ fn rooms(flash_bytes: usize, ram_bytes: u32) -> anyhow::Result<Vec<Room>> {
 
 #[cfg(test)]
 mod tests {
+    use model::{CELLS, HOP};
+
     use super::*;
 
     /// Returns a report on one machine: the last time step of a hop takes `last` instructions, every other
@@ -178,7 +220,7 @@ mod tests {
         let mut inputs = Inputs::new();
         for name in ["silence", "noise"] {
             inputs.names.push(name);
-            inputs.data.push(vec![[0; 90]; hop::steps(12)]);
+            inputs.data.push(vec![[0; CELLS]; hop::steps(12)]);
         }
         let mut counts = Counts::synthetic(last);
         change(&mut counts);
@@ -190,17 +232,17 @@ mod tests {
         let report = report_of(1_100, |_| ());
         let json = &report.object;
         for (name, value) in [
-            ("insn_per_code", 6_500),
+            ("insn_per_code", 1_000 * (HOP - 1) + 1_100 - 1_600),
             ("ram_bytes", 35_000),
             ("flash_bytes", 300_000),
-            ("windows", 24),
+            ("windows", 2 * 12),
         ] {
             assert_eq!(json[name], value, "{name}");
         }
         assert!(json["cycles_per_code_m4"].is_null());
         assert_eq!(json["rooms"][0]["flash_left"], 512 * 1024 - 300_000);
-        assert_eq!(json["machines"][0]["insn_per_code"], 6_500);
-        assert_eq!(json["machines"][0]["steps"][7], json!([1100, 1100]));
+        assert_eq!(json["machines"][0]["insn_per_code"], json["insn_per_code"]);
+        assert_eq!(json["machines"][0]["steps"][HOP - 1], json!([1100, 1100]));
         let text = report.to_string();
         for words in ["mps2-an386: steps", "STM32F446RE", "not measured"] {
             assert!(text.contains(words), "{text}");
@@ -241,10 +283,16 @@ mod tests {
     }
 
     #[test]
-    fn a_single_bit_is_a_different_code() {
-        let expected = vec![0; 3 * CODE];
-        let mut output = expected.clone();
-        output[CODE + 5] = 1;
-        assert_eq!(different(&expected, &output), 1);
+    fn a_single_bit_is_a_different_code_or_a_different_network() {
+        let code = CODE_FORMAT.bytes();
+        let expected = Expected {
+            codes: vec![0; 3 * code],
+            digests: [0; any_network::BYTES],
+        };
+        let mut output = vec![0; 3 * code + any_network::BYTES];
+        assert_eq!(expected.differences(&output), (0, 0));
+        output[code + 5] = 1;
+        output[3 * code + 2 * any_network::DIGEST_BYTES] = 1;
+        assert_eq!(expected.differences(&output), (1, 1));
     }
 }

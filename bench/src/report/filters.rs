@@ -185,19 +185,20 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
 mod tests {
     use super::*;
 
-    /// Returns a report on one machine, on which each of our contenders takes 5500 instructions per block and
-    /// each peer 13420.
+    /// Returns a report on one machine, on which each of our contenders takes 25 instructions per sample and
+    /// electrode, and each peer 61.
     fn report_of(change: fn(&mut Contender)) -> Report {
-        let mut ranges = [Range {
-            fewest: 5_500,
-            most: 5_500,
-            constant: true,
-        }; NAMES.len()];
-        for (range, name) in ranges.iter_mut().zip(NAMES) {
-            if !name.starts_with("ours") {
-                (range.fewest, range.most) = (13_420, 13_420);
+        let of_block =
+            |each: usize| u32::try_from(each * BLOCK * ELECTRODES).expect("some thousands");
+        let range = |name: &str| {
+            let instructions = of_block(if name.starts_with("ours") { 25 } else { 61 });
+            Range {
+                fewest: instructions,
+                most: instructions,
+                constant: true,
             }
-        }
+        };
+        let ranges = NAMES.map(range);
         let mut counts = Counts::new(MACHINES[0], ranges, [0; NAMES.len()]);
         counts.contenders.iter_mut().for_each(change);
         let mut noise = Noise::default();
@@ -210,7 +211,7 @@ mod tests {
         let report = report_of(|_| ());
         let json = &report.object;
         let instructions = json["insn_per_sample_channel"].as_f64().expect("a number");
-        assert!((instructions - 5_500.0 / 244.0).abs() < 1e-12);
+        assert!((instructions - 25.0).abs() < 1e-12);
         assert_eq!(json["ratio_idsp_dither"], 2.44);
         assert_eq!(json["noise_nv_rms"], 2.4);
         assert_eq!(json["noise_nv"]["idsp_wide"]["silence"], 0.0);

@@ -67,14 +67,19 @@ pub(crate) struct Range {
 impl Range {
     /// Returns the range of each column over all inputs; `inputs` has one row of tallies for each input.
     pub(crate) fn of_columns<const N: usize>(inputs: &[[Tally; N]]) -> [Self; N] {
-        std::array::from_fn(|column| {
-            let tallies = || inputs.iter().map(|tallies| tallies[column]);
-            Self {
-                fewest: tallies().map(|tally| tally.fewest).min().unwrap_or(0),
-                most: tallies().map(|tally| tally.most).max().unwrap_or(u32::MAX),
-                constant: tallies().all(|tally| tally == inputs[0][column]),
-            }
-        })
+        std::array::from_fn(|column| Self::new(inputs.iter().map(|tallies| tallies[column])))
+    }
+
+    /// Returns the range of the tallies of one contender or time step, one for each input.
+    pub(crate) fn new(tallies: impl Iterator<Item = Tally> + Clone) -> Self {
+        let first = tallies.clone().next();
+        let fewest = tallies.clone().map(|tally| tally.fewest).min();
+        let most = tallies.clone().map(|tally| tally.most).max();
+        Self {
+            fewest: fewest.unwrap_or(0),
+            most: most.unwrap_or(u32::MAX),
+            constant: tallies.map(Some).all(|tally| tally == first),
+        }
     }
 }
 

@@ -6,8 +6,9 @@ use std::path::Path;
 
 use anyhow::{Context, ensure};
 use fixed_dsp::BLOCK;
+use host_sim::Source;
 use host_sim::synthetic::{Generator, SyntheticSpec};
-use model::{CHANNELS, ELECTRODES, GUARD_BITS};
+use model::{ADC_RATE_HZ, CHANNELS, ELECTRODES, GUARD_BITS, LSB_NV};
 use pipeline::{Acquisition, Mains, Plane, Sample};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -24,9 +25,6 @@ const HELD_OUT: &str = "eegmmidb_S001/S001R11.edf";
 
 /// Error message for a recording that cannot be read.
 const FAILED: &str = "reading real EEG failed\n  next: does CORTICODE_DATA name the right folder?";
-
-/// ADC counts of all channels at one sample time.
-type Counts = [i32; CHANNELS];
 
 /// Inputs of equal length, as blocks for the filters or as planes for the encoder.
 #[derive(Debug)]
@@ -69,7 +67,7 @@ impl<T> Inputs<T> {
 /// `CORTICODE_DATA` is set, and its recording cannot be read or is too short.
 pub(crate) fn blocks() -> anyhow::Result<Inputs<Block>> {
     let mut inputs = Inputs::new();
-    inputs.add("silence", to_blocks(std::iter::repeat([0; CHANNELS])));
+    inputs.add("silence", to_blocks(std::iter::repeat(Sample::default())));
     inputs.add("rails", to_blocks(telegraph(ChaCha8Rng::seed_from_u64(1))));
     inputs.add("noise", to_blocks(white(ChaCha8Rng::seed_from_u64(2))));
     inputs.add("synthetic EEG", to_blocks(synthetic()?));
@@ -77,7 +75,8 @@ pub(crate) fn blocks() -> anyhow::Result<Inputs<Block>> {
     let is_long = inputs.data.iter().all(|blocks| blocks.len() == BLOCKS);
     ensure!(
         is_long,
-        "{RESAMPLED} is shorter than 2 s\n  next: restore the file"
+        "{RESAMPLED} has fewer than {} samples\n  next: restore the file",
+        BLOCKS * BLOCK
     );
     Ok(inputs)
 }
@@ -104,15 +103,18 @@ pub(crate) fn planes(windows: usize) -> anyhow::Result<Inputs<Plane>> {
     Ok(inputs)
 }
 
-/// Returns an endless generator of EEG, the same on every call.
-pub(crate) fn synthetic() -> anyhow::Result<Generator> {
+/// Returns endless EEG at the electrodes of the model, the same on every call.
+pub(crate) fn synthetic() -> anyhow::Result<impl Iterator<Item = Sample>> {
     let spec = SyntheticSpec::new(3, model::LABELS.split(' '));
-    Ok(Generator::new(&spec)?)
+    let mut source = Source::Synthetic(Box::new(Generator::new(&spec)?));
+    Ok(std::iter::from_fn(move || {
+        source.next_sample().ok().flatten()
+    }))
 }
 
 /// Reads a recording in the folder that `CORTICODE_DATA` names, as the virtual ADC delivers it. Returns
 /// `Ok(Err(reason))` if the variable is not set.
-fn recorded(file: &str) -> anyhow::Result<Result<Vec<Counts>, String>> {
+fn recorded(file: &str) -> anyhow::Result<Result<Vec<Sample>, String>> {
     let Some(folder) = env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty()) else {
         return Ok(Err(format!(
             "real EEG as input: CORTICODE_DATA is not set; it names the folder that has {file}"
@@ -121,30 +123,38 @@ fn recorded(file: &str) -> anyhow::Result<Result<Vec<Counts>, String>> {
     let recording = Recording::open(Path::new(&folder).join(file))?;
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
     let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate);
-    let adc = AdcSpec::ads1299(model::ADC_RATE_HZ.into());
+    let adc = AdcSpec {
+        rate_hz: ADC_RATE_HZ.into(),
+        lsb_uv: f64::from(LSB_NV) / 1000.0,
+    };
     let adc = VirtualAdc::new(recording, &map?, adc)?;
-    Ok(Ok(adc.collect::<Result<_, _>>()?))
+    let mut source = Source::Recording(Box::new(adc));
+    let samples = std::iter::from_fn(|| source.next_sample().transpose());
+    Ok(Ok(samples.collect::<Result<_, _>>()?))
 }
 
-fn to_blocks(samples: impl IntoIterator<Item = Counts>) -> Vec<Block> {
-    let samples: Vec<Counts> = samples.into_iter().take(BLOCKS * BLOCK).collect();
+fn to_blocks(samples: impl IntoIterator<Item = Sample>) -> Vec<Block> {
+    let samples: Vec<Sample> = samples.into_iter().take(BLOCKS * BLOCK).collect();
     let blocks = samples.as_chunks::<BLOCK>().0.iter().map(|four| {
-        std::array::from_fn(|electrode| four.map(|counts| counts[electrode] << GUARD_BITS))
+        std::array::from_fn(|electrode| {
+            four.each_ref()
+                .map(|sample| sample.counts[electrode] << GUARD_BITS)
+        })
     });
     blocks.collect()
 }
 
 /// Returns the planes of at most `steps` time steps, computed by the acquisition from these
 /// samples.
-fn to_planes(mains: Mains, samples: impl IntoIterator<Item = Counts>, steps: usize) -> Vec<Plane> {
+fn to_planes(mains: Mains, samples: impl IntoIterator<Item = Sample>, steps: usize) -> Vec<Plane> {
     let mut acquisition = Acquisition::new(mains);
     let samples = samples.into_iter();
-    let steps_of = samples.filter_map(|counts| acquisition.process_sample(&Sample { counts }));
+    let steps_of = samples.filter_map(|sample| acquisition.process_sample(&sample));
     steps_of.map(|step| step.plane).take(steps).collect()
 }
 
 /// Random telegraph signal: every electrode jumps from rail to rail, 25.6 times per second on average.
-fn telegraph(mut random: ChaCha8Rng) -> impl Iterator<Item = Counts> {
+fn telegraph(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
     let mut counts = [Sample::MAX; CHANNELS];
     std::iter::repeat_with(move || {
         for count in &mut counts[..ELECTRODES] {
@@ -153,13 +163,15 @@ fn telegraph(mut random: ChaCha8Rng) -> impl Iterator<Item = Counts> {
                 *count = !*count;
             }
         }
-        counts
+        Sample { counts }
     })
 }
 
 /// White noise with uniform distribution over the whole range of 24 bits.
-fn white(mut random: ChaCha8Rng) -> impl Iterator<Item = Counts> {
-    std::iter::repeat_with(move || std::array::from_fn(|_| random.next_u32().cast_signed() >> 8))
+fn white(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
+    std::iter::repeat_with(move || Sample {
+        counts: std::array::from_fn(|_| random.next_u32().cast_signed() >> 8),
+    })
 }
 
 #[cfg(test)]
@@ -170,8 +182,7 @@ mod tests {
     fn the_requested_number_of_windows_is_made_and_eeg_is_not_silent() {
         let inputs = planes(100).expect("inputs");
         let steps = inputs.data[0].len();
-        // A window every 8 time steps, the first after 16.
-        let all = inputs.names.len() * ((steps - 16) / 8 + 1);
+        let all = inputs.names.len() * hop::windows(steps);
         assert!((100..100 + inputs.names.len()).contains(&all), "{all}");
         let eeg = inputs.data[4][steps / 2..].as_flattened();
         let loud = eeg.iter().filter(|cell| cell.unsigned_abs() > 1).count();

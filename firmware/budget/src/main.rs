@@ -42,16 +42,34 @@ struct Row {
     limit: Option<u64>,
 }
 
+/// Options of the command line.
+#[derive(Debug, Clone, Copy)]
+struct Options {
+    /// Print one JSON object instead of a table.
+    json: bool,
+    /// Leave out the images with the other port.
+    default_images: bool,
+}
+
 fn main() -> ExitCode {
     let mut words: Vec<String> = env::args().skip(1).collect();
-    let json = words.pop_if(|word| word == "--json").is_some();
+    let mut option = |name: &str| {
+        let before = words.len();
+        words.retain(|word| word != name);
+        words.len() < before
+    };
+    let options = Options {
+        json: option("--json"),
+        default_images: option("--default-images"),
+    };
     let [folder] = &words[..] else {
         eprintln!(
-            "usage: budget FOLDER_OF_IMAGES [--json]; `cargo xtask budget` builds the images"
+            "usage: budget FOLDER_OF_IMAGES [--json] [--default-images]; `cargo xtask budget` builds the images, \
+             `--default-images` leaves out those with the other port"
         );
         return ExitCode::from(2);
     };
-    let error = match budget(Path::new(folder), json) {
+    let error = match budget(Path::new(folder), options) {
         Ok(faults) if faults.is_empty() => return ExitCode::SUCCESS,
         Ok(faults) => format!(
             "the budget failed: {}\n  next: find what has grown with `nm --size-sort`, or argue for a limit in \
@@ -66,13 +84,18 @@ fn main() -> ExitCode {
 
 /// Prints the figures of every board's default image, and returns one sentence for each fault of any image in
 /// `folder`.
-fn budget(folder: &Path, json: bool) -> Result<Vec<String>, String> {
+fn budget(folder: &Path, options: Options) -> Result<Vec<String>, String> {
     let (mut boards, mut faults) = (Vec::new(), Vec::new());
     for limits in &BOARDS {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let map = read(&root.join(limits.memory_map))?;
         let regions = memory_map::regions(&String::from_utf8_lossy(&map));
-        for name in limits.images {
+        let count = if options.default_images {
+            1
+        } else {
+            limits.images.len()
+        };
+        for name in limits.images.into_iter().take(count) {
             let path = folder.join(name).with_extension("elf");
             let image = Image::parse(&read(&path)?).ok_or_else(|| {
                 format!("{} is no 32-bit ELF file for ARM\n  {NEXT}", path.display())
@@ -93,7 +116,7 @@ fn budget(folder: &Path, json: bool) -> Result<Vec<String>, String> {
         let written = fs::write(&file, object.to_string());
         written.map_err(|error| format!("writing {} failed: {error}", file.display()))?;
     }
-    if json {
+    if options.json {
         println!("{object}");
     } else {
         print_table(&boards);

@@ -17,8 +17,19 @@ pub struct Image {
     path: PathBuf,
 }
 
+/// A model to build an image with, instead of the checked-in one.
+#[derive(Debug, Clone, Copy)]
+pub struct OtherModel<'p> {
+    /// Absolute path of the folder of its artifact.
+    pub artifact: &'p Path,
+    /// Cargo's target folder for the build. In the usual one, each change of the model would rebuild the crates
+    /// that depend on it twice.
+    pub target: &'p Path,
+}
+
 impl Image {
-    /// Builds the program `bin` of `package` with the profile `firmware`; `features` are arguments of cargo.
+    /// Builds the program `bin` of `package` with the profile `firmware` and the checked-in model, or the one
+    /// that `CORTICODE_ARTIFACT` names; `features` are arguments of cargo.
     ///
     /// Cargo writes the images of all feature sets to the same path, so the image is copied to a folder named
     /// after its features. Compiler messages go to the standard error. If this program runs under cargo, it
@@ -27,6 +38,33 @@ impl Image {
     /// # Errors
     /// The target is missing, the image does not build, or it cannot be copied.
     pub fn build(package: &str, bin: &str, features: &[&str]) -> Result<Self, EmulatorError> {
+        Self::build_by(|_| (), package, bin, features)
+    }
+
+    /// Builds an image as [`Image::build`] does, with another model.
+    ///
+    /// # Errors
+    /// Those of [`Image::build`].
+    pub fn build_with_model(
+        model: OtherModel<'_>,
+        package: &str,
+        bin: &str,
+        features: &[&str],
+    ) -> Result<Self, EmulatorError> {
+        let configure = |cargo: &mut Command| {
+            cargo
+                .env("CORTICODE_ARTIFACT", model.artifact)
+                .env("CARGO_TARGET_DIR", model.target);
+        };
+        Self::build_by(configure, package, bin, features)
+    }
+
+    fn build_by(
+        configure: impl FnOnce(&mut Command),
+        package: &str,
+        bin: &str,
+        features: &[&str],
+    ) -> Result<Self, EmulatorError> {
         check_target()?;
         let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
         cargo
@@ -36,6 +74,7 @@ impl Image {
             .arg("--message-format=json-render-diagnostics")
             .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
             .stderr(Stdio::inherit());
+        configure(&mut cargo);
         let command = format!("{cargo:?}");
         let failed = |why: String| EmulatorError::Build { command, why };
         let output = match cargo.output() {

@@ -33,6 +33,6 @@ pub mod qemu;
 pub mod skip;
 
 pub use error::EmulatorError;
-pub use image::Image;
+pub use image::{Image, OtherModel};
 pub use machine::{MACHINES, Machine};
 pub use qemu::{Qemu, Uart};

@@ -41,6 +41,8 @@ pub(crate) struct Counts {
     pub(crate) ram_bytes: u32,
     /// Number of codes that differ from those that this PC computes.
     pub(crate) different_codes: usize,
+    /// Number of random networks whose outputs have another digest than on this PC.
+    pub(crate) different_networks: usize,
     /// Cycles of the inner loops; empty if LLVM's tools are missing.
     pub(crate) loops: Vec<LoopCycles>,
     /// Reasons why figures are missing.
@@ -90,9 +92,15 @@ impl Counts {
             acquisition_per_code: printed.acquisition_per_code,
             ram_bytes: printed.ram_bytes,
             different_codes: 0,
+            different_networks: 0,
             loops: Vec::new(),
             skipped: Vec::new(),
         }
+    }
+
+    /// Returns whether the machine computes the bytes that this PC computes.
+    pub(crate) fn bytes_equal(&self) -> bool {
+        self.different_codes == 0 && self.different_networks == 0
     }
 }
 
@@ -155,16 +163,19 @@ mod tests {
     #[test]
     fn the_shortcuts_products_are_subtracted_from_every_time_step() {
         let counts = Counts::synthetic(1500);
-        // 7 time steps take 1000 instructions each and the last one 1500; 200 in each are the shortcut's.
+        // The last time step takes 1500 instructions, the others 1000 each. The shortcut's are 200 in each if the
+        // hop has 8 time steps.
+        let hop = u32::try_from(HOP).expect("at most 16");
+        let (all, in_step) = (1_000 * hop + 500, 1_600 / hop);
         let expected = Figures {
-            insn_per_code: 8_500 - 1_600,
-            insn_per_code_shortcut: 8_500,
-            insn_after_last_sample: 1_300,
+            insn_per_code: all - 1_600,
+            insn_per_code_shortcut: all,
+            insn_after_last_sample: 1_500 - in_step,
             insn_after_last_sample_shortcut: 1_500,
-            worst_over_mean: 1_300.0 * 8.0 / 6_900.0,
-            worst_over_mean_shortcut: 1_500.0 * 8.0 / 8_500.0,
+            worst_over_mean: f64::from(1_500 - in_step) * f64::from(hop) / f64::from(all - 1_600),
+            worst_over_mean_shortcut: 1_500.0 * f64::from(hop) / f64::from(all),
         };
         assert_eq!(counts.figures, expected);
-        assert_eq!(counts.rest_per_code, 8_500 - 4_600);
+        assert_eq!(counts.rest_per_code, i64::from(all) - 4_600);
     }
 }

@@ -2,7 +2,9 @@
 
 use anyhow::{Context, ensure};
 use emulator::{Image, Machine};
-use model::{HIDDEN, HOP, NETWORK, POOLED, POOLED_STEPS, SHORTCUT_STEPS, STEP_RATE_HZ};
+use model::{
+    HAS_CONVOLUTIONS, HIDDEN, HOP, NETWORK, POOLED, POOLED_STEPS, SHORTCUT_STEPS, STEP_RATE_HZ,
+};
 use serde::Serialize;
 
 use super::disassembly::{Loop, disassemble};
@@ -73,8 +75,9 @@ pub(crate) fn loops(machine: Machine, image: &Image) -> anyhow::Result<Vec<LoopC
 }
 
 /// Returns the loops' work: for each, the function that contains the loop, the instructions by which its work
-/// is counted, and the number of these instructions that a code needs.
-fn work() -> [(&'static str, &'static [&'static str], usize); 4] {
+/// is counted, and the number of these instructions that a code needs. A network without convolutions has only
+/// one of these loops.
+fn work() -> impl Iterator<Item = (&'static str, &'static [&'static str], usize)> {
     // Product instructions of one time step: a `Pair` holds four 8-bit weights, which take two. The sum is 0
     // in a mode without this branch of the network.
     let fc = NETWORK.fc.first().into_iter().flatten();
@@ -83,12 +86,14 @@ fn work() -> [(&'static str, &'static [&'static str], usize); 4] {
     let conv1 = NETWORK.conv1().patches_len() * HIDDEN.channels;
     let conv2 = 3 * NETWORK.conv2().transformed_len() * POOLED.channels;
     let linear = fc * POOLED_STEPS + shortcut * SHORTCUT_STEPS;
-    [
-        ("dots_1x14", PRODUCTS, conv1 * HOP),
-        ("dots_3x8", PRODUCTS, conv2 * HOP),
+    let planes = if HAS_CONVOLUTIONS { HOP } else { 0 };
+    let work: [(_, &[_], _); _] = [
+        ("dots_1x14", PRODUCTS, conv1 * planes),
+        ("dots_3x8", PRODUCTS, conv2 * planes),
         ("quads", PRODUCTS, linear),
-        ("tiles_of_pair", &["str"], POOLED.len() * HOP),
-    ]
+        ("tiles_of_pair", &["str"], POOLED.len() * planes),
+    ];
+    work.into_iter().filter(|(_, _, per_code)| *per_code > 0)
 }
 
 /// Returns the cycles of a code that takes `instructions` instructions. `iteration` returns the cycles of one
@@ -167,6 +172,7 @@ mod tests {
         // of iterations is wrong.
         assert_eq!(by_table(&[quads(121)], REST_M4), None);
         let load = load_percent(1_900.0, 168.0);
-        assert!((load - 1_900.0 * 16.0 / 1.68e6).abs() < 1e-12, "{load}");
+        let codes = f64::from(STEP_RATE_HZ) / f64::from(u32::try_from(HOP).expect("at most 16"));
+        assert!((load - 1_900.0 * codes / 1.68e6).abs() < 1e-12, "{load}");
     }
 }

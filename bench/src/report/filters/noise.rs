@@ -211,8 +211,9 @@ mod tests {
         };
         let error = error_nv(&counts(EEG, 0), twin, filter);
         let rms = Spectrum::new(&error, model::ADC_RATE_HZ.into()).rms(BAND_HZ);
-        // LSB / sqrt(12) rms is spread over 0 to 256 Hz, of which 59.5 Hz are in the band.
-        let expected = f64::from(model::LSB_NV) / 12.0_f64.sqrt() * (59.5_f64 / 256.0).sqrt();
+        // LSB / sqrt(12) rms is spread over all frequencies, up to half the rate.
+        let width = (BAND_HZ[1] - BAND_HZ[0]) / (f64::from(model::ADC_RATE_HZ) / 2.0);
+        let expected = f64::from(model::LSB_NV) / 12.0_f64.sqrt() * width.sqrt();
         // The two values were measured 1 % apart. In this band, the rms of 64 s of white noise has a standard
         // error of about 0.9 %.
         assert!(

@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use anyhow::ensure;
+use anyhow::{Context, ensure};
 use model::{CELLS, CODE, HOP, INPUT_SCALE_UV, STEPS};
 use pipeline::{Acquisition, Code, Encoder, Mains, Pipeline, Sample, Step};
 
@@ -27,12 +27,11 @@ pub(crate) struct Ours {
 impl Ours {
     /// Generates the input, which is the same in every run, and creates the encoders.
     pub(crate) fn new() -> anyhow::Result<Self> {
-        let mut generator = inputs::synthetic()?;
+        let mut eeg = inputs::synthetic()?;
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let (mut samples, mut steps) = (Vec::new(), Vec::new());
         while steps.len() < STEPS + (WINDOWS - 1) * HOP {
-            let counts = generator.next_sample();
-            let sample = Sample { counts };
+            let sample = eeg.next().context("synthetic EEG ends")?;
             steps.extend(acquisition.process_sample(&sample));
             samples.push(sample);
         }

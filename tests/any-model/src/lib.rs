@@ -1,14 +1,41 @@
-//! Random networks of every mode, padding, pool and size, calibrated like a trained network.
+//! Random models of every mode, padding, pool, size and montage, calibrated like a trained model.
+//!
+//! Tests and benchmarks need models of other shapes than the checked-in one, but no training: neither the codes'
+//! agreement nor their cost depends on what the weights are good for.
+//!
+//! ```text
+//! model/artifact/model.toml ── change ──> Description ──┐
+//! montages/*.toml ───────────────────────────^          ├─> Artifact
+//! seed ──> dense random weights ──> ranges of the codes ┘
+//! ```
+//!
+//! ```
+//! use any_model::{MONTAGES, any_artifact_for};
+//! use artifact::{Mode, MontageFile};
+//! use std::path::Path;
+//!
+//! let cyton = MontageFile::read(&Path::new(MONTAGES).join("cyton-8.toml"))?;
+//! let model = any_artifact_for(1, &cyton, Mode::Pca, 16)?;
+//! assert_eq!(model.description.dimensions().electrodes, 8);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+#![forbid(unsafe_code)]
 
-use std::{fmt, fs, path::PathBuf};
+use std::{
+    fmt, fs,
+    path::{Path, PathBuf},
+};
 
 use artifact::{
     Artifact, ArtifactError, Decimation, Description, FloatEncoder, Geometry, Grid, Mode,
-    MontageFile, NetworkShape, Padding, ScalpGrid, Tensors, TracedCode,
+    MontageFile, MontageFileError, NetworkShape, Padding, ScalpGrid, Tensors, TracedCode,
 };
 use model_gen::IntegerModel;
 
-use crate::workspace;
+/// Folder of the built-in model, whose description the random models start from.
+const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../model/artifact");
+/// Folder of the montage files.
+pub const MONTAGES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../montages");
 
 /// A window on the scalp grid, indexed by step, row and column, in units of the input's standard deviation.
 pub type Window = Vec<f32>;
@@ -69,7 +96,7 @@ pub fn any_artifact_with(
     seed: u32,
     change: impl FnOnce(&mut Description),
 ) -> Result<Artifact, ArtifactError> {
-    let mut artifact = Artifact::read(&workspace::root().join("model/artifact"))?;
+    let mut artifact = Artifact::read(Path::new(BUILT_IN))?;
     change(&mut artifact.description);
     let mut noise = Noise(seed);
     let geometry = Geometry::new(&artifact.description);
@@ -159,26 +186,53 @@ impl fmt::Display for Size {
     }
 }
 
-/// Returns the montage files of the folder `montages`, by name.
+/// Returns the montage files of the folder [`MONTAGES`], by name.
 ///
-/// # Panics
-/// When the folder or a file cannot be read.
-pub fn montages() -> Vec<MontageFile> {
-    let folder = workspace::root().join("montages");
-    let files = fs::read_dir(folder).expect("the folder of the montages");
-    let mut paths: Vec<PathBuf> = files.map(|file| file.expect("a file").path()).collect();
+/// # Errors
+/// When the folder or a file cannot be read, or a file is no montage.
+pub fn montages() -> Result<Vec<MontageFile>, MontageFileError> {
+    let folder = Path::new(MONTAGES);
+    let files = fs::read_dir(folder).and_then(|files| {
+        let paths = files.map(|file| file.map(|file| file.path()));
+        paths.collect::<Result<Vec<PathBuf>, _>>()
+    });
+    let mut paths = files.map_err(|source| MontageFileError::File {
+        path: folder.to_owned(),
+        source,
+    })?;
     paths.sort();
-    let read = |path: &PathBuf| MontageFile::read(path).expect("a montage");
-    paths.iter().map(read).collect()
+    paths.iter().map(|path| MontageFile::read(path)).collect()
 }
 
-/// Writes the grid, the electrodes and the converters of a montage into a description, whose ADC may have
-/// any rate.
-pub fn apply_montage(montage: &MontageFile, description: &mut Description) {
+/// Returns a network as [`any_artifact_with`] does, for a montage, with codes of `numbers` numbers.
+///
+/// # Errors
+/// When the built-in model cannot be read, or no model of this mode has this montage and code.
+pub fn any_artifact_for(
+    seed: u32,
+    montage: &MontageFile,
+    mode: Mode,
+    numbers: usize,
+) -> Result<Artifact, ArtifactError> {
+    any_artifact_with(seed, |description| {
+        description.mode = mode;
+        description.code.numbers = numbers;
+        apply_montage(montage, description);
+    })
+}
+
+/// Writes the grid, the electrodes and the converters of a montage into a description, with the decimation that
+/// `trainer` chooses for the rate of the ADC.
+fn apply_montage(montage: &MontageFile, description: &mut Description) {
     description.grid = montage.grid();
     description.montage = montage.montage();
     description.adc = montage.adc();
-    description.filters.decimation = Decimation::Fir;
+    let steps_hz = description.window.rate_hz;
+    description.filters.decimation = if description.adc.rate_hz.is_multiple_of(steps_hz) {
+        Decimation::Literal
+    } else {
+        Decimation::Fir
+    };
     let card = &mut description.training;
     (card.real_electrodes, card.interpolated_electrodes) =
         (description.montage.electrodes.len(), 0);
