@@ -7,8 +7,8 @@ use host_sim::{
     synthetic::{Generator, SyntheticSpec},
 };
 use link::Substitutes;
-use recordings::montage_map::Origin;
-use recordings::{AdcSpec, MontageMap, Recording, VirtualAdc};
+use offline::Played;
+use recordings::Onsets;
 
 use crate::command_line::{Input, RunOptions};
 
@@ -42,44 +42,29 @@ impl OpenedInput {
     }
 
     fn recording(path: &Path, options: &RunOptions) -> Result<Self, Box<dyn Error>> {
-        let mut recording = Recording::open(path)?;
-        let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
-        let map = MontageMap::new(&recording.labels(), &electrodes, options.missing.into())?;
+        let played = Played::open(path, options.missing.into())?;
         if !options.quiet {
-            eprintln!("{map}");
+            eprintln!("{}", played.montage);
         }
         let recorded_edges = if options.trigger_every.is_none() {
-            edges(&mut recording, options.quiet)?
+            edges(&played.onsets, options.quiet)
         } else {
             RecordedEdges::default()
         };
-        for warning in map.warnings() {
+        for warning in &played.warnings {
             eprintln!("warning: {warning}");
         }
-        for warning in recording.warnings() {
-            eprintln!("warning: {warning}");
-        }
-        let spec = AdcSpec {
-            rate_hz: model::ADC_RATE_HZ.into(),
-            lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
-        };
-        let substitutes = Substitutes {
-            interpolated: bits(&map, |origin| matches!(origin, Origin::Interpolated(_))),
-            zero: bits(&map, |origin| matches!(origin, Origin::Zero)),
-        };
-        let adc = VirtualAdc::new(recording, &map, spec)?;
         Ok(Self {
-            source: Source::Recording(Box::new(adc)),
-            substitutes,
+            source: Source::Recording(Box::new(played.adc)),
+            substitutes: played.substitutes,
             recorded_edges,
         })
     }
 }
 
 /// Returns the trigger edges at the events of a recording.
-fn edges(recording: &mut Recording, quiet: bool) -> Result<RecordedEdges, Box<dyn Error>> {
-    let onsets = recording.onsets()?;
-    let edges = RecordedEdges::new(&onsets);
+fn edges(onsets: &Onsets, quiet: bool) -> RecordedEdges {
+    let edges = RecordedEdges::new(onsets);
     if onsets.outside > 0 {
         eprintln!(
             "warning: {} events are outside the signal and are not played",
@@ -93,12 +78,5 @@ fn edges(recording: &mut Recording, quiet: bool) -> Result<RecordedEdges, Box<dy
             onsets.seconds.len()
         );
     }
-    Ok(edges)
-}
-
-/// Returns a bit set of the electrodes whose origin is `wanted`.
-fn bits(map: &MontageMap, wanted: impl Fn(&Origin) -> bool) -> u64 {
-    let electrodes = (0..u64::BITS).zip(map.origins());
-    let electrodes = electrodes.filter(|(_, origin)| wanted(origin));
-    electrodes.fold(0, |bits, (electrode, _)| bits | 1 << electrode)
+    edges
 }

@@ -39,6 +39,7 @@ const ABILITIES: Abilities = Abilities {
     streams: Streams::CODES,
     self_test: false,
     bootloader: false,
+    clock: false,
 };
 
 /// A device that streams codes from its first sample on. Its frames are those of a board but for the

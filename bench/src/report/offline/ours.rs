@@ -45,8 +45,8 @@ impl Ours {
         let mut generator = inputs::synthetic()?;
         for _ in 0..seconds {
             let mut rows = Vec::new();
-            for _ in 0..rate_hz {
-                let counts = generator.next_sample();
+            for sample in generator.by_ref().take(usize::from(model::ADC_RATE_HZ)) {
+                let counts = sample.counts;
                 #[expect(clippy::cast_precision_loss, reason = "counts of 24 bits")]
                 rows.extend(
                     counts[..model::ELECTRODES]
