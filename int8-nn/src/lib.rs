@@ -24,7 +24,8 @@
 //!
 //! On a Cortex-M4 or M7 the inner loops are assembler (`dot/cortex_m/`, `linear/cortex_m.rs`,
 //! `winograd/cortex_m.rs`), each with a portable equivalent. `cargo xtask bench encoder` checks that
-//! both produce the same codes.
+//! both produce the same codes. On a PC, the same kernels are compiled for AVX2 and for SSE2 or plain
+//! Rust, and `processor.rs` selects one at run time.
 //!
 //! ```
 //! use int8_nn::{Linear, Pair, requantise, saturate_i8};

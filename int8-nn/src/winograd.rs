@@ -267,7 +267,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Kernel for Transform<'_, PAIRS, C
             }
             let group = Winograd::<PAIRS, COLUMNS>::GROUP;
             let first = tile / POSITIONS * group + tile % POSITIONS * PAIRS;
-            let products = self.transformed[first..].chunks_mut(POSITIONS * PAIRS);
+            let reach = group - (POSITIONS - 1) * PAIRS;
+            let products = self.transformed[first..first + reach].chunks_mut(POSITIONS * PAIRS);
             let window = transform_tile(window);
             for (channels, product) in window.as_flattened().iter().zip(products) {
                 channels.store(product);

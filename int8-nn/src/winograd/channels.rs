@@ -47,7 +47,10 @@ impl<const PAIRS: usize> Channels<PAIRS> {
 impl<const PAIRS: usize> Lanes for Channels<PAIRS> {
     #[inline(always)]
     fn quadrupled(self) -> Self {
-        self.map2(self, |channel, _| channel << 2)
+        self.map2(self, |channel, _| {
+            debug_assert!((0..1 << 13).contains(&channel), "four times {channel}");
+            channel << 2
+        })
     }
 }
 
