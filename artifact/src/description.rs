@@ -3,6 +3,7 @@
 use crate::dimensions::Dimensions;
 use crate::training_card::TrainingCard;
 use serde::{Deserialize, Serialize};
+use std::fmt::{self, Display, Formatter};
 
 /// Label of a grid cell without an electrode.
 pub const EMPTY: &str = "_";
@@ -64,6 +65,17 @@ pub enum Mode {
     Pca,
 }
 
+impl Display for Mode {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Paper => "paper",
+            Self::PaperCodeOnly => "paper-code-only",
+            Self::Shortcut => "shortcut",
+            Self::Pca => "pca",
+        })
+    }
+}
+
 impl Mode {
     /// Returns whether the network has convolutions (every mode except `pca`).
     pub fn has_convolutions(self) -> bool {
@@ -108,6 +120,16 @@ pub enum Padding {
     Space,
     /// One row and one column of zeros on each side, and one step of zeros before and after the window.
     All,
+}
+
+impl Display for Padding {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::None => "none",
+            Self::Space => "space",
+            Self::All => "all",
+        })
+    }
 }
 
 impl Padding {

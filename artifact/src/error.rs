@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::list::List;
+
 /// Reason why an artifact cannot be read, written or used.
 #[derive(Debug, thiserror::Error)]
 pub enum ArtifactError {
@@ -64,7 +66,7 @@ pub enum ArtifactError {
         name: String,
     },
     /// A tensor has another shape than mode, padding and pool of the model require.
-    #[error("{file}: tensor {name} has shape {found:?}, expected {expected:?}")]
+    #[error("{file}: tensor {name} has shape {}, expected {}", List(.found), List(.expected))]
     Shape {
         /// Name of the file in the artifact's folder.
         file: &'static str,

@@ -178,7 +178,7 @@ fn contents<'f>(
         return Err(ArtifactError::ElementType {
             file: FILE,
             name: name.to_owned(),
-            found: format!("{:?}", view.dtype()),
+            found: view.dtype().to_string(),
             expected: match dtype {
                 Dtype::U8 => "U8",
                 Dtype::I16 => "I16",

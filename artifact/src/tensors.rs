@@ -129,7 +129,7 @@ impl Tensors {
                 return Err(ArtifactError::ElementType {
                     file,
                     name: name.to_owned(),
-                    found: format!("{:?}", view.dtype()),
+                    found: view.dtype().to_string(),
                     expected: "F32",
                 });
             }

@@ -3,10 +3,11 @@
 use crate::description::{Decimation, Description, EMPTY, NetworkShape};
 use crate::error::ArtifactError;
 use crate::geometry::Geometry;
+use crate::list::List;
 use crate::shapes::{calibration_shapes, weight_shapes};
 use crate::tensors::Tensors;
 use std::collections::BTreeSet;
-use std::fmt::Debug;
+use std::fmt::Display;
 use std::ops::RangeInclusive;
 
 /// Supported version of the artifact format.
@@ -45,7 +46,7 @@ pub const LARGEST_CHAIN: usize = 8;
 fn require(
     holds: bool,
     field: &'static str,
-    found: &dyn Debug,
+    found: &dyn Display,
     expected: &str,
 ) -> Result<(), ArtifactError> {
     if holds {
@@ -53,7 +54,7 @@ fn require(
     }
     Err(ArtifactError::Field {
         field,
-        found: format!("{found:?}"),
+        found: found.to_string(),
         expected: expected.to_owned(),
     })
 }
@@ -94,7 +95,7 @@ pub fn check_description(d: &Description) -> Result<(), ArtifactError> {
     require(
         pool.iter().all(|length| *length > 0),
         "network.pool",
-        &pool,
+        &List(&pool),
         "at least 1 in steps, rows and columns; [1, 1, 1] means no pool",
     )?;
     if d.mode.has_convolutions() {
@@ -172,7 +173,7 @@ fn check_grid(d: &Description) -> Result<(), ArtifactError> {
     require(
         lengths == vec![grid.columns; grid.rows],
         "grid.cells",
-        &lengths,
+        &List(&lengths),
         &format!("{} rows of {} cells each", grid.rows, grid.columns),
     )
 }
@@ -233,13 +234,16 @@ fn check_convolutions(d: &Description) -> Result<(), ArtifactError> {
     require(
         pool.iter().zip(map).all(|(pool, map)| *pool <= map),
         "network.pool",
-        &pool,
-        &format!("at most {map:?}, the feature map; make it smaller or pad the convolutions"),
+        &List(&pool),
+        &format!(
+            "at most {}, the feature map; make it smaller or pad the convolutions",
+            List(&map)
+        ),
     )?;
     require(
         map[2] / pool[2] * pool[2] >= COLUMNS_AT_A_TIME,
         "network.pool",
-        &pool,
+        &List(&pool),
         &format!(
             "such that the pools of a row cover at least {COLUMNS_AT_A_TIME} of the feature map's {} columns",
             map[2]
@@ -253,7 +257,12 @@ fn check_convolutions(d: &Description) -> Result<(), ArtifactError> {
     } else {
         (&[1, 2, 4][..], "of 1, 2 or 4 steps, which divide the hop")
     };
-    require(steps.contains(&pool[0]), "network.pool", &pool, expected)
+    require(
+        steps.contains(&pool[0]),
+        "network.pool",
+        &List(&pool),
+        expected,
+    )
 }
 
 fn check_adc(d: &Description) -> Result<(), ArtifactError> {
@@ -308,7 +317,7 @@ fn check_filters(d: &Description) -> Result<(), ArtifactError> {
                 .iter()
                 .all(|&hz| hz > 0 && f64::from(hz) < nyquist),
         "filters.mains_hz",
-        &filters.mains_hz,
+        &List(&filters.mains_hz),
         "one or more frequencies below half of adc.rate_hz",
     )?;
     let highest_mains = filters.mains_hz.iter().copied().max().unwrap_or(0);
@@ -329,7 +338,7 @@ fn check_filters(d: &Description) -> Result<(), ArtifactError> {
     require(
         0.0 < low && low < high && high < nyquist,
         "filters.band_hz",
-        &filters.band_hz,
+        &List(&filters.band_hz),
         "two increasing frequencies between 0 and half of adc.rate_hz",
     )?;
     require(

@@ -36,7 +36,7 @@ pub mod priority {
     pub const ENCODE: u8 = 14;
 }
 
-/// Depth of the queue from acquisition to encoder: 16 samples, which are four steps at 512 Hz. When the
+/// Depth of the queue from acquisition to encoder, samples: four steps at 512 Hz, two at 1024 Hz. When the
 /// encoder falls further behind, samples are dropped, counted and flagged.
 pub const SAMPLES_WAITING: usize = 16;
 
@@ -61,8 +61,8 @@ pub const CONVERTERS_RETRY: Duration = Duration::from_secs(5);
 /// Delay between the answer to a reset command and the reset, so that the answer reaches the host.
 pub const DRAIN_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// Size of the buffer for frames that wait for the host, bytes: 3 s of codes and reports. Raw samples may
-/// fill three quarters of the buffer, which they do in 90 ms. If a host pauses for longer, raw samples are
+/// Size of the buffer for frames that wait for the host, bytes: with the built-in model 3 s of codes and
+/// reports. Raw samples may fill three quarters of the buffer, which they do in 90 ms with this model. If a host pauses for longer, raw samples are
 /// dropped at once, but codes only after another second.
 pub const FRAME_BYTES_WAITING: usize = 12_288;
 

@@ -1,6 +1,6 @@
 //! The contents of the `model` crate, before they become source text.
 
-use artifact::{Artifact, Decimation, Description, Filters, ModelId};
+use artifact::{Artifact, Decimation, Description, Filters, List, ModelId};
 use fixed_dsp::Section;
 
 use crate::{
@@ -129,7 +129,7 @@ fn refuse_unsupported(description: &Description) -> Result<(), ModelGenError> {
     }
     Err(ModelGenError::Unsupported {
         what: "[filters] mains_hz",
-        found: format!("{mains_hz:?}"),
+        found: List(mains_hz).to_string(),
         expected: "[50, 60]",
     })
 }

@@ -83,7 +83,7 @@ pub enum FilterError {
     },
     /// Rounding the coefficients moved a pole out of the unit circle.
     #[error(
-        "section {index} is unstable after quantisation ({section:?}): its pole is closer to \
+        "section {index} is unstable after quantisation: its pole is closer to \
          the unit circle than 2^-33; raise the lower band edge or lower notch_q in model.toml"
     )]
     Unstable {

@@ -53,7 +53,8 @@ impl Recording {
     /// Opens a file and reads its header.
     ///
     /// # Errors
-    /// [`RecordingError::Open`], [`RecordingError::Folder`], [`RecordingError::OtherFormat`] and all errors of [`Recording::from_source`].
+    /// [`RecordingError::Open`], [`RecordingError::Folder`], [`RecordingError::OtherFormat`] and all errors
+    /// of [`Recording::from_source`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self, RecordingError> {
         let path = path.as_ref();
         let file = File::open(path).map_err(|source| RecordingError::Open {
@@ -263,7 +264,8 @@ impl Recording {
         }
     }
 
-    /// Returns the starts of the events in the signal that a [`crate::VirtualAdc`] plays, which has no gaps.
+    /// Returns the starts of the events in the signal that a [`crate::VirtualAdc`] plays, which has no
+    /// gaps.
     ///
     /// # Errors
     /// [`RecordingError::Read`] if reading fails.

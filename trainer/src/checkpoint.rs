@@ -109,7 +109,15 @@ pub fn read(
 
 /// Returns the settings and data as text. A training run can be resumed only if this text is the same.
 fn training_identity(settings: Settings, data: &str) -> String {
-    format!("{settings:?} on {data}")
+    let Settings {
+        epochs,
+        batch,
+        peak_rate,
+        seed,
+    } = settings;
+    format!(
+        "{epochs} epochs in batches of {batch} at a learning rate of {peak_rate} with seed {seed}, on {data}"
+    )
 }
 
 fn to_bytes(training: &Training, data: &str) -> Result<Vec<u8>, safetensors::SafeTensorError> {
@@ -138,13 +146,13 @@ fn to_bytes(training: &Training, data: &str) -> Result<Vec<u8>, safetensors::Saf
             TensorView::new(Dtype::F32, vec![bytes.len() / 4], bytes)?,
         ));
     }
-    // `{:?}` writes a float with enough digits to parse to the same bits.
+    // A float is written with enough digits to parse to the same bits.
     let entries = HashMap::from([
         ("training", training_identity(training.settings, data)),
         ("epoch", training.epoch.to_string()),
         ("updates", training.adam.updates.to_string()),
         ("best_epoch", training.best.epoch.to_string()),
-        ("best_validation", format!("{:?}", training.best.validation)),
+        ("best_validation", training.best.validation.to_string()),
     ]);
     let entries = entries
         .into_iter()

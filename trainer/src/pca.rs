@@ -7,8 +7,9 @@ use nalgebra::{DMatrix, SymmetricEigen};
 /// Number of windows in one matrix product.
 const BLOCK: usize = 512;
 
-/// Returns the second-moment matrix of the dataset's windows, one every half a window. It is used instead of the covariance: the
-/// band-pass removes the mean, and without subtraction of a mean the code of a zero window is 0.
+/// Returns the second-moment matrix of the dataset's windows, one every half a window. It is used instead of
+/// the covariance: the band-pass removes the mean, and without subtraction of a mean the code of a zero window
+/// is 0.
 pub fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
     let windows = dataset.aligned(dataset.dimensions().steps / 2);
     let features = dataset.dimensions().window_electrodes();

@@ -189,12 +189,19 @@ fn run_epochs(
         ..
     } = options;
     let split = &data.split;
+    let card::Shape {
+        mode,
+        numbers,
+        steps,
+        hop,
+        padding,
+    } = options.shape;
     let data_identity = format!(
-        "{} with SD {:?} uV; montage {}, {:?}",
+        "{} with SD {} uV; montage {}, mode {mode}, {numbers} numbers, windows of {steps} steps, hop {hop}, \
+         padding {padding}",
         data.files.join(" "),
         data.sd_uv,
-        options.montage.name,
-        options.shape
+        options.montage.name
     );
     let mut training = if options.resume {
         let training = checkpoint::read(path, description, *settings, &data_identity)?;
