@@ -66,9 +66,9 @@ pub const DRAIN_TIMEOUT: Duration = Duration::from_millis(100);
 /// dropped at once, but codes only after another second.
 pub const FRAME_BYTES_WAITING: usize = 12_288;
 
-/// Period of the progress check. A task that makes no progress for this time, eight steps at a hop of 8, has
+/// Period of the progress check: eight steps, whatever the hop. A task that makes no progress for this time has
 /// hung, and the watchdog is no longer fed.
-pub const PROGRESS: Duration = CODE;
+pub const PROGRESS: Duration = Duration::from_micros(8 * 1_000_000 / STEP_RATE_HZ as u64);
 
 /// Period of the watchdog at the nominal 32 kHz of its oscillator (LSI). Over the frequency range of the
 /// oscillator, the period is 136 to 376 ms on an STM32F446 and 190 to 218 ms on an STM32H743.

@@ -101,7 +101,8 @@ impl Ours {
         Ok(comparison.total().prd_percent())
     }
 
-    /// Returns the PRD between Python's decoded signal and ours, percent of ours: the effect of int8.
+    /// Returns the PRD between Python's decoded signal and ours, percent of ours: the effect of int8. Steps in
+    /// which the filters settle are left out, because int8 clips the electrodes' offsets.
     pub(crate) fn torch_prd_percent(&self) -> anyhow::Result<f64> {
         let theirs = fs::read(self.path("decoded.f32"))?;
         let theirs = theirs.as_chunks().0.iter().copied().map(f32::from_le_bytes);
@@ -113,7 +114,11 @@ impl Ours {
             theirs.len(),
             ours.len()
         );
-        let pairs = ours.iter().zip(&theirs);
+        let settling = usize::try_from(Mains::Hz50.filter().settling_samples)?;
+        let decimation = usize::from(model::ADC_RATE_HZ / model::STEP_RATE_HZ);
+        let first = (settling / decimation + model::STEPS) * model::ELECTRODES;
+        let (ours, theirs) = (&ours[first..], &theirs[first..]);
+        let pairs = ours.iter().zip(theirs);
         let error: f64 = pairs.map(|(x, y)| (x - y).powi(2)).sum();
         let power: f64 = ours.iter().map(|x| x.powi(2)).sum();
         Ok(100.0 * (error / power).sqrt())
