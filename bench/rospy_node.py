@@ -1,14 +1,16 @@
 """The paper's node in rospy, timed for comparison by `cargo xtask bench node`.
 
-    python3 rospy_node.py INPUT OUTPUT FIRST LENGTH RATE < DEFINITION
+    python3 rospy_node.py INPUT OUTPUT FIRST LENGTH RATE [MODEL] < DEFINITION
 
 Subscribes to the NeuroFrames of an acquisition on INPUT, and publishes a NeuroFrame of the shape of a code,
 LENGTH values at RATE codes per second, on OUTPUT for each frame from number FIRST on: the windows that these
-frames complete. It filters and encodes nothing, so that its times are those of rospy alone; a node that does would be slower. DEFINITION is
-the full definition of the message. The publisher is the fastest that rospy has: it writes the socket itself,
-without a queue and without Nagle's algorithm.
+frames complete. With MODEL, the request of offline_torch.py, it filters with scipy and encodes with PyTorch on one
+thread. Without MODEL it encodes nothing, so that its times are those of rospy alone. DEFINITION is the full
+definition of the message. The publisher is the fastest that rospy has: it writes the socket itself, without a queue
+and without Nagle's algorithm.
 """
 
+import json
 import sys
 import warnings
 
@@ -21,6 +23,7 @@ WORDS = ["flags", "seq_lo", "seq_hi", "t_us_0", "t_us_1", "t_us_2", "lost", "tri
 def main():
     source, topic = sys.argv[1:3]
     first, length, rate = (int(number) for number in sys.argv[3:6])
+    encode = encoder(json.loads(sys.argv[6])) if len(sys.argv) > 6 else None
     NeuroFrame = generate_dynamic("rosneuro_msgs/NeuroFrame", sys.stdin.read())["rosneuro_msgs/NeuroFrame"]
     rospy.init_node("rospy_node", disable_signals=True)
     # rospy warns of a publisher without a queue, because a slow subscriber delays it.
@@ -32,17 +35,53 @@ def main():
     describe(code.tri.info, WORDS)
 
     def handle(frame):
+        # Every frame passes the filters, also those before the first window.
+        values = encode(frame) if encode else frame.eeg.data[:length]
         window = frame.neuroheader.seq - first
         if window < 0:
             return
         code.header.stamp = rospy.Time.now()
         code.neuroheader.seq = window + 1
-        code.eeg.data = frame.eeg.data[:length]
+        code.eeg.data = values
         code.tri.data = [0, window & 0xFFFF, window >> 16, 0, 0, 0, 0, 0]
         publisher.publish(code)
 
     rospy.Subscriber(source, NeuroFrame, handle, queue_size=16, tcp_nodelay=True)
     rospy.spin()
+
+
+def encoder(request):
+    """Returns a function from the next frame to the code of the window that ends with it."""
+    import numpy as np
+    import torch
+    from offline_torch import sections
+    from scipy import signal
+    from torch_encoder import Encoder, tensors
+
+    torch.set_num_threads(1)
+    torch.set_num_interop_threads(1)
+    cells, steps = request["cells"], request["steps"]
+    network = Encoder(tensors(request["artifact"] + "/weights.safetensors"), cells).eval()
+    filters = sections(request)
+    state = np.zeros((len(filters), 2, len(cells)))
+    planes = np.zeros((steps, request["rows"] * request["columns"]), np.float32)
+    shape = (1, steps, request["rows"], request["columns"])
+
+    def encode(frame):
+        nonlocal state
+        samples = np.asarray(frame.eeg.data).reshape(-1, len(cells))
+        # A frame holds a hop, so that each one starts with the sample of a step.
+        filtered, state = signal.sosfilt(filters, samples, axis=0, zi=state)
+        new = filtered[:: request["decimation"]] / request["sd_uv"]
+        planes[: -len(new)] = planes[len(new) :].copy()
+        planes[-len(new) :, cells] = new
+        with torch.no_grad():
+            return network(torch.from_numpy(planes.reshape(shape)))[0].numpy()
+
+    # The first call allocates and chooses kernels.
+    with torch.no_grad():
+        network(torch.zeros(shape))
+    return encode
 
 
 def describe(info, labels):

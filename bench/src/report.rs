@@ -14,6 +14,7 @@ mod model;
 mod montages;
 mod node;
 mod offline;
+mod python_model;
 mod table;
 mod tools;
 

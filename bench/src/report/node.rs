@@ -8,14 +8,15 @@
 //! ```
 //!
 //! The node in rospy gets its frames half an interval later, so that neither waits for the processor because of
-//! the other. It encodes nothing: its times are those of rospy alone.
+//! the other. Where scipy and PyTorch are installed, it filters and encodes as the paper's node does; otherwise it
+//! encodes nothing, and its times are those of rospy alone.
 
 mod amplifier;
 mod setup;
 
 use std::fs;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use picture::intervals::{Intervals, Series};
 use serde_json::json;
 
@@ -28,6 +29,13 @@ use super::figures::Report;
 /// # Errors
 /// A program is missing, does not start, or loses its connection.
 pub(crate) fn measure(seconds: u32) -> anyhow::Result<Report> {
+    ensure!(
+        model::ADC_RATE_HZ.is_multiple_of(model::STEP_RATE_HZ),
+        "a hop of this model is no whole number of samples at {} Hz, which the frames of this benchmark hold\n  \
+         next: measure a model whose ADC has a multiple of {} Hz",
+        model::ADC_RATE_HZ,
+        model::STEP_RATE_HZ
+    );
     let programs = Programs::find("node", &[NODE])?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -56,7 +64,7 @@ fn intervals(pair: &Pair) -> Intervals {
     Intervals {
         arrival: series("through corticode-node", &pair.node.intervals_ms),
         source: series("frames sent to it", &pair.node.sent_intervals_ms),
-        rival: rospy.map(|rospy| series("through rospy, nothing encoded", &rospy.intervals_ms)),
+        rival: rospy.map(|rospy| series(rival_name(pair), &rospy.intervals_ms)),
         subtitle: format!(
             "{} codes of another acquisition to a subscriber, all on this machine",
             pair.node.codes
@@ -64,15 +72,24 @@ fn intervals(pair: &Pair) -> Intervals {
     }
 }
 
+/// Returns the name of the node in rospy.
+fn rival_name(pair: &Pair) -> &'static str {
+    if pair.rospy_encodes {
+        "through rospy, scipy and PyTorch"
+    } else {
+        "through rospy, nothing encoded"
+    }
+}
+
 fn report(pair: &Pair, seconds: u32) -> anyhow::Result<Report> {
-    let Pair { node, rospy } = pair;
+    let Pair { node, rospy, .. } = pair;
     let ratio = |own: f64, other: Option<f64>| other.map(|other| own / other);
     let rival = rospy.as_ref();
     let mut nodes = vec![json!(node)];
     nodes[0]["name"] = "corticode-node".into();
     if let Some(rospy) = rospy {
         let mut object = json!(rospy);
-        object["name"] = "rospy, nothing encoded".into();
+        object["name"] = rival_name(pair).into();
         nodes.push(object);
     }
     let figures = json!({
@@ -82,7 +99,7 @@ fn report(pair: &Pair, seconds: u32) -> anyhow::Result<Report> {
         "latency_ratio_rospy": ratio(node.latency_median_ms, rival.map(|r| r.latency_median_ms)),
         "codes_lost": node.lost,
         "seconds": seconds,
-        "rospy_encodes": false,
+        "rospy_encodes": pair.rospy_encodes,
         "nodes": nodes,
     });
     let next = "end other programs and repeat; then compare node/src/feed.rs with `git log`";

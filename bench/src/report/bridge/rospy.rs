@@ -25,6 +25,13 @@ impl Rospy {
         tools::python("rospy", "`apt-get install python3-rospy`, then again").map(Self)
     }
 
+    /// Finds an interpreter that imports rospy, scipy and PyTorch; `None` if there is none.
+    pub(in crate::report) fn find_with_torch() -> Option<Self> {
+        let next = "`/usr/bin/python3 -m venv --system-site-packages torch-venv && torch-venv/bin/pip install torch \
+                    scipy`, then again with torch-venv/bin first in PATH";
+        tools::python("rospy, scipy, torch", next).map(Self)
+    }
+
     /// Starts `rospy_bridge.py`, which connects to `port` of 127.0.0.1 and publishes on `topic`.
     ///
     /// # Errors
@@ -59,6 +66,10 @@ impl Rospy {
             .env("ROS_HOSTNAME", "127.0.0.1")
             .env("ROS_HOME", folder)
             .env_remove("ROS_IP")
+            // One thread, as the node in Rust.
+            .envs(
+                ["OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"].map(|of| (of, "1")),
+            )
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .spawn()

@@ -15,6 +15,7 @@ use crate::report::bridge::rospy::{Rospy, code_arguments};
 use crate::report::bridge::setup::{Programs, Running};
 use crate::report::bridge::subscriber::Subscriber;
 use crate::report::bridge::usage::Usage;
+use crate::report::{checked_in, python_model};
 
 /// Program that is measured.
 pub(super) const NODE: &str = "corticode-node";
@@ -36,6 +37,8 @@ pub(super) struct Pair {
     pub(super) node: Figures,
     /// `None` where rospy is not installed.
     pub(super) rospy: Option<Figures>,
+    /// Whether the node in rospy encodes: PyTorch is installed.
+    pub(super) rospy_encodes: bool,
 }
 
 /// Both nodes with their acquisition, a ROS master, and a subscriber of each.
@@ -43,6 +46,7 @@ pub(super) struct Pair {
 pub(super) struct Setup {
     node: Running,
     rospy: Option<Running>,
+    rospy_encodes: bool,
     amplifier: Amplifier,
     codes: [Subscriber; 2],
     _node: Node,
@@ -79,8 +83,13 @@ impl Setup {
         })?;
         let first = FIRST.to_string();
         let [length, rate] = code_arguments();
-        let arguments = [TOPICS[1][0], TOPICS[1][1], &first, &length, &rate];
-        let rospy = Rospy::find();
+        let mut arguments = vec![TOPICS[1][0], TOPICS[1][1], &first, &length, &rate];
+        let model = python_model::request(&checked_in::artifact()?.description).to_string();
+        let torch = Rospy::find_with_torch();
+        if torch.is_some() {
+            arguments.push(&model);
+        }
+        let rospy = torch.or_else(Rospy::find);
         let rospy = rospy.map(|rospy| {
             rospy.start_script("rospy_node.py", &arguments, master.uri(), folder.path())
         });
@@ -96,6 +105,7 @@ impl Setup {
         Ok(Self {
             node,
             rospy,
+            rospy_encodes: torch.is_some(),
             amplifier,
             codes,
             _node: own,
@@ -125,6 +135,7 @@ impl Setup {
         Ok(Pair {
             node: figures(0).context("corticode-node has ended")?,
             rospy: figures(1),
+            rospy_encodes: self.rospy_encodes,
         })
     }
 

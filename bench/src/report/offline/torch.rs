@@ -7,10 +7,8 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, ensure};
 use artifact::Description;
 use serde::Deserialize;
-use serde_json::json;
 
-use crate::report::checked_in::ARTIFACT;
-use crate::report::tools;
+use crate::report::{python_model, tools};
 
 /// What one run of `offline_torch.py` prints.
 #[derive(Debug, Deserialize)]
@@ -42,23 +40,7 @@ impl Torch {
     /// # Errors
     /// The process fails.
     pub(crate) fn run(&self, folder: &Path, description: &Description) -> anyhow::Result<Answer> {
-        let filters = &description.filters;
-        let request = json!({
-            "artifact": ARTIFACT,
-            "cells": model::GRID_CELL.as_slice(),
-            "numbers": model::CODE,
-            "steps": model::STEPS,
-            "hop": model::HOP,
-            "rows": model::ROWS,
-            "columns": model::COLUMNS,
-            "decimation": model::ADC_RATE_HZ / model::STEP_RATE_HZ,
-            "sd_uv": description.input.sd_uv,
-            "rate_hz": model::ADC_RATE_HZ,
-            "mains_hz": 50,
-            "notch_q": filters.notch_q,
-            "band_hz": filters.band_hz,
-            "order": filters.order,
-        });
+        let request = python_model::request(description);
         let mut process = Command::new(self.0)
             .arg(concat!(env!("CARGO_MANIFEST_DIR"), "/offline_torch.py"))
             .arg(folder)
