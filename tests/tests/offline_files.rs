@@ -158,7 +158,7 @@ fn compare_with_the_bridge(folder: &Path, recording: &str, codes: &str) {
         assert ours['uv'].dtype == np.float32 and len(rows) > 1000, len(rows)\n\
         assert ours['flags'].shape == ours['uv'].shape[:1]\n\
         assert np.array_equal(ours['uv'][:len(rows)], rows), 'microvolts'\n\
-        assert len(ours['uv']) - len(rows) == 8, 'only the last hop is more'\n\
+        assert len(ours['uv']) >= len(rows) + 8, 'the last hop is more'\n\
         print(len(rows))\n";
     let mut python = Command::new("/usr/bin/python3");
     let python = python
