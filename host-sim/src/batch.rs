@@ -1,6 +1,7 @@
 //! Files of a folder, processed in parallel.
 
 use std::{
+    collections::{HashMap, HashSet},
     ffi::OsStr,
     fs, io,
     num::NonZero,
@@ -38,6 +39,17 @@ pub(crate) enum BatchError {
     /// A folder cannot be created.
     #[error("the folder {} cannot be created", path.display())]
     Folder { path: PathBuf, source: io::Error },
+    /// Two inputs have the same output.
+    #[error(
+        "{} and {} would both become {}; rename one of them, or process them one by one",
+        inputs[0].display(),
+        inputs[1].display(),
+        output.display()
+    )]
+    SameOutput {
+        inputs: [PathBuf; 2],
+        output: PathBuf,
+    },
     /// Some files failed; their errors were printed.
     #[error("{failed} of {files} files failed, see above; the others are complete")]
     Some {
@@ -67,7 +79,7 @@ pub(crate) struct Job {
     pub(crate) input: PathBuf,
     pub(crate) output: PathBuf,
     /// Path of the input below the folder.
-    pub(crate) name: String,
+    pub(crate) name: PathBuf,
 }
 
 /// Returns one job for a file, which becomes `output`, or one for each file of a folder and its subfolders
@@ -83,15 +95,14 @@ pub(crate) fn jobs(
     rename: impl Fn(&Path) -> PathBuf,
 ) -> Result<Vec<Job>, BatchError> {
     if !input.is_dir() {
-        let name = Path::new(input.file_name().unwrap_or(OsStr::new("recording")));
         return Ok(vec![Job {
             input: input.to_owned(),
             output: output.to_owned(),
-            name: name.display().to_string(),
+            name: input.file_name().unwrap_or(OsStr::new("recording")).into(),
         }]);
     }
     let mut files = Vec::new();
-    collect(input, extensions, &mut files)?;
+    collect(input, extensions, &mut files, &mut HashSet::new())?;
     files.sort();
     if files.is_empty() {
         return Err(BatchError::Nothing {
@@ -103,11 +114,20 @@ pub(crate) fn jobs(
         let below = file.strip_prefix(input).unwrap_or(&file);
         Job {
             output: output.join(rename(below)),
-            name: below.display().to_string(),
+            name: below.to_owned(),
             input: file,
         }
     });
     let jobs: Vec<Job> = jobs.collect();
+    let mut outputs = HashMap::new();
+    for job in &jobs {
+        if let Some(other) = outputs.insert(&job.output, &job.input) {
+            return Err(BatchError::SameOutput {
+                inputs: [other.clone(), job.input.clone()],
+                output: job.output.clone(),
+            });
+        }
+    }
     for folder in jobs.iter().filter_map(|job| job.output.parent()) {
         fs::create_dir_all(folder).map_err(|source| BatchError::Folder {
             path: folder.to_owned(),
@@ -117,16 +137,26 @@ pub(crate) fn jobs(
     Ok(jobs)
 }
 
-fn collect(folder: &Path, extensions: &[&str], files: &mut Vec<PathBuf>) -> Result<(), BatchError> {
+/// Adds the files of a folder and its subfolders. `visited` has the folders that were read, so that links
+/// between folders form no circle.
+fn collect(
+    folder: &Path,
+    extensions: &[&str],
+    files: &mut Vec<PathBuf>,
+    visited: &mut HashSet<PathBuf>,
+) -> Result<(), BatchError> {
     let unreadable = |source| BatchError::Unreadable {
         path: folder.to_owned(),
         source,
     };
+    if !visited.insert(folder.canonicalize().map_err(unreadable)?) {
+        return Ok(());
+    }
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
         if path.is_dir() {
-            collect(&path, extensions, files)?;
-        } else if has_extension(&path, extensions) {
+            collect(&path, extensions, files, visited)?;
+        } else if path.is_file() && has_extension(&path, extensions) {
             files.push(path);
         }
     }
@@ -162,10 +192,13 @@ pub(crate) fn run<'j, R: Send>(
     jobs: &'j [Job],
     options: &BatchOptions,
     seconds: Option<u64>,
-    work: impl Fn(&Job, &Progress) -> Result<R, OfflineError> + Sync,
+    work: impl Fn(&Job, &Progress, &ProgressBar) -> Result<R, OfflineError> + Sync,
 ) -> Result<Finished<'j, R>, Box<dyn std::error::Error>> {
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
+        // The second signal ends the program at once.
+        signal_hook::flag::register_conditional_shutdown(signal, 1, stop.clone())
+            .map_err(BatchError::Signals)?;
         signal_hook::flag::register(signal, stop.clone()).map_err(BatchError::Signals)?;
     }
     let threads = options.jobs.map_or_else(
@@ -176,6 +209,7 @@ pub(crate) fn run<'j, R: Send>(
     let progress = Progress::default();
     let next = AtomicUsize::new(0);
     let results = Mutex::new(Vec::new());
+    let bar = progress_bar(seconds, options.quiet);
     let start = Instant::now();
     thread::scope(|scope| {
         let workers = (0..threads).map(|_| {
@@ -183,8 +217,14 @@ pub(crate) fn run<'j, R: Send>(
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(job) = jobs.get(index) else { return };
-                    let result = work(job, &progress);
+                    let result = work(job, &progress, &bar);
                     let interrupted = matches!(result, Err(OfflineError::Interrupted));
+                    if let Err(error) = &result
+                        && !interrupted
+                        && jobs.len() > 1
+                    {
+                        bar.suspend(|| eprintln!("host-sim: {}", crate::chain(error)));
+                    }
                     let mut results = results.lock().unwrap_or_else(PoisonError::into_inner);
                     results.push((index, result));
                     if interrupted {
@@ -194,7 +234,6 @@ pub(crate) fn run<'j, R: Send>(
             })
         });
         let workers: Vec<_> = workers.collect();
-        let bar = progress_bar(seconds, options.quiet);
         while !workers.iter().all(thread::ScopedJoinHandle::is_finished) {
             bar.set_position(progress.seconds());
             if stop.load(Ordering::Relaxed) {
@@ -206,17 +245,20 @@ pub(crate) fn run<'j, R: Send>(
     });
     let elapsed = start.elapsed();
     let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
-    results.sort_by_key(|(index, _)| *index);
+    // Interruptions last, after the results that are complete.
+    results
+        .sort_by_key(|(index, result)| (matches!(result, Err(OfflineError::Interrupted)), *index));
     let mut finished = Vec::new();
     let (mut failed, mut status) = (0, 2);
     for (index, result) in results {
         match result {
             Ok(result) => finished.push((&jobs[index], result)),
-            Err(error) if jobs.len() == 1 || matches!(error, OfflineError::Interrupted) => {
+            Err(error) if jobs.len() == 1 => return Err(error.into()),
+            Err(error @ OfflineError::Interrupted) => {
+                eprintln!("{} of {} files are complete", finished.len(), jobs.len());
                 return Err(error.into());
             }
             Err(error) => {
-                eprintln!("host-sim: {}", crate::chain(&error));
                 failed += 1;
                 status = error.exit_status().min(status);
             }
@@ -259,7 +301,7 @@ impl<R> Finished<'_, R> {
         let times = seconds / self.elapsed.as_secs_f64();
         let per_thread = match self.threads {
             0 | 1 => String::new(),
-            threads => format!(" on {threads} cores"),
+            threads => format!(" in {threads} threads"),
         };
         format!(
             "{seconds:.1} s of signal in {:.2} s{per_thread}: {times:.0} times real time",

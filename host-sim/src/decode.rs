@@ -3,7 +3,8 @@
 use std::{error::Error, path::PathBuf};
 
 use new_file::Existing;
-use offline::{Decoded, Decoding, Model, OfflineError, Progress, SignalFormat, report};
+use offline::{Decoded, Decoding, Model, OfflineError, Progress, SignalFormat, report, settling_s};
+use thiserror::Error;
 
 use crate::batch::{self, Job};
 use crate::encode::{CODES, RECORDINGS};
@@ -28,16 +29,28 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
             options.input.with_extension(&extension)
         }
     });
+    if let (true, Some(original)) = (options.input.is_dir(), &options.original)
+        && !original.is_dir()
+    {
+        return Err(DecodeError::OriginalIsFile(original.clone()).into());
+    }
+    if let Some(folder) = &options.report {
+        report::check(folder, decoding.existing)?;
+    }
     let jobs = batch::jobs(&options.input, &output, &[CODES], |name| {
         name.with_extension(&extension)
     })?;
     let originals = Originals::new(options);
-    let finished = batch::run(&jobs, &options.batch, None, |job, progress| {
-        decode_one(&decoding, &originals, job, progress)
+    let finished = batch::run(&jobs, &options.batch, None, |job, progress, bar| {
+        let (decoded, warnings) = decode_one(&decoding, &originals, job, progress)?;
+        for warning in warnings {
+            bar.suspend(|| eprintln!("warning: {}: {warning}", job.input.display()));
+        }
+        Ok(decoded)
     })?;
     if !options.batch.quiet {
         for (job, decoded) in &finished.results {
-            eprintln!("{}", summary(job, decoded, format));
+            eprintln!("{}", summary(job, decoded));
         }
         let seconds = finished
             .results
@@ -45,12 +58,16 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
             .map(|(_, decoded)| decoded.signal_s());
         eprintln!("{}", finished.speed(seconds.sum()));
     }
-    if let Some(folder) = &options.report {
+    if let Some(folder) = options
+        .report
+        .as_ref()
+        .filter(|_| !finished.results.is_empty())
+    {
         let entries = finished
             .results
             .into_iter()
             .map(|(job, decoded)| report::Entry {
-                name: job.name.trim_end_matches(".codes").to_owned(),
+                name: job.name.with_extension("").display().to_string(),
                 decoded,
             });
         let entries: Vec<_> = entries.collect();
@@ -64,37 +81,61 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
         .map_or(Ok(()), |failure| Err(failure.into()))
 }
 
+/// Decodes one file. Returns the result, and what is wrong with the input.
 fn decode_one(
     decoding: &Decoding,
     originals: &Originals,
     job: &Job,
     progress: &Progress,
-) -> Result<Decoded, OfflineError> {
-    let file = job.input.display();
+) -> Result<(Decoded, Vec<String>), OfflineError> {
     let original = originals.of(job);
+    let mut warnings = Vec::new();
     if originals.are_named() && original.is_none() {
-        eprintln!(
-            "warning: {file}: no recording of this name; decoded without events and comparison"
-        );
+        warnings
+            .push("no recording of this name; decoded without events and comparison".to_owned());
     }
     let decoded = decoding.decode(&job.input, &job.output, original.as_deref(), progress)?;
-    for warning in &decoded.warnings {
-        eprintln!("warning: {file}: {warning}");
-    }
+    warnings.extend(decoded.warnings.iter().cloned());
     if decoded.missing > 0 || decoded.damaged > 0 {
-        eprintln!(
-            "warning: {file}: {} codes are missing, {} places are damaged; rows without any code repeat the last \
-             values and are flagged",
+        warnings.push(format!(
+            "{} codes are missing, {} stretches are damaged; rows without any code repeat the last row",
             decoded.missing, decoded.damaged
-        );
+        ));
     }
     if decoded.limited > 0 {
-        eprintln!(
-            "warning: {file}: {} values are beyond the range of the format and were limited; --to gdf keeps them",
+        warnings.push(format!(
+            "{} values are beyond the range of the format and were limited; --to gdf keeps them",
             decoded.limited
-        );
+        ));
     }
-    Ok(decoded)
+    if let Some(comparison) = &decoded.comparison
+        && comparison.steps == 0
+    {
+        warnings.push(format!(
+            "too short to compare: the filters settle for {} s",
+            settling_s()
+        ));
+    }
+    if decoding.format == SignalFormat::Gdf && !decoded.event_types.is_empty() {
+        let types = decoded.event_types.iter();
+        let types: Vec<String> = types.map(|(text, kind)| format!("{kind} {text}")).collect();
+        warnings.push(format!(
+            "GDF has no texts; the types of the events are {}",
+            types.join(", ")
+        ));
+    }
+    Ok((decoded, warnings))
+}
+
+/// Why the options of `decode` cannot be used.
+#[derive(Debug, Error)]
+enum DecodeError {
+    /// One recording for a folder of codes.
+    #[error(
+        "{} is one recording, and the codes are a folder; name the folder of their recordings with --original",
+        .0.display()
+    )]
+    OriginalIsFile(PathBuf),
 }
 
 /// The recordings of which the codes are.
@@ -138,7 +179,7 @@ impl Originals {
     }
 }
 
-fn summary(job: &Job, decoded: &Decoded, format: SignalFormat) -> String {
+fn summary(job: &Job, decoded: &Decoded) -> String {
     let mut text = format!(
         "{}: {} codes, {:.1} s at {} Hz",
         job.output.display(),
@@ -146,7 +187,7 @@ fn summary(job: &Job, decoded: &Decoded, format: SignalFormat) -> String {
         decoded.signal_s(),
         decoded.rate_hz
     );
-    if let Some(comparison) = &decoded.comparison {
+    if let Some(comparison) = decoded.comparison.as_ref().filter(|of| of.steps > 0) {
         let total = comparison.total();
         text = format!(
             "{text}; PRD {:.2} % over all electrodes, {:.2} % over the measured ones; MSE {:.2} uV^2",
@@ -154,11 +195,6 @@ fn summary(job: &Job, decoded: &Decoded, format: SignalFormat) -> String {
             comparison.total_measured().prd_percent(),
             comparison.mse_uv2(total, comparison.electrodes.len())
         );
-    }
-    if format == SignalFormat::Gdf && !decoded.event_types.is_empty() {
-        let types = decoded.event_types.iter();
-        let types: Vec<String> = types.map(|(text, kind)| format!("{kind} {text}")).collect();
-        text = format!("{text}; event types: {}", types.join(", "));
     }
     text
 }

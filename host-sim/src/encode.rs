@@ -28,11 +28,11 @@ pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
         &jobs,
         &options.batch,
         Some(seconds(&jobs)),
-        |job, progress| {
+        |job, progress, bar| {
             let encoded = encoding.encode(&job.input, &job.output, progress)?;
             let file = job.input.display();
             for warning in &encoded.warnings {
-                eprintln!("warning: {file}: {warning}");
+                bar.suspend(|| eprintln!("warning: {file}: {warning}"));
             }
             Ok(encoded)
         },
@@ -73,18 +73,18 @@ fn seconds(jobs: &[Job]) -> u64 {
 fn summary(job: &Job, encoded: &Encoded) -> String {
     let stats = &encoded.stats;
     let mut text = format!(
-        "{}: {:.1} s, {} codes, {} bytes; {} values clipped, {} in codes ({})",
+        "{}: {:.1} s, {} codes ({}), {} bytes; clipped: {} input values, {} values of codes",
         job.output.display(),
         encoded.signal_s(),
         stats.codes_made,
+        device::CODE_FORMAT,
         encoded.bytes,
         stats.clipped,
-        stats.clipped_values,
-        device::CODE_FORMAT
+        stats.clipped_values
     );
     for (count, what) in [
         (encoded.adc.saturated, "counts at the rail"),
-        (encoded.adc.not_finite, "numbers missing"),
+        (encoded.adc.not_finite, "samples that are no number"),
     ] {
         if count > 0 {
             text = format!("{text}; virtual ADC: {count} {what}");

@@ -4,7 +4,7 @@ use std::io::{self, Read};
 use std::ops::RangeInclusive;
 
 use artifact::ModelId;
-use link::{Capabilities, CodeFormat, Decoder, Flags, FrameError, ToHost};
+use link::{Capabilities, CodeFormat, Decoder, Flags, FrameError, Substitutes, ToHost};
 use thiserror::Error;
 
 /// First bytes of a recording of corticode-bridge, which holds frames of both directions with times.
@@ -16,8 +16,16 @@ const PIECE: usize = 1 << 16;
 #[derive(Debug, Error)]
 pub enum CodeFileError {
     /// The operating system cannot read the file.
-    #[error("it cannot be read")]
+    #[error("it cannot be read; check the path and the permissions")]
     Io(#[from] io::Error),
+    /// The name is that of a folder, a device or a pipe.
+    #[error("it is no file, and a file of codes is read twice; write the codes to a file first")]
+    NoFile,
+    /// The notch filter of the file's device is one that this program does not have.
+    #[error(
+        "its notch filter removed {0} Hz, which this program cannot; decode it without --original"
+    )]
+    Mains(u8),
     /// The file is a recording of the bridge.
     #[error("it is a recording of corticode-bridge; `corticode-bridge convert` decodes it")]
     BridgeRecording,
@@ -81,12 +89,12 @@ pub enum CodeFileError {
     },
     /// Too many windows are missing.
     #[error(
-        "{missing} windows are missing after window {after}, more than an hour; the file was joined \
-         from several ones or is damaged"
+        "{missing} windows are missing before window {before}, more than an hour; the file was joined \
+         from several ones, is damaged, or was received from the middle of a run"
     )]
     Gap {
-        /// Index of the last window before the gap.
-        after: u32,
+        /// Index of the first window after the gap.
+        before: u32,
         /// Number of missing windows.
         missing: u32,
     },
@@ -108,6 +116,8 @@ pub(crate) struct Announcement {
     pub(crate) levels: RangeInclusive<i32>,
     /// Largest input voltage, microvolts.
     pub(crate) full_scale_uv: f32,
+    /// Electrodes that the recording lacks.
+    pub(crate) substitutes: Substitutes,
     /// Delay of the filters, microseconds.
     pub(crate) group_delay_us: u32,
     /// Mains frequency that the notch filter removed, Hz.
@@ -115,7 +125,7 @@ pub(crate) struct Announcement {
 }
 
 impl Announcement {
-    fn new(capabilities: &Capabilities) -> Result<Self, CodeFileError> {
+    fn new(capabilities: &Capabilities, substitutes: Substitutes) -> Result<Self, CodeFileError> {
         let format = capabilities.code_format;
         let [least, greatest] = format.range().ok_or(CodeFileError::Format(format))?;
         Ok(Self {
@@ -128,6 +138,7 @@ impl Announcement {
                 reason = "as the bridge computes it: 187500, exact in f32"
             )]
             full_scale_uv: (f64::from(capabilities.lsb_nv) * 8_388_608.0 / 1000.0) as f32,
+            substitutes,
             group_delay_us: capabilities.group_delay_us,
             mains_hz: capabilities.mains_hz,
         })
@@ -170,6 +181,7 @@ pub(crate) struct CodeFile<R> {
     /// The part of the buffer that is not decoded yet.
     unread: std::ops::Range<usize>,
     decoder: Decoder,
+    substitutes: Substitutes,
     announcement: Option<Announcement>,
     at_start: bool,
     last: Option<u32>,
@@ -186,6 +198,7 @@ impl<R: Read> CodeFile<R> {
             buffer: vec![0; PIECE],
             unread: 0..0,
             decoder: Decoder::new(),
+            substitutes: Substitutes::NONE,
             announcement: None,
             at_start: true,
             last: None,
@@ -230,8 +243,12 @@ impl<R: Read> CodeFile<R> {
                 Some(Err(_)) | None => continue,
             };
             match frame.message {
+                // A device states them between its `Hello` and its `Capabilities`.
+                ToHost::Hello(_) => self.substitutes = Substitutes::NONE,
+                ToHost::Substitutes(substitutes) => self.substitutes = substitutes,
                 ToHost::Capabilities(capabilities) => {
-                    self.announcement = Some(Announcement::new(&capabilities)?);
+                    let announcement = Announcement::new(&capabilities, self.substitutes)?;
+                    self.announcement = Some(announcement);
                 }
                 ToHost::Code(code) => {
                     let code_model = ModelId(code.model_id);
@@ -259,14 +276,15 @@ impl<R: Read> CodeFile<R> {
             return Err(CodeFileError::NoIntroduction);
         };
         announcement.check(code.levels.len())?;
-        if let Some(after) = self.last {
-            if code.window <= after {
-                return Err(CodeFileError::SecondRun { after });
-            }
-            let missing = code.window - after - 1;
-            if missing > self.longest_gap {
-                return Err(CodeFileError::Gap { after, missing });
-            }
+        if let Some(after) = self.last.filter(|after| code.window <= *after) {
+            return Err(CodeFileError::SecondRun { after });
+        }
+        let missing = code.window - self.last.map_or(0, |last| last + 1);
+        if missing > self.longest_gap {
+            return Err(CodeFileError::Gap {
+                before: code.window,
+                missing,
+            });
         }
         self.last = Some(code.window);
         Ok(())

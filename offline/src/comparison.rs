@@ -1,30 +1,58 @@
 //! The error of decoded signals, electrode by electrode.
 
+use std::fmt;
+
 use link::Flags;
+use pipeline::Mains;
 
 use crate::error::OfflineError;
 use crate::hops::DecodedHop;
 use crate::original::Original;
 
-/// Sums over the compared steps of one electrode, uV^2.
+/// Sums over the compared steps of one electrode, or of several, uV^2.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct ElectrodeError {
+pub struct ElectrodeSums {
     /// Sum of the squared original.
     pub signal: f64,
     /// Sum of the squared difference between original and decoded signal.
     pub error: f64,
 }
 
-impl ElectrodeError {
-    /// Returns the percentage root-mean-square difference, `100 sqrt(error / signal)`; 0 for an electrode
-    /// without signal that was decoded without error.
+impl ElectrodeSums {
+    /// Returns the percentage root-mean-square difference, `100 sqrt(error / signal)`; not finite without a
+    /// signal.
     pub fn prd_percent(&self) -> f64 {
-        if self.error > 0.0 {
-            100.0 * (self.error / self.signal).sqrt()
-        } else {
-            0.0
-        }
+        100.0 * (self.error / self.signal).sqrt()
     }
+}
+
+/// Where the samples of an electrode come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ElectrodeOrigin {
+    /// The recording has the electrode.
+    Measured,
+    /// The recording lacks the electrode; its samples are a weighted mean of others.
+    Interpolated,
+    /// The recording lacks the electrode; its samples are 0.
+    Zero,
+}
+
+impl fmt::Display for ElectrodeOrigin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Measured => "measured",
+            Self::Interpolated => "interpolated",
+            Self::Zero => "zero",
+        })
+    }
+}
+
+/// Returns the time after which the filters of the built-in model have settled, seconds, rounded up: the
+/// shortest recording that can be compared is longer.
+pub fn settling_s() -> u32 {
+    let samples = [Mains::Hz50, Mains::Hz60].map(|mains| mains.filter().settling_samples);
+    let samples = samples.into_iter().max().unwrap_or(0);
+    samples.div_ceil(model::ADC_RATE_HZ.into())
 }
 
 /// A part of both signals, to be drawn.
@@ -43,9 +71,9 @@ pub struct Excerpt {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
     /// Errors by electrode.
-    pub electrodes: Vec<ElectrodeError>,
-    /// Whether the recording has the electrode; the others were interpolated from it.
-    pub measured: Vec<bool>,
+    pub electrodes: Vec<ElectrodeSums>,
+    /// Where the samples of each electrode come from.
+    pub origins: Vec<ElectrodeOrigin>,
     /// Number of compared steps.
     pub steps: u64,
     /// Some seconds of both signals, from the middle of the recording.
@@ -54,15 +82,15 @@ pub struct Comparison {
 
 impl Comparison {
     /// Returns the errors of all electrodes together.
-    pub fn total(&self) -> ElectrodeError {
+    pub fn total(&self) -> ElectrodeSums {
         sum(self.electrodes.iter())
     }
 
     /// Returns the errors of the measured electrodes together.
-    pub fn total_measured(&self) -> ElectrodeError {
-        let electrodes = self.electrodes.iter().zip(&self.measured);
+    pub fn total_measured(&self) -> ElectrodeSums {
+        let electrodes = self.electrodes.iter().zip(&self.origins);
         sum(electrodes
-            .filter(|(_, measured)| **measured)
+            .filter(|(_, origin)| **origin == ElectrodeOrigin::Measured)
             .map(|(error, _)| error))
     }
 
@@ -75,13 +103,13 @@ impl Comparison {
 
     /// Returns the mean squared error of `error`, uV^2, which is a sum over `electrodes` electrodes.
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 values")]
-    pub fn mse_uv2(&self, error: ElectrodeError, electrodes: usize) -> f64 {
+    pub fn mse_uv2(&self, error: ElectrodeSums, electrodes: usize) -> f64 {
         error.error / (self.steps as f64 * electrodes as f64).max(1.0)
     }
 }
 
-fn sum<'e>(errors: impl Iterator<Item = &'e ElectrodeError>) -> ElectrodeError {
-    errors.fold(ElectrodeError::default(), |total, of| ElectrodeError {
+fn sum<'e>(errors: impl Iterator<Item = &'e ElectrodeSums>) -> ElectrodeSums {
+    errors.fold(ElectrodeSums::default(), |total, of| ElectrodeSums {
         signal: total.signal + of.signal,
         error: total.error + of.error,
     })
@@ -93,28 +121,21 @@ pub(crate) struct Comparing {
     comparison: Comparison,
     /// Rows of the excerpt.
     shown: std::ops::Range<u64>,
-    /// Row of the original's next step.
-    next_row: u64,
-    /// Row of the original at the first decoded row.
-    offset: u64,
 }
 
 impl Comparing {
-    /// Creates a comparison. `offset` is the row of the original at which the decoded signal starts, `shown`
-    /// the decoded rows of the excerpt.
-    pub(crate) fn new(
-        original: Original,
-        electrodes: usize,
-        offset: u64,
-        shown: std::ops::Range<u64>,
-    ) -> Self {
-        let missing = original.played.substitutes;
-        let missing = missing.interpolated | missing.zero;
-        let measured = (0..electrodes).map(|electrode| missing >> electrode & 1 == 0);
+    /// Creates a comparison that keeps the rows `shown` as an excerpt.
+    pub(crate) fn new(original: Original, electrodes: usize, shown: std::ops::Range<u64>) -> Self {
+        let substitutes = original.played.substitutes;
+        let origins = (0..electrodes).map(|electrode| match electrode {
+            of if substitutes.interpolated >> of & 1 == 1 => ElectrodeOrigin::Interpolated,
+            of if substitutes.zero >> of & 1 == 1 => ElectrodeOrigin::Zero,
+            _ => ElectrodeOrigin::Measured,
+        });
         Self {
             comparison: Comparison {
-                measured: measured.collect(),
-                electrodes: vec![ElectrodeError::default(); electrodes],
+                origins: origins.collect(),
+                electrodes: vec![ElectrodeSums::default(); electrodes],
                 steps: 0,
                 excerpt: Excerpt {
                     first_row: shown.start,
@@ -123,8 +144,6 @@ impl Comparing {
             },
             original,
             shown,
-            next_row: 0,
-            offset,
         }
     }
 
@@ -137,7 +156,7 @@ impl Comparing {
         let left_out = [Flags::SETTLING, Flags::FILLER];
         let is_compared = !left_out.iter().any(|flag| hop.flags.contains(*flag));
         for (row, decoded) in (hop.first_row..).zip(hop.uv.chunks_exact(electrodes)) {
-            let Some(original) = self.step(row + self.offset)? else {
+            let Some(original) = self.original.next_step()? else {
                 return Ok(());
             };
             if self.shown.contains(&row) {
@@ -159,15 +178,5 @@ impl Comparing {
 
     pub(crate) fn finish(self) -> Comparison {
         self.comparison
-    }
-
-    fn step(&mut self, row: u64) -> Result<Option<[f32; model::ELECTRODES]>, OfflineError> {
-        loop {
-            let step = self.original.next_step()?;
-            self.next_row += 1;
-            if step.is_none() || self.next_row > row {
-                return Ok(step);
-            }
-        }
     }
 }

@@ -8,6 +8,7 @@ use std::{
 use artifact::Description;
 use new_file::{Existing, NewFile};
 use pipeline::Mains;
+use recordings::Missing;
 
 use crate::code_file::{CodeFile, CodeFileError};
 use crate::comparison::{Comparing, Comparison};
@@ -16,6 +17,7 @@ use crate::histogram::LevelHistogram;
 use crate::hops::{DecodedHop, Hops};
 use crate::model::Model;
 use crate::original::Original;
+use crate::played::Played;
 use crate::progress::Progress;
 use crate::row_events::RowEvents;
 use crate::signal_file::{self, RowEvent, Signal, SignalFormat};
@@ -23,6 +25,9 @@ use crate::survey::Survey;
 
 /// Length of the excerpt that is kept for a picture, seconds.
 const EXCERPT_S: u64 = 4;
+/// Largest difference between the lengths of a recording and of its decoded signal, seconds: the last steps
+/// fill no hop.
+const LENGTH_TOLERANCE_S: f64 = 0.5;
 
 /// How files of codes are decoded.
 #[derive(Debug)]
@@ -53,7 +58,7 @@ pub struct Decoded {
     pub limited: u64,
     /// GDF types of events that are texts in the recording.
     pub event_types: Vec<(String, u16)>,
-    /// What is wrong with the original recording.
+    /// What is wrong with the original recording, or does not fit the codes.
     pub warnings: Vec<String>,
     /// Histogram of the codes' values.
     pub levels: LevelHistogram,
@@ -83,6 +88,7 @@ impl Decoding<'_> {
         original: Option<&Path>,
         progress: &Progress,
     ) -> Result<Decoded, OfflineError> {
+        progress.check()?;
         let unusable = |source| OfflineError::Codes {
             path: input.to_owned(),
             source,
@@ -95,23 +101,26 @@ impl Decoding<'_> {
         let inputs = [Some(input), original].into_iter().flatten();
         let inputs: Vec<PathBuf> = inputs.map(PathBuf::from).collect();
         let file = NewFile::create(output, self.existing, &inputs)?;
-        let original = original.map(|path| self.open_original(path, survey.announcement.mains_hz));
+        let original = original.map(|path| self.open_original(path, input, &survey));
         let original = original.transpose()?;
         let played = original.as_ref().map(|original| &original.played);
         let events = RowEvents::new(played.map(|played| &played.onsets), &survey, description);
-        let warnings = played.map(|played| played.warnings.clone());
+        let mut warnings = played.map_or_else(Vec::new, |played| played.warnings.clone());
+        if events.left_out > 0 {
+            warnings.push(format!(
+                "{} events are left out: they are outside the decoded signal, or no event type is left for \
+                 their text",
+                events.left_out
+            ));
+        }
+        warnings.extend(played.and_then(|played| length_warning(played, &survey, description)));
         let signal = self.signal(&survey, events.rows);
         let failed = OfflineError::write(output);
         let handle = file.handle().map_err(&failed)?;
         let mut writer = signal_file::create(self.format, handle, &signal).map_err(&failed)?;
         let mut comparing = original.map(|original| comparing(original, &survey, description));
         let mut levels = LevelHistogram::new(survey.announcement.levels.clone());
-        let mut hops = Hops::new(
-            &self.model.decoder,
-            description,
-            &survey.announcement,
-            survey.first_window,
-        );
+        let mut hops = Hops::new(&self.model.decoder, description, &survey.announcement);
         let mut emit = |hop: DecodedHop| {
             let rows = u64::from(signal.rows_per_hop);
             let rate_hz = u64::from(signal.rate_hz);
@@ -139,7 +148,7 @@ impl Decoding<'_> {
             rate_hz: signal.rate_hz,
             limited,
             event_types: events.types,
-            warnings: warnings.unwrap_or_default(),
+            warnings,
             levels,
             comparison: comparing.map(Comparing::finish),
         })
@@ -161,6 +170,9 @@ impl Decoding<'_> {
     }
 
     fn open(&self, input: &Path) -> Result<CodeFile<File>, CodeFileError> {
+        if !input.metadata()?.is_file() {
+            return Err(CodeFileError::NoFile);
+        }
         let windows_per_hour = windows_per_hour(&self.model.description);
         Ok(CodeFile::new(
             File::open(input)?,
@@ -169,15 +181,45 @@ impl Decoding<'_> {
         ))
     }
 
-    fn open_original(&self, path: &Path, mains_hz: u8) -> Result<Original, OfflineError> {
+    fn open_original(
+        &self,
+        path: &Path,
+        codes: &Path,
+        survey: &Survey,
+    ) -> Result<Original, OfflineError> {
         if !self.model.is_built_in() {
             return Err(OfflineError::OtherOriginal {
                 path: path.to_owned(),
                 model: self.model.id,
             });
         }
-        Original::open(path, Mains::from_hz(mains_hz).unwrap_or(Mains::Hz50))
+        let mains_hz = survey.announcement.mains_hz;
+        let mains = Mains::from_hz(mains_hz).ok_or_else(|| OfflineError::Codes {
+            path: codes.to_owned(),
+            source: CodeFileError::Mains(mains_hz),
+        })?;
+        // As the recording was encoded.
+        let missing = if survey.announcement.substitutes.zero == 0 {
+            Missing::Interpolate
+        } else {
+            Missing::Zero
+        };
+        Original::open(path, mains, missing)
     }
+}
+
+/// Returns a warning if a recording is not as long as the signal of its codes.
+fn length_warning(played: &Played, survey: &Survey, description: &Description) -> Option<String> {
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 samples")]
+    let recorded_s = played.adc.samples() as f64 / f64::from(::model::ADC_RATE_HZ);
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 rows")]
+    let decoded_s = survey.rows(description) as f64 / f64::from(description.window.rate_hz);
+    ((recorded_s - decoded_s).abs() > LENGTH_TOLERANCE_S).then(|| {
+        format!(
+            "the original is {recorded_s:.1} s long and the decoded signal {decoded_s:.1} s: are the codes \
+             complete, and those of this recording?"
+        )
+    })
 }
 
 /// Starts the comparison of a file of codes with its recording.
@@ -186,12 +228,7 @@ fn comparing(original: Original, survey: &Survey, description: &Description) -> 
     let excerpt = (EXCERPT_S * u64::from(description.window.rate_hz)).min(rows);
     let first = (rows - excerpt) / 2;
     let electrodes = description.montage.electrodes.len();
-    Comparing::new(
-        original,
-        electrodes,
-        survey.first_row(description),
-        first..first + excerpt,
-    )
+    Comparing::new(original, electrodes, first..first + excerpt)
 }
 
 fn windows_per_hour(description: &Description) -> u32 {

@@ -70,6 +70,7 @@ impl Encoding {
         output: &Path,
         progress: &Progress,
     ) -> Result<Encoded, OfflineError> {
+        progress.check()?;
         let mut played = Played::open(input, self.missing)?;
         let mut file = NewFile::create(output, self.existing, &[PathBuf::from(input)])?;
         let mut device = Device::new(self.mains, played.substitutes);
@@ -94,6 +95,13 @@ impl Encoding {
             }
         }
         let stats = device.finish();
+        if stats.codes_made == 0 {
+            played.warnings.push(format!(
+                "it is shorter than one window ({} steps at {} Hz) and yields no code",
+                model::STEPS,
+                model::STEP_RATE_HZ
+            ));
+        }
         write(device.take_frames())?;
         file.finish()?;
         Ok(Encoded {

@@ -14,7 +14,7 @@ use crate::code_file::CodeFileError;
 #[derive(Debug, Error)]
 pub enum OfflineError {
     /// The recording cannot be read.
-    #[error("{} cannot be played", path.display())]
+    #[error("{} cannot be read", path.display())]
     Recording {
         /// Name of the recording.
         path: PathBuf,
@@ -69,6 +69,14 @@ pub enum OfflineError {
         /// Error from the operating system, or what the format cannot hold.
         source: io::Error,
     },
+    /// The format or the kind of the output cannot hold the signal.
+    #[error("{} cannot hold the signal in this format; choose another one with --to, or a regular file", path.display())]
+    Format {
+        /// Name of the output.
+        path: PathBuf,
+        /// What does not fit.
+        source: io::Error,
+    },
     /// A picture cannot be written.
     #[error(transparent)]
     Picture(#[from] PictureError),
@@ -81,9 +89,14 @@ impl OfflineError {
     /// Returns a closure that makes the error of an output from that of the operating system.
     pub(crate) fn write(path: &std::path::Path) -> impl Fn(io::Error) -> Self + use<> {
         let path = path.to_owned();
-        move |source| Self::Write {
-            path: path.clone(),
-            source,
+        move |source| {
+            let path = path.clone();
+            match source.kind() {
+                io::ErrorKind::InvalidInput | io::ErrorKind::NotSeekable => {
+                    Self::Format { path, source }
+                }
+                _ => Self::Write { path, source },
+            }
         }
     }
 

@@ -9,7 +9,7 @@ use crate::code_file::{Announcement, FileCode};
 /// One hop of decoded steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct DecodedHop<'a> {
-    /// Index of the first row, counted from the first step of the file's first window.
+    /// Index of the first row: the step since the start of the run.
     pub(crate) first_row: u64,
     /// Microvolts, all electrodes of the first step, then of the next.
     pub(crate) uv: &'a [f32],
@@ -29,18 +29,16 @@ pub(crate) struct Hops<'d> {
     overlap: Overlap,
     /// Number of windows decoded, missing ones included.
     windows: u32,
-    first_window: u32,
     z: Vec<f32>,
     uv: Vec<f32>,
 }
 
 impl<'d> Hops<'d> {
-    /// Creates the decoder of a file whose first window is `first_window`.
+    /// Creates the decoder of a file.
     pub(crate) fn new(
         decoder: &'d WindowDecoder,
         description: &Description,
         announcement: &'d Announcement,
-        first_window: u32,
     ) -> Self {
         let electrodes = description.montage.electrodes.len();
         let window = &description.window;
@@ -56,7 +54,6 @@ impl<'d> Hops<'d> {
                 full_scale_uv: announcement.full_scale_uv,
             }),
             windows: 0,
-            first_window,
             z: vec![0.0; announcement.scale.len()],
             uv: vec![0.0; window.hop * electrodes],
         }
@@ -72,7 +69,7 @@ impl<'d> Hops<'d> {
         code: &FileCode,
         mut emit: impl FnMut(DecodedHop) -> Result<(), E>,
     ) -> Result<(), E> {
-        while self.windows < code.window - self.first_window {
+        while self.windows < code.window {
             self.complete(None, Flags::empty(), &mut emit)?;
         }
         let numbers = self

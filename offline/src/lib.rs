@@ -16,6 +16,7 @@
 
 mod code_file;
 mod comparison;
+mod csv_field;
 mod decoding;
 mod encoding;
 mod error;
@@ -31,7 +32,7 @@ mod signal_file;
 mod survey;
 
 pub use code_file::CodeFileError;
-pub use comparison::{Comparison, ElectrodeError, Excerpt};
+pub use comparison::{Comparison, ElectrodeOrigin, ElectrodeSums, Excerpt, settling_s};
 pub use decoding::{Decoded, Decoding};
 pub use encoding::{Encoded, Encoding};
 pub use error::OfflineError;

@@ -16,14 +16,14 @@ pub(crate) struct Original {
 }
 
 impl Original {
-    /// Opens a recording and puts the filters at rest before its first sample.
+    /// Opens a recording, whose missing electrodes get the treatment `missing`, and puts the filters at rest before its first sample.
     ///
     /// # Errors
     /// Those of [`Played::open`].
-    pub(crate) fn open(path: &Path, mains: Mains) -> Result<Self, OfflineError> {
+    pub(crate) fn open(path: &Path, mains: Mains, missing: Missing) -> Result<Self, OfflineError> {
         Ok(Self {
             path: path.to_owned(),
-            played: Played::open(path, Missing::Interpolate)?,
+            played: Played::open(path, missing)?,
             front_end: FrontEnd::new(mains, &model::RESAMPLER),
         })
     }

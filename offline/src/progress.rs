@@ -28,6 +28,14 @@ impl Progress {
     /// [`OfflineError::Interrupted`] after [`Self::interrupt`].
     pub(crate) fn add_second(&self) -> Result<(), OfflineError> {
         self.seconds.fetch_add(1, Ordering::Relaxed);
+        self.check()
+    }
+
+    /// Returns whether the jobs may go on.
+    ///
+    /// # Errors
+    /// [`OfflineError::Interrupted`] after [`Self::interrupt`].
+    pub fn check(&self) -> Result<(), OfflineError> {
         if self.interrupted.load(Ordering::Relaxed) {
             return Err(OfflineError::Interrupted);
         }

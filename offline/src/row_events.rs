@@ -8,6 +8,8 @@ use crate::survey::Survey;
 
 /// GDF type of missing codes: the highest type without a fixed meaning.
 const MISSING_TYPE: u16 = 0x00ff;
+/// Highest GDF type of a text. Types above 255 have fixed meanings.
+const LAST_TEXT_TYPE: usize = 0x00fe;
 
 /// Events in the order of their rows.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -15,6 +17,8 @@ pub(crate) struct RowEvents {
     pub(crate) rows: Vec<RowEvent>,
     /// GDF types of texts, from 1.
     pub(crate) types: Vec<(String, u16)>,
+    /// Number of events outside the decoded signal, and of those that would need another type than 1 to 254.
+    pub(crate) left_out: usize,
 }
 
 impl RowEvents {
@@ -23,9 +27,11 @@ impl RowEvents {
     pub(crate) fn new(onsets: Option<&Onsets>, survey: &Survey, description: &Description) -> Self {
         let mut events = Self::default();
         if let Some(onsets) = onsets {
+            events.left_out = onsets.outside;
             for (onset_s, label) in onsets.seconds.iter().zip(&onsets.labels) {
-                if let Some(row) = row_of(*onset_s, survey, description) {
-                    events.add(row, label);
+                let row = row_of(*onset_s, survey, description);
+                if row.and_then(|row| events.add(row, label)).is_none() {
+                    events.left_out += 1;
                 }
             }
         }
@@ -40,27 +46,32 @@ impl RowEvents {
         events
     }
 
-    fn add(&mut self, row: u64, label: &EventLabel) {
+    /// Adds an event; `None` if no type is left for its text.
+    fn add(&mut self, row: u64, label: &EventLabel) -> Option<()> {
         let kind = match label {
             EventLabel::Type(kind) => *kind,
-            EventLabel::SparseSample(_) => return,
-            EventLabel::Text(text) => self.type_of(text),
+            EventLabel::SparseSample(_) => return None,
+            EventLabel::Text(text) => self.type_of(text)?,
         };
         self.rows.push(RowEvent {
             row,
             text: label.to_string(),
             kind,
         });
+        Some(())
     }
 
-    /// Returns the GDF type of a text: the next one for a new text.
-    fn type_of(&mut self, text: &str) -> u16 {
+    /// Returns the GDF type of a text: the next one for a new text, `None` if there is none.
+    fn type_of(&mut self, text: &str) -> Option<u16> {
         if let Some((_, kind)) = self.types.iter().find(|(known, _)| known == text) {
-            return *kind;
+            return Some(*kind);
         }
-        let kind = u16::try_from(self.types.len() + 1).unwrap_or(u16::MAX);
+        let kind = self.types.len() + 1;
+        let kind = u16::try_from(kind)
+            .ok()
+            .filter(|_| kind <= LAST_TEXT_TYPE)?;
         self.types.push((text.to_owned(), kind));
-        kind
+        Some(kind)
     }
 }
 
@@ -74,6 +85,6 @@ fn row_of(onset_s: f64, survey: &Survey, description: &Description) -> Option<u6
         clippy::cast_sign_loss,
         reason = "onsets are not negative; beyond 2^64 rows it saturates"
     )]
-    let row = (row as u64).checked_sub(survey.first_row(description))?;
+    let row = row as u64;
     (row < survey.rows(description)).then_some(row)
 }

@@ -9,7 +9,7 @@ use crate::code_file::{Announcement, CodeFile, CodeFileError};
 /// Consecutive windows whose codes are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Gap {
-    /// Index of the first missing window, counted from the first window of the file.
+    /// Index of the first missing window.
     pub(crate) first: u32,
     /// Number of missing windows.
     pub(crate) windows: u32,
@@ -21,9 +21,7 @@ pub(crate) struct Survey {
     pub(crate) announcement: Announcement,
     /// Number of codes.
     pub(crate) codes: u64,
-    /// Index of the first window in its run.
-    pub(crate) first_window: u32,
-    /// Number of windows from the first to the last one, missing ones included.
+    /// Number of windows from the start of the run to the last code, missing ones included.
     pub(crate) windows: u32,
     pub(crate) gaps: Vec<Gap>,
     /// Number of damaged frames.
@@ -39,27 +37,25 @@ impl Survey {
         mut file: CodeFile<impl Read>,
         description: &Description,
     ) -> Result<Self, CodeFileError> {
-        let (mut codes, mut range, mut gaps) = (0, None, Vec::new());
+        let (mut codes, mut windows, mut gaps) = (0, 0, Vec::new());
         while let Some(code) = file.next_code()? {
             codes += 1;
-            let (first, last) = *range.get_or_insert((code.window, code.window));
-            if code.window > last + 1 {
+            if code.window > windows {
                 gaps.push(Gap {
-                    first: last + 1 - first,
-                    windows: code.window - last - 1,
+                    first: windows,
+                    windows: code.window - windows,
                 });
             }
-            range = Some((first, code.window));
+            windows = code.window.saturating_add(1);
         }
-        let (Some((first, last)), Some(announcement)) = (range, file.announcement()) else {
+        let (1.., Some(announcement)) = (windows, file.announcement()) else {
             let steps = description.window.steps;
             return Err(CodeFileError::NoCodes { steps });
         };
         Ok(Self {
             announcement: announcement.clone(),
             codes,
-            first_window: first,
-            windows: last - first + 1,
+            windows,
             gaps,
             damaged: file.damaged(),
         })
@@ -68,11 +64,6 @@ impl Survey {
     /// Returns the number of missing windows.
     pub(crate) fn missing(&self) -> u64 {
         self.gaps.iter().map(|gap| u64::from(gap.windows)).sum()
-    }
-
-    /// Returns the step, counted from the start of the run, of the first row of the decoded signal.
-    pub(crate) fn first_row(&self, description: &Description) -> u64 {
-        u64::from(self.first_window) * description.window.hop as u64
     }
 
     /// Returns the number of rows of the decoded signal: the steps of all windows.

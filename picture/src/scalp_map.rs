@@ -39,6 +39,8 @@ const SIZE: (u32, u32) = (900, 860);
 const RADIUS: i32 = 330;
 /// Side of the squares of which the map consists, pixels.
 const SQUARE: i32 = 6;
+/// [`SQUARE`], for ranges.
+const STEP: usize = SQUARE.unsigned_abs() as usize;
 /// Distance from the nearest electrode up to which the map is coloured, in radii of the head.
 const REACH: f64 = 0.26;
 /// Number of colour levels.
@@ -65,7 +67,7 @@ impl ScalpMap {
         let centre = (400, 380);
         let largest = self.places.iter().map(|place| place.value);
         let largest = largest.fold(0.0, f64::max).max(f64::MIN_POSITIVE);
-        for row in (-RADIUS..RADIUS).step_by(6) {
+        for row in (-RADIUS..RADIUS).step_by(STEP) {
             self.draw_row(area, centre, row, largest)?;
         }
         let outline = INK.stroke_width(3);
@@ -91,7 +93,7 @@ impl ScalpMap {
     /// Draws one row of squares; neighbours of the same level share a rectangle.
     fn draw_row(&self, area: &Area, centre: (i32, i32), row: i32, largest: f64) -> Drawn {
         let middle = row + SQUARE / 2;
-        let squares = (-RADIUS..RADIUS).step_by(6).filter_map(|column| {
+        let squares = (-RADIUS..RADIUS).step_by(STEP).filter_map(|column| {
             let x = column + SQUARE / 2;
             let is_inside = x * x + middle * middle <= RADIUS * RADIUS;
             let [x, y] = [x, -middle].map(|at| f64::from(at) / f64::from(RADIUS));

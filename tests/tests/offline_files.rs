@@ -230,6 +230,41 @@ fn a_folder_is_encoded_and_decoded_although_one_file_is_no_recording() {
         assert!(folder.join("report").join(name).join("traces.svg").exists());
     }
 
+    let again = host_sim(
+        folder,
+        &[
+            "decode", "codes", "other", "--to", "csv", "--report", "report",
+        ],
+    );
+    let text = String::from_utf8_lossy(&again.stderr);
+    assert_eq!(again.status.code(), Some(2));
+    assert!(text.contains("report/index.html exists already"), "{text}");
+    let one = [
+        "decode",
+        "codes",
+        "other",
+        "--to",
+        "csv",
+        "--original",
+        "in/b.GDF",
+    ];
+    let one = host_sim(folder, &one);
+    let text = String::from_utf8_lossy(&one.stderr);
+    assert_eq!(one.status.code(), Some(2));
+    assert!(
+        text.contains("name the folder of their recordings"),
+        "{text}"
+    );
+    let full = host_sim(
+        folder,
+        &["decode", "codes/b.GDF.codes", "/dev/full", "--to", "csv"],
+    );
+    assert_eq!(full.status.code(), Some(1));
+    let pipe = host_sim(folder, &["decode", "/dev/null", "x.csv", "--to", "csv"]);
+    let text = String::from_utf8_lossy(&pipe.stderr);
+    assert_eq!(pipe.status.code(), Some(2));
+    assert!(text.contains("it is no file"), "{text}");
+
     let nothing = host_sim(folder, &["decode", "in", "--to", "csv"]);
     let text = String::from_utf8_lossy(&nothing.stderr);
     assert_eq!(nothing.status.code(), Some(2));

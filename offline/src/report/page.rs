@@ -3,7 +3,7 @@
 use artifact::Description;
 
 use super::{entry::Entry, pictures};
-use crate::comparison::Comparison;
+use crate::comparison::{Comparison, settling_s};
 
 const STYLE: &str = "body{font:16px/1.5 Helvetica,Arial,sans-serif;color:#1f2933;max-width:1240px;margin:2em auto;\
 padding:0 1em}table{border-collapse:collapse;margin:1em 0}th,td{padding:.25em .8em;text-align:right;border-bottom:\
@@ -49,7 +49,7 @@ fn code_interval_s(description: &Description) -> f64 {
 fn summary(description: &Description, entry: &Entry) -> String {
     let decoded = &entry.decoded;
     let name = escaped(&entry.name);
-    let errors = match &decoded.comparison {
+    let errors = match entry.compared() {
         Some(comparison) => {
             let total = comparison.total();
             let mse_uv2 = comparison.mse_uv2(total, comparison.electrodes.len());
@@ -59,6 +59,12 @@ fn summary(description: &Description, entry: &Entry) -> String {
                 total.prd_percent(),
                 comparison.total_measured().prd_percent(),
                 mse_uv2 / description.input.sd_uv.powi(2)
+            )
+        }
+        None if decoded.comparison.is_some() => {
+            format!(
+                "<td colspan=\"5\">too short to compare: the filters settle for {} s</td>",
+                settling_s()
             )
         }
         None => "<td colspan=\"5\">no original to compare with</td>".to_owned(),
@@ -78,31 +84,35 @@ fn section(description: &Description, entry: &Entry) -> String {
     let picture = |file: &str, what: &str| {
         format!("<img loading=\"lazy\" src=\"{folder}/{file}\" alt=\"{what}\">\n")
     };
-    let compared = entry.decoded.comparison.as_ref().map(|comparison| {
+    let compared = entry.compared().map(|comparison| {
         let mut text = picture(pictures::TRACES, "original and decoded signal");
         text += &picture(pictures::SCALP, "error of each electrode on the scalp");
         text += &electrodes(description, comparison);
         text
     });
-    let levels = picture(pictures::LEVELS, "histogram of the codes' values");
+    let levels = picture(pictures::LEVELS, "histogram of the codes' levels");
     let compared = compared.unwrap_or_default();
-    format!("<h2 id=\"{name}\">{name}</h2>\n{compared}{levels}")
+    let types = entry.decoded.event_types.iter();
+    let types: Vec<String> = types
+        .map(|(text, kind)| format!("{kind} {}", escaped(text)))
+        .collect();
+    let types = if types.is_empty() {
+        String::new()
+    } else {
+        format!("<p>Event types in GDF: {}.</p>\n", types.join(", "))
+    };
+    format!("<h2 id=\"{name}\">{name}</h2>\n{compared}{levels}{types}")
 }
 
 fn electrodes(description: &Description, comparison: &Comparison) -> String {
     let unit = description.input.sd_uv.powi(2);
     let labels = description.montage.electrodes.iter();
-    let errors = comparison.electrodes.iter().zip(&comparison.measured);
-    let rows = labels.zip(errors).map(|(label, (error, measured))| {
+    let errors = comparison.electrodes.iter().zip(&comparison.origins);
+    let rows = labels.zip(errors).map(|(label, (error, origin))| {
         let mse_uv2 = comparison.mse_uv2(*error, 1);
         format!(
-            "<tr><td>{}</td><td>{}</td><td>{:.2} %</td><td>{:.5}</td><td>{mse_uv2:.2}</td></tr>\n",
+            "<tr><td>{}</td><td>{origin}</td><td>{:.2} %</td><td>{:.5}</td><td>{mse_uv2:.2}</td></tr>\n",
             escaped(label),
-            if *measured {
-                "measured"
-            } else {
-                "interpolated"
-            },
             error.prd_percent(),
             mse_uv2 / unit
         )

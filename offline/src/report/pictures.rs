@@ -9,7 +9,7 @@ use picture::traces::{Trace, Traces};
 use recordings::Position;
 
 use super::entry::Entry;
-use crate::comparison::Comparison;
+use crate::comparison::{Comparison, ElectrodeOrigin};
 use crate::error::OfflineError;
 
 /// File name of the picture of original and decoded signal.
@@ -30,12 +30,9 @@ pub(super) fn draw(
     description: &Description,
     entry: &Entry,
 ) -> Result<(), OfflineError> {
-    if let Some(comparison) = &entry.decoded.comparison {
+    if let Some(comparison) = entry.compared() {
         traces(description, comparison, &entry.name).draw(&folder.join(TRACES))?;
-        let map = scalp_map(description, comparison, &entry.name);
-        if !map.places.is_empty() {
-            map.draw(&folder.join(SCALP))?;
-        }
+        scalp_map(description, comparison, &entry.name).draw(&folder.join(SCALP))?;
     }
     Ok(levels(entry).draw(&folder.join(LEVELS))?)
 }
@@ -71,8 +68,8 @@ fn traces(description: &Description, comparison: &Comparison, name: &str) -> Tra
 
 /// Returns the electrodes to show, evenly spaced over the measured ones.
 fn shown(comparison: &Comparison) -> Vec<usize> {
-    let electrodes = comparison.measured.iter().enumerate();
-    let measured = electrodes.filter(|(_, measured)| **measured);
+    let electrodes = comparison.origins.iter().enumerate();
+    let measured = electrodes.filter(|(_, origin)| **origin == ElectrodeOrigin::Measured);
     let measured: Vec<usize> = measured.map(|(electrode, _)| electrode).collect();
     let count = SHOWN.min(measured.len());
     (0..count)
@@ -82,17 +79,17 @@ fn shown(comparison: &Comparison) -> Vec<usize> {
 
 fn scalp_map(description: &Description, comparison: &Comparison, name: &str) -> ScalpMap {
     let electrodes = description.montage.electrodes.iter();
-    let errors = comparison.electrodes.iter().zip(&comparison.measured);
+    let errors = comparison.electrodes.iter().zip(&comparison.origins);
     let places = electrodes
         .zip(errors)
-        .filter_map(|(label, (error, measured))| {
+        .filter_map(|(label, (error, origin))| {
             let value = error.prd_percent();
             let at = on_map(Position::from_label(label)?);
             value.is_finite().then(|| Place {
                 label: label.clone(),
                 at,
                 value,
-                is_measured: *measured,
+                is_measured: *origin == ElectrodeOrigin::Measured,
             })
         });
     ScalpMap {
@@ -127,7 +124,7 @@ fn levels(entry: &Entry) -> Histogram {
             f64::from(*levels.range.end()) + 1.0,
         ],
         counts: levels.bins.to_vec(),
-        title: "Values of the codes".to_owned(),
+        title: "Levels of the codes".to_owned(),
         subtitle: format!(
             "{}: {} values in {} codes, {} at an end of the range",
             entry.name,

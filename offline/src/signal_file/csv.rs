@@ -7,10 +7,12 @@ use std::{
 
 use link::Flags;
 
+use crate::csv_field::field;
+
 use super::signal::{RowEvent, Signal, SignalFile};
 
 /// Writes a header line, and one line per row: `row`, `time_s` (time at the electrodes since the first
-/// sample), `flags`, `events`, and one column per electrode.
+/// sample), `flags`, `events` (separated by `|`), and one column per electrode.
 pub(super) struct CsvFile {
     out: BufWriter<File>,
     electrodes: usize,
@@ -53,12 +55,11 @@ impl SignalFile for CsvFile {
     fn write_hop(&mut self, uv: &[f32], flags: Flags) -> io::Result<()> {
         for values in uv.chunks_exact(self.electrodes) {
             write!(self.out, "{},{},{},", self.row, self.time_s(), flags.bits())?;
-            let mut separator = "";
+            let mut texts = Vec::new();
             while let Some(event) = self.events.pop_if(|event| event.row <= self.row) {
-                let text = event.text.replace([',', '\n', '\r'], " ");
-                write!(self.out, "{separator}{text}")?;
-                separator = ";";
+                texts.push(event.text);
             }
+            write!(self.out, "{}", field(&texts.join("|")))?;
             for value in values {
                 write!(self.out, ",{value}")?;
             }

@@ -1,6 +1,6 @@
 //! The error of each electrode is that of the written file against the filtered recording.
 
-use offline::SignalFormat;
+use offline::{ElectrodeOrigin, SignalFormat};
 use pipeline::{FrontEnd, Mains, Sample};
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 
@@ -34,12 +34,23 @@ fn errors_are_those_of_the_settled_steps() {
             "{electrode}"
         );
     }
-    assert_eq!(comparison.measured, vec![true; labels().len()]);
+    let measured = vec![ElectrodeOrigin::Measured; labels().len()];
+    assert_eq!(comparison.origins, measured);
     let excerpt = &comparison.excerpt;
     assert_eq!(excerpt.original_uv.len(), 4 * 128);
     let row = usize::try_from(excerpt.first_row).expect("few rows");
     assert!((f64::from(excerpt.decoded_uv[7][3]) - written[3][row + 7]).abs() < 1e-9);
     assert!((f64::from(excerpt.original_uv[7][3]) - original[row + 7][3]).abs() < 1e-3);
+}
+
+#[test]
+fn a_recording_in_which_the_filters_settle_to_the_end_has_no_error() {
+    let fixture = Fixture::new();
+    fixture.encode();
+    let decoded = fixture.decode(&fixture.codes(), "decoded.gdf", SignalFormat::Gdf, true);
+    let comparison = decoded.expect("decoded").comparison.expect("an original");
+    assert_eq!(comparison.steps, 0);
+    assert!(!comparison.total().prd_percent().is_finite());
 }
 
 /// Returns the electrodes of all steps after the filters, uV.

@@ -5,7 +5,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use link::{Decoder, Encoder, MAX_FRAME, ToHost};
-use offline::{OfflineError, Progress, SignalFormat};
+use new_file::{Existing, NewFileError};
+use offline::{Encoding, OfflineError, Progress, SignalFormat};
 
 use crate::recording::{ENCODING, Fixture};
 
@@ -73,6 +74,27 @@ fn missing_codes_are_covered_by_their_neighbours_or_flagged() {
     assert_eq!(lines[81 * model::HOP][4..], lines[81 * model::HOP - 1][4..]);
     assert_eq!(lines[50 * model::HOP][3], "codes missing: 1");
     assert_eq!(lines[80 * model::HOP][3], "codes missing: 3");
+}
+
+#[test]
+fn codes_that_are_missing_at_the_start_keep_the_time_of_the_others() {
+    let fixture = Fixture::new();
+    fixture.encode();
+    let bytes = fs::read(fixture.codes()).expect("codes");
+    let kept = frames(&bytes).into_iter();
+    let kept = kept.filter(|(window, _)| window.is_none_or(|window| window >= 10));
+    let kept: Vec<u8> = kept.flat_map(|(_, frame)| frame).collect();
+    let path = variant(&fixture, "late.codes", &kept);
+    let whole = fixture.decode(&fixture.codes(), "whole.csv", SignalFormat::Csv, false);
+    let decoded = fixture.decode(&path, "late.csv", SignalFormat::Csv, false);
+    let (whole, decoded) = (whole.expect("decoded"), decoded.expect("decoded"));
+    assert_eq!((decoded.missing, decoded.rows), (10, whole.rows));
+    let [whole, late] =
+        ["whole.csv", "late.csv"].map(|name| fs::read_to_string(fixture.path(name)).expect("text"));
+    // The first hop of window 10 is shared with window 9.
+    let same = whole.lines().zip(late.lines()).skip(1 + 11 * model::HOP);
+    assert!(same.clone().count() > 100);
+    assert!(same.clone().all(|(whole, late)| whole == late));
 }
 
 #[test]
@@ -178,14 +200,20 @@ fn outputs_are_never_inputs_and_are_absent_after_an_interruption() {
     assert!(matches!(error, Err(OfflineError::Interrupted)));
     assert!(!fixture.codes().exists());
     let before = fs::read(fixture.recording()).expect("a recording");
-    let itself = ENCODING.encode(
+    let replacing = Encoding {
+        existing: Existing::Replace,
+        ..ENCODING
+    };
+    let itself = replacing.encode(
         &fixture.recording(),
         &fixture.recording(),
         &Progress::default(),
     );
-    assert!(itself.is_err());
+    let refused =
+        |error: OfflineError| matches!(error, OfflineError::NewFile(NewFileError::Input { .. }));
+    assert!(refused(itself.expect_err("the input")));
     assert_eq!(fs::read(fixture.recording()).expect("a recording"), before);
-    let folder = fixture.codes();
+    let folder = fixture.recording();
     let folder = folder
         .parent()
         .expect("a folder")

@@ -2,12 +2,13 @@
 
 use std::fs;
 
-use offline::SignalFormat;
+use new_file::Existing;
+use offline::{Decoding, Model, Progress, SignalFormat};
 use pipeline::{Mains, Pipeline, Sample};
 use reconstruction::{WindowDecoder, dequantise};
 use recordings::{AdcSpec, EventLabel, Missing, MontageMap, Recording, VirtualAdc};
 
-use crate::recording::{EVENTS, Fixture, labels, values};
+use crate::recording::{ENCODING, EVENTS, Fixture, labels, values};
 
 /// Rounding of a 16-bit and of a 24-bit file, and of float32, uV.
 const ROUNDING_UV: [(SignalFormat, f64); 3] = [
@@ -56,7 +57,7 @@ fn rows_are_the_means_of_all_windows_that_contain_them() {
 fn events_stand_at_the_rows_that_show_them() {
     let fixture = Fixture::new();
     fixture.encode();
-    for format in [SignalFormat::Edf, SignalFormat::Gdf] {
+    for format in [SignalFormat::Edf, SignalFormat::Bdf, SignalFormat::Gdf] {
         let name = format!("decoded.{}", format.extension());
         let decoded = fixture.decode(&fixture.codes(), &name, format, true);
         decoded.expect("decoded");
@@ -82,6 +83,36 @@ fn events_stand_at_the_rows_that_show_them() {
 }
 
 #[test]
+fn texts_of_events_get_types_in_a_gdf_file() {
+    let fixture = Fixture::new();
+    fixture.encode();
+    let texts = fixture.decode(&fixture.codes(), "texts.edf", SignalFormat::Edf, true);
+    texts.expect("decoded");
+    let (texts, codes) = (fixture.path("texts.edf"), fixture.path("texts.codes"));
+    ENCODING
+        .encode(&texts, &codes, &Progress::default())
+        .expect("encoded");
+    let model = Model::embedded().expect("a model");
+    let decoding = Decoding {
+        model: &model,
+        format: SignalFormat::Gdf,
+        existing: Existing::Refuse,
+    };
+    let output = fixture.path("types.gdf");
+    let decoded = decoding.decode(&codes, &output, Some(&texts), &Progress::default());
+    let types = decoded.expect("decoded").event_types;
+    assert_eq!(types, [("0x0301".to_owned(), 1), ("0x0302".to_owned(), 2)]);
+    let mut recording = Recording::open(output).expect("a recording");
+    let labels = recording
+        .events()
+        .expect("events")
+        .into_iter()
+        .map(|event| event.label);
+    let labels: Vec<EventLabel> = labels.collect();
+    assert_eq!(labels, [1, 2, 1].map(EventLabel::Type));
+}
+
+#[test]
 fn a_line_of_csv_has_row_time_flags_events_and_microvolts() {
     let fixture = Fixture::new();
     fixture.encode();
@@ -96,7 +127,7 @@ fn a_line_of_csv_has_row_time_flags_events_and_microvolts() {
     for (row, line) in lines.enumerate() {
         let fields: Vec<&str> = line.split(',').collect();
         assert_eq!(fields[0], row.to_string());
-        events.extend(fields[3].split(';').filter(|event| !event.is_empty()));
+        events.extend(fields[3].split('|').filter(|event| !event.is_empty()));
         let written: Vec<f32> = fields[4..]
             .iter()
             .map(|x| x.parse().expect("a number"))

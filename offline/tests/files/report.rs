@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use new_file::Existing;
 use offline::report::{self, Entry};
 use offline::{Model, SignalFormat};
 
@@ -19,7 +20,10 @@ fn a_report_names_every_recording_and_electrode() {
     });
     let model = Model::embedded().expect("a model");
     let folder = fixture.path("report");
+    report::check(&folder, Existing::Refuse).expect("a new folder");
     report::write(&folder, &model.description, &entries).expect("a report");
+    assert!(report::check(&folder, Existing::Refuse).is_err());
+    report::check(&folder, Existing::Replace).expect("a report to replace");
     let page = fs::read_to_string(folder.join("index.html")).expect("a page");
     assert!(page.contains("S1/a &lt;1&gt;") && page.contains("src=\"S1/a%20&lt;1&gt;/scalp.svg\""));
     assert!(page.contains("no original to compare with"));
