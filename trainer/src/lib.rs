@@ -58,11 +58,12 @@ pub mod evaluate;
 mod filters;
 pub mod golden;
 mod in_parallel;
+mod layers;
 pub mod montage_check;
 pub mod network;
 pub mod parameters;
 pub mod pca;
-mod pool;
+
 pub mod recording_check;
 mod resampler;
 pub mod schedule;

@@ -5,7 +5,7 @@ use crate::calibrate::calibrated_artifact;
 use crate::card::{self, Shape};
 use crate::dataset::Dataset;
 use crate::testing;
-use artifact::{Artifact, FloatDecoder, FloatEncoder, MontageFile, Padding};
+use artifact::{Artifact, FloatDecoder, FloatEncoder, Mode, MontageFile, Padding};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
