@@ -36,18 +36,6 @@ pub(crate) fn add_scaled(sums: &mut Lanes, factor: f32, values: &Lanes) {
     }
 }
 
-/// Adds `a * b` to `sums`, lane by lane.
-#[inline(always)]
-#[expect(
-    clippy::inline_always,
-    reason = "its callers enable the processor's instructions"
-)]
-pub(crate) fn add_products(sums: &mut Lanes, a: &Lanes, b: &Lanes) {
-    for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-        *sum = a.mul_add(*b, *sum);
-    }
-}
-
 /// Returns the sum over all lanes, in pairs: 8 and 8, 4 and 4, 2 and 2, 1 and 1.
 pub(crate) fn total(lanes: &Lanes) -> f32 {
     let mut sums = *lanes;

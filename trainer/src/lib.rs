@@ -52,6 +52,7 @@ pub mod adam;
 pub mod calibrate;
 pub mod card;
 pub mod checkpoint;
+pub mod crossval;
 pub mod dataset;
 pub mod error;
 pub mod evaluate;

@@ -67,9 +67,18 @@ impl Network {
             let (_, window) = autoencoder.reconstruct(group);
             group.squared_error(&window)
         });
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 numbers")]
-        let count = (windows.len() * self.geometry.dimensions.window_electrodes()) as f64;
-        sums.iter().sum::<f64>() / count
+        sums.iter().sum::<f64>() / self.count(windows)
+    }
+
+    /// Returns the mean squared error over windows, and the mean square of the windows; batch norm uses the
+    /// running statistics.
+    pub fn errors(&self, parameters: &Parameters, windows: &[&Window]) -> [f64; 2] {
+        let squares = |window: &&Window| window.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
+        let signal: f64 = windows.iter().map(squares).sum();
+        [
+            self.mean_squared_error(parameters, windows),
+            signal / self.count(windows),
+        ]
     }
 
     /// Returns codes and reconstructed windows; batch norm uses the running statistics.
@@ -86,6 +95,12 @@ impl Network {
         });
         let (codes, windows): (Vec<_>, Vec<_>) = results.into_iter().unzip();
         (codes.concat(), windows.concat())
+    }
+
+    /// Returns the number of values of all windows.
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 numbers")]
+    fn count(&self, windows: &[&Window]) -> f64 {
+        (windows.len() * self.geometry.dimensions.window_electrodes()) as f64
     }
 
     fn groups(&self, windows: &[&Window]) -> Vec<Group> {

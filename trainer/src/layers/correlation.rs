@@ -83,7 +83,7 @@ impl NullaryFnOnce for Correlate<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn call(self) {
+    fn call(mut self) {
         if self.kernels.tile == TILE {
             self.run::<TILE>();
         } else {
@@ -118,14 +118,13 @@ impl Reach {
 
 impl Correlate<'_> {
     #[inline(always)]
-    fn run<const T: usize>(self) {
+    fn run<const T: usize>(&mut self) {
         let [_, rows, columns] = self.x.size;
         let [out_steps, out_rows, out_columns] = self.y.size;
-        let places = product(self.x.size);
+        let out_places = product(self.y.size);
         let per_tile = self.kernels.inputs * TAPS * T;
-        let tiles = self.kernels.values.chunks_exact(per_tile);
-        let outputs = self.y.values.chunks_exact_mut(T * product(self.y.size));
-        for ((kernels, bias), y) in tiles.zip(self.bias.as_chunks::<T>().0).zip(outputs) {
+        for (tile, bias) in self.bias.as_chunks::<T>().0.iter().enumerate() {
+            let kernels = &self.kernels.values[tile * per_tile..(tile + 1) * per_tile];
             let mut at = 0;
             for step in 0..out_steps {
                 let in_step = Reach::new(step, self.pads[0], self.x.size[0]);
@@ -133,32 +132,53 @@ impl Correlate<'_> {
                     let in_row = Reach::new(row, self.pads[1], rows);
                     for column in 0..out_columns {
                         let in_column = Reach::new(column, self.pads[2], columns);
-                        let mut sums: [Lanes; T] = bias.map(|bias| [bias; LANES]);
-                        let inputs = self.x.values.chunks_exact(places);
-                        for (x, w) in inputs.zip(kernels.chunks_exact(TAPS * T)) {
-                            for t in 0..in_step.count {
-                                for r in 0..in_row.count {
-                                    let place = (in_step.input + t) * rows + in_row.input + r;
-                                    let place = place * columns + in_column.input;
-                                    let tap = (in_step.first + t) * KERNEL + in_row.first + r;
-                                    let tap = tap * KERNEL + in_column.first;
-                                    let x = &x[place..place + in_column.count];
-                                    let w = &w[tap * T..(tap + in_column.count) * T];
-                                    for (x, w) in x.iter().zip(w.as_chunks::<T>().0) {
-                                        for output in 0..T {
-                                            add_scaled(&mut sums[output], w[output], x);
-                                        }
-                                    }
-                                }
-                            }
-                        }
+                        let reach = [in_step, in_row, in_column];
+                        let start: [Lanes; T] = bias.map(|bias| [bias; LANES]);
+                        let sums = match in_column.count {
+                            1 => self.sums::<T, 1>(kernels, reach, start),
+                            2 => self.sums::<T, 2>(kernels, reach, start),
+                            _ => self.sums::<T, KERNEL>(kernels, reach, start),
+                        };
                         for (output, sums) in sums.iter().enumerate() {
-                            y[output * out_steps * out_rows * out_columns + at] = *sums;
+                            self.y.values[(tile * T + output) * out_places + at] = *sums;
                         }
                         at += 1;
                     }
                 }
             }
         }
+    }
+
+    /// Returns the sums of one place of `T` output channels, which meets `C` columns of each kernel.
+    #[inline(always)]
+    fn sums<const T: usize, const C: usize>(
+        &self,
+        kernels: &[f32],
+        [step, row, column]: [Reach; 3],
+        mut sums: [Lanes; T],
+    ) -> [Lanes; T] {
+        let [_, rows, columns] = self.x.size;
+        let inputs = self.x.values.chunks_exact(product(self.x.size));
+        for (x, w) in inputs.zip(kernels.chunks_exact(TAPS * T)) {
+            for t in 0..step.count {
+                for r in 0..row.count {
+                    let place = (step.input + t) * rows + row.input + r;
+                    let tap = (step.first + t) * KERNEL + row.first + r;
+                    let x = x[place * columns + column.input..].first_chunk::<C>();
+                    let w = w[(tap * KERNEL + column.first) * T..]
+                        .as_chunks::<T>()
+                        .0
+                        .first_chunk::<C>();
+                    if let (Some(x), Some(w)) = (x, w) {
+                        for c in 0..C {
+                            for output in 0..T {
+                                add_scaled(&mut sums[output], w[c][output], &x[c]);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        sums
     }
 }

@@ -92,6 +92,9 @@ impl<'a> Autoencoder<'a> {
 
     /// Returns code and reconstructed electrodes of a group; batch norm uses the running statistics.
     pub(super) fn reconstruct(&self, group: &Group) -> (Vec<Lanes>, Vec<Lanes>) {
+        if !self.mode().has_convolutions() {
+            return self.project(group);
+        }
         let x = self.running_norm("encoder.norm1").apply(&self.first(group));
         let x = self.running_norm("encoder.norm2").apply(&self.second(&x));
         let encoded = self.encode(group, &x);
@@ -99,6 +102,19 @@ impl<'a> Autoencoder<'a> {
         let x = x.apply(&self.expand(&encoded).hidden);
         let window = self.window(&x, &encoded.code);
         (encoded.code, window)
+    }
+
+    /// Returns code and reconstructed electrodes of a group in mode `pca`.
+    fn project(&self, group: &Group) -> (Vec<Lanes>, Vec<Lanes>) {
+        let (encoder, decoder) = (
+            self.matrix("encoder.shortcut"),
+            self.matrix("decoder.shortcut"),
+        );
+        let mut code = vec![[0.0; LANES]; encoder.outputs];
+        encoder.multiply(&group.electrodes, &mut code);
+        let mut window = vec![[0.0; LANES]; decoder.outputs];
+        decoder.multiply(&code, &mut window);
+        (code, window)
     }
 
     /// Returns the output of the first convolution and its ReLU.
