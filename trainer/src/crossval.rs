@@ -73,10 +73,6 @@ pub trait CrossvalObserver {
     fn epoch_finished(&mut self, epoch: u32, epochs: u32, validation: f64);
     /// Reports the outcome of the current fold.
     fn fold_finished(&mut self, outcome: &Outcome);
-    /// Returns whether the user asked to stop; it is asked after each epoch.
-    fn is_interrupted(&self) -> bool {
-        false
-    }
 }
 
 /// Computes the folds of the shard whose outcomes are missing, and writes each outcome. Returns the table if

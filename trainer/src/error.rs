@@ -224,9 +224,4 @@ pub enum TrainerError {
         /// Names of the folds.
         missing: Vec<String>,
     },
-    /// The user asked to stop.
-    #[error(
-        "interrupted; what is finished is stored, and the same command continues with the rest"
-    )]
-    Interrupted,
 }

@@ -12,7 +12,7 @@ mod batch;
 mod group;
 
 use autoencoder::Autoencoder;
-use group::Group;
+use group::{Group, by_window, lanes};
 
 /// Weight of a batch in the running statistics; PyTorch's default.
 const MOMENTUM: f32 = 0.1;
@@ -32,6 +32,16 @@ pub struct BatchGradients {
     pub loss: f64,
     /// Gradients of the loss with respect to all parameters except the running statistics.
     pub gradients: Gradients,
+}
+
+/// Codes of windows, and what calibration needs besides them.
+#[derive(Debug)]
+pub struct Trace {
+    /// Codes, one window after the other.
+    pub codes: Vec<f32>,
+    /// Largest |g| * relu(conv) of both convolutions over all windows, where g = weight / sqrt(variance +
+    /// 1e-5) of the batch norm after it; 0 in mode `pca`.
+    pub activations: [f32; 2],
 }
 
 impl Network {
@@ -91,7 +101,10 @@ impl Network {
         let groups = self.groups(windows);
         let results = in_parallel::map(&groups, |group| {
             let (code, window) = autoencoder.reconstruct(group);
-            (group.by_window(&code), group.by_window(&window))
+            (
+                by_window(&code, group.windows),
+                by_window(&window, group.windows),
+            )
         });
         let (codes, windows): (Vec<_>, Vec<_>) = results.into_iter().unzip();
         (codes.concat(), windows.concat())
@@ -101,6 +114,41 @@ impl Network {
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 numbers")]
     fn count(&self, windows: &[&Window]) -> f64 {
         (windows.len() * self.geometry.dimensions.window_electrodes()) as f64
+    }
+
+    /// Returns the windows that codes, one after the other, decode to; batch norm uses the running statistics.
+    ///
+    /// # Panics
+    /// In mode `paper`, whose codes cannot be decoded.
+    pub fn decode(&self, parameters: &Parameters, codes: &[f32]) -> Vec<f32> {
+        let autoencoder = Autoencoder::new(self, parameters);
+        let numbers = self.geometry.dimensions.numbers;
+        let codes: Vec<&[f32]> = codes.chunks_exact(numbers).collect();
+        let groups: Vec<&[&[f32]]> = codes.chunks(LANES).collect();
+        let windows = in_parallel::map(&groups, |codes| {
+            by_window(&autoencoder.decode(&lanes(codes, numbers)), codes.len())
+        });
+        windows.concat()
+    }
+
+    /// Returns the codes of windows and the largest activations; batch norm uses the running statistics.
+    pub fn trace(&self, parameters: &Parameters, windows: &[&Window]) -> Trace {
+        let autoencoder = Autoencoder::new(self, parameters);
+        let traces = in_parallel::map(&self.groups(windows), |group| {
+            let (code, activations) = autoencoder.trace(group);
+            (by_window(&code, group.windows), activations)
+        });
+        let mut trace = Trace {
+            codes: Vec::new(),
+            activations: [0.0; 2],
+        };
+        for (codes, activations) in traces {
+            trace.codes.extend(codes);
+            for (largest, activation) in trace.activations.iter_mut().zip(activations) {
+                *largest = largest.max(activation);
+            }
+        }
+        trace
     }
 
     fn groups(&self, windows: &[&Window]) -> Vec<Group> {

@@ -116,9 +116,6 @@ fn train(
     while !training.is_done() {
         let report = training.run_epoch(network, split, |_, _| {})?;
         observer.epoch_finished(report.epoch, training.epochs(), report.validation);
-        if observer.is_interrupted() {
-            return Err(TrainerError::Interrupted);
-        }
     }
     Ok(training)
 }

@@ -114,6 +114,17 @@ impl<'a> BatchNorm<'a> {
         y
     }
 
+    /// Returns the largest value of the first `windows` windows times the magnitude of its channel's factor.
+    pub(crate) fn largest_scaled(&self, x: &Volume, windows: usize) -> f32 {
+        let channels = x.by_channel().enumerate();
+        let largest = channels.map(|(channel, values)| {
+            let values = values.iter().flat_map(|lanes| &lanes[..windows]);
+            let largest = values.fold(0.0_f32, |largest, value| largest.max(*value));
+            largest * (self.inverse[channel] * self.gain[channel]).abs()
+        });
+        largest.fold(0.0, f32::max)
+    }
+
     /// Returns the gradients of gain and offset, from input and gradient at the output. Windows without a
     /// gradient do not count.
     pub(crate) fn parameter_gradient(&self, x: &Volume, gradient: &Volume) -> NormGradient {

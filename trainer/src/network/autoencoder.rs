@@ -9,7 +9,7 @@ use crate::layers::pool::{Pooled, max_pool, unpool};
 use crate::layers::volume::Volume;
 use crate::layers::{LANES, Lanes};
 use crate::parameters::Parameters;
-use artifact::{CONV2_CHANNELS, Mode};
+use artifact::Mode;
 
 /// The autoencoder with its parameters. A layer's name is that of its tensors.
 #[derive(Debug)]
@@ -93,28 +93,54 @@ impl<'a> Autoencoder<'a> {
     /// Returns code and reconstructed electrodes of a group; batch norm uses the running statistics.
     pub(super) fn reconstruct(&self, group: &Group) -> (Vec<Lanes>, Vec<Lanes>) {
         if !self.mode().has_convolutions() {
-            return self.project(group);
+            let code = self.project(group);
+            let window = self.decode(&code);
+            return (code, window);
         }
         let x = self.running_norm("encoder.norm1").apply(&self.first(group));
         let x = self.running_norm("encoder.norm2").apply(&self.second(&x));
         let encoded = self.encode(group, &x);
-        let x = self.running_norm("decoder.norm1");
-        let x = x.apply(&self.expand(&encoded).hidden);
-        let window = self.window(&x, &encoded.code);
+        let window = self.decode_running(&encoded.code, Some(&encoded.pooled));
         (encoded.code, window)
     }
 
-    /// Returns code and reconstructed electrodes of a group in mode `pca`.
-    fn project(&self, group: &Group) -> (Vec<Lanes>, Vec<Lanes>) {
-        let (encoder, decoder) = (
-            self.matrix("encoder.shortcut"),
-            self.matrix("decoder.shortcut"),
-        );
+    /// Returns the electrodes that a code decodes to; batch norm uses the running statistics.
+    pub(super) fn decode(&self, code: &[Lanes]) -> Vec<Lanes> {
+        if self.mode().has_convolutions() {
+            return self.decode_running(code, None);
+        }
+        let decoder = self.matrix("decoder.shortcut");
+        let mut window = vec![[0.0; LANES]; decoder.outputs];
+        decoder.multiply(code, &mut window);
+        window
+    }
+
+    fn decode_running(&self, code: &[Lanes], pooled: Option<&Pooled>) -> Vec<Lanes> {
+        let x = self.expand(code, pooled).hidden;
+        self.window(&self.running_norm("decoder.norm1").apply(&x), code)
+    }
+
+    /// Returns the code of a group, and the largest activation of each convolution times the factor of the batch
+    /// norm after it; batch norm uses the running statistics.
+    pub(super) fn trace(&self, group: &Group) -> (Vec<Lanes>, [f32; 2]) {
+        if !self.mode().has_convolutions() {
+            return (self.project(group), [0.0; 2]);
+        }
+        let norms = ["encoder.norm1", "encoder.norm2"].map(|name| self.running_norm(name));
+        let first = self.first(group);
+        let second = self.second(&norms[0].apply(&first));
+        let activations = [(&norms[0], &first), (&norms[1], &second)]
+            .map(|(norm, x)| norm.largest_scaled(x, group.windows));
+        let encoded = self.encode(group, &norms[1].apply(&second));
+        (encoded.code, activations)
+    }
+
+    /// Returns the code of a group in mode `pca`.
+    fn project(&self, group: &Group) -> Vec<Lanes> {
+        let encoder = self.matrix("encoder.shortcut");
         let mut code = vec![[0.0; LANES]; encoder.outputs];
         encoder.multiply(&group.electrodes, &mut code);
-        let mut window = vec![[0.0; LANES]; decoder.outputs];
-        decoder.multiply(&code, &mut window);
-        (code, window)
+        code
     }
 
     /// Returns the output of the first convolution and its ReLU.
@@ -145,18 +171,20 @@ impl<'a> Autoencoder<'a> {
         Encoded { pooled, code }
     }
 
-    /// Returns the output of the decoder's first convolution.
-    pub(super) fn expand(&self, encoded: &Encoded) -> Expanded {
+    /// Returns the output of the decoder's first convolution. In mode `paper`, the places of the encoder's maxima
+    /// come with the pools.
+    pub(super) fn expand(&self, code: &[Lanes], pooled: Option<&Pooled>) -> Expanded {
         let geometry = &self.network.geometry;
         let bias = self.parameters.values("decoder.fc.bias");
         let mut flat: Vec<Lanes> = bias.iter().map(|bias| [*bias; LANES]).collect();
-        self.matrix("decoder.fc").multiply(&encoded.code, &mut flat);
+        self.matrix("decoder.fc").multiply(code, &mut flat);
         let unpooled = if self.mode() == Mode::Paper {
-            encoded.pooled.scatter(&flat, geometry)
+            let pooled =
+                pooled.expect("the encoder's pools, without which mode paper does not decode");
+            pooled.scatter(&flat, geometry)
         } else {
             unpool(&flat, geometry)
         };
-        debug_assert_eq!(unpooled.channels, CONV2_CHANNELS);
         let mut hidden = self.layer("decoder.conv1").convolve_transposed(&unpooled);
         hidden.rectify();
         Expanded { unpooled, hidden }

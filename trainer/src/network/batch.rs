@@ -51,7 +51,7 @@ pub(super) fn gradients<'a>(
     let norm2 = autoencoder.norm("encoder.norm2", &moments2);
     let expanded = each(groups.len(), |at| {
         let encoded = autoencoder.encode(&groups[at], &norm2.apply(&second[at].1));
-        let expanded = autoencoder.expand(&encoded);
+        let expanded = autoencoder.expand(&encoded.code, Some(&encoded.pooled));
         (encoded, expanded)
     });
     let moments3 = moments(groups, |at| &expanded[at].1.hidden);

@@ -20,12 +20,7 @@ impl Group {
     /// Lays out at most [`LANES`] windows.
     pub(super) fn new(network: &Network, windows: &[&Window]) -> Self {
         let dimensions = network.geometry.dimensions;
-        let mut electrodes = vec![[0.0; LANES]; dimensions.window_electrodes()];
-        for (lane, window) in windows.iter().enumerate() {
-            for (lanes, value) in electrodes.iter_mut().zip(*window) {
-                lanes[lane] = *value;
-            }
-        }
+        let electrodes = lanes(windows, dimensions.window_electrodes());
         Self {
             windows: windows.len(),
             cells: network.scatter(&electrodes),
@@ -43,14 +38,25 @@ impl Group {
         }
         sums[..self.windows].iter().sum()
     }
+}
 
-    /// Returns the values of each window, one window after the other.
-    pub(super) fn by_window(&self, values: &[Lanes]) -> Vec<f32> {
-        let windows = 0..self.windows;
-        windows
-            .flat_map(|lane| values.iter().map(move |lanes| lanes[lane]))
-            .collect()
+/// Lays out at most [`LANES`] vectors of a length, one in each lane; the other lanes are 0.
+pub(super) fn lanes(vectors: &[&[f32]], length: usize) -> Vec<Lanes> {
+    let mut values = vec![[0.0; LANES]; length];
+    for (lane, vector) in vectors.iter().enumerate() {
+        for (lanes, value) in values.iter_mut().zip(*vector) {
+            lanes[lane] = *value;
+        }
     }
+    values
+}
+
+/// Returns the values of the first `windows` lanes, one lane after the other.
+pub(super) fn by_window(values: &[Lanes], windows: usize) -> Vec<f32> {
+    let lanes = 0..windows;
+    lanes
+        .flat_map(|lane| values.iter().map(move |lanes| lanes[lane]))
+        .collect()
 }
 
 impl Network {
