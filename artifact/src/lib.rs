@@ -15,6 +15,7 @@
 //! | `weights.safetensors` | encoder and decoder, f32, with PyTorch's names and shapes | yes |
 //! | `calibration.safetensors` | ranges from which model-gen derives the int8 scales, f32 | yes |
 //! | `golden.safetensors` | int8 windows and their codes ([`Golden`]) | no: it tests the model |
+//! | `pca.safetensors` | PCA of the training windows ([`Pca`]); optional | no: the model is compared with it |
 //!
 //! [`FloatEncoder`] and [`FloatDecoder`] run the network in f32 with plain loops. The encoder is the
 //! reference for the integer encoder; the bridge uses the decoder.
@@ -56,6 +57,7 @@ mod integer_code;
 mod list;
 mod model_id;
 mod montage_file;
+mod pca;
 mod scalp_grid;
 mod shapes;
 mod tensors;
@@ -81,6 +83,7 @@ pub use integer_code::IntegerCode;
 pub use list::List;
 pub use model_id::ModelId;
 pub use montage_file::{MontageAdc, MontageFile, MontageFileError};
+pub use pca::Pca;
 pub use scalp_grid::ScalpGrid;
 pub use shapes::{NORM_EPSILON, NamedShape, weight_shapes};
 pub use tensors::Tensors;

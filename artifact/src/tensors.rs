@@ -29,6 +29,11 @@ impl Tensors {
         Self::new(CALIBRATION)
     }
 
+    /// Creates an empty set of tensors for `pca.safetensors`.
+    pub(crate) fn for_pca() -> Self {
+        Self::new(crate::pca::PCA)
+    }
+
     fn new(file: &'static str) -> Self {
         Self {
             file,

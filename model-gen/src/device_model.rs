@@ -76,13 +76,7 @@ impl DeviceModel {
         let description = artifact.description.clone();
         refuse_unsupported(&description)?;
         let integers = quantise(artifact)?;
-        let resampler = ResamplerTable::new(
-            description.filters.decimation,
-            description.adc.rate_hz,
-            description.window.rate_hz,
-            description.montage.electrodes.len(),
-        )
-        .map_err(ModelGenError::Resampler)?;
+        let resampler = resampler_table(&description)?;
         let filters = MAINS_HZ
             .into_iter()
             .map(|mains_hz| {
@@ -151,6 +145,36 @@ pub fn filter_cascade(
         band_hz: filters.band_hz,
         order: usize::try_from(filters.order).unwrap_or(usize::MAX),
     })
+}
+
+/// Returns the number of ADC samples after which the response of the filters and the resampler to a step stays
+/// below 1e-4: for so long the device sets its flag `settling`.
+///
+/// # Errors
+/// If the filters cannot be realised.
+pub fn settling_samples(description: &Description, mains_hz: u32) -> Result<usize, ModelGenError> {
+    let (filters, rate_hz) = (&description.filters, description.adc.rate_hz);
+    let failed = |source| ModelGenError::Filter {
+        mains_hz: mains_hz.into(),
+        source,
+    };
+    let sections = filter_cascade(filters, rate_hz, mains_hz).map_err(failed)?;
+    let chain = Chain {
+        sections: &sections,
+        resampler: &resampler_table(description)?,
+        rate_hz,
+    };
+    chain.settling_samples(SETTLED).map_err(failed)
+}
+
+fn resampler_table(description: &Description) -> Result<ResamplerTable, ModelGenError> {
+    ResamplerTable::new(
+        description.filters.decimation,
+        description.adc.rate_hz,
+        description.window.rate_hz,
+        description.montage.electrodes.len(),
+    )
+    .map_err(ModelGenError::Resampler)
 }
 
 fn mains_filter(

@@ -50,7 +50,7 @@ use std::path::Path;
 
 pub use cascade::{FilterSpec, cascade};
 pub use chain::Chain;
-pub use device_model::{DeviceModel, MAINS_HZ, MainsFilter, filter_cascade};
+pub use device_model::{DeviceModel, MAINS_HZ, MainsFilter, filter_cascade, settling_samples};
 pub use emit::rust_files;
 pub use error::{FilterError, ModelGenError};
 pub use integer_code::integer_code;

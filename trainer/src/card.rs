@@ -25,6 +25,8 @@ pub struct Shape {
     pub hop: usize,
     /// Zero padding of both convolutions.
     pub padding: Padding,
+    /// Integer format of the codes.
+    pub format: CodeFormat,
 }
 
 /// Returns the description of the paper's chain (arXiv 2008.13485) for a montage, with an empty training
@@ -50,7 +52,7 @@ pub fn description(montage: &MontageFile, shape: Shape) -> Description {
         },
         code: CodeQuantisation {
             numbers: shape.numbers,
-            format: CodeFormat::Int8,
+            format: shape.format,
         },
         grid: montage.grid(),
         montage: montage.montage(),
@@ -86,16 +88,16 @@ pub fn description(montage: &MontageFile, shape: Shape) -> Description {
     }
 }
 
-/// Returns the training card's note about recorded and interpolated electrodes.
-pub fn note(real: usize, interpolated: usize) -> String {
+/// Returns the training card's note about recorded and interpolated electrodes. `signals` is the number of recorded
+/// signals from which all electrodes were computed.
+pub fn note(electrodes: usize, interpolated: usize, signals: usize) -> String {
     if interpolated == 0 {
         return "All electrodes were recorded.".to_owned();
     }
     format!(
-        "{interpolated} of {} electrodes are mixes of the {real} recorded ones: the data span at \
-         most {real} dimensions in space, an easy set that favours linear codes. The error is over \
-         all electrodes, recorded and mixed.",
-        real + interpolated
+        "{interpolated} of {electrodes} electrodes are mixes of recorded ones: the data span at most {signals} dimensions \
+         in space, one for each signal that was used, an easy set that favours linear codes. The error is over all \
+         electrodes, recorded and mixed."
     )
 }
 

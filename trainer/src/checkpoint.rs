@@ -32,7 +32,8 @@ pub fn write(path: &Path, training: &Training, data: &str) -> Result<(), Trainer
     std::fs::rename(&partial, path).map_err(file_error)
 }
 
-/// Reads a training run that [`write()`] has written with the same settings and data.
+/// Reads a training run that [`write()`] has written with the same settings and data. If it is finished and
+/// `settings` has more epochs, they are added with a learning rate that begins another cycle.
 ///
 /// # Errors
 /// If the file cannot be read, is damaged or belongs to another training run.
@@ -59,6 +60,20 @@ pub fn read(
             path: path.to_owned(),
             found,
             expected,
+        });
+    }
+    let stored = Settings {
+        epochs: metadata.number("epochs")?,
+        ..settings
+    };
+    let epoch: u32 = metadata.number("epoch")?;
+    if settings.epochs < stored.epochs || (settings.epochs > stored.epochs && epoch < stored.epochs)
+    {
+        return Err(TrainerError::OtherEpochs {
+            path: path.to_owned(),
+            stored: stored.epochs,
+            finished: epoch,
+            wanted: settings.epochs,
         });
     }
     let file = SafeTensors::deserialize(&bytes).map_err(|error| damaged(path, &error))?;
@@ -91,9 +106,10 @@ pub fn read(
             );
         }
     }
-    Ok(Training {
-        settings,
-        epoch: metadata.number("epoch")?,
+    let mut training = Training {
+        settings: stored,
+        epoch,
+        cycle_start: metadata.number("cycle_start")?,
         parameters: parameters("current")?,
         adam: Adam {
             updates: metadata.number("updates")?,
@@ -104,20 +120,23 @@ pub fn read(
             validation: metadata.number("best_validation")?,
             parameters: parameters("best")?,
         },
-    })
+    };
+    if settings.epochs > stored.epochs {
+        training.extend(settings.epochs);
+    }
+    Ok(training)
 }
 
-/// Returns the settings and data as text. A training run can be resumed only if this text is the same.
+/// Returns settings and data as text, without the number of epochs. A training run can be resumed only if this text
+/// is the same.
 fn training_identity(settings: Settings, data: &str) -> String {
     let Settings {
-        epochs,
+        epochs: _,
         batch,
         peak_rate,
         seed,
     } = settings;
-    format!(
-        "{epochs} epochs in batches of {batch} at a learning rate of {peak_rate} with seed {seed}, on {data}"
-    )
+    format!("batches of {batch} at a learning rate of {peak_rate} with seed {seed}, on {data}")
 }
 
 fn to_bytes(training: &Training, data: &str) -> Result<Vec<u8>, safetensors::SafeTensorError> {
@@ -149,6 +168,8 @@ fn to_bytes(training: &Training, data: &str) -> Result<Vec<u8>, safetensors::Saf
     // A float is written with enough digits to parse to the same bits.
     let entries = HashMap::from([
         ("training", training_identity(training.settings, data)),
+        ("epochs", training.settings.epochs.to_string()),
+        ("cycle_start", training.cycle_start.to_string()),
         ("epoch", training.epoch.to_string()),
         ("updates", training.adam.updates.to_string()),
         ("best_epoch", training.best.epoch.to_string()),
@@ -195,6 +216,7 @@ mod tests {
     use crate::dataset::Split;
     use crate::network::Network;
     use crate::testing;
+    use std::ops::ControlFlow;
 
     const SETTINGS: Settings = Settings {
         epochs: 2,
@@ -213,14 +235,20 @@ mod tests {
         let parameters =
             Parameters::from_directions(testing::geometry(), &testing::directions(), SETTINGS.seed);
         let mut through = Training::start(SETTINGS, parameters, &network, &split);
-        through.run_epoch(&network, &split, |_, _| {}).unwrap();
+        through
+            .run_epoch(&network, &split, |_, _| ControlFlow::Continue(()))
+            .unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("deep/checkpoint.safetensors");
         write(&path, &through, "these").unwrap();
         let mut resumed = read(&path, &testing::description(), SETTINGS, "these").unwrap();
         assert_eq!(resumed, through);
-        through.run_epoch(&network, &split, |_, _| {}).unwrap();
-        resumed.run_epoch(&network, &split, |_, _| {}).unwrap();
+        through
+            .run_epoch(&network, &split, |_, _| ControlFlow::Continue(()))
+            .unwrap();
+        resumed
+            .run_epoch(&network, &split, |_, _| ControlFlow::Continue(()))
+            .unwrap();
         assert_eq!(resumed, through);
 
         let error = read(&path, &testing::description(), SETTINGS, "others").unwrap_err();
@@ -241,5 +269,44 @@ mod tests {
             read(&path, &testing::description(), SETTINGS, "these"),
             Err(TrainerError::Checkpoint { .. })
         ));
+    }
+
+    #[test]
+    fn a_finished_training_can_go_on_with_another_cycle_and_an_unfinished_one_cannot_change() {
+        let network = Network::new(&testing::description());
+        let split = Split {
+            training: testing::dataset(1, 16 * 16),
+            validation: testing::dataset(2, 16 * 4),
+        };
+        let start = Parameters::from_directions(testing::geometry(), &testing::directions(), 4);
+        let mut training = Training::start(SETTINGS, start, &network, &split);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("checkpoint.safetensors");
+        let run = |training: &mut Training| {
+            let go_on = |_, _| ControlFlow::Continue(());
+            training.run_epoch(&network, &split, go_on).unwrap()
+        };
+        let read_with = |epochs| {
+            let settings = Settings { epochs, ..SETTINGS };
+            read(&path, &testing::description(), settings, "these")
+        };
+        run(&mut training);
+        write(&path, &training, "these").unwrap();
+        let error = read_with(5).unwrap_err().to_string();
+        assert!(error.contains("1 of 2 epochs"), "{error}");
+        run(&mut training);
+        write(&path, &training, "these").unwrap();
+        assert!(read_with(1).is_err());
+        let mut longer = read_with(5).unwrap();
+        assert!(!longer.is_done());
+        let before = longer.parameters.clone();
+        run(&mut longer);
+        assert_ne!(longer.parameters, before);
+        // The first rate of the cycle is far above the last of the one before, so the parameters move further than
+        // they would have.
+        assert_eq!(
+            (longer.epoch(), longer.epochs(), longer.cycle_start),
+            (3, 5, 2)
+        );
     }
 }

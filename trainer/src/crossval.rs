@@ -178,6 +178,7 @@ fn identity(options: &CrossvalOptions, fold: &Fold) -> String {
         steps,
         hop,
         padding,
+        format,
     } = options.shape;
     let Settings {
         epochs,
@@ -186,7 +187,7 @@ fn identity(options: &CrossvalOptions, fold: &Fold) -> String {
         seed,
     } = options.settings;
     format!(
-        "montage {}, mode {mode}, {numbers} numbers, windows of {steps} steps, hop {hop}, padding {padding}, mains {} Hz; \
+        "montage {}, mode {mode}, {numbers} numbers, windows of {steps} steps, hop {hop}, padding {padding}, codes {format}, mains {} Hz; \
          {epochs} epochs in batches of {batch} at a learning rate of {peak_rate} with seed {seed}; {} folds of {} in {} \
          repetitions",
         options.montage.name,

@@ -196,6 +196,7 @@ mod tests {
             electrodes,
             values: values.collect(),
             interpolated: vec![],
+            signals: 61,
             saturated: 0,
             warnings: Vec::new(),
         }

@@ -29,6 +29,26 @@ pub enum TrainerError {
         /// File names of the recordings in the folder.
         found: Vec<String>,
     },
+    /// A folder has no recording.
+    #[error("{} has no recording; recordings end with .edf, .bdf or .gdf", folder.display())]
+    EmptyFolder {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// A pattern on the command line matches no recording.
+    #[error("no recording matches {pattern}; recordings end with .edf, .bdf or .gdf")]
+    NothingMatches {
+        /// The pattern.
+        pattern: String,
+    },
+    /// A pattern on the command line is malformed.
+    #[error("{pattern} is no pattern of paths")]
+    BadPattern {
+        /// The pattern.
+        pattern: String,
+        /// What is wrong with it.
+        source: glob::PatternError,
+    },
     /// A range of names on the command line cannot be expanded, such as R10..R03.
     #[error("{range} is not a range of names; write for example R03..R10")]
     BadRange {
@@ -224,4 +244,53 @@ pub enum TrainerError {
         /// Names of the folds.
         missing: Vec<String>,
     },
+    /// A folder to write to cannot be written.
+    #[error("{} cannot be written; name another folder", folder.display())]
+    NotWritable {
+        /// The folder.
+        folder: PathBuf,
+        /// Error from the operating system.
+        source: std::io::Error,
+    },
+    /// A checkpoint has another number of epochs, and is not finished or has more.
+    #[error(
+        "{} has finished {finished} of {stored} epochs; resume it with --epochs {stored}, then more epochs can be \
+         added ({wanted} were asked for)",
+        path.display()
+    )]
+    OtherEpochs {
+        /// File of the checkpoint.
+        path: PathBuf,
+        /// Number of epochs that the training run was started with.
+        stored: u32,
+        /// Number of finished epochs.
+        finished: u32,
+        /// Number of epochs on the command line.
+        wanted: u32,
+    },
+    /// No test recordings are named, on the command line or in the training card.
+    #[error("the training card names no test recordings; name recordings with --test")]
+    NothingToTest,
+    /// The system does not report Ctrl-C.
+    #[error("the program cannot listen for Ctrl-C")]
+    Signals(#[source] std::io::Error),
+    /// The user interrupted the training.
+    #[error("interrupted after {epochs} epochs; {}", resume_words(*epochs, checkpoint))]
+    Interrupted {
+        /// Number of finished epochs.
+        epochs: u32,
+        /// File of the checkpoint.
+        checkpoint: PathBuf,
+    },
+}
+
+/// Returns how an interrupted training run goes on.
+fn resume_words(epochs: u32, checkpoint: &std::path::Path) -> String {
+    if epochs == 0 {
+        return "there is no checkpoint yet".to_owned();
+    }
+    format!(
+        "{} is the checkpoint, and the same command with --resume goes on",
+        checkpoint.display()
+    )
 }

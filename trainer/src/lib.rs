@@ -52,6 +52,7 @@ pub mod adam;
 pub mod calibrate;
 pub mod card;
 pub mod checkpoint;
+pub mod comparison;
 pub mod crossval;
 pub mod dataset;
 pub mod error;
@@ -64,6 +65,7 @@ pub mod montage_check;
 pub mod network;
 pub mod parameters;
 pub mod pca;
+pub mod progress;
 
 pub mod recording_check;
 mod resampler;

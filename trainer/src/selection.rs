@@ -1,4 +1,4 @@
-//! Selects recordings in a folder by name.
+//! Selects recordings by path, pattern or name.
 
 use crate::error::TrainerError;
 use std::path::{Path, PathBuf};
@@ -6,13 +6,48 @@ use std::path::{Path, PathBuf};
 /// File extensions of recordings.
 const EXTENSIONS: [&str; 3] = ["edf", "bdf", "gdf"];
 
-/// Returns the recordings in `folder` that match `names`, sorted by name, without duplicates.
+/// Returns the recordings that `names` select, sorted by path, without duplicates. A name is
 ///
-/// A name matches the files whose stem or whole name ends with it; `R03..R10` means R03, R04, ... R10.
+/// * the path of a recording, or of a folder, which selects all recordings in it;
+/// * a pattern of paths with `*`, `?` or `[...]`;
+/// * the end of the stem or of the whole name of recordings in `folder`; `R03..R10` means R03, R04, ... R10.
 ///
 /// # Errors
-/// If the folder cannot be read, a range cannot be expanded or a name matches no file.
+/// If a folder cannot be read, a range cannot be expanded or a name selects no recording.
 pub fn recordings(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, TrainerError> {
+    let mut selected = Vec::new();
+    for name in names {
+        let path = Path::new(name);
+        if path.is_file() {
+            selected.push(path.to_owned());
+        } else if path.is_dir() {
+            selected.extend(all_in(path)?);
+        } else if name.contains(['*', '?', '[']) {
+            selected.extend(matching(name)?);
+        } else {
+            selected.extend(named(folder, name)?);
+        }
+    }
+    selected.sort();
+    selected.dedup();
+    Ok(selected)
+}
+
+/// Returns all recordings in a folder, sorted by name.
+///
+/// # Errors
+/// If the folder cannot be read or has no recording.
+pub fn all_in(folder: &Path) -> Result<Vec<PathBuf>, TrainerError> {
+    let files = list(folder)?;
+    if files.is_empty() {
+        return Err(TrainerError::EmptyFolder {
+            folder: folder.to_owned(),
+        });
+    }
+    Ok(files)
+}
+
+fn list(folder: &Path) -> Result<Vec<PathBuf>, TrainerError> {
     let error = |source| TrainerError::File {
         path: folder.to_owned(),
         source,
@@ -20,34 +55,60 @@ pub fn recordings(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, Train
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(error)? {
         let path = entry.map_err(error)?.path();
-        let extension = path
-            .extension()
-            .and_then(|extension| extension.to_str())
-            .unwrap_or_default();
-        if EXTENSIONS
-            .iter()
-            .any(|known| extension.eq_ignore_ascii_case(known))
-        {
+        if is_recording(&path) {
             files.push(path);
         }
     }
     files.sort();
-    let mut matching = Vec::new();
-    for name in expand(names)? {
-        let before = matching.len();
-        matching.extend(files.iter().filter(|path| matches(&name, path)).cloned());
-        if matching.len() == before {
-            let found = files.iter().map(|path| file_name(path)).collect();
+    Ok(files)
+}
+
+/// Returns the recordings whose path matches a pattern.
+fn matching(pattern: &str) -> Result<Vec<PathBuf>, TrainerError> {
+    let paths = glob::glob(pattern).map_err(|source| TrainerError::BadPattern {
+        pattern: pattern.to_owned(),
+        source,
+    })?;
+    let mut files = Vec::new();
+    for path in paths {
+        let path = path.map_err(|error| TrainerError::File {
+            path: error.path().to_owned(),
+            source: error.into(),
+        })?;
+        if is_recording(&path) {
+            files.push(path);
+        }
+    }
+    if files.is_empty() {
+        return Err(TrainerError::NothingMatches {
+            pattern: pattern.to_owned(),
+        });
+    }
+    Ok(files)
+}
+
+/// Returns the recordings in a folder whose stem or name ends with a name or a range of names.
+fn named(folder: &Path, name: &str) -> Result<Vec<PathBuf>, TrainerError> {
+    let files = list(folder)?;
+    let mut selected = Vec::new();
+    for name in expand(name)? {
+        let before = selected.len();
+        selected.extend(files.iter().filter(|path| matches(&name, path)).cloned());
+        if selected.len() == before {
             return Err(TrainerError::NothingFound {
                 name,
                 folder: folder.to_owned(),
-                found,
+                found: files.iter().map(|path| file_name(path)).collect(),
             });
         }
     }
-    matching.sort();
-    matching.dedup();
-    Ok(matching)
+    Ok(selected)
+}
+
+fn is_recording(path: &Path) -> bool {
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    let is = |known: &&str| extension.is_some_and(|found| found.eq_ignore_ascii_case(known));
+    EXTENSIONS.iter().any(|known| is(&known))
 }
 
 /// Returns the last component of a path as text.
@@ -64,26 +125,23 @@ fn matches(name: &str, path: &Path) -> bool {
     stem.is_some_and(|stem| stem.ends_with(name)) || file_name(path).ends_with(name)
 }
 
-/// Replaces each range in `names` by the names in it, for example `R03..R05` by R03, R04 and R05.
-fn expand(names: &[String]) -> Result<Vec<String>, TrainerError> {
-    let mut expanded = Vec::new();
-    for name in names {
-        match name.split_once("..") {
-            None => expanded.push(name.clone()),
-            Some((first, last)) => {
-                let range = || TrainerError::BadRange {
-                    range: name.clone(),
-                };
-                let (prefix, from, width) = split_number(first).ok_or_else(range)?;
-                let (last_prefix, to, _) = split_number(last).ok_or_else(range)?;
-                if prefix != last_prefix || from > to {
-                    return Err(range());
-                }
-                expanded.extend((from..=to).map(|number| format!("{prefix}{number:0width$}")));
-            }
-        }
+/// Returns the names in a range, for example R03, R04 and R05 for `R03..R05`; a name that is no range is returned
+/// alone.
+fn expand(name: &str) -> Result<Vec<String>, TrainerError> {
+    let Some((first, last)) = name.split_once("..") else {
+        return Ok(vec![name.to_owned()]);
+    };
+    let range = || TrainerError::BadRange {
+        range: name.to_owned(),
+    };
+    let (prefix, from, width) = split_number(first).ok_or_else(range)?;
+    let (last_prefix, to, _) = split_number(last).ok_or_else(range)?;
+    if prefix != last_prefix || from > to {
+        return Err(range());
     }
-    Ok(expanded)
+    Ok((from..=to)
+        .map(|number| format!("{prefix}{number:0width$}"))
+        .collect())
 }
 
 /// Splits a name into the prefix, the number at its end, and the number of digits; `None` if the name
@@ -140,6 +198,29 @@ mod tests {
             error.contains("R09") && error.contains("S001R08.edf"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn files_folders_and_patterns_select_recordings_wherever_they_are() {
+        let folder = folder(&["a1.edf", "a2.bdf", "b1.gdf", "notes.txt"]);
+        let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+        let select = |names: &[String]| -> Result<Vec<String>, TrainerError> {
+            let files = recordings(Path::new("/nowhere"), names)?;
+            Ok(files.iter().map(|path| file_name(path)).collect())
+        };
+        assert_eq!(select(&[path("b1.gdf")]).unwrap(), ["b1.gdf"]);
+        assert_eq!(select(&[path("")]).unwrap(), ["a1.edf", "a2.bdf", "b1.gdf"]);
+        assert_eq!(
+            select(&[path("a*"), path("a1.edf")]).unwrap(),
+            ["a1.edf", "a2.bdf"]
+        );
+        let error = select(&[path("c*")]).unwrap_err().to_string();
+        assert!(
+            error.contains("c*") && error.contains("no recording"),
+            "{error}"
+        );
+        let error = select(&["a[".to_owned()]).unwrap_err();
+        assert!(matches!(error, TrainerError::BadPattern { .. }), "{error}");
     }
 
     #[test]

@@ -1,27 +1,29 @@
-//! Trains a model from recordings, and evaluates a trained model.
+//! Trains a model from recordings.
 
 use crate::calibrate::calibrated_artifact;
+use crate::comparison::Comparison;
 use crate::dataset::{Dataset, Split};
 use crate::error::TrainerError;
-use crate::evaluate::{Evaluation, evaluate};
 use crate::golden::golden_windows;
 use crate::network::Network;
 use crate::parameters::Parameters;
+use crate::progress::ProgressObserver;
 use crate::selection::file_name;
-use crate::track::{SETTLING_S, Track};
-use crate::training::{EpochReport, Settings, Training};
+use crate::track::{read_tracks, settling_steps};
+use crate::training::{Settings, Training};
 use crate::{card, checkpoint, pca, selection};
-use artifact::{Artifact, Description, Geometry, Mode, MontageFile};
+use artifact::{Description, Geometry, Mode, MontageFile, Pca};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 /// Options of `trainer train`.
 #[derive(Clone, Debug)]
 pub struct TrainOptions {
-    /// Folder that holds all recordings.
+    /// Folder in which names select recordings.
     pub data: PathBuf,
-    /// Names or ranges of the training recordings.
+    /// Paths, patterns, names or ranges of the training recordings.
     pub train: Vec<String>,
-    /// Names or ranges of the test recordings.
+    /// Paths, patterns, names or ranges of the test recordings; may be empty.
     pub test: Vec<String>,
     /// Grid, order of the ADC's channels and ADC.
     pub montage: MontageFile,
@@ -45,31 +47,6 @@ pub struct TrainOptions {
     pub force: bool,
 }
 
-/// Receives the progress of a training run or an evaluation.
-pub trait ProgressObserver {
-    /// Reports a message for the user, one line.
-    fn message(&mut self, text: &str);
-    /// Reports the start of epoch `epoch` of `epochs`, which has `batches` batches.
-    fn epoch_started(&mut self, epoch: u32, epochs: u32, batches: usize);
-    /// Reports the number of batches finished in this epoch, and the loss of the last batch.
-    fn batch_finished(&mut self, batches: usize, loss: f64);
-    /// Reports that an epoch is finished, with its losses.
-    fn epoch_finished(&mut self, report: EpochReport);
-}
-
-/// Figures of a model, and of PCA with the same number of components, on the same test recordings.
-#[derive(Clone, Copy, Debug)]
-pub struct Comparison {
-    /// Figures of the model that was trained or read.
-    pub network: Evaluation,
-    /// Figures of PCA, fitted to the training part of the training recordings.
-    pub pca: Evaluation,
-    /// Number of numbers in a code.
-    pub numbers: usize,
-    /// Whether the model is itself the PCA.
-    pub is_pca: bool,
-}
-
 /// Recordings after the front end, scaled and split for training.
 struct PreparedData {
     files: Vec<String>,
@@ -78,16 +55,19 @@ struct PreparedData {
     whole: Dataset,
     sd_uv: f64,
     interpolated: Vec<String>,
+    /// Number of recorded signals that enter the electrodes.
+    signals: usize,
 }
 
-/// Trains a model, calibrates and evaluates it, and writes its artifact and golden windows.
+/// Trains a model, calibrates and evaluates it, and writes its artifact, golden windows and PCA. Returns the
+/// comparison on the test recordings; `None` if there are none.
 ///
 /// # Errors
-/// If recordings cannot be used, training diverges or files cannot be written.
+/// If recordings cannot be used, training diverges, the user interrupts it or files cannot be written.
 pub fn train(
     options: &TrainOptions,
     observer: &mut impl ProgressObserver,
-) -> Result<Comparison, TrainerError> {
+) -> Result<Option<Comparison>, TrainerError> {
     // Before the training, which takes hours.
     if !options.force && options.out.join("model.toml").exists() {
         let folder = options.out.clone();
@@ -101,13 +81,20 @@ pub fn train(
             name: file_name(both),
         });
     }
+    check_writable(&options.out)?;
+    if let (true, Some(folder)) = (
+        description.mode.has_convolutions(),
+        options.checkpoint.parent(),
+    ) {
+        check_writable(folder)?;
+    }
     let data = PreparedData::read(&train_files, &description, options.mains_hz, observer)?;
     description.input.sd_uv = data.sd_uv;
     observer.message("computing the principal directions of the training windows ...");
     let geometry = Geometry::new(&description);
     let directions = data.directions(geometry.dimensions.numbers);
     let pca = Parameters::pca(geometry, &directions);
-    fill_card(&mut description, options, &data);
+    fill_card(&mut description, options, &data)?;
     let best = if description.mode == Mode::Pca {
         pca.clone()
     } else {
@@ -115,64 +102,41 @@ pub fn train(
     };
     description.training.test_files = test_files.iter().map(|file| file_name(file)).collect();
     let mut model = calibrated_artifact(description.clone(), &best, &data.whole)?;
-    let pca = calibrated_artifact(description, &pca, &data.whole)?;
-    let test = read_test(&test_files, &model, options.mains_hz, observer)?;
-    observer.message("evaluating on the test recordings ...");
-    let comparison = Comparison {
-        network: evaluate(&model, &test)?,
-        pca: evaluate(&pca, &test)?,
-        numbers: geometry.dimensions.numbers,
-        is_pca: model.description.mode == Mode::Pca,
+    let pca = Pca::from_model(&calibrated_artifact(description, &pca, &data.whole)?)?;
+    let comparison = if test_files.is_empty() {
+        observer.message("no test recordings: the training card has no figures");
+        None
+    } else {
+        let tracks = read_tracks(&test_files, &model.description, options.mains_hz, observer)?;
+        observer.message("evaluating on the test recordings ...");
+        Some(Comparison::new(&model, Some(&pca), &tracks)?)
     };
-    let Comparison { network, pca, .. } = &comparison;
+    let figures = comparison.as_ref();
     let card = &mut model.description.training;
-    card.mse = Some(card::figures(network, pca, |error| error.mse));
-    card.prd_percent = Some(card::figures(network, pca, |error| error.prd_percent));
+    card.mse = figures.and_then(|comparison| comparison.figures(|error| error.mse));
+    card.prd_percent = figures.and_then(|comparison| comparison.figures(|error| error.prd_percent));
     let id = model.write(&options.out)?;
     golden_windows(&model_gen::quantise(&model)?).write(&options.out)?;
+    if model.description.mode != Mode::Pca {
+        pca.write(&options.out)?;
+    }
     observer.message(&format!("model {id} written to {}", options.out.display()));
-    Ok(comparison)
+    Ok(comparison.map(|comparison| Comparison {
+        model: id.to_string(),
+        ..comparison
+    }))
 }
 
-/// Evaluates the artifact in `folder` on recordings in `data`, and PCA fitted to the artifact's training
-/// recordings. `test` names the test recordings; if it is empty, those of the training card are used.
-///
-/// # Errors
-/// If the artifact or a recording cannot be used.
-pub fn compare(
-    folder: &Path,
-    data: &Path,
-    test: &[String],
-    observer: &mut impl ProgressObserver,
-) -> Result<Comparison, TrainerError> {
-    let model = Artifact::read(folder)?;
-    let card = &model.description.training;
-    let test = if test.is_empty() {
-        &card.test_files
-    } else {
-        test
-    };
-    let test_files = selection::recordings(data, test)?;
-    let train_files = selection::recordings(data, &card.train_files)?;
-    if let Some(both) = test_files.iter().find(|file| train_files.contains(file)) {
-        return Err(TrainerError::TrainedOn {
-            name: file_name(both),
-        });
-    }
-    let data = PreparedData::read(&train_files, &model.description, card.mains_hz, observer)?;
-    let mut description = model.description.clone();
-    let geometry = Geometry::new(&description);
-    let pca = Parameters::pca(geometry, &data.directions(geometry.dimensions.numbers));
-    description.input.sd_uv = data.sd_uv;
-    let pca = calibrated_artifact(description, &pca, &data.whole)?;
-    let test_network = read_test(&test_files, &model, card.mains_hz, observer)?;
-    let test_pca = read_test(&test_files, &pca, card.mains_hz, observer)?;
-    Ok(Comparison {
-        network: evaluate(&model, &test_network)?,
-        pca: evaluate(&pca, &test_pca)?,
-        numbers: geometry.dimensions.numbers,
-        is_pca: model.description.mode == Mode::Pca,
-    })
+/// Creates a folder if necessary, and a file in it, which it deletes again.
+fn check_writable(folder: &Path) -> Result<(), TrainerError> {
+    let probe = folder.join(format!(".trainer-{}", std::process::id()));
+    std::fs::create_dir_all(folder)
+        .and_then(|()| std::fs::write(&probe, ""))
+        .and_then(|()| std::fs::remove_file(&probe))
+        .map_err(|source| TrainerError::NotWritable {
+            folder: folder.to_owned(),
+            source,
+        })
 }
 
 /// Runs the remaining epochs of a training run and writes a checkpoint after each epoch.
@@ -195,6 +159,7 @@ fn run_epochs(
         steps,
         hop,
         padding,
+        format: _,
     } = options.shape;
     let data_identity = format!(
         "{} with SD {} uV; montage {}, mode {mode}, {numbers} numbers, windows of {steps} steps, hop {hop}, \
@@ -222,9 +187,26 @@ fn run_epochs(
     ));
     while !training.is_done() {
         let batches = training.batches(split);
-        observer.epoch_started(training.epoch() + 1, settings.epochs, batches);
+        observer.epoch_started(
+            training.epoch() + 1,
+            settings.epochs,
+            batches,
+            settings.batch,
+        );
         let report = training.run_epoch(network, split, |done, loss| {
             observer.batch_finished(done, loss);
+            if observer.is_interrupted() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        });
+        let report = report.map_err(|error| match error {
+            TrainerError::Interrupted { .. } => TrainerError::Interrupted {
+                epochs: training.epoch(),
+                checkpoint: path.clone(),
+            },
+            other => other,
         })?;
         observer.epoch_finished(report);
         checkpoint::write(path, &training, &data_identity)?;
@@ -233,21 +215,30 @@ fn run_epochs(
 }
 
 /// Fills the training card, except for the test files and figures.
-fn fill_card(description: &mut Description, options: &TrainOptions, data: &PreparedData) {
+fn fill_card(
+    description: &mut Description,
+    options: &TrainOptions,
+    data: &PreparedData,
+) -> Result<(), TrainerError> {
+    let settling = settling_steps(description, options.mains_hz)?;
+    #[expect(clippy::cast_precision_loss, reason = "a few thousand steps")]
+    let settling_s = settling as f64 / f64::from(description.window.rate_hz);
     let card = &mut description.training;
     card.dataset.clone_from(&options.dataset);
     card.citation.clone_from(&options.citation);
     card.interpolated.clone_from(&data.interpolated);
     card.interpolated_electrodes = card.interpolated.len();
     card.real_electrodes = description.montage.electrodes.len() - card.interpolated_electrodes;
-    card.note = card::note(card.real_electrodes, card.interpolated_electrodes);
+    let electrodes = description.montage.electrodes.len();
+    card.note = card::note(electrodes, card.interpolated_electrodes, data.signals);
     card.train_files.clone_from(&data.files);
     card.validation = format!(
-        "last eighth of every training file; the first {SETTLING_S} s of every file are left out"
+        "last eighth of every training file; the first {settling_s:.1} s of every file, in which the filters settle, are left out"
     );
     card.mains_hz = options.mains_hz;
     card.seed = options.settings.seed;
     "none: principal directions of the training part".clone_into(&mut card.optimiser);
+    Ok(())
 }
 
 /// Trains a network from its initial parameters, completes the training card, and returns the
@@ -290,45 +281,6 @@ fn train_network(
     Ok(best.parameters.clone())
 }
 
-/// Passes recordings through the front end, and reports the length and the warnings of each recording.
-fn read_tracks(
-    files: &[PathBuf],
-    description: &Description,
-    mains_hz: u32,
-    observer: &mut impl ProgressObserver,
-) -> Result<Vec<Track>, TrainerError> {
-    files
-        .iter()
-        .map(|file| {
-            let track = Track::read(file, description, mains_hz)?;
-            observer.message(&format!(
-                "{}: {} time steps, {} electrodes interpolated, {} counts at the rail",
-                track.name,
-                track.steps(),
-                track.interpolated.len(),
-                track.saturated
-            ));
-            for warning in &track.warnings {
-                observer.message(&format!("{}: warning: {warning}", track.name));
-            }
-            Ok(track)
-        })
-        .collect()
-}
-
-/// Passes the test recordings through the front end, and scales them to the input unit of `model`.
-fn read_test(
-    files: &[PathBuf],
-    model: &Artifact,
-    mains_hz: u32,
-    observer: &mut impl ProgressObserver,
-) -> Result<Dataset, TrainerError> {
-    let tracks = read_tracks(files, &model.description, mains_hz, observer)?;
-    let mut test = Dataset::from_tracks(&tracks, model.description.dimensions())?;
-    test.scale(1.0 / model.description.input.sd_uv);
-    Ok(test)
-}
-
 impl PreparedData {
     /// Passes recordings through the front end, and scales them to a standard deviation of 1 over the
     /// training part.
@@ -352,6 +304,7 @@ impl PreparedData {
         let is_interpolated =
             |label: &&String| tracks.iter().any(|t| t.interpolated.contains(label));
         let interpolated = electrodes.iter().filter(is_interpolated).cloned().collect();
+        let signals = tracks.iter().map(|track| track.signals).min().unwrap_or(0);
         let files = tracks.into_iter().map(|track| track.name).collect();
         observer.message(&format!(
             "standard deviation of the training part: {sd_uv:.2} uV"
@@ -362,6 +315,7 @@ impl PreparedData {
             whole,
             sd_uv,
             interpolated,
+            signals,
         })
     }
 

@@ -4,7 +4,7 @@ use crate::calibrate::calibrated_artifact;
 use crate::card::{self, Shape};
 use crate::dataset::Dataset;
 use crate::parameters::Parameters;
-use artifact::{Artifact, Description, Geometry, Mode, MontageFile, Padding};
+use artifact::{Artifact, CodeFormat, Description, Geometry, Mode, MontageFile, Padding};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
@@ -56,6 +56,7 @@ pub(crate) fn description() -> Description {
         steps: 16,
         hop: 8,
         padding: Padding::None,
+        format: CodeFormat::Int8,
     };
     let mut description = card::description(&montage(), shape);
     description.input.sd_uv = 47.3;

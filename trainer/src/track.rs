@@ -2,20 +2,14 @@
 
 use crate::error::TrainerError;
 use crate::filters::Filters;
+use crate::progress::ProgressObserver;
 use crate::resampler::Resampler;
 use crate::selection::file_name;
 use artifact::Description;
 use model_gen::headroom::GUARD_BITS;
+use recordings::montage_map::Origin;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc, Warning};
-use std::path::Path;
-
-/// Seconds omitted at the start of every recording, in which the 0.5 Hz high-pass responds to the offset
-/// of the recording.
-///
-/// After 4 s the envelope of the response, exp(-2 pi 0.5 cos(72 deg) t), is 0.02. The device keeps its
-/// flag `settling` set until the envelope is 1e-4, for 9.5 s. The checked-in model was trained and
-/// evaluated with 4 s; with another value `trainer evaluate` would disagree with the model's `model.toml`.
-pub const SETTLING_S: usize = 4;
+use std::path::{Path, PathBuf};
 
 /// Number of units of the front end's output in one ADC count.
 const UNITS_PER_COUNT: f64 = (1_u32 << GUARD_BITS) as f64;
@@ -27,15 +21,54 @@ pub struct Track {
     pub name: String,
     /// Number of electrodes.
     pub electrodes: usize,
-    /// Filtered time steps, microvolts, in the order step, electrode (the last fastest); the first
-    /// [`SETTLING_S`] seconds are omitted.
+    /// Filtered time steps, microvolts, in the order step, electrode (the last fastest); the steps
+    /// in which the filters settle are omitted.
     pub values: Vec<f32>,
     /// Labels of electrodes that are missing in the recording and were interpolated.
     pub interpolated: Vec<String>,
+    /// Number of distinct signals of the recording that enter the electrodes, as they are or mixed.
+    pub signals: usize,
     /// Number of counts that the virtual ADC limited to its rails.
     pub saturated: u64,
     /// Defects of the file that did not prevent reading it.
     pub warnings: Vec<Warning>,
+}
+
+/// Passes recordings through the front end, and reports the length and the warnings of each recording.
+pub(crate) fn read_tracks(
+    files: &[PathBuf],
+    description: &Description,
+    mains_hz: u32,
+    observer: &mut impl ProgressObserver,
+) -> Result<Vec<Track>, TrainerError> {
+    files
+        .iter()
+        .map(|file| {
+            let track = Track::read(file, description, mains_hz)?;
+            observer.message(&format!(
+                "{}: {} time steps, {} electrodes interpolated, {} counts at the rail",
+                track.name,
+                track.steps(),
+                track.interpolated.len(),
+                track.saturated
+            ));
+            for warning in &track.warnings {
+                observer.message(&format!("{}: warning: {warning}", track.name));
+            }
+            Ok(track)
+        })
+        .collect()
+}
+
+/// Returns the number of time steps at the start of a recording in which the filters respond to its offset: as
+/// long as the device keeps its flag `settling` set.
+///
+/// # Errors
+/// If the filters cannot be realised.
+pub fn settling_steps(description: &Description, mains_hz: u32) -> Result<usize, TrainerError> {
+    let samples = model_gen::settling_samples(description, mains_hz)?;
+    let rate_hz = description.adc.rate_hz as usize;
+    Ok((samples * description.window.rate_hz as usize).div_ceil(rate_hz))
 }
 
 impl Track {
@@ -80,9 +113,19 @@ impl Track {
                 values.extend(step.iter().map(|v| (f64::from(*v) * uv_per_unit) as f32));
             }
         }
-        let settling = SETTLING_S * description.window.rate_hz as usize * electrodes;
+        let settling = settling_steps(description, mains_hz)? * electrodes;
         values.drain(..settling.min(values.len()));
         let interpolated = map.interpolated().into_iter().map(str::to_owned).collect();
+        let mut signals: Vec<usize> = Vec::new();
+        for origin in map.origins() {
+            match origin {
+                Origin::Real(signal) => signals.push(*signal),
+                Origin::Interpolated(mix) => signals.extend(mix.iter().map(|(signal, _)| *signal)),
+                Origin::Zero => {}
+            }
+        }
+        signals.sort_unstable();
+        signals.dedup();
         let saturated = virtual_adc.counters().saturated;
         let warnings = virtual_adc.recording().warnings().to_vec();
         Ok(Self {
@@ -90,6 +133,7 @@ impl Track {
             electrodes,
             values,
             interpolated,
+            signals: signals.len(),
             saturated,
             warnings,
         })
@@ -113,6 +157,7 @@ impl Track {
             electrodes: self.electrodes,
             values: Vec::new(),
             interpolated: self.interpolated.clone(),
+            signals: self.signals,
             saturated: self.saturated,
             warnings: self.warnings.clone(),
         }

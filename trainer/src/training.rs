@@ -8,6 +8,8 @@ use crate::parameters::Parameters;
 use crate::schedule::OneCycle;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
 
 /// Settings that determine the result of a training run on given data.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +30,8 @@ pub struct Training {
     pub(crate) settings: Settings,
     /// Number of finished epochs.
     pub(crate) epoch: u32,
+    /// Number of epochs that were finished when the present cycle of the learning rate began.
+    pub(crate) cycle_start: u32,
     pub(crate) parameters: Parameters,
     pub(crate) adam: Adam,
     pub(crate) best: Candidate,
@@ -73,6 +77,7 @@ impl Training {
         Self {
             settings,
             epoch: 0,
+            cycle_start: 0,
             parameters,
             adam,
             best,
@@ -82,6 +87,13 @@ impl Training {
     /// Returns the number of finished epochs.
     pub fn epoch(&self) -> u32 {
         self.epoch
+    }
+
+    /// Adds epochs to a finished training run: another cycle of the learning rate begins, and the optimiser keeps
+    /// its state.
+    pub(crate) fn extend(&mut self, epochs: u32) {
+        self.cycle_start = self.settings.epochs;
+        self.settings.epochs = epochs;
     }
 
     /// Returns the number of epochs of the training run.
@@ -106,25 +118,27 @@ impl Training {
     }
 
     /// Runs the next epoch over windows at random offsets; `after_batch` receives the number of finished
-    /// batches and the loss of the last batch.
+    /// batches and the loss of the last batch, and may stop the epoch, which then leaves the training run
+    /// unusable.
     ///
     /// The order of the windows depends only on the seed and the epoch, so that a resumed training run
     /// equals an uninterrupted one.
     ///
     /// # Errors
-    /// If the loss becomes infinite or NaN.
+    /// If the loss becomes infinite or NaN, or `after_batch` stops the epoch.
     pub fn run_epoch(
         &mut self,
         network: &Network,
         split: &Split,
-        mut after_batch: impl FnMut(usize, f64),
+        mut after_batch: impl FnMut(usize, f64) -> ControlFlow<()>,
     ) -> Result<EpochReport, TrainerError> {
         let epoch = self.epoch + 1;
         let batches = self.batches(split);
         let schedule = OneCycle {
             peak: self.settings.peak_rate,
-            updates: u64::from(self.settings.epochs) * batches as u64,
+            updates: u64::from(self.settings.epochs - self.cycle_start) * batches as u64,
         };
+        let first_update = u64::from(self.cycle_start) * batches as u64;
         let mut rng = ChaCha8Rng::seed_from_u64(self.settings.seed);
         rng.set_stream(u64::MAX - u64::from(epoch));
         let windows = split
@@ -136,10 +150,15 @@ impl Training {
             if !loss.is_finite() {
                 return Err(TrainerError::Diverged { epoch, loss });
             }
-            let rate = schedule.rate(self.adam.updates());
+            let rate = schedule.rate(self.adam.updates() - first_update);
             self.adam.update(&mut self.parameters, &gradients, rate);
             sum += loss;
-            after_batch(index + 1, loss);
+            if after_batch(index + 1, loss).is_break() {
+                return Err(TrainerError::Interrupted {
+                    epochs: self.epoch,
+                    checkpoint: PathBuf::new(),
+                });
+            }
         }
         let validation = network.mean_squared_error(&self.parameters, &validation_windows(split));
         self.epoch = epoch;
@@ -197,7 +216,9 @@ mod tests {
     }
 
     fn run(training: &mut Training) -> EpochReport {
-        training.run_epoch(&network(), &split(), |_, _| {}).unwrap()
+        training
+            .run_epoch(&network(), &split(), |_, _| ControlFlow::Continue(()))
+            .unwrap()
     }
 
     #[test]

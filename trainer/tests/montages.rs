@@ -1,6 +1,6 @@
 //! Every file in `montages/`: its check, and a PCA model fitted to a synthetic recording.
 
-use artifact::{Artifact, Mode, MontageFile, Padding};
+use artifact::{Artifact, CodeFormat, Mode, MontageFile, Padding};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use recordings::{FileToWrite, GdfWriter, SignalToWrite};
@@ -8,9 +8,11 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use trainer::card::Shape;
+use trainer::comparison::Comparison;
 use trainer::montage_check::MontageCheck;
+use trainer::progress::ProgressObserver;
 use trainer::recording_check::RecordingCheck;
-use trainer::session::{self, Comparison, ProgressObserver, TrainOptions};
+use trainer::session::{self, TrainOptions};
 use trainer::training::{EpochReport, Settings};
 
 /// Number of independent signals in the synthetic recordings; a linear code can hold them all.
@@ -20,9 +22,12 @@ struct Silent;
 
 impl ProgressObserver for Silent {
     fn message(&mut self, _: &str) {}
-    fn epoch_started(&mut self, _: u32, _: u32, _: usize) {}
+    fn epoch_started(&mut self, _: u32, _: u32, _: usize, _: usize) {}
     fn batch_finished(&mut self, _: usize, _: f64) {}
     fn epoch_finished(&mut self, _: EpochReport) {}
+    fn is_interrupted(&self) -> bool {
+        false
+    }
 }
 
 fn montage(name: &str) -> MontageFile {
@@ -86,6 +91,7 @@ fn fit(montage: MontageFile, folder: &Path) -> Comparison {
             steps: 16,
             hop: 8,
             padding: Padding::None,
+            format: CodeFormat::Int8,
         },
         mains_hz: 50,
         dataset: "synthetic".to_owned(),
@@ -101,7 +107,9 @@ fn fit(montage: MontageFile, folder: &Path) -> Comparison {
         force: false,
         out: folder.join("model"),
     };
-    session::train(&options, &mut Silent).expect("a model")
+    session::train(&options, &mut Silent)
+        .expect("a model")
+        .expect("a test recording")
 }
 
 /// Fits a model for the montage of a file in `montages/` and checks it.

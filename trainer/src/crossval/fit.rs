@@ -13,6 +13,7 @@ use crate::pca;
 use crate::track::Track;
 use crate::training::{Settings, Training};
 use artifact::{Description, Geometry, Mode};
+use std::ops::ControlFlow;
 
 /// Returns the outcome of a fold, from the tracks of its subject.
 pub(super) fn test_fold(
@@ -114,7 +115,7 @@ fn train(
     observer: &mut impl CrossvalObserver,
 ) -> Result<Training, TrainerError> {
     while !training.is_done() {
-        let report = training.run_epoch(network, split, |_, _| {})?;
+        let report = training.run_epoch(network, split, |_, _| ControlFlow::Continue(()))?;
         observer.epoch_finished(report.epoch, training.epochs(), report.validation);
     }
     Ok(training)
@@ -167,6 +168,7 @@ mod tests {
                 .map(|step| (1000 * recording + step) as f32)
                 .collect(),
             interpolated: Vec::new(),
+            signals: 1,
             saturated: 0,
             warnings: Vec::new(),
         }

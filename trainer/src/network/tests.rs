@@ -5,7 +5,7 @@ use crate::calibrate::calibrated_artifact;
 use crate::card::{self, Shape};
 use crate::dataset::Dataset;
 use crate::testing;
-use artifact::{Artifact, FloatDecoder, FloatEncoder, Mode, MontageFile, Padding};
+use artifact::{Artifact, CodeFormat, FloatDecoder, FloatEncoder, Mode, MontageFile, Padding};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
@@ -211,6 +211,7 @@ fn networks_of_other_shapes_equal_the_artifacts_float_encoder_and_decoder() {
             steps,
             hop: 4,
             padding,
+            format: CodeFormat::Int8,
         };
         let description = card::description(&montage, shape);
         let geometry = Geometry::new(&description);

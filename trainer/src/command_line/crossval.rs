@@ -11,18 +11,18 @@ use trainer::error::TrainerError;
 use trainer::selection;
 use trainer::training::Settings;
 
-use crate::ShapeArgs;
-
-/// Number of windows in a batch; each batch is one update of the parameters.
-const BATCH: usize = 32;
+use super::mains_hz;
+use super::shape::ShapeArgs;
+use super::train::BATCH;
 
 /// Arguments of `trainer crossval`.
 #[derive(Args, Debug)]
 pub(crate) struct CrossvalArgs {
-    /// Folder of the recordings (EDF, BDF, GDF) of all subjects.
-    #[arg(long)]
+    /// Folder in which names of recordings are searched.
+    #[arg(long, default_value = ".")]
     data: PathBuf,
-    /// Recordings to use: ends of file names, or ranges like R03..R12 [default: all in the folder].
+    /// Recordings (EDF, BDF, GDF) of all subjects: files, folders, patterns such as 'S001*.edf', ends of the names of
+    /// files in --data, or ranges of them like R03..R12 [default: all in --data].
     #[arg(long, value_delimiter = ',')]
     recordings: Vec<String>,
     /// Name of the only subject [default: what precedes the number of the run in the files' names].
@@ -30,9 +30,9 @@ pub(crate) struct CrossvalArgs {
     subject: Option<String>,
     #[command(flatten)]
     shape: ShapeArgs,
-    /// Mains frequency of the recordings, Hz.
-    #[arg(long, value_parser = ["50", "60"])]
-    mains: String,
+    /// Mains frequency of the recordings, Hz: 50 or 60.
+    #[arg(long, value_parser = mains_hz)]
+    mains: u32,
     /// Number of folds of each repetition.
     #[arg(long, default_value_t = 3)]
     folds: usize,
@@ -74,17 +74,17 @@ pub(crate) struct MergeArgs {
 impl CrossvalArgs {
     /// Runs the cross-validation, and prints the table once all folds are there.
     pub(crate) fn run(self) -> Result<(), TrainerError> {
-        let names = if self.recordings.is_empty() {
-            vec![String::new()]
+        let recordings = if self.recordings.is_empty() {
+            selection::all_in(&self.data)?
         } else {
-            self.recordings
+            selection::recordings(&self.data, &self.recordings)?
         };
         let options = CrossvalOptions {
-            recordings: selection::recordings(&self.data, &names)?,
+            recordings,
             subject: self.subject,
             montage: self.shape.montage()?,
             shape: Shape::from(&self.shape),
-            mains_hz: if self.mains == "50" { 50 } else { 60 },
+            mains_hz: self.mains,
             settings: Settings {
                 epochs: self.epochs,
                 batch: BATCH,

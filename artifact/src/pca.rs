@@ -1,0 +1,130 @@
+//! PCA of the training windows, with which a model is compared on any recording.
+
+use crate::description::{Description, Mode};
+use crate::error::ArtifactError;
+use crate::folder::Artifact;
+use crate::tensors::Tensors;
+use std::path::Path;
+
+/// Name of the file, which is not part of the model id.
+pub(crate) const PCA: &str = "pca.safetensors";
+
+/// Principal directions of a model's training windows, and the ranges of their components.
+///
+/// The file is optional: a model that was imported has none.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pca(Tensors);
+
+impl Pca {
+    /// Returns the PCA that a model of mode `pca` is.
+    ///
+    /// # Errors
+    /// If the model has another mode.
+    pub fn from_model(model: &Artifact) -> Result<Self, ArtifactError> {
+        let dimensions = model.description.dimensions();
+        let (numbers, window) = (dimensions.numbers, dimensions.window_electrodes());
+        let directions = model
+            .weights
+            .tensor(DIRECTIONS_OF_MODEL, &[numbers, window])?;
+        let mut tensors = Tensors::for_pca();
+        tensors.insert("directions", &[numbers, window], directions.to_vec());
+        for (name, length) in ranges(numbers) {
+            let values = model.calibration.tensor(name, &[length])?;
+            tensors.insert(name, &[length], values.to_vec());
+        }
+        Ok(Self(tensors))
+    }
+
+    /// Returns the model of mode `pca` with the other settings of a description.
+    ///
+    /// # Errors
+    /// If the file does not fit the description.
+    pub fn to_model(&self, mut description: Description) -> Result<Artifact, ArtifactError> {
+        description.mode = Mode::Pca;
+        let dimensions = description.dimensions();
+        let (numbers, window) = (dimensions.numbers, dimensions.window_electrodes());
+        let directions = self.0.tensor("directions", &[numbers, window])?;
+        let transposed = (0..window)
+            .flat_map(|value| directions.iter().skip(value).step_by(window))
+            .copied();
+        let mut weights = Tensors::for_weights();
+        weights.insert(
+            "decoder.shortcut.weight",
+            &[window, numbers],
+            transposed.collect(),
+        );
+        weights.insert(DIRECTIONS_OF_MODEL, &[numbers, window], directions.to_vec());
+        let mut calibration = Tensors::for_calibration();
+        for (name, length) in ranges(numbers) {
+            let values = self.0.tensor(name, &[length])?;
+            calibration.insert(name, &[length], values.to_vec());
+        }
+        Artifact::new(description, weights, calibration)
+    }
+
+    /// Reads the file from the folder of an artifact; `None` if the folder has none.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn read(folder: &Path) -> Result<Option<Self>, ArtifactError> {
+        let path = folder.join(PCA);
+        match std::fs::read(&path) {
+            Ok(bytes) => Ok(Some(Self(Tensors::from_bytes(PCA, &bytes)?))),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(source) => Err(ArtifactError::File { path, source }),
+        }
+    }
+
+    /// Writes the file into the folder of an artifact.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), ArtifactError> {
+        let path = folder.join(PCA);
+        let bytes = self.0.to_bytes()?;
+        std::fs::write(&path, bytes).map_err(|source| ArtifactError::File { path, source })
+    }
+}
+
+/// Name of the directions among the weights of a model of mode `pca`.
+const DIRECTIONS_OF_MODEL: &str = "encoder.shortcut.weight";
+
+/// Returns name and length of the calibrated ranges.
+fn ranges(numbers: usize) -> [(&'static str, usize); 3] {
+    [
+        ("code.min", numbers),
+        ("code.max", numbers),
+        ("input.max_abs", 1),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing;
+
+    #[test]
+    fn a_pca_model_is_the_same_after_the_file() {
+        let model = testing::pca();
+        let folder = tempfile::tempdir().unwrap();
+        assert!(Pca::read(folder.path()).unwrap().is_none());
+        let pca = Pca::from_model(&model).unwrap();
+        pca.write(folder.path()).unwrap();
+        let read = Pca::read(folder.path()).unwrap().unwrap();
+        assert_eq!(read, pca);
+        assert_eq!(read.to_model(model.description.clone()).unwrap(), model);
+    }
+
+    #[test]
+    fn a_file_of_another_model_is_refused_by_name_and_shape() {
+        let model = testing::pca();
+        let pca = Pca::from_model(&model).unwrap();
+        let mut description = model.description.clone();
+        description.code.numbers = 64;
+        let error = pca.to_model(description).unwrap_err().to_string();
+        assert!(
+            error.contains("pca.safetensors") && error.contains("directions"),
+            "{error}"
+        );
+    }
+}
