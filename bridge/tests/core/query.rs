@@ -43,7 +43,7 @@ struct Harness {
 
 impl Harness {
     fn new(request: Request, mut board: Board) -> Harness {
-        board.labels = (1..62).map(|number| format!("E{number} ")).collect();
+        board.labels = (1..62).fold(String::new(), |all, number| format!("{all}E{number} "));
         let mut query = Query::new(request);
         query.connected(0);
         Harness {
