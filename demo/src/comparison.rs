@@ -1,6 +1,8 @@
 //! Comparison of the reconstructed EEG with a reference: the same EEG after the same filters, neither encoded
 //! nor sent.
 
+use std::fmt;
+
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
 use pipeline::{ELECTRODES, Electrodes, FrontEnd, Mains, Sample};
@@ -59,6 +61,28 @@ impl Comparison {
     }
 }
 
+/// States the error and over which electrodes and times it was taken, such as `PRD 13.1 % over 61 electrodes,
+/// 9.9 to 14.9 s`.
+impl fmt::Display for Comparison {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let steps = self.source_uv.len();
+        if steps == 0 {
+            return f.write_str("no PRD: no code came after the filters had settled");
+        }
+        let [start, end] = [self.first_step, self.first_step + steps].map(seconds);
+        let prd = self.prd_percent;
+        write!(
+            f,
+            "PRD {prd:.1} % over {ELECTRODES} electrodes, {start:.1} to {end:.1} s"
+        )
+    }
+}
+
+/// Returns the duration of `steps` steps, seconds.
+pub(crate) fn seconds(steps: usize) -> f64 {
+    f64::from(u32::try_from(steps).unwrap_or(u32::MAX)) / f64::from(model::STEP_RATE_HZ)
+}
+
 /// Returns the reference: the EEG of all electrodes after the filters, one entry per step.
 fn reference(seconds: u32, seed: u64) -> Result<Vec<StepUv>, Failure> {
     let spec = SyntheticSpec::new(seed, model::LABELS.split(' '));
@@ -93,6 +117,22 @@ fn prd_percent<const N: usize>(source: &[[f32; N]], result: &[[f32; N]]) -> f64 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_error_names_its_electrodes_and_seconds() {
+        let rate = usize::from(model::STEP_RATE_HZ);
+        let mut comparison = Comparison {
+            first_step: 10 * rate,
+            source_uv: vec![[0.0; ELECTRODES]; 4 * rate],
+            result_uv: vec![[0.0; ELECTRODES]; 4 * rate],
+            prd_percent: 13.14,
+        };
+        let expected = format!("PRD 13.1 % over {ELECTRODES} electrodes, 10.0 to 14.0 s");
+        assert_eq!(comparison.to_string(), expected);
+        comparison.source_uv.clear();
+        comparison.prd_percent = f64::NAN;
+        assert!(comparison.to_string().starts_with("no PRD"), "{comparison}");
+    }
 
     #[test]
     fn the_prd_of_a_tenth_too_little_is_10_percent() {

@@ -62,8 +62,8 @@ fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     println!("pictures: {}", pictures.display());
     println!(
         "codes made {made}, received {received}, lost {lost}; interval {arrival} ms at the \
-         subscriber, {device} ms by the device's stamps; reconstruction PRD {:.1} % (synthetic EEG)",
-        comparison.prd_percent
+         subscriber, {device} ms by the device's stamps\n\
+         decoded synthetic EEG against the filtered: {comparison}"
     );
     if lost == 0 && received > 0 {
         return Ok(());

@@ -10,12 +10,12 @@ use picture::heat_map::HeatMap;
 use picture::intervals::{Intervals, Series};
 use picture::traces::{Trace, Traces};
 
-use crate::comparison::Comparison;
+use crate::comparison::{Comparison, seconds};
 use crate::failure::Failure;
 use crate::run::{Received, Run};
 
-/// Electrodes in the picture of traces, front to back.
-const SHOWN: [&str; 7] = ["F3", "Fz", "F4", "C3", "Cz", "C4", "Pz"];
+/// Largest number of electrodes in the picture of traces.
+const SHOWN: usize = 7;
 /// Folder of the model with which the demo was built.
 const MODEL: &str = match option_env!("CORTICODE_ARTIFACT") {
     Some(folder) => folder,
@@ -52,19 +52,20 @@ fn traces(comparison: &Comparison) -> Traces {
     let steps = comparison.source_uv.len();
     let start = steps.saturating_sub(SHOWN_SECONDS * rate);
     let labels: Vec<&str> = model::LABELS.split(' ').collect();
-    let shown = SHOWN.iter().filter_map(|label| {
-        let electrode = labels.iter().position(|other| other == label)?;
+    let rows = shown(labels.len()).into_iter().map(|electrode| {
         let part = |uv: &[[f32; pipeline::ELECTRODES]]| {
             uv[start..].iter().map(|step| step[electrode]).collect()
         };
-        Some(Trace {
-            label: (*label).to_owned(),
+        Trace {
+            label: labels[electrode].to_owned(),
             source_uv: part(&comparison.source_uv),
             result_uv: part(&comparison.result_uv),
-        })
+        }
     });
+    let rows: Vec<Trace> = rows.collect();
+    let [count, all] = [rows.len(), labels.len()];
     Traces {
-        rows: shown.collect(),
+        rows,
         rate_hz: f64::from(model::STEP_RATE_HZ),
         start_s: seconds(comparison.first_step + start),
         since: "the device's start".to_owned(),
@@ -74,13 +75,17 @@ fn traces(comparison: &Comparison) -> Traces {
             1_000.0 * seconds(model::HOP)
         ),
         subtitle: format!(
-            "{} of {} electrodes of synthetic EEG; the model was trained on a recording. PRD {:.1} % over {:.0} s",
-            SHOWN.len(),
-            labels.len(),
-            comparison.prd_percent,
-            seconds(steps)
+            "{count} of {all} electrodes of synthetic EEG; the model was trained on a recording. {comparison}"
         ),
     }
+}
+
+/// Returns the indices of up to [`SHOWN`] of `count` electrodes, evenly spread over the model's order, which
+/// is front to back.
+fn shown(count: usize) -> Vec<usize> {
+    let last = SHOWN.min(count).saturating_sub(1);
+    let index = |row: usize| row * count.saturating_sub(1) / last.max(1);
+    (0..=last).map(index).collect()
 }
 
 fn heat_map(run: &Run) -> HeatMap {
@@ -121,7 +126,32 @@ fn intervals(run: &Run) -> Intervals {
     }
 }
 
-/// Returns the duration of `steps` steps at 128 Hz, seconds.
-fn seconds(steps: usize) -> f64 {
-    f64::from(u32::try_from(steps).unwrap_or(u32::MAX)) / f64::from(model::STEP_RATE_HZ)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shown_electrodes_are_spread_over_the_labels_of_any_model() {
+        assert_eq!(shown(61), [0, 10, 20, 30, 40, 50, 60]);
+        assert_eq!(shown(8), [0, 1, 2, 3, 4, 5, 7]);
+        assert_eq!(shown(4), [0, 1, 2, 3]);
+    }
+
+    #[test]
+    fn the_traces_are_labelled_and_the_picture_states_what_its_error_is_over() {
+        let steps = 10 * usize::from(model::STEP_RATE_HZ);
+        let comparison = Comparison {
+            first_step: 0,
+            source_uv: vec![[1.0; pipeline::ELECTRODES]; steps],
+            result_uv: vec![[1.0; pipeline::ELECTRODES]; steps],
+            prd_percent: 12.0,
+        };
+        let traces = traces(&comparison);
+        let labels: Vec<&str> = model::LABELS.split(' ').collect();
+        assert_eq!(traces.rows.len(), SHOWN.min(labels.len()));
+        assert_eq!(traces.rows[0].label, labels[0]);
+        assert!(traces.rows.iter().all(|row| labels.contains(&&*row.label)));
+        let error = comparison.to_string();
+        assert!(traces.subtitle.contains(&error), "{}", traces.subtitle);
+    }
 }

@@ -52,7 +52,8 @@ impl FromStr for Input {
 
 #[derive(Debug, Args)]
 pub(crate) struct RunOptions {
-    /// EDF, BDF or GDF file, or the word `synthetic`.
+    /// EDF, BDF or GDF file, or the word `synthetic`: EEG from dipoles in a spherical head, against linked
+    /// ear lobes, with blinks, alpha and mains.
     #[arg(long, value_name = "FILE|synthetic")]
     pub(crate) input: Input,
     /// Destination of the frames: pty:PATH, tcp:HOST:PORT (listens) or file:PATH.
@@ -72,7 +73,7 @@ pub(crate) struct RunOptions {
     /// Treatment of montage electrodes that the recording lacks.
     #[arg(long, value_enum, default_value = "interpolate")]
     pub(crate) missing: MissingElectrodes,
-    /// Seed of the synthetic EEG.
+    /// Seed of the synthetic EEG: places of the dipoles, and every random stream.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
     /// Drive single electrodes of the synthetic EEG to the ADC's rail at random times.

@@ -1,24 +1,45 @@
 //! Synthetic EEG: seeded, endless, in ADC counts.
 //!
-//! Each sample is the sum of several components: a 1/f^1.5 background from sources under the scalp
-//! (`background`), posterior alpha bursts (`alpha`) and blinks (`blink`); mains, an electrode
-//! offset and its slow drift (`interference`); and, on request, episodes at the ADC's rail
-//! (`rail`). Each component has a separate random stream, so switching blinks or rails off does not
-//! change the others.
+//! Each sample is the sum of several components: a 1/f^1.7 background from dipoles in the cortex
+//! (`background`), alpha bursts from the occipital cortex (`alpha`) and blinks (`blink`); noise of the
+//! sensors (`sensor`); mains, an electrode offset and its slow drift (`interference`); and, on request,
+//! episodes at the ADC's rail (`rail`). Each component has a separate random stream, so switching blinks
+//! or rails off does not change the others. The dipoles are drawn from the seed, and the potentials at
+//! an electrode do not depend on the other electrodes.
+//!
+//! A dipole's potential is that on a sphere of brain, skull and scalp (`head`), against the mean of both
+//! ear lobes. Compared with a recording of the same 61 electrodes (`montages/ten-ten-61.toml`) against
+//! the same reference, both within 0.5-60 Hz, with alpha and blinks, seeds 1, 2, 3 and 7 over 120 s:
+//!
+//! | | Generator | EEGMMIDB S001 |
+//! | --- | --- | --- |
+//! | variance in 1 principal component in space | 64-66 % | 56-70 % (R01, R02, R03, R07, R11) |
+//! | in 10 | 99.3-99.4 % | 97.4-98.1 % |
+//! | in 20 | 99.9 % | 99.2-99.4 % |
+//! | in 30 | 99.98 % | 99.7-99.8 % |
+//! | correlation at a distance of 0.3 radii | 0.96 | 0.92-0.94 |
+//! | at 0.7 | 0.84 | 0.79-0.85 |
+//! | at 1.1 | 0.62-0.64 | 0.57-0.71 |
+//! | at 1.7 | 0.33-0.39 | 0.26-0.50 |
+//!
+//! A recording has more components than the dipoles: muscles, and electrodes that differ.
 //!
 //! Equal specs yield equal counts on every platform. The random numbers come from ChaCha8, and
 //! samples are computed with `+ - * /` and square roots, for which IEEE 754 specifies every bit of
-//! the result. Only the electrodes' positions depend on the platform's sine function; values
-//! derived from the positions are rounded to 2^-20 (see `scalp`).
+//! the result. Only the electrodes' positions depend on the platform's sine function; potentials
+//! at the positions are rounded to 2^-20 (see `scalp`).
 
 mod alpha;
 mod background;
 mod blink;
+mod dipole;
+mod head;
 mod interference;
 mod noise;
 mod phasor;
 mod rail;
 mod scalp;
+mod sensor;
 mod spec;
 #[cfg(test)]
 mod tests;
@@ -27,7 +48,7 @@ use recordings::virtual_adc::CHANNELS;
 
 use self::{
     alpha::Alpha, background::Background, blink::Blinks, interference::Interference, noise::Noise,
-    rail::Rails, scalp::Scalp,
+    rail::Rails, scalp::Scalp, sensor::Sensors,
 };
 
 pub use spec::{SyntheticError, SyntheticSpec};
@@ -41,6 +62,7 @@ pub struct Generator {
     lsb_uv: f64,
     electrodes: usize,
     background: Background,
+    sensors: Option<Sensors>,
     alpha: Alpha,
     blinks: Option<Blinks>,
     interference: Interference,
@@ -91,6 +113,7 @@ impl Generator {
             alpha: Alpha::new(noise(2), &scalp, rate, spec.alpha_uv),
             blinks: spec.blinks.then(|| Blinks::new(noise(3), &scalp, rate)),
             interference: Interference::new(noise(4), spec),
+            sensors: (spec.background_uv > 0.0).then(|| Sensors::new(noise(6))),
             rails: spec.rails.then(|| Rails::new(noise(5), electrodes, rate)),
             saturated: 0,
         })
@@ -102,6 +125,9 @@ impl Generator {
         let scalp = &mut microvolts[..self.electrodes];
         self.background.add(scalp);
         self.alpha.add(scalp);
+        if let Some(sensors) = &mut self.sensors {
+            sensors.add(scalp);
+        }
         if let Some(blinks) = &mut self.blinks {
             blinks.add(scalp);
         }

@@ -2,7 +2,8 @@
 #![forbid(unsafe_code)]
 
 use acceptance::npz::{Array, Npz};
-use acceptance::real_data;
+use acceptance::{real_data, workspace};
+use artifact::MontageFile;
 use pipeline::{FrontEnd, Mains};
 
 /// Largest error from rounding a sample to counts, which is half a count, in uV.
@@ -13,7 +14,7 @@ const LEVELS_PER_COUNT: f64 = (1_u32 << model::GUARD_BITS) as f64;
 
 /// The reference is the output of scipy's `sosfilt`, from zero states, with `iirnotch(50, 30, 512)` followed
 /// by `butter(5, [0.5, 60], 'bandpass', fs=512, output='sos')`: every fourth sample, float32. The archive
-/// contains scipy's coefficients, too.
+/// contains scipy's coefficients, too. Its electrodes and its grid are the paper's.
 #[test]
 fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
     let test = "filters against scipy";
@@ -28,7 +29,11 @@ fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
     assert_eq!(windows.shape, [240, 16, 10, 9]);
     let worst_gain = l1_norm(&sections(&mut reference));
 
-    let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
+    let paper = MontageFile::read(&workspace::root().join("montages/paper-61.toml"));
+    let paper = paper.expect("the paper's montage");
+    let (cells, montage) = (paper.grid().cells.concat(), paper.montage());
+    let electrodes: Vec<&str> = montage.electrodes.iter().map(String::as_str).collect();
+    assert_eq!(electrodes.len(), model::ELECTRODES);
     let samples = real_data::samples(&recording, &electrodes).expect("samples");
     let mut front_end = FrontEnd::new(Mains::Hz50, &model::RESAMPLER);
     let filtered: Vec<_> = samples
@@ -45,8 +50,9 @@ fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
     let uv_per_level = f64::from(model::LSB_NV) / 1000.0 / LEVELS_PER_COUNT;
     let [mut worst, mut largest, mut squares] = [0.0_f64; 3];
     for (plane, electrodes) in windows.values.chunks_exact(90).zip(&filtered) {
-        for (value, cell) in electrodes.iter().zip(model::GRID_CELL) {
-            let expected = plane[usize::from(cell)];
+        for (value, label) in electrodes.iter().zip(&montage.electrodes) {
+            let cell = cells.iter().position(|cell| cell == label);
+            let expected = plane[cell.expect("in the grid")];
             let error = (f64::from(*value) * uv_per_level - expected).abs();
             worst = worst.max(error);
             largest = largest.max(expected.abs());

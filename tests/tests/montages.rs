@@ -1,13 +1,14 @@
 //! Each file in `montages/` makes a model that streams: the codes of the pipeline equal those of the batch
 //! reference, these equal numpy's, and host-sim, built with the model, announces and streams it.
-//! corticode-node builds for a montage with few channels, and decodes its codes.
+//! corticode-node builds for a montage with few channels, and decodes its codes. The same holds for the
+//! trained model of the paper's montage, whose codes host-sim also decodes.
 #![forbid(unsafe_code)]
 
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use acceptance::{numpy_reference, other_model};
+use acceptance::{numpy_reference, other_model, workspace};
 use artifact::{Artifact, Dimensions, IntegerCode, Mode, MontageFile};
 use link::{Decoder, MAX_FRAME, ToHost};
 
@@ -35,9 +36,47 @@ fn every_montage_streams_the_codes_of_numpy() {
         if montage.name == NODE_MONTAGE {
             test_build(folder.path(), "node", "core", "the_program_decodes");
         }
-        let codes = play(folder.path(), &artifact);
+        let codes = play(folder.path(), &artifact, &folder.path().join("frames"));
         println!("{}: {codes} codes", montage.name);
     }
+}
+
+#[test]
+fn the_trained_model_of_the_papers_montage_streams_and_decodes() {
+    let folder = workspace::root().join("model/paper");
+    let artifact = Artifact::read(&folder).expect("the artifact");
+    let paper = MontageFile::read(&workspace::root().join("montages/paper-61.toml"));
+    let paper = paper.expect("the montage");
+    assert_eq!(artifact.description.montage, paper.montage());
+    assert_eq!(artifact.description.grid, paper.grid());
+    test_build(&folder, "pipeline", "streaming_equals_batch", "");
+    let output = tempfile::tempdir().expect("a folder");
+    let frames = output.path().join("run.codes");
+    let codes = play(&folder, &artifact, &frames);
+    println!("{}: {codes} codes", paper.name);
+
+    // The host-sim that `play` has built decodes with the same model.
+    let decoded = Command::new(other_model::target().join("debug/host-sim"))
+        .current_dir(output.path())
+        .args(["decode", "run.codes", "--to", "csv"])
+        .output()
+        .expect("host-sim starts");
+    let stderr = String::from_utf8_lossy(&decoded.stderr);
+    assert!(decoded.status.success(), "{stderr}");
+    let csv = fs::read_dir(output.path()).expect("the folder");
+    let csv = csv.filter_map(|entry| Some(entry.ok()?.path()));
+    let mut csv = csv.filter(|path| path.extension().is_some_and(|end| end == "csv"));
+    let text = fs::read_to_string(csv.next().expect("a CSV file")).expect("text");
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
+    for electrode in &paper.montage().electrodes {
+        assert!(
+            header.contains(&electrode.as_str()),
+            "{electrode}: {header:?}"
+        );
+    }
+    let first = lines.next();
+    assert!(lines.any(|line| Some(line) != first), "one row: {first:?}");
 }
 
 /// Returns the paper's dimensions with another length of the codes, whose streaming `variants.rs` checks.
@@ -87,16 +126,15 @@ fn test_build(folder: &Path, package: &str, test: &str, filter: &str) {
     assert!(!stdout.contains(" 0 passed"), "no test ran: {stdout}");
 }
 
-/// Plays synthetic EEG with a host-sim that is built with the model, and checks what it sends. Returns the
-/// number of codes.
-fn play(folder: &Path, artifact: &Artifact) -> usize {
+/// Plays synthetic EEG with a host-sim that is built with the model, and checks what it sends to the file
+/// `frames`. Returns the number of codes.
+fn play(folder: &Path, artifact: &Artifact, frames: &Path) -> usize {
     let build = other_model::cargo(folder)
         .args(["build", "--package=host-sim"])
         .output()
         .expect("cargo runs");
     let stderr = String::from_utf8_lossy(&build.stderr);
     assert!(build.status.success(), "{stderr}");
-    let frames = folder.join("frames");
     let played = Command::new(other_model::target().join("debug/host-sim"))
         .args(["run", "--input=synthetic", "--mains=50"])
         .arg(format!("--duration={SECONDS}"))
@@ -119,7 +157,7 @@ fn play(folder: &Path, artifact: &Artifact) -> usize {
                 assert_eq!(usize::from(capabilities.channels), description.adc.channels);
                 let labels: Vec<&str> = capabilities.labels.split(' ').collect();
                 assert_eq!(labels, description.montage.electrodes);
-                assert_eq!(capabilities.code_scale.len(), NUMBERS);
+                assert_eq!(capabilities.code_scale.len(), description.code.numbers);
                 let lsb_nv = description.adc.lsb_uv() * 1_000.0;
                 assert!((f64::from(capabilities.lsb_nv) - lsb_nv).abs() < 1e-5 * lsb_nv);
             }
@@ -137,7 +175,11 @@ fn play(folder: &Path, artifact: &Artifact) -> usize {
     let window = &description.window;
     let expected = (steps - window.steps as u64) / window.hop as u64 + 1;
     assert_eq!(codes.len() as u64, expected);
-    assert!(codes.iter().all(|levels| levels.len() == NUMBERS));
+    assert!(
+        codes
+            .iter()
+            .all(|levels| levels.len() == description.code.numbers)
+    );
     let changes = codes.windows(2).filter(|pair| pair[0] != pair[1]).count();
     assert!(changes > codes.len() / 2, "{changes} of {}", codes.len());
     codes.len()

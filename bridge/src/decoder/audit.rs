@@ -12,7 +12,7 @@ use crate::device::Device;
 /// fraction of the RMS of the latter. Half a level is allowed in addition, for rounding. The limit
 /// is relative because the error of int8 weights and activations grows with the signal.
 ///
-/// Measured with the weights of model 8249f3da9c7b64f7 on the 3,998 windows of EEGMMIDB S001 R11 and R12, none
+/// Measured with the weights of `model/paper` on the 3,998 windows of EEGMMIDB S001 R11 and R12, none
 /// with a clipped input. The integer reference is compared with the float network; figures in
 /// levels of the code:
 ///

@@ -25,6 +25,11 @@ pub(crate) fn model() -> Arc<Model> {
     Arc::clone(&MODEL)
 }
 
+/// Returns the built-in model's electrode of a channel, counted from 0.
+pub(crate) fn electrode(channel: usize) -> String {
+    model().electrodes()[channel].clone()
+}
+
 /// Number of values in a code of the board.
 pub(crate) const NUMBERS: usize = 128;
 

@@ -3,7 +3,7 @@
 use bridge::{AnnouncedStream, FillerPolicy, Settings, StampPoint, TRI_LABELS};
 use link::{Streams, Substitutes, ToDevice};
 
-use crate::board::{Board, WALL_START_NS};
+use crate::board::{Board, WALL_START_NS, electrode};
 use crate::recorder::{Harness, SETTINGS};
 
 #[test]
@@ -53,7 +53,8 @@ fn electrodes_that_were_not_recorded_are_named_until_another_device_answers() {
     };
     let mut harness = Harness::streaming(settings, board);
     harness.code(0, false);
-    let unrecorded = "interpolated: F3 Fz; zero: PPO2";
+    let [first, third, last] = [0, 2, 60].map(electrode);
+    let unrecorded = &*format!("interpolated: {first} {third}; zero: {last}");
     let frame = &harness.recorder.encoded[0];
     assert_eq!(frame.header.frame_id, "autoencoder");
     let transducter = &frame.eeg.info.transducter;

@@ -34,7 +34,7 @@ fn result(change: impl FnOnce(&mut SelfTest)) -> SelfTest {
     test
 }
 
-/// A query and a board that exchange bytes in virtual time.
+/// A query and a board that exchange bytes in virtual time. The board's electrodes are E1, E2, ...
 struct Harness {
     query: Query,
     board: Board,
@@ -42,7 +42,8 @@ struct Harness {
 }
 
 impl Harness {
-    fn new(request: Request, board: Board) -> Harness {
+    fn new(request: Request, mut board: Board) -> Harness {
+        board.labels = (1..62).fold(String::new(), |all, number| format!("{all}E{number} "));
         let mut query = Query::new(request);
         query.connected(0);
         Harness {
@@ -52,8 +53,7 @@ impl Harness {
         }
     }
 
-    /// Exchanges bytes between query and board for `us` microseconds, or until the query has a
-    /// result.
+    /// Exchanges bytes for `us` microseconds, or until the query has a result.
     fn exchange_for(&mut self, us: i64) -> Option<QueryResult> {
         let end_us = self.now_us + us;
         while self.now_us < end_us {
@@ -142,8 +142,8 @@ fn the_table_of_a_device_in_order_ends_with_that_verdict() {
         lines[13..16],
         [
             "channel  electrode  gain error %  offset uV  noise uV rms  shorted uV rms  verdict",
-            "      1  F3                +1.23      -41.3          0.14            0.14  in order",
-            "      2  F1                +1.23      -41.3          0.14            0.14  in order",
+            "      1  E1                +1.23      -41.3          0.14            0.14  in order",
+            "      2  E2                +1.23      -41.3          0.14            0.14  in order",
         ]
     );
     assert!(lines[77].starts_with("     64  exg3  "), "{}", lines[77]);
@@ -173,7 +173,7 @@ fn faults_are_in_their_rows_and_in_the_last_line() {
         "   1  0x3E ADS1299, 8 channels  2 wrong, the first is CH1SET (0x05)          17",
         "   2  0x00 no answer            all kept                                      0",
         "   3  0x3E ADS1299, 8 channels  1 wrong, the first is 0x77                    0",
-        "     11  FFC6            -100.00      -41.3          0.14            0.14  wrong gain",
+        "     11  E11             -100.00      -41.3          0.14            0.14  wrong gain",
         "     62  exg1              +1.23      -41.3          0.14            0.14  fault 9, newer than this bridge",
         "NOT IN ORDER: chip 1, channel 3: gain; 3 of 8 chips; 2 of 64 channels",
     ] {
@@ -224,11 +224,11 @@ fn a_missing_figure_is_a_dash_in_the_table_and_null_in_json() {
     }));
     let text = report.to_string();
     for line in [
-        "      1  F3                    -          -             -               -  not measured",
-        "      2  F1                    -          -             -               -  too few samples",
-        "      3  Fz                    -          -             -            0.14  too few samples",
-        "      4  F2                +1.23      -41.3          0.14               -  not measured",
-        "      5  F4              -100.00     -937.5          0.00            0.00  wrong gain",
+        "      1  E1                    -          -             -               -  not measured",
+        "      2  E2                    -          -             -               -  too few samples",
+        "      3  E3                    -          -             -            0.14  too few samples",
+        "      4  E4                +1.23      -41.3          0.14               -  not measured",
+        "      5  E5              -100.00     -937.5          0.00            0.00  wrong gain",
         "NOT IN ORDER: 3 of 64 channels; 2 of 64 channels not measured",
     ] {
         assert!(text.lines().any(|found| found == line), "{line}\n{text}");

@@ -8,7 +8,7 @@ use bridge::{Device, FillerPolicy, Reconstruction, Settings, TimedCode, TriWords
 use neuro_ros::{Shape, Stamp};
 use reconstruction::{HopLayout, Overlap, Window, WindowDecoder};
 
-use crate::board::{Board, model};
+use crate::board::{Board, electrode, model};
 use crate::recorder::{Harness, SETTINGS};
 
 fn device(board: Board) -> Arc<Device> {
@@ -74,7 +74,7 @@ fn frames_keep_the_contract_and_are_numbered() {
             first.eeg.info.unit.as_str(),
             first.eeg.info.labels[0].as_str()
         ),
-        ("uV", "F3")
+        ("uV", &*electrode(0))
     );
     assert!((first.eeg.info.minmax[1] - 187_500.0).abs() < 0.01);
     let second = reconstruction.next_frame(&window(1, Some(z(1)))).unwrap();

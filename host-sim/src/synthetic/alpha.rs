@@ -1,8 +1,9 @@
-//! Alpha rhythm: bursts of 10 Hz over the back of the head.
+//! Alpha rhythm: bursts of 10 Hz from the occipital cortex.
 
 use recordings::Position;
 
 use super::{
+    dipole::Dipole,
     noise::{Noise, pole},
     phasor::Phasor,
     scalp::Scalp,
@@ -13,10 +14,15 @@ const ALPHA_HZ: f64 = 10.0;
 /// Half of the rhythm's bandwidth, Hz. This bandwidth makes the amplitude vary within about a
 /// second, even during a burst.
 const HALF_WIDTH: f64 = 0.5;
-/// Electrodes under which the sources of the rhythm are placed.
-const SITES: [&str; 3] = ["PO3", "POz", "PO4"];
-/// Reach of a source (see `Scalp::weights`), in radii of the head.
-const REACH: f64 = 0.7;
+/// Places, in radii of the scalp, and moments of the rhythm's dipoles in the occipital cortex: left, right
+/// and upper.
+const DIPOLES: [([f64; 3], [f64; 3]); 3] = [
+    ([-0.2, -0.6, 0.15], [-0.2, -1.0, 0.3]),
+    ([0.2, -0.6, 0.15], [0.2, -1.0, 0.3]),
+    ([0.0, -0.55, 0.35], [0.0, -1.0, 0.6]),
+];
+/// Electrodes near the largest amplitude, which the spec states.
+const SITES: &str = "Pz PO3 POz PO4 O1 Oz O2";
 /// Amplitude between bursts, relative to the amplitude in a burst.
 const REST: f64 = 0.15;
 /// Corner frequency of the envelope's low-pass, Hz.
@@ -29,8 +35,8 @@ pub(super) struct Alpha {
     damping: f64,
     drive: f64,
     phasors: Vec<Phasor>,
-    /// Amplitude of each source at each electrode, uV RMS: `mixing[electrode][source]`.
-    mixing: Vec<Vec<f64>>,
+    /// Amplitude of each dipole at each electrode in a burst, uV RMS.
+    amplitudes: Vec<Vec<f64>>,
     in_burst: bool,
     samples_left: u32,
     envelope: f64,
@@ -39,22 +45,19 @@ pub(super) struct Alpha {
 
 impl Alpha {
     pub(super) fn new(noise: Noise, scalp: &Scalp, rate: f64, rms_uv: f64) -> Self {
-        let sites = SITES.iter().filter_map(|label| Position::from_label(label));
-        let seen: Vec<Vec<f64>> = sites.map(|site| scalp.weights(site, REACH)).collect();
-        // The powers of independent sources add. An electrode near all three receives three times
-        // the power of one source, so each source is scaled by 1 / sqrt(3).
-        let scale = rms_uv / f64::from(3_u8).sqrt();
-        let mixing = (0..scalp.electrodes())
-            .map(|electrode| seen.iter().map(|row| row[electrode] * scale).collect())
-            .collect();
+        let vector = |[x, y, z]: [f64; 3]| Position { x, y, z };
+        let dipoles = DIPOLES.map(|(place, moment)| Dipole::at(vector(place), vector(moment)));
+        let powers = scalp.powers_at(&dipoles, SITES);
+        let scale = rms_uv / powers.into_iter().fold(0.0, f64::max).sqrt();
+        let amplitudes = dipoles.iter().map(|dipole| scalp.potentials(dipole, scale));
         let damping = pole(HALF_WIDTH, rate);
         Self {
             noise,
             rate,
             damping,
             drive: (1.0 - damping * damping).sqrt(),
-            phasors: vec![Phasor::new(ALPHA_HZ, rate); SITES.len()],
-            mixing,
+            phasors: vec![Phasor::new(ALPHA_HZ, rate); DIPOLES.len()],
+            amplitudes: amplitudes.collect(),
             in_burst: false,
             samples_left: 1,
             envelope: REST,
@@ -75,13 +78,11 @@ impl Alpha {
             phasor.point.0 += self.drive * self.noise.normal();
             phasor.point.1 += self.drive * self.noise.normal();
         }
-        for (uv, row) in microvolts.iter_mut().zip(&self.mixing) {
-            let mixed: f64 = row
-                .iter()
-                .zip(&self.phasors)
-                .map(|(w, phasor)| w * phasor.point.0)
-                .sum();
-            *uv += mixed * self.envelope;
+        for (phasor, amplitudes) in self.phasors.iter().zip(&self.amplitudes) {
+            let activity = phasor.point.0 * self.envelope;
+            for (uv, amplitude) in microvolts.iter_mut().zip(amplitudes) {
+                *uv += amplitude * activity;
+            }
         }
     }
 }

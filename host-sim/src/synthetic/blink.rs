@@ -1,13 +1,16 @@
-//! Blinks: large frontal deflections of 0.3 s.
+//! Blinks: large frontal deflections of 0.3 s, from a dipole in each eye.
 
 use recordings::Position;
 
-use super::{noise::Noise, scalp::Scalp};
+use super::{dipole::Dipole, noise::Noise, scalp::Scalp};
 
 /// Electrode at which blinks have their largest amplitude.
 const SITE: &str = "Fpz";
-/// Reach of a blink (see `Scalp::weights`), in radii of the head.
-const REACH: f64 = 0.8;
+/// Places of the eyes, in radii of the scalp. Their distance from the midline and their height are those
+/// of a head; they are moved back to where the spheres have brain.
+const EYES: [[f64; 3]; 2] = [[-0.33, 0.7, -0.3], [0.33, 0.7, -0.3]];
+/// Moment of each eye while the lid slides over the cornea: forward and up.
+const MOMENT: [f64; 3] = [0.0, 0.8, 0.6];
 /// Time from the start of a blink to its peak, s.
 const RISE_S: f64 = 0.1;
 /// Time from the peak of a blink to its end, s.
@@ -17,6 +20,7 @@ const FALL_S: f64 = 0.2;
 pub(super) struct Blinks {
     noise: Noise,
     rate: f64,
+    /// Potential at each electrode, relative to [`SITE`].
     weights: Vec<f64>,
     /// Number of samples until the next blink; decreases between blinks.
     wait: u32,
@@ -27,8 +31,11 @@ pub(super) struct Blinks {
 
 impl Blinks {
     pub(super) fn new(mut noise: Noise, scalp: &Scalp, rate: f64) -> Self {
-        let site = Position::from_label(SITE);
-        let weights = site.map_or_else(Vec::new, |site| scalp.weights(site, REACH));
+        let vector = |[x, y, z]: [f64; 3]| Position { x, y, z };
+        let eyes = EYES.map(|place| Dipole::at(vector(place), vector(MOMENT)));
+        let peak: f64 = eyes.iter().map(|eye| scalp.potential_at(eye, SITE)).sum();
+        let [left, right] = eyes.map(|eye| scalp.potentials(&eye, 1.0 / peak));
+        let weights = left.iter().zip(right).map(|(a, b)| a + b).collect();
         let wait = noise.samples(2.0, 7.0, rate);
         Self {
             noise,

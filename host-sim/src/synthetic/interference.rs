@@ -1,12 +1,14 @@
 //! Interference at each electrode: mains, offset and drift.
 
 use super::{
-    noise::{LowPassNoise, Noise},
+    noise::{Noise, SmoothNoise},
     phasor::Phasor,
     spec::SyntheticSpec,
 };
 
-/// Corner frequency of the drift's low-pass, Hz.
+/// Corner frequency of the drift's low-pass, Hz. The low-pass is of second order: of a drift of 100 uV
+/// RMS, 0.5 uV are above 0.5 Hz. A first order leaves 16 uV there, which are no drift but noise that
+/// differs at each electrode.
 const DRIFT_HZ: f64 = 0.02;
 
 #[derive(Debug, Clone)]
@@ -22,7 +24,7 @@ struct ElectrodeInterference {
     /// Amplitudes of the mains voltage's cosine and sine parts, uV.
     mains_uv: (f64, f64),
     offset_uv: f64,
-    drift: LowPassNoise,
+    drift: SmoothNoise,
 }
 
 impl Interference {
@@ -37,7 +39,7 @@ impl Interference {
             ElectrodeInterference {
                 mains_uv: (scale * (1.0 - tangent * tangent), scale * 2.0 * tangent),
                 offset_uv: noise.uniform(-1000.0, 1000.0) * spec.offset_mv,
-                drift: LowPassNoise::new(DRIFT_HZ, rate, &mut noise),
+                drift: SmoothNoise::new(DRIFT_HZ, rate, &mut noise),
             }
         };
         let electrodes = spec.electrodes.iter().map(|_| electrode()).collect();

@@ -86,6 +86,35 @@ impl LowPassNoise {
     }
 }
 
+/// Second-order low-pass noise of variance 1: a [`LowPassNoise`] through a low-pass of the same corner
+/// frequency, `y <- pole * y + drive * x`. Its spectrum falls as 1/f^4, that of [`LowPassNoise`] as
+/// 1/f^2.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SmoothNoise {
+    input: LowPassNoise,
+    drive: f64,
+    value: f64,
+}
+
+impl SmoothNoise {
+    /// Creates the noise with a random first value. `corner` is the corner frequency, Hz; `rate` is
+    /// the sample rate, Hz.
+    pub(super) fn new(corner: f64, rate: f64, noise: &mut Noise) -> Self {
+        let square = pole(corner, rate) * pole(corner, rate);
+        Self {
+            input: LowPassNoise::new(corner, rate, noise),
+            // The variance of y is drive^2 (1 + pole^2) / (1 - pole^2)^2.
+            drive: (1.0 - square) / (1.0 + square).sqrt(),
+            value: noise.normal(),
+        }
+    }
+
+    pub(super) fn advance(&mut self, noise: &mut Noise) -> f64 {
+        self.value = self.input.pole * self.value + self.drive * self.input.advance(noise);
+        self.value
+    }
+}
+
 /// Returns the pole of a first-order low-pass by the bilinear transform,
 /// `(1 - pi f / rate) / (1 + pi f / rate)`. This is a rational function, so the result is equal on
 /// every platform.

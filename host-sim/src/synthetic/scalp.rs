@@ -1,13 +1,22 @@
-//! Positions of the electrodes, and the weights of sources under the scalp at each electrode.
+//! Electrodes on the head, and the potentials of dipoles at them.
 
 use recordings::Position;
 
-use super::spec::SyntheticError;
+use super::{
+    dipole::Dipole,
+    head::{CONDUCTIVITIES, Head},
+    spec::SyntheticError,
+};
 
-/// Positions of the electrodes on the unit sphere, in the order of the spec.
+/// Positions next to the ear lobes. Their mean is the reference, as in EEGMMIDB, whose amplifier had
+/// both ear lobes linked.
+const REFERENCE: [&str; 2] = ["T9", "T10"];
+
+/// Positions of the electrodes on the unit sphere, in the order of the spec, and the head under them.
 #[derive(Debug, Clone)]
 pub(super) struct Scalp {
-    positions: Vec<Position>,
+    head: Head,
+    electrodes: Vec<Position>,
 }
 
 impl Scalp {
@@ -22,24 +31,51 @@ impl Scalp {
             })
         };
         Ok(Self {
-            positions: labels.iter().map(position).collect::<Result<_, _>>()?,
+            head: Head::new(CONDUCTIVITIES),
+            electrodes: labels.iter().map(position).collect::<Result<_, _>>()?,
         })
     }
 
-    pub(super) fn electrodes(&self) -> usize {
-        self.positions.len()
+    /// Returns the potentials of a dipole at the electrodes, times `scale`.
+    ///
+    /// They are rounded to 2^-20, which hides differences in the last bits of the positions between
+    /// platforms.
+    pub(super) fn potentials(&self, dipole: &Dipole, scale: f64) -> Vec<f64> {
+        let potentials = self.against_reference(dipole, &self.electrodes);
+        let rounded = |potential: f64| (potential * scale * 1_048_576.0).round() / 1_048_576.0;
+        potentials.into_iter().map(rounded).collect()
     }
 
-    /// Returns the weight of a source at each electrode, 0..=1: `1 / (1 + d^2 / reach^2)^2`, where
-    /// d is the straight distance between source and electrode on the unit sphere.
-    ///
-    /// The formula is a bell curve without an exponential. Weights are rounded to 2^-20, which
-    /// hides differences in the last bits of the positions between platforms.
-    pub(super) fn weights(&self, source: Position, reach: f64) -> Vec<f64> {
-        let weight = |position: &Position| {
-            let bell = 1.0 + position.chord_squared(source) / (reach * reach);
-            (1.0 / (bell * bell) * 1_048_576.0).round() / 1_048_576.0
-        };
-        self.positions.iter().map(weight).collect()
+    pub(super) fn electrodes(&self) -> usize {
+        self.electrodes.len()
+    }
+
+    /// Returns the potential of a dipole at another place of the same head.
+    pub(super) fn potential_at(&self, dipole: &Dipole, label: &str) -> f64 {
+        let place = Position::from_label(label);
+        let potentials = self.against_reference(dipole, place.as_slice());
+        potentials.into_iter().sum()
+    }
+
+    /// Returns the power of independent dipoles of RMS 1 at each of some places of the same head. A scale
+    /// that is computed from it does not depend on the electrodes of the spec.
+    pub(super) fn powers_at(&self, dipoles: &[Dipole], labels: &str) -> Vec<f64> {
+        let places = labels.split(' ').filter_map(Position::from_label);
+        let mut powers: Vec<(Position, f64)> = places.map(|place| (place, 0.0)).collect();
+        for dipole in dipoles {
+            let places: Vec<Position> = powers.iter().map(|(place, _)| *place).collect();
+            let potentials = self.against_reference(dipole, &places);
+            for ((_, power), potential) in powers.iter_mut().zip(potentials) {
+                *power += potential * potential;
+            }
+        }
+        powers.into_iter().map(|(_, power)| power).collect()
+    }
+
+    fn against_reference(&self, dipole: &Dipole, places: &[Position]) -> Vec<f64> {
+        let ears = REFERENCE.iter().filter_map(|ear| Position::from_label(ear));
+        let reference: f64 = ears.map(|ear| self.head.potential(dipole, ear) / 2.0).sum();
+        let potential = |place: &Position| self.head.potential(dipole, *place) - reference;
+        places.iter().map(potential).collect()
     }
 }

@@ -14,10 +14,11 @@ pub struct SyntheticSpec {
     pub lsb_uv: f64,
     /// Labels of the electrodes in the 10-5 system; the first one is on ADC channel 0, and so on.
     pub electrodes: Vec<String>,
-    /// Background, uV RMS within 0.5-60 Hz. A random factor of 0.7 to 1.3 scales it at each
-    /// electrode.
+    /// Background, uV RMS within 0.5-60 Hz, over the electrodes of the 10-20 system. Above 0, each
+    /// electrode also has 1 uV RMS of white noise.
     pub background_uv: f64,
-    /// Alpha rhythm over the back of the head during a burst, uV RMS.
+    /// Alpha rhythm during a burst, uV RMS at the electrode over the back of the head where it is
+    /// largest.
     pub alpha_uv: f64,
     /// Mains frequency, Hz, > 0 and below half the rate.
     pub mains_hz: u32,
@@ -38,16 +39,16 @@ pub struct SyntheticSpec {
 impl SyntheticSpec {
     /// Returns the parameters of EEG recorded at rest by the model's ADC: 50 Hz mains, blinks, no rails.
     ///
-    /// Spectral slope and spatial correlation are close to those of a recording (EEGMMIDB S001R03:
-    /// 1/f^1.6 from 2 to 40 Hz). Including alpha and blinks, the electrodes' RMS values are 24 to
-    /// 46 uV within 0.5-60 Hz (measured with seed 7 over 120 s).
+    /// Spectral slope and spatial correlation are close to those of a recording, see
+    /// [`synthetic`](crate::synthetic). Including alpha and blinks, the electrodes' RMS values are 22 to
+    /// 42 uV within 0.5-60 Hz (measured with seeds 1, 2, 3 and 7 over 120 s).
     pub fn new(seed: u64, electrodes: impl IntoIterator<Item = impl Into<String>>) -> Self {
         Self {
             seed,
             rate_hz: model::ADC_RATE_HZ.into(),
             lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
             electrodes: electrodes.into_iter().map(Into::into).collect(),
-            background_uv: 20.0,
+            background_uv: 25.0,
             alpha_uv: 20.0,
             mains_hz: 50,
             mains_uv: 20.0,

@@ -1,5 +1,7 @@
 //! Properties of the generated samples.
 
+mod space;
+
 use super::*;
 
 /// The electrodes of the scalp grid, then Fpz at the front and O1 and O2 at the back of the head.
@@ -96,7 +98,7 @@ fn equal_seeds_yield_equal_bytes() {
             })
     };
     // Printed by this test on x86-64 Linux; every platform must yield the same value.
-    assert_eq!(format!("{:016x}", hash(&spec())), "471a55ecbb494318");
+    assert_eq!(format!("{:016x}", hash(&spec())), "c6786010a8eea8d6");
     assert_ne!(hash(&spec()), hash(&SyntheticSpec { seed: 8, ..spec() }));
 }
 
@@ -107,49 +109,15 @@ fn the_background_falls_with_its_exponent() {
         let near = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|d| amplitude(&traces[channel("Cz")], hz + d));
         near.iter().map(|a| a * a).sum::<f64>().log2()
     };
-    // Each range spans two octaves. The exponent is 1.5 by design; the mean over 60 windows and 5
+    // Each range spans two octaves. The exponent is 1.7 by design; the mean over 60 windows and 5
     // spectral lines has an uncertainty of about 0.1.
     for (low, high) in [(3.0, 12.0), (10.0, 40.0)] {
         let exponent = (power(low) - power(high)) / 2.0;
         assert!(
-            (1.2..1.8).contains(&exponent),
+            (1.4..2.0).contains(&exponent),
             "1/f^{exponent} from {low} to {high} Hz"
         );
     }
-}
-
-#[test]
-fn amplitudes_are_as_specified() {
-    let traces = generate(&quiet(), 40);
-    let found: Vec<f64> = traces
-        .iter()
-        .step_by(9)
-        .map(|trace| {
-            // Divide by the noise bandwidth of a Hann window, which is 1.5 spectral lines.
-            let power = (2..=240).map(|line| amplitude(trace, f64::from(line) / 4.0).powi(2) / 2.0);
-            (power.sum::<f64>() / 1.5).sqrt()
-        })
-        .collect();
-    // By design the RMS is 20 uV times 0.7 to 1.3, so 14 to 26 uV. The limits are wider, because
-    // the RMS of 40 s of slow noise has an uncertainty of about 10 %.
-    assert!(
-        found.iter().all(|rms| (12.0..30.0).contains(rms)),
-        "{found:?}"
-    );
-    assert!((mean(&found) - 20.0).abs() < 3.0, "{} uV RMS", mean(&found));
-}
-
-#[test]
-fn correlation_falls_with_distance() {
-    let traces = generate(&quiet(), 60);
-    let with = |a, b| correlation(&traces[channel(a)], &traces[channel(b)]);
-    let (near, far, across) = (with("Cz", "C1"), with("Cz", "O1"), with("Fpz", "O2"));
-    assert!(near > 0.9, "Cz and C1, 18 degrees apart: {near}");
-    assert!(far < near - 0.1, "Cz and O1: {far}");
-    assert!(
-        (0.05..0.7).contains(&across) && across < far,
-        "Fpz and O2: {across}"
-    );
 }
 
 #[test]
@@ -173,7 +141,8 @@ fn alpha_is_posterior_and_comes_in_bursts() {
         at("PPO1"),
         at("Fz")
     );
-    assert!(amplitude(&traces[channel("Pz")], 20.0) < 0.05 * at("Pz"));
+    // A resonance of half width 0.5 Hz falls to 0.5 / 10 at a distance of 10 Hz. Measured: 0.050.
+    assert!(amplitude(&traces[channel("Pz")], 20.0) < 0.07 * at("Pz"));
     let halves = traces[channel("PPO1")].chunks_exact(256);
     let mut rms: Vec<f64> = halves
         .map(|part| mean(&part.iter().map(|x| x * x).collect::<Vec<_>>()).sqrt())
@@ -237,7 +206,11 @@ fn offsets_are_millivolts_and_drift_is_slow() {
             .windows(2)
             .map(|w| (w[1] - w[0]).abs())
             .fold(0.0, f64::max);
-        assert!(most < 10.0, "a step of {most} uV");
+        assert!(most < 1.0, "a step of {most} uV");
+        // Lines of a Hann window, 1.5 spectral lines wide. Measured within 1-60 Hz: 0.2 uV RMS.
+        let power = (4..=240).map(|line| amplitude(trace, f64::from(line) / 4.0).powi(2) / 2.0);
+        let in_band = (power.sum::<f64>() / 1.5).sqrt();
+        assert!(in_band < 1.0, "{in_band} uV RMS within 1-60 Hz");
     }
 }
 

@@ -1,0 +1,101 @@
+//! Current dipoles in the brain, which stand for patches of cortex.
+
+use recordings::Position;
+
+use super::noise::Noise;
+
+/// Share of the random dipoles that are radial, as in the crowns of gyri. The others are tangential, as
+/// in the walls of sulci.
+const RADIAL: f64 = 0.7;
+/// Smallest height of a random dipole's direction above the centre of the head: about 17 degrees below
+/// the plane through the ears.
+const LOWEST: f64 = -0.3;
+
+/// Current dipole in the brain.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Dipole {
+    /// Distance from the centre of the head, in radii of the scalp, above 0 and below that of the
+    /// brain.
+    pub(super) eccentricity: f64,
+    /// Direction of the dipole from the centre of the head, of length 1.
+    pub(super) direction: Position,
+    /// Dipole moment. Only its ratios matter: `Scalp` scales the potentials.
+    pub(super) moment: Position,
+}
+
+impl Dipole {
+    /// Creates a dipole at `place`, in radii of the scalp.
+    pub(super) fn at(place: Position, moment: Position) -> Self {
+        let eccentricity = dot(place, place).sqrt();
+        Self {
+            eccentricity,
+            direction: scaled(place, 1.0 / eccentricity),
+            moment,
+        }
+    }
+
+    /// Draws a dipole with a moment of length 1: the direction uniform over the upper part of the head,
+    /// the eccentricity uniform between the given limits.
+    pub(super) fn draw(noise: &mut Noise, eccentricity: (f64, f64)) -> Self {
+        let direction = loop {
+            let direction = direction(noise);
+            if direction.z >= LOWEST {
+                break direction;
+            }
+        };
+        let moment = if noise.uniform(0.0, 1.0) < RADIAL {
+            direction
+        } else {
+            tangent(direction, noise)
+        };
+        Self {
+            eccentricity: noise.uniform(eccentricity.0, eccentricity.1),
+            direction,
+            moment,
+        }
+    }
+}
+
+/// Draws a direction, uniform over the sphere: a point of the cube, drawn again where it is not within
+/// the sphere.
+fn direction(noise: &mut Noise) -> Position {
+    loop {
+        let mut coordinate = || noise.uniform(-1.0, 1.0);
+        let (x, y, z) = (coordinate(), coordinate(), coordinate());
+        let point = Position { x, y, z };
+        let square = dot(point, point);
+        if (0.01..1.0).contains(&square) {
+            return scaled(point, 1.0 / square.sqrt());
+        }
+    }
+}
+
+/// Draws a direction at right angles to `axis`.
+fn tangent(axis: Position, noise: &mut Noise) -> Position {
+    loop {
+        let other = direction(noise);
+        let along = dot(other, axis);
+        let across = Position {
+            x: other.x - along * axis.x,
+            y: other.y - along * axis.y,
+            z: other.z - along * axis.z,
+        };
+        let square = dot(across, across);
+        if square > 0.01 {
+            return scaled(across, 1.0 / square.sqrt());
+        }
+    }
+}
+
+fn scaled(vector: Position, factor: f64) -> Position {
+    Position {
+        x: vector.x * factor,
+        y: vector.y * factor,
+        z: vector.z * factor,
+    }
+}
+
+/// Returns the scalar product.
+pub(super) fn dot(a: Position, b: Position) -> f64 {
+    a.x * b.x + a.y * b.y + a.z * b.z
+}
