@@ -11,24 +11,10 @@
 //!                              Evaluation <-- calibrated_artifact <------------ best Parameters
 //!                                                   |
 //!                                                   v
-//!                                model.toml, *.safetensors, golden.safetensors
+//!                                model.toml, *.safetensors
 //! ```
 //!
-//! # Training on your own recordings
-//! 1. Put EDF, BDF or GDF files of one subject and one cap into a folder. Reserve whole recordings for
-//!    testing: with overlapping windows of one recording in both parts, every figure would be too good.
-//! 2. `cargo run --release --package trainer -- train --data FOLDER --train R03..R10
-//!    --test R11,R12 --mains 50 --dataset "..." --citation "..." --out model/artifact --force`.
-//!    A name matches the files whose stem ends with it; `R03..R10` means R03, R04, ... R10. Electrodes
-//!    missing in the cap are interpolated, and the training card lists them.
-//! 3. The table at the end compares the network with PCA with the same number of components, both in
-//!    float and with integer codes. `cargo run --release --package trainer -- evaluate --artifact
-//!    model/artifact --data FOLDER` prints the table again.
-//! 4. Build: `model/build.rs` turns the new artifact into integers, and refuses an artifact whose ranges
-//!    it cannot prove; `UPDATE_MANIFEST=1 cargo test --package model` writes the new `manifest.txt`.
-//!
-//! `--resume` continues an interrupted training run. The same seed, files and machine produce the same
-//! bytes.
+//! docs/training.md shows how to use the program.
 //!
 //! # The network
 //! `--montage`, `--mode`, `--numbers`, `--hop`, `--steps` and `--padding` choose its shape; the defaults
