@@ -11,6 +11,11 @@
 //! Every product is added by a fused multiply-add, and in an order that does not depend on the processor or
 //! the number of threads: the same parameters and windows yield the same bits everywhere.
 
+#![expect(
+    clippy::inline_always,
+    reason = "pulp enables the processor's instructions for what is inlined into its functions"
+)]
+
 pub(crate) mod batch_norm;
 pub(crate) mod convolution;
 mod correlation;
@@ -26,10 +31,6 @@ pub(crate) type Lanes = [f32; LANES];
 
 /// Adds `factor * values` to `sums`, lane by lane.
 #[inline(always)]
-#[expect(
-    clippy::inline_always,
-    reason = "its callers enable the processor's instructions"
-)]
 pub(crate) fn add_scaled(sums: &mut Lanes, factor: f32, values: &Lanes) {
     for (sum, value) in sums.iter_mut().zip(values) {
         *sum = factor.mul_add(*value, *sum);

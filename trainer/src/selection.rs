@@ -108,7 +108,7 @@ fn named(folder: &Path, name: &str) -> Result<Vec<PathBuf>, TrainerError> {
 fn is_recording(path: &Path) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str());
     let is = |known: &&str| extension.is_some_and(|found| found.eq_ignore_ascii_case(known));
-    EXTENSIONS.iter().any(|known| is(&known))
+    EXTENSIONS.iter().any(is)
 }
 
 /// Returns the last component of a path as text.

@@ -143,6 +143,7 @@ impl Track {
     ///
     /// # Panics
     /// If the part is not within the recording.
+    #[must_use]
     pub fn part(&self, steps: std::ops::Range<usize>) -> Self {
         let values = steps.start * self.electrodes..steps.end * self.electrodes;
         Self {

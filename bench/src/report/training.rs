@@ -36,6 +36,9 @@ struct Round {
     version: Option<String>,
 }
 
+/// A round of the trainer, and one of PyTorch where it is installed.
+type Pair = (Round, Option<Round>);
+
 /// Times both contenders alternately.
 ///
 /// # Errors
@@ -45,9 +48,9 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     let ours = Ours::new(&artifact)?;
     let torch = Torch::find();
     eprintln!("training on {UPDATES} batches of {BATCH} windows, {ROUNDS} times each");
-    let mut rounds = Vec::new();
+    let mut rounds: Vec<Pair> = Vec::new();
     for _ in 0..ROUNDS {
-        let own = ours.train()?;
+        let own = ours.train();
         let theirs = torch
             .as_ref()
             .map(|torch| torch.train(ours.folder(), &artifact.description))
@@ -60,8 +63,8 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
 /// Returns the report, with medians over the rounds. The ratio is the median of the rounds' ratios, because
 /// other load of the PC slows both contenders of a round equally. No speed has a limit, because it depends on
 /// the PC.
-fn report(rounds: &[(Round, Option<Round>)]) -> anyhow::Result<Report> {
-    let median = |figure: &dyn Fn(&(Round, Option<Round>)) -> Option<f64>| {
+fn report(rounds: &[Pair]) -> anyhow::Result<Report> {
+    let median = |figure: &dyn Fn(&Pair) -> Option<f64>| {
         let mut figures: Vec<f64> = rounds.iter().map(figure).collect::<Option<_>>()?;
         figures.sort_by(f64::total_cmp);
         figures.get(figures.len() / 2).copied()

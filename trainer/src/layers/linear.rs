@@ -81,8 +81,8 @@ impl NullaryFnOnce for Product<'_> {
             let mut sums = *tile;
             for (at, x) in self.x.iter().enumerate() {
                 let at = first * along_y + at * along_x;
-                for output in 0..TILE {
-                    add_scaled(&mut sums[output], self.values[at + output * along_y], x);
+                for (output, sums) in sums.iter_mut().enumerate() {
+                    add_scaled(sums, self.values[at + output * along_y], x);
                 }
             }
             *tile = sums;

@@ -35,8 +35,8 @@ struct Stage {
 }
 
 /// Computes loss and gradients of a batch. Returns them, and the statistics of each batch norm by name.
-pub(super) fn gradients<'a>(
-    autoencoder: &'a Autoencoder<'_>,
+pub(super) fn gradients(
+    autoencoder: &Autoencoder<'_>,
     groups: &[Group],
 ) -> (BatchGradients, [(&'static str, Moments); 3]) {
     let first = each(groups.len(), |at| autoencoder.first(&groups[at]));
@@ -121,23 +121,20 @@ impl Backward<'_> {
             "decoder.norm1.weight",
             "decoder.norm1.bias",
         );
-        let stages = self.continue_with(
-            stages.into_iter().zip(codes).collect(),
-            |at, (stage, code)| {
-                let hidden = &self.activations[at].expanded.hidden;
-                let gradient = self.through(norm3, hidden, stage.output.clone(), &total, at);
-                self.code_stage(at, &gradient, code, norm2)
-            },
-        );
+        let stages = each(stages.len(), |at| {
+            let hidden = &self.activations[at].expanded.hidden;
+            let gradient = self.through(norm3, hidden, stages[at].output.clone(), &total, at);
+            self.code_stage(at, &gradient, &codes[at], norm2)
+        });
         let total = add_stage(
             &mut all,
             &stages,
             "encoder.norm2.weight",
             "encoder.norm2.bias",
         );
-        let stages = self.continue_with(stages, |at, stage| {
+        let stages = each(stages.len(), |at| {
             let second = &self.activations[at].second;
-            let gradient = self.through(norm2, second, stage.output.clone(), &total, at);
+            let gradient = self.through(norm2, second, stages[at].output.clone(), &total, at);
             self.second_stage(at, &gradient, norm1)
         });
         let total = add_stage(
@@ -146,9 +143,9 @@ impl Backward<'_> {
             "encoder.norm1.weight",
             "encoder.norm1.bias",
         );
-        let stages = self.continue_with(stages, |at, stage| {
+        let stages = each(stages.len(), |at| {
             let first = &self.activations[at].first;
-            let gradient = self.through(norm1, first, stage.output.clone(), &total, at);
+            let gradient = self.through(norm1, first, stages[at].output.clone(), &total, at);
             let layer = self.autoencoder.layer("encoder.conv1");
             layer.parameter_gradient(&self.groups[at].cells, &gradient)
         });
@@ -160,15 +157,6 @@ impl Backward<'_> {
             );
         }
         (losses.iter().sum(), all)
-    }
-
-    /// Calls `f` with the index and the previous stage of each group, in parallel.
-    fn continue_with<T: Sync, R: Send>(
-        &self,
-        stages: Vec<T>,
-        f: impl Fn(usize, &T) -> R + Sync,
-    ) -> Vec<R> {
-        each(stages.len(), |at| f(at, &stages[at]))
     }
 
     /// Returns the gradient before a batch norm and the ReLU ahead of it.

@@ -49,6 +49,7 @@ fn merged_shards_are_the_table_of_one_process_bit_for_bit() {
     // Shards may also share a folder: the last one makes the table.
     for shard in ["1/2", "2/2"] {
         succeed(&mut crossval(
+            "pca",
             folder.path(),
             &["--out=shared", "--shard", shard],
         ));
