@@ -17,6 +17,7 @@ mod offline;
 mod python_model;
 mod table;
 mod tools;
+mod training;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -84,6 +85,8 @@ enum Benchmark {
         #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u32).range(20..=86_400))]
         seconds: u32,
     },
+    /// Training on one thread of this PC: windows per second, beside PyTorch where it is installed.
+    Training,
     /// Bridge on this PC: intervals and latency of codes at a subscriber, processor time and memory, beside a
     /// node in rospy where it is installed.
     Bridge {
@@ -134,6 +137,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
         }
         Benchmark::Host => host::measure()?,
         Benchmark::Offline { seconds } => offline::measure(*seconds)?,
+        Benchmark::Training => training::measure()?,
         Benchmark::Bridge { seconds } => bridge::measure(*seconds)?,
         Benchmark::Node { seconds } => node::measure(*seconds)?,
     };

@@ -1,7 +1,6 @@
 //! The Adam optimiser.
 //!
-//! burn's optimisers are not used: they need a feature that also pulls in its GPU back ends. With a
-//! state of plain vectors, a resumed training run equals an uninterrupted one bit for bit.
+//! The state is plain vectors, so a resumed training run equals an uninterrupted one bit for bit.
 
 use crate::parameters::{Parameters, is_statistic, rate_factor};
 use std::collections::BTreeMap;

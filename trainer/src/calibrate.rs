@@ -1,10 +1,10 @@
 //! Calibration: measures the ranges from which model-gen derives the int8 scales.
 
-use crate::dataset::{Dataset, Window};
+use crate::dataset::Dataset;
 use crate::error::TrainerError;
-use crate::in_parallel;
+use crate::network::{Network, Trace};
 use crate::parameters::Parameters;
-use artifact::{Artifact, Description, FloatEncoder, Mode, ScalpGrid, Tensors, TracedCode};
+use artifact::{Artifact, Description, Mode, Tensors};
 
 /// Smallest calibrated range of a dimension of the code: +-10 standard deviations of the input.
 ///
@@ -29,29 +29,18 @@ pub fn calibrated_artifact(
     dataset: &Dataset,
 ) -> Result<Artifact, TrainerError> {
     description.mode = parameters.mode();
-    let weights = parameters.to_tensors();
-    let placeholder = Ranges {
-        low: vec![-1.0; description.code.numbers],
-        high: vec![1.0; description.code.numbers],
-        activations: [1.0; 2],
-    };
-    let hop = description.window.hop;
-    let uncalibrated = Artifact::new(
-        description.clone(),
-        weights.clone(),
-        placeholder.to_tensors(parameters.mode(), 1.0),
-    )?;
-    let encoder = FloatEncoder::new(&uncalibrated)?;
-    let grid = ScalpGrid::new(&description);
-    let windows: Vec<&Window> = dataset.aligned(hop);
-    let traces = in_parallel::map(&windows, |window| {
-        encoder.encode_traced(&grid.scatter(window))
-    });
-    let ranges = Ranges::from_traces(&traces, description.code.numbers);
+    artifact::check_description(&description)?;
+    let windows = dataset.aligned(description.window.hop);
+    let trace = Network::new(&description).trace(parameters, &windows);
+    let ranges = Ranges::new(&trace, description.code.numbers);
     #[expect(clippy::cast_possible_truncation, reason = "calibration is f32")]
     let largest_uv = (f64::from(dataset.max_abs()) * description.input.sd_uv) as f32;
     let calibration = ranges.to_tensors(parameters.mode(), largest_uv);
-    Ok(Artifact::new(description, weights, calibration)?)
+    Ok(Artifact::new(
+        description,
+        parameters.to_tensors(),
+        calibration,
+    )?)
 }
 
 /// Measured ranges of each number of the code, and the largest activations of both convolutions.
@@ -62,20 +51,17 @@ struct Ranges {
 }
 
 impl Ranges {
-    fn from_traces(traces: &[TracedCode], numbers: usize) -> Self {
+    fn new(trace: &Trace, numbers: usize) -> Self {
         let mut ranges = Self {
             low: vec![-MIN_RANGE; numbers],
             high: vec![MIN_RANGE; numbers],
-            activations: [0.0; 2],
+            activations: trace.activations,
         };
-        for trace in traces {
-            for ((low, high), z) in ranges.low.iter_mut().zip(&mut ranges.high).zip(&trace.code) {
+        for code in trace.codes.chunks_exact(numbers) {
+            for ((low, high), z) in ranges.low.iter_mut().zip(&mut ranges.high).zip(code) {
                 *low = low.min(*z);
                 *high = high.max(*z);
             }
-            let [first, second] = &mut ranges.activations;
-            *first = first.max(trace.activation1_max);
-            *second = second.max(trace.activation2_max);
         }
         ranges
     }

@@ -118,8 +118,23 @@ pub fn figures(
 /// Returns the description of the model to train, after all checks that need no recording.
 ///
 /// # Errors
-/// If the montage has mistakes, or no model can have this shape.
+/// If the montage has mistakes, no model can have this shape, or its codes could not be decoded.
 pub fn checked_description(
+    montage: &MontageFile,
+    shape: Shape,
+) -> Result<Description, TrainerError> {
+    if shape.mode == Mode::Paper {
+        return Err(TrainerError::PaperMode);
+    }
+    description_to_compare(montage, shape)
+}
+
+/// Returns the description of a model to train and compare, whose codes need not be decodable, after all
+/// checks that need no recording.
+///
+/// # Errors
+/// If the montage has mistakes, or no model can have this shape.
+pub fn description_to_compare(
     montage: &MontageFile,
     shape: Shape,
 ) -> Result<Description, TrainerError> {
@@ -129,9 +144,6 @@ pub fn checked_description(
             name: montage.name.clone(),
             mistakes: mistakes.iter().map(ToString::to_string).collect(),
         });
-    }
-    if shape.mode == Mode::Paper {
-        return Err(TrainerError::PaperMode);
     }
     let mut description = description(montage, shape);
     // Replaced by the standard deviation of the recordings.

@@ -156,4 +156,72 @@ pub enum TrainerError {
         /// Loss of the last batch.
         loss: f64,
     },
+    /// A subject has fewer runs or blocks than folds.
+    #[error(
+        "{subject} has {blocks} runs or blocks for {folds} folds; at least 2 folds, and a block for each, are needed: \
+         use more recordings, fewer --folds, or more --blocks"
+    )]
+    TooFewBlocks {
+        /// Name of the subject.
+        subject: String,
+        /// Number of runs or blocks.
+        blocks: usize,
+        /// Number of folds.
+        folds: usize,
+    },
+    /// A folder has an outcome of another cross-validation.
+    #[error(
+        "{} belongs to another cross-validation; choose another folder for --out\n  it has:   {found}\n  expected: {expected}",
+        path.display()
+    )]
+    OtherCrossval {
+        /// File of the outcome.
+        path: PathBuf,
+        /// Settings in the file.
+        found: String,
+        /// Settings on the command line.
+        expected: String,
+    },
+    /// An outcome cannot be read.
+    #[error("{} is no outcome of a fold; delete it, and its fold is computed again", path.display())]
+    Outcome {
+        /// File of the outcome.
+        path: PathBuf,
+        /// Error from the parser.
+        source: serde_json::Error,
+    },
+    /// Two folders have different outcomes of the same fold.
+    #[error(
+        "fold {fold} has another outcome in {} than in a folder before it; merge shards of one cross-validation",
+        path.display()
+    )]
+    TwoOutcomes {
+        /// Name of the fold.
+        fold: String,
+        /// File of the second outcome.
+        path: PathBuf,
+    },
+    /// No folder has an outcome.
+    #[error("there are no outcomes to merge; name the folders that `trainer crossval --out` wrote")]
+    NoOutcomes,
+    /// Outcomes of different cross-validations.
+    #[error(
+        "fold {other} does not belong to the same cross-validation as {first}\n  {first}: {of_first}\n  {other}: {of_other}"
+    )]
+    MixedOutcomes {
+        /// Name of the first fold.
+        first: String,
+        /// Its settings.
+        of_first: String,
+        /// Name of the other fold.
+        other: String,
+        /// Its settings.
+        of_other: String,
+    },
+    /// Folds without an outcome.
+    #[error("folds are missing: {}; compute them with `trainer crossval`, or name the folders of all shards", missing.join(" "))]
+    MissingOutcomes {
+        /// Names of the folds.
+        missing: Vec<String>,
+    },
 }

@@ -3,7 +3,9 @@
 use crate::dataset::{Dataset, Window};
 use crate::error::TrainerError;
 use crate::in_parallel;
-use artifact::{Artifact, CodeFormat, FloatDecoder, FloatEncoder, IntegerCode, ScalpGrid};
+use crate::network::Network;
+use crate::parameters::Parameters;
+use artifact::{Artifact, CodeFormat, Geometry, IntegerCode, Mode, ScalpGrid};
 use model_gen::IntegerModel;
 use std::fmt;
 
@@ -41,7 +43,7 @@ pub struct ReconstructionError {
     pub prd_percent: f64,
 }
 
-/// Sums of squares, and counts of clipped values, over one window.
+/// Sums of squares, and counts of clipped values, over windows.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     signal: f64,
@@ -55,12 +57,15 @@ struct Sums {
 
 /// Encoders and decoder of a model.
 struct Codec {
+    network: Network,
+    parameters: Parameters,
     grid: ScalpGrid,
-    encoder: FloatEncoder,
-    decoder: FloatDecoder,
     integers: IntegerModel,
     sd_uv: f64,
 }
+
+/// Number of windows that are measured together, which bounds the memory.
+const BLOCK: usize = 1024;
 
 /// Measures a model on the windows of `dataset` at every hop. The dataset is in units of the
 /// model's `input.sd_uv`.
@@ -68,23 +73,22 @@ struct Codec {
 /// # Errors
 /// If the model has no decoder or cannot be turned into integers.
 pub fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation, TrainerError> {
+    let description = &model.description;
+    if description.mode == Mode::Paper {
+        return Err(TrainerError::PaperMode);
+    }
+    let geometry = Geometry::new(description);
     let codec = Codec {
-        grid: ScalpGrid::new(&model.description),
-        encoder: FloatEncoder::new(model)?,
-        decoder: FloatDecoder::new(model)?,
+        network: Network::new(description),
+        parameters: Parameters::from_tensors(description.mode, geometry, &model.weights)?,
+        grid: ScalpGrid::new(description),
         integers: model_gen::quantise(model)?,
-        sd_uv: model.description.input.sd_uv,
+        sd_uv: description.input.sd_uv,
     };
-    let windows: Vec<&Window> = dataset.aligned(model.description.window.hop);
+    let windows: Vec<&Window> = dataset.aligned(description.window.hop);
     let mut total = Sums::default();
-    for sums in in_parallel::map(&windows, |window| codec.measure(window)) {
-        total.signal += sums.signal;
-        total.float_error += sums.float_error;
-        total.integer_error += sums.integer_error;
-        total.code += sums.code;
-        total.code_error += sums.code_error;
-        total.input_clipped += sums.input_clipped;
-        total.code_clipped += sums.code_clipped;
+    for block in windows.chunks(BLOCK) {
+        codec.measure(block, &mut total);
     }
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 numbers")]
     let count = (windows.len() * dataset.dimensions().window_electrodes()) as f64;
@@ -106,21 +110,27 @@ pub fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation, Train
 }
 
 impl Codec {
-    fn measure(&self, window: &Window) -> Sums {
-        let cells = self.grid.scatter(window);
-        let code = self.encoder.encode(&cells);
-        let (planes, input_clipped) = self.quantise(&cells);
-        let integer = self.integers.encode_window(&planes);
-        let received = self.integers.dequantise(&integer);
-        Sums {
-            signal: squares(window.iter().copied()),
-            float_error: distance(window, &self.decoder.decode(&code)),
-            integer_error: distance(window, &self.decoder.decode(&received)),
-            code: squares(code.iter().copied()),
-            code_error: distance(&code, &received),
-            input_clipped,
-            code_clipped: at_rails(self.integers.code_format, &integer),
+    /// Adds the sums of a block of windows.
+    fn measure(&self, windows: &[&Window], total: &mut Sums) {
+        let (codes, decoded) = self.network.reconstruct(&self.parameters, windows);
+        let integers = in_parallel::map(windows, |window| {
+            let (planes, input_clipped) = self.quantise(&self.grid.scatter(window));
+            let code = self.integers.encode_window(&planes);
+            let code_clipped = at_rails(self.integers.code_format, &code);
+            (self.integers.dequantise(&code), input_clipped, code_clipped)
+        });
+        let mut received = Vec::with_capacity(codes.len());
+        for (code, input_clipped, code_clipped) in integers {
+            received.extend(code);
+            total.input_clipped += input_clipped;
+            total.code_clipped += code_clipped;
         }
+        total.signal += squares(windows.iter().copied().flatten().copied());
+        total.float_error += error(windows, &decoded);
+        let decoded = self.network.decode(&self.parameters, &received);
+        total.integer_error += error(windows, &decoded);
+        total.code += squares(codes.iter().copied());
+        total.code_error += distance(&codes, &received);
     }
 
     /// Returns the quantised window, q = round(uV / scale), and the number of saturated values.
@@ -137,6 +147,15 @@ impl Codec {
         }
         (planes, clipped)
     }
+}
+
+/// Returns the squared error of decoded windows, which follow each other in `decoded`.
+fn error(windows: &[&Window], decoded: &[f32]) -> f64 {
+    let length = windows.first().map_or(1, |window| window.len());
+    let pairs = windows.iter().zip(decoded.chunks_exact(length));
+    pairs
+        .map(|(window, decoded)| distance(window, decoded))
+        .sum()
 }
 
 /// Returns the number of values of a code at either end of the range of its format. The number is 0

@@ -1,8 +1,11 @@
 //! The command line: `trainer train`, `trainer evaluate` and `trainer montage check`.
 #![forbid(unsafe_code)]
 
+mod crossval_command;
+
 use artifact::{Mode, MontageFile, Padding};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use crossval_command::{CrossvalArgs, MergeArgs};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -29,6 +32,10 @@ enum Verb {
     Train(TrainArgs),
     /// Print the figures of an artifact, and of PCA with the same number of components.
     Evaluate(EvaluateArgs),
+    /// Compare a model with PCA by cross-validation, for each subject.
+    Crossval(CrossvalArgs),
+    /// Make the table of a cross-validation from the folders of its shards.
+    Merge(MergeArgs),
     /// Work with montage files, such as those in `montages/`.
     #[command(subcommand)]
     Montage(MontageVerb),
@@ -70,17 +77,9 @@ enum PaddingArg {
     All,
 }
 
+/// Montage, and what can be chosen of a model.
 #[derive(Args, Debug)]
-struct TrainArgs {
-    /// Folder of the recordings (EDF, BDF, GDF).
-    #[arg(long)]
-    data: PathBuf,
-    /// Recordings to train on: ends of file names, or ranges like R03..R10.
-    #[arg(long, required = true, value_delimiter = ',')]
-    train: Vec<String>,
-    /// Recordings to test with; they are not used for training or validation.
-    #[arg(long, required = true, value_delimiter = ',')]
-    test: Vec<String>,
+struct ShapeArgs {
     /// Montage file: grid, order of the ADC's channels, ADC [default: montages/paper-61.toml].
     #[arg(long)]
     montage: Option<PathBuf>,
@@ -102,6 +101,54 @@ struct TrainArgs {
     /// Zero padding of the convolutions.
     #[arg(long, value_enum, default_value = "none")]
     padding: PaddingArg,
+}
+
+impl ShapeArgs {
+    /// Reads the montage file, or returns the paper's montage.
+    fn montage(&self) -> Result<MontageFile, TrainerError> {
+        let mut montage = match &self.montage {
+            Some(path) => MontageFile::read(path)?,
+            None => MontageFile::parse(Path::new("montages/paper-61.toml"), PAPER)?,
+        };
+        montage.adc.rate_hz = self.rate.unwrap_or(montage.adc.rate_hz);
+        Ok(montage)
+    }
+}
+
+impl From<&ShapeArgs> for Shape {
+    fn from(args: &ShapeArgs) -> Self {
+        Self {
+            mode: match args.mode {
+                ModeArg::Pca => Mode::Pca,
+                ModeArg::Shortcut => Mode::Shortcut,
+                ModeArg::Paper => Mode::Paper,
+                ModeArg::PaperCodeOnly => Mode::PaperCodeOnly,
+            },
+            numbers: args.numbers,
+            steps: args.steps,
+            hop: args.hop,
+            padding: match args.padding {
+                PaddingArg::None => Padding::None,
+                PaddingArg::Space => Padding::Space,
+                PaddingArg::All => Padding::All,
+            },
+        }
+    }
+}
+
+#[derive(Args, Debug)]
+struct TrainArgs {
+    /// Folder of the recordings (EDF, BDF, GDF).
+    #[arg(long)]
+    data: PathBuf,
+    /// Recordings to train on: ends of file names, or ranges like R03..R10.
+    #[arg(long, required = true, value_delimiter = ',')]
+    train: Vec<String>,
+    /// Recordings to test with; they are not used for training or validation.
+    #[arg(long, required = true, value_delimiter = ',')]
+    test: Vec<String>,
+    #[command(flatten)]
+    shape: ShapeArgs,
     /// Mains frequency of the recordings, Hz.
     #[arg(long, value_parser = clap::value_parser!(u32).range(45..=65))]
     mains: u32,
@@ -157,6 +204,8 @@ fn main() -> ExitCode {
         bar: ProgressBar::hidden(),
     };
     let result = match Cli::parse().verb {
+        Verb::Crossval(args) => return exit_status(args.run()),
+        Verb::Merge(args) => return exit_status(args.run()),
         Verb::Montage(MontageVerb::Check { file, recording }) => {
             return check_montage(&file, recording.as_deref());
         }
@@ -180,18 +229,25 @@ fn main() -> ExitCode {
             print!("{}", Table(&rows[usize::from(is_pca)..]));
             ExitCode::SUCCESS
         }
-        Err(error) => {
-            print_error(&error);
-            // Settings and montages that no model can have are wrong usage.
-            match error {
-                TrainerError::MontageFile(_)
-                | TrainerError::MontageMistakes { .. }
-                | TrainerError::TooManyNumbers { .. }
-                | TrainerError::PaperMode
-                | TrainerError::Shape(_) => ExitCode::from(2),
-                _ => ExitCode::FAILURE,
-            }
-        }
+        Err(error) => exit_status(Err(error)),
+    }
+}
+
+/// Prints an error; returns the exit status.
+fn exit_status(result: Result<(), TrainerError>) -> ExitCode {
+    let Err(error) = result else {
+        return ExitCode::SUCCESS;
+    };
+    print_error(&error);
+    // Settings and montages that no model can have are wrong usage.
+    match error {
+        TrainerError::MontageFile(_)
+        | TrainerError::MontageMistakes { .. }
+        | TrainerError::TooManyNumbers { .. }
+        | TrainerError::TooFewBlocks { .. }
+        | TrainerError::PaperMode
+        | TrainerError::Shape(_) => ExitCode::from(2),
+        _ => ExitCode::FAILURE,
     }
 }
 
@@ -243,29 +299,9 @@ impl TrainArgs {
             learning_rate: peak_rate,
             ..
         } = args;
-        let mut montage = match &args.montage {
-            Some(path) => MontageFile::read(path)?,
-            None => MontageFile::parse(Path::new("montages/paper-61.toml"), PAPER)?,
-        };
-        montage.adc.rate_hz = args.rate.unwrap_or(montage.adc.rate_hz);
         Ok(TrainOptions {
-            montage,
-            shape: Shape {
-                mode: match args.mode {
-                    ModeArg::Pca => Mode::Pca,
-                    ModeArg::Shortcut => Mode::Shortcut,
-                    ModeArg::Paper => Mode::Paper,
-                    ModeArg::PaperCodeOnly => Mode::PaperCodeOnly,
-                },
-                numbers: args.numbers,
-                steps: args.steps,
-                hop: args.hop,
-                padding: match args.padding {
-                    PaddingArg::None => Padding::None,
-                    PaddingArg::Space => Padding::Space,
-                    PaddingArg::All => Padding::All,
-                },
-            },
+            montage: args.shape.montage()?,
+            shape: Shape::from(&args.shape),
             data: args.data,
             train: args.train,
             test: args.test,

@@ -154,6 +154,15 @@ impl Parameters {
     ///
     /// # Panics
     /// If the mode has no tensor of this name.
+    pub fn values(&self, name: &str) -> &[f32] {
+        let values = self.values.get(name);
+        values.unwrap_or_else(|| panic!("the mode has no tensor {name}"))
+    }
+
+    /// Returns the values of a tensor, to change them.
+    ///
+    /// # Panics
+    /// If the mode has no tensor of this name.
     pub fn values_mut(&mut self, name: &str) -> &mut [f32] {
         self.values
             .get_mut(name)

@@ -95,6 +95,29 @@ impl Track {
         })
     }
 
+    /// Returns a part of the recording, in time steps.
+    ///
+    /// # Panics
+    /// If the part is not within the recording.
+    pub fn part(&self, steps: std::ops::Range<usize>) -> Self {
+        let values = steps.start * self.electrodes..steps.end * self.electrodes;
+        Self {
+            values: self.values[values].to_vec(),
+            ..self.without_values()
+        }
+    }
+
+    fn without_values(&self) -> Self {
+        Self {
+            name: self.name.clone(),
+            electrodes: self.electrodes,
+            values: Vec::new(),
+            interpolated: self.interpolated.clone(),
+            saturated: self.saturated,
+            warnings: self.warnings.clone(),
+        }
+    }
+
     /// Returns the number of time steps.
     pub fn steps(&self) -> usize {
         self.values.len() / self.electrodes

@@ -84,6 +84,11 @@ impl Training {
         self.epoch
     }
 
+    /// Returns the number of epochs of the training run.
+    pub fn epochs(&self) -> u32 {
+        self.settings.epochs
+    }
+
     /// Returns whether all epochs are finished.
     pub fn is_done(&self) -> bool {
         self.epoch >= self.settings.epochs

@@ -22,11 +22,11 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
 }
 
 /// Runs the program `report` of the benchmarks with these arguments. It is optimised only for `host`, `offline`,
-/// `bridge` and `node`, the benchmarks that measure time on this PC.
+/// `training`, `bridge` and `node`, the benchmarks that measure time on this PC.
 pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     install::board_target()?;
     match words.first().map(String::as_str) {
-        Some("host" | "offline") => {
+        Some("host" | "offline" | "training") => {
             replace(cargo("run --release --package bench --bin report --").args(words))
         }
         Some("bridge") => {

@@ -5,7 +5,7 @@ use crate::calibrate::calibrated_artifact;
 use crate::card::{self, Shape};
 use crate::dataset::Dataset;
 use crate::testing;
-use artifact::{Artifact, FloatDecoder, FloatEncoder, MontageFile, Padding};
+use artifact::{Artifact, FloatDecoder, FloatEncoder, Mode, MontageFile, Padding};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
@@ -77,6 +77,69 @@ fn the_network_equals_the_artifacts_float_encoder_and_decoder() {
     let worst = worst_difference(&network(), &parameters, &artifact, &dataset);
     // Each implementation adds at most 1152 products in f32, in its own order. Measured: 9e-6.
     assert!(worst < 1e-4, "{worst}");
+}
+
+#[test]
+fn the_trace_equals_that_of_the_artifacts_float_encoder() {
+    let parameters = parameters();
+    let dataset = testing::dataset(5, 16 * 20);
+    let artifact = testing::artifact(&parameters);
+    let encoder = FloatEncoder::new(&artifact).unwrap();
+    let grid = ScalpGrid::new(&artifact.description);
+    // More windows than a group has, and not a multiple of them.
+    let windows = dataset.aligned(16);
+    assert_eq!(windows.len(), 20);
+    let trace = network().trace(&parameters, &windows);
+    let traces = windows
+        .iter()
+        .map(|window| encoder.encode_traced(&grid.scatter(window)));
+    let traces: Vec<_> = traces.collect();
+    let expected: Vec<f32> = traces.iter().flat_map(|trace| trace.code.clone()).collect();
+    let size = expected.iter().fold(1.0_f32, |a, b| a.max(b.abs()));
+    assert_eq!(trace.codes.len(), expected.len());
+    for (a, b) in trace.codes.iter().zip(&expected) {
+        assert!((a - b).abs() < 1e-4 * size, "{a} {b}");
+    }
+    let largest = |of: fn(&artifact::TracedCode) -> f32| traces.iter().map(of).fold(0.0, f32::max);
+    let expected = [
+        largest(|trace| trace.activation1_max),
+        largest(|trace| trace.activation2_max),
+    ];
+    for (a, b) in trace.activations.iter().zip(expected) {
+        assert!((a - b).abs() < 1e-4 * b, "{a} {b}");
+    }
+}
+
+#[test]
+fn gradients_of_index_unpooling_equal_finite_differences() {
+    let mut description = testing::description();
+    description.mode = Mode::Paper;
+    let network = Network::new(&description);
+    let parameters = changed(Parameters::random(Mode::Paper, testing::geometry(), 3));
+    let dataset = testing::dataset(6, 64);
+    let windows = dataset.aligned(16);
+    let gradients = network
+        .gradients(&mut parameters.clone(), &windows)
+        .gradients;
+    // The loss jumps where the maximum of a pool moves, so layers before the pool are left out.
+    for (name, index) in [
+        ("encoder.fc.weight", 5000),
+        ("decoder.fc.bias", 100),
+        ("decoder.conv1.weight", 700),
+    ] {
+        let change = 1e-2;
+        let loss = |change: f32| {
+            let mut changed = parameters.clone();
+            changed.values_mut(name)[index] += change;
+            network.gradients(&mut changed, &windows).loss
+        };
+        let slope = (loss(change) - loss(-change)) / (2.0 * f64::from(change));
+        let gradient = f64::from(gradients[name][index]);
+        assert!(
+            (slope - gradient).abs() < 0.05 * gradient.abs() + 1e-3,
+            "{name}: {slope} {gradient}"
+        );
+    }
 }
 
 #[test]

@@ -1,0 +1,186 @@
+//! The outcome of one fold, as a file.
+
+use super::deal::Fold;
+use crate::error::TrainerError;
+use crate::evaluate::ReconstructionError;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Folder of the outcomes, below that of the tables.
+const FOLDER: &str = "folds";
+
+/// Errors of a fold. All figures are over the windows of the test at every hop, and all electrodes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Outcome {
+    /// Everything else that determines the figures.
+    pub(super) settings: String,
+    /// Name of the subject.
+    pub subject: String,
+    /// Number of the repetition, from 1.
+    pub repetition: usize,
+    /// Number of the fold within the repetition, from 1.
+    pub fold: usize,
+    /// Mode of the model.
+    pub mode: String,
+    /// Number of numbers in a code.
+    pub numbers: usize,
+    /// Whether the signal can be decoded from the code alone.
+    pub is_decodable: bool,
+    /// Recordings of the test, or blocks of them.
+    pub tested_on: String,
+    /// Number of windows of the test.
+    pub windows: usize,
+    /// Standard deviation of the training part, uV.
+    pub sd_uv: f64,
+    /// Epoch with the smallest validation error; 0 for the initial parameters.
+    pub best_epoch: u32,
+    /// Validation errors.
+    pub validation: Validation,
+    /// Errors of the model with float codes.
+    pub model_float: Option<Errors>,
+    /// Errors of the model with integer codes; absent if they cannot be decoded.
+    pub model_integer: Option<Errors>,
+    /// Errors of PCA with float codes.
+    pub pca_float: Errors,
+    /// Errors of PCA with integer codes.
+    pub pca_integer: Errors,
+}
+
+/// Mean squared errors on disjoint windows of the validation part, in units of the training variance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Validation {
+    /// That of the model at its best epoch.
+    pub model: f64,
+    /// That of PCA.
+    pub pca: f64,
+}
+
+/// Reconstruction errors on the test.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Errors {
+    /// Mean squared error, in units of the training variance.
+    pub mse: f64,
+    /// Mean squared error, uV^2.
+    pub mse_uv2: f64,
+    /// Root of the squared error over root of the squared signal, percent.
+    pub prd_percent: f64,
+}
+
+impl Errors {
+    /// Returns the errors from the mean squared error and the mean square of the signal, in units of the
+    /// training variance.
+    pub(super) fn new([mse, signal]: [f64; 2], sd_uv: f64) -> Self {
+        Self {
+            mse,
+            mse_uv2: mse * sd_uv.powi(2),
+            prd_percent: 100.0 * (mse / signal).sqrt(),
+        }
+    }
+}
+
+impl From<ReconstructionError> for Errors {
+    fn from(error: ReconstructionError) -> Self {
+        Self {
+            mse: error.mse,
+            mse_uv2: error.mse_uv2,
+            prd_percent: error.prd_percent,
+        }
+    }
+}
+
+impl Outcome {
+    pub(super) fn with_settings(mut self, settings: String) -> Self {
+        self.settings = settings;
+        self
+    }
+
+    /// Returns the name of the fold.
+    pub fn name(&self) -> String {
+        format!("{}-r{}-f{}", self.subject, self.repetition, self.fold)
+    }
+
+    /// Writes the outcome into a folder; a crash while writing leaves no half file under its name.
+    pub(super) fn write(&self, folder: &Path) -> Result<(), TrainerError> {
+        let path = folder.join(FOLDER).join(format!("{}.json", self.name()));
+        let unreadable = |error: serde_json::Error| damaged(&path, error);
+        let text = serde_json::to_string_pretty(self).map_err(unreadable)?;
+        let partial = path.with_extension(format!("{}.part", std::process::id()));
+        let written = fs::write(&partial, text + "\n").and_then(|()| fs::rename(&partial, &path));
+        written.map_err(|source| TrainerError::File { path, source })
+    }
+}
+
+/// Creates the folders of outcomes and tables.
+pub(super) fn prepare(folder: &Path) -> Result<(), TrainerError> {
+    let path = folder.join(FOLDER);
+    fs::create_dir_all(&path).map_err(|source| TrainerError::File { path, source })
+}
+
+/// Reads the outcome of a fold; `None` if it has none yet.
+pub(super) fn read(
+    folder: &Path,
+    fold: &Fold,
+    settings: &str,
+) -> Result<Option<Outcome>, TrainerError> {
+    let path = folder.join(FOLDER).join(format!("{}.json", fold.name()));
+    if !path.exists() {
+        return Ok(None);
+    }
+    let outcome = read_file(&path)?;
+    if outcome.settings != settings {
+        return Err(TrainerError::OtherCrossval {
+            path,
+            found: outcome.settings,
+            expected: settings.to_owned(),
+        });
+    }
+    Ok(Some(outcome))
+}
+
+/// Reads all outcomes of several folders. The same outcome may be in more than one.
+pub(super) fn read_all(folders: &[PathBuf]) -> Result<Vec<Outcome>, TrainerError> {
+    let mut outcomes: BTreeMap<(String, usize, usize), Outcome> = BTreeMap::new();
+    for folder in folders {
+        let path = folder.join(FOLDER);
+        let error = |source| TrainerError::File {
+            path: path.clone(),
+            source,
+        };
+        for entry in fs::read_dir(&path).map_err(error)? {
+            let file = entry.map_err(error)?.path();
+            if file.extension().is_none_or(|extension| extension != "json") {
+                continue;
+            }
+            let outcome = read_file(&file)?;
+            let key = (outcome.subject.clone(), outcome.repetition, outcome.fold);
+            if outcomes.get(&key).is_some_and(|other| *other != outcome) {
+                return Err(TrainerError::TwoOutcomes {
+                    fold: outcome.name(),
+                    path: file,
+                });
+            }
+            outcomes.insert(key, outcome);
+        }
+    }
+    Ok(outcomes.into_values().collect())
+}
+
+fn read_file(path: &Path) -> Result<Outcome, TrainerError> {
+    let text = fs::read_to_string(path).map_err(|source| TrainerError::File {
+        path: path.to_owned(),
+        source,
+    })?;
+    serde_json::from_str(&text).map_err(|error| damaged(path, error))
+}
+
+fn damaged(path: &Path, source: serde_json::Error) -> TrainerError {
+    TrainerError::Outcome {
+        path: path.to_owned(),
+        source,
+    }
+}

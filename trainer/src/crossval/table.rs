@@ -1,0 +1,294 @@
+//! The table of a cross-validation: mean and standard deviation over the folds of each subject.
+
+use super::outcome::{Errors, Outcome};
+use crate::error::TrainerError;
+use serde::Serialize;
+use std::fmt::{self, Write};
+use std::fs;
+use std::path::Path;
+
+/// Outcomes of all folds, and what they amount to.
+#[derive(Clone, Debug)]
+pub struct Table {
+    outcomes: Vec<Outcome>,
+    rows: Vec<Row>,
+}
+
+/// Errors of one kind of code over the folds of a subject, or over all subjects.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    /// Name of the subject; `all` for the mean over the subjects' means.
+    subject: String,
+    /// Number of folds over all repetitions, or of subjects.
+    folds: usize,
+    /// Mode of the model, or PCA with the number of its components.
+    model: String,
+    /// `float` or `integer`.
+    codes: &'static str,
+    /// Whether the signal can be decoded from the code alone.
+    is_decodable: bool,
+    /// Mean squared error, in units of the training variance.
+    mse: Spread,
+    /// Mean squared error, uV^2.
+    mse_uv2: Spread,
+    /// Root of the squared error over root of the squared signal, percent.
+    prd_percent: Spread,
+}
+
+/// Mean and sample standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+struct Spread {
+    mean: f64,
+    sd: f64,
+}
+
+/// The four columns of errors of an outcome, in the order of the table.
+const COLUMNS: usize = 4;
+
+impl Table {
+    /// Makes the table from the outcomes of all folds, in any order.
+    ///
+    /// # Errors
+    /// If there are no outcomes, they belong to different settings, or folds are missing.
+    pub(super) fn new(mut outcomes: Vec<Outcome>) -> Result<Self, TrainerError> {
+        outcomes.sort_by(|a, b| {
+            let key =
+                |outcome: &Outcome| (outcome.subject.clone(), outcome.repetition, outcome.fold);
+            key(a).cmp(&key(b))
+        });
+        let Some(first) = outcomes.first() else {
+            return Err(TrainerError::NoOutcomes);
+        };
+        if let Some(other) = outcomes
+            .iter()
+            .find(|outcome| !is_same_kind(first, outcome))
+        {
+            return Err(TrainerError::MixedOutcomes {
+                first: first.name(),
+                of_first: first.settings.clone(),
+                other: other.name(),
+                of_other: other.settings.clone(),
+            });
+        }
+        check_complete(&outcomes)?;
+        let mut rows = Vec::new();
+        for subject in outcomes.chunk_by(|a, b| a.subject == b.subject) {
+            rows.extend(rows_of(subject));
+        }
+        rows.extend(over_subjects(&rows));
+        Ok(Self { outcomes, rows })
+    }
+
+    /// Returns the outcomes, sorted by subject, repetition and fold.
+    pub fn outcomes(&self) -> &[Outcome] {
+        &self.outcomes
+    }
+
+    /// Writes `table.md`, `table.csv` and `table.json` into a folder. The files depend on the outcomes alone.
+    pub(super) fn write(&self, folder: &Path) -> Result<(), TrainerError> {
+        let json = serde_json::json!({
+            "settings": self.outcomes.first().map(|outcome| &outcome.settings),
+            "rows": self.rows,
+            "folds": self.outcomes,
+        });
+        for (name, text) in [
+            ("table.md", self.to_string()),
+            ("table.csv", self.csv()),
+            ("table.json", format!("{json:#}\n")),
+        ] {
+            let path = folder.join(name);
+            fs::write(&path, text).map_err(|source| TrainerError::File { path, source })?;
+        }
+        Ok(())
+    }
+
+    fn csv(&self) -> String {
+        let mut text =
+            "subject,folds,model,codes,decodable,mse_mean,mse_sd,mse_uv2_mean,mse_uv2_sd,\
+                        prd_percent_mean,prd_percent_sd\n"
+                .to_owned();
+        for row in &self.rows {
+            let Row {
+                subject,
+                folds,
+                model,
+                codes,
+                is_decodable,
+                mse,
+                mse_uv2,
+                prd_percent,
+            } = row;
+            let subject = if subject.contains([',', '"']) {
+                format!("\"{}\"", subject.replace('"', "\"\""))
+            } else {
+                subject.clone()
+            };
+            let _ = write!(text, "{subject},{folds},{model},{codes},{is_decodable}");
+            for Spread { mean, sd } in [mse, mse_uv2, prd_percent] {
+                let _ = write!(text, ",{mean},{sd}");
+            }
+            text.push('\n');
+        }
+        text
+    }
+}
+
+impl fmt::Display for Table {
+    /// Writes the table as Markdown.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "| Subject | Folds | Model | Codes | From the code alone | MSE | MSE uV^2 | PRD % |"
+        )?;
+        writeln!(f, "| --- | ---: | --- | --- | --- | ---: | ---: | ---: |")?;
+        for row in &self.rows {
+            let decodable = if row.is_decodable { "yes" } else { "no" };
+            writeln!(
+                f,
+                "| {} | {} | {} | {} | {decodable} | {:.5} ± {:.5} | {:.2} ± {:.2} | {:.2} ± {:.2} |",
+                row.subject,
+                row.folds,
+                row.model,
+                row.codes,
+                row.mse.mean,
+                row.mse.sd,
+                row.mse_uv2.mean,
+                row.mse_uv2.sd,
+                row.prd_percent.mean,
+                row.prd_percent.sd
+            )?;
+        }
+        let Some(outcome) = self.outcomes.first() else {
+            return Ok(());
+        };
+        writeln!(
+            f,
+            "\nTest error, mean ± standard deviation over the folds. {}.",
+            outcome.settings
+        )
+    }
+}
+
+/// Returns whether two outcomes have the same settings. The blocks of a run may differ between subjects.
+fn is_same_kind(a: &Outcome, b: &Outcome) -> bool {
+    if a.subject == b.subject {
+        return a.settings == b.settings;
+    }
+    let without_folds = |outcome: &Outcome| {
+        let settings = outcome.settings.rsplit_once("; ");
+        settings.map(|(before, _)| before.to_owned())
+    };
+    without_folds(a) == without_folds(b) && a.mode == b.mode && a.numbers == b.numbers
+}
+
+/// Checks that each subject has every fold of every repetition.
+fn check_complete(outcomes: &[Outcome]) -> Result<(), TrainerError> {
+    let largest = |number: fn(&Outcome) -> usize| outcomes.iter().map(number).max().unwrap_or(0);
+    let repetitions = largest(|outcome| outcome.repetition);
+    let folds = largest(|outcome| outcome.fold);
+    let mut missing = Vec::new();
+    for subject in outcomes.chunk_by(|a, b| a.subject == b.subject) {
+        for repetition in 1..=repetitions {
+            for fold in 1..=folds {
+                let is_there =
+                    |outcome: &Outcome| (outcome.repetition, outcome.fold) == (repetition, fold);
+                if !subject.iter().any(is_there) {
+                    missing.push(format!("{}-r{repetition}-f{fold}", subject[0].subject));
+                }
+            }
+        }
+    }
+    if missing.is_empty() {
+        return Ok(());
+    }
+    Err(TrainerError::MissingOutcomes { missing })
+}
+
+/// Returns the errors of an outcome with the names of their rows.
+fn columns(outcome: &Outcome) -> [(String, &'static str, bool, Option<Errors>); COLUMNS] {
+    let pca = format!("PCA-{}", outcome.numbers);
+    let is_pca = outcome.mode == "pca";
+    let model = |errors: Option<Errors>| errors.filter(|_| !is_pca);
+    [
+        (
+            outcome.mode.clone(),
+            "float",
+            outcome.is_decodable,
+            model(outcome.model_float),
+        ),
+        (
+            outcome.mode.clone(),
+            "integer",
+            outcome.is_decodable,
+            model(outcome.model_integer),
+        ),
+        (pca.clone(), "float", true, Some(outcome.pca_float)),
+        (pca, "integer", true, Some(outcome.pca_integer)),
+    ]
+}
+
+/// Returns the rows of one subject.
+fn rows_of(outcomes: &[Outcome]) -> Vec<Row> {
+    let columns: Vec<_> = outcomes.iter().map(columns).collect();
+    let rows = (0..COLUMNS).filter_map(|at| {
+        let (model, codes, is_decodable, _) = columns.first()?[at].clone();
+        let errors: Vec<Errors> = columns.iter().filter_map(|column| column[at].3).collect();
+        let spread = |figure: fn(&Errors) -> f64| Spread::new(errors.iter().map(figure));
+        (!errors.is_empty()).then(|| Row {
+            subject: outcomes[0].subject.clone(),
+            folds: errors.len(),
+            model,
+            codes,
+            is_decodable,
+            mse: spread(|errors| errors.mse),
+            mse_uv2: spread(|errors| errors.mse_uv2),
+            prd_percent: spread(|errors| errors.prd_percent),
+        })
+    });
+    rows.collect()
+}
+
+/// Returns the rows over the means of the subjects; none for one subject.
+fn over_subjects(rows: &[Row]) -> Vec<Row> {
+    let Some(first) = rows.first() else {
+        return Vec::new();
+    };
+    let kinds = rows.iter().take_while(|row| row.subject == first.subject);
+    if rows.iter().all(|row| row.subject == first.subject) {
+        return Vec::new();
+    }
+    kinds
+        .map(|kind| {
+            let same: Vec<&Row> = rows
+                .iter()
+                .filter(|row| row.model == kind.model && row.codes == kind.codes)
+                .collect();
+            let spread = |figure: fn(&Row) -> f64| Spread::new(same.iter().map(|row| figure(row)));
+            Row {
+                subject: "all".to_owned(),
+                folds: same.len(),
+                mse: spread(|row| row.mse.mean),
+                mse_uv2: spread(|row| row.mse_uv2.mean),
+                prd_percent: spread(|row| row.prd_percent.mean),
+                ..kind.clone()
+            }
+        })
+        .collect()
+}
+
+impl Spread {
+    /// Returns mean and sample standard deviation, which is 0 for one value.
+    #[expect(clippy::cast_precision_loss, reason = "a few values")]
+    fn new(values: impl Iterator<Item = f64> + Clone) -> Self {
+        let count = values.clone().count() as f64;
+        let mean = values.clone().sum::<f64>() / count;
+        let squares: f64 = values.map(|value| (value - mean).powi(2)).sum();
+        Self {
+            mean,
+            sd: (squares / (count - 1.0).max(1.0)).sqrt(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
