@@ -57,7 +57,7 @@ fn codes(path: &Path) -> Vec<String> {
     codes
 }
 
-/// Writes a GDF file of the paper's electrodes at 250 Hz, which is resampled, with one event a second.
+/// Writes a GDF file of the model's electrodes at 250 Hz, which is resampled, with one event a second.
 fn write_recording(path: &Path) {
     let rate_hz = 250;
     let signal = |label: &str| SignalToWrite {

@@ -16,7 +16,7 @@ struct Band {
 
 /// Bands of the background. Each has four times the corner frequency and [`FALL`] times the variance of
 /// the previous one, so the power spectrum falls as 1/f^1.7 from the first corner to the last, as in
-/// EEGMMIDB S001 (1.60 to 1.69 from 2 to 40 Hz in R01, R03, R07 and R11).
+/// EEGMMIDB S001 (exponents of 1.6 to 1.7 from 2 to 40 Hz in R01, R03, R07 and R11).
 ///
 /// Slow activity spans larger patches of cortex than fast activity, and the dipole that has the
 /// potential of a patch is deeper than the patch (de Munck, Vijn and Lopes da Silva 1992). In S001R11,

@@ -10,8 +10,9 @@ const RADII: [f64; 2] = [0.87, 0.92];
 /// Conductivities of brain, skull and scalp, relative to that of the brain. The skull conducts 15
 /// times worse than brain and scalp (Oostendorp, Delbeke and Stegeman 2000).
 pub(super) const CONDUCTIVITIES: [f64; 3] = [1.0, 1.0 / 15.0, 1.0];
-/// Number of terms of the series. A term falls with `eccentricity^n`; at the largest eccentricity of
-/// a source, 0.75, the rest is below 1e-5 of the sum.
+/// Number of terms of the series. A term falls with `eccentricity^n`. Measured against 400 terms: 5e-6 of
+/// the largest potential for the eyes, which are farthest out (0.83), below 1e-7 for the cortex (at
+/// most 0.75).
 const TERMS: usize = 64;
 
 /// Three concentric spheres, each of one conductivity, in air.
