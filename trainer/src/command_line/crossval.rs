@@ -11,7 +11,7 @@ use trainer::error::TrainerError;
 use trainer::selection;
 use trainer::training::Settings;
 
-use super::mains_hz;
+use super::mains::mains_hz;
 use super::shape::ShapeArgs;
 use super::train::BATCH;
 

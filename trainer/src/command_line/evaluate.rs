@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use trainer::comparison;
 use trainer::error::TrainerError;
 
-use super::mains_hz;
+use super::mains::mains_hz;
 use super::terminal::Terminal;
 
 /// Arguments of `trainer evaluate`.
