@@ -42,14 +42,8 @@ pub(super) fn check_reference(
         Some(expected) => {
             let decoder = FloatDecoder::new(model).map_err(unusable)?;
             let grid = ScalpGrid::new(&model.description);
-            let cells = model.description.dimensions().cells();
-            let expected: Vec<Vec<f32>> = expected
-                .iter()
-                .map(|window| {
-                    let planes = window.chunks_exact(cells);
-                    planes.flat_map(|plane| grid.gather(plane)).collect()
-                })
-                .collect();
+            let expected = expected.iter().map(|window| grid.gather(window));
+            let expected: Vec<Vec<f32>> = expected.collect();
             let found: Vec<Vec<f32>> = codes.iter().map(|code| decoder.decode(code)).collect();
             Some(largest_difference("reconstruction", &found, &expected)?)
         }

@@ -158,12 +158,9 @@ impl Search<'_> {
         if self.has(&windows) {
             let windows = self.rows(&windows, window)?;
             let grid = ScalpGrid::new(description);
-            let cells = description.dimensions().cells();
-            let gather = |window: &Vec<f32>| {
-                let planes = window.chunks_exact(cells);
-                planes.flat_map(|plane| grid.gather(plane)).collect()
-            };
-            return Some(Calibration::Windows(windows.iter().map(gather).collect()));
+            return Some(Calibration::Windows(
+                windows.iter().map(|window| grid.gather(window)).collect(),
+            ));
         }
         let mut tensors = self.file.iter();
         if !tensors.any(|(name, _)| name.starts_with(CALIBRATION)) {
@@ -183,21 +180,25 @@ impl Search<'_> {
     }
 
     fn reference(&mut self, window: &[usize], numbers: usize) -> Option<Reference> {
-        let (windows, codes) = ("reference.windows", "reference.codes");
+        let names = [
+            "reference.windows",
+            "reference.codes",
+            "reference.reconstructions",
+        ];
+        let [windows, codes, name] = names;
         match (self.has(windows), self.has(codes)) {
             (false, false) => return None,
             (true, true) => {}
             (has_windows, _) => {
                 let missing = if has_windows { codes } else { windows };
                 self.mistakes.push(Mistake::HalfReference { missing });
-                self.used.extend([windows.to_owned(), codes.to_owned()]);
+                self.used.extend(names.map(str::to_owned));
                 return None;
             }
         }
         let windows = self.rows(windows, window);
         let count = windows.as_ref().map_or(0, Vec::len);
         let codes = self.rows(codes, &[numbers]);
-        let name = "reference.reconstructions";
         let reconstructions = if self.has(name) {
             Some(self.rows(name, window)?)
         } else {
