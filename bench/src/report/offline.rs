@@ -107,7 +107,7 @@ mod tests {
                 decode_s: 8.0 * slowness,
             }),
         });
-        let report = report(&rounds, 110, [Some(40.0), Some(5.0)]).expect("a report");
+        let report = report(&rounds, 110, [Some(13.5), Some(5.0)]).expect("a report");
         for (name, value) in [
             ("encode_times_real_time", 200.0),
             ("decode_times_real_time", 50.0),

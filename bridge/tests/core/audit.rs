@@ -44,13 +44,13 @@ fn golden(folder: &Path) -> Vec<AuditedWindow> {
             window: 0,
             planes: window.clone(),
             levels: code.levels(),
-            resolution: 1,
+            resolution: 1 << code.exponent,
         })
         .collect()
 }
 
-/// Returns a device with the scales of int8 codes as model-gen computes them: they cover twice the
-/// calibrated range.
+/// Returns a device with the scales that model-gen computes: those of int8 codes cover twice the calibrated
+/// range, those of the other formats 16 times its larger end.
 fn device(artifact: &Artifact) -> Device {
     let ends = |name| {
         let ends = artifact.calibration.tensor(name, &[NUMBERS]).unwrap();
@@ -58,11 +58,21 @@ fn device(artifact: &Artifact) -> Device {
     };
     let (low, high) = (ends("code.min"), ends("code.max"));
     let mut board = Board::new();
+    board.code_format = match artifact.description.code.format {
+        artifact::CodeFormat::Int8 => link::CodeFormat::Int8,
+        artifact::CodeFormat::Int8Exponent => link::CodeFormat::Int8Exponent,
+        artifact::CodeFormat::Int16 => link::CodeFormat::Int16,
+    };
     for value in 0..NUMBERS {
-        let scale = (high[value] - low[value]) / 2.0 * 2.0 / 127.0;
-        let middle = f64::midpoint(high[value], low[value]);
+        let (scale, zero_point) = if board.code_format == link::CodeFormat::Int8 {
+            let scale = (high[value] - low[value]) / 2.0 * 2.0 / 127.0;
+            let middle = f64::midpoint(high[value], low[value]);
+            (scale, (-middle / scale).round() as i8)
+        } else {
+            (high[value].max(-low[value]) * 16.0 / 32_767.0, 0)
+        };
         board.code_scale[value] = scale as f32;
-        board.code_zero_point[value] = (-middle / scale).round() as i8;
+        board.code_zero_point[value] = zero_point;
     }
     let harness = Harness::streaming(SETTINGS, board);
     let device = &harness.recorder.announced[0].device;
