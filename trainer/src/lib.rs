@@ -41,6 +41,7 @@ pub mod checkpoint;
 pub mod comparison;
 pub mod crossval;
 pub mod dataset;
+pub mod electrode_error;
 pub mod error;
 pub mod evaluate;
 mod filters;
@@ -60,6 +61,7 @@ pub mod selection;
 pub mod session;
 pub mod track;
 pub mod training;
+pub mod truncation;
 
 #[cfg(test)]
 mod testing;
