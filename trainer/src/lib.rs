@@ -48,13 +48,16 @@ mod filters;
 pub mod golden;
 mod in_parallel;
 mod layers;
+pub mod learning_curve;
 pub mod montage_check;
 pub mod network;
+mod output_folder;
 pub mod parameters;
 pub mod pca;
 pub mod progress;
 
 pub mod recording_check;
+pub mod report;
 mod resampler;
 pub mod schedule;
 pub mod selection;

@@ -5,6 +5,8 @@
 mod crossval;
 #[path = "program/evaluate.rs"]
 mod evaluate;
+#[path = "program/report.rs"]
+mod report;
 #[path = "program/train.rs"]
 mod train;
 
