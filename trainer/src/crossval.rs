@@ -34,6 +34,7 @@ pub use outcome::{Errors, Outcome, Validation};
 pub use shard::Shard;
 pub use subject::{Subject, group};
 pub use table::Table;
+pub(crate) use table::columns;
 
 /// Options of `trainer crossval`.
 #[derive(Clone, Debug)]

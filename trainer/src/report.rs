@@ -1,11 +1,13 @@
 //! Report of a training run, an evaluation or a cross-validation: pictures, their values as CSV, and a page that
 //! shows them.
 
+mod cross_validation;
 mod evaluation;
 mod learning;
 
 use crate::comparison::Comparison;
 
+use crate::crossval::Table;
 use crate::error::TrainerError;
 use crate::learning_curve::Learning;
 use crate::output_folder::check_writable;
@@ -17,8 +19,8 @@ use std::path::Path;
 
 /// File name of the page.
 const PAGE: &str = "index.html";
-/// Quantity and unit of mean squared errors on an axis.
-const MSE: &str = "MSE (units of the network's input, squared)";
+/// Label of an axis with mean squared errors in units of `input.sd_uv` squared.
+const MSE: &str = "mean squared error (1 = variance of the training part)";
 
 /// Creates the folder of a report, and tries to write to it.
 ///
@@ -64,6 +66,16 @@ pub fn write_training(
 pub fn write_evaluation(folder: &Path, comparison: &Comparison) -> Result<(), TrainerError> {
     let mut report = Report::new(folder, "Error of a model");
     evaluation::add(&mut report, comparison)?;
+    report.finish()
+}
+
+/// Writes the report of a cross-validation into a folder: errors of all folds, and their learning curves.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn write_crossval(folder: &Path, table: &Table) -> Result<(), TrainerError> {
+    let mut report = Report::new(folder, "Cross-validation");
+    cross_validation::add(&mut report, table)?;
     report.finish()
 }
 

@@ -7,7 +7,7 @@ use crate::error::TrainerError;
 use crate::truncation::TruncationError;
 use artifact::Mode;
 use picture::axis::{Axis, Scale};
-use picture::canvas::{RESULT, SOURCE};
+use picture::canvas::{INK, RESULT, SOURCE};
 use picture::csv_field::field;
 use picture::lines::{Lines, Mark, Series};
 use picture::scalp_map::{Place, ScalpMap, on_map};
@@ -189,23 +189,27 @@ fn rate(comparison: &Comparison) -> Lines {
     let format = comparison.network.format;
     let bits =
         |numbers: usize| f64::from(u32::try_from(comparison.bits_of(numbers)).unwrap_or(u32::MAX));
-    let curve = |label, color, error: fn(&TruncationError) -> f64| {
+    let curve = |label, color, mark, error: fn(&TruncationError) -> f64| {
         let points = comparison.pca_by_numbers.iter();
         Series {
             label,
             color,
-            mark: Mark::Line,
+            mark,
             points: points.map(|at| (bits(at.numbers), error(at))).collect(),
             sd: Vec::new(),
         }
     };
     let mut series = vec![
-        curve(format!("PCA, {format} codes"), RESULT, |error| {
-            error.mse_int8
-        }),
+        curve(
+            format!("PCA, {format} codes"),
+            RESULT,
+            Mark::Line,
+            |error| error.mse_int8,
+        ),
         curve(
             "PCA, float codes".to_owned(),
-            picture::canvas::FAINT,
+            INK,
+            Mark::ThinLine,
             |error| error.mse_float,
         ),
     ];
