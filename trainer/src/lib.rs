@@ -14,7 +14,8 @@
 //!                                model.toml, *.safetensors
 //! ```
 //!
-//! docs/training.md shows how to use the program.
+//! [`report`] draws the learning curves, the evaluation and the cross-validation. docs/training.md shows how to
+//! use the program.
 //!
 //! # The network
 //! `--montage`, `--mode`, `--numbers`, `--hop`, `--steps` and `--padding` choose its shape; the defaults
