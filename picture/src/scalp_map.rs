@@ -84,7 +84,13 @@ impl ScalpMap {
             };
             area.draw(&Circle::new(at, 4, WHITE.filled()))?;
             area.draw(&Circle::new(at, 3, dot))?;
-            let style = canvas::text(12, INK).pos(Pos::new(HPos::Center, VPos::Top));
+            // White where the map is dark.
+            let color = if level(place.value / largest) > 2 * LEVELS / 3 {
+                WHITE
+            } else {
+                INK
+            };
+            let style = canvas::text(12, color).pos(Pos::new(HPos::Center, VPos::Top));
             area.draw(&Text::new(place.label.clone(), (at.0, at.1 + 5), style))?;
         }
         self.draw_scale(area, largest)

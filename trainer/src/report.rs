@@ -4,23 +4,16 @@
 mod cross_validation;
 mod evaluation;
 mod learning;
+mod writer;
 
 use crate::comparison::Comparison;
-
 use crate::crossval::Table;
 use crate::error::TrainerError;
 use crate::learning_curve::Learning;
 use crate::output_folder::check_writable;
 use new_file::{Existing, NewFileError};
-use picture::canvas::PictureError;
-use picture::page::Page;
-use std::fs;
 use std::path::Path;
-
-/// File name of the page.
-const PAGE: &str = "index.html";
-/// Label of an axis with mean squared errors in units of `input.sd_uv` squared.
-const MSE: &str = "mean squared error (1 = variance of the training part)";
+use writer::{PAGE, Report};
 
 /// Creates the folder of a report, and tries to write to it.
 ///
@@ -77,44 +70,4 @@ pub fn write_crossval(folder: &Path, table: &Table) -> Result<(), TrainerError> 
     let mut report = Report::new(folder, "Cross-validation");
     cross_validation::add(&mut report, table)?;
     report.finish()
-}
-
-/// A report while it is written; its page is the last file.
-struct Report<'a> {
-    folder: &'a Path,
-    page: Page,
-}
-
-impl<'a> Report<'a> {
-    fn new(folder: &'a Path, title: &str) -> Self {
-        Self {
-            folder,
-            page: Page::new(title),
-        }
-    }
-
-    /// Draws a picture with its values, both of which have `name` before the ending, and adds them to the page.
-    fn add_picture(
-        &mut self,
-        name: &str,
-        draw: impl FnOnce(&Path) -> Result<(), PictureError>,
-        caption: &str,
-        values: &str,
-    ) -> Result<(), TrainerError> {
-        let [picture, csv] = ["svg", "csv"].map(|ending| format!("{name}.{ending}"));
-        draw(&self.folder.join(&picture))?;
-        self.write(&csv, values)?;
-        self.page.push_picture(&picture, caption, &[&csv]);
-        Ok(())
-    }
-
-    /// Writes the page.
-    fn finish(self) -> Result<(), TrainerError> {
-        self.write(PAGE, &self.page.to_html())
-    }
-
-    fn write(&self, name: &str, text: &str) -> Result<(), TrainerError> {
-        let path = self.folder.join(name);
-        fs::write(&path, text).map_err(|source| TrainerError::File { path, source })
-    }
 }

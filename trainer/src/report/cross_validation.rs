@@ -1,7 +1,7 @@
 //! Errors of all folds of a cross-validation, and their learning curves.
 
 use super::learning::numbered;
-use super::{MSE, Report};
+use super::writer::{MSE, Report};
 use crate::crossval::{Outcome, Table, columns};
 use crate::error::TrainerError;
 use picture::axis::{Axis, Scale};

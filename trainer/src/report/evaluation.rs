@@ -1,6 +1,6 @@
 //! Error of each electrode, and error of PCA with fewer numbers.
 
-use super::{MSE, Report};
+use super::writer::{MSE, Report};
 use crate::comparison::Comparison;
 use crate::electrode_error::ElectrodeError;
 use crate::error::TrainerError;

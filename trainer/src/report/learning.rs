@@ -1,6 +1,6 @@
 //! Learning curves of a training run.
 
-use super::{MSE, Report};
+use super::writer::{MSE, Report};
 use crate::error::TrainerError;
 use crate::learning_curve::{Learning, LearningCurve};
 use picture::axis::{Axis, Scale};
