@@ -85,7 +85,7 @@ pub use model_id::ModelId;
 pub use montage_file::{MontageAdc, MontageFile, MontageFileError};
 pub use pca::Pca;
 pub use scalp_grid::ScalpGrid;
-pub use shapes::{NORM_EPSILON, NamedShape, weight_shapes};
+pub use shapes::{NORM_EPSILON, NamedShape, calibration_shapes, weight_shapes};
 pub use tensors::Tensors;
 pub use training_card::{Figures, TrainingCard};
 pub use validation::{

@@ -3,11 +3,8 @@
 use crate::description::{Description, Mode};
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
-use crate::tensors::Tensors;
+use crate::tensors::{PCA, Tensors};
 use std::path::Path;
-
-/// Name of the file, which is not part of the model id.
-pub(crate) const PCA: &str = "pca.safetensors";
 
 /// Principal directions of a model's training windows, and the ranges of their components.
 ///

@@ -65,7 +65,7 @@ pub fn weight_shapes(mode: Mode, geometry: &Geometry) -> Vec<NamedShape> {
 
 /// Returns name and shape of each tensor in `calibration.safetensors`, for a mode and the dimensions of
 /// a model.
-pub(crate) fn calibration_shapes(mode: Mode, dimensions: &Dimensions) -> Vec<NamedShape> {
+pub fn calibration_shapes(mode: Mode, dimensions: &Dimensions) -> Vec<NamedShape> {
     let mut shapes = vec![
         ("input.max_abs", vec![1]),
         ("code.min", vec![dimensions.numbers]),

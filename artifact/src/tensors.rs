@@ -10,6 +10,8 @@ use std::collections::BTreeMap;
 pub(crate) const WEIGHTS: &str = "weights.safetensors";
 /// Name of the file that holds the calibrated ranges.
 pub(crate) const CALIBRATION: &str = "calibration.safetensors";
+/// Name of the file that holds the PCA of the training windows.
+pub(crate) const PCA: &str = "pca.safetensors";
 
 /// The f32 tensors of one `.safetensors` file, by name.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,7 +33,7 @@ impl Tensors {
 
     /// Creates an empty set of tensors for `pca.safetensors`.
     pub(crate) fn for_pca() -> Self {
-        Self::new(crate::pca::PCA)
+        Self::new(PCA)
     }
 
     fn new(file: &'static str) -> Self {

@@ -19,7 +19,8 @@ const MIN_RANGE: f32 = 10.0;
 ///
 /// The calibration holds the smallest and largest value of each dimension of the code (at most -10 and
 /// at least 10), the largest input and the largest activations. These ranges have no head room;
-/// model-gen adds it.
+/// model-gen adds it. Silent channels are held at the bias of their norm
+/// ([`Parameters::hold_silent_channels`]).
 ///
 /// # Errors
 /// If description and parameters are not a valid model.
@@ -30,8 +31,10 @@ pub fn calibrated_artifact(
 ) -> Result<Artifact, TrainerError> {
     description.mode = parameters.mode();
     artifact::check_description(&description)?;
+    let mut parameters = parameters.clone();
+    parameters.hold_silent_channels();
     let windows = dataset.aligned(description.window.hop);
-    let trace = Network::new(&description).trace(parameters, &windows);
+    let trace = Network::new(&description).trace(&parameters, &windows);
     let ranges = Ranges::new(&trace, description.code.numbers);
     #[expect(clippy::cast_possible_truncation, reason = "calibration is f32")]
     let largest_uv = (f64::from(dataset.max_abs()) * description.input.sd_uv) as f32;
@@ -129,6 +132,19 @@ mod tests {
                 "{name}"
             );
         }
+    }
+
+    #[test]
+    fn a_model_with_a_silent_channel_can_be_quantised() {
+        let dataset = testing::dataset(3, 64);
+        let mut parameters =
+            Parameters::from_directions(testing::geometry(), &testing::directions(), 1);
+        // ReLU never lets this channel of conv2 pass.
+        parameters.values_mut("encoder.conv2.bias")[17] = -1e6;
+        parameters.values_mut("encoder.norm2.running_var")[17] = 0.0;
+        parameters.values_mut("encoder.norm2.weight")[17] = 1e4;
+        let artifact = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
+        model_gen::quantise(&artifact).expect("the factor of channel 17 is 0");
     }
 
     #[test]

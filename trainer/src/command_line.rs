@@ -2,19 +2,20 @@
 
 mod crossval;
 mod evaluate;
+mod mains;
 mod montage;
 mod shape;
 mod terminal;
 mod train;
 
 use clap::{Parser, Subcommand};
-use std::error::Error;
 use std::process::ExitCode;
 use trainer::error::TrainerError;
 
 use self::crossval::{CrossvalArgs, MergeArgs};
 use self::evaluate::EvaluateArgs;
 use self::montage::MontageVerb;
+use self::terminal::print_error;
 use self::train::TrainArgs;
 
 /// Trains the convolutional autoencoder on EEG recordings, and writes the artifact.
@@ -76,24 +77,5 @@ pub(crate) fn run() -> ExitCode {
         | TrainerError::Shape(_) => ExitCode::from(2),
         TrainerError::Interrupted { .. } => ExitCode::from(130),
         _ => ExitCode::FAILURE,
-    }
-}
-
-/// Prints an error with its causes to standard error.
-fn print_error(error: &dyn Error) {
-    eprintln!("trainer: {error}");
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        eprintln!("  because {error}");
-        cause = error.source();
-    }
-}
-
-/// Parses a mains frequency, Hz.
-fn mains_hz(text: &str) -> Result<u32, String> {
-    match text {
-        "50" => Ok(50),
-        "60" => Ok(60),
-        _ => Err("mains are 50 or 60 Hz, for which the filters exist".to_owned()),
     }
 }

@@ -17,6 +17,8 @@
 
 mod deal;
 mod fit;
+mod observer;
+mod options;
 mod outcome;
 mod shard;
 mod subject;
@@ -26,55 +28,17 @@ use crate::card::Shape;
 use crate::error::TrainerError;
 use crate::track::Track;
 use crate::training::Settings;
-use artifact::{Description, MontageFile};
+use artifact::Description;
 use std::path::PathBuf;
 
 pub use deal::Fold;
+pub use observer::CrossvalObserver;
+pub use options::CrossvalOptions;
 pub use outcome::{Errors, Outcome, Validation};
 pub use shard::Shard;
 pub use subject::{Subject, group};
 pub use table::Table;
 pub(crate) use table::columns;
-
-/// Options of `trainer crossval`.
-#[derive(Clone, Debug)]
-pub struct CrossvalOptions {
-    /// Recordings of all subjects.
-    pub recordings: Vec<PathBuf>,
-    /// Name of the only subject; `None` to group the recordings by their names.
-    pub subject: Option<String>,
-    /// Grid, order of the ADC's channels and ADC.
-    pub montage: MontageFile,
-    /// Mode and dimensions of the model.
-    pub shape: Shape,
-    /// Mains frequency of the recordings, Hz.
-    pub mains_hz: u32,
-    /// Epochs, batch size, learning rate and first seed.
-    pub settings: Settings,
-    /// Number of folds of each repetition.
-    pub folds: usize,
-    /// Number of repetitions, each with another split into folds.
-    pub repetitions: usize,
-    /// Number of contiguous blocks of each recording; `None` for whole runs where a subject has at least a
-    /// run for each fold, and otherwise for at least two blocks in each fold.
-    pub blocks: Option<usize>,
-    /// The folds that this process computes.
-    pub shard: Shard,
-    /// Folder of outcomes and tables.
-    pub out: PathBuf,
-}
-
-/// Receives the progress of a cross-validation.
-pub trait CrossvalObserver {
-    /// Reports a message for the user, one line.
-    fn message(&mut self, text: &str);
-    /// Reports the start of a fold, and its number among all folds of this shard.
-    fn fold_started(&mut self, name: &str, number: usize, folds: usize);
-    /// Reports that `epoch` of `epochs` of the current fold is finished.
-    fn epoch_finished(&mut self, epoch: u32, epochs: u32, validation: f64);
-    /// Reports the outcome of the current fold.
-    fn fold_finished(&mut self, outcome: &Outcome);
-}
 
 /// Computes the folds of the shard whose outcomes are missing, and writes each outcome. Returns the table if
 /// the outcomes of all shards are there, else `None`.

@@ -1,18 +1,21 @@
 //! The autoencoder: codes, reconstructions, loss and gradients.
 
-use crate::adam::Gradients;
 use crate::dataset::Window;
 use crate::in_parallel;
 use crate::layers::LANES;
 use crate::parameters::Parameters;
-use artifact::{Description, Geometry, ScalpGrid};
+use artifact::Description;
 
 mod autoencoder;
 mod batch;
 mod group;
+mod layout;
 
 use autoencoder::Autoencoder;
 use group::{Group, by_window, lanes};
+use layout::Layout;
+
+pub use batch::BatchGradients;
 
 /// Weight of a batch in the running statistics; PyTorch's default.
 const MOMENTUM: f32 = 0.1;
@@ -20,18 +23,7 @@ const MOMENTUM: f32 = 0.1;
 /// The autoencoder, computed on the CPU.
 #[derive(Debug)]
 pub struct Network {
-    geometry: Geometry,
-    /// Cell of the scalp grid of each electrode.
-    cells: Vec<usize>,
-}
-
-/// Loss and gradients of one batch.
-#[derive(Debug)]
-pub struct BatchGradients {
-    /// Mean squared error over the electrodes of the batch.
-    pub loss: f64,
-    /// Gradients of the loss with respect to all parameters except the running statistics.
-    pub gradients: Gradients,
+    layout: Layout,
 }
 
 /// Codes of windows, and what calibration needs besides them.
@@ -48,15 +40,15 @@ impl Network {
     /// Creates a network; its methods take the parameters as an argument.
     pub fn new(description: &Description) -> Self {
         Self {
-            geometry: Geometry::new(description),
-            cells: ScalpGrid::new(description).cell_of_electrode().to_vec(),
+            layout: Layout::new(description),
         }
     }
 
     /// Computes loss and gradients of a batch, and updates the running statistics in `parameters`.
     pub fn gradients(&self, parameters: &mut Parameters, windows: &[&Window]) -> BatchGradients {
         let groups = self.groups(windows);
-        let (batch, statistics) = batch::gradients(&Autoencoder::new(self, parameters), &groups);
+        let (batch, statistics) =
+            batch::gradients(&Autoencoder::new(&self.layout, parameters), &groups);
         for (norm, moments) in statistics {
             let mut update = |name: &str, batch: Vec<f32>| {
                 let running = parameters.values_mut(&format!("{norm}.running_{name}"));
@@ -72,7 +64,7 @@ impl Network {
 
     /// Returns the mean squared error over windows; batch norm uses the running statistics.
     pub fn mean_squared_error(&self, parameters: &Parameters, windows: &[&Window]) -> f64 {
-        let autoencoder = Autoencoder::new(self, parameters);
+        let autoencoder = Autoencoder::new(&self.layout, parameters);
         let sums = in_parallel::map(&self.groups(windows), |group| {
             let (_, window) = autoencoder.reconstruct(group);
             group.squared_error(&window)
@@ -97,7 +89,7 @@ impl Network {
         parameters: &Parameters,
         windows: &[&Window],
     ) -> (Vec<f32>, Vec<f32>) {
-        let autoencoder = Autoencoder::new(self, parameters);
+        let autoencoder = Autoencoder::new(&self.layout, parameters);
         let groups = self.groups(windows);
         let results = in_parallel::map(&groups, |group| {
             let (code, window) = autoencoder.reconstruct(group);
@@ -113,7 +105,7 @@ impl Network {
     /// Returns the number of values of all windows.
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 numbers")]
     fn count(&self, windows: &[&Window]) -> f64 {
-        (windows.len() * self.geometry.dimensions.window_electrodes()) as f64
+        (windows.len() * self.layout.geometry.dimensions.window_electrodes()) as f64
     }
 
     /// Returns the windows that codes, one after the other, decode to; batch norm uses the running statistics.
@@ -121,8 +113,8 @@ impl Network {
     /// # Panics
     /// In mode `paper`, whose codes cannot be decoded.
     pub fn decode(&self, parameters: &Parameters, codes: &[f32]) -> Vec<f32> {
-        let autoencoder = Autoencoder::new(self, parameters);
-        let numbers = self.geometry.dimensions.numbers;
+        let autoencoder = Autoencoder::new(&self.layout, parameters);
+        let numbers = self.layout.geometry.dimensions.numbers;
         let codes: Vec<&[f32]> = codes.chunks_exact(numbers).collect();
         let groups: Vec<&[&[f32]]> = codes.chunks(LANES).collect();
         let windows = in_parallel::map(&groups, |codes| {
@@ -133,7 +125,7 @@ impl Network {
 
     /// Returns the codes of windows and the largest activations; batch norm uses the running statistics.
     pub fn trace(&self, parameters: &Parameters, windows: &[&Window]) -> Trace {
-        let autoencoder = Autoencoder::new(self, parameters);
+        let autoencoder = Autoencoder::new(&self.layout, parameters);
         let traces = in_parallel::map(&self.groups(windows), |group| {
             let (code, activations) = autoencoder.trace(group);
             (by_window(&code, group.windows), activations)
@@ -153,7 +145,9 @@ impl Network {
 
     fn groups(&self, windows: &[&Window]) -> Vec<Group> {
         let groups = windows.chunks(LANES);
-        groups.map(|windows| Group::new(self, windows)).collect()
+        groups
+            .map(|windows| Group::new(&self.layout, windows))
+            .collect()
     }
 }
 

@@ -1,6 +1,8 @@
 //! The parameters of the network, keyed by the artifact's tensor names.
 
-use artifact::{ArtifactError, CONV1_CHANNELS, Geometry, KERNEL, Mode, Tensors, weight_shapes};
+use artifact::{
+    ArtifactError, CONV1_CHANNELS, Geometry, KERNEL, Mode, NORM_EPSILON, Tensors, weight_shapes,
+};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -150,6 +152,28 @@ impl Parameters {
             .map(|(&name, values)| (name, values.as_slice()))
     }
 
+    /// Holds the channels of batch norm whose input does not vary at the norm's bias, and returns their
+    /// number.
+    ///
+    /// ReLU can silence a channel for good. Its variance then decays towards 0, and the norm would amplify
+    /// the first window that excites the channel several hundred times, beyond the range of an int8
+    /// factor. On all windows of the training set the output stays what it was.
+    pub fn hold_silent_channels(&mut self) -> usize {
+        let mut held = 0;
+        for (weight, variance) in NORMS {
+            let Some(variance) = self.values.get(variance).cloned() else {
+                continue;
+            };
+            for (weight, variance) in self.values_mut(weight).iter_mut().zip(variance) {
+                if variance < SILENT_VARIANCE {
+                    *weight = 0.0;
+                    held += 1;
+                }
+            }
+        }
+        held
+    }
+
     /// Returns the values of a tensor.
     ///
     /// # Panics
@@ -169,6 +193,16 @@ impl Parameters {
             .unwrap_or_else(|| panic!("the mode has no tensor {name}"))
     }
 }
+
+/// Largest variance of a silent channel: the norm's output varies by a thousandth of its weight.
+const SILENT_VARIANCE: f32 = 1e-6 * NORM_EPSILON;
+
+/// Weight and variance of each batch norm.
+const NORMS: [(&str, &str); 3] = [
+    ("encoder.norm1.weight", "encoder.norm1.running_var"),
+    ("encoder.norm2.weight", "encoder.norm2.running_var"),
+    ("decoder.norm1.weight", "decoder.norm1.running_var"),
+];
 
 /// Returns whether the tensor `name` is a running statistic of batch norm, which is not trained
 /// by gradients.
@@ -226,6 +260,19 @@ mod tests {
             start,
             Parameters::from_directions(testing::geometry(), &testing::directions(), 8)
         );
+    }
+
+    #[test]
+    fn a_channel_that_never_varies_is_held_at_the_bias_of_its_norm() {
+        let mut parameters =
+            Parameters::from_directions(testing::geometry(), &testing::directions(), 7);
+        assert_eq!(parameters.clone().hold_silent_channels(), 0);
+        parameters.values_mut("encoder.norm2.running_var")[17] = 0.0;
+        parameters.values_mut("encoder.norm2.bias")[17] = 0.5;
+        let before = parameters.clone();
+        assert_eq!(parameters.hold_silent_channels(), 1);
+        parameters.values_mut("encoder.norm2.weight")[17] = 1.0;
+        assert_eq!(parameters, before);
     }
 
     #[test]

@@ -1,6 +1,15 @@
 //! Progress of a training run or an evaluation.
 
-use crate::training::EpochReport;
+/// Losses of one epoch, for the progress display.
+#[derive(Clone, Copy, Debug)]
+pub struct EpochReport {
+    /// Number of the epoch, from 1.
+    pub epoch: u32,
+    /// Mean loss over the batches of the epoch.
+    pub loss: f64,
+    /// Mean squared error on the validation windows after the epoch, in units of `input.sd_uv` squared.
+    pub validation: f64,
+}
 
 /// Receives the progress of a training run or an evaluation.
 pub trait ProgressObserver {

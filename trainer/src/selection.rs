@@ -1,6 +1,7 @@
 //! Selects recordings by path, pattern or name.
 
 use crate::error::TrainerError;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// File extensions of recordings.
@@ -29,8 +30,19 @@ pub fn recordings(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, Train
         }
     }
     selected.sort();
-    selected.dedup();
+    let mut seen = BTreeSet::new();
+    selected.retain(|path| seen.insert(identity(path)));
     Ok(selected)
+}
+
+/// Returns whether two paths lead to one recording, for example a relative path and a symbolic link.
+pub fn is_same(one: &Path, other: &Path) -> bool {
+    identity(one) == identity(other)
+}
+
+/// Returns the absolute path without symbolic links; the path itself if the file cannot be reached.
+fn identity(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_owned())
 }
 
 /// Returns all recordings in a folder, sorted by name.

@@ -81,7 +81,11 @@ pub fn train(
     let mut description = card::checked_description(&options.montage, options.shape)?;
     let train_files = selection::recordings(&options.data, &options.train)?;
     let test_files = selection::recordings(&options.data, &options.test)?;
-    if let Some(both) = test_files.iter().find(|file| train_files.contains(file)) {
+    let is_trained_on = |test: &&PathBuf| {
+        let mut train_files = train_files.iter();
+        train_files.any(|file| selection::is_same(file, test))
+    };
+    if let Some(both) = test_files.iter().find(is_trained_on) {
         return Err(TrainerError::TrainedOn {
             name: file_name(both),
         });
@@ -182,7 +186,11 @@ fn run_epochs(
     );
     let mut training = if options.resume {
         let training = checkpoint::read(path, description, *settings, &data_identity)?;
-        observer.message(&format!("resumed after epoch {}", training.epoch()));
+        observer.message(&format!(
+            "resumed after epoch {}; best validation MSE so far {:.5}",
+            training.epoch(),
+            training.best().validation
+        ));
         training
     } else {
         let geometry = Geometry::new(description);
@@ -191,17 +199,18 @@ fn run_epochs(
         } else {
             Parameters::random(description.mode, geometry, settings.seed)
         };
-        Training::start(*settings, start, network, split)
+        let training = Training::start(*settings, start, network, split);
+        let is_pca = if description.mode.has_shortcut() {
+            " (PCA)"
+        } else {
+            ""
+        };
+        observer.message(&format!(
+            "epoch 0{is_pca}: validation MSE {:.5}",
+            training.best().validation
+        ));
+        training
     };
-    let start = if description.mode.has_shortcut() {
-        "PCA"
-    } else {
-        "random parameters"
-    };
-    observer.message(&format!(
-        "epoch 0 ({start}): validation MSE {:.5}",
-        training.curve().initial_validation
-    ));
     while !training.is_done() {
         let batches = training.batches(split);
         observer.epoch_started(

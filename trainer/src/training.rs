@@ -6,6 +6,7 @@ use crate::error::TrainerError;
 use crate::learning_curve::{EpochLosses, LearningCurve};
 use crate::network::{BatchGradients, Network};
 use crate::parameters::Parameters;
+use crate::progress::EpochReport;
 use crate::schedule::OneCycle;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -48,17 +49,6 @@ pub struct Candidate {
     pub validation: f64,
     /// Parameters of the network after this epoch.
     pub parameters: Parameters,
-}
-
-/// Losses of one epoch, for the progress display.
-#[derive(Clone, Copy, Debug)]
-pub struct EpochReport {
-    /// Number of the epoch, from 1.
-    pub epoch: u32,
-    /// Mean loss over the batches of the epoch.
-    pub loss: f64,
-    /// Mean squared error on the validation windows after the epoch, in units of `input.sd_uv` squared.
-    pub validation: f64,
 }
 
 impl Training {

@@ -10,10 +10,10 @@ use std::process::Command;
 use trainer::card::Shape;
 use trainer::comparison::Comparison;
 use trainer::montage_check::MontageCheck;
-use trainer::progress::ProgressObserver;
+use trainer::progress::{EpochReport, ProgressObserver};
 use trainer::recording_check::RecordingCheck;
 use trainer::session::{self, TrainOptions};
-use trainer::training::{EpochReport, Settings};
+use trainer::training::Settings;
 
 /// Number of independent signals in the synthetic recordings; a linear code can hold them all.
 const SOURCES: usize = 3;

@@ -26,7 +26,7 @@ type Stage = (&'static str, fn() -> Result<(), Failure>);
 const FAST: &[Stage] = &[
     ("format", format),
     ("the microcontrollers' target", install::board_target),
-    ("lints, without the trainer", || lints("--all-targets --workspace --exclude=trainer")),
+    ("lints", || lints("--all-targets --workspace")),
     ("lints for the microcontrollers", lints_for_microcontrollers),
     ("tests", fast_tests),
     ("cargo-deny, where it is installed", deny_where_installed),
@@ -71,7 +71,7 @@ pub(crate) fn test(fast: bool) -> Result<(), Failure> {
 fn print_skipped(fast: bool) {
     if fast {
         eprintln!(
-            "SKIPPED: the trainer, the emulators, the benchmarks and models of other shapes, and what needs \
+            "SKIPPED: the emulators, the benchmarks and models of other shapes, and what needs \
              ROS where it is missing: leave --fast out"
         );
     }

@@ -4,38 +4,19 @@
 //! show that both compute the same gradients and updates.
 
 mod ours;
+mod round;
 mod torch;
 
 use serde_json::json;
 
 use self::ours::Ours;
+use self::round::{BATCH, Round, UPDATES};
 use self::torch::Torch;
 use super::checked_in;
 use super::figures::Report;
 
 /// Number of rounds; each times every contender once.
 const ROUNDS: usize = 5;
-/// Number of windows in a batch.
-const BATCH: usize = 32;
-/// Number of updates in a round that are timed, after those that warm up.
-const UPDATES: usize = 20;
-/// Number of updates at the start of a round that are not timed.
-const WARM_UP: usize = 2;
-/// Learning rate of every update.
-const RATE: f64 = 1e-3;
-
-/// What a contender did in one round.
-#[derive(Debug, Clone, serde::Deserialize)]
-struct Round {
-    /// Processor time of the timed updates, seconds.
-    seconds: f64,
-    /// Mean squared error of each batch before its update, the warm-up included.
-    losses: Vec<f64>,
-    /// Version of PyTorch.
-    #[serde(default)]
-    version: Option<String>,
-}
-
 /// A round of the trainer, and one of PyTorch where it is installed.
 type Pair = (Round, Option<Round>);
 

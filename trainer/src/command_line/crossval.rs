@@ -13,7 +13,7 @@ use trainer::report;
 use trainer::selection;
 use trainer::training::Settings;
 
-use super::mains_hz;
+use super::mains::mains_hz;
 use super::shape::ShapeArgs;
 use super::train::BATCH;
 

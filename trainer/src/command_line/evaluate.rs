@@ -8,7 +8,7 @@ use trainer::error::TrainerError;
 use trainer::progress::ProgressObserver;
 use trainer::report;
 
-use super::mains_hz;
+use super::mains::mains_hz;
 use super::terminal::Terminal;
 
 /// Arguments of `trainer evaluate`.

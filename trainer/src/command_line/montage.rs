@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use trainer::montage_check::MontageCheck;
 use trainer::recording_check::RecordingCheck;
 
-use super::print_error;
+use super::terminal::print_error;
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum MontageVerb {

@@ -2,12 +2,12 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::SIGINT;
+use std::error::Error;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use trainer::error::TrainerError;
-use trainer::progress::ProgressObserver;
-use trainer::training::EpochReport;
+use trainer::progress::{EpochReport, ProgressObserver};
 
 /// Prints progress to standard error: lines, and a bar over all epochs with windows per second and the time left.
 pub(crate) struct Terminal {
@@ -95,5 +95,15 @@ impl ProgressObserver for Terminal {
 impl Drop for Terminal {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// Prints an error with its causes to standard error.
+pub(super) fn print_error(error: &dyn Error) {
+    eprintln!("trainer: {error}");
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        eprintln!("  because {error}");
+        cause = error.source();
     }
 }

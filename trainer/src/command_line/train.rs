@@ -7,7 +7,7 @@ use trainer::error::TrainerError;
 use trainer::session::{self, TrainOptions};
 use trainer::training::Settings;
 
-use super::mains_hz;
+use super::mains::mains_hz;
 use super::shape::ShapeArgs;
 use super::terminal::Terminal;
 

@@ -1,6 +1,6 @@
 //! Deals the runs or blocks of a subject to folds.
 
-use super::CrossvalOptions;
+use super::options::CrossvalOptions;
 use super::subject::Subject;
 use crate::error::TrainerError;
 use crate::selection::file_name;

@@ -1,8 +1,9 @@
 //! Trains on the blocks outside a fold, and tests on the fold.
 
 use super::deal::{Block, Fold};
+use super::observer::CrossvalObserver;
+use super::options::CrossvalOptions;
 use super::outcome::{Errors, Outcome, Validation};
-use super::{CrossvalObserver, CrossvalOptions};
 use crate::calibrate::calibrated_artifact;
 use crate::dataset::{Dataset, Split};
 use crate::error::TrainerError;

@@ -1,7 +1,7 @@
 //! The layers of the autoencoder with their parameters, and the forward pass of a group.
 
-use super::Network;
 use super::group::Group;
+use super::layout::Layout;
 use crate::layers::batch_norm::{BatchNorm, Moments};
 use crate::layers::convolution::Layer;
 use crate::layers::linear::Matrix;
@@ -14,7 +14,7 @@ use artifact::Mode;
 /// The autoencoder with its parameters. A layer's name is that of its tensors.
 #[derive(Debug)]
 pub(super) struct Autoencoder<'a> {
-    pub(super) network: &'a Network,
+    pub(super) layout: &'a Layout,
     parameters: &'a Parameters,
 }
 
@@ -34,11 +34,8 @@ pub(super) struct Expanded {
 }
 
 impl<'a> Autoencoder<'a> {
-    pub(super) fn new(network: &'a Network, parameters: &'a Parameters) -> Self {
-        Self {
-            network,
-            parameters,
-        }
+    pub(super) fn new(layout: &'a Layout, parameters: &'a Parameters) -> Self {
+        Self { layout, parameters }
     }
 
     pub(super) fn mode(&self) -> Mode {
@@ -50,18 +47,18 @@ impl<'a> Autoencoder<'a> {
         Layer {
             weight: self.parameters.values(&format!("{name}.weight")),
             bias: self.parameters.values(&format!("{name}.bias")),
-            pads: self.network.geometry.padding.pads(),
+            pads: self.layout.geometry.padding.pads(),
         }
     }
 
     /// Returns the matrix of a fully connected layer by its name.
     pub(super) fn matrix(&self, name: &str) -> Matrix<'a> {
-        let dimensions = self.network.geometry.dimensions;
+        let dimensions = self.layout.geometry.dimensions;
         let (numbers, window) = (dimensions.numbers, dimensions.window_electrodes());
         let (outputs, inputs) = match name {
-            "encoder.fc" => (numbers, self.network.geometry.flat()),
+            "encoder.fc" => (numbers, self.layout.geometry.flat()),
             "encoder.shortcut" => (numbers, window),
-            "decoder.fc" => (self.network.geometry.flat(), numbers),
+            "decoder.fc" => (self.layout.geometry.flat(), numbers),
             _ => (window, numbers),
         };
         Matrix {
@@ -159,7 +156,7 @@ impl<'a> Autoencoder<'a> {
 
     /// Returns the code from the normalised output of the second convolution.
     pub(super) fn encode(&self, group: &Group, x: &Volume) -> Encoded {
-        let pooled = max_pool(x, &self.network.geometry);
+        let pooled = max_pool(x, &self.layout.geometry);
         let bias = self.parameters.values("encoder.fc.bias");
         let mut code: Vec<Lanes> = bias.iter().map(|bias| [*bias; LANES]).collect();
         self.matrix("encoder.fc")
@@ -174,7 +171,7 @@ impl<'a> Autoencoder<'a> {
     /// Returns the output of the decoder's first convolution. In mode `paper`, the places of the encoder's maxima
     /// come with the pools.
     pub(super) fn expand(&self, code: &[Lanes], pooled: Option<&Pooled>) -> Expanded {
-        let geometry = &self.network.geometry;
+        let geometry = &self.layout.geometry;
         let bias = self.parameters.values("decoder.fc.bias");
         let mut flat: Vec<Lanes> = bias.iter().map(|bias| [*bias; LANES]).collect();
         self.matrix("decoder.fc").multiply(code, &mut flat);
@@ -193,7 +190,7 @@ impl<'a> Autoencoder<'a> {
     /// Returns the reconstructed electrodes from the normalised output of the decoder's first convolution.
     pub(super) fn window(&self, x: &Volume, code: &[Lanes]) -> Vec<Lanes> {
         let cells = self.layer("decoder.conv2").convolve_transposed(x);
-        let mut window = self.network.gather(&cells);
+        let mut window = self.layout.gather(&cells);
         if self.mode().has_shortcut() {
             self.matrix("decoder.shortcut").multiply(code, &mut window);
         }

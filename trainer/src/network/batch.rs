@@ -3,7 +3,6 @@
 //! Batch norm needs the whole batch, so each pass consists of stages, between which the statistics of the
 //! groups are added, always in their order.
 
-use super::BatchGradients;
 use super::autoencoder::{Autoencoder, Encoded, Expanded};
 use super::group::Group;
 use crate::adam::Gradients;
@@ -15,6 +14,15 @@ use crate::layers::pool::unpool_gradient;
 use crate::layers::volume::Volume;
 use crate::layers::{LANES, Lanes, total};
 use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Mode};
+
+/// Loss and gradients of one batch.
+#[derive(Debug)]
+pub struct BatchGradients {
+    /// Mean squared error over the electrodes of the batch.
+    pub loss: f64,
+    /// Gradients of the loss with respect to all parameters except the running statistics.
+    pub gradients: Gradients,
+}
 
 /// Activations of one group that the backward pass needs. `first`, `second` and `hidden` are outputs of a
 /// ReLU, and inputs of a batch norm.
@@ -205,7 +213,7 @@ impl Backward<'_> {
             let shortcut = self.autoencoder.matrix("decoder.shortcut");
             shortcut.multiply_transposed(&window, &mut at_code);
         }
-        let cells = self.autoencoder.network.scatter(&window);
+        let cells = self.autoencoder.layout.scatter(&window);
         let layer = self.autoencoder.layer("decoder.conv2");
         let gradient = layer.transposed_parameter_gradient(&normalised, &cells);
         add_layer(
@@ -232,7 +240,7 @@ impl Backward<'_> {
         norm: &BatchNorm<'_>,
     ) -> Stage {
         let (group, activations) = (&self.groups[at], &self.activations[at]);
-        let geometry = &self.autoencoder.network.geometry;
+        let geometry = &self.autoencoder.layout.geometry;
         let Encoded { pooled, code } = &activations.encoded;
         let mut gradients = Gradients::new();
         let layer = self.autoencoder.layer("decoder.conv1");

@@ -1,6 +1,6 @@
 //! Windows that are computed together.
 
-use super::Network;
+use super::layout::Layout;
 use crate::dataset::Window;
 use crate::layers::volume::Volume;
 use crate::layers::{LANES, Lanes};
@@ -18,12 +18,12 @@ pub(super) struct Group {
 
 impl Group {
     /// Lays out at most [`LANES`] windows.
-    pub(super) fn new(network: &Network, windows: &[&Window]) -> Self {
-        let dimensions = network.geometry.dimensions;
+    pub(super) fn new(layout: &Layout, windows: &[&Window]) -> Self {
+        let dimensions = layout.geometry.dimensions;
         let electrodes = lanes(windows, dimensions.window_electrodes());
         Self {
             windows: windows.len(),
-            cells: network.scatter(&electrodes),
+            cells: layout.scatter(&electrodes),
             electrodes,
         }
     }
@@ -57,28 +57,4 @@ pub(super) fn by_window(values: &[Lanes], windows: usize) -> Vec<f32> {
     lanes
         .flat_map(|lane| values.iter().map(move |lanes| lanes[lane]))
         .collect()
-}
-
-impl Network {
-    /// Returns electrodes (step, electrode) on the scalp grid (step, row, column); other cells are 0.
-    pub(super) fn scatter(&self, electrodes: &[Lanes]) -> Volume {
-        let dimensions = self.geometry.dimensions;
-        let size = [dimensions.steps, dimensions.rows, dimensions.columns];
-        let mut volume = Volume::zeros(1, size);
-        let planes = volume.values.chunks_exact_mut(dimensions.cells());
-        for (plane, electrodes) in planes.zip(electrodes.chunks_exact(dimensions.electrodes)) {
-            for (&cell, value) in self.cells.iter().zip(electrodes) {
-                plane[cell] = *value;
-            }
-        }
-        volume
-    }
-
-    /// Returns the electrodes (step, electrode) of a volume of one channel on the scalp grid.
-    pub(super) fn gather(&self, volume: &Volume) -> Vec<Lanes> {
-        let planes = volume.values.chunks_exact(self.geometry.dimensions.cells());
-        planes
-            .flat_map(|plane| self.cells.iter().map(|&cell| plane[cell]))
-            .collect()
-    }
 }

@@ -6,6 +6,7 @@ use crate::card::{self, Shape};
 use crate::dataset::Dataset;
 use crate::testing;
 use artifact::{Artifact, CodeFormat, FloatDecoder, FloatEncoder, Mode, MontageFile, Padding};
+use artifact::{Geometry, ScalpGrid};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;

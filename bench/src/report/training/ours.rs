@@ -13,7 +13,7 @@ use trainer::adam::Adam;
 use trainer::network::Network;
 use trainer::parameters::Parameters;
 
-use super::{BATCH, RATE, Round, UPDATES, WARM_UP};
+use super::round::{BATCH, RATE, Round, UPDATES, WARM_UP};
 
 /// The network with its initial parameters, and the batches.
 pub(crate) struct Ours {

@@ -7,7 +7,7 @@ use anyhow::{Context, ensure};
 use artifact::Description;
 use serde_json::json;
 
-use super::{BATCH, RATE, Round, WARM_UP};
+use super::round::{BATCH, RATE, Round, WARM_UP};
 use crate::report::{python_model, tools};
 
 /// A Python interpreter that imports PyTorch.

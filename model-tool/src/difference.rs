@@ -1,0 +1,242 @@
+//! Differences between two models.
+
+use crate::error::ToolError;
+use artifact::{Artifact, Golden, Tensors};
+use serde_json::{Value as Json, json};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::path::Path;
+
+/// All differences between two models.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// Ids of both models.
+    pub ids: [String; 2],
+    /// Fields of `model.toml` that differ: name, and value in each model, if it has the field.
+    pub fields: Vec<(String, [Option<String>; 2])>,
+    /// Tensors that differ.
+    pub tensors: Vec<TensorDifference>,
+    /// Whether the golden windows or codes differ; `None` if a folder has none.
+    pub golden: Option<bool>,
+}
+
+/// A tensor that differs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TensorDifference {
+    /// Name of the tensor, after that of its file.
+    pub name: String,
+    /// How it differs.
+    pub kind: Kind,
+}
+
+/// How a tensor differs.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Kind {
+    /// Shape in each model; `None` where it is missing.
+    Shapes([Option<Vec<usize>>; 2]),
+    /// Its elements differ.
+    Values {
+        /// Number of elements that differ.
+        count: usize,
+        /// Number of elements.
+        of: usize,
+        /// Largest difference.
+        largest: f32,
+        /// Root mean square of the difference, relative to that of the first model's tensor.
+        relative_rms: f64,
+    },
+}
+
+impl Difference {
+    /// Compares the models in two folders.
+    ///
+    /// # Errors
+    /// If a folder holds no usable model.
+    pub fn read(folders: [&Path; 2]) -> Result<Self, ToolError> {
+        let read = |folder: &Path| {
+            Artifact::read(folder).map_err(|source| ToolError::Artifact {
+                folder: folder.to_owned(),
+                source: Box::new(source),
+            })
+        };
+        let [one, other] = [read(folders[0])?, read(folders[1])?];
+        let golden = match folders.map(Golden::read) {
+            [Ok(one), Ok(other)] => Some(one != other),
+            _ => None,
+        };
+        Ok(Self::new(&one, &other, golden))
+    }
+
+    fn new(one: &Artifact, other: &Artifact, golden: Option<bool>) -> Self {
+        let mut tensors = compare("weights", &one.weights, &other.weights);
+        tensors.extend(compare("calibration", &one.calibration, &other.calibration));
+        Self {
+            ids: [one.id.to_string(), other.id.to_string()],
+            fields: compare_fields(&fields(one), &fields(other)),
+            tensors,
+            golden,
+        }
+    }
+
+    /// Returns whether the models are equal, golden codes included.
+    pub fn is_empty(&self) -> bool {
+        self.fields.is_empty() && self.tensors.is_empty() && self.golden != Some(true)
+    }
+
+    /// Returns the differences as a JSON object.
+    pub fn to_json(&self) -> Json {
+        let fields = self.fields.iter();
+        let tensors = self.tensors.iter().map(|tensor| match &tensor.kind {
+            Kind::Shapes(shapes) => json!({ "tensor": tensor.name, "shapes": shapes }),
+            Kind::Values {
+                count,
+                of,
+                largest,
+                relative_rms,
+            } => json!({
+                "tensor": tensor.name,
+                "differ": count,
+                "elements": of,
+                "largest": largest,
+                "relative_rms": relative_rms,
+            }),
+        });
+        json!({
+            "equal": self.is_empty(),
+            "models": self.ids,
+            "fields": fields.map(|(name, values)| json!({ "field": name, "values": values })).collect::<Vec<_>>(),
+            "tensors": tensors.collect::<Vec<_>>(),
+            "golden_differ": self.golden,
+        })
+    }
+}
+
+/// Returns the fields of a description as text, by their names with dots.
+fn fields(artifact: &Artifact) -> BTreeMap<String, String> {
+    let mut fields = BTreeMap::new();
+    // A description always has a form as JSON: its keys are texts and its numbers finite.
+    if let Ok(Json::Object(description)) = serde_json::to_value(&artifact.description) {
+        for (name, value) in description {
+            flatten(&name, &value, &mut fields);
+        }
+    }
+    fields
+}
+
+fn flatten(name: &str, value: &Json, fields: &mut BTreeMap<String, String>) {
+    match value {
+        Json::Object(table) => {
+            for (key, value) in table {
+                flatten(&format!("{name}.{key}"), value, fields);
+            }
+        }
+        Json::Null => {}
+        value => {
+            fields.insert(name.to_owned(), value.to_string());
+        }
+    }
+}
+
+fn compare_fields(
+    one: &BTreeMap<String, String>,
+    other: &BTreeMap<String, String>,
+) -> Vec<(String, [Option<String>; 2])> {
+    let names: BTreeSet<&String> = one.keys().chain(other.keys()).collect();
+    let values = |name: &String| [one.get(name).cloned(), other.get(name).cloned()];
+    names
+        .into_iter()
+        .map(|name| (name.clone(), values(name)))
+        .filter(|(_, [one, other])| one != other)
+        .collect()
+}
+
+fn compare(file: &str, one: &Tensors, other: &Tensors) -> Vec<TensorDifference> {
+    let shapes = |tensors: &Tensors| -> BTreeMap<String, Vec<usize>> {
+        let shapes = tensors.shapes();
+        shapes
+            .map(|(name, shape)| (name.to_owned(), shape.to_vec()))
+            .collect()
+    };
+    let (ones, others) = (shapes(one), shapes(other));
+    let names: BTreeSet<&String> = ones.keys().chain(others.keys()).collect();
+    let kind = |name: &String| {
+        let shapes = [ones.get(name).cloned(), others.get(name).cloned()];
+        match &shapes {
+            [Some(shape), Some(same)] if shape == same => values(
+                one.tensor(name, shape).ok()?,
+                other.tensor(name, shape).ok()?,
+            ),
+            _ => Some(Kind::Shapes(shapes)),
+        }
+    };
+    names
+        .into_iter()
+        .filter_map(|name| {
+            Some(TensorDifference {
+                name: format!("{file}: {name}"),
+                kind: kind(name)?,
+            })
+        })
+        .collect()
+}
+
+/// Returns how elements differ; `None` if they are equal.
+fn values(one: &[f32], other: &[f32]) -> Option<Kind> {
+    let differences = || {
+        let pairs = one.iter().zip(other);
+        pairs.map(|(one, other)| (one - other).abs())
+    };
+    let count = differences().filter(|difference| *difference > 0.0).count();
+    let energy = |values: &mut dyn Iterator<Item = f32>| -> f64 {
+        values.map(|value| f64::from(value).powi(2)).sum()
+    };
+    (count > 0).then(|| Kind::Values {
+        count,
+        of: one.len(),
+        largest: differences().fold(0.0, f32::max),
+        relative_rms: (energy(&mut differences()) / energy(&mut one.iter().copied())).sqrt(),
+    })
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [one, other] = &self.ids;
+        if self.is_empty() {
+            return writeln!(f, "the models are equal: {one}");
+        }
+        writeln!(f, "{one} -> {other}")?;
+        for (name, [one, other]) in &self.fields {
+            let text = |value: &Option<String>| value.clone().unwrap_or_else(|| "-".to_owned());
+            writeln!(f, "{name}: {} -> {}", text(one), text(other))?;
+        }
+        for TensorDifference { name, kind } in &self.tensors {
+            match kind {
+                Kind::Shapes([one, other]) => {
+                    let text = |shape: &Option<Vec<usize>>| match shape {
+                        Some(shape) => shape
+                            .iter()
+                            .map(usize::to_string)
+                            .collect::<Vec<_>>()
+                            .join(" x "),
+                        None => "-".to_owned(),
+                    };
+                    writeln!(f, "{name}: {} -> {}", text(one), text(other))?;
+                }
+                Kind::Values {
+                    count,
+                    of,
+                    largest,
+                    relative_rms,
+                } => writeln!(
+                    f,
+                    "{name}: {count} of {of} elements differ, by at most {largest:.3e}, RMS {:.3} %",
+                    100.0 * relative_rms
+                )?,
+            }
+        }
+        match self.golden {
+            Some(true) => writeln!(f, "golden codes differ"),
+            _ => Ok(()),
+        }
+    }
+}

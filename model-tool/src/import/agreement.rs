@@ -1,0 +1,106 @@
+//! Comparison with what the exported network computes.
+
+use super::collect::Reference;
+use crate::error::ToolError;
+use artifact::{Artifact, FloatDecoder, FloatEncoder, ScalpGrid};
+use std::fmt;
+
+/// Largest accepted difference, relative to the RMS of the reference. Float sums in another order differ by about
+/// 1e-6, on GPUs with TF32 by up to 1e-3; a layer at another place differs by more than 1e-1.
+const TOLERANCE: f32 = 2e-3;
+
+/// How far a model agrees with the exported network.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Agreement {
+    /// Number of windows compared.
+    pub windows: usize,
+    /// Largest difference of a number of a code, relative to the RMS of all codes.
+    pub codes: f32,
+    /// Largest difference of a reconstructed value, relative to the RMS of all reconstructions; `None` if the file
+    /// has no reconstructions.
+    pub reconstructions: Option<f32>,
+}
+
+/// Runs the float network on the windows of the reference.
+///
+/// # Errors
+/// If a difference exceeds the tolerance.
+pub(super) fn check_reference(
+    model: &Artifact,
+    reference: &Reference,
+) -> Result<Agreement, ToolError> {
+    let unusable = |source| ToolError::Artifact {
+        folder: "the imported file".into(),
+        source: Box::new(source),
+    };
+    let encoder = FloatEncoder::new(model).map_err(unusable)?;
+    let windows = reference.windows.iter();
+    let codes: Vec<Vec<f32>> = windows.map(|window| encoder.encode(window)).collect();
+    let code_difference = largest_difference("code", &codes, &reference.codes)?;
+    let reconstructions = match &reference.reconstructions {
+        None => None,
+        Some(expected) => {
+            let decoder = FloatDecoder::new(model).map_err(unusable)?;
+            let grid = ScalpGrid::new(&model.description);
+            let expected = expected.iter().map(|window| grid.gather(window));
+            let expected: Vec<Vec<f32>> = expected.collect();
+            let found: Vec<Vec<f32>> = codes.iter().map(|code| decoder.decode(code)).collect();
+            Some(largest_difference("reconstruction", &found, &expected)?)
+        }
+    };
+    Ok(Agreement {
+        windows: codes.len(),
+        codes: code_difference,
+        reconstructions,
+    })
+}
+
+/// Returns the largest difference of any value, relative to the RMS of all expected values.
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "far fewer than 2^24 values matter"
+)]
+fn largest_difference(
+    what: &'static str,
+    found: &[Vec<f32>],
+    expected: &[Vec<f32>],
+) -> Result<f32, ToolError> {
+    let values = || expected.iter().flatten();
+    let squares: f32 = values().map(|value| value * value).sum();
+    let rms = (squares / values().count().max(1) as f32).sqrt();
+    let mut largest = (0.0_f32, 0, 0);
+    for (index, (found, expected)) in found.iter().zip(expected).enumerate() {
+        for (element, (found, expected)) in found.iter().zip(expected).enumerate() {
+            let difference = (found - expected).abs();
+            if difference > largest.0 {
+                largest = (difference, index, element);
+            }
+        }
+    }
+    let (difference, index, element) = largest;
+    if difference > TOLERANCE * rms {
+        return Err(ToolError::Reference {
+            what,
+            index,
+            element,
+            difference,
+            rms,
+            tolerance: TOLERANCE,
+        });
+    }
+    Ok(if rms > 0.0 { difference / rms } else { 0.0 })
+}
+
+impl fmt::Display for Agreement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "The codes of {} windows equal the exported network's within {:.0e} of their RMS",
+            self.windows, self.codes
+        )?;
+        match self.reconstructions {
+            Some(difference) => write!(f, ", their reconstructions within {difference:.0e}."),
+            None => write!(f, "."),
+        }
+    }
+}

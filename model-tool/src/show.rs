@@ -1,0 +1,136 @@
+//! What a model is, for people and for programs.
+
+use crate::error::ToolError;
+use artifact::{Artifact, Figures, Mode};
+use model_gen::{DeviceModel, manifest, memory};
+use serde_json::{Value as Json, json};
+use std::fmt;
+use std::path::Path;
+
+/// A model, with its integers.
+#[derive(Clone, Debug)]
+pub struct Shown {
+    artifact: Artifact,
+    device: DeviceModel,
+}
+
+impl Shown {
+    /// Reads a model and turns it into integers.
+    ///
+    /// # Errors
+    /// If the folder holds no usable model, or the model cannot be turned into integers.
+    pub fn read(folder: &Path) -> Result<Self, ToolError> {
+        let artifact = Artifact::read(folder).map_err(|source| ToolError::Artifact {
+            folder: folder.to_owned(),
+            source: Box::new(source),
+        })?;
+        let device = DeviceModel::new(&artifact).map_err(|source| ToolError::Integers {
+            folder: folder.to_owned(),
+            source: Box::new(source),
+        })?;
+        Ok(Self { artifact, device })
+    }
+
+    /// Returns the model as a JSON object: the description, the tensors' shapes, and flash and RAM of each part of
+    /// the encoder in bytes.
+    pub fn to_json(&self) -> Json {
+        let Self { artifact, device } = self;
+        let description = &artifact.description;
+        let tensors = |tensors: &artifact::Tensors| -> Json {
+            let shapes = tensors.shapes();
+            shapes
+                .map(|(name, shape)| (name.to_owned(), json!(shape)))
+                .collect()
+        };
+        let parts = memory::parts(&device.integers, description.window.hop);
+        let parts = parts.iter().map(|part| {
+            json!({ "part": part.name, "flash_bytes": part.flash_bytes, "ram_bytes": part.ram_bytes })
+        });
+        json!({
+            "model": artifact.id.to_string(),
+            "decodable": is_decodable(description.mode),
+            "input_scale_uv": device.integers.input_scale_uv,
+            "description": description,
+            "weights": tensors(&artifact.weights),
+            "calibration": tensors(&artifact.calibration),
+            "encoder": parts.collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// Returns whether the codes of a mode can be decoded without anything else.
+fn is_decodable(mode: Mode) -> bool {
+    mode != Mode::Paper
+}
+
+impl fmt::Display for Shown {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { artifact, device } = self;
+        let description = &artifact.description;
+        let (window, card) = (&description.window, &description.training);
+        let decodable = if is_decodable(description.mode) {
+            "decoded from the code alone"
+        } else {
+            "cannot be decoded: the pool indices are not sent"
+        };
+        writeln!(f, "{} mode, {decodable}", description.mode)?;
+        writeln!(
+            f,
+            "{} electrodes, a code of {} numbers ({}) every {:.1} ms",
+            description.montage.electrodes.len(),
+            description.code.numbers,
+            description.code.format,
+            1e3 * f64::from(u32::try_from(window.hop).unwrap_or(u32::MAX))
+                / f64::from(window.rate_hz),
+        )?;
+        writeln!(f)?;
+        for row in &description.grid.cells {
+            let labels = row.iter().map(|label| format!("{label:>5}"));
+            writeln!(f, "{}", labels.collect::<String>())?;
+        }
+        writeln!(f, "\ntrained on            {}", or_dash(&card.dataset))?;
+        writeln!(
+            f,
+            "files                 {}",
+            or_dash(&card.train_files.join(" "))
+        )?;
+        writeln!(
+            f,
+            "tested on             {}",
+            or_dash(&card.test_files.join(" "))
+        )?;
+        writeln!(f, "training              {}", or_dash(&card.optimiser))?;
+        writeln!(
+            f,
+            "electrodes            {} recorded, {} interpolated",
+            card.real_electrodes, card.interpolated_electrodes
+        )?;
+        writeln!(f, "note                  {}", or_dash(&card.note))?;
+        if let (Some(mse), Some(prd)) = (&card.mse, &card.prd_percent) {
+            writeln!(
+                f,
+                "\ntest                      float   integer  PCA float  PCA integer"
+            )?;
+            figures(f, "MSE", mse, 5)?;
+            figures(f, "PRD, %", prd, 2)?;
+        }
+        write!(f, "\n{}", manifest(device))
+    }
+}
+
+fn or_dash(text: &str) -> &str {
+    if text.is_empty() { "-" } else { text }
+}
+
+fn figures(
+    f: &mut fmt::Formatter<'_>,
+    name: &str,
+    figures: &Figures,
+    decimals: usize,
+) -> fmt::Result {
+    writeln!(
+        f,
+        "{name:<20} {:>10.decimals$} {:>9.decimals$} {:>10.decimals$} {:>12.decimals$}",
+        figures.autoencoder_float, figures.autoencoder_int8, figures.pca_float, figures.pca_int8
+    )
+}

@@ -1,0 +1,43 @@
+//! The program, as a user runs it.
+#![forbid(unsafe_code)]
+
+#[path = "program/broken.rs"]
+mod broken;
+#[path = "program/check.rs"]
+mod check;
+#[path = "program/export.rs"]
+mod export;
+#[path = "program/import.rs"]
+mod import;
+#[path = "program/pytorch.rs"]
+mod pytorch;
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Folder of the built-in model.
+const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../model/artifact");
+/// Folder of the model with the paper's montage.
+const PAPER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../model/paper");
+
+/// Runs the program.
+fn model_gen(arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_model-gen"));
+    command
+        .args(arguments)
+        .output()
+        .expect("the program starts")
+}
+
+/// Runs the program, which must end with a status; returns standard output and standard error.
+fn run(arguments: &[&str], status: i32) -> [String; 2] {
+    let output = model_gen(arguments);
+    let [out, err] =
+        [output.stdout, output.stderr].map(|text| String::from_utf8(text).expect("text"));
+    assert_eq!(output.status.code(), Some(status), "{out}{err}");
+    [out, err]
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a path in UTF-8")
+}

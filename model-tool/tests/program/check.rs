@@ -1,0 +1,141 @@
+//! `show`, `diff` and `check`.
+
+use super::{BUILT_IN, PAPER, run, text};
+use serde_json::Value as Json;
+use std::fs;
+use std::path::Path;
+
+fn json(text: &str) -> Json {
+    serde_json::from_str(text).expect("JSON")
+}
+
+/// Copies a model into a folder.
+fn copy(from: &str, to: &Path) {
+    for file in fs::read_dir(from).expect("a folder") {
+        let path = file.expect("a file").path();
+        fs::copy(&path, to.join(path.file_name().expect("a name"))).expect("a copy");
+    }
+}
+
+#[test]
+fn show_prints_grid_card_and_integers() {
+    let [printed, _] = run(&["show", BUILT_IN], 0);
+    for words in [
+        "shortcut mode, decoded from the code alone",
+        "a code of 128 numbers",
+        "  F7   F5   F3",
+        "61 recorded, 0 interpolated",
+        "worst accumulator",
+    ] {
+        assert!(printed.contains(words), "{words} is missing in\n{printed}");
+    }
+    let [object, _] = run(&["show", BUILT_IN, "--json"], 0);
+    let object = json(&object);
+    assert_eq!(
+        object["weights"]["encoder.conv1.weight"],
+        json("[16, 1, 3, 3, 3]")
+    );
+    assert_eq!(object["decodable"], true);
+    assert_eq!(object["description"]["adc"]["rate_hz"], 512);
+    assert!(object["encoder"][0]["flash_bytes"].as_u64() > Some(0));
+}
+
+#[test]
+fn diff_is_0_for_equal_models_1_for_others_and_2_for_none() {
+    let [equal, _] = run(&["diff", BUILT_IN, BUILT_IN], 0);
+    assert!(equal.starts_with("the models are equal: "), "{equal}");
+    let [other, _] = run(&["diff", BUILT_IN, PAPER], 1);
+    assert!(other.contains("montage.electrodes: "), "{other}");
+    assert!(
+        other.contains("weights: encoder.conv1.weight: 432 of 432 elements differ, by at most"),
+        "{other}"
+    );
+    let [_, none] = run(&["diff", BUILT_IN, "/nowhere"], 2);
+    assert!(none.contains("/nowhere holds no usable model"), "{none}");
+    let folder = tempfile::tempdir().expect("a folder");
+    copy(BUILT_IN, folder.path());
+    let path = folder.path().join("model.toml");
+    let toml = fs::read_to_string(&path).expect("a description");
+    fs::write(&path, toml.replace("notch_q = 30.0", "notch_q = 35.0")).expect("a description");
+    let [one_field, _] = run(&["diff", BUILT_IN, text(folder.path()), "--json"], 1);
+    let one_field = json(&one_field);
+    assert_eq!(
+        one_field["fields"],
+        json(r#"[{"field": "filters.notch_q", "values": ["30.0", "35.0"]}]"#)
+    );
+    assert_eq!(one_field["tensors"], json("[]"));
+    assert_eq!(one_field["golden_differ"], false);
+}
+
+#[test]
+fn check_is_0_for_a_sound_model_1_for_other_golden_codes_and_2_for_a_damaged_one() {
+    let [sound, _] = run(&["check", BUILT_IN], 0);
+    assert!(
+        sound.contains("28 golden codes equal the integer encoder's"),
+        "{sound}"
+    );
+    let [object, _] = run(&["check", BUILT_IN, "--json"], 0);
+    assert_eq!(json(&object)["golden_wrong"], json("[]"));
+    assert_eq!(json(&object)["real_electrodes"], 61);
+
+    let folder = tempfile::tempdir().expect("a folder");
+    copy(BUILT_IN, folder.path());
+    // The last byte is part of a window, whose code changes.
+    let golden = folder.path().join("golden.safetensors");
+    let mut bytes = fs::read(&golden).expect("golden codes");
+    let at = bytes.len() - 16 * 90 / 2;
+    bytes[at] ^= 0x40;
+    fs::write(&golden, bytes).expect("golden codes");
+    let [wrong, _] = run(&["check", text(folder.path())], 1);
+    assert!(wrong.contains("1 of 28 golden codes differ"), "{wrong}");
+    let weights = folder.path().join("weights.safetensors");
+    fs::write(&weights, &fs::read(&weights).expect("weights")[..1000]).expect("weights");
+    let [_, damaged] = run(&["check", text(folder.path())], 2);
+    assert!(
+        damaged.contains("weights.safetensors is damaged"),
+        "{damaged}"
+    );
+}
+
+#[test]
+fn check_measures_the_error_on_recordings() {
+    let Some(data) = std::env::var_os("CORTICODE_DATA") else {
+        eprintln!("SKIPPED: no recordings: set CORTICODE_DATA to their folder");
+        return;
+    };
+    let data = Path::new(&data).join("eegmmidb_S001");
+    let [object, _] = run(
+        &[
+            "check",
+            BUILT_IN,
+            "--data",
+            text(&data),
+            "--test",
+            "R11,R12",
+            "--json",
+        ],
+        0,
+    );
+    let object = json(&object);
+    let number = |key: &str| {
+        object[key]
+            .as_f64()
+            .unwrap_or_else(|| panic!("{key} in {object}"))
+    };
+    assert_eq!(object["real_electrodes"], 61);
+    assert_eq!(object["windows"], 3694);
+    // The figures of the training card, which the trainer measured on the same recordings.
+    let [shown, _] = run(&["show", BUILT_IN, "--json"], 0);
+    let card = json(&shown)["description"]["training"]["mse"].clone();
+    for (key, figure) in [
+        ("mse_float", "autoencoder_float"),
+        ("mse_int8", "autoencoder_int8"),
+        ("mse_pca", "pca_float"),
+        ("mse_pca_int8", "pca_int8"),
+    ] {
+        let expected = card[figure].as_f64().expect("a figure");
+        assert!((number(key) - expected).abs() < 1e-6, "{key}: {object}");
+    }
+    assert!(number("mse_int8") <= 1.04 * number("mse_float"), "{object}");
+    assert!(number("mse_float") <= number("mse_pca"), "{object}");
+}
