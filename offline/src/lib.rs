@@ -16,7 +16,6 @@
 
 mod code_file;
 mod comparison;
-mod csv_field;
 mod decoding;
 mod encoding;
 mod error;

@@ -2,7 +2,8 @@
 //!
 //! Each chart is a struct of plain numbers with a `draw` method that writes one file. The demo draws
 //! a run of the signal path, the benchmarks draw the filters over
-//! frequency, `host-sim decode` draws the error of decoded recordings.
+//! frequency, `host-sim decode` draws the error of decoded recordings, `trainer` that of models. A [`page::Page`]
+//! shows the pictures of a report.
 //!
 //! ```text
 //! demo  ────┬─ Traces     electrodes over time ─────┐
@@ -10,7 +11,8 @@
 //! bench ────┼─ Intervals  histogram of intervals ───┤
 //!           ├─ Curves     curves over frequency ────┼─ canvas (title, axes, colours) ── *.svg
 //! offline ──┼─ ScalpMap   a value per electrode ────┤
-//!           └─ Histogram  counted values ───────────┘
+//!           ├─ Histogram  counted values ───────────┤
+//! trainer ──┴─ Lines      lines and points ─────────┘
 //! ```
 //!
 //! ```
@@ -30,11 +32,15 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod axis;
 pub mod canvas;
+pub mod csv_field;
 pub mod curves;
 pub mod heat_map;
 pub mod histogram;
 pub mod intervals;
+pub mod lines;
+pub mod page;
 pub mod scalp_map;
 pub mod spread;
 pub mod traces;

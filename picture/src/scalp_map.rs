@@ -84,7 +84,13 @@ impl ScalpMap {
             };
             area.draw(&Circle::new(at, 4, WHITE.filled()))?;
             area.draw(&Circle::new(at, 3, dot))?;
-            let style = canvas::text(12, INK).pos(Pos::new(HPos::Center, VPos::Top));
+            // White where the map is dark.
+            let color = if level(place.value / largest) > 2 * LEVELS / 3 {
+                WHITE
+            } else {
+                INK
+            };
+            let style = canvas::text(12, color).pos(Pos::new(HPos::Center, VPos::Top));
             area.draw(&Text::new(place.label.clone(), (at.0, at.1 + 5), style))?;
         }
         self.draw_scale(area, largest)
@@ -145,17 +151,32 @@ impl ScalpMap {
             (0.0, bottom),
         ] {
             let style = canvas::anchored(15, INK, HPos::Left);
-            let text = format!("{value:.1} {}", self.unit);
+            let text = format!("{} {}", with_digits(value, largest), self.unit);
             area.draw(&Text::new(text, (right + 8, y), style))?;
         }
         let hollow = self.places.iter().any(|place| !place.is_measured);
         if hollow {
             let style = canvas::anchored(14, FAINT, HPos::Left);
-            let text = "hollow: electrodes that the recording lacks";
+            let text = "hollow: electrodes that the recording lacks, interpolated from the others";
             area.draw(&Text::new(text, (28, 745), style))?;
         }
         Ok(())
     }
+}
+
+/// Returns the place of an electrode on the map from its position on the unit sphere: towards the right ear, the
+/// nose and the vertex. The map's circle is the circumference of the 10-20 system; angles from the vertex become
+/// distances.
+pub fn on_map([x, y, z]: [f64; 3]) -> [f64; 2] {
+    /// Angle from the vertex to the circumference, degrees.
+    const CIRCUMFERENCE: f64 = 72.0;
+    let distance = z.clamp(-1.0, 1.0).acos().to_degrees() / CIRCUMFERENCE;
+    let direction = x.hypot(y);
+    if direction < 1e-9 {
+        return [0.0, 0.0];
+    }
+    // 0.9: room for electrodes below the circumference, and for labels.
+    [x, y].map(|part| 0.9 * distance * part / direction)
 }
 
 /// Returns the pixel of a place on the head.
@@ -166,6 +187,13 @@ fn pixel(centre: (i32, i32), [x, y]: [f64; 2]) -> (i32, i32) {
     )]
     let [x, y] = [x, y].map(|at| (at * f64::from(RADIUS)).round() as i32);
     (centre.0.saturating_add(x), centre.1.saturating_sub(y))
+}
+
+/// Returns a value with as many decimal places as give `largest` three digits, at most 6.
+fn with_digits(value: f64, largest: f64) -> String {
+    let places = (0..6).find(|places| largest * 10_f64.powi(*places) >= 99.95);
+    let places = usize::try_from(places.unwrap_or(6)).unwrap_or(0);
+    format!("{value:.places$}")
 }
 
 /// Returns the colour level of a part of the largest value.
@@ -187,6 +215,33 @@ fn color_of(level: u8) -> RGBColor {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_vertex_is_the_centre_and_the_circumference_a_circle_of_radius_0_9() {
+        let (sin, cos) = 72.0_f64.to_radians().sin_cos();
+        for (position, expected) in [
+            ([0.0, 0.0, 1.0], [0.0, 0.0]),
+            ([sin, 0.0, cos], [0.9, 0.0]),
+            ([0.0, -sin, cos], [0.0, -0.9]),
+        ] {
+            let place = on_map(position);
+            let distance = (place[0] - expected[0]).hypot(place[1] - expected[1]);
+            assert!(distance < 1e-12, "{place:?}");
+        }
+    }
+
+    #[test]
+    fn the_scale_has_three_digits_of_the_largest_value() {
+        for (value, largest, text) in [
+            (43.26, 43.26, "43.3"),
+            (0.0, 43.26, "0.0"),
+            (4.321, 4.321, "4.32"),
+            (321.4, 4321.0, "321"),
+            (0.001_234, 0.001_234, "0.00123"),
+        ] {
+            assert_eq!(with_digits(value, largest), text);
+        }
+    }
 
     #[test]
     fn the_map_has_each_electrode_s_value_at_its_place_and_means_between() {

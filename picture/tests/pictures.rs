@@ -147,7 +147,7 @@ fn a_scalp_map_is_drawn() {
         subtitle: SUBTITLE.to_owned(),
         unit: "%".to_owned(),
     };
-    let words = ["E5", "5.0 %", "hollow"];
+    let words = ["E5", "5.00 %", "hollow"];
     // Two circles for each electrode, and the head.
     assert_drawn(|path| map.draw(path), &words, "<circle", 13..=13);
     assert_drawn(|path| map.draw(path), &words, "<rect", 200..);

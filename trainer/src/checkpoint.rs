@@ -120,6 +120,7 @@ pub fn read(
             validation: metadata.number("best_validation")?,
             parameters: parameters("best")?,
         },
+        curve: metadata.number("curve")?,
     };
     if settings.epochs > stored.epochs {
         training.extend(settings.epochs);
@@ -174,6 +175,7 @@ fn to_bytes(training: &Training, data: &str) -> Result<Vec<u8>, safetensors::Saf
         ("updates", training.adam.updates.to_string()),
         ("best_epoch", training.best.epoch.to_string()),
         ("best_validation", training.best.validation.to_string()),
+        ("curve", training.curve.to_string()),
     ]);
     let entries = entries
         .into_iter()

@@ -68,6 +68,8 @@ pub(crate) fn run() -> ExitCode {
         | TrainerError::TrainedOn { .. }
         | TrainerError::NothingToTest
         | TrainerError::ArtifactExists { .. }
+        | TrainerError::Report(_)
+        | TrainerError::NothingToReport
         | TrainerError::OtherTraining { .. }
         | TrainerError::OtherEpochs { .. }
         | TrainerError::OtherCrossval { .. }

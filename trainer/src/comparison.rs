@@ -2,11 +2,13 @@
 
 use crate::card;
 use crate::dataset::Dataset;
+use crate::electrode_error::{ElectrodeError, ElectrodeSums};
 use crate::error::TrainerError;
-use crate::evaluate::{Evaluation, Table, evaluate};
+use crate::evaluate::{Evaluation, Table, evaluate_blocks};
 use crate::progress::ProgressObserver;
 use crate::selection::{self, file_name};
 use crate::track::{Track, read_tracks};
+use crate::truncation::{TruncationError, TruncationSums};
 use artifact::{Artifact, CodeFormat, Figures, Mode, Pca};
 use serde_json::{Value as Json, json};
 use std::fmt;
@@ -29,6 +31,12 @@ pub struct Comparison {
     pub real_electrodes: usize,
     /// File names of the recordings.
     pub recordings: Vec<String>,
+    /// Errors of the model at each electrode, in the order of the montage.
+    pub electrode_errors: Vec<ElectrodeError>,
+    /// Errors of PCA with fewer numbers, in ascending order, up to all of them; empty without PCA.
+    pub pca_by_numbers: Vec<TruncationError>,
+    /// Unit of the network's input, `input.sd_uv`, uV.
+    pub sd_uv: f64,
 }
 
 impl Comparison {
@@ -44,34 +52,56 @@ impl Comparison {
         let description = &model.description;
         let mut dataset = Dataset::from_tracks(tracks, description.dimensions())?;
         dataset.scale(1.0 / description.input.sd_uv);
+        let mut electrodes = ElectrodeSums::new(description.montage.electrodes.len());
+        let is_pca = description.mode == Mode::Pca;
+        let mut truncation = is_pca.then(|| TruncationSums::new(model)).transpose()?;
+        let network = evaluate_blocks(model, &dataset, |block| {
+            electrodes.add(block);
+            if let Some(sums) = &mut truncation {
+                sums.add(block);
+            }
+        })?;
         let pca = match pca {
-            _ if description.mode == Mode::Pca => Some(evaluate(model, &dataset)?),
-            Some(pca) => Some(evaluate(&pca.to_model(description.clone())?, &dataset)?),
+            _ if is_pca => Some(network),
+            Some(pca) => {
+                let linear = pca.to_model(description.clone())?;
+                let sums = truncation.insert(TruncationSums::new(&linear)?);
+                Some(evaluate_blocks(&linear, &dataset, |block| sums.add(block))?)
+            }
             None => None,
         };
-        let electrodes = &description.montage.electrodes;
-        let is_real = |label: &&String| {
+        let is_recorded = |label: &String| {
             !tracks
                 .iter()
                 .any(|track| track.interpolated.contains(label))
         };
+        let electrode_errors = electrodes.errors(description, is_recorded);
+        let recorded = electrode_errors.iter().filter(|error| error.is_recorded);
         Ok(Self {
             model: model.id.to_string(),
             mode: description.mode,
-            network: evaluate(model, &dataset)?,
+            network,
             pca,
             numbers: description.code.numbers,
-            real_electrodes: electrodes.iter().filter(is_real).count(),
+            real_electrodes: recorded.count(),
             recordings: tracks.iter().map(|track| track.name.clone()).collect(),
+            electrode_errors,
+            pca_by_numbers: truncation.map_or_else(Vec::new, |sums| sums.errors_by_numbers()),
+            sd_uv: description.input.sd_uv,
         })
     }
 
     /// Returns the number of bits of an integer code.
     pub fn bits_per_window(&self) -> usize {
+        self.bits_of(self.numbers)
+    }
+
+    /// Returns the number of bits of an integer code with this number of numbers.
+    pub fn bits_of(&self, numbers: usize) -> usize {
         8 * match self.network.format {
-            CodeFormat::Int8 => self.numbers,
-            CodeFormat::Int8Exponent => self.numbers + 1,
-            CodeFormat::Int16 => 2 * self.numbers,
+            CodeFormat::Int8 => numbers,
+            CodeFormat::Int8Exponent => numbers + 1,
+            CodeFormat::Int16 => 2 * numbers,
         }
     }
 

@@ -38,6 +38,7 @@ pub use outcome::{Errors, Outcome, Validation};
 pub use shard::Shard;
 pub use subject::{Subject, group};
 pub use table::Table;
+pub(crate) use table::columns;
 
 /// Computes the folds of the shard whose outcomes are missing, and writes each outcome. Returns the table if
 /// the outcomes of all shards are there, else `None`.

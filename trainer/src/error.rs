@@ -268,6 +268,18 @@ pub enum TrainerError {
         /// Number of epochs on the command line.
         wanted: u32,
     },
+    /// The folder of a report holds one already.
+    #[error(transparent)]
+    Report(#[from] new_file::NewFileError),
+    /// A picture of a report cannot be written.
+    #[error(transparent)]
+    Picture(#[from] picture::canvas::PictureError),
+    /// A training run without epochs and without test recordings has nothing to report.
+    #[error(
+        "mode pca has no epochs, and there are no test recordings, so --report has nothing to show; add --test, or \
+         leave out --report"
+    )]
+    NothingToReport,
     /// No test recordings are named, on the command line or in the training card.
     #[error("the training card names no test recordings; name recordings with --test")]
     NothingToTest,

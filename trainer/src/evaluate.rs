@@ -64,6 +64,21 @@ struct Codec {
     sd_uv: f64,
 }
 
+/// A block of windows, and what a model makes of them; codes and windows follow each other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CodedBlock<'a> {
+    /// Windows, in units of `input.sd_uv`.
+    pub(crate) windows: &'a [&'a Window],
+    /// Float codes.
+    pub(crate) codes: &'a [f32],
+    /// Integer codes, dequantised.
+    pub(crate) received: &'a [f32],
+    /// Windows decoded from the float codes.
+    pub(crate) decoded: &'a [f32],
+    /// Windows decoded from the integer codes.
+    pub(crate) decoded_received: &'a [f32],
+}
+
 /// Number of windows that are measured together, which bounds the memory.
 const BLOCK: usize = 1024;
 
@@ -73,6 +88,18 @@ const BLOCK: usize = 1024;
 /// # Errors
 /// If the model has no decoder or cannot be turned into integers.
 pub fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation, TrainerError> {
+    evaluate_blocks(model, dataset, |_| {})
+}
+
+/// As [`evaluate`]; `observe` receives each block of windows.
+///
+/// # Errors
+/// If the model has no decoder or cannot be turned into integers.
+pub(crate) fn evaluate_blocks(
+    model: &Artifact,
+    dataset: &Dataset,
+    mut observe: impl FnMut(&CodedBlock),
+) -> Result<Evaluation, TrainerError> {
     let description = &model.description;
     if description.mode == Mode::Paper {
         return Err(TrainerError::PaperMode);
@@ -88,7 +115,7 @@ pub fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation, Train
     let windows: Vec<&Window> = dataset.aligned(description.window.hop);
     let mut total = Sums::default();
     for block in windows.chunks(BLOCK) {
-        codec.measure(block, &mut total);
+        codec.measure(block, &mut total, &mut observe);
     }
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 numbers")]
     let count = (windows.len() * dataset.dimensions().window_electrodes()) as f64;
@@ -110,8 +137,13 @@ pub fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation, Train
 }
 
 impl Codec {
-    /// Adds the sums of a block of windows.
-    fn measure(&self, windows: &[&Window], total: &mut Sums) {
+    /// Adds the sums of a block of windows, which `observe` receives.
+    fn measure(
+        &self,
+        windows: &[&Window],
+        total: &mut Sums,
+        observe: &mut impl FnMut(&CodedBlock),
+    ) {
         let (codes, decoded) = self.network.reconstruct(&self.parameters, windows);
         let integers = in_parallel::map(windows, |window| {
             let (planes, input_clipped) = self.quantise(&self.grid.scatter(window));
@@ -127,10 +159,17 @@ impl Codec {
         }
         total.signal += squares(windows.iter().copied().flatten().copied());
         total.float_error += error(windows, &decoded);
-        let decoded = self.network.decode(&self.parameters, &received);
-        total.integer_error += error(windows, &decoded);
+        let decoded_received = self.network.decode(&self.parameters, &received);
+        total.integer_error += error(windows, &decoded_received);
         total.code += squares(codes.iter().copied());
         total.code_error += distance(&codes, &received);
+        observe(&CodedBlock {
+            windows,
+            codes: &codes,
+            received: &received,
+            decoded: &decoded,
+            decoded_received: &decoded_received,
+        });
     }
 
     /// Returns the quantised window, q = round(uV / scale), and the number of saturated values.

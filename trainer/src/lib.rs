@@ -14,7 +14,8 @@
 //!                                model.toml, *.safetensors
 //! ```
 //!
-//! docs/training.md shows how to use the program.
+//! [`report`] draws the learning curves, the evaluation and the cross-validation. docs/training.md shows how to
+//! use the program.
 //!
 //! # The network
 //! `--montage`, `--mode`, `--numbers`, `--hop`, `--steps` and `--padding` choose its shape; the defaults
@@ -41,25 +42,30 @@ pub mod checkpoint;
 pub mod comparison;
 pub mod crossval;
 pub mod dataset;
+pub mod electrode_error;
 pub mod error;
 pub mod evaluate;
 mod filters;
 pub mod golden;
 mod in_parallel;
 mod layers;
+pub mod learning_curve;
 pub mod montage_check;
 pub mod network;
+mod output_folder;
 pub mod parameters;
 pub mod pca;
 pub mod progress;
 
 pub mod recording_check;
+pub mod report;
 mod resampler;
 pub mod schedule;
 pub mod selection;
 pub mod session;
 pub mod track;
 pub mod training;
+pub mod truncation;
 
 #[cfg(test)]
 mod testing;

@@ -5,16 +5,19 @@ use crate::comparison::Comparison;
 use crate::dataset::{Dataset, Split};
 use crate::error::TrainerError;
 use crate::golden::golden_windows;
+use crate::learning_curve::Learning;
 use crate::network::Network;
+use crate::output_folder::check_writable;
 use crate::parameters::Parameters;
 use crate::progress::ProgressObserver;
 use crate::selection::file_name;
 use crate::track::{read_tracks, settling_steps};
-use crate::training::{Settings, Training};
-use crate::{card, checkpoint, pca, selection};
+use crate::training::{Settings, Training, validation_windows};
+use crate::{card, checkpoint, pca, report, selection};
 use artifact::{Description, Geometry, Mode, MontageFile, Pca};
+use new_file::Existing;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Options of `trainer train`.
 #[derive(Clone, Debug)]
@@ -43,7 +46,9 @@ pub struct TrainOptions {
     pub resume: bool,
     /// Folder to write the artifact to.
     pub out: PathBuf,
-    /// True to replace an artifact in `out`.
+    /// Folder to write the report to; `None` for no report.
+    pub report: Option<PathBuf>,
+    /// True to replace an artifact in `out` and a report in `report`.
     pub force: bool,
 }
 
@@ -59,8 +64,8 @@ struct PreparedData {
     signals: usize,
 }
 
-/// Trains a model, calibrates and evaluates it, and writes its artifact, golden windows and PCA. Returns the
-/// comparison on the test recordings; `None` if there are none.
+/// Trains a model, calibrates and evaluates it, and writes its artifact, golden windows and PCA, and its report if
+/// the options name a folder for it. Returns the comparison on the test recordings; `None` if there are none.
 ///
 /// # Errors
 /// If recordings cannot be used, training diverges, the user interrupts it or files cannot be written.
@@ -85,6 +90,12 @@ pub fn train(
             name: file_name(both),
         });
     }
+    if options.report.is_some() && test_files.is_empty() && description.mode == Mode::Pca {
+        return Err(TrainerError::NothingToReport);
+    }
+    if let Some(folder) = &options.report {
+        report::prepare(folder, Existing::from_force(options.force))?;
+    }
     check_writable(&options.out)?;
     if let (true, Some(folder)) = (
         description.mode.has_convolutions(),
@@ -99,10 +110,18 @@ pub fn train(
     let directions = data.directions(geometry.dimensions.numbers);
     let pca = Parameters::pca(geometry, &directions);
     fill_card(&mut description, options, &data)?;
-    let best = if description.mode == Mode::Pca {
-        pca.clone()
+    let (best, learning) = if description.mode == Mode::Pca {
+        (pca.clone(), None)
     } else {
-        train_network(options, &mut description, &data, &directions, observer)?
+        let training = train_network(options, &mut description, &data, &directions, observer)?;
+        let network = Network::new(&description);
+        let validation = validation_windows(&data.split);
+        let learning = Learning {
+            curve: training.curve().clone(),
+            best_epoch: training.best().epoch,
+            pca_validation: network.mean_squared_error(&pca, &validation),
+        };
+        (training.best().parameters.clone(), Some(learning))
     };
     description.training.test_files = test_files.iter().map(|file| file_name(file)).collect();
     let mut model = calibrated_artifact(description.clone(), &best, &data.whole)?;
@@ -125,22 +144,15 @@ pub fn train(
         pca.write(&options.out)?;
     }
     observer.message(&format!("model {id} written to {}", options.out.display()));
-    Ok(comparison.map(|comparison| Comparison {
+    let comparison = comparison.map(|comparison| Comparison {
         model: id.to_string(),
         ..comparison
-    }))
-}
-
-/// Creates a folder if necessary, and a file in it, which it deletes again.
-fn check_writable(folder: &Path) -> Result<(), TrainerError> {
-    let probe = folder.join(format!(".trainer-{}", std::process::id()));
-    std::fs::create_dir_all(folder)
-        .and_then(|()| std::fs::write(&probe, ""))
-        .and_then(|()| std::fs::remove_file(&probe))
-        .map_err(|source| TrainerError::NotWritable {
-            folder: folder.to_owned(),
-            source,
-        })
+    });
+    if let Some(folder) = &options.report {
+        report::write_training(folder, learning.as_ref(), comparison.as_ref())?;
+        observer.message(&report::message(folder));
+    }
+    Ok(comparison)
 }
 
 /// Runs the remaining epochs of a training run and writes a checkpoint after each epoch.
@@ -255,15 +267,14 @@ fn fill_card(
     Ok(())
 }
 
-/// Trains a network from its initial parameters, completes the training card, and returns the
-/// parameters of the best epoch.
+/// Trains a network from its initial parameters, and completes the training card.
 fn train_network(
     options: &TrainOptions,
     description: &mut Description,
     data: &PreparedData,
     directions: &[Vec<f32>],
     observer: &mut impl ProgressObserver,
-) -> Result<Parameters, TrainerError> {
+) -> Result<Training, TrainerError> {
     let network = Network::new(description);
     let training = run_epochs(options, data, &network, (description, directions), observer)?;
     let best = training.best();
@@ -292,7 +303,7 @@ fn train_network(
     card.optimiser = format!(
         "{start}; Adam, one cycle with peak {peak_rate}{shortcut}, 15 % warm-up, batch {batch}"
     );
-    Ok(best.parameters.clone())
+    Ok(training)
 }
 
 impl PreparedData {

@@ -3,6 +3,7 @@
 use crate::adam::Adam;
 use crate::dataset::{Split, Window};
 use crate::error::TrainerError;
+use crate::learning_curve::{EpochLosses, LearningCurve};
 use crate::network::{BatchGradients, Network};
 use crate::parameters::Parameters;
 use crate::progress::EpochReport;
@@ -36,6 +37,7 @@ pub struct Training {
     pub(crate) parameters: Parameters,
     pub(crate) adam: Adam,
     pub(crate) best: Candidate,
+    pub(crate) curve: LearningCurve,
 }
 
 /// Parameters after an epoch, with their validation error.
@@ -71,6 +73,10 @@ impl Training {
             parameters,
             adam,
             best,
+            curve: LearningCurve {
+                initial_validation: validation,
+                epochs: Vec::new(),
+            },
         }
     }
 
@@ -99,6 +105,11 @@ impl Training {
     /// Returns the candidate with the smallest validation error so far.
     pub fn best(&self) -> &Candidate {
         &self.best
+    }
+
+    /// Returns the errors of all finished epochs.
+    pub fn curve(&self) -> &LearningCurve {
+        &self.curve
     }
 
     /// Returns the number of batches of an epoch, at least 1. An epoch has as many windows as the
@@ -161,6 +172,7 @@ impl Training {
         }
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 batches")]
         let loss = sum / batches as f64;
+        self.curve.epochs.push(EpochLosses { loss, validation });
         Ok(EpochReport {
             epoch,
             loss,
@@ -170,7 +182,7 @@ impl Training {
 }
 
 /// Returns disjoint windows of the validation part; overlapping windows would slow down every epoch.
-fn validation_windows(split: &Split) -> Vec<&Window> {
+pub(crate) fn validation_windows(split: &Split) -> Vec<&Window> {
     split
         .validation
         .aligned(split.validation.dimensions().steps)

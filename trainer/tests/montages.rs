@@ -106,6 +106,7 @@ fn fit(montage: MontageFile, folder: &Path) -> Comparison {
         resume: false,
         force: false,
         out: folder.join("model"),
+        report: None,
     };
     session::train(&options, &mut Silent)
         .expect("a model")

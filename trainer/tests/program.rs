@@ -5,8 +5,14 @@
 mod crossval;
 #[path = "program/evaluate.rs"]
 mod evaluate;
+#[path = "program/picture_file.rs"]
+mod picture_file;
+#[path = "program/report.rs"]
+mod report;
 #[path = "program/train.rs"]
 mod train;
+#[path = "program/values.rs"]
+mod values;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,14 +1,10 @@
 //! The page of a report.
 
 use artifact::Description;
+use picture::page::{Page, escaped, href, image};
 
 use super::{entry::Entry, pictures};
 use crate::comparison::{Comparison, settling_s};
-
-const STYLE: &str = "body{font:16px/1.5 Helvetica,Arial,sans-serif;color:#1f2933;max-width:1240px;margin:2em auto;\
-padding:0 1em}table{border-collapse:collapse;margin:1em 0}th,td{padding:.25em .8em;text-align:right;border-bottom:\
-1px solid #e4e9ee}th:first-child,td:first-child{text-align:left}img{max-width:100%;border:1px solid #e4e9ee;\
-margin:.5em 0}caption,p.note{color:#627080;text-align:left}";
 
 /// Returns the page as HTML. Its pictures are files in folders beside it.
 pub(super) fn page(description: &Description, entries: &[Entry]) -> String {
@@ -27,17 +23,18 @@ pub(super) fn page(description: &Description, entries: &[Entry]) -> String {
         description.code.numbers,
         1_000.0 * code_interval_s(description)
     );
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Decoded EEG</title>\
-         <style>{STYLE}</style></head><body>\n<h1>Decoded EEG</h1>\n<p>{size}. Reference: the recording \
+    let mut page = Page::new("Decoded EEG");
+    page.push_html(&format!(
+        "<p>{size}. Reference: the recording \
          after notch, band-pass and resampling, before it becomes int8. Steps in which the filters settle, and \
          steps without a code, are left out. RMS is that of the reference; PRD = 100 sqrt(sum of squared difference / sum of squared \
          reference). MSE is in units of the network's input ({:.2} uV) squared. The numbers of all electrodes: \
          <a href=\"electrodes.csv\">electrodes.csv</a>.</p>\n<table><tr><th>recording</th><th>seconds</th>\
          <th>codes</th><th>missing</th><th>RMS, uV</th><th>PRD, all</th><th>PRD, measured</th><th>MSE</th><th>MSE, uV&sup2;</th>\
-         </tr>\n{rows}</table>\n{sections}</body></html>\n",
+         </tr>\n{rows}</table>\n{sections}",
         description.input.sd_uv
-    )
+    ));
+    page.to_html()
 }
 
 /// Returns the time from one code to the next, seconds.
@@ -71,7 +68,7 @@ fn summary(description: &Description, entry: &Entry) -> String {
     };
     format!(
         "<tr><td><a href=\"#{}\">{name}</a></td><td>{:.1}</td><td>{}</td><td>{}</td>{errors}</tr>\n",
-        escaped(&as_url(&entry.name)),
+        href(&entry.name),
         decoded.signal_s(),
         decoded.codes,
         decoded.missing
@@ -80,10 +77,7 @@ fn summary(description: &Description, entry: &Entry) -> String {
 
 fn section(description: &Description, entry: &Entry) -> String {
     let name = escaped(&entry.name);
-    let folder = escaped(&as_url(&entry.name));
-    let picture = |file: &str, what: &str| {
-        format!("<img loading=\"lazy\" src=\"{folder}/{file}\" alt=\"{what}\">\n")
-    };
+    let picture = |file: &str, what: &str| image(&format!("{}/{file}", entry.name), what) + "\n";
     let compared = entry.compared().map(|comparison| {
         let mut text = picture(pictures::TRACES, "original and decoded signal");
         text += &picture(pictures::SCALP, "error of each electrode on the scalp");
@@ -122,29 +116,4 @@ fn electrodes(description: &Description, comparison: &Comparison) -> String {
         "<details><summary>all electrodes</summary><table><tr><th>electrode</th><th>origin</th><th>PRD</th>\
          <th>MSE</th><th>MSE, uV&sup2;</th></tr>\n{rows}</table></details>\n"
     )
-}
-
-/// Replaces the characters that have a meaning in HTML.
-fn escaped(text: &str) -> String {
-    let entities = [
-        ("&", "&amp;"),
-        ("<", "&lt;"),
-        (">", "&gt;"),
-        ("\"", "&quot;"),
-    ];
-    entities
-        .iter()
-        .fold(text.to_owned(), |text, (character, entity)| {
-            text.replace(character, entity)
-        })
-}
-
-/// Replaces the characters of a path that have a meaning in a URL.
-fn as_url(path: &str) -> String {
-    let codes = [("%", "%25"), ("#", "%23"), ("?", "%3F"), (" ", "%20")];
-    codes
-        .iter()
-        .fold(path.to_owned(), |path, (character, code)| {
-            path.replace(character, code)
-        })
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use artifact::Description;
 use picture::histogram::Histogram;
-use picture::scalp_map::{Place, ScalpMap};
+use picture::scalp_map::{Place, ScalpMap, on_map};
 use picture::traces::{Trace, Traces};
 use recordings::Position;
 
@@ -84,10 +84,10 @@ fn scalp_map(description: &Description, comparison: &Comparison, name: &str) -> 
         .zip(errors)
         .filter_map(|(label, (error, origin))| {
             let value = error.prd_percent();
-            let at = on_map(Position::from_label(label)?);
+            let Position { x, y, z } = Position::from_label(label)?;
             value.is_finite().then(|| Place {
                 label: label.clone(),
-                at,
+                at: on_map([x, y, z]),
                 value,
                 is_measured: *origin == ElectrodeOrigin::Measured,
             })
@@ -100,20 +100,6 @@ fn scalp_map(description: &Description, comparison: &Comparison, name: &str) -> 
         ),
         unit: "%".to_owned(),
     }
-}
-
-/// Returns the place of an electrode on a map whose circle is the circumference of the 10-20 system: angles
-/// from the vertex become distances.
-fn on_map(position: Position) -> [f64; 2] {
-    /// Angle from the vertex to the circumference, degrees.
-    const CIRCUMFERENCE: f64 = 72.0;
-    let distance = position.z.clamp(-1.0, 1.0).acos().to_degrees() / CIRCUMFERENCE;
-    let direction = position.x.hypot(position.y);
-    if direction < 1e-9 {
-        return [0.0, 0.0];
-    }
-    // 0.9: room for electrodes below the circumference, and for labels.
-    [position.x, position.y].map(|part| 0.9 * distance * part / direction)
 }
 
 fn levels(entry: &Entry) -> Histogram {

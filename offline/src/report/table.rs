@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use artifact::Description;
 
 use super::entry::Entry;
-use crate::csv_field::field;
+use picture::csv_field::field;
 
 /// Returns one line for each recording and electrode.
 pub(super) fn electrodes(description: &Description, entries: &[Entry]) -> String {

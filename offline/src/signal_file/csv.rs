@@ -7,7 +7,7 @@ use std::{
 
 use link::Flags;
 
-use crate::csv_field::field;
+use picture::csv_field::field;
 
 use super::signal::{RowEvent, Signal, SignalFile};
 

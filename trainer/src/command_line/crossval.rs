@@ -2,12 +2,14 @@
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use new_file::Existing;
 use rustix::time::{ClockId, clock_gettime};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use trainer::card::Shape;
 use trainer::crossval::{self, CrossvalObserver, CrossvalOptions, Outcome, Shard, Table};
 use trainer::error::TrainerError;
+use trainer::report;
 use trainer::selection;
 use trainer::training::Settings;
 
@@ -58,6 +60,8 @@ pub(crate) struct CrossvalArgs {
     /// Folder of the outcomes and of the table. Folds whose outcome is there are not computed again.
     #[arg(long)]
     out: PathBuf,
+    #[command(flatten)]
+    report: ReportArgs,
 }
 
 /// Arguments of `trainer merge`.
@@ -69,6 +73,37 @@ pub(crate) struct MergeArgs {
     /// Folder of the table and of all outcomes.
     #[arg(long)]
     out: PathBuf,
+    #[command(flatten)]
+    report: ReportArgs,
+}
+
+/// Arguments of the report.
+#[derive(Args, Debug)]
+struct ReportArgs {
+    /// Folder to write a report to once all folds are there: errors and learning curves of all folds, as pictures with
+    /// their values and a page that shows them.
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// Replace a report in this folder.
+    #[arg(long, requires = "report")]
+    force: bool,
+}
+
+impl ReportArgs {
+    /// Creates the folder and tries to write to it.
+    fn prepare(&self) -> Result<(), TrainerError> {
+        let existing = Existing::from_force(self.force);
+        let folder = self.report.as_deref();
+        folder.map_or(Ok(()), |folder| report::prepare(folder, existing))
+    }
+
+    fn write(&self, table: &Table) -> Result<(), TrainerError> {
+        if let Some(folder) = &self.report {
+            report::write_crossval(folder, table)?;
+            eprintln!("{}", report::message(folder));
+        }
+        Ok(())
+    }
 }
 
 impl CrossvalArgs {
@@ -97,6 +132,7 @@ impl CrossvalArgs {
             shard: self.shard,
             out: self.out,
         };
+        self.report.prepare()?;
         let start = Instant::now();
         let mut terminal = Terminal {
             bar: ProgressBar::hidden(),
@@ -105,16 +141,17 @@ impl CrossvalArgs {
         terminal.bar.finish_and_clear();
         eprintln!("{}", cost(start));
         print_table(table.as_ref(), &options.out);
-        Ok(())
+        table.map_or(Ok(()), |table| self.report.write(&table))
     }
 }
 
 impl MergeArgs {
     /// Merges the outcomes and prints the table.
     pub(crate) fn run(&self) -> Result<(), TrainerError> {
+        self.report.prepare()?;
         let table = crossval::merge(&self.folders, &self.out)?;
         print_table(Some(&table), &self.out);
-        Ok(())
+        self.report.write(&table)
     }
 }
 

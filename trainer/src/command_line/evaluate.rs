@@ -1,9 +1,12 @@
 //! `trainer evaluate`.
 
 use clap::Args;
+use new_file::Existing;
 use std::path::PathBuf;
 use trainer::comparison;
 use trainer::error::TrainerError;
+use trainer::progress::ProgressObserver;
+use trainer::report;
 
 use super::mains::mains_hz;
 use super::terminal::Terminal;
@@ -27,14 +30,28 @@ pub(crate) struct EvaluateArgs {
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
+    /// Folder to write a report to: error of each electrode, rate and error, as pictures with their values and a page
+    /// that shows them.
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// Replace a report in this folder.
+    #[arg(long, requires = "report")]
+    force: bool,
 }
 
 impl EvaluateArgs {
     /// Prints the figures of the model and of its PCA.
     pub(crate) fn run(&self) -> Result<(), TrainerError> {
+        if let Some(folder) = &self.report {
+            report::prepare(folder, Existing::from_force(self.force))?;
+        }
         let terminal = &mut Terminal::new()?;
         let comparison =
             comparison::compare(&self.artifact, &self.data, &self.test, self.mains, terminal)?;
+        if let Some(folder) = &self.report {
+            report::write_evaluation(folder, &comparison)?;
+            terminal.message(&report::message(folder));
+        }
         if self.json {
             println!("{:#}", comparison.to_json());
         } else {

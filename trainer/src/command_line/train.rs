@@ -57,7 +57,11 @@ pub(crate) struct TrainArgs {
     /// Folder to write the artifact to.
     #[arg(long)]
     out: PathBuf,
-    /// Replace an artifact in this folder.
+    /// Folder to write a report to: learning curves, error of each electrode, rate and error, as pictures with their
+    /// values and a page that shows them.
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// Replace an artifact in the folder of --out, and a report in that of --report.
     #[arg(long)]
     force: bool,
 }
@@ -83,6 +87,7 @@ impl TrainArgs {
             checkpoint: self.checkpoint,
             resume: self.resume,
             out: self.out,
+            report: self.report,
             force: self.force,
         };
         if let Some(comparison) = session::train(&options, &mut Terminal::new()?)? {

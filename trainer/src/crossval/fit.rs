@@ -54,8 +54,8 @@ pub(super) fn test_fold(
         seed: seed(options.settings.seed, fold),
         ..options.settings
     };
-    let (best, best_epoch, model_validation) = match description.mode {
-        Mode::Pca => (linear.clone(), 0, pca_validation),
+    let (best, best_epoch, model_validation, curve) = match description.mode {
+        Mode::Pca => (linear.clone(), 0, pca_validation, None),
         mode => {
             let start = if mode.has_shortcut() {
                 Parameters::from_directions(geometry, &directions, settings.seed)
@@ -69,7 +69,8 @@ pub(super) fn test_fold(
                 observer,
             )?;
             let best = training.best();
-            (best.parameters.clone(), best.epoch, best.validation)
+            let curve = Some(training.curve().clone());
+            (best.parameters.clone(), best.epoch, best.validation, curve)
         }
     };
     let pca = calibrated_artifact(description.clone(), &linear, &whole)?;
@@ -102,6 +103,7 @@ pub(super) fn test_fold(
             model: model_validation,
             pca: pca_validation,
         },
+        curve,
         model_float: model[0],
         model_integer: model[1],
         pca_float: Errors::from(pca.float),

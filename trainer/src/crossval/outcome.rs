@@ -3,6 +3,7 @@
 use super::deal::Fold;
 use crate::error::TrainerError;
 use crate::evaluate::ReconstructionError;
+use crate::learning_curve::LearningCurve;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
@@ -39,6 +40,9 @@ pub struct Outcome {
     pub best_epoch: u32,
     /// Validation errors.
     pub validation: Validation,
+    /// Errors of all epochs; absent in mode `pca`, which has none, and in files of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curve: Option<LearningCurve>,
     /// Errors of the model with float codes.
     pub model_float: Option<Errors>,
     /// Errors of the model with integer codes; absent if they cannot be decoded.

@@ -2,6 +2,7 @@
 
 use super::outcome::{Errors, Outcome};
 use crate::error::TrainerError;
+use picture::csv_field::field;
 use serde::Serialize;
 use std::fmt::{self, Write};
 use std::fs;
@@ -16,30 +17,30 @@ pub struct Table {
 
 /// Errors of one kind of code over the folds of a subject, or over all subjects.
 #[derive(Clone, Debug, Serialize)]
-struct Row {
+pub(crate) struct Row {
     /// Name of the subject; `all` for the mean over the subjects' means.
-    subject: String,
+    pub(crate) subject: String,
     /// Number of folds over all repetitions, or of subjects.
-    folds: usize,
+    pub(crate) folds: usize,
     /// Mode of the model, or PCA with the number of its components.
-    model: String,
+    pub(crate) model: String,
     /// `float` or `integer`.
-    codes: &'static str,
+    pub(crate) codes: &'static str,
     /// Whether the signal can be decoded from the code alone.
     is_decodable: bool,
     /// Mean squared error, in units of the training variance.
-    mse: Spread,
+    pub(crate) mse: Spread,
     /// Mean squared error, uV^2.
-    mse_uv2: Spread,
+    pub(crate) mse_uv2: Spread,
     /// Root of the squared error over root of the squared signal, percent.
-    prd_percent: Spread,
+    pub(crate) prd_percent: Spread,
 }
 
 /// Mean and sample standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-struct Spread {
-    mean: f64,
-    sd: f64,
+pub(crate) struct Spread {
+    pub(crate) mean: f64,
+    pub(crate) sd: f64,
 }
 
 /// The four columns of errors of an outcome, in the order of the table.
@@ -84,6 +85,18 @@ impl Table {
         &self.outcomes
     }
 
+    /// Returns montage, shape and training of the first fold's model, as text.
+    pub(crate) fn settings(&self) -> &str {
+        self.outcomes
+            .first()
+            .map_or("", |outcome| outcome.settings.as_str())
+    }
+
+    /// Returns the rows: those of each subject in turn, and those over all subjects if there are several.
+    pub(crate) fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+
     /// Writes `table.md`, `table.csv` and `table.json` into a folder. The files depend on the outcomes alone.
     pub(super) fn write(&self, folder: &Path) -> Result<(), TrainerError> {
         let json = serde_json::json!({
@@ -118,11 +131,7 @@ impl Table {
                 mse_uv2,
                 prd_percent,
             } = row;
-            let subject = if subject.contains([',', '"']) {
-                format!("\"{}\"", subject.replace('"', "\"\""))
-            } else {
-                subject.clone()
-            };
+            let subject = field(subject);
             let _ = write!(text, "{subject},{folds},{model},{codes},{is_decodable}");
             for Spread { mean, sd } in [mse, mse_uv2, prd_percent] {
                 let _ = write!(text, ",{mean},{sd}");
@@ -205,7 +214,9 @@ fn check_complete(outcomes: &[Outcome]) -> Result<(), TrainerError> {
 }
 
 /// Returns the errors of an outcome with the names of their rows.
-fn columns(outcome: &Outcome) -> [(String, &'static str, bool, Option<Errors>); COLUMNS] {
+pub(crate) fn columns(
+    outcome: &Outcome,
+) -> [(String, &'static str, bool, Option<Errors>); COLUMNS] {
     let pca = format!("PCA-{}", outcome.numbers);
     let is_pca = outcome.mode == "pca";
     let model = |errors: Option<Errors>| errors.filter(|_| !is_pca);

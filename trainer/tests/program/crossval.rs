@@ -4,6 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use crate::picture_file::{elements, points};
+use crate::values::{Values, assert_near, mean};
 use crate::{fail, succeed, trainer, write_runs};
 
 fn crossval(mode: &str, folder: &Path, arguments: &[&str]) -> Command {
@@ -103,6 +105,75 @@ fn one_recording_is_divided_into_blocks_and_too_few_runs_are_refused() {
         "{table}"
     );
     assert!(table.contains("blocks, 4 in each run"), "{table}");
+}
+
+#[test]
+fn pictures_have_every_fold_its_mean_and_its_epochs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    write_runs(folder, 2, 24);
+    fs::write(folder.join("file"), "").expect("writable");
+    let log = fail(
+        &mut crossval("shortcut", folder, &["--out=out", "--report=file"]),
+        1,
+    );
+    assert!(log.contains("file cannot be written"), "{log}");
+    assert!(!folder.join("out").exists());
+    let arguments = ["--out=out", "--report=report"];
+    succeed(&mut crossval("shortcut", folder, &arguments));
+    let folds = Values::read(&folder.join("report/folds.csv"));
+    // 2 folds, 2 repetitions; model and PCA, float and integer codes.
+    assert_eq!(folds.rows.len(), 16);
+    let table = Values::read(&folder.join("out/table.csv"));
+    let models = table.column("model").into_iter().zip(table.column("codes"));
+    let means = table
+        .numbers("mse_mean")
+        .into_iter()
+        .zip(table.numbers("mse_sd"));
+    for ((model, codes), (expected, sd)) in models.zip(means) {
+        let all = folds.column("model").into_iter().zip(folds.column("codes"));
+        let errors = all.zip(folds.numbers("mse"));
+        let errors: Vec<f64> = errors
+            .filter(|(kind, _)| *kind == (model, codes))
+            .map(|(_, mse)| mse)
+            .collect();
+        assert_eq!(errors.len(), 4);
+        assert_near(mean(&errors), expected, 1e-12);
+        let squares = errors.iter().map(|mse| (mse - expected).powi(2));
+        assert_near((squares.sum::<f64>() / 3.0).sqrt(), sd, 1e-9);
+    }
+    // Of each of four kinds: four folds, the mean and the legend; a bar at each mean.
+    let picture = folder.join("report/folds.svg");
+    assert_eq!(elements(&picture, "circle").len(), 4 * (4 + 1 + 1));
+    assert_eq!(points(&picture, "#2B6CB0"), [2, 2]);
+    assert_eq!(points(&picture, "#DD6B20"), [2, 2]);
+
+    let learning = Values::read(&folder.join("report/learning.csv"));
+    assert_eq!(learning.column("epoch"), ["0", "1"].repeat(4));
+    // The shortcut starts as PCA.
+    for (epoch, (mse, pca)) in learning
+        .numbers("validation_mse")
+        .into_iter()
+        .zip(learning.numbers("validation_mse_pca"))
+        .enumerate()
+    {
+        if epoch % 2 == 0 {
+            assert_near(mse, pca, 1e-5);
+        }
+    }
+    // The curves of four folds, and the entry in the legend.
+    assert_eq!(
+        points(&folder.join("report/learning.svg"), "#2B6CB0"),
+        [2; 5]
+    );
+    // Finished folds are enough for another report.
+    let mut merge = merge(folder, &["out", "--out=merged", "--report=again"]);
+    succeed(&mut merge);
+    for name in ["index.html", "folds.svg", "learning.svg"] {
+        let read = |report: &str| fs::read(folder.join(report).join(name)).expect("a file");
+        assert_eq!(read("again"), read("report"), "{name}");
+    }
+    assert!(fail(&mut merge, 2).contains("--force"));
 }
 
 #[test]

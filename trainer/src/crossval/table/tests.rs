@@ -28,6 +28,7 @@ fn outcome(subject: &str, fold: usize, mse: f64) -> Outcome {
             model: 0.1,
             pca: 0.2,
         },
+        curve: None,
         model_float: Some(errors(mse)),
         model_integer: Some(errors(2.0 * mse)),
         pca_float: errors(3.0 * mse),

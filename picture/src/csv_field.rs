@@ -2,7 +2,7 @@
 
 /// Returns a text as a field (RFC 4180): in quotation marks if it holds one, a comma, a semicolon or a line
 /// break.
-pub(crate) fn field(text: &str) -> String {
+pub fn field(text: &str) -> String {
     if text.contains(['"', ',', ';', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {

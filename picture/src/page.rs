@@ -1,0 +1,138 @@
+//! The page of a report: pictures with captions, tables and text as one HTML file that needs no other but the
+//! pictures.
+
+use std::fmt::Write as _;
+
+const STYLE: &str = "body{font:16px/1.5 Helvetica,Arial,sans-serif;color:#1f2933;max-width:1240px;margin:2em auto;\
+padding:0 1em}table{border-collapse:collapse;margin:1em 0}th,td{padding:.25em .8em;text-align:right;border-bottom:\
+1px solid #e4e9ee}th:first-child,td:first-child{text-align:left}img{max-width:100%;border:1px solid #e4e9ee;\
+margin:.5em 0}figure{margin:1.5em 0}caption,figcaption,p.note{color:#627080;text-align:left}";
+
+/// A page that grows from its heading downwards.
+#[derive(Debug, Clone)]
+pub struct Page {
+    title: String,
+    body: String,
+}
+
+impl Page {
+    /// Creates a page with a title, in plain text, which is its heading.
+    pub fn new(title: &str) -> Self {
+        let title = escaped(title);
+        Self {
+            body: format!("<h1>{title}</h1>\n"),
+            title,
+        }
+    }
+
+    /// Appends HTML, in which the caller has [`escaped`] foreign text.
+    pub fn push_html(&mut self, html: &str) {
+        self.body.push_str(html);
+    }
+
+    /// Appends a paragraph of plain text.
+    pub fn push_text(&mut self, text: &str) {
+        // Writing to a string never fails.
+        let _ = writeln!(self.body, "<p>{}</p>", escaped(text));
+    }
+
+    /// Appends a picture with a caption in plain text, and links to the files with its values. `path` and `values`
+    /// are relative to the page.
+    pub fn push_picture(&mut self, path: &str, caption: &str, values: &[&str]) {
+        // Writing to a string never fails.
+        let _ = write!(
+            self.body,
+            "<figure>{}<figcaption>{}",
+            image(path, caption),
+            escaped(caption)
+        );
+        for path in values {
+            let _ = write!(
+                self.body,
+                " <a href=\"{}\">{}</a>",
+                href(path),
+                escaped(path)
+            );
+        }
+        self.body.push_str("</figcaption></figure>\n");
+    }
+
+    /// Appends a table of plain text; the first row is its head.
+    pub fn push_table(&mut self, rows: &[Vec<String>]) {
+        self.body.push_str("<table>\n");
+        for (at, row) in rows.iter().enumerate() {
+            let tag = if at == 0 { "th" } else { "td" };
+            self.body.push_str("<tr>");
+            for cell in row {
+                let _ = write!(self.body, "<{tag}>{}</{tag}>", escaped(cell));
+            }
+            self.body.push_str("</tr>\n");
+        }
+        self.body.push_str("</table>\n");
+    }
+
+    /// Returns the page as HTML.
+    pub fn to_html(&self) -> String {
+        let Self { title, body } = self;
+        format!(
+            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\
+             <style>{STYLE}</style></head><body>\n{body}</body></html>\n"
+        )
+    }
+}
+
+/// Returns the HTML of a picture, which is loaded when it is scrolled into view; `path` is relative to the page.
+pub fn image(path: &str, description: &str) -> String {
+    format!(
+        "<img loading=\"lazy\" src=\"{}\" alt=\"{}\">",
+        href(path),
+        escaped(description)
+    )
+}
+
+/// Returns a relative path as an attribute of HTML.
+pub fn href(path: &str) -> String {
+    let codes = [("%", "%25"), ("#", "%23"), ("?", "%3F"), (" ", "%20")];
+    escaped(&replaced(path, &codes))
+}
+
+/// Replaces the characters that have a meaning in HTML.
+pub fn escaped(text: &str) -> String {
+    let entities = [
+        ("&", "&amp;"),
+        ("<", "&lt;"),
+        (">", "&gt;"),
+        ("\"", "&quot;"),
+    ];
+    replaced(text, &entities)
+}
+
+fn replaced(text: &str, pairs: &[(&str, &str)]) -> String {
+    pairs
+        .iter()
+        .fold(text.to_owned(), |text, (from, to)| text.replace(from, to))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn foreign_text_is_text_and_not_markup() {
+        let mut page = Page::new("a <b>");
+        page.push_text("\"1 < 2\" & more");
+        page.push_picture("run 1#/map.svg", "error > 0", &["values?.csv"]);
+        page.push_table(&[vec!["<x>".to_owned()], vec!["1".to_owned()]]);
+        let html = page.to_html();
+        for part in [
+            "<title>a &lt;b&gt;</title>",
+            "<h1>a &lt;b&gt;</h1>",
+            "<p>&quot;1 &lt; 2&quot; &amp; more</p>",
+            "src=\"run%201%23/map.svg\" alt=\"error &gt; 0\"",
+            "<a href=\"values%3F.csv\">values?.csv</a>",
+            "<tr><th>&lt;x&gt;</th></tr>\n<tr><td>1</td></tr>",
+        ] {
+            assert!(html.contains(part), "{part} is not in {html}");
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! Errors of all folds of a cross-validation, and their learning curves.
+
+use super::learning::numbered;
+use super::writer::{MSE, Report};
+use crate::crossval::{Outcome, Table, columns};
+use crate::error::TrainerError;
+use picture::axis::{Axis, Scale};
+use picture::canvas::{INK, RESULT, SOURCE};
+use picture::csv_field::field;
+use picture::lines::{Lines, Mark, Series};
+use std::fmt::Write as _;
+
+/// Largest number of folds whose names fit below the axis.
+const NAMED_FOLDS: usize = 12;
+/// Distance between the points of one fold, in folds.
+const APART: f64 = 0.15;
+
+/// Adds the table and the pictures of a cross-validation to a report.
+pub(super) fn add(report: &mut Report, table: &Table) -> Result<(), TrainerError> {
+    report.page.push_text(&format!(
+        "Test error, mean ± standard deviation over the folds. {}.",
+        table.settings()
+    ));
+    report.page.push_table(&figures(table));
+    let folds = folds(table);
+    report.add_picture(
+        "folds",
+        |path| folds.draw(path),
+        "Test error of each fold, and at the end of each subject mean and standard deviation of its folds.",
+        &folds_csv(table),
+    )?;
+    if table
+        .outcomes()
+        .iter()
+        .all(|outcome| outcome.curve.is_none())
+    {
+        let text = "There are no learning curves: mode pca has no epochs, and outcomes of earlier versions lack them.";
+        report.page.push_text(text);
+        return Ok(());
+    }
+    let learning = learning(table);
+    report.add_picture(
+        "learning",
+        |path| learning.draw(path),
+        "Validation error of each fold after each epoch, relative to that of PCA. Epoch 0 is the network before \
+         training.",
+        &learning_csv(table),
+    )
+}
+
+fn figures(table: &Table) -> Vec<Vec<String>> {
+    let head = [
+        "subject",
+        "folds",
+        "model",
+        "codes",
+        "MSE",
+        "MSE, uV²",
+        "PRD, %",
+    ];
+    let mut rows = vec![head.map(str::to_owned).to_vec()];
+    for row in table.rows() {
+        rows.push(vec![
+            row.subject.clone(),
+            row.folds.to_string(),
+            row.model.clone(),
+            row.codes.to_owned(),
+            format!("{:.5} ± {:.5}", row.mse.mean, row.mse.sd),
+            format!("{:.2} ± {:.2}", row.mse_uv2.mean, row.mse_uv2.sd),
+            format!("{:.2} ± {:.2}", row.prd_percent.mean, row.prd_percent.sd),
+        ]);
+    }
+    rows
+}
+
+/// Returns the outcomes of each subject.
+fn subjects(table: &Table) -> Vec<&[Outcome]> {
+    let outcomes = table.outcomes();
+    outcomes.chunk_by(|a, b| a.subject == b.subject).collect()
+}
+
+/// Returns the chart of the test errors: a place for each fold, for the mean of each subject and, if there are
+/// several subjects, for the mean over them.
+fn folds(table: &Table) -> Lines {
+    let subjects = subjects(table);
+    let groups = subjects.len() + usize::from(subjects.len() > 1);
+    let kinds = table.rows().len() / groups.max(1);
+    let mut series: Vec<Series> = table.rows()[..kinds]
+        .iter()
+        .map(|row| Series {
+            label: format!("{}, {} codes", row.model, row.codes),
+            color: if row.model.starts_with("PCA") {
+                RESULT
+            } else {
+                SOURCE
+            },
+            mark: if row.codes == "float" {
+                Mark::Rings
+            } else {
+                Mark::Dots
+            },
+            points: Vec::new(),
+            sd: Vec::new(),
+        })
+        .collect();
+    let mut add = |kind: usize, place: f64, mse: f64, sd: f64| {
+        // Of three kinds: -1, 0 and 1 distances from the place.
+        let [kind_place, centre] =
+            [kind, kinds - 1].map(|kind| f64::from(u32::try_from(kind).unwrap_or(0)));
+        let x = place + APART * (kind_place - centre / 2.0);
+        series[kind].points.push((x, mse));
+        series[kind].sd.push(sd);
+    };
+    let mut axis = Axis::new("fold", Scale::Linear);
+    let is_named = subjects.len() == 1 && table.outcomes().len() <= NAMED_FOLDS;
+    let mut place = 0.0;
+    for (group, rows) in table.rows().chunks(kinds.max(1)).enumerate() {
+        let outcomes = subjects.get(group).copied().unwrap_or(&[]);
+        let first = place;
+        for outcome in outcomes {
+            let present = columns(outcome)
+                .into_iter()
+                .filter_map(|(_, _, _, errors)| errors);
+            for (kind, errors) in present.enumerate() {
+                add(kind, place, errors.mse, 0.0);
+            }
+            if is_named {
+                let name = format!("{}/{}", outcome.repetition, outcome.fold);
+                axis.ticks.push((place, name));
+            }
+            place += 1.0;
+        }
+        for (kind, row) in rows.iter().enumerate() {
+            add(kind, place, row.mse.mean, row.mse.sd);
+        }
+        if is_named {
+            axis.ticks.push((place, "mean ± SD".to_owned()));
+        } else {
+            let subject = &rows[0].subject;
+            axis.ticks
+                .push((f64::midpoint(first, place), subject.clone()));
+        }
+        place += 2.0;
+    }
+    axis.label = if is_named {
+        "repetition/fold".to_owned()
+    } else {
+        "subject: its folds, then mean ± SD".to_owned()
+    };
+    Lines {
+        title: "Test error of each fold".to_owned(),
+        subtitle: match subjects.as_slice() {
+            [outcomes] => format!("subject {}, {} folds", outcomes[0].subject, outcomes.len()),
+            several => format!(
+                "{} subjects, {} folds",
+                several.len(),
+                table.outcomes().len()
+            ),
+        },
+        x: axis,
+        y: Axis::new(MSE, Scale::Linear),
+        series,
+    }
+}
+
+/// Returns one line for each fold, model and kind of codes.
+fn folds_csv(table: &Table) -> String {
+    let mut text = "subject,repetition,fold,model,codes,mse,mse_uv2,prd_percent\n".to_owned();
+    for outcome in table.outcomes() {
+        for (model, codes, _, errors) in columns(outcome) {
+            let Some(errors) = errors else {
+                continue;
+            };
+            // Writing to a string never fails.
+            let _ = writeln!(
+                text,
+                "{},{},{},{model},{codes},{},{},{}",
+                field(&outcome.subject),
+                outcome.repetition,
+                outcome.fold,
+                errors.mse,
+                errors.mse_uv2,
+                errors.prd_percent
+            );
+        }
+    }
+    text
+}
+
+fn learning(table: &Table) -> Lines {
+    let mut series = Vec::new();
+    let (mut chosen, mut last) = (Vec::new(), 0.0_f64);
+    for outcome in table.outcomes() {
+        let Some(curve) = &outcome.curve else {
+            continue;
+        };
+        let relative = curve.validations().map(|mse| mse / outcome.validation.pca);
+        let points = numbered(relative, 0);
+        last = points.last().map_or(last, |(epoch, _)| last.max(*epoch));
+        let best = usize::try_from(outcome.best_epoch).ok();
+        chosen.extend(best.and_then(|epoch| points.get(epoch)).copied());
+        let is_first = series.is_empty();
+        series.push(Series {
+            label: if is_first {
+                "validation of each fold".to_owned()
+            } else {
+                String::new()
+            },
+            color: SOURCE,
+            mark: Mark::ThinLine,
+            points,
+            sd: Vec::new(),
+        });
+    }
+    let pca = Series {
+        label: "PCA".to_owned(),
+        color: RESULT,
+        mark: Mark::Line,
+        points: vec![(0.0, 1.0), (last, 1.0)],
+        sd: Vec::new(),
+    };
+    series.insert(0, pca);
+    series.push(Series {
+        label: "chosen epochs".to_owned(),
+        color: INK,
+        mark: Mark::Rings,
+        points: chosen,
+        sd: Vec::new(),
+    });
+    Lines {
+        title: "Learning curves of all folds".to_owned(),
+        subtitle: "mean squared error on the validation part of each fold, relative to PCA of the same fold".to_owned(),
+        x: Axis::new("epoch", Scale::Whole),
+        y: Axis::new("validation MSE / validation MSE of PCA", Scale::Logarithmic),
+        series,
+    }
+}
+
+/// Returns one line for each fold and epoch; epoch 0 has no training loss.
+fn learning_csv(table: &Table) -> String {
+    let mut text =
+        "subject,repetition,fold,epoch,training_loss,validation_mse,validation_mse_pca\n"
+            .to_owned();
+    for outcome in table.outcomes() {
+        let Some(curve) = &outcome.curve else {
+            continue;
+        };
+        let subject = field(&outcome.subject);
+        let losses = curve.epochs.iter().map(|epoch| epoch.loss.to_string());
+        let losses = std::iter::once(String::new()).chain(losses);
+        for (epoch, (loss, validation)) in losses.zip(curve.validations()).enumerate() {
+            // Writing to a string never fails.
+            let _ = writeln!(
+                text,
+                "{subject},{},{},{epoch},{loss},{validation},{}",
+                outcome.repetition, outcome.fold, outcome.validation.pca
+            );
+        }
+    }
+    text
+}

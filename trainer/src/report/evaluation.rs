@@ -1,0 +1,274 @@
+//! Error of each electrode, and error of PCA with fewer numbers.
+
+use super::writer::{MSE, Report};
+use crate::comparison::Comparison;
+use crate::electrode_error::ElectrodeError;
+use crate::error::TrainerError;
+use crate::truncation::TruncationError;
+use artifact::Mode;
+use picture::axis::{Axis, Scale};
+use picture::canvas::{INK, RESULT, SOURCE};
+use picture::csv_field::field;
+use picture::lines::{Lines, Mark, Series};
+use picture::scalp_map::{Place, ScalpMap, on_map};
+use recordings::Position;
+use std::fmt::Write as _;
+
+/// Adds figures and pictures of an evaluation to a report.
+pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), TrainerError> {
+    let page = &mut report.page;
+    page.push_text(&format!(
+        "Model {}, mode {}, on {} windows of {}. {} of {} electrodes were recorded. MSE is in units of the network's \
+         input ({:.2} uV) squared; PRD = 100 sqrt(sum of squared difference / sum of squared original).",
+        comparison.model,
+        comparison.mode,
+        comparison.network.windows,
+        comparison.recordings.join(", "),
+        comparison.real_electrodes,
+        comparison.network.electrodes,
+        comparison.sd_uv
+    ));
+    page.push_table(&figures(comparison));
+    let map = scalp_map(comparison);
+    report.add_picture(
+        "electrodes",
+        |path| map.draw(path),
+        &format!(
+            "Mean squared error of each electrode with {} codes. The mean over all electrodes is the error of the \
+             model.",
+            comparison.network.format
+        ),
+        &electrodes_csv(comparison),
+    )?;
+    if comparison.pca_by_numbers.is_empty() {
+        report.page.push_text(
+            "The artifact has no pca.safetensors, so there is no picture of rate and error.",
+        );
+        return Ok(());
+    }
+    let rate = rate(comparison);
+    report.add_picture(
+        "rate",
+        |path| rate.draw(path),
+        &format!(
+            "Error by bits per window: PCA with the first number of its code, the first two, up to all {}. Float \
+             codes are drawn at the bits of {} codes with as many numbers: the distance between the two is the \
+             error of rounding.",
+            comparison.numbers, comparison.network.format
+        ),
+        &rate_csv(comparison),
+    )
+}
+
+fn figures(comparison: &Comparison) -> Vec<Vec<String>> {
+    let head = [
+        "model",
+        "codes",
+        "bits per window",
+        "MSE",
+        "MSE, uV²",
+        "PRD",
+    ];
+    let mut rows = vec![head.map(str::to_owned).to_vec()];
+    let pca = format!("PCA-{}", comparison.numbers);
+    let mut models = Vec::new();
+    if comparison.mode != Mode::Pca {
+        models.push((comparison.mode.to_string(), comparison.network));
+    }
+    models.extend(comparison.pca.map(|evaluation| (pca, evaluation)));
+    for (name, evaluation) in models {
+        for (codes, bits, error) in [
+            ("float".to_owned(), String::new(), evaluation.float),
+            (
+                evaluation.format.to_string(),
+                comparison.bits_per_window().to_string(),
+                evaluation.integer,
+            ),
+        ] {
+            rows.push(vec![
+                name.clone(),
+                codes,
+                bits,
+                format!("{:.5}", error.mse),
+                format!("{:.2}", error.mse_uv2),
+                format!("{:.2} %", error.prd_percent),
+            ]);
+        }
+    }
+    rows
+}
+
+fn scalp_map(comparison: &Comparison) -> ScalpMap {
+    let errors = &comparison.electrode_errors;
+    let unit = comparison.sd_uv.powi(2);
+    let places = places(errors);
+    ScalpMap {
+        places: errors
+            .iter()
+            .zip(places)
+            .map(|(error, at)| Place {
+                label: error.label.clone(),
+                at,
+                value: error.mse_int8 * unit,
+                is_measured: error.is_recorded,
+            })
+            .collect(),
+        title: "Error of each electrode".to_owned(),
+        subtitle: format!(
+            "mean squared error with {} codes; mean over {} electrodes: {:.2} µV²",
+            comparison.network.format,
+            errors.len(),
+            comparison.network.integer.mse_uv2
+        ),
+        unit: "µV²".to_owned(),
+    }
+}
+
+/// Returns the places of the electrodes on the map: those of their labels, or those of their cells of the scalp grid
+/// if a label has no place in the 10-20 system.
+fn places(errors: &[ElectrodeError]) -> Vec<[f64; 2]> {
+    let labelled = errors.iter().map(|error| {
+        let Position { x, y, z } = Position::from_label(&error.label)?;
+        Some(on_map([x, y, z]))
+    });
+    let labelled: Option<Vec<[f64; 2]>> = labelled.collect();
+    labelled.unwrap_or_else(|| {
+        let largest = [0, 1].map(|side| errors.iter().map(|error| error.cell[side]).max());
+        let [rows, columns] = largest.map(|largest| largest.unwrap_or(0));
+        let on_side = |cell: usize, largest: usize| {
+            /// Largest distance from the centre of the map, so that the corners are on the head.
+            const REACH: f64 = 0.65;
+            #[expect(clippy::cast_precision_loss, reason = "at most 12 cells on each side")]
+            let part = cell as f64 / largest.max(1) as f64;
+            if largest == 0 {
+                0.0
+            } else {
+                REACH * (2.0 * part - 1.0)
+            }
+        };
+        let place = |error: &ElectrodeError| {
+            [
+                on_side(error.cell[1], columns),
+                -on_side(error.cell[0], rows),
+            ]
+        };
+        errors.iter().map(place).collect()
+    })
+}
+
+fn electrodes_csv(comparison: &Comparison) -> String {
+    let mut text =
+        "electrode,row,column,origin,mse_float,mse_int8,mse_uv2_float,mse_uv2_int8\n".to_owned();
+    let unit = comparison.sd_uv.powi(2);
+    for error in &comparison.electrode_errors {
+        let ElectrodeError {
+            label,
+            cell: [row, column],
+            is_recorded,
+            mse_float,
+            mse_int8,
+        } = error;
+        let origin = if *is_recorded {
+            "measured"
+        } else {
+            "interpolated"
+        };
+        // Writing to a string never fails.
+        let _ = writeln!(
+            text,
+            "{},{row},{column},{origin},{mse_float},{mse_int8},{},{}",
+            field(label),
+            mse_float * unit,
+            mse_int8 * unit
+        );
+    }
+    text
+}
+
+fn rate(comparison: &Comparison) -> Lines {
+    let format = comparison.network.format;
+    let bits =
+        |numbers: usize| f64::from(u32::try_from(comparison.bits_of(numbers)).unwrap_or(u32::MAX));
+    let curve = |label, color, mark, error: fn(&TruncationError) -> f64| {
+        let points = comparison.pca_by_numbers.iter();
+        Series {
+            label,
+            color,
+            mark,
+            points: points.map(|at| (bits(at.numbers), error(at))).collect(),
+            sd: Vec::new(),
+        }
+    };
+    let mut series = vec![
+        curve(
+            format!("PCA, {format} codes"),
+            RESULT,
+            Mark::Line,
+            |error| error.mse_int8,
+        ),
+        curve(
+            "PCA, float codes".to_owned(),
+            INK,
+            Mark::ThinLine,
+            |error| error.mse_float,
+        ),
+    ];
+    let model = &comparison.network;
+    for (label, mark, mse) in [
+        (
+            format!("model, {format} codes"),
+            Mark::Dots,
+            model.integer.mse,
+        ),
+        (
+            "model, float codes".to_owned(),
+            Mark::Rings,
+            model.float.mse,
+        ),
+    ] {
+        series.push(Series {
+            label,
+            color: SOURCE,
+            mark,
+            points: vec![(bits(comparison.numbers), mse)],
+            sd: Vec::new(),
+        });
+    }
+    Lines {
+        title: "Rate and error".to_owned(),
+        subtitle: format!(
+            "model {}, mode {}: {} numbers, {} bits per window",
+            comparison.model,
+            comparison.mode,
+            comparison.numbers,
+            comparison.bits_per_window()
+        ),
+        x: Axis::new(format!("bits per window of {format} codes"), Scale::Linear),
+        y: Axis::new(MSE, Scale::Logarithmic),
+        series,
+    }
+}
+
+/// Returns one line for each number of numbers of PCA, and one for the model.
+fn rate_csv(comparison: &Comparison) -> String {
+    let mut text = "model,numbers,bits_per_window,mse_float,mse_int8\n".to_owned();
+    for error in &comparison.pca_by_numbers {
+        let TruncationError {
+            numbers,
+            mse_float,
+            mse_int8,
+        } = error;
+        let bits = comparison.bits_of(*numbers);
+        // Writing to a string never fails.
+        let _ = writeln!(text, "PCA,{numbers},{bits},{mse_float},{mse_int8}");
+    }
+    let _ = writeln!(
+        text,
+        "model,{},{},{},{}",
+        comparison.numbers,
+        comparison.bits_per_window(),
+        comparison.network.float.mse,
+        comparison.network.integer.mse
+    );
+    text
+}
