@@ -272,3 +272,43 @@ fn rate_csv(comparison: &Comparison) -> String {
     );
     text
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(label: &str, cell: [usize; 2]) -> ElectrodeError {
+        ElectrodeError {
+            label: label.to_owned(),
+            cell,
+            is_recorded: true,
+            mse_float: 1.0,
+            mse_int8: 1.0,
+        }
+    }
+
+    #[test]
+    fn electrodes_are_at_the_places_of_their_labels() {
+        let [cz, oz] = [error("Cz", [0, 0]), error("Oz", [1, 0])];
+        let places = places(&[cz, oz]);
+        assert!(places[0][0].hypot(places[0][1]) < 1e-9, "the vertex");
+        assert!(places[1][0].abs() < 1e-9 && places[1][1] < -0.8, "the back");
+    }
+
+    #[test]
+    fn a_label_without_a_place_puts_all_electrodes_at_their_cells() {
+        let errors = [
+            error("Cz", [0, 1]),
+            error("E7", [0, 0]),
+            error("E8", [2, 2]),
+        ];
+        let places = places(&errors);
+        for (place, expected) in places
+            .iter()
+            .zip([[0.0, 0.65], [-0.65, 0.65], [0.65, -0.65]])
+        {
+            let distance = (place[0] - expected[0]).hypot(place[1] - expected[1]);
+            assert!(distance < 1e-9, "{place:?} is not {expected:?}");
+        }
+    }
+}
