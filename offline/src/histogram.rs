@@ -5,42 +5,88 @@ use std::ops::RangeInclusive;
 /// Number of bins.
 pub const BINS: usize = BIN_COUNT as usize;
 const BIN_COUNT: u8 = 64;
+/// Half of the smallest span of the bins, levels: the range of 8 bits.
+const SMALLEST_SPAN: i32 = 128;
 
-/// How often the values of codes lie in each part of their format's range.
+/// How often the values of codes lie in each part of the range that they use.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LevelHistogram {
-    /// Levels that the format can hold.
-    pub range: RangeInclusive<i32>,
-    /// Number of values in each of [`BINS`] equal parts of the range.
+    /// The bins are equal parts of `-span..span`: 128 levels, doubled until all values are inside.
+    pub span: i32,
+    /// Number of values in each bin.
     pub bins: [u64; BINS],
-    /// Number of values at either end of the range.
+    /// Number of values at either end of the format's range.
     pub at_ends: u64,
+    /// Levels that the format can hold.
+    range: RangeInclusive<i32>,
 }
 
 impl LevelHistogram {
-    /// Creates an empty histogram.
+    /// Creates an empty histogram of codes whose format can hold `range`.
     pub(crate) fn new(range: RangeInclusive<i32>) -> Self {
         Self {
-            range,
+            span: SMALLEST_SPAN,
             bins: [0; BINS],
             at_ends: 0,
+            range,
         }
     }
 
     /// Counts the values of a code.
     pub(crate) fn add(&mut self, levels: &[i32]) {
-        let (least, greatest) = (i64::from(*self.range.start()), i64::from(*self.range.end()));
-        for level in levels.iter().map(|level| i64::from(*level)) {
-            let level = level.clamp(least, greatest);
-            let bin = (level - least) * i64::from(BIN_COUNT) / (greatest - least + 1);
-            let bin = usize::try_from(bin).unwrap_or(0);
+        let (least, greatest) = (*self.range.start(), *self.range.end());
+        for level in levels {
+            let level = (*level).clamp(least, greatest);
+            while !(-self.span..self.span).contains(&level) {
+                self.double();
+            }
+            let width = 2 * self.span / i32::from(BIN_COUNT);
+            let bin = usize::try_from((level + self.span) / width).unwrap_or(0);
             self.bins[bin] += 1;
             self.at_ends += u64::from(level == least || level == greatest);
         }
     }
 
+    /// Doubles the span: pairs of bins become the bins of its inner half.
+    fn double(&mut self) {
+        let mut bins = [0; BINS];
+        for (bin, count) in self.bins.iter().enumerate() {
+            bins[BINS / 4 + bin / 2] += count;
+        }
+        self.bins = bins;
+        self.span *= 2;
+    }
+
     /// Returns the number of values.
     pub fn values(&self) -> u64 {
         self.bins.iter().sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn eight_bits_keep_their_range_and_the_ends_are_counted() {
+        let mut histogram = LevelHistogram::new(-128..=127);
+        histogram.add(&[-128, -1, 0, 3, 127]);
+        assert_eq!(histogram.span, 128);
+        assert_eq!([0, 31, 32, 63].map(|bin| histogram.bins[bin]), [1, 1, 2, 1]);
+        assert_eq!((histogram.values(), histogram.at_ends), (5, 2));
+    }
+
+    #[test]
+    fn the_span_follows_the_largest_value_and_no_value_is_lost() {
+        let mut histogram = LevelHistogram::new(-32_768..=32_767);
+        histogram.add(&[-5, 5, 127]);
+        histogram.add(&[-300]);
+        // Bins are 16 levels wide now.
+        assert_eq!(histogram.span, 512);
+        assert_eq!(
+            [31, 32, 39, 13].map(|bin| histogram.bins[bin]),
+            [1, 1, 1, 1]
+        );
+        assert_eq!((histogram.values(), histogram.at_ends), (4, 0));
     }
 }

@@ -282,6 +282,13 @@ fn train_network(
         "best epoch: {}, validation MSE {:.5}",
         best.epoch, best.validation
     ));
+    let silent = best.parameters.clone().hold_silent_channels();
+    if silent > 0 {
+        observer.message(&format!(
+            "{silent} channels of the convolutions never vary and are held constant; a lower --learning-rate may \
+             keep them alive"
+        ));
+    }
     let Settings {
         epochs,
         batch,

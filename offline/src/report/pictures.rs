@@ -105,10 +105,7 @@ fn scalp_map(description: &Description, comparison: &Comparison, name: &str) -> 
 fn levels(entry: &Entry) -> Histogram {
     let levels = &entry.decoded.levels;
     Histogram {
-        range: [
-            f64::from(*levels.range.start()),
-            f64::from(*levels.range.end()) + 1.0,
-        ],
+        range: [f64::from(-levels.span), f64::from(levels.span)],
         counts: levels.bins.to_vec(),
         title: "Levels of the codes".to_owned(),
         subtitle: format!(
