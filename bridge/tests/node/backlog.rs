@@ -114,10 +114,12 @@ fn a_tcp_board_that_stands_still_for_8_s_loses_no_code() {
     let made = device.controls.made.load(Relaxed);
     let (status, log) = bridge.wait();
     assert!(status.success(), "{log}");
-    for words in [
-        &*format!("made {made} received {made} lost 0"),
-        "connections 1 resets 0",
-    ] {
-        assert!(log.contains(words), "not {words:?}: {log}");
-    }
+    assert!(log.contains("connections 1 resets 0"), "{log}");
+    // The board can make another code before the bridge ends.
+    let all =
+        (made..made + 3).any(|made| log.contains(&format!("made {made} received {made} lost 0")));
+    assert!(
+        all,
+        "not all of {made} codes or a few more were received: {log}"
+    );
 }
