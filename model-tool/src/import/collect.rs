@@ -107,7 +107,7 @@ impl Search<'_> {
         }
     }
 
-    /// Returns the elements of a tensor that must be there. A length of 0 in `shape` stands for any length.
+    /// Returns the elements of a tensor that must be there. A length of 0 in `shape` stands for any length but 0.
     fn tensor(&mut self, name: &str, shape: &[usize]) -> Option<Vec<f32>> {
         self.used.insert(name.to_owned());
         let Some(entry) = self.file.get(name) else {
@@ -276,9 +276,12 @@ impl Search<'_> {
     }
 }
 
-/// Returns whether a shape is the expected one, in which 0 stands for any length.
+/// Returns whether a shape is the expected one, in which 0 stands for any length but 0.
 fn fits(found: &[usize], expected: &[usize]) -> bool {
     let mut lengths = found.iter().zip(expected);
-    found.len() == expected.len()
-        && lengths.all(|(found, expected)| *expected == 0 || found == expected)
+    let is_right = |(found, expected): (&usize, &usize)| match *expected {
+        0 => *found > 0,
+        expected => *found == expected,
+    };
+    found.len() == expected.len() && lengths.all(is_right)
 }

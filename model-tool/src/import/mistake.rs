@@ -1,5 +1,6 @@
 //! A tensor that is not as the specification describes it.
 
+use artifact::List;
 use std::fmt;
 
 /// One mistake in a file of tensors.
@@ -99,7 +100,7 @@ impl fmt::Display for Mistake {
             } => write!(
                 f,
                 "{name} has shape {}, expected {}",
-                Shape(found),
+                List(found),
                 Shape(expected)
             ),
             Self::ElementType { name, found } => write!(
@@ -142,7 +143,7 @@ impl fmt::Display for Mistake {
     }
 }
 
-/// A shape in brackets; a length of 0 stands for any length.
+/// An expected shape in brackets; a length of 0 stands for any length but 0.
 struct Shape<'a>(&'a [usize]);
 
 impl fmt::Display for Shape<'_> {

@@ -88,6 +88,19 @@ fn a_file_without_calibration() {
 }
 
 #[test]
+fn a_batch_without_windows() {
+    let message = edited(|file| {
+        for name in ["calibration.windows", "reference.windows"] {
+            file.insert(name.to_owned(), Exported::f32(&[0, 1, 16, 10, 9], &[]));
+        }
+    });
+    for name in ["calibration.windows", "reference.windows"] {
+        let words = format!("{name} has shape [0, 1, 16, 10, 9], expected [N, 1, 16, 10, 9]");
+        assert!(message.contains(&words), "{message}");
+    }
+}
+
+#[test]
 fn a_value_where_the_montage_has_no_electrode() {
     let message = edited(|file| {
         let windows = file.get_mut("calibration.windows").expect("a tensor");
