@@ -12,7 +12,7 @@ mod import;
 #[path = "program/pytorch.rs"]
 mod pytorch;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// Folder of the built-in model.
@@ -36,6 +36,20 @@ fn run(arguments: &[&str], status: i32) -> [String; 2] {
         [output.stdout, output.stderr].map(|text| String::from_utf8(text).expect("text"));
     assert_eq!(output.status.code(), Some(status), "{out}{err}");
     [out, err]
+}
+
+/// Returns the arguments that import a file of tensors with a specification.
+fn import_words<'p>(out: &'p Path, [tensors, spec]: &'p [PathBuf; 2]) -> Vec<&'p str> {
+    let [tensors, spec, out] = [tensors.as_path(), spec, out].map(text);
+    vec![
+        "import",
+        "--safetensors",
+        tensors,
+        "--spec",
+        spec,
+        "--out",
+        out,
+    ]
 }
 
 fn text(path: &Path) -> &str {

@@ -2,7 +2,7 @@
 
 use super::export::{Exported, File, SPEC, export, write};
 use super::import::network;
-use super::{run, text};
+use super::{import_words, run, text};
 use safetensors::Dtype;
 
 /// Imports what `edit` makes of a file and a specification; returns the message, without the paths.
@@ -10,23 +10,12 @@ fn refusal(spec: &str, edit: impl FnOnce(&mut File), damage: impl FnOnce(&mut Ve
     let folder = tempfile::tempdir().expect("a folder");
     let mut file = export(&network());
     edit(&mut file);
-    let [tensors, spec] = write(folder.path(), &file, spec);
-    let mut bytes = std::fs::read(&tensors).expect("the file");
+    let files = write(folder.path(), &file, spec);
+    let mut bytes = std::fs::read(&files[0]).expect("the file");
     damage(&mut bytes);
-    std::fs::write(&tensors, bytes).expect("the file");
+    std::fs::write(&files[0], bytes).expect("the file");
     let out = folder.path().join("model");
-    let [_, error] = run(
-        &[
-            "import",
-            "--safetensors",
-            text(&tensors),
-            "--spec",
-            text(&spec),
-            "--out",
-            text(&out),
-        ],
-        2,
-    );
+    let [_, error] = run(&import_words(&out, &files), 2);
     assert!(!out.exists(), "{error}");
     error.replace(&format!("{}/", text(folder.path())), "")
 }

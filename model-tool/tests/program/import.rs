@@ -1,7 +1,7 @@
 //! Files that can be imported.
 
 use super::export::{SPEC, WINDOWS, export, insert_all, write};
-use super::{run, text};
+use super::{import_words, run, text};
 use any_model::{any_artifact, quantised, windows};
 use artifact::{Artifact, FloatEncoder, Mode, Padding, Tensors};
 use safetensors::Dtype;
@@ -21,20 +21,9 @@ fn import(
 ) -> (Artifact, String) {
     let mut file = export(network);
     edit(&mut file);
-    let [tensors, spec] = write(folder, &file, spec);
+    let files = write(folder, &file, spec);
     let out = folder.join("model");
-    let [printed, _] = run(
-        &[
-            "import",
-            "--safetensors",
-            text(&tensors),
-            "--spec",
-            text(&spec),
-            "--out",
-            text(&out),
-        ],
-        0,
-    );
+    let [printed, _] = run(&import_words(&out, &files), 0);
     run(&["check", text(&out)], 0);
     (Artifact::read(&out).expect("a model"), printed)
 }
@@ -178,17 +167,9 @@ fn a_model_in_the_folder_is_replaced_by_force_only() {
     let network = network();
     let (before, _) = import(folder.path(), &network, SPEC, |_| {});
     let file = export(&network);
-    let [tensors, spec] = write(folder.path(), &file, &SPEC.replace("47.5", "50.0"));
+    let files = write(folder.path(), &file, &SPEC.replace("47.5", "50.0"));
     let out = folder.path().join("model");
-    let mut words = vec![
-        "import",
-        "--safetensors",
-        text(&tensors),
-        "--spec",
-        text(&spec),
-        "--out",
-        text(&out),
-    ];
+    let mut words = import_words(&out, &files);
     let [_, error] = run(&words, 2);
     assert!(
         error.contains("holds a model already; choose another folder, or replace it with --force"),

@@ -1,6 +1,6 @@
 //! The program of docs/importing.md, where PyTorch is installed.
 
-use super::{run, text};
+use super::{import_words, run, text};
 use artifact::Artifact;
 use std::process::Command;
 
@@ -47,19 +47,9 @@ fn the_pages_program_exports_a_network_that_the_import_accepts() {
         String::from_utf8_lossy(&output.stderr)
     );
     let path = |name: &str| folder.path().join(name);
-    let [tensors, spec, out] = ["network.safetensors", "network.toml", "model"].map(path);
-    let [printed, _] = run(
-        &[
-            "import",
-            "--safetensors",
-            text(&tensors),
-            "--spec",
-            text(&spec),
-            "--out",
-            text(&out),
-        ],
-        0,
-    );
+    let files = ["network.safetensors", "network.toml"].map(path);
+    let out = path("model");
+    let [printed, _] = run(&import_words(&out, &files), 0);
     assert!(
         printed.contains("The codes of 16 windows equal the exported network's within"),
         "{printed}"
