@@ -12,6 +12,7 @@ mod import;
 #[path = "program/pytorch.rs"]
 mod pytorch;
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -50,6 +51,12 @@ fn import_words<'p>(out: &'p Path, [tensors, spec]: &'p [PathBuf; 2]) -> Vec<&'p
         "--out",
         out,
     ]
+}
+
+/// Prints that a test is skipped on the standard error, which the test harness does not capture here.
+fn skip(test: &str, why: &str) {
+    let line = format!("SKIPPED: {test}: {why}\n");
+    let _ = std::io::stderr().write_all(line.as_bytes());
 }
 
 fn text(path: &Path) -> &str {

@@ -1,6 +1,6 @@
 //! `show`, `diff` and `check`.
 
-use super::{BUILT_IN, PAPER, run, text};
+use super::{BUILT_IN, PAPER, run, skip, text};
 use serde_json::Value as Json;
 use std::fs;
 use std::path::Path;
@@ -100,7 +100,10 @@ fn check_is_0_for_a_sound_model_1_for_other_golden_codes_and_2_for_a_damaged_one
 #[test]
 fn check_measures_the_error_on_recordings() {
     let Some(data) = std::env::var_os("CORTICODE_DATA") else {
-        eprintln!("SKIPPED: no recordings: set CORTICODE_DATA to their folder");
+        skip(
+            "error of the built-in model",
+            "CORTICODE_DATA does not name a folder with recordings",
+        );
         return;
     };
     let data = Path::new(&data).join("eegmmidb_S001");

@@ -1,6 +1,6 @@
 //! The program of docs/importing.md, where PyTorch is installed.
 
-use super::{import_words, run, text};
+use super::{import_words, run, skip, text};
 use artifact::Artifact;
 use std::process::Command;
 
@@ -26,10 +26,11 @@ fn the_pages_program_exports_a_network_that_the_import_accepts() {
         output.is_ok_and(|output| output.status.success())
     };
     let Some(python) = PYTHONS.iter().find(imports) else {
-        eprintln!(
-            "SKIPPED: neither {} imports torch and safetensors",
+        let why = format!(
+            "neither {} imports torch and safetensors",
             PYTHONS.join(" nor ")
         );
+        skip("docs/importing.md", &why);
         return;
     };
     let folder = tempfile::tempdir().expect("a folder");
