@@ -22,7 +22,7 @@ pub fn manifest(model: &DeviceModel) -> String {
 fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
     let description = &model.description;
     writeln!(out, "model id              {}", model.id)?;
-    writeln!(out, "mode                  {:?}", description.mode)?;
+    writeln!(out, "mode                  {}", description.mode)?;
     writeln!(
         out,
         "window                {} steps at {} Hz, hop {}",

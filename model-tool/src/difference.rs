@@ -1,10 +1,11 @@
 //! Differences between two models.
 
 use crate::error::ToolError;
-use artifact::{Artifact, Golden, Tensors};
+use artifact::{Artifact, ArtifactError, Golden, Tensors};
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::io::ErrorKind;
 use std::path::Path;
 
 /// All differences between two models.
@@ -16,7 +17,7 @@ pub struct Difference {
     pub fields: Vec<(String, [Option<String>; 2])>,
     /// Tensors that differ.
     pub tensors: Vec<TensorDifference>,
-    /// Whether the golden windows or codes differ; `None` if a folder has none.
+    /// Whether the golden windows or codes differ; `None` if neither folder has any.
     pub golden: Option<bool>,
 }
 
@@ -51,7 +52,7 @@ impl Difference {
     /// Compares the models in two folders.
     ///
     /// # Errors
-    /// If a folder holds no usable model.
+    /// If a folder holds no usable model, or its golden codes cannot be read.
     pub fn read(folders: [&Path; 2]) -> Result<Self, ToolError> {
         let read = |folder: &Path| {
             Artifact::read(folder).map_err(|source| ToolError::Artifact {
@@ -60,9 +61,9 @@ impl Difference {
             })
         };
         let [one, other] = [read(folders[0])?, read(folders[1])?];
-        let golden = match folders.map(Golden::read) {
-            [Ok(one), Ok(other)] => Some(one != other),
-            _ => None,
+        let golden = match [read_golden(folders[0])?, read_golden(folders[1])?] {
+            [None, None] => None,
+            [one, other] => Some(one != other),
         };
         Ok(Self::new(&one, &other, golden))
     }
@@ -108,6 +109,18 @@ impl Difference {
             "tensors": tensors.collect::<Vec<_>>(),
             "golden_differ": self.golden,
         })
+    }
+}
+
+/// Reads the golden codes in a folder; `None` if it has no such file.
+fn read_golden(folder: &Path) -> Result<Option<Golden>, ToolError> {
+    match Golden::read(folder) {
+        Ok(golden) => Ok(Some(golden)),
+        Err(ArtifactError::File { source, .. }) if source.kind() == ErrorKind::NotFound => Ok(None),
+        Err(source) => Err(ToolError::Artifact {
+            folder: folder.to_owned(),
+            source: Box::new(source),
+        }),
     }
 }
 

@@ -72,13 +72,14 @@ fn largest_difference(
     for (index, (found, expected)) in found.iter().zip(expected).enumerate() {
         for (element, (found, expected)) in found.iter().zip(expected).enumerate() {
             let difference = (found - expected).abs();
-            if difference > largest.0 {
+            // A NaN is larger than any number.
+            if difference.is_nan() || difference > largest.0 {
                 largest = (difference, index, element);
             }
         }
     }
     let (difference, index, element) = largest;
-    if difference > TOLERANCE * rms {
+    if difference.is_nan() || difference > TOLERANCE * rms {
         return Err(ToolError::Reference {
             what,
             index,
@@ -101,6 +102,35 @@ impl fmt::Display for Agreement {
         match self.reconstructions {
             Some(difference) => write!(f, ", their reconstructions within {difference:.0e}."),
             None => write!(f, "."),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn difference(found: &[f32]) -> Result<f32, ToolError> {
+        let expected = [vec![3.0, 4.0], vec![4.0, -3.0]];
+        let found: Vec<Vec<f32>> = found.chunks_exact(2).map(<[f32]>::to_vec).collect();
+        largest_difference("code", &found, &expected)
+    }
+
+    #[test]
+    fn the_largest_difference_is_relative_to_the_rms_of_all_values() {
+        let largest = difference(&[3.0, 4.001, 4.0, -3.002]).expect("within the tolerance");
+        // sqrt(12.5) is the RMS.
+        assert!((largest - 0.002 / 3.535_534).abs() < 1e-6, "{largest}");
+    }
+
+    #[test]
+    fn a_value_that_is_not_finite_or_differs_too_much_is_refused() {
+        for wrong in [f32::NAN, f32::INFINITY, -3.1] {
+            let error = difference(&[3.0, 4.0, 4.0, wrong]).expect_err("a wrong value");
+            let ToolError::Reference { index, element, .. } = error else {
+                panic!("{error}");
+            };
+            assert_eq!((index, element), (1, 1));
         }
     }
 }

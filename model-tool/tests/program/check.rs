@@ -68,6 +68,23 @@ fn diff_is_0_for_equal_models_1_for_others_and_2_for_none() {
 }
 
 #[test]
+fn diff_finds_golden_codes_that_are_missing_in_one_folder_or_damaged() {
+    let folder = tempfile::tempdir().expect("a folder");
+    copy(BUILT_IN, folder.path());
+    let golden = folder.path().join("golden.safetensors");
+    let half = fs::read(&golden).expect("golden codes")[..100].to_vec();
+    fs::remove_file(&golden).expect("a file");
+    let [missing, _] = run(&["diff", BUILT_IN, text(folder.path())], 1);
+    assert!(missing.contains("golden codes differ"), "{missing}");
+    fs::write(&golden, half).expect("a file");
+    let [_, damaged] = run(&["diff", BUILT_IN, text(folder.path())], 2);
+    assert!(
+        damaged.contains("golden.safetensors is damaged"),
+        "{damaged}"
+    );
+}
+
+#[test]
 fn check_is_0_for_a_sound_model_1_for_other_golden_codes_and_2_for_a_damaged_one() {
     let [sound, _] = run(&["check", BUILT_IN], 0);
     assert!(
