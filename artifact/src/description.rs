@@ -173,6 +173,17 @@ pub enum CodeFormat {
     Int16,
 }
 
+impl CodeFormat {
+    /// Returns the number of bits of a code of `numbers` numbers.
+    pub fn bits(self, numbers: usize) -> usize {
+        8 * match self {
+            Self::Int8 => numbers,
+            Self::Int8Exponent => numbers + 1,
+            Self::Int16 => 2 * numbers,
+        }
+    }
+}
+
 /// Position of each electrode on the scalp grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,7 +1,7 @@
 //! Checks a model: its files, its integers, its golden codes and, on recordings, its error.
 
 use crate::error::ToolError;
-use artifact::{Artifact, CodeFormat, Golden};
+use artifact::{Artifact, Golden};
 use model_gen::{DeviceModel, IntegerModel};
 use serde_json::{Value as Json, json};
 use std::fmt;
@@ -74,11 +74,7 @@ pub fn check(
     let code = &model.description.code;
     Ok(Checked {
         model: model.id.to_string(),
-        bits_per_window: 8 * match code.format {
-            CodeFormat::Int8 => code.numbers,
-            CodeFormat::Int8Exponent => code.numbers + 1,
-            CodeFormat::Int16 => 2 * code.numbers,
-        },
+        bits_per_window: code.format.bits(code.numbers),
         real_electrodes: model.description.training.real_electrodes,
         golden: golden.windows.len(),
         wrong: wrong_windows(&integers, &golden),

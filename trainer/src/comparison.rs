@@ -9,7 +9,7 @@ use crate::progress::ProgressObserver;
 use crate::selection::{self, file_name};
 use crate::track::{Track, read_tracks};
 use crate::truncation::{TruncationError, TruncationSums};
-use artifact::{Artifact, CodeFormat, Figures, Mode, Pca};
+use artifact::{Artifact, Figures, Mode, Pca};
 use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::Path;
@@ -98,11 +98,7 @@ impl Comparison {
 
     /// Returns the number of bits of an integer code with this number of numbers.
     pub fn bits_of(&self, numbers: usize) -> usize {
-        8 * match self.network.format {
-            CodeFormat::Int8 => numbers,
-            CodeFormat::Int8Exponent => numbers + 1,
-            CodeFormat::Int16 => 2 * numbers,
-        }
+        self.network.format.bits(numbers)
     }
 
     /// Returns the figures as a JSON object.
