@@ -1,0 +1,173 @@
+//! The probability model's context of a coefficient: how large a magnitude is expected.
+
+use crate::rate::Rate;
+use crate::tables::{LEVELS, MAGNITUDES};
+
+/// A magnitude of 1 adds this to the activity.
+const ONE: u32 = 64;
+
+/// The activity forgets 1 / 2^5 of itself at each coefficient.
+const DECAY_BITS: u32 = 5;
+
+/// Largest [`Context::inverse`]: its product with the largest activity, `15 * 64 * 32`, fits 32 bits.
+const MAX_INVERSE: u32 = (1 << 17) - 1;
+
+/// What the magnitudes of a block's earlier coefficients sum to, with exponential forgetting; below
+/// 2^15. It compares with the sum that is expected, so that a loud block uses tables of larger magnitudes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Activity(u32);
+
+impl Activity {
+    /// The activity before the first coefficient of a block: that of magnitudes of 1/4.
+    pub(crate) const START: Self = Self(512);
+
+    /// Returns the activity after a coefficient of this magnitude.
+    #[inline(always)]
+    pub(crate) fn after(self, magnitude: u32) -> Self {
+        Self(self.0 - (self.0 >> DECAY_BITS) + ONE * magnitude.min(MAGNITUDES as u32 - 1))
+    }
+}
+
+/// The context of one coefficient at one rate, before the magnitudes of the block are known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Context {
+    /// Level of the expected magnitude, 0..[`LEVELS`].
+    level: u8,
+    /// 2^19 over the expected activity, at most [`MAX_INVERSE`].
+    inverse: u32,
+}
+
+impl Context {
+    /// A place for a context that [`prepare`] writes.
+    pub const EMPTY: Self = Self {
+        level: 0,
+        inverse: 0,
+    };
+
+    /// Returns the level of the table to use, 0..[`LEVELS`]: the expected level, moved by the ratio of
+    /// the activity to the expected one.
+    #[inline(always)]
+    pub(crate) fn table_level(self, activity: Activity) -> usize {
+        let eighths = (activity.0.wrapping_mul(self.inverse) >> 16).min(63);
+        let moved = i32::from(self.level) + i32::from(LEVEL_OF_RATIO[eighths as usize % 64]);
+        moved.clamp(0, LEVELS as i32 - 1).cast_unsigned() as usize
+    }
+}
+
+/// Writes the contexts of a block's coefficients at a rate.
+///
+/// `levels` are the levels of the mean magnitudes at rate 4, 0..[`LEVELS`], as trained. If the slices differ in
+/// length, the rest is unchanged.
+pub fn prepare(levels: &[u8], rate: Rate, contexts: &mut [Context]) {
+    // 1/256 of the unit of an activity.
+    let mut expected = Activity::START.0 << 8;
+    for (&level, context) in levels.iter().zip(contexts) {
+        let level = (i32::from(level) + rate.level_shift()).clamp(0, LEVELS as i32 - 1);
+        #[expect(clippy::cast_possible_truncation, reason = "below 56")]
+        let level = level.cast_unsigned() as u8;
+        *context = Context {
+            level,
+            inverse: inverse(expected),
+        };
+        let mean = EXPECTED_STEP[usize::from(level) % LEVELS];
+        expected = expected - (expected >> DECAY_BITS) + mean;
+    }
+}
+
+/// Returns `2^27 / expected`, at most [`MAX_INVERSE`], from a table of its leading 8 bits: within 0.5 %.
+/// `expected` is 1..2^23.
+fn inverse(expected: u32) -> u32 {
+    let zeros = expected.leading_zeros().min(31);
+    let leading = (expected << zeros) >> 24;
+    let reciprocal = u32::from(RECIPROCALS[leading as usize % 128]);
+    let inverse = if zeros > 20 {
+        reciprocal << (zeros - 20)
+    } else {
+        reciprocal >> (20 - zeros)
+    };
+    inverse.min(MAX_INVERSE)
+}
+
+/// `2^23 / (leading + 1/2)` for the leading bits 128..256.
+const RECIPROCALS: [u16; 128] = {
+    let mut reciprocals = [0; 128];
+    let mut index = 0;
+    while index < 128 {
+        #[expect(clippy::cast_possible_truncation, reason = "at most 2^24 / 257")]
+        let reciprocal = ((1_u32 << 24) / (2 * (index as u32 + 128) + 1)) as u16;
+        reciprocals[index] = reciprocal;
+        index += 1;
+    }
+    reciprocals
+};
+
+/// Levels by which a ratio of activities moves the expected level: `round(0.55 * ln((i + 1/2) / 8) / LR)`,
+/// where `i` is eight times the ratio, rounded down, and `LR = ln(8000) / 55`.
+const LEVEL_OF_RATIO: [i8; 64] = [
+    -9, -6, -4, -3, -2, -1, -1, 0, 0, 1, 1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 4, 4, 4, 4, 4, 4,
+    4, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 7, 7, 7, 7, 7, 7,
+    7, 7, 7,
+];
+
+/// What a coefficient of each level is expected to add to the activity, 1/256 of its unit:
+/// `round(64 * 256 * 0.0015 * exp(LR * level))`, `LR = ln(8000) / 55`. The mean magnitude of level 0 is
+/// 0.0015, that of level 55 is 12.
+const EXPECTED_STEP: [u32; LEVELS] = [
+    25, 29, 34, 40, 47, 56, 66, 77, 91, 107, 126, 148, 175, 206, 242, 285, 336, 395, 465, 548, 645,
+    760, 895, 1054, 1241, 1461, 1720, 2026, 2385, 2809, 3307, 3894, 4586, 5400, 6358, 7487, 8816,
+    10381, 12223, 14393, 16948, 19957, 23499, 27671, 32582, 38366, 45177, 53196, 62639, 73758,
+    86851, 102_268, 120_422, 141_798, 166_969, 196_608,
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_follow_their_formulas() {
+        let ratio = 8000_f64.ln() / 55.0;
+        for (level, &step) in (0..).zip(&EXPECTED_STEP) {
+            let mean = 0.0015 * (ratio * f64::from(level)).exp();
+            assert!((f64::from(step) - (64.0 * 256.0 * mean).round()).abs() < 0.5);
+        }
+        for (eighths, &moved) in (0..).zip(&LEVEL_OF_RATIO) {
+            let exact = (0.55 * ((f64::from(eighths) + 0.5) / 8.0).ln() / ratio).round();
+            assert!((f64::from(moved) - exact).abs() < 0.5);
+        }
+    }
+
+    #[test]
+    fn an_inverse_is_within_half_a_percent() {
+        for expected in (1024..1 << 23).step_by(37) {
+            let exact = f64::from(1 << 27) / f64::from(expected);
+            let error = (f64::from(inverse(expected)) - exact).abs();
+            assert!(error <= 1.0 + exact * 0.005, "{expected}");
+        }
+        assert_eq!(inverse(25), MAX_INVERSE);
+    }
+
+    #[test]
+    fn the_largest_activity_times_the_largest_inverse_fits() {
+        let mut activity = Activity::START;
+        for _ in 0..1000 {
+            activity = activity.after(u32::MAX);
+        }
+        assert!(
+            activity.0.checked_mul(MAX_INVERSE).is_some(),
+            "{activity:?}"
+        );
+    }
+
+    #[test]
+    fn a_loud_block_uses_tables_of_larger_magnitudes() {
+        let mut contexts = [Context::EMPTY; 40];
+        prepare(&[30; 40], Rate::new(4).expect("a rate"), &mut contexts);
+        let (mut loud, mut quiet) = (Activity::START, Activity::START);
+        for context in contexts {
+            assert!(context.table_level(quiet) <= context.table_level(loud));
+            (loud, quiet) = (loud.after(3), quiet.after(0));
+        }
+        let last = contexts[39];
+        assert!(last.table_level(quiet) < last.table_level(loud));
+    }
+}

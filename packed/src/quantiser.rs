@@ -1,0 +1,59 @@
+//! The two quantisers and the four states that choose between them.
+
+use crate::rate::Rate;
+
+/// State of the quantiser before a coefficient, 0..4; 0 before the first one of a block.
+///
+/// Two quantisers take turns: points of quantiser 0 are even multiples of the step, those of quantiser 1
+/// are odd multiples and 0. The states 0 and 1 use quantiser 0, the states 2 and 3 quantiser 1. The parity
+/// of a magnitude chooses the next state. So the points are as dense as with one step, and each
+/// coefficient's bits say which of two steps it has ("dependent quantisation" of H.266, 7.4.11.2).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct State(u8);
+
+impl State {
+    /// Returns the quantiser of this state, 0 or 1.
+    #[inline(always)]
+    pub(crate) fn quantiser(self) -> usize {
+        usize::from(self.0 >> 1)
+    }
+
+    /// Returns the state after a coefficient of this magnitude.
+    #[inline(always)]
+    pub(crate) fn after(self, magnitude: u16) -> Self {
+        const NEXT: [[u8; 2]; 4] = [[0, 2], [2, 0], [1, 3], [3, 1]];
+        Self(NEXT[usize::from(self.0) % 4][usize::from(magnitude % 2)])
+    }
+}
+
+/// A quantised coefficient.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Magnitude {
+    /// Index of the point, 0 for zero; at most 2^16 - 1.
+    pub value: u16,
+    /// True if the coefficient is negative.
+    pub is_negative: bool,
+}
+
+/// Adds a block's dequantised coefficients to their prediction, saturating: the new state of both sides.
+///
+/// `state` holds the prediction before, and the state after the call. All slices have the number of
+/// coefficients; if they differ, the rest is unchanged.
+pub fn update_state(magnitudes: &[Magnitude], rate: Rate, state: &mut [i16]) {
+    let mut quantiser = State::default();
+    for (magnitude, state) in magnitudes.iter().zip(state) {
+        let point = point(magnitude.value, quantiser.quantiser()) * rate.step();
+        let value = if magnitude.is_negative { -point } else { point };
+        #[expect(clippy::cast_possible_truncation, reason = "clamped to 16 bits")]
+        let saturated = (i32::from(*state) + value).clamp(i16::MIN.into(), i16::MAX.into()) as i16;
+        *state = saturated;
+        quantiser = quantiser.after(magnitude.value);
+    }
+}
+
+/// Returns a point of a quantiser, steps: `2 * magnitude - quantiser`, or 0 for the magnitude 0.
+#[inline(always)]
+pub(crate) fn point(magnitude: u16, quantiser: usize) -> i32 {
+    let odd = i32::from(quantiser == 1 && magnitude > 0);
+    2 * i32::from(magnitude) - odd
+}

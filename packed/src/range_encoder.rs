@@ -1,0 +1,109 @@
+//! A range encoder with a range of 32 bits.
+
+use crate::tables::Frequencies;
+
+/// The range is at least this large between two symbols.
+const LEAST_RANGE: u32 = 1 << 24;
+
+/// Writes symbols as one number of as many bytes as needed (Martin 1979), most significant byte first.
+///
+/// The number so far is `bytes` followed by `low`. A carry out of `low` is added to the bytes at once. Bytes
+/// that do not fit the buffer are counted and not kept.
+#[derive(Debug)]
+pub(crate) struct RangeEncoder<'b> {
+    low: u32,
+    range: u32,
+    bytes: &'b mut [u8],
+    /// Number of bytes so far, those that did not fit included.
+    length: usize,
+}
+
+impl<'b> RangeEncoder<'b> {
+    pub(crate) fn new(bytes: &'b mut [u8]) -> Self {
+        Self {
+            low: 0,
+            range: u32::MAX,
+            bytes,
+            length: 0,
+        }
+    }
+
+    /// Writes a symbol with a probability of `frequencies.count / 2^bits`.
+    #[inline(always)]
+    pub(crate) fn put(&mut self, frequencies: Frequencies, bits: u32) {
+        let unit = self.range >> bits;
+        let (low, carries) = self.low.overflowing_add(unit * frequencies.start);
+        self.low = low;
+        if carries {
+            self.carry();
+        }
+        self.range = unit * frequencies.count;
+        while self.range < LEAST_RANGE {
+            self.push_byte();
+            self.range <<= 8;
+        }
+    }
+
+    /// Writes a bit that is as likely as not.
+    #[inline]
+    pub(crate) fn put_bit(&mut self, bit: bool) {
+        let start = bit.into();
+        self.put(Frequencies { start, count: 1 }, 1);
+    }
+
+    /// Ends the number: of all numbers that mean the symbols, the one with the most zero bytes at its end,
+    /// which are not written. A decoder reads zeros there.
+    ///
+    /// Returns the number of bytes. It is larger than the buffer if they did not fit.
+    pub(crate) fn finish(mut self) -> usize {
+        let last = u64::from(self.low) + u64::from(self.range) - 1;
+        let shortest = [24, 16, 8].into_iter().map(|zeros| last >> zeros << zeros);
+        let number = shortest
+            .into_iter()
+            .find(|&number| number >= self.low.into())
+            .unwrap_or(last);
+        if number > u32::MAX.into() {
+            self.carry();
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "the carry is added already"
+        )]
+        let low = number as u32;
+        self.low = low;
+        for _ in 0..4 {
+            self.push_byte();
+        }
+        let Some(written) = self.bytes.get(..self.length) else {
+            return self.length;
+        };
+        written
+            .iter()
+            .rposition(|&byte| byte != 0)
+            .map_or(0, |last| last + 1)
+    }
+
+    /// Moves the most significant byte of `low` to the buffer.
+    #[inline(always)]
+    fn push_byte(&mut self) {
+        if let Some(byte) = self.bytes.get_mut(self.length) {
+            *byte = self.low.to_be_bytes()[0];
+        }
+        self.length += 1;
+        self.low <<= 8;
+    }
+
+    /// Adds 1 to the bytes.
+    fn carry(&mut self) {
+        let written = self.length.min(self.bytes.len());
+        let Some(bytes) = self.bytes.get_mut(..written) else {
+            return;
+        };
+        for byte in bytes.iter_mut().rev() {
+            *byte = byte.wrapping_add(1);
+            if *byte != 0 {
+                return;
+            }
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! The step of the quantiser.
+
+/// Number of rates.
+const RATES: usize = 16;
+
+/// Index of the quantiser's step, 0 (finest) to 15 (coarsest). The step grows by 3 dB from one rate to
+/// the next: `round(32 * 2^((rate - 4) / 2))` units of a coefficient.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Rate(u8);
+
+impl Rate {
+    /// The coarsest rate.
+    pub const COARSEST: Self = Self(15);
+
+    /// The step of each rate, units of a coefficient.
+    const STEPS: [u16; RATES] = [
+        8, 11, 16, 23, 32, 45, 64, 91, 128, 181, 256, 362, 512, 724, 1024, 1448,
+    ];
+
+    /// `2^34 / step`, rounded up; a product with it replaces a division.
+    const RECIPROCALS: [u32; RATES] = {
+        let mut reciprocals = [0; RATES];
+        let mut rate = 0;
+        while rate < RATES {
+            #[expect(clippy::cast_possible_truncation, reason = "at most 2^34 / 8")]
+            let reciprocal = (1_u64 << 34).div_ceil(Self::STEPS[rate] as u64) as u32;
+            reciprocals[rate] = reciprocal;
+            rate += 1;
+        }
+        reciprocals
+    };
+
+    /// Number of levels by which a rate shifts the mean magnitudes: `round(ln(2) / 2 / LR * (4 - rate))`
+    /// with the ratio of neighbouring levels `exp(LR)`, `LR = ln(8000) / 55`.
+    const LEVEL_SHIFTS: [i8; RATES] = [
+        8, 6, 4, 2, 0, -2, -4, -6, -8, -11, -13, -15, -17, -19, -21, -23,
+    ];
+
+    /// Returns the rate with this index, or `None` if there is none.
+    pub const fn new(index: u8) -> Option<Self> {
+        if (index as usize) < RATES {
+            Some(Self(index))
+        } else {
+            None
+        }
+    }
+
+    /// Returns the index, 0..=15.
+    pub const fn index(self) -> u8 {
+        self.0
+    }
+
+    /// Returns the rate `coarser` steps of 3 dB coarser, at most [`Self::COARSEST`].
+    #[must_use]
+    pub fn coarser(self, coarser: u8) -> Self {
+        Self(self.0.saturating_add(coarser)).min(Self::COARSEST)
+    }
+
+    /// Returns the step of the quantiser, units of a coefficient, 8..=1448.
+    pub fn step(self) -> i32 {
+        Self::STEPS[usize::from(self.0) % RATES].into()
+    }
+
+    /// Returns `magnitude` in 1/256 of a step, rounded down; magnitude < 2^17, result < 2^22.
+    pub(crate) fn in_steps(self, magnitude: u32) -> i32 {
+        let reciprocal = Self::RECIPROCALS[usize::from(self.0) % RATES];
+        #[expect(clippy::cast_possible_truncation, reason = "below 2^17 * 2^31 / 2^26")]
+        let steps = (u64::from(magnitude) * u64::from(reciprocal) >> 26) as i32;
+        steps
+    }
+
+    /// Returns the shift of the mean magnitudes, levels.
+    pub(crate) fn level_shift(self) -> i32 {
+        Self::LEVEL_SHIFTS[usize::from(self.0) % RATES].into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_and_level_shifts_follow_their_formulas() {
+        let ratio = 8000_f64.ln() / 55.0;
+        for index in 0..16 {
+            let rate = Rate::new(index).expect("sixteen rates");
+            let coarser = f64::from(index) - 4.0;
+            let step = (32.0 * (coarser / 2.0).exp2()).round();
+            assert!((f64::from(rate.step()) - step).abs() < 0.5);
+            let shift = (-coarser * 2_f64.ln() / 2.0 / ratio).round();
+            assert!((f64::from(rate.level_shift()) - shift).abs() < 0.5);
+        }
+        assert_eq!(Rate::new(16), None);
+    }
+
+    #[test]
+    fn magnitudes_are_divided_by_the_step_without_a_division() {
+        for index in 0..16 {
+            let rate = Rate::new(index).expect("sixteen rates");
+            for magnitude in (0..1 << 17).step_by(7) {
+                let exact = u64::from(magnitude) * 256 / rate.step().cast_unsigned() as u64;
+                let steps = rate.in_steps(magnitude).cast_unsigned() as u64;
+                assert!(
+                    steps == exact || steps == exact + 1,
+                    "{magnitude} at {index}"
+                );
+                let is_power_of_two = rate.step().cast_unsigned().is_power_of_two();
+                assert!(steps == exact || !is_power_of_two);
+            }
+        }
+    }
+}

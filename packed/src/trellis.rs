@@ -1,0 +1,256 @@
+//! The choice of the magnitudes: the cheapest path through the quantiser's states.
+
+use crate::context::{Activity, Context};
+use crate::quantiser::Magnitude;
+use crate::rate::Rate;
+use crate::tables::{BIT_COST, MAGNITUDES, Tables};
+
+/// Number of states.
+const STATES: usize = 4;
+
+/// Cost of a state that no path has reached, above every cost of a path.
+const UNREACHED: i32 = 1 << 29;
+
+/// Largest number of coefficients of a block: the costs of a path sum to less than [`UNREACHED`].
+pub const MAX_COEFFICIENTS: usize = 256;
+
+/// Which path survived in each state after a coefficient, two bits for each state: bit 0 is set if it came
+/// from the second of the two states before it, bit 1 if it chose magnitude 0 over a larger even one.
+pub type Survivors = u8;
+
+/// Chooses the magnitudes of a block by the Viterbi algorithm: those with the least sum, over the
+/// coefficients, of squared error and 0.3 squared steps for each bit.
+///
+/// For each coefficient, the candidates of a quantiser are its points on both sides of the value, and 0
+/// where the lower one has magnitude 1 or 2. `residual` is coefficient minus prediction, |x| < 2^17;
+/// `survivors` is scratch memory. All slices have the same length, at most [`MAX_COEFFICIENTS`]; the
+/// shortest counts.
+///
+/// # Timing
+/// Every coefficient takes the same work, whatever its value.
+pub fn quantise(
+    residual: &[i32],
+    contexts: &[Context],
+    tables: &Tables<'_>,
+    rate: Rate,
+    survivors: &mut [Survivors],
+    magnitudes: &mut [Magnitude],
+) {
+    debug_assert!(residual.len() <= MAX_COEFFICIENTS, "costs would overflow");
+    let mut paths = Paths::START;
+    let coefficients = residual.iter().zip(contexts).zip(&mut *survivors);
+    for ((&residual, &context), survivors) in coefficients {
+        let value = rate.in_steps(residual.unsigned_abs());
+        let candidates = [Candidates::new(value, 0), Candidates::new(value, 1)];
+        *survivors = paths.extend(&candidates, context, tables);
+    }
+    let mut state = paths.cheapest_state();
+    let coefficients = residual.iter().zip(survivors).zip(magnitudes).rev();
+    for ((&residual, &mut survivors), magnitude) in coefficients {
+        let survivor = survivors >> (2 * state);
+        let is_second = survivor & 1;
+        let parity = is_second ^ (state >> 1);
+        state = 2 * (state & 1) + is_second;
+        let lower = lower_magnitude(rate.in_steps(residual.unsigned_abs()), (state >> 1).into());
+        let is_zeroed = survivor & 2 != 0;
+        let value = lower + (lower ^ i32::from(parity)) % 2;
+        #[expect(clippy::cast_possible_truncation, reason = "below 2^17 / 16 + 1")]
+        let value = if is_zeroed {
+            0
+        } else {
+            value.cast_unsigned() as u16
+        };
+        *magnitude = Magnitude {
+            value,
+            is_negative: residual < 0,
+        };
+    }
+}
+
+/// Returns the magnitude of a quantiser's largest point that is not above a value, in 1/256 of a step.
+#[inline(always)]
+fn lower_magnitude(value: i32, quantiser: i32) -> i32 {
+    ((value >> 8) + quantiser) >> 1
+}
+
+/// The candidates of one quantiser for a coefficient: an even magnitude, 0 in its place, and an odd one.
+#[derive(Clone, Copy, Debug)]
+struct Candidates {
+    even: Candidate,
+    odd: Candidate,
+    /// Squared error of magnitude 0 if it competes with `even`, otherwise above every cost.
+    zero_error: i32,
+}
+
+/// A magnitude with the part of its cost that depends on neither state nor activity.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    /// At most 15: an index of the tables.
+    symbol: usize,
+    /// Squared error and the cost of the Elias gamma code, 1/65536 of the squared step.
+    cost: i32,
+}
+
+impl Candidate {
+    /// `value` is in 1/256 of a step.
+    #[inline(always)]
+    fn new(value: i32, magnitude: i32, quantiser: i32) -> Self {
+        let odd = if magnitude > 0 { quantiser } else { 0 };
+        let error = value - ((2 * magnitude - odd) << 8);
+        let escape = (magnitude - (MAGNITUDES as i32 - 2)).max(1).cast_unsigned();
+        let gamma_bits = 2 * (31 - escape.leading_zeros()).cast_signed();
+        Self {
+            symbol: magnitude.min(MAGNITUDES as i32 - 1).cast_unsigned() as usize,
+            cost: error * error + scaled(gamma_bits * BIT_COST),
+        }
+    }
+}
+
+impl Candidates {
+    #[inline(always)]
+    fn new(value: i32, quantiser: i32) -> Self {
+        let lower = lower_magnitude(value, quantiser);
+        let candidate = |magnitude| Candidate::new(value, magnitude, quantiser);
+        let (even, odd) = ((lower + 1) & !1, lower | 1);
+        // The even one of `lower` and `lower + 1`, and the odd one.
+        let competes = lower == 1 || lower == 2;
+        let near = value.min(1 << 12);
+        Self {
+            even: candidate(even),
+            odd: candidate(odd),
+            zero_error: if competes { near * near } else { UNREACHED },
+        }
+    }
+}
+
+/// Returns a cost of the tables, 1/1024 of the squared step, in 1/65536.
+#[inline(always)]
+fn scaled(cost: i32) -> i32 {
+    cost << 6
+}
+
+/// The cheapest path to each state.
+#[derive(Clone, Copy, Debug)]
+struct Paths {
+    /// Cost of each path, 1/65536 of the squared step, below 2^30.
+    costs: [i32; STATES],
+    /// Activity along each path.
+    activities: [Activity; STATES],
+}
+
+/// The two ways on from a state.
+#[derive(Clone, Copy, Debug)]
+struct Branches {
+    even_cost: i32,
+    odd_cost: i32,
+    /// Survivor bits of the even branch: 2 if magnitude 0 won, otherwise 0.
+    even_zero: u8,
+    after_even: Activity,
+    after_odd: Activity,
+}
+
+impl Paths {
+    /// The paths before the first coefficient: state 0 only.
+    const START: Self = Self {
+        costs: [0, UNREACHED, UNREACHED, UNREACHED],
+        activities: [Activity::START; STATES],
+    };
+
+    /// Extends the paths by a coefficient and returns the survivors.
+    #[inline(always)]
+    fn extend(
+        &mut self,
+        candidates: &[Candidates; 2],
+        context: Context,
+        tables: &Tables<'_>,
+    ) -> Survivors {
+        let [a, b, c, d] =
+            [0, 1, 2, 3].map(|state| self.branches(state, &candidates[state / 2], context, tables));
+        let mut survivors = 0;
+        let mut extend = |state: usize, first: Way, second: Way| {
+            // The first one wins a tie.
+            let is_second = second.cost < first.cost;
+            let winner = if is_second { second } else { first };
+            self.costs[state] = winner.cost;
+            self.activities[state] = winner.activity;
+            survivors |= (winner.zero | u8::from(is_second)) << (2 * state);
+        };
+        extend(0, a.even(), b.odd());
+        extend(1, c.even(), d.odd());
+        extend(2, a.odd(), b.even());
+        extend(3, c.odd(), d.even());
+        survivors
+    }
+
+    #[inline(always)]
+    fn branches(
+        &self,
+        state: usize,
+        candidates: &Candidates,
+        context: Context,
+        tables: &Tables<'_>,
+    ) -> Branches {
+        let activity = self.activities[state];
+        let costs = &tables.costs[state / 2][context.table_level(activity)];
+        let bits = |symbol: usize| scaled(costs[symbol % MAGNITUDES].into());
+        let cost = self.costs[state];
+        let even = cost + candidates.even.cost + bits(candidates.even.symbol);
+        let zero = cost + candidates.zero_error + bits(0);
+        let odd = cost + candidates.odd.cost + bits(candidates.odd.symbol);
+        let is_zero = zero < even;
+        #[expect(clippy::cast_possible_truncation, reason = "at most 15")]
+        let magnitude = if is_zero {
+            0
+        } else {
+            candidates.even.symbol as u32
+        };
+        Branches {
+            even_cost: even.min(zero),
+            odd_cost: odd,
+            even_zero: 2 * u8::from(is_zero),
+            after_even: activity.after(magnitude),
+            #[expect(clippy::cast_possible_truncation, reason = "at most 15")]
+            after_odd: activity.after(candidates.odd.symbol as u32),
+        }
+    }
+
+    /// Returns the state of the cheapest path, the first of several.
+    fn cheapest_state(&self) -> u8 {
+        let mut cheapest = 0;
+        let mut least = self.costs[0];
+        for (state, &cost) in (1..).zip(&self.costs[1..]) {
+            if cost < least {
+                (cheapest, least) = (state, cost);
+            }
+        }
+        cheapest
+    }
+}
+
+/// One way into a state.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    cost: i32,
+    zero: u8,
+    activity: Activity,
+}
+
+impl Branches {
+    #[inline(always)]
+    fn even(&self) -> Way {
+        Way {
+            cost: self.even_cost,
+            zero: self.even_zero,
+            activity: self.after_even,
+        }
+    }
+
+    #[inline(always)]
+    fn odd(&self) -> Way {
+        Way {
+            cost: self.odd_cost,
+            zero: 0,
+            activity: self.after_odd,
+        }
+    }
+}
