@@ -57,6 +57,7 @@ mod integer_code;
 mod list;
 mod model_id;
 mod montage_file;
+mod packed;
 mod pca;
 mod scalp_grid;
 mod shapes;
@@ -83,6 +84,10 @@ pub use integer_code::IntegerCode;
 pub use list::List;
 pub use model_id::ModelId;
 pub use montage_file::{MontageAdc, MontageFile, MontageFileError};
+pub use packed::{
+    Correction, IntegerMatrix, PackedDescription, PackedFigures, PackedModel, PackedTraining,
+    rounded_state,
+};
 pub use pca::Pca;
 pub use scalp_grid::ScalpGrid;
 pub use shapes::{NORM_EPSILON, NamedShape, calibration_shapes, weight_shapes};

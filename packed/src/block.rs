@@ -1,10 +1,11 @@
 //! One block as bytes: its kind and rate, then its magnitudes.
 
-use crate::context::{Activity, Context};
-use crate::quantiser::{Magnitude, State};
+use crate::context::Context;
+use crate::quantiser::Magnitude;
 use crate::range_decoder::RangeDecoder;
 use crate::range_encoder::RangeEncoder;
 use crate::rate::Rate;
+use crate::symbol::{Place, symbols};
 use crate::tables::{FREQUENCY_BITS, Frequencies, MAGNITUDES, Tables};
 
 /// The magnitude that stands for itself and all larger ones; the rest follows as an Elias gamma code.
@@ -44,12 +45,9 @@ pub fn write_block(
 ) -> usize {
     let mut encoder = RangeEncoder::new(bytes);
     write_header(header, announced, &mut encoder);
-    let (mut state, mut activity) = (State::default(), Activity::START);
-    for (&magnitude, context) in magnitudes.iter().zip(contexts) {
-        let row = &tables.starts[state.quantiser() % 2][context.table_level(activity)];
-        write_magnitude(magnitude, row, &mut encoder);
-        activity = activity.after(magnitude.value.into());
-        state = state.after(magnitude.value);
+    for symbol in symbols(magnitudes, contexts) {
+        let starts = &tables.starts[symbol.quantiser][symbol.level];
+        write_magnitude(symbol.magnitude, starts, &mut encoder);
     }
     encoder.finish()
 }
@@ -158,12 +156,11 @@ impl<'b> BlockReader<'b> {
         tables: &Tables<'_>,
         magnitudes: &mut [Magnitude],
     ) -> Result<(), Malformed> {
-        let (mut state, mut activity) = (State::default(), Activity::START);
+        let mut place = Place::START;
         for (context, magnitude) in contexts.iter().zip(magnitudes) {
-            let row = &tables.starts[state.quantiser() % 2][context.table_level(activity)];
-            *magnitude = self.read_magnitude(row)?;
-            activity = activity.after(magnitude.value.into());
-            state = state.after(magnitude.value);
+            let starts = &tables.starts[place.quantiser()][place.level(*context)];
+            *magnitude = self.read_magnitude(starts)?;
+            place.advance(*magnitude);
         }
         if self.decoder.has_unread_bytes() {
             return Err(Malformed);

@@ -55,6 +55,7 @@ mod quantiser;
 mod range_decoder;
 mod range_encoder;
 mod rate;
+mod symbol;
 mod tables;
 mod trellis;
 
@@ -62,6 +63,7 @@ pub use block::{BlockReader, Header, Malformed, write_block};
 pub use context::{Context, prepare as prepare_contexts};
 pub use quantiser::{Magnitude, update_state};
 pub use rate::Rate;
+pub use symbol::{Symbol, symbols};
 pub use tables::{BIT_COST, FREQUENCY_BITS, LEVELS, MAGNITUDES, Table, Tables};
 pub use trellis::{MAX_COEFFICIENTS, Survivors, quantise};
 

@@ -8,10 +8,13 @@ use crate::rate::Rate;
 /// are odd multiples and 0. The states 0 and 1 use quantiser 0, the states 2 and 3 quantiser 1. The parity
 /// of a magnitude chooses the next state. So the points are as dense as with one step, and each
 /// coefficient's bits say which of two steps it has ("dependent quantisation" of H.266, 7.4.11.2).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct State(u8);
 
 impl State {
+    /// The state before the first coefficient of a block.
+    pub(crate) const START: Self = Self(0);
+
     /// Returns the quantiser of this state, 0 or 1.
     #[inline(always)]
     pub(crate) fn quantiser(self) -> usize {
@@ -40,7 +43,7 @@ pub struct Magnitude {
 /// `state` holds the prediction before, and the state after the call. All slices have the number of
 /// coefficients; if they differ, the rest is unchanged.
 pub fn update_state(magnitudes: &[Magnitude], rate: Rate, state: &mut [i16]) {
-    let mut quantiser = State::default();
+    let mut quantiser = State::START;
     for (magnitude, state) in magnitudes.iter().zip(state) {
         let point = point(magnitude.value, quantiser.quantiser()) * rate.step();
         let value = if magnitude.is_negative { -point } else { point };

@@ -4,6 +4,7 @@ mod crossval;
 mod evaluate;
 mod mains;
 mod montage;
+mod packed;
 mod shape;
 mod terminal;
 mod train;
@@ -15,6 +16,7 @@ use trainer::error::TrainerError;
 use self::crossval::{CrossvalArgs, MergeArgs};
 use self::evaluate::EvaluateArgs;
 use self::montage::MontageVerb;
+use self::packed::PackedArgs;
 use self::terminal::print_error;
 use self::train::TrainArgs;
 
@@ -36,6 +38,8 @@ enum Verb {
     Crossval(Box<CrossvalArgs>),
     /// Make the table of a cross-validation from the folders of its shards.
     Merge(MergeArgs),
+    /// Train a packed model: as few bits as the wanted error allows.
+    Packed(PackedArgs),
     /// Work with montage files, such as those in `montages/`.
     #[command(subcommand)]
     Montage(MontageVerb),
@@ -48,6 +52,7 @@ pub(crate) fn run() -> ExitCode {
         Verb::Evaluate(args) => args.run(),
         Verb::Crossval(args) => args.run(),
         Verb::Merge(args) => args.run(),
+        Verb::Packed(args) => args.run(),
         Verb::Montage(verb) => return verb.run(),
     };
     let Err(error) = result else {

@@ -53,6 +53,7 @@ pub mod learning_curve;
 pub mod montage_check;
 pub mod network;
 mod output_folder;
+pub mod packed;
 pub mod parameters;
 pub mod pca;
 pub mod progress;

@@ -1,0 +1,100 @@
+//! Levels of the mean magnitudes and frequencies of the magnitudes.
+
+use super::coded::{Coded, Histogram};
+use packed::{FREQUENCY_BITS, LEVELS, MAGNITUDES, Table};
+
+/// Mean magnitude of level 0.
+const LEAST_MEAN: f64 = 0.0015;
+
+/// Blocks for which the assumed distribution of a level counts.
+const ASSUMED: f64 = 20.0;
+
+/// Natural logarithm of the ratio of neighbouring levels' mean magnitudes.
+fn log_ratio() -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "55")]
+    let intervals = (LEVELS - 1) as f64;
+    8000_f64.ln() / intervals
+}
+
+/// Returns the level nearest to each mean magnitude.
+pub(super) fn levels(means: &[f64]) -> Vec<u8> {
+    let level = |&mean: &f64| {
+        let level = ((mean.max(1e-5).ln() - LEAST_MEAN.ln()) / log_ratio()).round();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "clamped to 0..=55"
+        )]
+        let level = level.clamp(0.0, LEVELS as f64 - 1.0) as u8;
+        level
+    };
+    means.iter().map(level).collect()
+}
+
+/// Returns the mean magnitude of each coefficient, without the first block of each sequence.
+pub(super) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
+    let mut means = vec![0.0; count];
+    let mut blocks = 0.0_f64;
+    for sequence in coded {
+        for magnitudes in sequence.magnitudes.chunks_exact(count).skip(1) {
+            blocks += 1.0;
+            for (mean, &magnitude) in means.iter_mut().zip(magnitudes) {
+                *mean += f64::from(magnitude.unsigned_abs());
+            }
+        }
+    }
+    for mean in &mut means {
+        *mean /= blocks.max(1.0);
+    }
+    means
+}
+
+/// Returns the first frequencies of the magnitudes: those counted, plus a geometric distribution with the
+/// level's mean that counts as [`ASSUMED`] blocks.
+pub(super) fn starts(histogram: &Histogram) -> Box<Table> {
+    let mut table = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
+    for (rows, counts) in table.iter_mut().zip(histogram) {
+        for ((level, row), counts) in (0..).zip(rows).zip(counts) {
+            let mean = LEAST_MEAN * (log_ratio() * f64::from(level)).exp();
+            let ratio = mean / (1.0 + mean);
+            let assumed = (0..).map(|magnitude| ratio.powi(magnitude));
+            let sum: f64 = assumed.clone().take(MAGNITUDES).sum();
+            let weights = counts
+                .iter()
+                .zip(assumed)
+                .map(|(&count, assumed)| f64::from(count) + ASSUMED * assumed / sum);
+            *row = row_starts(&weights.collect::<Vec<_>>());
+        }
+    }
+    table
+}
+
+/// Returns the first frequencies of a row: in proportion to the weights, each at least 1. The likeliest
+/// magnitude takes what rounding leaves.
+fn row_starts(weights: &[f64]) -> [u16; MAGNITUDES] {
+    let total: f64 = weights.iter().sum();
+    let all = f64::from(1_u32 << FREQUENCY_BITS);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "at most 2^15"
+    )]
+    let mut counts: Vec<i32> = weights
+        .iter()
+        .map(|weight| (weight / total * all).round().max(1.0) as i32)
+        .collect();
+    let mut likeliest = 0;
+    for (magnitude, weight) in weights.iter().enumerate() {
+        if *weight > weights[likeliest] {
+            likeliest = magnitude;
+        }
+    }
+    counts[likeliest] += (1 << FREQUENCY_BITS) - counts.iter().sum::<i32>();
+    let mut starts = [0; MAGNITUDES];
+    let mut start = 0;
+    for (place, count) in starts.iter_mut().zip(counts) {
+        *place = u16::try_from(start).expect("frequencies sum to 2^15");
+        start += count;
+    }
+    starts
+}

@@ -1,0 +1,141 @@
+//! The transform of a block and the prediction of the next one, in floats.
+
+use super::blocks::Blocks;
+use super::ridge::Ridge;
+use crate::error::TrainerError;
+use crate::pca::principal_directions;
+use nalgebra::{DMatrix, DVector};
+
+/// Rounds of fitting the predictor on decoded states and rotating the transform to its residual.
+const ROUNDS: usize = 2;
+
+/// Step of the dead-zone quantiser that stands for the real one, units of `input.sd_uv`. With the rounding
+/// offset, it leaves about as much error as rate 4.
+const STEP: f32 = 0.6;
+
+/// Part of a step that is added before rounding down.
+const ROUNDING: f32 = 0.35;
+
+/// Penalty of the ridge regression for each sequence.
+pub(super) const PENALTY: f64 = 12.5;
+
+/// Orthonormal directions of a block, and how the next block follows.
+#[derive(Clone, Debug)]
+pub(super) struct Transform {
+    /// `[value, coefficient]`; the coefficient with the loudest residual is the first.
+    pub(super) directions: DMatrix<f64>,
+    /// `[coefficient, coefficient before]`.
+    pub(super) prediction: DMatrix<f64>,
+}
+
+impl Transform {
+    /// Fits `count` coefficients to blocks: the subspace with the most energy, turned until the coefficients of
+    /// what the predictor leaves are uncorrelated.
+    pub(super) fn fit(blocks: &Blocks, count: usize) -> Result<Self, TrainerError> {
+        let directions = to_matrix(&principal_directions(
+            second_moment(&blocks.sequences),
+            count,
+        ));
+        let mut transform = Self {
+            prediction: DMatrix::zeros(count, count),
+            directions,
+        };
+        let mut coefficients = transform.coefficients(blocks);
+        transform.fit_prediction(&coefficients, &coefficients)?;
+        for _ in 0..ROUNDS {
+            let states: Vec<_> = coefficients.iter().map(|c| transform.decoded(c)).collect();
+            transform.fit_prediction(&states, &coefficients)?;
+            let residuals: Vec<_> = states
+                .iter()
+                .zip(&coefficients)
+                .map(|(states, coefficients)| transform.residual(states, coefficients))
+                .collect();
+            let turn = to_matrix(&principal_directions(second_moment(&residuals), count));
+            transform.directions = &transform.directions * &turn;
+            transform.prediction = turn.transpose() * &transform.prediction * &turn;
+            coefficients = transform.coefficients(blocks);
+        }
+        Ok(transform)
+    }
+
+    fn coefficients(&self, blocks: &Blocks) -> Vec<DMatrix<f32>> {
+        let analysis = to_f32(&self.directions.transpose());
+        blocks
+            .sequences
+            .iter()
+            .map(|blocks| &analysis * blocks)
+            .collect()
+    }
+
+    /// Fits the prediction of each block's coefficients from the state before it.
+    fn fit_prediction(
+        &mut self,
+        states: &[DMatrix<f32>],
+        coefficients: &[DMatrix<f32>],
+    ) -> Result<(), TrainerError> {
+        let count = self.prediction.nrows();
+        let mut ridge = Ridge::new(count, count);
+        for (states, coefficients) in states.iter().zip(coefficients) {
+            let last = states.ncols().saturating_sub(1);
+            ridge.add(
+                &states.columns(0, last).into_owned(),
+                &coefficients.columns(1, last).into_owned(),
+            );
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a few hundred sequences")]
+        let penalty = PENALTY * states.len() as f64;
+        self.prediction = ridge.solve(penalty).ok_or(TrainerError::Silent)?;
+        Ok(())
+    }
+
+    /// Codes a sequence in a closed loop with a dead-zone quantiser, and returns the decoded states.
+    fn decoded(&self, coefficients: &DMatrix<f32>) -> DMatrix<f32> {
+        let prediction = to_f32(&self.prediction);
+        let mut states = DMatrix::zeros(coefficients.nrows(), coefficients.ncols());
+        let mut state = DVector::zeros(coefficients.nrows());
+        for (coefficients, mut decoded) in coefficients.column_iter().zip(states.column_iter_mut())
+        {
+            let mut next = &prediction * &state;
+            for (next, &coefficient) in next.iter_mut().zip(&coefficients) {
+                let residual = coefficient - *next;
+                let magnitude = (residual.abs() / STEP + ROUNDING).floor() * STEP;
+                *next += magnitude.copysign(residual);
+            }
+            decoded.copy_from(&next);
+            state = next;
+        }
+        states
+    }
+
+    fn residual(&self, states: &DMatrix<f32>, coefficients: &DMatrix<f32>) -> DMatrix<f32> {
+        let last = states.ncols().saturating_sub(1);
+        let predicted = to_f32(&self.prediction) * states.columns(0, last);
+        coefficients.columns(1, last) - predicted
+    }
+}
+
+/// Returns the mean of the columns' outer products.
+fn second_moment(sequences: &[DMatrix<f32>]) -> DMatrix<f64> {
+    let rows = sequences.first().map_or(0, DMatrix::nrows);
+    let mut moment = DMatrix::zeros(rows, rows);
+    for columns in sequences {
+        let columns = columns.map(f64::from);
+        moment.gemm(1.0, &columns, &columns.transpose(), 1.0);
+    }
+    let count: usize = sequences.iter().map(DMatrix::ncols).sum();
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 blocks")]
+    let count = count.max(1) as f64;
+    moment / count
+}
+
+/// Returns directions as the columns of a matrix.
+fn to_matrix(directions: &[Vec<f32>]) -> DMatrix<f64> {
+    let rows = directions.first().map_or(0, Vec::len);
+    let values = directions.iter().flatten().map(|&value| f64::from(value));
+    DMatrix::from_iterator(rows, directions.len(), values)
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
+pub(super) fn to_f32(matrix: &DMatrix<f64>) -> DMatrix<f32> {
+    matrix.map(|value| value as f32)
+}
