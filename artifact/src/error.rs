@@ -39,6 +39,19 @@ pub enum ArtifactError {
         /// Valid values, in words.
         expected: String,
     },
+    /// `packed.toml` is not TOML, or a field is missing, misspelt or of the wrong type.
+    #[error("packed.toml cannot be understood; correct the line that is named")]
+    PackedToml(#[source] toml::de::Error),
+    /// A field of `packed.toml` has an invalid value.
+    #[error("packed.toml: {field} is {found}, but must be {expected}")]
+    PackedField {
+        /// Name of the field.
+        field: &'static str,
+        /// Value in the file.
+        found: String,
+        /// Valid values, in words.
+        expected: String,
+    },
     /// An electrode label is malformed, occurs twice, or is only on the grid or only in the montage.
     #[error(
         "model.toml: electrode {label}: {problem}; grid.cells and montage.electrodes must hold the same labels, each once"

@@ -3,6 +3,7 @@
 use crate::description::Description;
 use crate::error::ArtifactError;
 use crate::model_id::ModelId;
+use crate::packed::{PACKED_DESCRIPTION, PACKED_TENSORS, PackedFiles, PackedModel};
 use crate::tensors::{CALIBRATION, Tensors, WEIGHTS};
 use crate::validation;
 use std::path::Path;
@@ -26,7 +27,9 @@ pub struct Artifact {
     pub weights: Tensors,
     /// Calibrated ranges, f32, from which model-gen derives the int8 scales.
     pub calibration: Tensors,
-    /// Hash over the files with description, weights and calibration; identifies the model.
+    /// Predictive transform code of the same montage and hop, if the model has one.
+    pub packed: Option<PackedModel>,
+    /// Hash over the files of all these parts; identifies the model.
     pub id: ModelId,
 }
 
@@ -35,16 +38,22 @@ struct FileBytes {
     description: String,
     weights: Vec<u8>,
     calibration: Vec<u8>,
+    packed: Option<PackedFiles>,
 }
 
 impl FileBytes {
     /// Returns names and contents in the order in which the model id hashes them.
-    fn named(&self) -> [(&str, &[u8]); 3] {
-        [
+    fn named(&self) -> Vec<(&str, &[u8])> {
+        let mut files: Vec<(&str, &[u8])> = vec![
             (DESCRIPTION, self.description.as_bytes()),
             (WEIGHTS, &self.weights),
             (CALIBRATION, &self.calibration),
-        ]
+        ];
+        if let Some(packed) = &self.packed {
+            files.push((PACKED_DESCRIPTION, packed.description.as_bytes()));
+            files.push((PACKED_TENSORS, &packed.tensors));
+        }
+        files
     }
 }
 
@@ -62,11 +71,24 @@ impl Artifact {
             description,
             weights,
             calibration,
+            packed: None,
             id: ModelId([0; 8]),
         };
         artifact.check()?;
-        artifact.id = ModelId::from_files(artifact.to_bytes()?.named());
+        artifact.id = ModelId::from_files(&artifact.to_bytes()?.named());
         Ok(artifact)
+    }
+
+    /// Returns the model with this packed model, or without one. Its id is that of the files that
+    /// [`Artifact::write`] writes.
+    ///
+    /// # Errors
+    /// If the packed model does not fit the montage and the hop.
+    pub fn with_packed(mut self, packed: Option<PackedModel>) -> Result<Self, ArtifactError> {
+        self.packed = packed;
+        self.check()?;
+        self.id = ModelId::from_files(&self.to_bytes()?.named());
+        Ok(self)
     }
 
     /// Reads a model from its folder.
@@ -81,10 +103,18 @@ impl Artifact {
         let path = folder.join(DESCRIPTION);
         let description = std::fs::read_to_string(&path)
             .map_err(|source| ArtifactError::File { path, source })?;
-        Self::from_bytes(&description, &read(WEIGHTS)?, &read(CALIBRATION)?)
+        let packed = PackedFiles::read(folder)?;
+        let packed = packed.as_ref();
+        Self::from_bytes(
+            &description,
+            &read(WEIGHTS)?,
+            &read(CALIBRATION)?,
+            packed.map(|files| (files.description.as_str(), files.tensors.as_slice())),
+        )
     }
 
-    /// Parses a model from the contents of its files, for programs that embed them.
+    /// Parses a model from the contents of its files, for programs that embed them. `packed` is the text of
+    /// `packed.toml` and the bytes of `packed.safetensors`.
     ///
     /// # Errors
     /// If the contents are not a valid model.
@@ -92,23 +122,33 @@ impl Artifact {
         model_toml: &str,
         weights: &[u8],
         calibration: &[u8],
+        packed: Option<(&str, &[u8])>,
     ) -> Result<Self, ArtifactError> {
-        let files = [
+        let mut files = vec![
             (DESCRIPTION, model_toml.as_bytes()),
             (WEIGHTS, weights),
             (CALIBRATION, calibration),
         ];
+        if let Some((toml, tensors)) = packed {
+            files.push((PACKED_DESCRIPTION, toml.as_bytes()));
+            files.push((PACKED_TENSORS, tensors));
+        }
+        let description: Description = toml::from_str(model_toml)?;
+        validation::check_description(&description)?;
         let artifact = Self {
-            description: toml::from_str(model_toml)?,
             weights: Tensors::from_bytes(WEIGHTS, weights)?,
             calibration: Tensors::from_bytes(CALIBRATION, calibration)?,
-            id: ModelId::from_files(files),
+            packed: packed
+                .map(|(toml, tensors)| PackedModel::parse(toml, tensors, &description))
+                .transpose()?,
+            id: ModelId::from_files(&files),
+            description,
         };
         artifact.check()?;
         Ok(artifact)
     }
 
-    /// Writes the three files that the model id covers into a folder, creates it if necessary, and
+    /// Writes the files that the model id covers into a folder, creates it if necessary, and
     /// returns the id of the written files. This id equals `self.id`, unless a part was changed after
     /// the model was created, or the model was read from a hand-written `model.toml`.
     ///
@@ -126,7 +166,10 @@ impl Artifact {
             let path = folder.join(name);
             std::fs::write(&path, content).map_err(|source| error(&path, source))?;
         }
-        Ok(ModelId::from_files(bytes.named()))
+        if self.packed.is_none() {
+            PackedFiles::remove(folder)?;
+        }
+        Ok(ModelId::from_files(&bytes.named()))
     }
 
     /// Returns the microvolts of one level of the encoder's int8 input; the input's zero point is 0.
@@ -141,7 +184,11 @@ impl Artifact {
     fn check(&self) -> Result<(), ArtifactError> {
         validation::check_description(&self.description)?;
         validation::check_weights(&self.description, &self.weights)?;
-        validation::check_calibration(&self.description, &self.calibration)
+        validation::check_calibration(&self.description, &self.calibration)?;
+        match &self.packed {
+            Some(packed) => packed.check(&self.description),
+            None => Ok(()),
+        }
     }
 
     fn to_bytes(&self) -> Result<FileBytes, ArtifactError> {
@@ -154,6 +201,11 @@ impl Artifact {
                 .replace("\"]]", "\"],\n]"),
             weights: self.weights.to_bytes()?,
             calibration: self.calibration.to_bytes()?,
+            packed: self
+                .packed
+                .as_ref()
+                .map(PackedModel::to_files)
+                .transpose()?,
         })
     }
 }
@@ -229,7 +281,7 @@ mod tests {
         let bytes = testing::pca().to_bytes().unwrap();
         let misspelt = bytes.description.replace("notch_q", "notch_Q");
         let error =
-            Artifact::from_bytes(&misspelt, &bytes.weights, &bytes.calibration).unwrap_err();
+            Artifact::from_bytes(&misspelt, &bytes.weights, &bytes.calibration, None).unwrap_err();
         let ArtifactError::Toml(source) = error else {
             panic!("{error}")
         };

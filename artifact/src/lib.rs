@@ -85,8 +85,8 @@ pub use list::List;
 pub use model_id::ModelId;
 pub use montage_file::{MontageAdc, MontageFile, MontageFileError};
 pub use packed::{
-    Correction, IntegerMatrix, PackedDescription, PackedFigures, PackedModel, PackedTraining,
-    rounded_state,
+    IntegerMatrix, LARGEST_STATE, PackedDescription, PackedFigures, PackedModel, PackedTraining,
+    SUM_LIMIT, Smoother, rounded_state, slice_ends,
 };
 pub use pca::Pca;
 pub use scalp_grid::ScalpGrid;

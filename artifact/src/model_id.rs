@@ -5,17 +5,17 @@ use std::fmt;
 
 /// Identifies a model. Every frame carries the id, and the bridge decodes only frames of its own model.
 ///
-/// The id is the first 8 bytes of the SHA-256 over `model.toml`, `weights.safetensors` and
-/// `calibration.safetensors`, in this order. Of each file the hash covers the name, the length as
+/// The id is the first 8 bytes of the SHA-256 over `model.toml`, `weights.safetensors`,
+/// `calibration.safetensors` and, if the model has them, `packed.toml` and `packed.safetensors`, in this order. Of each file the hash covers the name, the length as
 /// little-endian u64, and the contents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ModelId(pub [u8; 8]);
 
 impl ModelId {
-    /// Hashes the names and contents of the three files, in the order documented at [`ModelId`].
-    pub(crate) fn from_files(files: [(&str, &[u8]); 3]) -> Self {
+    /// Hashes the names and contents of the files, in the order documented at [`ModelId`].
+    pub(crate) fn from_files(files: &[(&str, &[u8])]) -> Self {
         let mut hash = Sha256::new();
-        for (name, bytes) in files {
+        for &(name, bytes) in files {
             hash.update(name.as_bytes());
             hash.update((bytes.len() as u64).to_le_bytes());
             hash.update(bytes);
@@ -40,15 +40,15 @@ mod tests {
 
     #[test]
     fn the_id_is_the_start_of_the_documented_hash() {
-        let id = ModelId::from_files([("a", b"xy"), ("b", b""), ("c", b"z")]);
+        let id = ModelId::from_files(&[("a", b"xy"), ("b", b""), ("c", b"z")]);
         // python3: hashlib.sha256(b"a"+pack("<Q",2)+b"xy"+b"b"+pack("<Q",0)+b"c"+pack("<Q",1)+b"z")
         assert_eq!(id.to_string(), "301a42a801ffdce3");
     }
 
     #[test]
     fn moving_a_byte_between_files_changes_the_id() {
-        let one = ModelId::from_files([("a", b"xy"), ("b", b"z"), ("c", b"")]);
-        let other = ModelId::from_files([("a", b"x"), ("b", b"yz"), ("c", b"")]);
+        let one = ModelId::from_files(&[("a", b"xy"), ("b", b"z"), ("c", b"")]);
+        let other = ModelId::from_files(&[("a", b"x"), ("b", b"yz"), ("c", b"")]);
         assert_ne!(one, other);
     }
 }

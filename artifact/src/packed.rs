@@ -1,9 +1,15 @@
-//! The packed model: a predictive transform code of few bits, beside the network or alone.
+//! The packed model: a predictive transform code of few bits, beside the network.
 
 mod description;
+mod file;
 mod integer_matrix;
 mod model;
+mod ranges;
+mod smoother;
 
 pub use description::{PackedDescription, PackedFigures, PackedTraining};
+pub(crate) use file::{DESCRIPTION as PACKED_DESCRIPTION, PackedFiles, TENSORS as PACKED_TENSORS};
 pub use integer_matrix::IntegerMatrix;
-pub use model::{Correction, PackedModel, rounded_state};
+pub use model::{PackedModel, rounded_state};
+pub use ranges::{LARGEST_STATE, SUM_LIMIT, slice_ends};
+pub use smoother::Smoother;

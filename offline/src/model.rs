@@ -24,7 +24,7 @@ impl Model {
     /// # Errors
     /// [`OfflineError::Model`] if its decoder needs more input than the code.
     pub fn embedded() -> Result<Self, OfflineError> {
-        Artifact::from_bytes(MODEL_TOML, WEIGHTS, CALIBRATION)
+        Artifact::from_bytes(MODEL_TOML, WEIGHTS, CALIBRATION, None)
             .and_then(|artifact| Self::new(&artifact))
             .map_err(|source| OfflineError::Model {
                 folder: PathBuf::from("this program"),

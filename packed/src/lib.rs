@@ -62,7 +62,7 @@ mod trellis;
 pub use block::{BlockReader, Header, Malformed, write_block};
 pub use context::{Context, prepare as prepare_contexts};
 pub use quantiser::{Magnitude, update_state};
-pub use rate::Rate;
+pub use rate::{RATES, Rate};
 pub use symbol::{Symbol, symbols};
 pub use tables::{BIT_COST, FREQUENCY_BITS, LEVELS, MAGNITUDES, Table, Tables};
 pub use trellis::{MAX_COEFFICIENTS, Survivors, quantise};

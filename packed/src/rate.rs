@@ -1,7 +1,7 @@
 //! The step of the quantiser.
 
 /// Number of rates.
-const RATES: usize = 16;
+pub const RATES: usize = 16;
 
 /// Index of the quantiser's step, 0 (finest) to 15 (coarsest). The step grows by 3 dB from one rate to
 /// the next: `round(32 * 2^((rate - 4) / 2))` units of a coefficient.
@@ -11,6 +11,9 @@ pub struct Rate(u8);
 impl Rate {
     /// The coarsest rate.
     pub const COARSEST: Self = Self(15);
+
+    /// The rate at which the levels of the mean magnitudes are stated, 4.
+    pub const MIDDLE: Self = Self(4);
 
     /// The step of each rate, units of a coefficient.
     const STEPS: [u16; RATES] = [
@@ -43,6 +46,11 @@ impl Rate {
         } else {
             None
         }
+    }
+
+    /// Returns all rates, finest first.
+    pub fn all() -> impl DoubleEndedIterator<Item = Self> + ExactSizeIterator + Clone {
+        (0..RATES as u8).map(Self)
     }
 
     /// Returns the index, 0..=15.

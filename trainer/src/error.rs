@@ -5,6 +5,23 @@ use std::path::PathBuf;
 /// An error that stops training or evaluation.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainerError {
+    /// The artifact has a packed model already.
+    #[error("{} has a packed model already; --force replaces it", folder.display())]
+    PackedExists {
+        /// Folder of the artifact.
+        folder: PathBuf,
+    },
+    /// No rate reaches the wanted error.
+    #[error(
+        "no rate has a mean squared error of {target} or less; the finest reaches {least:.5}: ask for more, or train \
+         with more --coefficients"
+    )]
+    TargetOutOfReach {
+        /// The wanted mean squared error.
+        target: f64,
+        /// That of the finest rate.
+        least: f64,
+    },
     /// A file or folder cannot be read or written.
     #[error("cannot access {}", path.display())]
     File {

@@ -1,21 +1,21 @@
-//! Trains the packed model: transform, prediction, probabilities and corrections.
+//! Trains the packed model: transform, prediction, probabilities and smoother.
 //!
 //! ```text
-//! tracks --> Blocks --> Transform (float) --> PackedModel --coded--> levels, frequencies --> corrections
-//!                        KLT of what a         integers, with         four rounds             ridge
-//!                        predictor leaves      proven ranges
+//! tracks --> Blocks --> Transform (float) --> PackedModel --coded--> levels, frequencies --> Smoother
+//!                       KLT of what a         integers of            four rounds             ridge
+//!                       predictor leaves      proven ranges
 //! ```
 
 mod blocks;
 mod coded;
-mod corrections;
 mod evaluation;
 mod integers;
 mod probabilities;
 mod ridge;
+mod scale;
 mod session;
+mod smoother;
 mod transform;
 
-pub use blocks::Blocks;
-pub use evaluation::RateFigures;
+pub use evaluation::{RateFigures, RateTable};
 pub use session::{PackedOptions, train};

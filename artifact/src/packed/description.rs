@@ -18,6 +18,9 @@ pub struct PackedDescription {
     pub input_limit: i16,
     /// Microvolts of one unit of a coefficient.
     pub coefficient_uv: f64,
+    /// Mean square of the part of a block that its coefficients do not represent, microvolts squared; a block
+    /// with more is flagged as a misfit.
+    pub misfit_uv2: f64,
     /// Recordings that it was trained on, and its figures on the test recordings.
     pub training: PackedTraining,
 }

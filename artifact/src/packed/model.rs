@@ -2,12 +2,14 @@
 
 use super::description::PackedDescription;
 use super::integer_matrix::IntegerMatrix;
+use super::smoother::Smoother;
 use packed::{BIT_COST, FREQUENCY_BITS, LEVELS, MAGNITUDES, Table};
 
 /// Fraction bits that the state loses before the prediction, so that sums of products fit 24 bits.
 const STATE_BITS: u32 = 3;
 
-/// A trained packed model. Encoder and decoder share every integer of it; only the corrections are float.
+/// A trained packed model. Encoder and decoder share every integer of it; only the smoother is the
+/// decoder's own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedModel {
     /// Dimensions and units, and the figures of the training.
@@ -22,19 +24,8 @@ pub struct PackedModel {
     pub reset_levels: Vec<u8>,
     /// First frequency of each magnitude.
     pub starts: Box<Table>,
-    /// What the reconstruction adds for each trained rate, ascending.
-    pub corrections: Vec<Correction>,
-}
-
-/// Linear estimates of what the coefficients of a block miss, from quantised states.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Correction {
-    /// Rate that it was trained at, 0..=15.
-    pub rate: u8,
-    /// From the block's own state, `[coefficient][coefficient of the state]`.
-    pub causal: Vec<f32>,
-    /// From the states of the previous, the same and the next block, `[coefficient][3 * coefficient]`.
-    pub smooth: Vec<f32>,
+    /// What the reconstruction adds one block later.
+    pub smoother: Smoother,
 }
 
 impl PackedModel {

@@ -34,6 +34,7 @@ impl Model {
             include_str!(concat!(env!("EMBEDDED_MODEL"), "/model.toml")),
             include_bytes!(concat!(env!("EMBEDDED_MODEL"), "/weights.safetensors")),
             include_bytes!(concat!(env!("EMBEDDED_MODEL"), "/calibration.safetensors")),
+            None,
         )?)
     }
 

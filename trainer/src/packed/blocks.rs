@@ -5,16 +5,16 @@ use nalgebra::DMatrix;
 
 /// Consecutive blocks of one or several recordings. A block is a hop of time steps.
 #[derive(Clone, Debug)]
-pub struct Blocks {
+pub(super) struct Blocks {
     /// One matrix for each sequence: each column is a block, in the order step, electrode, in units of
     /// `input.sd_uv`.
-    pub sequences: Vec<DMatrix<f32>>,
+    pub(super) sequences: Vec<DMatrix<f32>>,
 }
 
 impl Blocks {
     /// Cuts tracks into blocks of `hop` steps, once from each of the first steps in `offsets`. So the statistics
     /// do not depend on where the first block begins.
-    pub fn cut(tracks: &[Track], hop: usize, sd_uv: f64, offsets: &[usize]) -> Self {
+    pub(super) fn cut(tracks: &[Track], hop: usize, sd_uv: f64, offsets: &[usize]) -> Self {
         let sequences = offsets.iter().flat_map(|&offset| {
             tracks.iter().map(move |track| {
                 let block = hop * track.electrodes;
@@ -31,10 +31,5 @@ impl Blocks {
         Self {
             sequences: sequences.collect(),
         }
-    }
-
-    /// Number of blocks of all sequences.
-    pub fn count(&self) -> usize {
-        self.sequences.iter().map(DMatrix::ncols).sum()
     }
 }

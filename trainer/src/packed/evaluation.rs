@@ -1,10 +1,24 @@
-//! Bits and error of a packed model at a rate.
+//! Bits and error of a packed model at each rate.
 
 use super::blocks::Blocks;
-use super::coded::Coded;
-use super::corrections::{columns, neighbourhoods};
-use artifact::Correction;
+use super::coded::{self, Coded};
+use super::integers::analysed;
+use super::scale::Scale;
+use super::smoother::next_residuals;
+use super::transform::to_f32;
+use crate::error::TrainerError;
+use crate::track::Track;
+use artifact::{PackedFigures, PackedModel};
 use nalgebra::DMatrix;
+use packed::Rate;
+use std::fmt;
+
+/// Blocks from one reset to the next, as on a device: 4 s.
+const RESET: usize = 64;
+
+/// Blocks at both ends of a sequence that do not count: at the start the state has not settled, at the end
+/// there is no next block.
+const EDGE: usize = 4;
 
 /// Bits and error at one rate, measured on recordings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,57 +29,119 @@ pub struct RateFigures {
     pub bits: f64,
     /// Bytes of the longest block.
     pub longest: usize,
-    /// Mean squared error without a correction, in units of `input.sd_uv` squared.
-    pub mse_plain: f64,
-    /// Mean squared error of the block's own state, corrected.
+    /// Mean squared error at once, in units of `input.sd_uv` squared.
     pub mse: f64,
-    /// Mean squared error one block later, corrected with the states around the block.
+    /// Mean squared error one block later.
     pub mse_smoothed: f64,
 }
 
-/// Measures coded blocks; `synthesis` is `[value, coefficient]`. The first and last four blocks of each
-/// sequence do not count.
-pub(super) fn measure(
+impl RateFigures {
+    /// Returns the figures as `packed.toml` states them.
+    pub(super) fn rounded(self) -> PackedFigures {
+        let to = |digits: f64, value: f64| (value * digits).round() / digits;
+        PackedFigures {
+            rate: self.rate,
+            bits: to(10.0, self.bits),
+            mse: to(1e6, self.mse),
+            mse_smoothed: to(1e6, self.mse_smoothed),
+        }
+    }
+}
+
+/// Measures a packed model on tracks at every rate, finest first.
+///
+/// # Errors
+/// If the tracks are shorter than a second.
+pub(super) fn evaluate(
+    model: &PackedModel,
+    tracks: &[Track],
+    hop: usize,
+    sd_uv: f64,
+) -> Result<Vec<RateFigures>, TrainerError> {
+    let blocks = Blocks::cut(tracks, hop, sd_uv, &[0]);
+    let coefficients = analysed(model, &blocks, sd_uv);
+    let synthesis = synthesis(model)?;
+    let scale = Scale::new(model, sd_uv);
+    let figures = Rate::all().map(|rate| {
+        let coded = coded::code(model, &coefficients, rate, RESET);
+        let count = model.coefficients();
+        let smoother = DMatrix::from_row_slice(count, count, &model.smoother.matrix(rate.index()));
+        measure(rate, &blocks, &coded, |states| {
+            let own = scale.columns(states);
+            let next = next_residuals(model, states, scale);
+            let mut smoothed = own.clone();
+            let mut inner = smoothed.columns_mut(0, next.ncols());
+            inner += &smoother * next;
+            [&synthesis * own, &synthesis * smoothed]
+        })
+    });
+    Ok(figures.collect())
+}
+
+/// Measures coded blocks; `reconstruct` returns the blocks of a sequence at once and smoothed.
+fn measure(
+    rate: Rate,
     blocks: &Blocks,
     coded: &[Coded],
-    correction: &Correction,
-    synthesis: &DMatrix<f32>,
-    unit: f64,
+    reconstruct: impl Fn(&[i16]) -> [DMatrix<f32>; 2],
 ) -> RateFigures {
-    let count = synthesis.ncols();
-    let causal = DMatrix::from_row_slice(count, count, &correction.causal);
-    let smooth = DMatrix::from_row_slice(count, 3 * count, &correction.smooth);
-    let mut errors = [0.0; 3];
+    let mut errors = [0.0; 2];
     let mut values = 0.0_f64;
-    for (blocks, coded) in blocks.sequences.iter().zip(coded) {
-        let states = columns(&coded.states, count, unit);
-        let inner = states.ncols().saturating_sub(2);
-        let own = states.columns(1, inner).into_owned();
-        let estimates = [
-            own.clone(),
-            &own + &causal * &own,
-            &own + &smooth * neighbourhoods(&states),
-        ];
-        let original = blocks.columns(1, inner);
-        for (error, estimate) in errors.iter_mut().zip(estimates) {
-            let difference = synthesis * estimate - &original;
-            let counted = difference.columns(3, inner.saturating_sub(6));
-            *error += counted.iter().map(|&d| f64::from(d).powi(2)).sum::<f64>();
+    for (original, coded) in blocks.sequences.iter().zip(coded) {
+        let counted = original.ncols().saturating_sub(2 * EDGE);
+        let original = original.columns(EDGE.min(original.ncols()), counted);
+        for (error, blocks) in errors.iter_mut().zip(reconstruct(&coded.states)) {
+            let difference = blocks.columns(EDGE.min(blocks.ncols()), counted) - &original;
+            *error += difference
+                .iter()
+                .map(|&d| f64::from(d).powi(2))
+                .sum::<f64>();
         }
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
-        let counted = (inner.saturating_sub(6) * blocks.nrows()) as f64;
+        let counted = original.len() as f64;
         values += counted;
     }
-    let [plain, causal, smoothed] = errors.map(|error| error / values.max(1.0));
+    let [mse, mse_smoothed] = errors.map(|error| error / values.max(1.0));
     let lengths = || coded.iter().flat_map(|coded| &coded.bytes);
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
     let bits = 8.0 * lengths().sum::<usize>() as f64 / lengths().count().max(1) as f64;
     RateFigures {
-        rate: correction.rate,
+        rate: rate.index(),
         bits,
         longest: lengths().copied().max().unwrap_or(0),
-        mse_plain: plain,
-        mse: causal,
-        mse_smoothed: smoothed,
+        mse,
+        mse_smoothed,
+    }
+}
+
+/// Returns the pseudoinverse of the analysis, `[value, coefficient]`, for values and coefficients in microvolts.
+fn synthesis(model: &PackedModel) -> Result<DMatrix<f32>, TrainerError> {
+    let count = model.coefficients();
+    let analysis =
+        DMatrix::from_row_slice(count, model.analysis.inputs(), &model.analysis.to_float());
+    let units = model.description.coefficient_uv / model.description.input_uv;
+    let gram = &analysis * analysis.transpose();
+    let inverse = gram.cholesky().ok_or(TrainerError::Silent)?.inverse();
+    Ok(to_f32(&(analysis.transpose() * inverse / units)))
+}
+
+/// The figures of all rates as a table.
+#[derive(Clone, Copy, Debug)]
+pub struct RateTable<'f>(pub &'f [RateFigures]);
+
+impl fmt::Display for RateTable<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "rate   bits of a block   longest, bytes   MSE at once   MSE a block later"
+        )?;
+        for figures in self.0 {
+            writeln!(
+                f,
+                "{:>4} {:>17.1} {:>16} {:>13.5} {:>19.5}",
+                figures.rate, figures.bits, figures.longest, figures.mse, figures.mse_smoothed
+            )?;
+        }
+        Ok(())
     }
 }

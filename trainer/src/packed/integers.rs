@@ -1,7 +1,9 @@
 //! Transform and prediction as integers of proven ranges.
 
+use super::blocks::Blocks;
 use super::transform::Transform;
-use artifact::IntegerMatrix;
+use crate::in_parallel;
+use artifact::{IntegerMatrix, LARGEST_STATE, PackedModel, SUM_LIMIT};
 use nalgebra::DMatrix;
 
 /// Microvolts of one unit of an input value. Its rounding adds 1e-5 to the mean squared error of EEG.
@@ -14,14 +16,8 @@ pub(super) const COEFFICIENT_UV: f64 = 0.5;
 /// below 2^23.
 pub(super) const INPUT_LIMIT: i16 = 4095;
 
-/// Largest magnitude of a rounded coefficient of the state.
-const STATE_LIMIT: f64 = 4096.0;
-
 /// Units of the state in one unit of a rounded one.
 const STATE_UNIT: f64 = 8.0;
-
-/// The kernels recover the sums of two outputs from one, which needs them below this.
-const SUM_LIMIT: f64 = 8_388_607.0;
 
 /// Returns the analysis of blocks in integers. `slices` are the ends of the inputs that the device adds at
 /// each step.
@@ -36,7 +32,7 @@ pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix
             let slices = slices.iter().map(|&end| {
                 let slice = &weights[start..end];
                 start = end;
-                scale_for(slice, INPUT_LIMIT.into())
+                scale_for(slice, INPUT_LIMIT)
             });
             slices.fold(f64::INFINITY, f64::min)
         },
@@ -47,15 +43,38 @@ pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix
 pub(super) fn prediction(prediction: &DMatrix<f64>) -> IntegerMatrix {
     let rows = prediction.transpose();
     IntegerMatrix::quantised(rows.as_slice(), rows.nrows(), STATE_UNIT, |weights| {
-        scale_for(weights, STATE_LIMIT)
+        scale_for(weights, LARGEST_STATE)
     })
 }
 
 /// Returns the largest scale with which rounded weights times inputs up to `limit` sum to at most
 /// [`SUM_LIMIT`].
-fn scale_for(weights: &[f64], limit: f64) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "at most a few hundred")]
-    let rounding = 0.5 * weights.len() as f64;
+fn scale_for(weights: &[f64], limit: i16) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "both are below 2^24")]
+    let (most, rounding) = (
+        (SUM_LIMIT / i64::from(limit)) as f64,
+        0.5 * weights.len() as f64,
+    );
     let sum: f64 = weights.iter().map(|weight| weight.abs()).sum();
-    ((SUM_LIMIT / limit).floor() - rounding) / sum.max(1e-12)
+    (most - rounding) / sum.max(1e-12)
+}
+
+/// Returns the coefficients of all blocks, block by block.
+pub(super) fn analysed(model: &PackedModel, blocks: &Blocks, sd_uv: f64) -> Vec<Vec<i16>> {
+    let limit = f64::from(INPUT_LIMIT);
+    in_parallel::map(&blocks.sequences, |blocks| {
+        let block = |values: nalgebra::DVectorView<'_, f32>| {
+            let inputs: Vec<i16> = values
+                .iter()
+                .map(|&value| {
+                    let value = (f64::from(value) * sd_uv / INPUT_UV).round();
+                    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
+                    let value = value.clamp(-limit, limit) as i16;
+                    value
+                })
+                .collect();
+            model.analyse(&inputs)
+        };
+        blocks.column_iter().flat_map(block).collect()
+    })
 }

@@ -1,6 +1,17 @@
 //! Ridge regression.
 
-use nalgebra::DMatrix;
+use crate::error::TrainerError;
+use nalgebra::{DMatrix, DMatrixView};
+
+/// Penalty for each sequence of training blocks.
+const PENALTY: f64 = 12.5;
+
+/// Returns the penalty for a number of sequences.
+pub(super) fn penalty(sequences: usize) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "a few hundred sequences")]
+    let sequences = sequences as f64;
+    PENALTY * sequences
+}
 
 /// Sums from which a linear map is fitted: products of its inputs with themselves and with its outputs.
 #[derive(Clone, Debug)]
@@ -19,19 +30,43 @@ impl Ridge {
     }
 
     /// Adds pairs of inputs and outputs; each column is one pair.
-    pub(super) fn add(&mut self, inputs: &DMatrix<f32>, outputs: &DMatrix<f32>) {
+    pub(super) fn add(&mut self, inputs: DMatrixView<'_, f32>, outputs: DMatrixView<'_, f32>) {
         let (inputs, outputs) = (inputs.map(f64::from), outputs.map(f64::from));
         self.inputs.gemm(1.0, &inputs, &inputs.transpose(), 1.0);
         self.products.gemm(1.0, &inputs, &outputs.transpose(), 1.0);
     }
 
     /// Returns the matrix `[output, input]` with the least sum of squared errors plus `penalty` times its own
-    /// squares; `None` if the inputs are degenerate and the penalty is 0.
-    pub(super) fn solve(mut self, penalty: f64) -> Option<DMatrix<f64>> {
+    /// squares.
+    ///
+    /// # Errors
+    /// If the inputs are all zero and the penalty is 0, or not finite.
+    pub(super) fn solve(mut self, penalty: f64) -> Result<DMatrix<f64>, TrainerError> {
         for index in 0..self.inputs.nrows() {
             self.inputs[(index, index)] += penalty;
         }
-        let solution = self.inputs.cholesky()?.solve(&self.products);
-        Some(solution.transpose())
+        let factors = self.inputs.cholesky().ok_or(TrainerError::Silent)?;
+        Ok(factors.solve(&self.products).transpose())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_linear_map_is_found_and_a_penalty_shrinks_it() {
+        // y = 2 a - b, at four points.
+        let inputs = DMatrix::from_row_slice(2, 4, &[1.0, 0.0, 2.0, -1.0, 0.0, 1.0, 1.0, 3.0]);
+        let outputs = DMatrix::from_row_slice(1, 4, &[2.0, -1.0, 3.0, -5.0]);
+        let solve = |penalty| {
+            let mut ridge = Ridge::new(2, 1);
+            ridge.add(inputs.columns(0, 4), outputs.columns(0, 4));
+            ridge.solve(penalty).unwrap()
+        };
+        let exact = solve(0.0);
+        assert!((exact[(0, 0)] - 2.0).abs() < 1e-9 && (exact[(0, 1)] + 1.0).abs() < 1e-9);
+        assert!(solve(10.0).norm() < exact.norm());
+        assert!(Ridge::new(2, 1).solve(0.0).is_err());
     }
 }

@@ -2,27 +2,32 @@
 
 use super::blocks::Blocks;
 use super::coded::{self, Coded, Histogram};
-use super::corrections::{self, columns};
 use super::evaluation::{self, RateFigures};
-use super::integers::{self, COEFFICIENT_UV, INPUT_LIMIT, INPUT_UV};
+use super::integers::{self, COEFFICIENT_UV, INPUT_LIMIT, INPUT_UV, analysed};
 use super::probabilities;
-use super::ridge::Ridge;
-use super::transform::{PENALTY, Transform, to_f32};
+use super::ridge::{Ridge, penalty};
+use super::scale::Scale;
+use super::smoother;
+use super::transform::Transform;
 use crate::error::TrainerError;
-use crate::in_parallel;
 use crate::progress::ProgressObserver;
 use crate::selection::{self, file_name};
 use crate::track::read_tracks;
-use artifact::{Artifact, PackedDescription, PackedModel, PackedTraining};
-use nalgebra::DMatrix;
-use packed::{LEVELS, MAGNITUDES, Rate};
+use artifact::{
+    Artifact, IntegerMatrix, PackedDescription, PackedModel, PackedTraining, Smoother, slice_ends,
+};
+use packed::{LEVELS, MAGNITUDES, RATES, Rate};
 use std::path::PathBuf;
+
+/// Rate at which the probabilities are trained; the other rates follow from it.
+const BASE_RATE: Rate = Rate::MIDDLE;
+
+/// Part of the training data's variance above which a block's unrepresented part is a misfit; in the training
+/// data it is 0.002 on average.
+const MISFIT: f64 = 0.01;
 
 /// Rounds of coding the training blocks and counting magnitudes.
 const ROUNDS: usize = 4;
-
-/// Blocks from one reset to the next: 4 s.
-const RESET: usize = 64;
 
 /// Options of `trainer packed`.
 #[derive(Clone, Debug)]
@@ -39,17 +44,26 @@ pub struct PackedOptions {
     pub coefficients: usize,
     /// Mains frequency of the recordings, Hz.
     pub mains_hz: u32,
+    /// Mean squared error that the device's first rate may have, in units of `input.sd_uv` squared.
+    pub target_mse: Option<f64>,
+    /// True to replace a packed model.
+    pub force: bool,
 }
 
 /// Trains a packed model and returns its figures on the test recordings.
 ///
 /// # Errors
-/// If recordings cannot be used.
+/// If recordings cannot be used, the wanted error cannot be reached or files cannot be written.
 pub fn train(
     options: &PackedOptions,
     observer: &mut impl ProgressObserver,
-) -> Result<(PackedModel, Vec<RateFigures>), TrainerError> {
+) -> Result<Vec<RateFigures>, TrainerError> {
     let artifact = Artifact::read(&options.artifact)?;
+    if artifact.packed.is_some() && !options.force {
+        return Err(TrainerError::PackedExists {
+            folder: options.artifact.clone(),
+        });
+    }
     let description = &artifact.description;
     let (hop, sd_uv) = (description.window.hop, description.input.sd_uv);
     let read = |names: &[String], observer: &mut _| {
@@ -65,99 +79,96 @@ pub fn train(
         &Blocks::cut(&tracks, hop, sd_uv, &every_quarter),
         options.coefficients,
     )?;
-    let blocks = Blocks::cut(&tracks, hop, sd_uv, &[0, hop / 2]);
     let electrodes = description.montage.electrodes.len();
-    let slices = slices(electrodes, hop);
     let names = |files: &[PathBuf]| files.iter().map(|file| file_name(file)).collect();
     let mut model = PackedModel {
         description: PackedDescription {
             format: 1,
             coefficients: options.coefficients,
-            rate: 4,
+            rate: BASE_RATE.index(),
             input_uv: INPUT_UV,
             input_limit: INPUT_LIMIT,
             coefficient_uv: COEFFICIENT_UV,
+            misfit_uv2: MISFIT * sd_uv.powi(2),
             training: PackedTraining {
                 train_files: names(&train_files),
                 test_files: names(&test_files),
                 figures: Vec::new(),
             },
         },
-        analysis: integers::analysis(&transform, &slices),
+        analysis: integers::analysis(&transform, &slice_ends(electrodes, hop)),
         prediction: integers::prediction(&transform.prediction),
         predicted_levels: Vec::new(),
         reset_levels: Vec::new(),
         starts: probabilities::starts(&[[[0; MAGNITUDES]; LEVELS]; 2]),
-        corrections: Vec::new(),
+        smoother: Smoother::quantised(&vec![Vec::new(); RATES], 1),
     };
-    let unit = COEFFICIENT_UV / sd_uv;
+    let blocks = Blocks::cut(&tracks, hop, sd_uv, &[0, hop / 2]);
+    let scale = Scale::new(&model, sd_uv);
     let coefficients = analysed(&model, &blocks, sd_uv);
-    let test_blocks = Blocks::cut(&test_tracks, hop, sd_uv, &[0]);
-    let test_coefficients = analysed(&model, &test_blocks, sd_uv);
-    fit_integers(&mut model, &coefficients, unit, observer)?;
-    let synthesis = synthesis(&model, sd_uv);
-    let mut figures = Vec::new();
-    for rate in (0..10).filter_map(Rate::new) {
+    fit_probabilities(&mut model, &coefficients, scale, observer)?;
+    observer.message("fitting the smoother of each rate ...");
+    let matrices = Rate::all().map(|rate| {
         let coded = coded::code(&model, &coefficients, rate, usize::MAX);
-        let correction = corrections::fit(
-            rate.index(),
-            &coded,
-            &coefficients,
-            options.coefficients,
-            unit,
-        )?;
-        let tested = coded::code(&model, &test_coefficients, rate, RESET);
-        let measured = evaluation::measure(&test_blocks, &tested, &correction, &synthesis, unit);
-        observer.message(&format!("{measured:?}"));
-        figures.push(measured);
-        model.corrections.push(correction);
+        smoother::fit(&model, &coded, &coefficients, scale)
+    });
+    let matrices = matrices.collect::<Result<Vec<_>, _>>()?;
+    model.smoother = Smoother::quantised(&matrices, options.coefficients);
+    let tested = if test_tracks.is_empty() {
+        observer.message("no test recordings: the figures are those of the training recordings");
+        &tracks
+    } else {
+        &test_tracks
+    };
+    let figures = evaluation::evaluate(&model, tested, hop, sd_uv)?;
+    if let Some(target) = options.target_mse {
+        let rate = coarsest_within(&figures, target)?;
+        model.description.rate = rate;
+        observer.message(&format!(
+            "rate {rate} is the coarsest with an error of at most {target}"
+        ));
     }
-    Ok((model, figures))
+    if !test_tracks.is_empty() {
+        let card = &mut model.description.training;
+        card.figures = figures.iter().map(|figures| figures.rounded()).collect();
+    }
+    let id = artifact
+        .with_packed(Some(model))?
+        .write(&options.artifact)?;
+    observer.message(&format!(
+        "model {id} written to {}",
+        options.artifact.display()
+    ));
+    Ok(figures)
 }
 
-/// Returns the ends of the inputs that a device adds to the analysis at each step: a multiple of 16, except for
-/// the last.
-fn slices(electrodes: usize, hop: usize) -> Vec<usize> {
-    let mut ends: Vec<usize> = (1..hop).map(|steps| steps * electrodes / 16 * 16).collect();
-    ends.push(hop * electrodes);
-    ends
-}
-
-fn analysed(model: &PackedModel, blocks: &Blocks, sd_uv: f64) -> Vec<Vec<i16>> {
-    let limit = f64::from(INPUT_LIMIT);
-    in_parallel::map(&blocks.sequences, |blocks| {
-        let block = |values: nalgebra::DVectorView<'_, f32>| {
-            let inputs: Vec<i16> = values
-                .iter()
-                .map(|&value| {
-                    let value = (f64::from(value) * sd_uv / INPUT_UV).round();
-                    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-                    let value = value.clamp(-limit, limit) as i16;
-                    value
-                })
-                .collect();
-            model.analyse(&inputs)
-        };
-        blocks.column_iter().flat_map(block).collect()
+/// Returns the coarsest rate whose error at once is at most `target`.
+fn coarsest_within(figures: &[RateFigures], target: f64) -> Result<u8, TrainerError> {
+    let within = figures.iter().rev().find(|figures| figures.mse <= target);
+    within.map(|figures| figures.rate).ok_or_else(|| {
+        let least = figures
+            .iter()
+            .map(|figures| figures.mse)
+            .fold(f64::INFINITY, f64::min);
+        TrainerError::TargetOutOfReach { target, least }
     })
 }
 
 /// Codes the training blocks in rounds, each with the levels and frequencies of the round before.
-fn fit_integers(
+fn fit_probabilities(
     model: &mut PackedModel,
     coefficients: &[Vec<i16>],
-    unit: f64,
+    scale: Scale,
     observer: &mut impl ProgressObserver,
 ) -> Result<(), TrainerError> {
     let count = model.coefficients();
-    let rate = Rate::new(model.description.rate).expect("a rate of 16");
     // Of the unit of a magnitude: two steps.
-    let two_steps = 2.0 * f64::from(rate.step());
+    let two_steps = 2.0 * f64::from(BASE_RATE.step());
     let (mut predicted, unpredicted) = first_guess(model, coefficients, two_steps);
     for round in 0..ROUNDS {
         model.predicted_levels = probabilities::levels(&predicted);
         model.reset_levels = probabilities::levels(&unpredicted);
-        let coded = coded::code(model, coefficients, rate, usize::MAX);
+        let coded = coded::code(model, coefficients, BASE_RATE, usize::MAX);
         model.starts = probabilities::starts(&sum(&coded));
         let means = probabilities::mean_magnitudes(&coded, count);
         for (predicted, mean) in predicted.iter_mut().zip(means) {
@@ -168,7 +179,7 @@ fn fit_integers(
             };
         }
         if round == 1 {
-            model.prediction = refitted_prediction(&coded, coefficients, count, unit)?;
+            model.prediction = refitted_prediction(&coded, coefficients, scale)?;
         }
         let bytes = coded.iter().flat_map(|coded| &coded.bytes);
         #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
@@ -222,36 +233,14 @@ fn sum(coded: &[Coded]) -> Box<Histogram> {
 fn refitted_prediction(
     coded: &[Coded],
     coefficients: &[Vec<i16>],
-    count: usize,
-    unit: f64,
-) -> Result<artifact::IntegerMatrix, TrainerError> {
-    let mut ridge = Ridge::new(count, count);
+    scale: Scale,
+) -> Result<IntegerMatrix, TrainerError> {
+    let mut ridge = Ridge::new(scale.count, scale.count);
     for (coded, coefficients) in coded.iter().zip(coefficients) {
-        let states = columns(&coded.states, count, unit);
+        let (states, coefficients) = (scale.columns(&coded.states), scale.columns(coefficients));
         let last = states.ncols().saturating_sub(1);
-        ridge.add(
-            &states.columns(0, last).into_owned(),
-            &columns(coefficients, count, unit)
-                .columns(1, last)
-                .into_owned(),
-        );
+        ridge.add(states.columns(0, last), coefficients.columns(1, last));
     }
-    #[expect(clippy::cast_precision_loss, reason = "a few hundred sequences")]
-    let penalty = PENALTY * coded.len() as f64;
-    let prediction = ridge.solve(penalty).ok_or(TrainerError::Silent)?;
+    let prediction = ridge.solve(penalty(coded.len()))?;
     Ok(integers::prediction(&prediction))
-}
-
-/// Returns the pseudoinverse of the analysis, `[value, coefficient]`, both in units of `input.sd_uv`.
-fn synthesis(model: &PackedModel, sd_uv: f64) -> DMatrix<f32> {
-    let _ = sd_uv;
-    let count = model.coefficients();
-    let analysis =
-        DMatrix::from_row_slice(count, model.analysis.inputs(), &model.analysis.to_float());
-    let gram = &analysis * analysis.transpose();
-    let inverse = gram
-        .cholesky()
-        .expect("directions are independent")
-        .inverse();
-    to_f32(&(analysis.transpose() * inverse))
 }

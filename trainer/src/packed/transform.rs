@@ -1,7 +1,7 @@
 //! The transform of a block and the prediction of the next one, in floats.
 
 use super::blocks::Blocks;
-use super::ridge::Ridge;
+use super::ridge::{Ridge, penalty};
 use crate::error::TrainerError;
 use crate::pca::principal_directions;
 use nalgebra::{DMatrix, DVector};
@@ -15,9 +15,6 @@ const STEP: f32 = 0.6;
 
 /// Part of a step that is added before rounding down.
 const ROUNDING: f32 = 0.35;
-
-/// Penalty of the ridge regression for each sequence.
-pub(super) const PENALTY: f64 = 12.5;
 
 /// Orthonormal directions of a block, and how the next block follows.
 #[derive(Clone, Debug)]
@@ -77,14 +74,9 @@ impl Transform {
         let mut ridge = Ridge::new(count, count);
         for (states, coefficients) in states.iter().zip(coefficients) {
             let last = states.ncols().saturating_sub(1);
-            ridge.add(
-                &states.columns(0, last).into_owned(),
-                &coefficients.columns(1, last).into_owned(),
-            );
+            ridge.add(states.columns(0, last), coefficients.columns(1, last));
         }
-        #[expect(clippy::cast_precision_loss, reason = "a few hundred sequences")]
-        let penalty = PENALTY * states.len() as f64;
-        self.prediction = ridge.solve(penalty).ok_or(TrainerError::Silent)?;
+        self.prediction = ridge.solve(penalty(states.len()))?;
         Ok(())
     }
 

@@ -1,0 +1,156 @@
+//! Proofs that no sum of the integer encoder leaves its range.
+
+use super::model::PackedModel;
+use crate::description::Description;
+use crate::error::ArtifactError;
+use packed::{LEVELS, MAX_COEFFICIENTS, Tables};
+
+/// Largest magnitude of a sum of products with which a kernel recovers two sums from one.
+pub const SUM_LIMIT: i64 = (1 << 23) - 1;
+
+/// Largest magnitude of a coefficient of the state as the prediction reads it.
+pub const LARGEST_STATE: i16 = 4096;
+
+/// The kernels take inputs 16 at a time.
+const ROUND: usize = 16;
+
+/// Returns where the inputs of a block end that the encoder adds to its sums at each step: after step `t`, all
+/// whole rounds of 16 values that have arrived; after the last step, all.
+pub fn slice_ends(electrodes: usize, steps: usize) -> Vec<usize> {
+    let ends = (1..steps).map(|steps| steps * electrodes / ROUND * ROUND);
+    ends.chain([steps * electrodes]).collect()
+}
+
+/// Returns an error that names the first part of a packed model that does not fit the description, or whose
+/// sums could leave their range.
+pub(super) fn check(model: &PackedModel, description: &Description) -> Result<(), ArtifactError> {
+    let electrodes = description.montage.electrodes.len();
+    let steps = description.window.hop;
+    let values = electrodes * steps;
+    check_description(model, values)?;
+    let count = model.coefficients();
+    let slices = slice_ends(electrodes, steps);
+    let limit = model.description.input_limit.into();
+    check_matrix("analysis", &model.analysis.weights, values, &slices, limit)?;
+    let whole = [count];
+    let limit = LARGEST_STATE.into();
+    check_matrix(
+        "prediction",
+        &model.prediction.weights,
+        count,
+        &whole,
+        limit,
+    )?;
+    for (name, matrix) in [
+        ("analysis", &model.analysis),
+        ("prediction", &model.prediction),
+    ] {
+        if let Some(output) = matrix.factors.iter().position(|&factor| factor < 0) {
+            return Err(range(name, output, "the factor is negative"));
+        }
+    }
+    let levels = model.predicted_levels.iter().chain(&model.reset_levels);
+    if let Some(index) = levels
+        .clone()
+        .position(|&level| usize::from(level) >= LEVELS)
+    {
+        return Err(range("levels", index, "the level is above 55"));
+    }
+    let costs = model.costs();
+    let tables = Tables {
+        starts: &model.starts,
+        costs: &costs,
+    };
+    if !tables.is_consistent() {
+        return Err(range(
+            "starts",
+            0,
+            "a magnitude has no frequency, or the frequencies do not ascend",
+        ));
+    }
+    let scales = &model.smoother.scales;
+    match scales.iter().position(|scale| !scale.is_finite()) {
+        Some(index) => Err(range("smoother.scale", index, "it is not finite")),
+        None => Ok(()),
+    }
+}
+
+fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactError> {
+    let description = &model.description;
+    let field = |field, found: &dyn std::fmt::Display, expected: String| {
+        Err(ArtifactError::PackedField {
+            field,
+            found: found.to_string(),
+            expected,
+        })
+    };
+    let count = description.coefficients;
+    if description.format != 1 {
+        return field("format", &description.format, "1".to_owned());
+    }
+    if count == 0 || !count.is_multiple_of(ROUND) || count > MAX_COEFFICIENTS.min(values) {
+        let most = MAX_COEFFICIENTS.min(values) / ROUND * ROUND;
+        return field(
+            "coefficients",
+            &count,
+            format!("a multiple of 16 up to {most}"),
+        );
+    }
+    if description.rate > 15 {
+        return field("rate", &description.rate, "0 to 15".to_owned());
+    }
+    if description.input_limit < 127 {
+        let expected = "127 to 32767".to_owned();
+        return field("input_limit", &description.input_limit, expected);
+    }
+    for (name, value) in [
+        ("input_uv", description.input_uv),
+        ("coefficient_uv", description.coefficient_uv),
+        ("misfit_uv2", description.misfit_uv2),
+    ] {
+        if !(value.is_finite() && value > 0.0) {
+            return field(name, &value, "above 0".to_owned());
+        }
+    }
+    Ok(())
+}
+
+/// Checks that the products of each slice of inputs up to `limit` sum to at most [`SUM_LIMIT`].
+fn check_matrix(
+    name: &'static str,
+    weights: &[i8],
+    inputs: usize,
+    slices: &[usize],
+    limit: i64,
+) -> Result<(), ArtifactError> {
+    for (output, weights) in weights.chunks_exact(inputs).enumerate() {
+        if weights.contains(&i8::MIN) {
+            return Err(range(name, output, "a weight is -128"));
+        }
+        let mut start = 0;
+        for &end in slices {
+            let sum = weights[start..end]
+                .iter()
+                .map(|&w| i64::from(w).abs())
+                .sum::<i64>();
+            if sum * limit > SUM_LIMIT {
+                return Err(range(
+                    name,
+                    output,
+                    "a sum of products could exceed 23 bits",
+                ));
+            }
+            start = end;
+        }
+    }
+    Ok(())
+}
+
+fn range(name: &str, index: usize, problem: &'static str) -> ArtifactError {
+    ArtifactError::Range {
+        file: super::file::TENSORS,
+        name: name.to_owned(),
+        index,
+        problem,
+    }
+}
