@@ -37,7 +37,7 @@ pub struct Linear<'w> {
 
 impl Linear<'_> {
     /// Largest number of pairs of inputs. 256 products of at most 255 * 127 sum to less than 2^23, so
-    /// that 256 times an odd sum fits 32 bits.
+    /// that 256 times an odd sum fits 32 bits. Larger inputs need a proof of their own.
     pub const MAX_INPUTS: usize = 128;
 
     /// Returns the number of pairs in the packed weights.
@@ -59,17 +59,32 @@ impl Linear<'_> {
             && self.weights.len() == self.weights_len()
     }
 
-    /// Adds `weights * inputs` to the accumulators, wrapping; |input| <= 255.
+    /// Adds `weights * inputs` to the accumulators, wrapping. The products of each output sum to a
+    /// magnitude below 2^23, as those of inputs of at most 255 do.
     ///
     /// # Panics
     /// If a slice is shorter than the matrix requires, or [`Self::is_consistent`] is false.
     pub fn accumulate(&self, inputs: &[Pair], accumulators: &mut [i32]) {
         assert!(
-            self.is_consistent(self.inputs, self.outputs),
-            "a matrix must have whole rounds of inputs and outputs, and the right number of weights"
+            self.try_accumulate(inputs, accumulators),
+            "a matrix must have whole rounds of inputs and outputs, and the right number of weights; slices \
+             must not be shorter"
         );
-        let inputs = &inputs[..self.inputs];
-        let accumulators = &mut accumulators[..self.outputs];
+    }
+
+    /// Does what [`Self::accumulate`] does. Where that panics, it returns false and changes nothing, for
+    /// callers whose matrix is not known at compile time.
+    #[inline]
+    pub fn try_accumulate(&self, inputs: &[Pair], accumulators: &mut [i32]) -> bool {
+        let (Some(inputs), Some(accumulators)) = (
+            inputs.get(..self.inputs),
+            accumulators.get_mut(..self.outputs),
+        ) else {
+            return false;
+        };
+        if !self.is_consistent(self.inputs, self.outputs) {
+            return false;
+        }
         #[cfg(smlad)]
         cortex_m::accumulate(inputs, self.weights, accumulators);
         #[cfg(not(smlad))]
@@ -78,6 +93,7 @@ impl Linear<'_> {
             weights: self.weights,
             accumulators,
         });
+        true
     }
 
     /// Packs weights `[input][output]` for [`Self::weights`], with `inputs` pairs of inputs; missing

@@ -51,17 +51,23 @@ impl<'b> RangeEncoder<'b> {
         self.put(Frequencies { start, count: 1 }, 1);
     }
 
-    /// Ends the number: of all numbers that mean the symbols, the one with the most zero bytes at its end,
-    /// which are not written. A decoder reads zeros there.
+    /// Ends the number: of all numbers that mean the symbols, the smallest with the most zero bytes at its end,
+    /// which are not written. A decoder reads zeros there. So a block of likely zeros has no byte at all.
     ///
     /// Returns the number of bytes. It is larger than the buffer if they did not fit.
     pub(crate) fn finish(mut self) -> usize {
-        let last = u64::from(self.low) + u64::from(self.range) - 1;
-        let shortest = [24, 16, 8].into_iter().map(|zeros| last >> zeros << zeros);
-        let number = shortest
-            .into_iter()
-            .find(|&number| number >= self.low.into())
-            .unwrap_or(last);
+        let (low, end) = (
+            u64::from(self.low),
+            u64::from(self.low) + u64::from(self.range),
+        );
+        let mut number = low;
+        for zeros in [24, 16, 8] {
+            let rounded = (low + (1 << zeros) - 1) >> zeros << zeros;
+            if rounded < end {
+                number = rounded;
+                break;
+            }
+        }
         if number > u32::MAX.into() {
             self.carry();
         }
@@ -77,10 +83,8 @@ impl<'b> RangeEncoder<'b> {
         let Some(written) = self.bytes.get(..self.length) else {
             return self.length;
         };
-        written
-            .iter()
-            .rposition(|&byte| byte != 0)
-            .map_or(0, |last| last + 1)
+        let last = written.iter().rposition(|&byte| byte != 0);
+        last.map_or(0, |last| last + 1)
     }
 
     /// Moves the most significant byte of `low` to the buffer.

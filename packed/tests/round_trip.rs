@@ -1,0 +1,164 @@
+//! What is written is read: every magnitude, at every rate, for every residual.
+
+use packed::{
+    BlockReader, Context, Header, LEVELS, MAGNITUDES, Magnitude, Malformed, Rate, Table, Tables,
+};
+use proptest::prelude::*;
+
+/// Returns tables of geometric distributions: level 0 is nearly always 0, level 55 nearly flat.
+fn tables() -> (Box<Table>, Box<Table>) {
+    let mut starts = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
+    let mut costs = starts.clone();
+    for (level, (starts, costs)) in
+        (0..).zip(starts.iter_mut().flatten().zip(costs.iter_mut().flatten()))
+    {
+        let ratio = 0.001 + f64::from(level % 56) / 60.0;
+        let weights: Vec<f64> = (0..16).map(|magnitude| ratio.powi(magnitude)).collect();
+        let sum: f64 = weights.iter().sum();
+        let mut start = 0;
+        for magnitude in 0..MAGNITUDES {
+            starts[magnitude] = u16::try_from(start).expect("below 2^15");
+            let left = MAGNITUDES as i64 - magnitude as i64;
+            let count =
+                ((weights[magnitude] / sum * 32_000.0) as i64).clamp(1, 32_768 - start - left + 1);
+            let bits = 15.0 - (count as f64).log2() + f64::from(u8::from(magnitude > 0));
+            costs[magnitude] = (bits * 307.0) as u16;
+            start += count;
+        }
+    }
+    (starts, costs)
+}
+
+fn contexts(levels: &[u8], rate: Rate) -> Vec<Context> {
+    let mut contexts = vec![Context::EMPTY; levels.len()];
+    packed::prepare_contexts(levels, rate, &mut contexts);
+    contexts
+}
+
+fn rates() -> impl Strategy<Value = Rate> {
+    (0_u8..16).prop_map(|index| Rate::new(index).expect("sixteen rates"))
+}
+
+proptest! {
+    #[test]
+    fn every_block_is_read_as_it_was_written(
+        levels in prop::collection::vec(0_u8..56, 1..200),
+        values in prop::collection::vec(prop_oneof![8 => 0_u16..3, 3 => 0_u16..40, 1 => any::<u16>()], 200),
+        signs in prop::collection::vec(any::<bool>(), 200),
+        rate in rates(),
+        announced in rates(),
+        is_reset in any::<bool>(),
+    ) {
+        let (starts, costs) = tables();
+        let tables = Tables { starts: &starts, costs: &costs };
+        prop_assert!(tables.is_consistent());
+        let contexts = contexts(&levels, rate);
+        let magnitudes: Vec<Magnitude> = values
+            .iter()
+            .zip(&signs)
+            .take(levels.len())
+            .map(|(&value, &sign)| Magnitude { value, is_negative: sign && value > 0 })
+            .collect();
+        let header = Header { rate, is_reset };
+        let mut bytes = vec![0xaa; 2048];
+        let length = packed::write_block(header, announced, &magnitudes, &contexts, &tables, &mut bytes);
+        prop_assert!(length <= 8 + levels.len() * 6, "{length}");
+        prop_assert!(length == 0 || bytes[length - 1] != 0);
+        let reader = BlockReader::new(&bytes[..length], announced).expect("a block");
+        prop_assert_eq!(reader.header(), header);
+        let mut read = vec![Magnitude::default(); levels.len()];
+        reader.read_magnitudes(&contexts, &tables, &mut read).expect("magnitudes");
+        prop_assert_eq!(read, magnitudes.clone());
+        // A buffer that is too short changes neither the length nor a byte behind it.
+        let cut = length / 2;
+        bytes[cut..].fill(0xaa);
+        let again = packed::write_block(header, announced, &magnitudes, &contexts, &tables, &mut bytes[..cut]);
+        prop_assert!(again == length || again >= length && again > cut);
+        prop_assert!(bytes[cut..].iter().all(|&byte| byte == 0xaa));
+    }
+
+    #[test]
+    fn the_state_is_within_two_steps_of_every_residual(
+        residual in prop::collection::vec(prop_oneof![3 => -300_i32..300, 1 => -32_768_i32..32_768], 1..256),
+        rate in rates(),
+    ) {
+        let (starts, costs) = tables();
+        let tables = Tables { starts: &starts, costs: &costs };
+        let contexts = contexts(&vec![30; residual.len()], rate);
+        let mut survivors = vec![0; residual.len()];
+        let mut magnitudes = vec![Magnitude::default(); residual.len()];
+        packed::quantise(&residual, &contexts, &tables, rate, &mut survivors, &mut magnitudes);
+        let mut state = vec![0; residual.len()];
+        packed::update_state(&magnitudes, rate, &mut state);
+        for (state, residual) in state.iter().zip(&residual) {
+            // A magnitude of 0 replaces the point below at up to four steps.
+            prop_assert!((i32::from(*state) - residual).abs() <= 4 * rate.step() + 1);
+        }
+    }
+
+    #[test]
+    fn no_bytes_make_the_reader_fail_otherwise_than_with_an_error(
+        bytes in prop::collection::vec(any::<u8>(), 0..120),
+        rate in rates(),
+    ) {
+        let (starts, costs) = tables();
+        let tables = Tables { starts: &starts, costs: &costs };
+        let read = || -> Result<(), Malformed> {
+            let reader = BlockReader::new(&bytes, rate)?;
+            let contexts = contexts(&[20; 192], reader.header().rate);
+            let mut magnitudes = vec![Magnitude::default(); 192];
+            reader.read_magnitudes(&contexts, &tables, &mut magnitudes)?;
+            let mut state = vec![0; 192];
+            packed::update_state(&magnitudes, rate, &mut state);
+            Ok(())
+        };
+        let _ = read();
+    }
+}
+
+#[test]
+fn a_block_of_zeros_has_no_bytes() {
+    let (starts, costs) = tables();
+    let tables = Tables {
+        starts: &starts,
+        costs: &costs,
+    };
+    let rate = Rate::MIDDLE;
+    let contexts = contexts(&[10; 192], rate);
+    let zeros = [Magnitude::default(); 192];
+    let header = Header {
+        rate,
+        is_reset: false,
+    };
+    let length = packed::write_block(header, rate, &zeros, &contexts, &tables, &mut [0; 16]);
+    assert_eq!(length, 0);
+    let reader = BlockReader::new(&[], rate).expect("no bytes are a block");
+    assert_eq!(reader.header(), header);
+    let mut read = [Magnitude {
+        value: 7,
+        is_negative: true,
+    }; 192];
+    reader
+        .read_magnitudes(&contexts, &tables, &mut read)
+        .expect("zeros");
+    assert_eq!(read, zeros);
+}
+
+#[test]
+fn bytes_behind_a_block_are_refused() {
+    let (starts, costs) = tables();
+    let tables = Tables {
+        starts: &starts,
+        costs: &costs,
+    };
+    let rate = Rate::MIDDLE;
+    let contexts = contexts(&[10; 16], rate);
+    let bytes = [1; 60];
+    let reader = BlockReader::new(&bytes, rate).expect("a header");
+    let mut read = [Magnitude::default(); 16];
+    assert_eq!(
+        reader.read_magnitudes(&contexts, &tables, &mut read),
+        Err(Malformed)
+    );
+    assert_eq!(BlockReader::new(&[1, 0], rate).map(|_| ()), Err(Malformed));
+}
