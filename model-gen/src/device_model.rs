@@ -9,6 +9,7 @@ use crate::{
     error::{FilterError, ModelGenError},
     headroom::{self, GUARD_BITS, NodeGain},
     integer_model::IntegerModel,
+    packed::PackedIntegers,
     quantise::quantise,
     resampler::{CUTOFF_HZ, ResamplerTable},
     rounding::to_i32,
@@ -64,6 +65,8 @@ pub struct DeviceModel {
     pub input_multiplier: i32,
     /// Quantised encoder, in the layout of the artifact.
     pub integers: IntegerModel,
+    /// The packed model, if the artifact has one.
+    pub packed: Option<PackedIntegers>,
 }
 
 impl DeviceModel {
@@ -100,6 +103,11 @@ impl DeviceModel {
             resampler,
             input_multiplier,
             integers,
+            packed: artifact
+                .packed
+                .as_ref()
+                .map(|packed| PackedIntegers::new(packed, &artifact.description))
+                .transpose()?,
         })
     }
 

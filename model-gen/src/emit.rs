@@ -3,6 +3,7 @@
 mod chain;
 mod encoder;
 mod number;
+mod packed;
 mod source;
 
 use artifact::{CONV1_CHANNELS, CONV2_CHANNELS};
@@ -20,6 +21,7 @@ pub fn rust_files(model: &DeviceModel) -> [(&'static str, String); 2] {
     constants.constants(model);
     constants.dimensions(model);
     constants.shape(model);
+    constants.packed_shape(model);
     let mut statics = Source::default();
     statics.grid_cells(model);
     statics.resampler(&model.resampler);
@@ -30,6 +32,7 @@ pub fn rust_files(model: &DeviceModel) -> [(&'static str, String); 2] {
     statics.linear(model);
     statics.codes(model);
     statics.network(model);
+    statics.packed(model);
     [
         ("constants.rs", constants.text),
         ("statics.rs", statics.text),

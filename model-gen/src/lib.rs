@@ -40,6 +40,7 @@ mod integer_model;
 mod manifest;
 pub mod memory;
 pub mod pack;
+mod packed;
 mod quantise;
 pub mod resampler;
 pub mod response;
@@ -56,6 +57,7 @@ pub use error::{FilterError, ModelGenError};
 pub use integer_code::integer_code;
 pub use integer_model::{IntegerConv, IntegerLinear, IntegerModel};
 pub use manifest::manifest;
+pub use packed::PackedIntegers;
 pub use quantise::quantise;
 pub use resampler::ResamplerTable;
 

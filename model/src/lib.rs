@@ -28,10 +28,12 @@
 extern crate std;
 
 pub mod artifact_files;
+mod checksum;
 mod code_format;
 mod constants;
 mod mains_filter;
 mod network;
+mod packed;
 mod shapes;
 mod statics;
 
@@ -39,11 +41,12 @@ pub use code_format::CodeFormat;
 pub use constants::{
     ADC_RATE_HZ, CHANNELS, CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, ConvKernel, ELECTRODES,
     FC_PIECES, GAIN, GUARD_BITS, HAS_CONVOLUTIONS, HAS_SHORTCUT, HOP, INPUT_MULTIPLIER,
-    INPUT_SCALE_UV, LABELS, LSB_NV, MODEL_ID, PADS_SPACE, PADS_TIME, PHASES, POOL, ROWS, SECTIONS,
-    STEP_RATE_HZ, STEPS, TAPS, WINDOW_CENTRE_US,
+    INPUT_SCALE_UV, LABELS, LSB_NV, MODEL_ID, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS, PADS_SPACE,
+    PADS_TIME, PHASES, POOL, ROWS, SECTIONS, STEP_RATE_HZ, STEPS, TAPS, WINDOW_CENTRE_US,
 };
 pub use mains_filter::MainsFilter;
 pub use network::{ConvWeights, Network};
+pub use packed::{Packed, Slice};
 pub use shapes::{
     CELL_PLANE, CELLS, CONV1_OUTPUTS, CONV1_PAIRS, CONV2_OUTPUTS, CONV2_PAIRS, Conv2, EDGE_STEPS,
     ELECTRODE_PAIRS, FC_PAIRS, HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, INNER_STEPS, MARGIN,
@@ -51,7 +54,7 @@ pub use shapes::{
 };
 pub use statics::{
     CODE_FORMAT, CODE_SCALE, CODE_ZERO_POINT, GRID_CELL, MAINS_50, MAINS_60, Mains50, Mains60,
-    NETWORK, RESAMPLER,
+    NETWORK, PACKED, RESAMPLER,
 };
 
 /// Checksum of the network, computed at compile time; compare with [`Network::checksum`].
@@ -61,7 +64,21 @@ pub use statics::{
 )]
 pub const NETWORK_CHECKSUM: u32 = NETWORK.checksum();
 
+/// Checksum of the packed model, computed at compile time; compare with [`Packed::checksum`]. `None` without a
+/// packed model.
+#[allow(
+    long_running_const_eval,
+    reason = "matrices of a hundred kilobytes take the compiler a second"
+)]
+pub const PACKED_CHECKSUM: Option<u32> = match &PACKED {
+    Some(packed) => Some(packed.checksum()),
+    None => None,
+};
+
 const _: () = {
+    if let Some(packed) = &PACKED {
+        assert!(packed.is_consistent());
+    }
     assert!(RESAMPLER.is_consistent());
     assert!(NETWORK.is_consistent());
     let mut electrode = 0;

@@ -3,6 +3,7 @@
 use int8_nn::{InputConv, Linear, Pair};
 
 use crate::{
+    checksum::Checksum,
     constants::{CODE, FC_PIECES, HAS_CONVOLUTIONS, POOL, STEPS, conv_kernel},
     shapes::{
         CELL_PLANE, CONV1_OUTPUTS, CONV1_PAIRS, CONV2_OUTPUTS, CONV2_PAIRS, Conv2, ELECTRODE_PAIRS,
@@ -131,7 +132,7 @@ impl<'w> Network<'w> {
             sum.add_word(self.code_zero_point[index].cast_unsigned() as u32);
             index += 1;
         }
-        sum.0
+        sum.value()
     }
 
     /// Returns true if the hop is a multiple of the pool's steps and the kernels fit the shapes, so that
@@ -150,32 +151,5 @@ impl<'w> Network<'w> {
             && (!HAS_CONVOLUTIONS
                 || self.conv1().is_consistent(CELL_PLANE, HIDDEN_INTERIOR)
                     && self.conv2().is_consistent(HIDDEN, POOLED))
-    }
-}
-
-/// FNV-1a checksum of the words added so far.
-struct Checksum(u32);
-
-impl Checksum {
-    const EMPTY: Self = Self(0x811c_9dc5);
-
-    const fn add_word(&mut self, word: u32) {
-        self.0 = (self.0 ^ word).wrapping_mul(0x0100_0193);
-    }
-
-    const fn add_words(&mut self, words: &[i32]) {
-        let mut index = 0;
-        while index < words.len() {
-            self.add_word(words[index].cast_unsigned());
-            index += 1;
-        }
-    }
-
-    const fn add_pairs(&mut self, pairs: &[Pair]) {
-        let mut index = 0;
-        while index < pairs.len() {
-            self.add_word(pairs[index].0);
-            index += 1;
-        }
     }
 }

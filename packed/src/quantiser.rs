@@ -38,6 +38,14 @@ pub struct Magnitude {
     pub is_negative: bool,
 }
 
+impl Magnitude {
+    /// The magnitude 0.
+    pub const ZERO: Self = Self {
+        value: 0,
+        is_negative: false,
+    };
+}
+
 /// Adds a block's dequantised coefficients to their prediction, saturating: the new state of both sides.
 ///
 /// `state` holds the prediction before, and the state after the call. All slices have the number of

@@ -81,7 +81,8 @@ impl<'b> RangeEncoder<'b> {
             self.push_byte();
         }
         let Some(written) = self.bytes.get(..self.length) else {
-            return self.length;
+            // Of bytes that were not kept, only the zeros of this last word are known.
+            return self.length - (low.trailing_zeros() / 8) as usize;
         };
         let last = written.iter().rposition(|&byte| byte != 0);
         last.map_or(0, |last| last + 1)

@@ -7,6 +7,8 @@
 //! ```text
 //! code ──WindowDecoder──► window, uV ──Overlap──► hop, uV
 //! 16 Hz                   electrodes of each step     continuous
+//!
+//! packed code ──PackedDecoder──► hop, uV
 //! ```
 //!
 //! ```
@@ -26,8 +28,11 @@
 
 mod dequantise;
 mod overlap;
+mod packed_decoder;
+mod synthesis;
 mod window_decoder;
 
 pub use dequantise::dequantise;
 pub use overlap::{Hop, HopLayout, Overlap, Source, Window};
+pub use packed_decoder::{HEALING_BLOCKS, PackedBlock, PackedDecoder};
 pub use window_decoder::WindowDecoder;

@@ -11,6 +11,12 @@ pub enum TrainerError {
         /// Folder of the artifact.
         folder: PathBuf,
     },
+    /// The artifact has no packed model.
+    #[error("{} has no packed model; `trainer packed` trains one", folder.display())]
+    NotPacked {
+        /// Folder of the artifact.
+        folder: PathBuf,
+    },
     /// No rate reaches the wanted error.
     #[error(
         "no rate has a mean squared error of {target} or less; the finest reaches {least:.5}: ask for more, or train \

@@ -18,4 +18,4 @@ mod smoother;
 mod transform;
 
 pub use evaluation::{RateFigures, RateTable};
-pub use session::{PackedOptions, train};
+pub use session::{PackedOptions, compare, train};

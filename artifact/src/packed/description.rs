@@ -12,12 +12,10 @@ pub struct PackedDescription {
     pub coefficients: usize,
     /// Rate that a device starts with, 0..=15.
     pub rate: u8,
-    /// Microvolts of one unit of an input value.
-    pub input_uv: f64,
+    /// Microvolts of one unit of an input value, and of a coefficient.
+    pub unit_uv: f64,
     /// Largest magnitude of an input value; larger ones are clipped to it.
     pub input_limit: i16,
-    /// Microvolts of one unit of a coefficient.
-    pub coefficient_uv: f64,
     /// Mean square of the part of a block that its coefficients do not represent, microvolts squared; a block
     /// with more is flagged as a misfit.
     pub misfit_uv2: f64,

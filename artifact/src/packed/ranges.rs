@@ -104,8 +104,7 @@ fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactE
         return field("input_limit", &description.input_limit, expected);
     }
     for (name, value) in [
-        ("input_uv", description.input_uv),
-        ("coefficient_uv", description.coefficient_uv),
+        ("unit_uv", description.unit_uv),
         ("misfit_uv2", description.misfit_uv2),
     ] {
         if !(value.is_finite() && value > 0.0) {

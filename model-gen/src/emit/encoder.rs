@@ -202,7 +202,7 @@ impl Source {
         self.line("};");
     }
 
-    fn weights(&mut self, doc: &str, name: &str, weights: &[Pair]) {
+    pub(super) fn weights(&mut self, doc: &str, name: &str, weights: &[Pair]) {
         let values = words(weights);
         let length = separated(weights.len());
         self.list(

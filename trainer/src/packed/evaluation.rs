@@ -114,15 +114,14 @@ fn measure(
     }
 }
 
-/// Returns the pseudoinverse of the analysis, `[value, coefficient]`, for values and coefficients in microvolts.
+/// Returns the pseudoinverse of the analysis, `[value, coefficient]`, in units of `input.sd_uv`.
 fn synthesis(model: &PackedModel) -> Result<DMatrix<f32>, TrainerError> {
     let count = model.coefficients();
     let analysis =
         DMatrix::from_row_slice(count, model.analysis.inputs(), &model.analysis.to_float());
-    let units = model.description.coefficient_uv / model.description.input_uv;
     let gram = &analysis * analysis.transpose();
     let inverse = gram.cholesky().ok_or(TrainerError::Silent)?.inverse();
-    Ok(to_f32(&(analysis.transpose() * inverse / units)))
+    Ok(to_f32(&(analysis.transpose() * inverse)))
 }
 
 /// The figures of all rates as a table.

@@ -6,11 +6,9 @@ use crate::in_parallel;
 use artifact::{IntegerMatrix, LARGEST_STATE, PackedModel, SUM_LIMIT};
 use nalgebra::DMatrix;
 
-/// Microvolts of one unit of an input value. Its rounding adds 1e-5 to the mean squared error of EEG.
-pub(super) const INPUT_UV: f64 = 0.5;
-
-/// Microvolts of one unit of a coefficient.
-pub(super) const COEFFICIENT_UV: f64 = 0.5;
+/// Microvolts of one unit of an input value, and of a coefficient. Rounding of the inputs adds 1e-5 to the mean
+/// squared error of EEG.
+pub(super) const UNIT_UV: f64 = 0.5;
 
 /// Largest magnitude of an input value: 2 mV. It takes 12 bits, so that the sums of a slice of inputs stay
 /// below 2^23.
@@ -23,20 +21,15 @@ const STATE_UNIT: f64 = 8.0;
 /// each step.
 pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix {
     let directions = &transform.directions;
-    IntegerMatrix::quantised(
-        directions.as_slice(),
-        directions.nrows(),
-        INPUT_UV / COEFFICIENT_UV,
-        |weights| {
-            let mut start = 0;
-            let slices = slices.iter().map(|&end| {
-                let slice = &weights[start..end];
-                start = end;
-                scale_for(slice, INPUT_LIMIT)
-            });
-            slices.fold(f64::INFINITY, f64::min)
-        },
-    )
+    IntegerMatrix::quantised(directions.as_slice(), directions.nrows(), 1.0, |weights| {
+        let mut start = 0;
+        let slices = slices.iter().map(|&end| {
+            let slice = &weights[start..end];
+            start = end;
+            scale_for(slice, INPUT_LIMIT)
+        });
+        slices.fold(f64::INFINITY, f64::min)
+    })
 }
 
 /// Returns the prediction in integers.
@@ -67,7 +60,7 @@ pub(super) fn analysed(model: &PackedModel, blocks: &Blocks, sd_uv: f64) -> Vec<
             let inputs: Vec<i16> = values
                 .iter()
                 .map(|&value| {
-                    let value = (f64::from(value) * sd_uv / INPUT_UV).round();
+                    let value = (f64::from(value) * sd_uv / UNIT_UV).round();
                     #[expect(clippy::cast_possible_truncation, reason = "clamped")]
                     let value = value.clamp(-limit, limit) as i16;
                     value

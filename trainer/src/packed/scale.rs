@@ -16,7 +16,7 @@ impl Scale {
     pub(super) fn new(model: &PackedModel, sd_uv: f64) -> Self {
         Self {
             count: model.coefficients(),
-            unit: model.description.coefficient_uv / sd_uv,
+            unit: model.description.unit_uv / sd_uv,
         }
     }
 

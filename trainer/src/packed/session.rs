@@ -3,7 +3,7 @@
 use super::blocks::Blocks;
 use super::coded::{self, Coded, Histogram};
 use super::evaluation::{self, RateFigures};
-use super::integers::{self, COEFFICIENT_UV, INPUT_LIMIT, INPUT_UV, analysed};
+use super::integers::{self, INPUT_LIMIT, UNIT_UV, analysed};
 use super::probabilities;
 use super::ridge::{Ridge, penalty};
 use super::scale::Scale;
@@ -17,7 +17,7 @@ use artifact::{
     Artifact, IntegerMatrix, PackedDescription, PackedModel, PackedTraining, Smoother, slice_ends,
 };
 use packed::{LEVELS, MAGNITUDES, RATES, Rate};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Rate at which the probabilities are trained; the other rates follow from it.
 const BASE_RATE: Rate = Rate::MIDDLE;
@@ -86,9 +86,8 @@ pub fn train(
             format: 1,
             coefficients: options.coefficients,
             rate: BASE_RATE.index(),
-            input_uv: INPUT_UV,
+            unit_uv: UNIT_UV,
             input_limit: INPUT_LIMIT,
-            coefficient_uv: COEFFICIENT_UV,
             misfit_uv2: MISFIT * sd_uv.powi(2),
             training: PackedTraining {
                 train_files: names(&train_files),
@@ -140,6 +139,29 @@ pub fn train(
         options.artifact.display()
     ));
     Ok(figures)
+}
+
+/// Measures the packed model in `folder` on recordings at every rate, finest first. `names` selects them in `data` or
+/// by path.
+///
+/// # Errors
+/// If the artifact or a recording cannot be used, or the artifact has no packed model.
+pub fn compare(
+    folder: &Path,
+    data: &Path,
+    names: &[String],
+    mains_hz: u32,
+    observer: &mut impl ProgressObserver,
+) -> Result<Vec<RateFigures>, TrainerError> {
+    let artifact = Artifact::read(folder)?;
+    let description = &artifact.description;
+    let model = artifact.packed.as_ref().ok_or(TrainerError::NotPacked {
+        folder: folder.to_owned(),
+    })?;
+    let files = selection::recordings(data, names)?;
+    let tracks = read_tracks(&files, description, mains_hz, observer)?;
+    let (hop, sd_uv) = (description.window.hop, description.input.sd_uv);
+    evaluation::evaluate(model, &tracks, hop, sd_uv)
 }
 
 /// Returns the coarsest rate whose error at once is at most `target`.

@@ -1,0 +1,90 @@
+//! The packed model in the layout of the device.
+
+use artifact::{Description, IntegerMatrix, PackedModel, slice_ends};
+use int8_nn::{Linear, Pair};
+
+use crate::error::ModelGenError;
+use crate::headroom::GUARD_BITS;
+use crate::rounding::to_i32;
+
+/// Number of inputs that the kernel takes at a time.
+const ROUND: usize = 16;
+
+/// The packed model with the numbers that the device adds to it.
+#[derive(Clone, Debug)]
+pub struct PackedIntegers {
+    /// Matrices, levels and frequencies.
+    pub model: PackedModel,
+    /// Factor from a filtered sample (counts, Q27.5) to an input value, Q0.32.
+    pub input_multiplier: i32,
+    /// Sum over a block of the squares of its unrepresented part above which the block is a misfit, input
+    /// values squared.
+    pub misfit_energy: i64,
+    /// Ends of the inputs that are added to the analysis at each step.
+    slices: Vec<usize>,
+}
+
+impl PackedIntegers {
+    pub(crate) fn new(
+        model: &PackedModel,
+        description: &Description,
+    ) -> Result<Self, ModelGenError> {
+        let unit_uv = model.description.unit_uv;
+        let factor = description.adc.lsb_uv() / f64::from(1_u32 << GUARD_BITS) / unit_uv;
+        let input_multiplier = to_i32(factor * 2_f64.powi(32))
+            .filter(|&multiplier| multiplier > 0)
+            .ok_or(ModelGenError::InputScale { factor })?;
+        let electrodes = description.montage.electrodes.len();
+        #[expect(
+            clippy::cast_precision_loss,
+            clippy::cast_possible_truncation,
+            reason = "a few hundred values; far below 2^63"
+        )]
+        let misfit_energy = (model.description.misfit_uv2 / unit_uv.powi(2)
+            * (electrodes * description.window.hop) as f64) as i64;
+        Ok(Self {
+            model: model.clone(),
+            input_multiplier,
+            misfit_energy,
+            slices: slice_ends(electrodes, description.window.hop),
+        })
+    }
+
+    /// Returns the analysis in slices: for each step, the index of the first pair of inputs, and the packed weights
+    /// of the inputs that are complete after the step. Zeros fill up the last one.
+    pub fn analysis(&self) -> Vec<(usize, Vec<Pair>)> {
+        let mut start = 0;
+        let slices = self.slices.iter().map(|&end| {
+            let slice = (start / 2, packed(&self.model.analysis, start..end));
+            start = end;
+            slice
+        });
+        slices.collect()
+    }
+
+    /// Returns the packed weights of the prediction.
+    pub fn prediction(&self) -> Vec<Pair> {
+        packed(&self.model.prediction, 0..self.model.coefficients())
+    }
+
+    /// Returns the number of pairs of inputs of a block, zeros at its end included.
+    pub fn input_pairs(&self) -> usize {
+        self.model.analysis.inputs().next_multiple_of(ROUND) / 2
+    }
+}
+
+/// Packs the weights of some inputs for [`Linear`].
+fn packed(matrix: &IntegerMatrix, inputs: std::ops::Range<usize>) -> Vec<Pair> {
+    let outputs = matrix.factors.len();
+    let weights: Vec<i8> = inputs
+        .clone()
+        .flat_map(|input| {
+            let column = matrix.weights.iter().skip(input).step_by(matrix.inputs());
+            column.copied()
+        })
+        .collect();
+    let pairs = inputs.len().next_multiple_of(ROUND) / 2;
+    let mut packed = vec![Pair::ZERO; pairs * outputs / 2];
+    Linear::pack_weights(pairs, outputs, &weights, &mut packed);
+    packed
+}

@@ -1,0 +1,89 @@
+//! The packed model: matrices, levels and frequencies.
+
+use ::packed::Tables;
+use int8_nn::Linear;
+
+use crate::checksum::Checksum;
+use crate::constants::{HOP, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS};
+
+/// The integers of a packed model that the encoder needs.
+#[derive(Clone, Copy, Debug)]
+pub struct Packed<'w> {
+    /// The analysis in slices: what is added to the coefficients after each step of a block.
+    pub analysis: [Slice<'w>; HOP],
+    /// Factor from the sum of each coefficient to the coefficient, Q0.32.
+    pub analysis_factors: &'w [i32; PACKED_COEFFICIENTS],
+    /// From the rounded state to the prediction of the next block.
+    pub prediction: Linear<'w>,
+    /// Factor from the sum of each prediction to the prediction, Q0.32.
+    pub prediction_factors: &'w [i32; PACKED_COEFFICIENTS],
+    /// Level of each coefficient's mean magnitude at rate 4, in a predicted block.
+    pub predicted_levels: &'w [u8; PACKED_COEFFICIENTS],
+    /// The same in a block without prediction.
+    pub reset_levels: &'w [u8; PACKED_COEFFICIENTS],
+    /// Frequencies of the magnitudes, and their costs in the trellis.
+    pub tables: Tables<'w>,
+    /// Factor from a filtered sample (counts, Q27.5) to an input value, Q0.32.
+    pub input_multiplier: i32,
+    /// Largest magnitude of an input value.
+    pub input_limit: i32,
+    /// Sum of the squares of a block's unrepresented part above which the block is a misfit, input values
+    /// squared.
+    pub misfit_energy: i64,
+    /// Rate of a device whose host asks for no other, 0..=15.
+    pub rate: u8,
+}
+
+/// The part of the analysis whose inputs are complete after one step.
+#[derive(Clone, Copy, Debug)]
+pub struct Slice<'w> {
+    /// Index of the first pair of inputs in the block.
+    pub first: usize,
+    /// From these inputs to all coefficients.
+    pub matrix: Linear<'w>,
+}
+
+impl Packed<'_> {
+    /// Returns true if slices and prediction fit the block, so that no product is left out. Asserted at compile
+    /// time.
+    pub const fn is_consistent(&self) -> bool {
+        let mut first = 0;
+        let mut step = 0;
+        while step < HOP {
+            let Slice { first: at, matrix } = &self.analysis[step];
+            // With few electrodes, no inputs are complete after some steps.
+            let is_empty = matrix.inputs == 0 && matrix.weights.is_empty();
+            let fits = matrix.is_consistent(matrix.inputs, PACKED_COEFFICIENTS);
+            if *at != first || !(fits || is_empty) {
+                return false;
+            }
+            first += matrix.inputs;
+            step += 1;
+        }
+        first == PACKED_INPUT_PAIRS
+            && self
+                .prediction
+                .is_consistent(PACKED_COEFFICIENTS / 2, PACKED_COEFFICIENTS)
+            && self.tables.is_consistent()
+            && self.rate < 16
+    }
+
+    /// Returns a checksum over matrices, factors, levels and tables. A board compares it with that of the
+    /// compiler to detect damaged flash.
+    pub const fn checksum(&self) -> u32 {
+        let mut sum = Checksum::EMPTY;
+        let mut step = 0;
+        while step < HOP {
+            sum.add_pairs(self.analysis[step].matrix.weights);
+            step += 1;
+        }
+        sum.add_words(self.analysis_factors);
+        sum.add_pairs(self.prediction.weights);
+        sum.add_words(self.prediction_factors);
+        sum.add_bytes(self.predicted_levels);
+        sum.add_bytes(self.reset_levels);
+        sum.add_table(self.tables.starts);
+        sum.add_table(self.tables.costs);
+        sum.value()
+    }
+}

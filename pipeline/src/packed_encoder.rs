@@ -1,0 +1,85 @@
+//! The packed code: one block of few bits for each hop.
+
+mod block;
+mod memory;
+
+use core::borrow::BorrowMut;
+
+use model::{HOP, PACKED, Packed};
+use packed::Rate;
+
+use crate::step::Step;
+pub use block::{MAX_PACKED_BYTES, PackedCode};
+pub use memory::PackedMemory;
+
+/// Encodes each hop's steps as a block that is predicted from the block before it.
+///
+/// The products of the analysis are added as the steps arrive, and the prediction is made with the first step of a
+/// block, so that only quantiser and range coder are left after the last step.
+///
+/// Without a packed model it returns no blocks, and its memory is a few bytes.
+///
+/// `M` is a [`PackedMemory`], or a mutable reference to one.
+#[derive(Clone, Debug)]
+pub struct PackedEncoder<M = PackedMemory> {
+    memory: M,
+    /// Rate of the next block.
+    rate: Rate,
+}
+
+impl<M: BorrowMut<PackedMemory>> PackedEncoder<M> {
+    /// Rate of a device whose host asks for no other.
+    pub const DEFAULT_RATE: Rate = match PACKED {
+        Some(packed) => match Rate::new(packed.rate) {
+            Some(rate) => rate,
+            None => Rate::MIDDLE,
+        },
+        None => Rate::MIDDLE,
+    };
+
+    /// Creates an encoder with the built-in model and the given memory.
+    pub const fn with_memory(memory: M) -> Self {
+        Self {
+            memory,
+            rate: Self::DEFAULT_RATE,
+        }
+    }
+
+    /// Resets the encoder in place: the next step is the first of a stream.
+    pub fn restart(&mut self) {
+        self.memory.borrow_mut().restart();
+    }
+
+    /// Sets the rate from the next block on.
+    pub fn set_rate(&mut self, rate: Rate) {
+        self.rate = rate;
+    }
+
+    /// Encodes the next step; returns a block if the step completes a hop.
+    pub fn encode_step(&mut self, step: &Step) -> Option<PackedCode> {
+        let packed: &Packed<'_> = PACKED.as_ref()?;
+        let memory = self.memory.borrow_mut();
+        memory.add_step(step, packed);
+        if !memory.is_complete() {
+            return None;
+        }
+        let code = memory.encode(self.rate, packed);
+        memory.begin_next();
+        Some(code)
+    }
+}
+
+impl PackedEncoder {
+    /// Creates an encoder with the built-in model.
+    pub const fn new() -> Self {
+        Self::with_memory(PackedMemory::EMPTY)
+    }
+}
+
+impl Default for PackedEncoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+const _: () = assert!(HOP > 0);

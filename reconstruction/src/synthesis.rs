@@ -1,0 +1,111 @@
+//! From the coefficients of a block to its signals.
+
+use artifact::PackedModel;
+
+/// The pseudoinverse of a packed model's analysis.
+#[derive(Clone, Debug)]
+pub(crate) struct Synthesis {
+    /// Microvolts of each value for one unit of each coefficient, `[coefficient][value]`.
+    rows: Vec<f32>,
+    values: usize,
+}
+
+impl Synthesis {
+    pub(crate) fn new(model: &PackedModel) -> Self {
+        let count = model.coefficients();
+        let values = model.analysis.inputs();
+        let analysis = model.analysis.to_float();
+        let rows: Vec<&[f64]> = analysis.chunks_exact(values.max(1)).collect();
+        let mut gram = vec![0.0; count * count];
+        for (i, row) in rows.iter().enumerate() {
+            for (j, other) in rows.iter().enumerate().take(i + 1) {
+                let product: f64 = row.iter().zip(*other).map(|(a, b)| a * b).sum();
+                gram[i * count + j] = product;
+                gram[j * count + i] = product;
+            }
+        }
+        let mut inverse = analysis;
+        solve(&mut gram, &mut inverse, count, values);
+        let unit_uv = model.description.unit_uv;
+        #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
+        let rows = inverse
+            .iter()
+            .map(|&value| (value * unit_uv) as f32)
+            .collect();
+        Self { rows, values }
+    }
+
+    /// Returns the signals of a block, microvolts.
+    pub(crate) fn microvolts(&self, coefficients: &[i16]) -> Vec<f32> {
+        let coefficients: Vec<f32> = coefficients.iter().map(|&c| f32::from(c)).collect();
+        self.microvolts_of(&coefficients)
+    }
+
+    /// Returns the signals of a block from coefficients that are no integers, microvolts.
+    pub(crate) fn microvolts_of(&self, coefficients: &[f32]) -> Vec<f32> {
+        let mut microvolts = vec![0.0; self.values];
+        let rows = self.rows.chunks_exact(self.values.max(1));
+        for (coefficient, row) in coefficients.iter().zip(rows) {
+            for (microvolts, value) in microvolts.iter_mut().zip(row) {
+                *microvolts += coefficient * value;
+            }
+        }
+        microvolts
+    }
+}
+
+/// Solves `matrix * x = right` for the positive definite `matrix` `[count][count]` by elimination; `right`
+/// `[count][columns]` becomes x.
+fn solve(matrix: &mut [f64], right: &mut [f64], count: usize, columns: usize) {
+    for pivot in 0..count {
+        let (above, below) = matrix.split_at_mut((pivot + 1) * count);
+        let pivot_row = &above[pivot * count..];
+        let (right_above, right_below) = right.split_at_mut((pivot + 1) * columns);
+        let pivot_right = &right_above[pivot * columns..];
+        let rows = below
+            .chunks_exact_mut(count)
+            .zip(right_below.chunks_exact_mut(columns));
+        for (row, right) in rows {
+            let factor = row[pivot] / pivot_row[pivot];
+            subtract(&mut row[pivot..], &pivot_row[pivot..], factor);
+            subtract(right, pivot_right, factor);
+        }
+    }
+    for pivot in (0..count).rev() {
+        let (right_above, right_below) = right.split_at_mut((pivot + 1) * columns);
+        let row = &matrix[pivot * count..][..count];
+        let solution = &mut right_above[pivot * columns..];
+        for (later, known) in row[pivot + 1..]
+            .iter()
+            .zip(right_below.chunks_exact(columns))
+        {
+            subtract(solution, known, *later);
+        }
+        for value in solution {
+            *value /= row[pivot];
+        }
+    }
+}
+
+/// Subtracts `factor * other` from `values`.
+fn subtract(values: &mut [f64], other: &[f64], factor: f64) {
+    for (value, other) in values.iter_mut().zip(other) {
+        *value -= factor * other;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_system_with_a_known_solution_is_solved() {
+        let mut matrix = [4.0, 2.0, 0.0, 2.0, 5.0, 1.0, 0.0, 1.0, 3.0];
+        // x = (1, 2, 3) and (0, -1, 2).
+        let mut right = [8.0, -2.0, 15.0, -3.0, 11.0, 5.0];
+        solve(&mut matrix, &mut right, 3, 2);
+        for (value, expected) in right.iter().zip([1.0, 0.0, 2.0, -1.0, 3.0, 2.0]) {
+            assert!((value - expected).abs() < 1e-12, "{right:?}");
+        }
+    }
+}
