@@ -14,6 +14,8 @@ mod model;
 mod montages;
 mod node;
 mod offline;
+mod packed;
+mod packed_error;
 mod python_model;
 mod table;
 mod tools;
@@ -54,6 +56,13 @@ enum Benchmark {
         /// Number of windows that are encoded and compared, over all inputs.
         #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(100..=100_000))]
         windows: u32,
+    },
+    /// Packed code: instructions of each hop on emulated microcontrollers, memory, bytes compared with this PC's, bits
+    /// and error on recordings.
+    Packed {
+        /// Number of hops of each input.
+        #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(65..=1_500))]
+        hops: u32,
     },
     /// Cost of a model: instructions of each time step on emulated microcontrollers, flash and RAM of the boards'
     /// images. Fails when a code is not that of the batch reference, or an image does not fit.
@@ -122,6 +131,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
     let report = match &options.benchmark {
         Benchmark::Filters => filters::measure()?,
         Benchmark::Encoder { windows } => encoder::measure(*windows as usize)?,
+        Benchmark::Packed { hops } => packed::measure(*hops as usize)?,
         Benchmark::Model { folder, windows } => model::measure(folder, *windows as usize)?,
         Benchmark::Montages {
             montage,

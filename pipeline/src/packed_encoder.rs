@@ -55,6 +55,12 @@ impl<M: BorrowMut<PackedMemory>> PackedEncoder<M> {
         self.rate = rate;
     }
 
+    /// Returns the state after the newest block, that of a decoder that has read all blocks. Call it before the next
+    /// block's first step, which replaces the state by its prediction.
+    pub fn state(&self) -> &[i16] {
+        self.memory.borrow().state()
+    }
+
     /// Encodes the next step; returns a block if the step completes a hop.
     pub fn encode_step(&mut self, step: &Step) -> Option<PackedCode> {
         let packed: &Packed<'_> = PACKED.as_ref()?;

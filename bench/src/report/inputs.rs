@@ -9,7 +9,7 @@ use fixed_dsp::BLOCK;
 use host_sim::Source;
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::{ADC_RATE_HZ, CHANNELS, ELECTRODES, GUARD_BITS, LSB_NV};
-use pipeline::{Acquisition, Mains, Plane, Sample};
+use pipeline::{Acquisition, Mains, Plane, Sample, Step};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
@@ -22,6 +22,9 @@ use crate::stress::Stress;
 const RESAMPLED: &str = "derived/s001r04_61ch_512hz_i16.gdf";
 /// Real EEG for the encoder: 125 s, mains at 60 Hz, not used in training.
 const HELD_OUT: &str = "eegmmidb_S001/S001R11.edf";
+
+/// Time steps that the packed encoder's inputs leave out: 10 s, in which the filters settle.
+const SETTLING_STEPS: usize = 1_280;
 
 /// Error message for a recording that cannot be read.
 const FAILED: &str = "reading real EEG failed\n  next: does CORTICODE_DATA name the right folder?";
@@ -103,6 +106,36 @@ pub(crate) fn planes(windows: usize) -> anyhow::Result<Inputs<Plane>> {
     Ok(inputs)
 }
 
+/// Makes `count` time steps of each input of the packed encoder.
+///
+/// # Errors
+/// `CORTICODE_DATA` is set, and its recording cannot be read or is too short.
+pub(crate) fn steps(count: usize) -> anyhow::Result<Inputs<Step>> {
+    let mut inputs = Inputs::new();
+    let of = |mains, samples: &mut dyn Iterator<Item = Sample>| to_steps(mains, samples, count);
+    inputs.add("silence", vec![Step::SILENCE; count]);
+    let rails = &mut telegraph(ChaCha8Rng::seed_from_u64(1));
+    inputs.add("rails", of(Mains::Hz50, rails));
+    let noise = &mut white(ChaCha8Rng::seed_from_u64(2));
+    inputs.add("noise", of(Mains::Hz50, noise));
+    let impulses = &mut impulses(ChaCha8Rng::seed_from_u64(3));
+    inputs.add("impulses", of(Mains::Hz50, impulses));
+    let noisy = &mut eight_noisy(synthetic()?, ChaCha8Rng::seed_from_u64(4));
+    inputs.add(
+        "synthetic EEG, eight electrodes noisy",
+        of(Mains::Hz50, noisy),
+    );
+    inputs.add("synthetic EEG", of(Mains::Hz50, &mut synthetic()?));
+    let real = recorded(HELD_OUT).context(FAILED)?;
+    inputs.add_real(real.map(|samples| of(Mains::Hz60, &mut samples.into_iter())));
+    let is_long = inputs.data.iter().all(|steps| steps.len() == count);
+    ensure!(
+        is_long,
+        "{HELD_OUT} is shorter than {count} time steps\n  next: ask for fewer --hops"
+    );
+    Ok(inputs)
+}
+
 /// Returns endless EEG at the electrodes of the model, the same on every call.
 pub(crate) fn synthetic() -> anyhow::Result<impl Iterator<Item = Sample>> {
     let spec = SyntheticSpec::new(3, model::LABELS.split(' '));
@@ -151,6 +184,46 @@ fn to_planes(mains: Mains, samples: impl IntoIterator<Item = Sample>, steps: usi
     let samples = samples.into_iter();
     let steps_of = samples.filter_map(|sample| acquisition.process_sample(&sample));
     steps_of.map(|step| step.plane).take(steps).collect()
+}
+
+/// Returns the first `count` steps after the second in which offsets decay, computed by the acquisition.
+fn to_steps(mains: Mains, samples: &mut dyn Iterator<Item = Sample>, count: usize) -> Vec<Step> {
+    let mut acquisition = Acquisition::new(mains);
+    let steps = samples.filter_map(|sample| acquisition.process_sample(&sample));
+    steps.skip(SETTLING_STEPS).take(count).collect()
+}
+
+/// Counts of 0, of which one in 500 is 1 mV or -1 mV.
+fn impulses(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
+    let millivolt = counts(1_000.0);
+    std::iter::repeat_with(move || Sample {
+        counts: std::array::from_fn(|_| match random.random_range(0..1_000) {
+            0 => millivolt,
+            1 => -millivolt,
+            _ => 0,
+        }),
+    })
+}
+
+/// Adds white noise of 100 uV rms to the first eight electrodes.
+fn eight_noisy(
+    samples: impl Iterator<Item = Sample>,
+    mut random: ChaCha8Rng,
+) -> impl Iterator<Item = Sample> {
+    // The rms of a uniform distribution is its largest value over the root of 3.
+    let largest = counts(100.0 * 3_f32.sqrt());
+    samples.map(move |mut sample| {
+        for count in sample.counts.iter_mut().take(8) {
+            *count += random.random_range(-largest..=largest);
+        }
+        sample
+    })
+}
+
+/// Returns microvolts in counts of the ADC.
+#[expect(clippy::cast_possible_truncation, reason = "some millivolts at most")]
+fn counts(uv: f32) -> i32 {
+    (uv * 1_000.0 / LSB_NV).round() as i32
 }
 
 /// Random telegraph signal: every electrode jumps from rail to rail, 25.6 times per second on average.

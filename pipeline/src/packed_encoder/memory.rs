@@ -65,6 +65,10 @@ impl PackedMemory {
         settling: false,
     };
 
+    pub(super) fn state(&self) -> &[i16] {
+        &self.state
+    }
+
     pub(super) fn restart(&mut self) {
         *self = Self::EMPTY;
     }

@@ -1,0 +1,206 @@
+//! The benchmark `packed`: instructions, memory, bits and error of the packed code.
+
+use anyhow::{Context, ensure};
+use emulator::{Image, MACHINES, Machine};
+use model::HOP;
+use pipeline::{PackedEncoder, Step};
+use reconstruction::PackedDecoder;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::checked_in;
+use super::figures::Report;
+use super::flash;
+use super::images;
+use super::inputs::{self, Inputs};
+use super::packed_error;
+use crate::tally::Tally;
+
+/// Counts that the image prints, as TOML.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Printed {
+    ram_bytes: u32,
+    inputs: Vec<Counted>,
+}
+
+/// Counts of one input: a tally for each place in the hop, and one for whole hops.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Counted {
+    places: [Tally; HOP],
+    hops: Tally,
+}
+
+/// Instructions of one input on one machine.
+#[derive(Debug, Serialize)]
+struct Row {
+    input: &'static str,
+    insn_per_hop: u64,
+    insn_worst_hop: u32,
+    insn_after_last_sample: u32,
+    bits_per_hop: f64,
+    longest_bytes: usize,
+    blank: usize,
+    misfit: usize,
+}
+
+/// Counts on one machine.
+#[derive(Debug, Serialize)]
+struct Counts {
+    core: &'static str,
+    bytes_equal: bool,
+    rows: Vec<Row>,
+}
+
+/// What this PC computes from one input.
+#[derive(Debug, Default)]
+struct Coded {
+    /// Number of bytes and bytes of each block, as the image writes them.
+    output: Vec<u8>,
+    lengths: Vec<usize>,
+    blank: usize,
+    misfit: usize,
+    /// True if the decoder's state was that of the encoder after every block.
+    decoder_equal: bool,
+}
+
+/// Runs the packed encoder on each machine, and returns the report with all figures.
+///
+/// # Errors
+/// QEMU or the target is missing, an image does not build or run, or an input cannot be made.
+pub(crate) fn measure(hops: usize) -> anyhow::Result<Report> {
+    let inputs = inputs::steps(hops * HOP)?;
+    let coded = inputs
+        .data
+        .iter()
+        .map(|steps| coded(steps))
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let expected: Vec<u8> = coded
+        .iter()
+        .flat_map(|coded| coded.output.clone())
+        .collect();
+    let mut machines = Vec::new();
+    let (mut flash_bytes, mut ram_bytes) = (0, 0);
+    for machine in MACHINES {
+        let bare = Image::build("bench", "packed_size", machine.features)?;
+        flash_bytes = flash::loaded(bare.path())?.len().max(flash_bytes);
+        let image = Image::build("bench", "packed", machine.features)?;
+        let (printed, output) = run(&image, machine, &inputs, expected.len())?;
+        ram_bytes = printed.ram_bytes.max(ram_bytes);
+        let counts = printed.inputs.iter().zip(&inputs.names).zip(&coded);
+        machines.push(Counts {
+            core: machine.core,
+            bytes_equal: output == expected,
+            rows: counts
+                .map(|((counted, name), coded)| row(name, counted, coded))
+                .collect(),
+        });
+    }
+    report(&inputs, &machines, &coded, flash_bytes, ram_bytes)
+}
+
+fn run(
+    image: &Image,
+    machine: Machine,
+    inputs: &Inputs<Step>,
+    length: usize,
+) -> anyhow::Result<(Printed, Vec<u8>)> {
+    let steps = inputs.data.first().map_or(0, Vec::len);
+    let steps = u32::try_from(steps).unwrap_or(u32::MAX).to_le_bytes();
+    let electrodes = inputs
+        .data
+        .iter()
+        .flatten()
+        .flat_map(|step| step.electrodes);
+    let input: Vec<u8> = steps
+        .into_iter()
+        .chain(electrodes.flat_map(i32::to_le_bytes))
+        .collect();
+    images::run(image, machine, "bench/packed", &input, length)
+}
+
+/// Encodes the steps of one input on this PC and decodes each block.
+fn coded(steps: &[Step]) -> anyhow::Result<Coded> {
+    let artifact = checked_in::artifact()?;
+    let model = artifact.packed.as_ref();
+    let model = model.context("the built-in model has no packed model")?;
+    let (mut encoder, mut decoder) = (PackedEncoder::new(), PackedDecoder::new(model));
+    let rate = PackedEncoder::<pipeline::PackedMemory>::DEFAULT_RATE;
+    let mut coded = Coded {
+        decoder_equal: true,
+        ..Coded::default()
+    };
+    for step in steps {
+        let Some(code) = encoder.encode_step(step) else {
+            continue;
+        };
+        let bytes = code.bytes();
+        let length = u8::try_from(bytes.len()).context("a block of at most 118 bytes")?;
+        coded.output.push(length);
+        coded.output.extend(bytes);
+        coded.lengths.push(bytes.len());
+        coded.blank += usize::from(code.is_blank);
+        coded.misfit += usize::from(code.is_misfit);
+        let is_read = decoder.decode(bytes, rate).is_ok();
+        coded.decoder_equal &= is_read && decoder.state() == encoder.state();
+    }
+    ensure!(!coded.lengths.is_empty(), "an input has no block");
+    Ok(coded)
+}
+
+fn row(input: &'static str, counted: &Counted, coded: &Coded) -> Row {
+    let hops = coded.lengths.len();
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
+    let bits_per_hop = 8.0 * coded.lengths.iter().sum::<usize>() as f64 / hops as f64;
+    let last = counted.places.last().map_or(u32::MAX, |tally| tally.most);
+    Row {
+        input,
+        insn_per_hop: counted.hops.total / hops as u64,
+        insn_worst_hop: counted.hops.most,
+        insn_after_last_sample: last,
+        bits_per_hop,
+        longest_bytes: coded.lengths.iter().copied().max().unwrap_or(0),
+        blank: coded.blank,
+        misfit: coded.misfit,
+    }
+}
+
+/// Builds the report; `machines` are in the order of [`MACHINES`]. The figures are those of real EEG on the
+/// Cortex-M4F, or of synthetic EEG where there is no real one.
+fn report(
+    inputs: &Inputs<Step>,
+    machines: &[Counts],
+    coded: &[Coded],
+    flash_bytes: usize,
+    ram_bytes: u32,
+) -> anyhow::Result<Report> {
+    let rows = &machines.first().context("a machine")?.rows;
+    let eeg = rows.last().context("an input")?;
+    let worst = rows.iter().map(|row| row.insn_worst_hop).max();
+    let recorded = packed_error::measure()?;
+    #[expect(clippy::cast_precision_loss, reason = "below 2^53")]
+    let worst_over_mean = f64::from(eeg.insn_worst_hop) / eeg.insn_per_hop as f64;
+    let figures = json!({
+        "bits_per_hop": recorded.as_ref().map(|errors| errors.bits_per_hop),
+        "mse": recorded.as_ref().map(|errors| errors.mse),
+        "mse_smoothed": recorded.as_ref().map(|errors| errors.mse_smoothed),
+        "pca_int8_bits": recorded.as_ref().map(|errors| errors.pca_int8_bits),
+        "pca_int8_mse": recorded.as_ref().and_then(|errors| errors.pca_int8_mse),
+        "insn_per_hop": eeg.insn_per_hop,
+        "insn_worst_hop": eeg.insn_worst_hop,
+        "insn_worst_hop_any_input": worst,
+        "worst_over_mean": worst_over_mean,
+        "insn_after_last_sample": eeg.insn_after_last_sample,
+        "flash_bytes": flash_bytes,
+        "ram_bytes": ram_bytes,
+        "bytes_equal": machines.iter().all(|counts| counts.bytes_equal),
+        "decoder_equal": coded.iter().all(|coded| coded.decoder_equal),
+        "hops": coded.iter().map(|coded| coded.lengths.len()).sum::<usize>(),
+        "rates": recorded.as_ref().map(|errors| &errors.rates),
+        "machines": machines,
+        "skipped": inputs.skipped,
+    });
+    let next = "see `machines`; compare with `git log` of packed, int8-nn, pipeline, model and the toolchain";
+    Report::new("packed", figures, next)
+}
