@@ -1,6 +1,6 @@
 //! The checksum over constants in flash.
 
-use ::packed::Table;
+use ::packed::{Costs, Starts};
 use int8_nn::Pair;
 
 /// FNV-1a checksum of the words added so far.
@@ -37,9 +37,12 @@ impl Checksum {
         }
     }
 
-    pub(crate) const fn add_table(&mut self, table: &Table) {
-        let rows = table.as_flattened();
-        let numbers = rows.as_flattened();
+    pub(crate) const fn add_costs(&mut self, costs: &Costs) {
+        self.add_bytes(costs.as_flattened().as_flattened());
+    }
+
+    pub(crate) const fn add_starts(&mut self, starts: &Starts) {
+        let numbers = starts.as_flattened().as_flattened();
         let mut index = 0;
         while index < numbers.len() {
             self.add_word(numbers[index] as u32);

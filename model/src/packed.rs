@@ -82,8 +82,8 @@ impl Packed<'_> {
         sum.add_words(self.prediction_factors);
         sum.add_bytes(self.predicted_levels);
         sum.add_bytes(self.reset_levels);
-        sum.add_table(self.tables.starts);
-        sum.add_table(self.tables.costs);
+        sum.add_starts(self.tables.starts);
+        sum.add_costs(self.tables.costs);
         sum.value()
     }
 }

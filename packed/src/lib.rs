@@ -20,7 +20,7 @@
 //!
 //! // All magnitudes are equally likely.
 //! let starts = [[core::array::from_fn(|magnitude| 2048 * magnitude as u16); 56]; 2];
-//! let costs = [[[5 * 307; 16]; 56]; 2];
+//! let costs = [[[5 * 16; 16]; 56]; 2];
 //! let tables = Tables { starts: &starts, costs: &costs };
 //! let rate = Rate::new(4).expect("rates are 0..=15");
 //! let mut contexts = [Context::EMPTY; 4];
@@ -64,7 +64,7 @@ pub use context::{Context, prepare as prepare_contexts};
 pub use quantiser::{Magnitude, update_state};
 pub use rate::{RATES, Rate};
 pub use symbol::{Symbol, symbols};
-pub use tables::{BIT_COST, FREQUENCY_BITS, LEVELS, MAGNITUDES, Table, Tables};
+pub use tables::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, Starts, Tables};
 pub use trellis::{MAX_COEFFICIENTS, Survivors, quantise};
 
 #[cfg(test)]

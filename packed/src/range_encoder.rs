@@ -29,7 +29,7 @@ impl<'b> RangeEncoder<'b> {
     }
 
     /// Writes a symbol with a probability of `frequencies.count / 2^bits`.
-    #[inline(always)]
+    #[inline(never)]
     pub(crate) fn put(&mut self, frequencies: Frequencies, bits: u32) {
         let unit = self.range >> bits;
         let (low, carries) = self.low.overflowing_add(unit * frequencies.start);

@@ -9,21 +9,23 @@ pub const MAGNITUDES: usize = 16;
 /// Bits of a probability: all frequencies of a table sum to 2^15.
 pub const FREQUENCY_BITS: u32 = 15;
 
-/// Cost of a bit in the trellis, 1/1024 of the squared step: the weight of the bits, 0.3, times 1024.
-pub const BIT_COST: i32 = 307;
+/// Cost of 1/16 bit in the trellis, 1/65536 of the squared step: the weight of a bit, 0.3 squared steps.
+pub(crate) const BIT_COST: i32 = 1229;
 
-/// One number for each magnitude, for each level, for each of the two quantisers.
-pub type Table = [[[u16; MAGNITUDES]; LEVELS]; 2];
+/// First frequency of each magnitude, for each level, for each of the two quantisers.
+pub type Starts = [[[u16; MAGNITUDES]; LEVELS]; 2];
+
+/// Bits of each magnitude, 1/16 bit, for each level, for each of the two quantisers.
+pub type Costs = [[[u8; MAGNITUDES]; LEVELS]; 2];
 
 /// Probabilities of the magnitudes, and what their bits cost in the trellis.
 #[derive(Clone, Copy, Debug)]
 pub struct Tables<'t> {
     /// First of the frequencies of each magnitude, ascending from 0; a magnitude's frequencies end where
     /// those of the next begin, those of the last at 2^15. No magnitude is without a frequency.
-    pub starts: &'t Table,
-    /// Cost of each magnitude's bits, its sign included and the Elias gamma code of large magnitudes
-    /// excluded, in units of [`BIT_COST`] per bit.
-    pub costs: &'t Table,
+    pub starts: &'t Starts,
+    /// Bits of each magnitude, 1/16 bit: its sign included, the Elias gamma code of large magnitudes excluded.
+    pub costs: &'t Costs,
 }
 
 impl Tables<'_> {

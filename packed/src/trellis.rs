@@ -22,7 +22,8 @@ pub type Survivors = u8;
 /// coefficients, of squared error and 0.3 squared steps for each bit.
 ///
 /// For each coefficient, the candidates of a quantiser are its points on both sides of the value, and 0
-/// where the lower one has magnitude 1 or 2. `residual` is coefficient minus prediction, |x| < 2^17;
+/// where the lower one has magnitude 1 or 2. The Elias gamma code of magnitudes from 15 on is nearly the same for all
+/// candidates, and is left out. `residual` is coefficient minus prediction, |x| < 2^17;
 /// `survivors` is scratch memory. All slices have the same length, at most [`MAX_COEFFICIENTS`]; the
 /// shortest counts.
 ///
@@ -86,47 +87,31 @@ struct Candidates {
 #[derive(Clone, Copy, Debug)]
 struct Candidate {
     /// At most 15: an index of the tables.
-    symbol: usize,
-    /// Squared error and the cost of the Elias gamma code, 1/65536 of the squared step.
-    cost: i32,
-}
-
-impl Candidate {
-    /// `value` is in 1/256 of a step.
-    #[inline(always)]
-    fn new(value: i32, magnitude: i32, quantiser: i32) -> Self {
-        let odd = if magnitude > 0 { quantiser } else { 0 };
-        let error = value - ((2 * magnitude - odd) << 8);
-        let escape = (magnitude - (MAGNITUDES as i32 - 2)).max(1).cast_unsigned();
-        let gamma_bits = 2 * (31 - escape.leading_zeros()).cast_signed();
-        Self {
-            symbol: magnitude.min(MAGNITUDES as i32 - 1).cast_unsigned() as usize,
-            cost: error * error + scaled(gamma_bits * BIT_COST),
-        }
-    }
+    symbol: u32,
+    /// Squared error, 1/65536 of the squared step.
+    error: i32,
 }
 
 impl Candidates {
+    /// `value` is in 1/256 of a step.
     #[inline(always)]
     fn new(value: i32, quantiser: i32) -> Self {
         let lower = lower_magnitude(value, quantiser);
-        let candidate = |magnitude| Candidate::new(value, magnitude, quantiser);
-        let (even, odd) = ((lower + 1) & !1, lower | 1);
-        // The even one of `lower` and `lower + 1`, and the odd one.
-        let competes = lower == 1 || lower == 2;
+        let candidate = |magnitude: i32| {
+            // Magnitude 0 has the wrong point here; it competes below with the right one.
+            let error = value - ((2 * magnitude - quantiser) << 8);
+            Candidate {
+                symbol: magnitude.min(MAGNITUDES as i32 - 1).cast_unsigned(),
+                error: error * error,
+            }
+        };
         let near = value.min(1 << 12);
         Self {
-            even: candidate(even),
-            odd: candidate(odd),
-            zero_error: if competes { near * near } else { UNREACHED },
+            even: candidate((lower + 1) & !1),
+            odd: candidate(lower | 1),
+            zero_error: if lower <= 2 { near * near } else { UNREACHED },
         }
     }
-}
-
-/// Returns a cost of the tables, 1/1024 of the squared step, in 1/65536.
-#[inline(always)]
-fn scaled(cost: i32) -> i32 {
-    cost << 6
 }
 
 /// The cheapest path to each state.
@@ -141,12 +126,20 @@ struct Paths {
 /// The two ways on from a state.
 #[derive(Clone, Copy, Debug)]
 struct Branches {
-    even_cost: i32,
-    odd_cost: i32,
-    /// Survivor bits of the even branch: 2 if magnitude 0 won, otherwise 0.
-    even_zero: u8,
-    after_even: Activity,
-    after_odd: Activity,
+    even: Way,
+    odd: Way,
+}
+
+/// One way on from a state.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    cost: i32,
+    /// At most 15.
+    symbol: u32,
+    /// Survivor bit: 2 if magnitude 0 won over a larger even one, otherwise 0.
+    zero: u8,
+    /// Activity before the coefficient.
+    activity: Activity,
 }
 
 impl Paths {
@@ -172,13 +165,13 @@ impl Paths {
             let is_second = second.cost < first.cost;
             let winner = if is_second { second } else { first };
             self.costs[state] = winner.cost;
-            self.activities[state] = winner.activity;
+            self.activities[state] = winner.activity.after(winner.symbol);
             survivors |= (winner.zero | u8::from(is_second)) << (2 * state);
         };
-        extend(0, a.even(), b.odd());
-        extend(1, c.even(), d.odd());
-        extend(2, a.odd(), b.even());
-        extend(3, c.odd(), d.even());
+        extend(0, a.even, b.odd);
+        extend(1, c.even, d.odd);
+        extend(2, a.odd, b.even);
+        extend(3, c.odd, d.even);
         survivors
     }
 
@@ -190,27 +183,25 @@ impl Paths {
         context: Context,
         tables: &Tables<'_>,
     ) -> Branches {
-        let activity = self.activities[state];
+        let (cost, activity) = (self.costs[state], self.activities[state]);
         let costs = &tables.costs[state / 2][context.table_level(activity)];
-        let bits = |symbol: usize| scaled(costs[symbol % MAGNITUDES].into());
-        let cost = self.costs[state];
-        let even = cost + candidates.even.cost + bits(candidates.even.symbol);
+        let bits = |symbol: u32| i32::from(costs[symbol as usize % MAGNITUDES]) * BIT_COST;
+        let even = cost + candidates.even.error + bits(candidates.even.symbol);
         let zero = cost + candidates.zero_error + bits(0);
-        let odd = cost + candidates.odd.cost + bits(candidates.odd.symbol);
         let is_zero = zero < even;
-        #[expect(clippy::cast_possible_truncation, reason = "at most 15")]
-        let magnitude = if is_zero {
-            0
-        } else {
-            candidates.even.symbol as u32
-        };
         Branches {
-            even_cost: even.min(zero),
-            odd_cost: odd,
-            even_zero: 2 * u8::from(is_zero),
-            after_even: activity.after(magnitude),
-            #[expect(clippy::cast_possible_truncation, reason = "at most 15")]
-            after_odd: activity.after(candidates.odd.symbol as u32),
+            even: Way {
+                cost: even.min(zero),
+                symbol: if is_zero { 0 } else { candidates.even.symbol },
+                zero: if is_zero { 2 } else { 0 },
+                activity,
+            },
+            odd: Way {
+                cost: cost + candidates.odd.error + bits(candidates.odd.symbol),
+                symbol: candidates.odd.symbol,
+                zero: 0,
+                activity,
+            },
         }
     }
 
@@ -224,33 +215,5 @@ impl Paths {
             }
         }
         cheapest
-    }
-}
-
-/// One way into a state.
-#[derive(Clone, Copy, Debug)]
-struct Way {
-    cost: i32,
-    zero: u8,
-    activity: Activity,
-}
-
-impl Branches {
-    #[inline(always)]
-    fn even(&self) -> Way {
-        Way {
-            cost: self.even_cost,
-            zero: self.even_zero,
-            activity: self.after_even,
-        }
-    }
-
-    #[inline(always)]
-    fn odd(&self) -> Way {
-        Way {
-            cost: self.odd_cost,
-            zero: 0,
-            activity: self.after_odd,
-        }
     }
 }

@@ -1,14 +1,15 @@
 //! What is written is read: every magnitude, at every rate, for every residual.
 
 use packed::{
-    BlockReader, Context, Header, LEVELS, MAGNITUDES, Magnitude, Malformed, Rate, Table, Tables,
+    BlockReader, Context, Costs, Header, LEVELS, MAGNITUDES, Magnitude, Malformed, Rate, Starts,
+    Tables,
 };
 use proptest::prelude::*;
 
 /// Returns tables of geometric distributions: level 0 is nearly always 0, level 55 nearly flat.
-fn tables() -> (Box<Table>, Box<Table>) {
+fn tables() -> (Box<Starts>, Box<Costs>) {
     let mut starts = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
-    let mut costs = starts.clone();
+    let mut costs = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
     for (level, (starts, costs)) in
         (0..).zip(starts.iter_mut().flatten().zip(costs.iter_mut().flatten()))
     {
@@ -22,7 +23,7 @@ fn tables() -> (Box<Table>, Box<Table>) {
             let count =
                 ((weights[magnitude] / sum * 32_000.0) as i64).clamp(1, 32_768 - start - left + 1);
             let bits = 15.0 - (count as f64).log2() + f64::from(u8::from(magnitude > 0));
-            costs[magnitude] = (bits * 307.0) as u16;
+            costs[magnitude] = (bits * 16.0).round().min(255.0) as u8;
             start += count;
         }
     }

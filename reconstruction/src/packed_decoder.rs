@@ -16,7 +16,7 @@ pub const HEALING_BLOCKS: usize = 8;
 #[derive(Clone, Debug)]
 pub struct PackedDecoder {
     model: PackedModel,
-    costs: Box<packed::Table>,
+    costs: Box<packed::Costs>,
     synthesis: Synthesis,
     /// Smoother of each rate that has occurred, `[coefficient][residual of the next block]`.
     smoothers: Vec<Option<Vec<f32>>>,

@@ -24,7 +24,7 @@ SHIFTS = [round(math.log(2) / 2 / RATIO * (4 - rate)) for rate in range(16)]
 EXPECTED = [round(64 * 256 * 0.0015 * math.exp(RATIO * level)) for level in range(LEVELS)]
 MOVES = [round(0.55 * math.log((i + 0.5) / 8) / RATIO) for i in range(64)]
 NEXT = [(0, 2), (2, 0), (1, 3), (3, 1)]
-BIT_COST = 307
+BIT_COST = 1229
 
 
 def tensors(path):
@@ -84,14 +84,14 @@ def after(activity, magnitude):
 
 
 def costs(starts):
-    """Returns what the bits of each magnitude cost, sign included."""
+    """Returns the bits of each magnitude in 1/16, sign included."""
     ends = [*starts[1:], 2**15]
     counts = [end - start for start, end in zip(starts, ends)]
-    return [math.floor((15 - math.log2(n) + (m > 0)) * BIT_COST + 0.5) for m, n in enumerate(counts)]
+    return [min(255, math.floor((15 - math.log2(n) + (m > 0)) * 16 + 0.5)) for m, n in enumerate(counts)]
 
 
 def quantise(residual, context, table, rate):
-    """Returns the magnitudes with the least cost; errors are in 1/256 of the step, costs in 1/65536 of its square."""
+    """Returns the magnitudes with the least cost; values are in 1/256 of the step, costs in 1/65536 of its square."""
     reciprocal = -(-(2**34) // STEPS[rate])
     paths = {0: (0, 512, ())}
     for value, here in zip(residual, context):
@@ -104,9 +104,8 @@ def quantise(residual, context, table, rate):
             candidates = [lower, lower + 1] + ([0] if lower in (1, 2) else [])
             for magnitude in candidates:
                 point = 2 * magnitude - quantiser if magnitude else 0
-                gamma = 2 * (max(1, magnitude - 14).bit_length() - 1)
-                bits = row[min(magnitude, ESCAPE)] + gamma * BIT_COST
-                total = cost + (value - 256 * point) ** 2 + 64 * bits
+                bits = row[min(magnitude, ESCAPE)]
+                total = cost + (value - 256 * point) ** 2 + BIT_COST * bits
                 target = NEXT[state][magnitude & 1]
                 if target not in best or total < best[target][0]:
                     best[target] = (total, after(activity, magnitude), (magnitudes, magnitude))

@@ -5,7 +5,7 @@ use super::model::PackedModel;
 use super::smoother::Smoother;
 use crate::description::Description;
 use crate::error::ArtifactError;
-use packed::{LEVELS, MAGNITUDES, RATES, Table};
+use packed::{LEVELS, MAGNITUDES, RATES, Starts};
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 use std::path::Path;
@@ -243,7 +243,7 @@ fn words(bytes: &[u8]) -> impl Iterator<Item = [u8; 4]> {
     bytes.as_chunks().0.iter().copied()
 }
 
-fn table(bytes: &[u8]) -> Box<Table> {
+fn table(bytes: &[u8]) -> Box<Starts> {
     let mut table = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
     let numbers = bytes
         .as_chunks()

@@ -3,7 +3,7 @@
 use super::description::PackedDescription;
 use super::integer_matrix::IntegerMatrix;
 use super::smoother::Smoother;
-use packed::{BIT_COST, FREQUENCY_BITS, LEVELS, MAGNITUDES, Table};
+use packed::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, Starts};
 
 /// Fraction bits that the state loses before the prediction, so that sums of products fit 24 bits.
 const STATE_BITS: u32 = 3;
@@ -23,7 +23,7 @@ pub struct PackedModel {
     /// The same in a block without prediction.
     pub reset_levels: Vec<u8>,
     /// First frequency of each magnitude.
-    pub starts: Box<Table>,
+    pub starts: Box<Starts>,
     /// What the reconstruction adds one block later.
     pub smoother: Smoother,
 }
@@ -51,11 +51,11 @@ impl PackedModel {
         self.prediction.multiply(&rounded)
     }
 
-    /// Returns what the bits of each magnitude cost in the trellis, from their frequencies: `BIT_COST` for
-    /// each bit, the sign included.
-    pub fn costs(&self) -> Box<Table> {
+    /// Returns the bits of each magnitude, 1/16 bit, from their frequencies; the sign included.
+    pub fn costs(&self) -> Box<Costs> {
         let mut costs = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
-        for (costs, starts) in costs.iter_mut().flatten().zip(self.starts.iter().flatten()) {
+        let rows = self.starts.iter().flatten();
+        for (costs, starts) in costs.iter_mut().flatten().zip(rows) {
             let ends = starts[1..].iter().copied().chain([1 << FREQUENCY_BITS]);
             for (magnitude, (start, end)) in starts.iter().zip(ends).enumerate() {
                 let count = f64::from(end.saturating_sub(*start).max(1));
@@ -64,10 +64,10 @@ impl PackedModel {
                 #[expect(
                     clippy::cast_possible_truncation,
                     clippy::cast_sign_loss,
-                    reason = "at most 16 bits of 307"
+                    reason = "0 to 255"
                 )]
-                let cost = (bits * f64::from(BIT_COST)).round() as u16;
-                costs[magnitude] = cost;
+                let sixteenths = (bits * 16.0).round().min(255.0) as u8;
+                costs[magnitude] = sixteenths;
             }
         }
         costs

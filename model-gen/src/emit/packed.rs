@@ -1,6 +1,8 @@
 //! Writes the packed model as Rust constants.
 
-use packed::{LEVELS, MAGNITUDES, Table};
+use std::fmt::Display;
+
+use packed::{LEVELS, MAGNITUDES};
 
 use super::number::separated;
 use super::source::Source;
@@ -78,17 +80,26 @@ impl Source {
         }
         self.table(
             "First frequencies of the magnitudes.",
-            "STARTS",
-            &packed.model.starts,
+            "STARTS: [[[u16",
+            packed.model.starts.as_ref(),
         );
-        self.table("Costs of the magnitudes.", "COSTS", &packed.model.costs());
+        self.table(
+            "Bits of the magnitudes, 1/16 bit.",
+            "COSTS: [[[u8",
+            packed.model.costs().as_ref(),
+        );
         self.packed_constant(packed);
     }
 
-    fn table(&mut self, doc: &str, name: &str, table: &Table) {
+    fn table<T: Display>(
+        &mut self,
+        doc: &str,
+        declaration: &str,
+        table: &[[[T; MAGNITUDES]; LEVELS]; 2],
+    ) {
         self.line(format_args!("/// {doc}"));
         self.line(format_args!(
-            "static PACKED_{name}: [[[u16; {MAGNITUDES}]; {LEVELS}]; 2] = ["
+            "static PACKED_{declaration}; {MAGNITUDES}]; {LEVELS}]; 2] = ["
         ));
         for rows in table {
             self.line("    [");

@@ -39,7 +39,7 @@ pub(super) fn code(
 
 fn code_sequence(
     model: &PackedModel,
-    costs: &packed::Table,
+    costs: &packed::Costs,
     coefficients: &[i16],
     rate: Rate,
     reset: usize,

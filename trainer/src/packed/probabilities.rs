@@ -1,7 +1,7 @@
 //! Levels of the mean magnitudes and frequencies of the magnitudes.
 
 use super::coded::{Coded, Histogram};
-use packed::{FREQUENCY_BITS, LEVELS, MAGNITUDES, Table};
+use packed::{FREQUENCY_BITS, LEVELS, MAGNITUDES, Starts};
 
 /// Mean magnitude of level 0.
 const LEAST_MEAN: f64 = 0.0015;
@@ -51,7 +51,7 @@ pub(super) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
 
 /// Returns the first frequencies of the magnitudes: those counted, plus a geometric distribution with the
 /// level's mean that counts as [`ASSUMED`] blocks.
-pub(super) fn starts(histogram: &Histogram) -> Box<Table> {
+pub(super) fn starts(histogram: &Histogram) -> Box<Starts> {
     let mut table = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
     for (rows, counts) in table.iter_mut().zip(histogram) {
         for ((level, row), counts) in (0..).zip(rows).zip(counts) {
