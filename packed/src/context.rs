@@ -4,22 +4,19 @@ use crate::rate::Rate;
 use crate::tables::{LEVELS, MAGNITUDES};
 
 /// A magnitude of 1 adds this to the activity.
-const ONE: u32 = 64;
+const ONE: u32 = 1024;
 
 /// The activity forgets 1 / 2^5 of itself at each coefficient.
 const DECAY_BITS: u32 = 5;
 
-/// Largest [`Context::inverse`]: its product with the largest activity, `15 * 64 * 32`, fits 32 bits.
-const MAX_INVERSE: u32 = (1 << 17) - 1;
-
 /// What the magnitudes of a block's earlier coefficients sum to, with exponential forgetting; below
-/// 2^15. It compares with the sum that is expected, so that a loud block uses tables of larger magnitudes.
+/// 2^19. It compares with the sum that is expected, so that a loud block uses tables of larger magnitudes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Activity(u32);
 
 impl Activity {
     /// The activity before the first coefficient of a block: that of magnitudes of 1/4.
-    pub(crate) const START: Self = Self(512);
+    pub(crate) const START: Self = Self(8 * ONE);
 
     /// Returns the activity after a coefficient of this magnitude.
     #[inline(always)]
@@ -33,7 +30,7 @@ impl Activity {
 pub struct Context {
     /// Level of the expected magnitude, 0..[`LEVELS`].
     level: u8,
-    /// 2^19 over the expected activity, at most [`MAX_INVERSE`].
+    /// 2^35 over the expected activity.
     inverse: u32,
 }
 
@@ -48,8 +45,10 @@ impl Context {
     /// the activity to the expected one.
     #[inline(always)]
     pub(crate) fn table_level(self, activity: Activity) -> usize {
-        let eighths = (activity.0.wrapping_mul(self.inverse) >> 16).min(63);
-        let moved = i32::from(self.level) + i32::from(LEVEL_OF_RATIO[eighths as usize % 64]);
+        let eighths = (u64::from(activity.0) * u64::from(self.inverse)) >> 32;
+        #[expect(clippy::cast_possible_truncation, reason = "below 2^19")]
+        let eighths = (eighths as i32).clamp(0, 63).cast_unsigned() as usize;
+        let moved = i32::from(self.level) + i32::from(LEVEL_OF_RATIO[eighths]);
         moved.clamp(0, LEVELS as i32 - 1).cast_unsigned() as usize
     }
 }
@@ -59,11 +58,11 @@ impl Context {
 /// `levels` are the levels of the mean magnitudes at rate 4, 0..[`LEVELS`], as trained. If the slices differ in
 /// length, the rest is unchanged.
 pub fn prepare(levels: &[u8], rate: Rate, contexts: &mut [Context]) {
-    // 1/256 of the unit of an activity.
-    let mut expected = Activity::START.0 << 8;
+    // 1/16 of the unit of an activity.
+    let mut expected = Activity::START.0 << 4;
     for (&level, context) in levels.iter().zip(contexts) {
         let level = (i32::from(level) + rate.level_shift()).clamp(0, LEVELS as i32 - 1);
-        #[expect(clippy::cast_possible_truncation, reason = "below 56")]
+        #[expect(clippy::cast_possible_truncation, reason = "below 64")]
         let level = level.cast_unsigned() as u8;
         *context = Context {
             level,
@@ -74,18 +73,11 @@ pub fn prepare(levels: &[u8], rate: Rate, contexts: &mut [Context]) {
     }
 }
 
-/// Returns `2^27 / expected`, at most [`MAX_INVERSE`], from a table of its leading 8 bits: within 0.5 %.
-/// `expected` is 1..2^23.
+/// Returns `2^39 / expected` from a table of its leading 8 bits: within 0.5 %. `expected` is 2^8..2^23.
 fn inverse(expected: u32) -> u32 {
-    let zeros = expected.leading_zeros().min(31);
+    let zeros = expected.leading_zeros().clamp(9, 23);
     let leading = (expected << zeros) >> 24;
-    let reciprocal = u32::from(RECIPROCALS[leading as usize % 128]);
-    let inverse = if zeros > 20 {
-        reciprocal << (zeros - 20)
-    } else {
-        reciprocal >> (20 - zeros)
-    };
-    inverse.min(MAX_INVERSE)
+    u32::from(RECIPROCALS[leading as usize % 128]) << (zeros - 8)
 }
 
 /// `2^23 / (leading + 1/2)` for the leading bits 128..256.
@@ -109,14 +101,15 @@ const LEVEL_OF_RATIO: [i8; 64] = [
     7, 7, 7,
 ];
 
-/// What a coefficient of each level is expected to add to the activity, 1/256 of its unit:
-/// `round(64 * 256 * 0.0015 * exp(LR * level))`, `LR = ln(8000) / 55`. The mean magnitude of level 0 is
-/// 0.0015, that of level 55 is 12.
+/// What a coefficient of each level is expected to add to the activity, 1/16 of its unit:
+/// `round(1024 * 16 * mean)` with the level's mean magnitude `0.0015 * exp(LR * level)`, at most 15, and
+/// `LR = ln(8000) / 55`. The mean of level 55 is 12.
 const EXPECTED_STEP: [u32; LEVELS] = [
     25, 29, 34, 40, 47, 56, 66, 77, 91, 107, 126, 148, 175, 206, 242, 285, 336, 395, 465, 548, 645,
     760, 895, 1054, 1241, 1461, 1720, 2026, 2385, 2809, 3307, 3894, 4586, 5400, 6358, 7487, 8816,
     10381, 12223, 14393, 16948, 19957, 23499, 27671, 32582, 38366, 45177, 53196, 62639, 73758,
-    86851, 102_268, 120_422, 141_798, 166_969, 196_608,
+    86851, 102_268, 120_422, 141_798, 166_969, 196_608, 231_508, 245_760, 245_760, 245_760,
+    245_760, 245_760, 245_760, 245_760,
 ];
 
 #[cfg(test)]
@@ -128,7 +121,8 @@ mod tests {
         let ratio = 8000_f64.ln() / 55.0;
         for (level, &step) in (0..).zip(&EXPECTED_STEP) {
             let mean = 0.0015 * (ratio * f64::from(level)).exp();
-            assert!((f64::from(step) - (64.0 * 256.0 * mean).round()).abs() < 0.5);
+            let mean = mean.min(15.0);
+            assert!((f64::from(step) - (1024.0 * 16.0 * mean).round()).abs() < 0.5);
         }
         for (eighths, &moved) in (0..).zip(&LEVEL_OF_RATIO) {
             let exact = (0.55 * ((f64::from(eighths) + 0.5) / 8.0).ln() / ratio).round();
@@ -138,24 +132,22 @@ mod tests {
 
     #[test]
     fn an_inverse_is_within_half_a_percent() {
-        for expected in (1024..1 << 23).step_by(37) {
-            let exact = f64::from(1 << 27) / f64::from(expected);
+        for expected in (256..1 << 23).step_by(37) {
+            let exact = 2_f64.powi(39) / f64::from(expected);
             let error = (f64::from(inverse(expected)) - exact).abs();
-            assert!(error <= 1.0 + exact * 0.005, "{expected}");
+            assert!(error <= exact * 0.005, "{expected}");
         }
-        assert_eq!(inverse(25), MAX_INVERSE);
     }
 
     #[test]
-    fn the_largest_activity_times_the_largest_inverse_fits() {
-        let mut activity = Activity::START;
+    fn activities_stay_in_their_range() {
+        let (mut most, mut least) = (Activity::START, Activity::START);
         for _ in 0..1000 {
-            activity = activity.after(u32::MAX);
+            (most, least) = (most.after(u32::MAX), least.after(0));
         }
-        assert!(
-            activity.0.checked_mul(MAX_INVERSE).is_some(),
-            "{activity:?}"
-        );
+        assert!(most.0 < 1 << 19 && least.0 < ONE / 16, "{most:?} {least:?}");
+        // The expected activity, in 1/16: at least that of level 0, at most that of magnitudes of 15.
+        assert!(32 * EXPECTED_STEP[0] > 256 && 32 * EXPECTED_STEP[LEVELS - 1] < 1 << 23);
     }
 
     #[test]

@@ -19,8 +19,8 @@
 //! use packed::{BlockReader, Context, Header, Magnitude, Malformed, Rate, Tables};
 //!
 //! // All magnitudes are equally likely.
-//! let starts = [[core::array::from_fn(|magnitude| 2048 * magnitude as u16); 56]; 2];
-//! let costs = [[[5 * 16; 16]; 56]; 2];
+//! let starts = [[core::array::from_fn(|magnitude| 2048 * magnitude as u16); 64]; 2];
+//! let costs = [[[5 * 16; 16]; 64]; 2];
 //! let tables = Tables { starts: &starts, costs: &costs };
 //! let rate = Rate::new(4).expect("rates are 0..=15");
 //! let mut contexts = [Context::EMPTY; 4];

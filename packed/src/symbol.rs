@@ -8,7 +8,7 @@ use crate::quantiser::{Magnitude, State};
 pub struct Symbol {
     /// Quantiser, 0 or 1.
     pub quantiser: usize,
-    /// Level of the expected magnitude, 0..56.
+    /// Level of the expected magnitude, 0..64.
     pub level: usize,
     /// The magnitude.
     pub magnitude: Magnitude,

@@ -1,7 +1,7 @@
 //! The trained probabilities of the magnitudes.
 
 /// Number of levels of an expected magnitude.
-pub const LEVELS: usize = 56;
+pub const LEVELS: usize = 64;
 
 /// Number of symbols for magnitudes: 0..=14, and 15 for every larger magnitude.
 pub const MAGNITUDES: usize = 16;

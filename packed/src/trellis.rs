@@ -42,8 +42,7 @@ pub fn quantise(
     let coefficients = residual.iter().zip(contexts).zip(&mut *survivors);
     for ((&residual, &context), survivors) in coefficients {
         let value = rate.in_steps(residual.unsigned_abs());
-        let candidates = [Candidates::new(value, 0), Candidates::new(value, 1)];
-        *survivors = paths.extend(&candidates, context, tables);
+        *survivors = paths.extend(value, context, tables);
     }
     let mut state = paths.cheapest_state();
     let coefficients = residual.iter().zip(survivors).zip(magnitudes).rev();
@@ -101,7 +100,7 @@ impl Candidates {
             // Magnitude 0 has the wrong point here; it competes below with the right one.
             let error = value - ((2 * magnitude - quantiser) << 8);
             Candidate {
-                symbol: magnitude.min(MAGNITUDES as i32 - 1).cast_unsigned(),
+                symbol: magnitude.clamp(0, MAGNITUDES as i32 - 1).cast_unsigned(),
                 error: error * error,
             }
         };
@@ -110,6 +109,32 @@ impl Candidates {
             even: candidate((lower + 1) & !1),
             odd: candidate(lower | 1),
             zero_error: if lower <= 2 { near * near } else { UNREACHED },
+        }
+    }
+
+    /// Returns the ways on from a state with this cost and activity.
+    #[inline(always)]
+    fn ways(&self, cost: i32, activity: Activity, bits: &[u8; MAGNITUDES]) -> Ways {
+        let cost_of = |error: i32, symbol: u32| {
+            let bits = bits[symbol as usize % MAGNITUDES];
+            cost + error + i32::from(bits) * BIT_COST
+        };
+        let even = cost_of(self.even.error, self.even.symbol);
+        let zero = cost_of(self.zero_error, 0);
+        let is_zero = zero < even;
+        Ways {
+            even: Way {
+                cost: even.min(zero),
+                symbol: if is_zero { 0 } else { self.even.symbol },
+                survivor: if is_zero { 2 } else { 0 },
+                activity,
+            },
+            odd: Way {
+                cost: cost_of(self.odd.error, self.odd.symbol),
+                symbol: self.odd.symbol,
+                survivor: 0,
+                activity,
+            },
         }
     }
 }
@@ -125,7 +150,7 @@ struct Paths {
 
 /// The two ways on from a state.
 #[derive(Clone, Copy, Debug)]
-struct Branches {
+struct Ways {
     even: Way,
     odd: Way,
 }
@@ -136,10 +161,25 @@ struct Way {
     cost: i32,
     /// At most 15.
     symbol: u32,
-    /// Survivor bit: 2 if magnitude 0 won over a larger even one, otherwise 0.
-    zero: u8,
+    /// Survivor bits: 2 if magnitude 0 won over a larger even one, 1 if the way came from the second state.
+    survivor: u8,
     /// Activity before the coefficient.
     activity: Activity,
+}
+
+impl Way {
+    /// Returns the cheaper way; the first one wins a tie.
+    #[inline(always)]
+    fn better(first: Self, second: Self) -> Self {
+        if second.cost < first.cost {
+            Self {
+                survivor: second.survivor | 1,
+                ..second
+            }
+        } else {
+            first
+        }
+    }
 }
 
 impl Paths {
@@ -149,60 +189,39 @@ impl Paths {
         activities: [Activity::START; STATES],
     };
 
-    /// Extends the paths by a coefficient and returns the survivors.
+    /// Extends the paths by a coefficient, whose value is in 1/256 of a step, and returns the survivors.
     #[inline(always)]
-    fn extend(
-        &mut self,
-        candidates: &[Candidates; 2],
-        context: Context,
-        tables: &Tables<'_>,
-    ) -> Survivors {
-        let [a, b, c, d] =
-            [0, 1, 2, 3].map(|state| self.branches(state, &candidates[state / 2], context, tables));
-        let mut survivors = 0;
-        let mut extend = |state: usize, first: Way, second: Way| {
-            // The first one wins a tie.
-            let is_second = second.cost < first.cost;
-            let winner = if is_second { second } else { first };
-            self.costs[state] = winner.cost;
-            self.activities[state] = winner.activity.after(winner.symbol);
-            survivors |= (winner.zero | u8::from(is_second)) << (2 * state);
-        };
-        extend(0, a.even, b.odd);
-        extend(1, c.even, d.odd);
-        extend(2, a.odd, b.even);
-        extend(3, c.odd, d.even);
-        survivors
+    fn extend(&mut self, value: i32, context: Context, tables: &Tables<'_>) -> Survivors {
+        // Quantiser 0 leads from the states 0 and 1 to 0 and 2, quantiser 1 from 2 and 3 to 1 and 3.
+        let [zero, two] = self.extend_quantiser::<0>(value, context, tables);
+        let [one, three] = self.extend_quantiser::<1>(value, context, tables);
+        let ways = [zero, one, two, three];
+        self.costs = ways.map(|way| way.cost);
+        self.activities = ways.map(|way| way.activity.after(way.symbol));
+        let [zero, one, two, three] = ways.map(|way| way.survivor);
+        zero | one << 2 | two << 4 | three << 6
     }
 
+    /// Returns the best way with an even sum of magnitude and state, and that with an odd one, from the two
+    /// states of a quantiser.
     #[inline(always)]
-    fn branches(
+    fn extend_quantiser<const QUANTISER: usize>(
         &self,
-        state: usize,
-        candidates: &Candidates,
+        value: i32,
         context: Context,
         tables: &Tables<'_>,
-    ) -> Branches {
-        let (cost, activity) = (self.costs[state], self.activities[state]);
-        let costs = &tables.costs[state / 2][context.table_level(activity)];
-        let bits = |symbol: u32| i32::from(costs[symbol as usize % MAGNITUDES]) * BIT_COST;
-        let even = cost + candidates.even.error + bits(candidates.even.symbol);
-        let zero = cost + candidates.zero_error + bits(0);
-        let is_zero = zero < even;
-        Branches {
-            even: Way {
-                cost: even.min(zero),
-                symbol: if is_zero { 0 } else { candidates.even.symbol },
-                zero: if is_zero { 2 } else { 0 },
-                activity,
-            },
-            odd: Way {
-                cost: cost + candidates.odd.error + bits(candidates.odd.symbol),
-                symbol: candidates.odd.symbol,
-                zero: 0,
-                activity,
-            },
-        }
+    ) -> [Way; 2] {
+        let candidates = Candidates::new(value, QUANTISER as i32);
+        let [first, second] = [0, 1].map(|state| {
+            let state = 2 * QUANTISER + state;
+            let (cost, activity) = (self.costs[state], self.activities[state]);
+            let bits = &tables.costs[QUANTISER][context.table_level(activity)];
+            candidates.ways(cost, activity, bits)
+        });
+        [
+            Way::better(first.even, second.odd),
+            Way::better(first.odd, second.even),
+        ]
     }
 
     /// Returns the state of the cheapest path, the first of several.

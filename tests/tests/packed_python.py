@@ -17,11 +17,11 @@ import zlib
 from operator import mul
 from pathlib import Path
 
-LEVELS, ESCAPE, RESET, CAP = 56, 15, 64, 118
-RATIO = math.log(8000) / (LEVELS - 1)
+LEVELS, ESCAPE, RESET, CAP = 64, 15, 64, 118
+RATIO = math.log(8000) / 55
 STEPS = [round(32 * 2 ** ((rate - 4) / 2)) for rate in range(16)]
 SHIFTS = [round(math.log(2) / 2 / RATIO * (4 - rate)) for rate in range(16)]
-EXPECTED = [round(64 * 256 * 0.0015 * math.exp(RATIO * level)) for level in range(LEVELS)]
+EXPECTED = [round(16384 * min(15, 0.0015 * math.exp(RATIO * level))) for level in range(LEVELS)]
 MOVES = [round(0.55 * math.log((i + 0.5) / 8) / RATIO) for i in range(64)]
 NEXT = [(0, 2), (2, 0), (1, 3), (3, 1)]
 BIT_COST = 1229
@@ -57,16 +57,14 @@ def multiply(matrix, factors, inputs):
 
 
 def inverse(expected):
-    """Returns 2^27 / expected, from the leading eight bits of `expected`."""
-    bits = expected.bit_length()
-    leading = (expected << 32 - bits) >> 24
-    reciprocal = 2**24 // (2 * leading + 1)
-    shift = 32 - bits - 20
-    return min(reciprocal << shift if shift > 0 else reciprocal >> -shift, 2**17 - 1)
+    """Returns 2^39 / expected, from the leading eight bits of `expected`."""
+    zeros = 32 - expected.bit_length()
+    leading = (expected << zeros) >> 24
+    return (2**24 // (2 * leading + 1)) << zeros - 8
 
 
 def contexts(levels, rate):
-    expected, result = 512 << 8, []
+    expected, result = 8192 << 4, []
     for level in levels:
         level = max(0, min(LEVELS - 1, level + SHIFTS[rate]))
         result.append((level, inverse(expected)))
@@ -76,11 +74,11 @@ def contexts(levels, rate):
 
 def table_level(context, activity):
     level, scale = context
-    return max(0, min(LEVELS - 1, level + MOVES[min(activity * scale >> 16, 63)]))
+    return max(0, min(LEVELS - 1, level + MOVES[min(activity * scale >> 32, 63)]))
 
 
 def after(activity, magnitude):
-    return activity - (activity >> 5) + 64 * min(magnitude, ESCAPE)
+    return activity - (activity >> 5) + 1024 * min(magnitude, ESCAPE)
 
 
 def costs(starts):
@@ -93,7 +91,7 @@ def costs(starts):
 def quantise(residual, context, table, rate):
     """Returns the magnitudes with the least cost; values are in 1/256 of the step, costs in 1/65536 of its square."""
     reciprocal = -(-(2**34) // STEPS[rate])
-    paths = {0: (0, 512, ())}
+    paths = {0: (0, 8192, ())}
     for value, here in zip(residual, context):
         value = abs(value) * reciprocal >> 26
         best = {}
@@ -157,7 +155,7 @@ def write(magnitudes, residual, context, starts, rate, announced, is_reset):
         coder.put(30720, 1536, 15)
     else:
         coder.put(0, 30720, 15)
-    state, activity = 0, 512
+    state, activity = 0, 8192
     for magnitude, value, here in zip(magnitudes, residual, context):
         row = [*starts[(state >> 1) * LEVELS + table_level(here, activity)], 2**15]
         symbol = min(magnitude, ESCAPE)

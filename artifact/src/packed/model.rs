@@ -18,7 +18,7 @@ pub struct PackedModel {
     pub analysis: IntegerMatrix,
     /// From the coefficients of the previous state to the prediction of the next block's.
     pub prediction: IntegerMatrix,
-    /// Level of each coefficient's mean magnitude at rate 4, 0..56, in a predicted block.
+    /// Level of each coefficient's mean magnitude at rate 4, 0..64, in a predicted block.
     pub predicted_levels: Vec<u8>,
     /// The same in a block without prediction.
     pub reset_levels: Vec<u8>,

@@ -54,7 +54,7 @@ pub(super) fn check(model: &PackedModel, description: &Description) -> Result<()
         .clone()
         .position(|&level| usize::from(level) >= LEVELS)
     {
-        return Err(range("levels", index, "the level is above 55"));
+        return Err(range("levels", index, "the level is above 63"));
     }
     let costs = model.costs();
     let tables = Tables {

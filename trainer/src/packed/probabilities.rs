@@ -11,9 +11,7 @@ const ASSUMED: f64 = 20.0;
 
 /// Natural logarithm of the ratio of neighbouring levels' mean magnitudes.
 fn log_ratio() -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "55")]
-    let intervals = (LEVELS - 1) as f64;
-    8000_f64.ln() / intervals
+    8000_f64.ln() / 55.0
 }
 
 /// Returns the level nearest to each mean magnitude.
@@ -23,7 +21,7 @@ pub(super) fn levels(means: &[f64]) -> Vec<u8> {
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
-            reason = "clamped to 0..=55"
+            reason = "clamped to 0..=63"
         )]
         let level = level.clamp(0.0, LEVELS as f64 - 1.0) as u8;
         level
