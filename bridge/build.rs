@@ -25,6 +25,22 @@ fn main() -> ExitCode {
         );
         return ExitCode::FAILURE;
     }
+    println!("cargo::rerun-if-changed={}", artifact.display());
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    let empty = out.join("empty");
+    if let Err(error) = std::fs::write(&empty, []) {
+        println!("cargo::error={}: {error}", empty.display());
+        return ExitCode::FAILURE;
+    }
+    // Of an artifact without a packed model, the program embeds two empty files.
+    for (variable, name) in [
+        ("EMBEDDED_PACKED_TOML", "packed.toml"),
+        ("EMBEDDED_PACKED_TENSORS", "packed.safetensors"),
+    ] {
+        let file = artifact.join(name);
+        let file = if file.exists() { &file } else { &empty };
+        println!("cargo::rustc-env={variable}={}", file.display());
+    }
     // The compiler reads the files, and cargo compiles again when one of them changes.
     println!("cargo::rustc-env=EMBEDDED_MODEL={}", artifact.display());
     ExitCode::SUCCESS

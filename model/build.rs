@@ -26,6 +26,10 @@ fn main() -> ExitCode {
     println!("cargo::rerun-if-changed={}", artifact.display());
     println!("cargo::rustc-env=ARTIFACT_FOLDER={}", artifact.display());
     let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    if let Err(error) = name_packed_files(&artifact, &out) {
+        println!("cargo::error={}: {error}", out.display());
+        return ExitCode::FAILURE;
+    }
     match model_gen::generate(&artifact, &out) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -37,6 +41,21 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Tells the crate where the files of the packed model are; of an artifact without one, two empty files.
+fn name_packed_files(artifact: &Path, out: &Path) -> std::io::Result<()> {
+    let empty = out.join("empty");
+    std::fs::write(&empty, [])?;
+    for (variable, name) in [
+        ("PACKED_TOML", "packed.toml"),
+        ("PACKED_TENSORS", "packed.safetensors"),
+    ] {
+        let file = artifact.join(name);
+        let file = if file.exists() { &file } else { &empty };
+        println!("cargo::rustc-env={variable}={}", file.display());
+    }
+    Ok(())
 }
 
 /// Formats an error and its causes in one line.

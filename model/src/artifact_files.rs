@@ -8,3 +8,13 @@ pub const WEIGHTS: &[u8] = include_bytes!(concat!(env!("ARTIFACT_FOLDER"), "/wei
 /// Bytes of `calibration.safetensors`.
 pub const CALIBRATION: &[u8] =
     include_bytes!(concat!(env!("ARTIFACT_FOLDER"), "/calibration.safetensors"));
+
+/// Text of `packed.toml` and bytes of `packed.safetensors`; `None` if the artifact has no packed model.
+pub const PACKED: Option<(&str, &[u8])> = {
+    let toml = include_str!(env!("PACKED_TOML"));
+    if toml.is_empty() {
+        None
+    } else {
+        Some((toml, include_bytes!(env!("PACKED_TENSORS"))))
+    }
+};

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use ::model::artifact_files::{CALIBRATION, MODEL_TOML, WEIGHTS};
+use ::model::artifact_files::{CALIBRATION, MODEL_TOML, PACKED, WEIGHTS};
 use artifact::{Artifact, ArtifactError, Description, ModelId};
 use reconstruction::WindowDecoder;
 
@@ -24,7 +24,7 @@ impl Model {
     /// # Errors
     /// [`OfflineError::Model`] if its decoder needs more input than the code.
     pub fn embedded() -> Result<Self, OfflineError> {
-        Artifact::from_bytes(MODEL_TOML, WEIGHTS, CALIBRATION, None)
+        Artifact::from_bytes(MODEL_TOML, WEIGHTS, CALIBRATION, PACKED)
             .and_then(|artifact| Self::new(&artifact))
             .map_err(|source| OfflineError::Model {
                 folder: PathBuf::from("this program"),

@@ -30,11 +30,13 @@ impl Model {
     ///
     /// [`ArtifactError`] if the model's decoder needs more input than the code.
     pub fn embedded() -> Result<Model, ArtifactError> {
+        let toml = include_str!(env!("EMBEDDED_PACKED_TOML"));
+        let tensors: &[u8] = include_bytes!(env!("EMBEDDED_PACKED_TENSORS"));
         Model::new(&Artifact::from_bytes(
             include_str!(concat!(env!("EMBEDDED_MODEL"), "/model.toml")),
             include_bytes!(concat!(env!("EMBEDDED_MODEL"), "/weights.safetensors")),
             include_bytes!(concat!(env!("EMBEDDED_MODEL"), "/calibration.safetensors")),
-            None,
+            (!toml.is_empty()).then_some((toml, tensors)),
         )?)
     }
 

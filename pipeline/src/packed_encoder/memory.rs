@@ -195,6 +195,7 @@ impl PackedMemory {
     }
 
     /// Quantises the residual at the header's rate and writes it; returns the number of bytes.
+    #[inline(never)]
     fn write(
         &mut self,
         header: Header,
@@ -226,6 +227,7 @@ impl PackedMemory {
         self.write_prepared(header, announced, packed, bytes)
     }
 
+    #[inline(never)]
     fn prepare_contexts(&mut self, header: Header, packed: &Packed<'_>) {
         let levels = if header.is_reset {
             packed.reset_levels

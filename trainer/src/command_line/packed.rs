@@ -26,7 +26,7 @@ pub(crate) struct PackedArgs {
     test: Vec<String>,
     /// Number of coefficients of a block: a multiple of 16 up to 256. Fewer need less flash and time; more reach a
     /// smaller error at high rates.
-    #[arg(long, default_value_t = 192)]
+    #[arg(long, default_value_t = 176)]
     coefficients: usize,
     /// Start the device with the coarsest rate whose mean squared error is at most this, in units of the training
     /// data's variance [default: rate 4].
