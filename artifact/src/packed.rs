@@ -6,6 +6,8 @@ mod integer_matrix;
 mod model;
 mod ranges;
 mod smoother;
+#[cfg(test)]
+mod tests;
 
 pub use description::{PackedDescription, PackedFigures, PackedTraining};
 pub(crate) use file::{DESCRIPTION as PACKED_DESCRIPTION, PackedFiles, TENSORS as PACKED_TENSORS};

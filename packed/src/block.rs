@@ -6,10 +6,7 @@ use crate::range_decoder::RangeDecoder;
 use crate::range_encoder::RangeEncoder;
 use crate::rate::Rate;
 use crate::symbol::{Place, symbols};
-use crate::tables::{FREQUENCY_BITS, Frequencies, MAGNITUDES, Tables};
-
-/// The magnitude that stands for itself and all larger ones; the rest follows as an Elias gamma code.
-const ESCAPE: u16 = MAGNITUDES as u16 - 1;
+use crate::tables::{ESCAPE, FREQUENCY_BITS, Frequencies, MAGNITUDES, Tables};
 
 /// Largest number of leading ones of an Elias gamma code; magnitudes stay below 2^16.
 const MAX_GAMMA_BITS: u32 = 15;
@@ -92,7 +89,7 @@ fn write_magnitude(
 /// Writes a number of at least 1: as many ones as it has bits after the leading one, a zero, these bits.
 #[cold]
 fn write_gamma(number: u32, encoder: &mut RangeEncoder<'_>) {
-    let bits = 31 - number.leading_zeros();
+    let bits = number.ilog2();
     for _ in 0..bits {
         encoder.put_bit(true);
     }

@@ -1,7 +1,10 @@
 //! The probability model's context of a coefficient: how large a magnitude is expected.
 
 use crate::rate::Rate;
-use crate::tables::{LEVELS, MAGNITUDES};
+use crate::tables::{ESCAPE, LEVELS};
+
+/// The last level.
+const LAST_LEVEL: i32 = 63;
 
 /// A magnitude of 1 adds this to the activity.
 const ONE: u32 = 1024;
@@ -21,7 +24,7 @@ impl Activity {
     /// Returns the activity after a coefficient of this magnitude.
     #[inline(always)]
     pub(crate) fn after(self, magnitude: u32) -> Self {
-        Self(self.0 - (self.0 >> DECAY_BITS) + ONE * magnitude.min(MAGNITUDES as u32 - 1))
+        Self(self.0 - (self.0 >> DECAY_BITS) + ONE * magnitude.min(ESCAPE.into()))
     }
 }
 
@@ -46,10 +49,9 @@ impl Context {
     #[inline(always)]
     pub(crate) fn table_level(self, activity: Activity) -> usize {
         let eighths = (u64::from(activity.0) * u64::from(self.inverse)) >> 32;
-        #[expect(clippy::cast_possible_truncation, reason = "below 2^19")]
         let eighths = (eighths as i32).clamp(0, 63).cast_unsigned() as usize;
         let moved = i32::from(self.level) + i32::from(LEVEL_OF_RATIO[eighths]);
-        moved.clamp(0, LEVELS as i32 - 1).cast_unsigned() as usize
+        moved.clamp(0, LAST_LEVEL).cast_unsigned() as usize
     }
 }
 
@@ -61,7 +63,7 @@ pub fn prepare(levels: &[u8], rate: Rate, contexts: &mut [Context]) {
     // 1/16 of the unit of an activity.
     let mut expected = Activity::START.0 << 4;
     for (&level, context) in levels.iter().zip(contexts) {
-        let level = (i32::from(level) + rate.level_shift()).clamp(0, LEVELS as i32 - 1);
+        let level = (i32::from(level) + rate.level_shift()).clamp(0, LAST_LEVEL);
         #[expect(clippy::cast_possible_truncation, reason = "below 64")]
         let level = level.cast_unsigned() as u8;
         *context = Context {
@@ -111,6 +113,8 @@ const EXPECTED_STEP: [u32; LEVELS] = [
     86851, 102_268, 120_422, 141_798, 166_969, 196_608, 231_508, 245_760, 245_760, 245_760,
     245_760, 245_760, 245_760, 245_760,
 ];
+
+const _: () = assert!(LAST_LEVEL as usize + 1 == LEVELS);
 
 #[cfg(test)]
 mod tests {

@@ -49,8 +49,8 @@ impl Rate {
     }
 
     /// Returns all rates, finest first.
-    pub fn all() -> impl DoubleEndedIterator<Item = Self> + ExactSizeIterator + Clone {
-        (0..RATES as u8).map(Self)
+    pub fn all() -> impl DoubleEndedIterator<Item = Self> + Clone {
+        (0..=Self::COARSEST.0).map(Self)
     }
 
     /// Returns the index, 0..=15.
@@ -73,7 +73,7 @@ impl Rate {
     pub(crate) fn in_steps(self, magnitude: u32) -> i32 {
         let reciprocal = Self::RECIPROCALS[usize::from(self.0) % RATES];
         #[expect(clippy::cast_possible_truncation, reason = "below 2^17 * 2^31 / 2^26")]
-        let steps = (u64::from(magnitude) * u64::from(reciprocal) >> 26) as i32;
+        let steps = ((u64::from(magnitude) * u64::from(reciprocal)) >> 26) as i32;
         steps
     }
 
@@ -82,6 +82,8 @@ impl Rate {
         Self::LEVEL_SHIFTS[usize::from(self.0) % RATES].into()
     }
 }
+
+const _: () = assert!(Rate::COARSEST.0 as usize + 1 == RATES);
 
 #[cfg(test)]
 mod tests {
@@ -106,8 +108,8 @@ mod tests {
         for index in 0..16 {
             let rate = Rate::new(index).expect("sixteen rates");
             for magnitude in (0..1 << 17).step_by(7) {
-                let exact = u64::from(magnitude) * 256 / rate.step().cast_unsigned() as u64;
-                let steps = rate.in_steps(magnitude).cast_unsigned() as u64;
+                let exact = u64::from(magnitude) * 256 / u64::from(rate.step().cast_unsigned());
+                let steps = u64::from(rate.in_steps(magnitude).cast_unsigned());
                 assert!(
                     steps == exact || steps == exact + 1,
                     "{magnitude} at {index}"

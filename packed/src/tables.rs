@@ -6,6 +6,9 @@ pub const LEVELS: usize = 64;
 /// Number of symbols for magnitudes: 0..=14, and 15 for every larger magnitude.
 pub const MAGNITUDES: usize = 16;
 
+/// The magnitude that stands for itself and all larger ones.
+pub(crate) const ESCAPE: u16 = 15;
+
 /// Bits of a probability: all frequencies of a table sum to 2^15.
 pub const FREQUENCY_BITS: u32 = 15;
 
@@ -73,3 +76,5 @@ impl Frequencies {
         }
     }
 }
+
+const _: () = assert!(ESCAPE as usize + 1 == MAGNITUDES);

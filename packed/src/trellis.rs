@@ -3,7 +3,7 @@
 use crate::context::{Activity, Context};
 use crate::quantiser::Magnitude;
 use crate::rate::Rate;
-use crate::tables::{BIT_COST, MAGNITUDES, Tables};
+use crate::tables::{BIT_COST, ESCAPE, MAGNITUDES, Tables};
 
 /// Number of states.
 const STATES: usize = 4;
@@ -100,7 +100,7 @@ impl Candidates {
             // Magnitude 0 has the wrong point here; it competes below with the right one.
             let error = value - ((2 * magnitude - quantiser) << 8);
             Candidate {
-                symbol: magnitude.clamp(0, MAGNITUDES as i32 - 1).cast_unsigned(),
+                symbol: magnitude.clamp(0, ESCAPE.into()).cast_unsigned(),
                 error: error * error,
             }
         };
@@ -211,7 +211,7 @@ impl Paths {
         context: Context,
         tables: &Tables<'_>,
     ) -> [Way; 2] {
-        let candidates = Candidates::new(value, QUANTISER as i32);
+        let candidates = Candidates::new(value, i32::from(QUANTISER == 1));
         let [first, second] = [0, 1].map(|state| {
             let state = 2 * QUANTISER + state;
             let (cost, activity) = (self.costs[state], self.activities[state]);

@@ -10,24 +10,32 @@ use proptest::prelude::*;
 fn tables() -> (Box<Starts>, Box<Costs>) {
     let mut starts = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
     let mut costs = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
-    for (level, (starts, costs)) in
-        (0..).zip(starts.iter_mut().flatten().zip(costs.iter_mut().flatten()))
-    {
+    let rows = starts.iter_mut().flatten();
+    for (level, (starts, costs)) in (0_u32..).zip(rows.zip(costs.iter_mut().flatten())) {
         let ratio = 0.001 + f64::from(level % 64) / 70.0;
         let weights: Vec<f64> = (0..16).map(|magnitude| ratio.powi(magnitude)).collect();
         let sum: f64 = weights.iter().sum();
         let mut start = 0;
-        for magnitude in 0..MAGNITUDES {
-            starts[magnitude] = u16::try_from(start).expect("below 2^15");
-            let left = MAGNITUDES as i64 - magnitude as i64;
-            let count =
-                ((weights[magnitude] / sum * 32_000.0) as i64).clamp(1, 32_768 - start - left + 1);
-            let bits = 15.0 - (count as f64).log2() + f64::from(u8::from(magnitude > 0));
-            costs[magnitude] = (bits * 16.0).round().min(255.0) as u8;
+        let places = starts.iter_mut().zip(costs).zip(&weights).zip(0_u8..);
+        for (((place, cost), weight), magnitude) in places {
+            *place = start;
+            let count = u16::try_from(to_integer(weight / sum * 32_000.0)).expect("below 2^15");
+            let count = count.clamp(1, 32_768 - start - (15 - u16::from(magnitude)));
+            let bits = 15.0 - f64::from(count).log2() + f64::from(magnitude.min(1));
+            *cost = u8::try_from(to_integer(bits * 16.0).min(255)).expect("at most 255");
             start += count;
         }
     }
     (starts, costs)
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "small positive numbers"
+)]
+fn to_integer(value: f64) -> u32 {
+    value as u32
 }
 
 fn contexts(levels: &[u8], rate: Rate) -> Vec<Context> {

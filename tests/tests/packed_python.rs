@@ -4,6 +4,7 @@
 //! The Python program shares no code with the Rust implementations: it reads docs/packed.md's formulas literally.
 #![forbid(unsafe_code)]
 
+use std::fmt::Write as _;
 use std::fs;
 use std::process::Command;
 
@@ -59,11 +60,10 @@ fn coded(steps: &[Step], rate: u8) -> Vec<String> {
             let state = decoder.state().iter().flat_map(|value| value.to_le_bytes());
             let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
             let crc = crc.checksum(&state.collect::<Vec<u8>>());
-            let bytes: String = code
-                .bytes()
-                .iter()
-                .map(|byte| format!("{byte:02x}"))
-                .collect();
+            let mut bytes = String::new();
+            for byte in code.bytes() {
+                write!(bytes, "{byte:02x}").expect("memory");
+            }
             let bytes = if bytes.is_empty() { "-" } else { &bytes };
             format!("{bytes} {crc:08x}")
         })

@@ -14,7 +14,7 @@ const AFTER_A_LINT: &str =
 
 /// Cargo arguments for the lints: the crates that run on a microcontroller without a feature for one board,
 /// and the images for emulated microcontrollers.
-const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8-nn --package=model \
+const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8-nn --package=packed --package=model \
     --package=pipeline --package=link --package=device --package=firmware --package=bench \
     --package=on-target --package=board-qemu";
 

@@ -25,12 +25,12 @@ pub(crate) struct Errors {
     pub(crate) mse_smoothed: f64,
     pub(crate) pca_int8_bits: usize,
     pub(crate) pca_int8_mse: Option<f64>,
-    pub(crate) rates: Vec<Rate>,
+    pub(crate) rates: Vec<RateFigures>,
 }
 
 /// Figures of one rate.
 #[derive(Debug, Serialize)]
-pub(crate) struct Rate {
+pub(crate) struct RateFigures {
     rate: u8,
     bits_per_hop: f64,
     longest_bytes: usize,
@@ -72,7 +72,7 @@ pub(crate) fn measure() -> anyhow::Result<Option<Errors>> {
         pca_int8_mse: comparison.pca.map(|pca| pca.integer.mse),
         rates: figures
             .iter()
-            .map(|figures| Rate {
+            .map(|figures| RateFigures {
                 rate: figures.rate,
                 bits_per_hop: figures.bits,
                 longest_bytes: figures.longest,

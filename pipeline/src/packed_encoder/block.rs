@@ -8,6 +8,10 @@ pub const MAX_PACKED_BYTES: usize = 118;
 pub(super) const BUFFER_BYTES: usize = MAX_PACKED_BYTES + 18;
 
 /// One block of the packed code, with its position in the stream and its status.
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "each of them can be true with any other"
+)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PackedCode {
     /// Index of the block in the run, from 0; wraps. Block `n` covers the steps from `n * HOP` on.

@@ -91,7 +91,7 @@ fn measure(
         let counted = original.ncols().saturating_sub(2 * EDGE);
         let original = original.columns(EDGE.min(original.ncols()), counted);
         for (error, blocks) in errors.iter_mut().zip(reconstruct(&coded.states)) {
-            let difference = blocks.columns(EDGE.min(blocks.ncols()), counted) - &original;
+            let difference = blocks.columns(EDGE.min(blocks.ncols()), counted) - original;
             *error += difference
                 .iter()
                 .map(|&d| f64::from(d).powi(2))

@@ -6,6 +6,9 @@ use packed::{FREQUENCY_BITS, LEVELS, MAGNITUDES, Starts};
 /// Mean magnitude of level 0.
 const LEAST_MEAN: f64 = 0.0015;
 
+/// The last level.
+const LAST_LEVEL: f64 = 63.0;
+
 /// Blocks for which the assumed distribution of a level counts.
 const ASSUMED: f64 = 20.0;
 
@@ -23,7 +26,7 @@ pub(super) fn levels(means: &[f64]) -> Vec<u8> {
             clippy::cast_sign_loss,
             reason = "clamped to 0..=63"
         )]
-        let level = level.clamp(0.0, LEVELS as f64 - 1.0) as u8;
+        let level = level.clamp(0.0, LAST_LEVEL) as u8;
         level
     };
     means.iter().map(level).collect()
@@ -72,11 +75,7 @@ pub(super) fn starts(histogram: &Histogram) -> Box<Starts> {
 fn row_starts(weights: &[f64]) -> [u16; MAGNITUDES] {
     let total: f64 = weights.iter().sum();
     let all = f64::from(1_u32 << FREQUENCY_BITS);
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "at most 2^15"
-    )]
+    #[expect(clippy::cast_possible_truncation, reason = "at most 2^15")]
     let mut counts: Vec<i32> = weights
         .iter()
         .map(|weight| (weight / total * all).round().max(1.0) as i32)

@@ -1,0 +1,185 @@
+//! A packed model through its files, and what is refused.
+
+use crate::error::ArtifactError;
+use crate::folder::Artifact;
+use crate::packed::{IntegerMatrix, PackedDescription, PackedModel, PackedTraining, Smoother};
+use crate::testing;
+use packed::{LEVELS, MAGNITUDES, RATES};
+
+const COEFFICIENTS: usize = 16;
+
+/// Returns a packed model of the paper's montage with small pseudo-random weights.
+fn packed() -> PackedModel {
+    let values = 61 * 8;
+    let mut state = 7_u32;
+    let mut weights = |count: usize| -> Vec<i8> {
+        let draw = |_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            i8::try_from(state >> 28).unwrap() - 8
+        };
+        (0..count).map(draw).collect()
+    };
+    let starts: [u16; MAGNITUDES] = std::array::from_fn(|m| 2048 * u16::try_from(m).unwrap());
+    PackedModel {
+        description: PackedDescription {
+            format: 1,
+            coefficients: COEFFICIENTS,
+            rate: 4,
+            unit_uv: 0.5,
+            input_limit: 4095,
+            misfit_uv2: 20.0,
+            training: PackedTraining::default(),
+        },
+        analysis: IntegerMatrix {
+            weights: weights(COEFFICIENTS * values),
+            factors: vec![1 << 24; COEFFICIENTS],
+        },
+        prediction: IntegerMatrix {
+            weights: weights(COEFFICIENTS * COEFFICIENTS),
+            factors: vec![1 << 26; COEFFICIENTS],
+        },
+        predicted_levels: vec![30; COEFFICIENTS],
+        reset_levels: vec![63; COEFFICIENTS],
+        starts: Box::new([[starts; LEVELS]; 2]),
+        smoother: Smoother {
+            weights: weights(RATES * COEFFICIENTS * COEFFICIENTS),
+            scales: vec![0.001; RATES * COEFFICIENTS],
+        },
+    }
+}
+
+fn with(change: impl Fn(&mut PackedModel)) -> Result<Artifact, ArtifactError> {
+    let mut model = packed();
+    change(&mut model);
+    testing::pca().with_packed(Some(model))
+}
+
+#[test]
+fn a_packed_model_reads_back_with_the_same_id_which_covers_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let artifact = with(|_| ()).unwrap();
+    assert_ne!(artifact.id, testing::pca().id);
+    assert_eq!(artifact.write(folder.path()).unwrap(), artifact.id);
+    assert_eq!(Artifact::read(folder.path()).unwrap(), artifact);
+    let other = with(|model| model.reset_levels[3] = 5).unwrap();
+    assert_ne!(other.id, artifact.id);
+    // Without the packed model, its files are gone and the id is that of the network again.
+    let plain = artifact.with_packed(None).unwrap();
+    assert_eq!(plain.id, testing::pca().id);
+    plain.write(folder.path()).unwrap();
+    assert_eq!(Artifact::read(folder.path()).unwrap(), plain);
+}
+
+#[test]
+fn a_model_whose_sums_could_leave_their_range_is_refused_by_name() {
+    type Change = fn(&mut PackedModel);
+    let cases: [(Change, &str, usize); 7] = [
+        // The slices of the first seven steps have at most 64 inputs: 33 * 127 * 4095 exceeds 23 bits.
+        (
+            |m| m.analysis.weights[2 * 488..][..40].fill(127),
+            "analysis",
+            2,
+        ),
+        (|m| m.analysis.weights[9] = -128, "analysis", 0),
+        (|m| m.prediction.weights[16..].fill(-128), "prediction", 1),
+        (|m| m.prediction.factors[4] = -1, "prediction", 4),
+        (|m| m.reset_levels[1] = 64, "levels", COEFFICIENTS + 1),
+        (|m| m.starts[1][5][3] = m.starts[1][5][2], "starts", 0),
+        (|m| m.smoother.scales[7] = f32::NAN, "smoother.scale", 7),
+    ];
+    for (change, expected, at) in cases {
+        let error = with(change).unwrap_err();
+        let ArtifactError::Range {
+            file,
+            ref name,
+            index,
+            ..
+        } = error
+        else {
+            panic!("{error}")
+        };
+        assert_eq!(
+            (file, name.as_str(), index),
+            ("packed.safetensors", expected, at)
+        );
+    }
+    // The prediction of 16 coefficients at their largest: 16 * 127 * 4096 fits 23 bits.
+    with(|m| m.prediction.weights.fill(127)).unwrap();
+}
+
+#[test]
+fn the_error_of_an_invalid_field_names_it_and_what_it_may_be() {
+    type Change = fn(&mut PackedModel);
+    let cases: [(Change, &str); 8] = [
+        (
+            |m| m.description.format = 2,
+            "packed.toml: format is 2, but must be 1",
+        ),
+        (
+            |m| m.description.coefficients = 24,
+            "coefficients is 24, but must be a multiple of 16 up to 256",
+        ),
+        (|m| m.description.coefficients = 272, "coefficients is 272"),
+        (
+            |m| m.description.rate = 16,
+            "rate is 16, but must be 0 to 15",
+        ),
+        (|m| m.description.input_limit = 100, "input_limit is 100"),
+        (
+            |m| m.description.unit_uv = 0.0,
+            "unit_uv is 0, but must be above 0",
+        ),
+        (|m| m.description.misfit_uv2 = f64::NAN, "misfit_uv2 is NaN"),
+        (|m| m.description.coefficients = 0, "coefficients is 0"),
+    ];
+    for (change, expected) in cases {
+        let error = with(change).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn damaged_files_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    with(|_| ()).unwrap().write(folder.path()).unwrap();
+    let error = || Artifact::read(folder.path()).unwrap_err().to_string();
+    let tensors = folder.path().join("packed.safetensors");
+    let bytes = std::fs::read(&tensors).unwrap();
+    std::fs::write(&tensors, &bytes[..bytes.len() - 1]).unwrap();
+    assert!(
+        error().starts_with("packed.safetensors is damaged"),
+        "{}",
+        error()
+    );
+    std::fs::remove_file(&tensors).unwrap();
+    assert!(error().contains("packed.safetensors"), "{}", error());
+    std::fs::write(&tensors, &bytes).unwrap();
+    let toml = folder.path().join("packed.toml");
+    let text = std::fs::read_to_string(&toml).unwrap();
+    std::fs::write(
+        &toml,
+        text.replace("coefficients = 16", "coefficients = 32"),
+    )
+    .unwrap();
+    assert!(
+        error().contains("tensor smoother.weight has shape [16, 16, 16], expected [16, 32, 32]"),
+        "{}",
+        error()
+    );
+    std::fs::write(&toml, text.replace("unit_uv", "unit_mv")).unwrap();
+    assert!(
+        error().starts_with("packed.toml cannot be understood"),
+        "{}",
+        error()
+    );
+}
+
+#[test]
+fn every_round_of_inputs_is_added_as_soon_as_it_is_complete() {
+    // 61 electrodes: 61, 122, .. 488 values in rounds of 16.
+    assert_eq!(
+        super::slice_ends(61, 8),
+        [48, 112, 176, 240, 304, 352, 416, 488]
+    );
+    assert_eq!(super::slice_ends(8, 4), [0, 16, 16, 32]);
+}
