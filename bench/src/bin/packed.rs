@@ -78,7 +78,8 @@ mod image {
                 hops.add(hop);
                 hop = 0;
                 let bytes = code.bytes();
-                outputs.write(&[bytes.len() as u8])?;
+                let length = u8::try_from(bytes.len()).unwrap_or(u8::MAX);
+                outputs.write(&[length])?;
                 outputs.write(bytes)?;
             }
         }
