@@ -2,7 +2,7 @@
 
 /// Writes bits to bytes, most significant bit first.
 ///
-/// Bits without room are discarded, but counted: [`finish`](Self::finish) then returns `None`.
+/// Bits without room are discarded: [`finish`](Self::finish) then returns `None`.
 #[derive(Debug)]
 pub(crate) struct BitWriter<'b> {
     room: core::slice::IterMut<'b, [u8; 4]>,
@@ -10,13 +10,15 @@ pub(crate) struct BitWriter<'b> {
     pending: u32,
     /// Unused bits of `pending`, 1 to 32.
     free: u32,
-    /// Whole words, without room or not.
-    words: usize,
+    /// Number of whole words that `room` had at first.
     capacity: usize,
+    /// True if bits were discarded.
+    is_full: bool,
 }
 
 impl<'b> BitWriter<'b> {
     /// Creates a writer into the whole words of `room`.
+    #[inline]
     pub(crate) fn new(room: &'b mut [u8]) -> Self {
         let (words, _) = room.as_chunks_mut();
         Self {
@@ -24,7 +26,7 @@ impl<'b> BitWriter<'b> {
             room: words.iter_mut(),
             pending: 0,
             free: 32,
-            words: 0,
+            is_full: false,
         }
     }
 
@@ -45,21 +47,19 @@ impl<'b> BitWriter<'b> {
 
     #[inline(always)]
     fn write(&mut self, word: u32) {
-        if let Some(place) = self.room.next() {
-            *place = word.to_be_bytes();
+        match self.room.next() {
+            Some(place) => *place = word.to_be_bytes(),
+            None => self.is_full = true,
         }
-        self.words += 1;
     }
 
     /// Writes the remaining bits and returns the number of bytes; `None` if the bits did not fit.
     pub(crate) fn finish(mut self) -> Option<usize> {
-        let whole = self.words;
+        let whole = self.capacity - self.room.len();
         let rest = (32 - self.free).div_ceil(8);
         if rest > 0 {
             self.write(self.pending);
         }
-        #[expect(clippy::cast_possible_truncation, reason = "at most 4")]
-        let bytes = whole * 4 + rest as usize;
-        (self.words <= self.capacity).then_some(bytes)
+        (!self.is_full).then_some(whole * 4 + rest as usize)
     }
 }

@@ -43,6 +43,5 @@ pub(crate) fn sum(newest: impl Iterator<Item = i32>) -> [u8; SUM_BYTES] {
 /// Returns a count as a number, |count| <= 2^23.
 #[inline]
 pub(crate) fn number([low, middle, high]: Count) -> i32 {
-    // Shift the 24 bits to the top and back down, which extends the sign.
-    i32::from_le_bytes([0, low, middle, high]) >> 8
+    i32::from(u16::from_le_bytes([low, middle])) | i32::from(high.cast_signed()) << 16
 }

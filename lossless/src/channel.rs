@@ -78,7 +78,7 @@ impl Past {
             Order::Zero => 0,
             Order::One => x,
             Order::Two => x.wrapping_add(d1),
-            Order::Three => x.wrapping_add(d1).wrapping_add(d1).wrapping_add(d2),
+            Order::Three => x.wrapping_add(d1).wrapping_add(d2),
         }
     }
 }
