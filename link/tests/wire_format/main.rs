@@ -2,7 +2,7 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, COUNT_BYTES, Code, Decoder, Encoder, FILTERED_STEPS, Filtered, Flags,
+    Ack, AckResult, BlockForm, COUNT_BYTES, Code, CompressedRaw, Decoder, Encoder, FILTERED_STEPS, Filtered, Flags,
     MAX_FRAME, Message, Quality, RAW_SAMPLES, Raw, ResetInto, Stage, StageTiming, Start, Streams,
     Timing, ToDevice, ToHost, VALUE_BYTES,
 };
@@ -246,24 +246,28 @@ fn the_document_states_the_sizes_of_raw_and_filtered_frames() {
         flags: Flags::empty(),
         values: &values,
     });
-    // 9.8 bits for each count, as measured with synthetic EEG.
-    let compressed = ToHost::CompressedRaw(CompressedRaw {
-        first_sample: 512 * 86_400,
-        channels: 64,
-        flags: Flags::empty(),
-        form: BlockForm::Continuing,
-        samples: 8,
-        bytes: &counts[..COMPRESSED_BYTES],
-    });
+    let compressed = |bytes| {
+        ToHost::CompressedRaw(CompressedRaw {
+            first_sample: 512 * 86_400,
+            channels: 64,
+            flags: Flags::empty(),
+            form: BlockForm::Verbatim,
+            samples: 8,
+            bytes,
+        })
+    };
     let bytes = |message| frame(64 * 86_400, 86_400_000_000, &message).len();
-    let [raw, filtered, compressed] = [raw, filtered, compressed].map(bytes);
+    let longest = bytes(compressed(&counts));
+    let [raw, filtered] = [raw, filtered].map(bytes);
+    // Mean of host-sim's synthetic EEG, which a test of that crate measures.
+    let mean = 723;
     let per_second = |bytes: usize, frames: usize| (bytes * frames).div_ceil(1_000);
     let words = format!(
         "a raw frame {raw} bytes, 64 times a second ({} kB/s); a compressed raw frame at most {longest}, \
-         with synthetic EEG {compressed} in the mean ({} kB/s); a filtered frame {filtered}, 32 times \
+         with synthetic EEG {mean} in the mean ({} kB/s); a filtered frame {filtered}, 32 times \
          ({} kB/s)",
         per_second(raw, 64),
-        per_second(compressed, 64),
+        per_second(mean, 64),
         per_second(filtered, 32)
     );
     assert!(DOCUMENT.contains(&words), "{words}");
