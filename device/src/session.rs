@@ -9,13 +9,13 @@ use pipeline::{Code, Mains, Quality};
 use crate::acquired_sample::Counts;
 use crate::audited_window::AuditedWindow;
 use crate::board::{Abilities, Identity};
+use crate::compressed_chunk::CompressedChunk;
 use crate::filtered_chunk::FilteredChunk;
 use crate::marks::Marks;
 use crate::max_frame::MAX_FRAME;
 use crate::message;
 use crate::order::{Order, Run};
 use crate::output::{Output, Payload};
-use crate::compressed_chunk::CompressedChunk;
 use crate::raw_chunk::RawChunk;
 use crate::sender::{FrameQueue, Sender};
 

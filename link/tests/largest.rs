@@ -2,11 +2,12 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, Audit, BlockForm, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest, ChipTest, Code,
-    CodeFormat, CodeValues, CompressedRaw, Converters, Decoder, ElectrodeQuality, Encoder, FILTERED_STEPS,
-    Filtered, Flags, Hello, MAX_BODY, MAX_CHIPS, MAX_ELECTRODES, MAX_FRAME, MAX_LABELS_BYTES,
-    MAX_NUMBERS, MAX_STAGES, MAX_TEXT_BYTES, Message, Quality, RAW_SAMPLES, Raw, ResetCause,
-    SelfTest, Stage, StageTiming, Start, Stats, Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
+    Ack, AckResult, Audit, BlockForm, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest,
+    ChipTest, Code, CodeFormat, CodeValues, CompressedRaw, Converters, Decoder, ElectrodeQuality,
+    Encoder, FILTERED_STEPS, Filtered, Flags, Hello, MAX_BODY, MAX_CHIPS, MAX_ELECTRODES,
+    MAX_FRAME, MAX_LABELS_BYTES, MAX_NUMBERS, MAX_STAGES, MAX_TEXT_BYTES, Message, Quality,
+    RAW_SAMPLES, Raw, ResetCause, SelfTest, Stage, StageTiming, Start, Stats, Streams, Timing,
+    ToDevice, ToHost, VALUE_BYTES,
 };
 
 /// Returns the length in bytes of the message's body, with the largest header.
@@ -178,7 +179,8 @@ fn samples_windows_and_self_tests_fit_a_frame() {
         channels: heapless::Vec::from_array([channel; MAX_ELECTRODES]),
     });
     let [raw, compressed, filtered, audit, converters, self_test] =
-        [raw, compressed, filtered, audit, converters, self_test].map(|message| body_bytes(&message));
+        [raw, compressed, filtered, audit, converters, self_test]
+            .map(|message| body_bytes(&message));
     // Each sum starts with the 21 bytes of header (16), message number (1) and CRC (4); the lengths
     // of the fields follow in their order.
     assert_eq!(raw, 21 + 10 + 1 + 3 + 2 + 1536);

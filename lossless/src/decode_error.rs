@@ -30,7 +30,9 @@ pub enum DecodeError {
 impl fmt::Display for DecodeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Samples(samples) => write!(f, "{samples} samples; 1 to {MAX_SAMPLES} are allowed"),
+            Self::Samples(samples) => {
+                write!(f, "{samples} samples; 1 to {MAX_SAMPLES} are allowed")
+            }
             Self::Channels(channels) => write!(f, "unexpected number of channels, {channels}"),
             Self::NoKey => f.write_str("the blocks that this one continues from are missing"),
             Self::TooShort => f.write_str("the block ends before its last count"),

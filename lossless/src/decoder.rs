@@ -131,7 +131,9 @@ fn decode_channel<'c>(
     let k = channel.k();
     let (mut sum, mut codes) = (0, 0);
     for place in places {
-        let zeros = reader.take_zeros(rice::ESCAPE).ok_or(DecodeError::TooShort)?;
+        let zeros = reader
+            .take_zeros(rice::ESCAPE)
+            .ok_or(DecodeError::TooShort)?;
         let is_escaped = zeros == rice::ESCAPE;
         let width = if is_escaped { rice::COUNT_BITS } else { k };
         let bits = reader.take(width).ok_or(DecodeError::TooShort)?;
@@ -140,7 +142,10 @@ fn decode_channel<'c>(
             number([low, middle, high])
         } else {
             let difference = rice::unfold(zeros << k | bits);
-            channel.past.predicted(channel.order).wrapping_add(difference)
+            channel
+                .past
+                .predicted(channel.order)
+                .wrapping_add(difference)
         };
         let [low, middle, high, _] = count.to_le_bytes();
         *place = [low, middle, high];

@@ -174,4 +174,3 @@ fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) 
     let mean = (sum >> 2) + (sum >> 5);
     (best, (mean | 1).ilog2().min(rice::MAX_K))
 }
-

@@ -64,7 +64,8 @@ fn bits_per_count(samples: &[[i32; CHANNELS]]) -> f64 {
 
 #[test]
 fn recordings_come_back_bit_for_bit() {
-    let Some(folder) = std::env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty()) else {
+    let Some(folder) = std::env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty())
+    else {
         let note = b"SKIPPED: real recordings: CORTICODE_DATA is not set\n";
         return stderr().write_all(note).expect("stderr");
     };

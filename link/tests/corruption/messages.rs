@@ -1,9 +1,10 @@
 //! Random messages for proptest.
 
 use link::{
-    Ack, AckResult, Audit, BlockForm, ClockReading, Code, CodeFormat, CodeValues, CompressedRaw, ElectrodeQuality, Event,
-    EventKind, Filtered, Flags, Hello, MAX_ELECTRODES, MAX_EXPONENT, MAX_NUMBERS, MAX_STAGES,
-    Quality, Raw, ResetCause, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
+    Ack, AckResult, Audit, BlockForm, ClockReading, Code, CodeFormat, CodeValues, CompressedRaw,
+    ElectrodeQuality, Event, EventKind, Filtered, Flags, Hello, MAX_ELECTRODES, MAX_EXPONENT,
+    MAX_NUMBERS, MAX_STAGES, Quality, Raw, ResetCause, Stage, StageTiming, Stats, Streams,
+    Substitutes, Timing, ToHost,
 };
 use proptest::prelude::*;
 
@@ -101,7 +102,15 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
     });
     let substitutes = any::<[u64; 2]>()
         .prop_map(|[interpolated, zero]| ToHost::Substitutes(Substitutes { interpolated, zero }));
-    prop_oneof![raw, compressed, filtered, audit, event, reading, substitutes]
+    prop_oneof![
+        raw,
+        compressed,
+        filtered,
+        audit,
+        event,
+        reading,
+        substitutes
+    ]
 }
 
 pub(crate) fn message() -> impl Strategy<Value = ToHost<'static>> {

@@ -2,15 +2,16 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, BlockForm, COUNT_BYTES, Code, CompressedRaw, Decoder, Encoder, FILTERED_STEPS, Filtered, Flags,
-    MAX_FRAME, Message, Quality, RAW_SAMPLES, Raw, ResetInto, Stage, StageTiming, Start, Streams,
-    Timing, ToDevice, ToHost, VALUE_BYTES,
+    Ack, AckResult, BlockForm, COUNT_BYTES, Code, CompressedRaw, Decoder, Encoder, FILTERED_STEPS,
+    Filtered, Flags, MAX_FRAME, Message, Quality, RAW_SAMPLES, Raw, ResetInto, Stage, StageTiming,
+    Start, Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
 mod messages;
 use messages::{
-    audit, capabilities, compressed_continuing, compressed_key, clock_reading, code, code_of_16_bits, code_with_exponent, converters,
-    event, filtered, hello, quality, raw, self_test, stats, substitutes, timing,
+    audit, capabilities, clock_reading, code, code_of_16_bits, code_with_exponent,
+    compressed_continuing, compressed_key, converters, event, filtered, hello, quality, raw,
+    self_test, stats, substitutes, timing,
 };
 
 const DOCUMENT: &str = include_str!("../../../docs/wire-format.md");

@@ -1,9 +1,10 @@
 //! One message of each kind, with the contents of the dumps in `docs/wire-format.md`.
 
 use link::{
-    Audit, BlockForm, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading, Code, CodeFormat,
-    CodeValues, CompressedRaw, Converters, ElectrodeQuality, Event, EventKind, Filtered, Flags, Hello, Quality,
-    Raw, ResetCause, SelfTest, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
+    Audit, BlockForm, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading, Code,
+    CodeFormat, CodeValues, CompressedRaw, Converters, ElectrodeQuality, Event, EventKind,
+    Filtered, Flags, Hello, Quality, Raw, ResetCause, SelfTest, Stage, StageTiming, Stats, Streams,
+    Substitutes, Timing, ToHost,
 };
 
 pub(crate) fn hello() -> ToHost<'static> {

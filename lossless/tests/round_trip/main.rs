@@ -40,7 +40,10 @@ fn encode(stretches: &[Vec<Row>]) -> Vec<Encoded> {
     for stretch in stretches {
         state.require_key();
         for samples in stretch.chunks(MAX_SAMPLES) {
-            let counts: Vec<_> = samples.iter().map(|row| row.each_ref().map(to_bytes)).collect();
+            let counts: Vec<_> = samples
+                .iter()
+                .map(|row| row.each_ref().map(to_bytes))
+                .collect();
             let mut room = [[[0; 3]; CHANNELS]; MAX_SAMPLES];
             let block = ENCODER.encode(&mut state, &counts, &mut room);
             assert_eq!(block.samples, samples.len());
@@ -142,7 +145,11 @@ proptest! {
 
 #[test]
 fn a_block_after_another_past_is_refused_by_its_sum() {
-    let ramp = |start: i32| (0..16).map(|t| [start + 40 * t; CHANNELS]).collect::<Vec<_>>();
+    let ramp = |start: i32| {
+        (0..16)
+            .map(|t| [start + 40 * t; CHANNELS])
+            .collect::<Vec<_>>()
+    };
     let [here, there] = [0, 1_001].map(|start| encode(&[ramp(start)]));
     let mut decoder = Decoder::NEW;
     assert_eq!(decode(&mut decoder, &here[0]), Ok(()));
@@ -156,7 +163,11 @@ fn a_block_after_another_past_is_refused_by_its_sum() {
 fn full_scale_noise_takes_its_own_bytes_and_silence_a_bit_for_each_count() {
     let noise = encode(&[Shape::Noise(24).rows(7, 80)]);
     assert!(noise.iter().all(|block| block.kind == Kind::Verbatim));
-    assert!(noise.iter().all(|block| block.bytes.len() == 3 * CHANNELS * MAX_SAMPLES));
+    assert!(
+        noise
+            .iter()
+            .all(|block| block.bytes.len() == 3 * CHANNELS * MAX_SAMPLES)
+    );
     let silence = encode(&[Shape::Noise(0).rows(7, 80)]);
     assert_eq!(silence[0].kind, Kind::Key);
     for block in &silence[1..] {
@@ -179,7 +190,9 @@ fn python_writes_and_reads_the_same_bytes() {
         stretches.push(shape.rows(seed, 150));
     }
     let blocks = encode(&stretches);
-    let Some(lines) = python::encode(&stretches, 16) else { return };
+    let Some(lines) = python::encode(&stretches, 16) else {
+        return;
+    };
     assert_eq!(lines.len(), blocks.len());
     for (index, (line, block)) in lines.iter().zip(&blocks).enumerate() {
         let kind = match block.kind {

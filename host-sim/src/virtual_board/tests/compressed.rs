@@ -52,7 +52,11 @@ fn compare(samples: impl Iterator<Item = Sample>) -> Bytes {
             outbox.mark_written();
             let mut host = Decoder::<MAX_FRAME>::new();
             let mut input = &frame[..];
-            match host.next::<ToHost>(&mut input).expect("a frame").map(|frame| frame.message) {
+            match host
+                .next::<ToHost>(&mut input)
+                .expect("a frame")
+                .map(|frame| frame.message)
+            {
                 Ok(ToHost::Raw(message)) => {
                     bytes.raw += frame.len();
                     raw.push((message.first_sample, message.flags, message.counts.to_vec()));
