@@ -15,7 +15,7 @@ use crate::diagnostics::signal_quality::signal_quality_status;
 use crate::diagnostics::status::new_status;
 use crate::diagnostics::timing::timing_status;
 use crate::session::state::Session;
-use crate::settings::{AnnouncedStream, StreamKind};
+use crate::settings::{AnnouncedStream, RawForm, StreamKind};
 use crate::streams::code::CodeStream;
 use crate::streams::counts::SampleCounts;
 use crate::streams::sample::SampleStream;
@@ -129,15 +129,17 @@ fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
     if refused.is_empty() {
         return (DiagnosticLevel::Ok, "streaming".to_owned());
     }
-    let samples = refused.contains(Streams::RAW) || refused.contains(Streams::FILTERED);
+    let samples = RawForm::any_in(refused) || refused.contains(Streams::FILTERED);
     let level = if samples {
         DiagnosticLevel::Warn
     } else {
         DiagnosticLevel::Ok
     };
     let names = StreamKind::names(refused);
-    let remedy = if refused == Streams::RAW {
-        "its port may be too slow; use its USB port, or choose filtered instead"
+    let remedy = if refused.without(RawForm::Any.streams()).is_empty()
+        && refused.contains(Streams::RAW)
+    {
+        "its port may be too slow; update its firmware, use its USB port, or choose filtered instead"
     } else {
         "update its firmware"
     };
@@ -161,6 +163,10 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
             losses.push((stream.missing_since_report(), name));
             side_values.extend(sample_values(stream.counts(), name));
         }
+    }
+    if session.side.raw.is_some() {
+        let undecodable = &session.side.compressed.undecodable;
+        side_values.push(KeyValue::new("raw samples undecodable", undecodable));
     }
     let events = &mut session.side.events;
     losses.push((events.lost_since_report(), "events"));

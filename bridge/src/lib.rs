@@ -107,7 +107,9 @@ pub use recording::reader::{LeftOut, RecordingReader};
 pub use recording::record::{Record, RecordKind};
 pub use recording::recorder::Recorder;
 pub use recording::replayer::{Pace, ReplayCounts, Replayer};
-pub use settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint, StreamKind};
+pub use settings::{
+    AnnouncedStream, EventStamps, FillerPolicy, RawForm, Settings, StampPoint, StreamKind,
+};
 pub use streams::ledger::{Arrival, Ledger};
 pub use streams::tri::{TRI_LABELS, TriWords};
 pub use time::clock::Clock;

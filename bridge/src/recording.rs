@@ -13,6 +13,7 @@ pub(crate) mod file_header;
 pub(crate) mod introduction;
 pub(crate) mod reader;
 pub(crate) mod record;
+pub(crate) mod recorded_starts;
 pub(crate) mod recorder;
 pub(crate) mod replayer;
 pub(crate) mod splitter;

@@ -128,7 +128,11 @@ impl Session {
                 self.worst_stage = timing::closest_to_deadline(known);
                 self.timing = Some(timing.clone());
             }
-            ToHost::Raw(_) | ToHost::Filtered(_) | ToHost::Audit(_) | ToHost::Event(_) => {
+            ToHost::Raw(_)
+            | ToHost::CompressedRaw(_)
+            | ToHost::Filtered(_)
+            | ToHost::Audit(_)
+            | ToHost::Event(_) => {
                 self.handle_side(&frame.message, header.device_time_us, read, effects);
             }
             ToHost::Converters(converters) => {
@@ -161,7 +165,10 @@ impl Session {
         }
         // The clock is fitted to codes. Samples are used for the fit only until the first code
         // arrives.
-        let samples = matches!(message, ToHost::Raw(_) | ToHost::Filtered(_));
+        let samples = matches!(
+            message,
+            ToHost::Raw(_) | ToHost::CompressedRaw(_) | ToHost::Filtered(_)
+        );
         let possible = if self.clock.is_known() {
             self.clock.is_possible(made_us, read)
         } else {
@@ -174,6 +181,7 @@ impl Session {
         };
         match message {
             ToHost::Raw(raw) => self.side.receive_raw(raw, times, effects),
+            ToHost::CompressedRaw(raw) => self.side.receive_compressed(raw, times, effects),
             ToHost::Filtered(filtered) => self.side.receive_filtered(filtered, times, effects),
             ToHost::Event(event) => self.side.receive_event(*event, times, effects),
             ToHost::Audit(audit) => {

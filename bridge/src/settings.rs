@@ -18,7 +18,9 @@ pub struct Settings {
     pub low_latency: bool,
     /// Stream that `/acquisition/get_info` describes.
     pub announced: AnnouncedStream,
-    /// Streams that the device is asked for. The bridge adds the stream of codes if it is missing.
+    /// Streams that the device is asked for. The bridge adds the stream of codes if it is missing. With
+    /// both `RAW` and `COMPRESSED_RAW`, samples are wanted in either form: the device is asked for
+    /// compressed ones, and for the others if it refuses.
     pub streams: Streams,
     /// Time that the stamps of events refer to.
     pub event_stamps: EventStamps,
@@ -57,12 +59,14 @@ impl AnnouncedStream {
         ("/neurodata_corticode", AnnouncedStream::Filtered),
     ];
 
-    /// Returns the streams that the device must send so that this stream can be published.
-    pub fn needs(self) -> Streams {
+    /// Returns whether this stream can be published from `streams`.
+    pub fn is_in(self, streams: Streams) -> bool {
         match self {
-            AnnouncedStream::Encoded | AnnouncedStream::Reconstructed => Streams::CODES,
-            AnnouncedStream::Raw => Streams::RAW,
-            AnnouncedStream::Filtered => Streams::FILTERED,
+            AnnouncedStream::Encoded | AnnouncedStream::Reconstructed => {
+                streams.contains(Streams::CODES)
+            }
+            AnnouncedStream::Raw => RawForm::any_in(streams),
+            AnnouncedStream::Filtered => streams.contains(Streams::FILTERED),
         }
     }
 }
@@ -72,7 +76,7 @@ impl AnnouncedStream {
 pub enum StreamKind {
     /// `/encoded` and `/neurodata_reconstructed`; always on.
     Codes,
-    /// `/neurodata`: every ADC sample, 101 kB/s.
+    /// `/neurodata`: every ADC sample, compressed to 47 kB/s, or 101 kB/s.
     Raw,
     /// `/neurodata_corticode`: every filtered step that the encoder reads, 33 kB/s.
     Filtered,
@@ -104,20 +108,55 @@ impl StreamKind {
         }
     }
 
-    /// Returns the names of all streams in `streams`, separated by spaces.
+    /// Returns the names of all streams in `streams`, separated by spaces. Compressed samples alone are
+    /// `compressed-raw`.
     pub fn names(streams: Streams) -> String {
+        let is_compressed = !streams.contains(Streams::RAW);
         let named = StreamKind::ALL.map(|kind| {
             let name = match kind {
                 StreamKind::Codes => "codes",
+                StreamKind::Raw if is_compressed => "compressed-raw",
                 StreamKind::Raw => "raw",
                 StreamKind::Filtered => "filtered",
                 StreamKind::Audit => "audit",
                 StreamKind::Events => "events",
             };
-            streams.contains(kind.bit()).then_some(name)
+            let is_named = match kind {
+                StreamKind::Raw => RawForm::any_in(streams),
+                kind => streams.contains(kind.bit()),
+            };
+            is_named.then_some(name)
         });
         let named: Vec<&str> = named.into_iter().flatten().collect();
         named.join(" ")
+    }
+}
+
+/// Form in which the device sends ADC samples. Both yield the same frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum RawForm {
+    /// Compressed without loss; not compressed if the device refuses that.
+    #[default]
+    Any,
+    /// Compressed without loss only.
+    Compressed,
+    /// Not compressed only: 101 kB/s, which a UART cannot carry.
+    Plain,
+}
+
+impl RawForm {
+    /// Returns the streams of the device that have this form.
+    pub fn streams(self) -> Streams {
+        match self {
+            RawForm::Any => Streams::RAW | Streams::COMPRESSED_RAW,
+            RawForm::Compressed => Streams::COMPRESSED_RAW,
+            RawForm::Plain => Streams::RAW,
+        }
+    }
+
+    /// Returns whether `streams` has samples in any form.
+    pub fn any_in(streams: Streams) -> bool {
+        streams.bits() & RawForm::Any.streams().bits() != 0
     }
 }
 

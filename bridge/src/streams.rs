@@ -3,6 +3,7 @@
 
 pub(crate) mod bus;
 pub(crate) mod code;
+pub(crate) mod compressed;
 pub(crate) mod continuity;
 pub(crate) mod counts;
 pub(crate) mod event;

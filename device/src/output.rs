@@ -4,6 +4,7 @@ use link::Event;
 use pipeline::{Code, Quality};
 
 use crate::audited_window::AuditedWindow;
+use crate::compressed_chunk::CompressedChunk;
 use crate::filtered_chunk::FilteredChunk;
 use crate::marks::Marks;
 use crate::raw_chunk::RawChunk;
@@ -45,6 +46,8 @@ pub enum Payload {
     Quality(Quality),
     /// Unfiltered samples. [`Output::at_us`] is the time of the last sample.
     Raw(RawChunk),
+    /// Unfiltered samples, compressed. [`Output::at_us`] is the time of the last sample.
+    CompressedRaw(CompressedChunk),
     /// Filtered steps. [`Output::at_us`] is the time of the last step.
     Filtered(FilteredChunk),
     /// The planes of a window, with its code. [`Output::at_us`] is the time of the window's last

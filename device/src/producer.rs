@@ -7,6 +7,7 @@ use pipeline::{Code, CodeValues, Encoder, EncoderMemory, Quality, SignalQuality,
 
 use crate::acquired_sample::AcquiredSample;
 use crate::audited_window::AuditedWindow;
+use crate::compressed_chunk::Compressor;
 use crate::filtered_chunk::FilteredChunk;
 use crate::marks::{Marks, WindowMarks};
 use crate::order::Run;
@@ -35,6 +36,7 @@ pub struct Producer<M = &'static mut EncoderMemory> {
     /// The newest step; repeated in place of missing steps.
     last: Step,
     raw: RawChunk,
+    compressor: Compressor,
     filtered: FilteredChunk,
     audited: AuditedWindow,
     /// A captured event that is later than the newest sample; held until the sample that follows
@@ -66,6 +68,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
             since_step: Marks::NONE,
             last: Step::SILENCE,
             raw: RawChunk::EMPTY,
+            compressor: Compressor::NEW,
             filtered: FilteredChunk::EMPTY,
             audited: AuditedWindow::EMPTY,
             ahead: None,
@@ -79,7 +82,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         }
         self.windows.mark(acquired.marks);
         self.since_step = self.since_step.union(acquired.marks);
-        if self.wants(Streams::RAW) {
+        if self.wants(Streams::RAW) || self.wants(Streams::COMPRESSED_RAW) {
             self.collect_raw(acquired, emit);
         }
         if let Some((index, step)) = &acquired.step {
@@ -140,6 +143,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         self.windows = WindowMarks::NONE;
         self.since_step = Marks::NONE;
         self.raw.clear();
+        self.compressor.restart();
         self.filtered.clear();
         // Keep the held event only if it happened after the start of this run.
         self.ahead = self.ahead.take_if(|event| event.at_us >= start_us);
@@ -169,7 +173,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
 
     fn collect_raw(&mut self, acquired: &AcquiredSample, emit: &mut impl FnMut(Output)) {
         if !self.raw.is_empty() && !self.raw.continues_with(acquired.index) {
-            self.emit_raw(emit);
+            self.emit_samples(emit);
         }
         let AcquiredSample {
             sample,
@@ -180,14 +184,29 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         } = acquired;
         self.raw.append(sample, *index, *marks, *drdy_us);
         if self.raw.is_full() {
-            self.emit_raw(emit);
+            self.emit_samples(emit);
         }
     }
 
-    #[inline(never)]
-    fn emit_raw(&mut self, emit: &mut impl FnMut(Output)) {
-        self.emit(self.raw.last_us(), Payload::Raw(self.raw.clone()), emit);
+    fn emit_samples(&mut self, emit: &mut impl FnMut(Output)) {
+        if self.wants(Streams::RAW) {
+            self.emit_raw(emit);
+        }
+        if self.wants(Streams::COMPRESSED_RAW) {
+            self.emit_compressed(emit);
+        }
         self.raw.clear();
+    }
+
+    #[inline(never)]
+    fn emit_raw(&self, emit: &mut impl FnMut(Output)) {
+        self.emit(self.raw.last_us(), Payload::Raw(self.raw.clone()), emit);
+    }
+
+    #[inline(never)]
+    fn emit_compressed(&mut self, emit: &mut impl FnMut(Output)) {
+        let payload = Payload::CompressedRaw(self.compressor.compress(&self.raw));
+        self.emit(self.raw.last_us(), payload, emit);
     }
 
     fn collect_filtered(

@@ -6,8 +6,6 @@ use pipeline::Sample;
 
 use crate::marks::Marks;
 
-const SAMPLE_BYTES: usize = CHANNELS * COUNT_BYTES;
-
 /// Up to [`RAW_SAMPLES`] consecutive samples, packed to 24 bits per count.
 #[derive(Clone, Debug)]
 pub struct RawChunk {
@@ -16,7 +14,7 @@ pub struct RawChunk {
     marks: Marks,
     /// Device time of the newest sample in the chunk, microseconds.
     last_us: u64,
-    counts: [u8; RAW_SAMPLES * SAMPLE_BYTES],
+    counts: [[[u8; COUNT_BYTES]; CHANNELS]; RAW_SAMPLES],
 }
 
 impl RawChunk {
@@ -25,7 +23,7 @@ impl RawChunk {
         samples: 0,
         marks: Marks::NONE,
         last_us: 0,
-        counts: [0; RAW_SAMPLES * SAMPLE_BYTES],
+        counts: [[[0; COUNT_BYTES]; CHANNELS]; RAW_SAMPLES],
     };
 
     pub(crate) const fn is_empty(&self) -> bool {
@@ -51,9 +49,9 @@ impl RawChunk {
             self.first = index;
             self.marks = Marks::NONE;
         }
-        let room = self.counts.chunks_exact_mut(SAMPLE_BYTES).nth(self.samples);
-        let Some(room) = room else { return };
-        let (places, _) = room.as_chunks_mut::<COUNT_BYTES>();
+        let Some(places) = self.counts.get_mut(self.samples) else {
+            return;
+        };
         for (place, count) in places.iter_mut().zip(&sample.counts) {
             let [low, middle, high, _] = count.to_le_bytes();
             *place = [low, middle, high];
@@ -67,6 +65,11 @@ impl RawChunk {
         self.last_us
     }
 
+    /// Returns the samples of the chunk.
+    pub(crate) fn samples(&self) -> &[[[u8; COUNT_BYTES]; CHANNELS]] {
+        self.counts.get(..self.samples).unwrap_or(&self.counts)
+    }
+
     /// Builds the `Raw` message, which borrows the chunk's counts.
     pub(crate) fn message(&self) -> Raw<'_> {
         Raw {
@@ -74,7 +77,7 @@ impl RawChunk {
             #[expect(clippy::cast_possible_truncation, reason = "at most 64")]
             channels: const { CHANNELS as u8 },
             flags: self.marks.flags(),
-            counts: &self.counts[..self.samples * SAMPLE_BYTES],
+            counts: self.samples().as_flattened().as_flattened(),
         }
     }
 }

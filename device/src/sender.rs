@@ -80,6 +80,6 @@ impl<Q: FrameQueue> Sender<Q> {
 const fn is_bulk(message: &ToHost<'_>) -> bool {
     matches!(
         message,
-        ToHost::Raw(_) | ToHost::Filtered(_) | ToHost::Audit(_)
+        ToHost::Raw(_) | ToHost::CompressedRaw(_) | ToHost::Filtered(_) | ToHost::Audit(_)
     )
 }

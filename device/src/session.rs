@@ -9,6 +9,7 @@ use pipeline::{Code, Mains, Quality};
 use crate::acquired_sample::Counts;
 use crate::audited_window::AuditedWindow;
 use crate::board::{Abilities, Identity};
+use crate::compressed_chunk::CompressedChunk;
 use crate::filtered_chunk::FilteredChunk;
 use crate::marks::Marks;
 use crate::max_frame::MAX_FRAME;
@@ -232,6 +233,7 @@ impl<'i> Session<'i> {
             Payload::Code(code, marks) => self.send_code(code, *marks, output.at_us, sender),
             Payload::Quality(quality) => send_quality(quality, output.at_us, sender),
             Payload::Raw(samples) => send_raw(samples, output.at_us, sender),
+            Payload::CompressedRaw(samples) => send_compressed(samples, output.at_us, sender),
             Payload::Filtered(steps) => send_filtered(steps, output.at_us, sender),
             Payload::Audit(window) => send_audit(window, output.at_us, sender),
             Payload::Event(event) => send_event(*event, output.at_us, sender),
@@ -360,6 +362,11 @@ fn send_audit(window: &AuditedWindow, at_us: u64, sender: &mut Sender<impl Frame
 #[inline(never)]
 fn send_raw(samples: &RawChunk, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
     sender.send(at_us, &ToHost::Raw(samples.message()));
+}
+
+#[inline(never)]
+fn send_compressed(samples: &CompressedChunk, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
+    sender.send(at_us, &ToHost::CompressedRaw(samples.message()));
 }
 
 #[inline(never)]

@@ -34,8 +34,11 @@ impl Streams {
     /// Bit 4: edges at the device's inputs, in [`Event`](crate::Event).
     pub const EVENTS: Streams = Streams(1 << 4);
 
+    /// Bit 5: every ADC sample, compressed without loss, in [`CompressedRaw`](crate::CompressedRaw).
+    pub const COMPRESSED_RAW: Streams = Streams(1 << 5);
+
     /// Every stream that this version names.
-    pub const ALL: Streams = Streams(0b1_1111);
+    pub const ALL: Streams = Streams(0b11_1111);
 
     /// Returns the empty set, the streams of an idle device.
     pub const fn empty() -> Streams {

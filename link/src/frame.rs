@@ -33,7 +33,7 @@ pub struct Header {
     /// because no device reads its clock. In messages from a device it is the time of
     /// * [`Code`](crate::Code), [`Audit`](crate::Audit), [`Filtered`](crate::Filtered): the last
     ///   step
-    /// * [`Raw`](crate::Raw): the last sample's DRDY edge
+    /// * [`Raw`](crate::Raw), [`CompressedRaw`](crate::CompressedRaw): the last sample's DRDY edge
     /// * [`Event`](crate::Event): the edge
     /// * [`Quality`](crate::Quality), and `Stats` and `Timing` sent with it: the last sample of the
     ///   second

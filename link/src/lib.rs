@@ -42,8 +42,8 @@
 //!   counts as received.
 //! * A device answers a command that it does not know with [`AckResult::UnknownCommand`]. The host
 //!   then uses only the commands that both sides know.
-//! * [`ResetCause`], [`AckResult`], [`ChannelFault`], [`CodeFormat`], [`Stage`], [`EventKind`] and
-//!   [`ResetInto`] are one byte on the wire; a value that the receiver does not know is kept as a
+//! * [`ResetCause`], [`AckResult`], [`ChannelFault`], [`CodeFormat`], [`BlockForm`], [`Stage`],
+//!   [`EventKind`] and [`ResetInto`] are one byte on the wire; a value that the receiver does not know is kept as a
 //!   number. [`Flags`] and [`Streams`] keep bits that the receiver does not know.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -51,6 +51,7 @@
 mod answer;
 mod code;
 mod command;
+mod compressed_raw;
 mod converters;
 mod decoder;
 mod encoder;
@@ -69,6 +70,7 @@ mod timing;
 pub use answer::{Ack, AckResult, ClockReading};
 pub use code::{Audit, Code, CodeFormat, CodeValues, MAX_EXPONENT, MAX_NUMBERS};
 pub use command::{ResetInto, Start, Streams};
+pub use compressed_raw::{BlockForm, CompressedRaw};
 pub use converters::{ChannelFault, ChannelTest, ChipTest, Converters, MAX_CHIPS, SelfTest};
 pub use decoder::{Counters, Decoder, Frame, FrameError};
 pub use encoder::{EncodeError, Encoder, encode};

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::answer::{Ack, ClockReading};
 use crate::code::{Audit, Code};
 use crate::command::{ResetInto, Start};
+use crate::compressed_raw::CompressedRaw;
 use crate::converters::{Converters, SelfTest};
 use crate::event::Event;
 use crate::introduction::{Capabilities, Hello};
@@ -80,10 +81,13 @@ pub enum ToHost<'a> {
     ClockReading(ClockReading),
     /// 14: electrodes whose signal was not recorded.
     Substitutes(Substitutes),
+    /// 15: unfiltered ADC samples, compressed without loss.
+    #[serde(borrow)]
+    CompressedRaw(CompressedRaw<'a>),
 }
 
 impl<'a> Message<'a> for ToHost<'a> {
-    const KINDS: u32 = 15;
+    const KINDS: u32 = 16;
     const DIRECTION: u8 = b'H';
 
     fn tail(&self) -> &[u8] {

@@ -272,6 +272,7 @@ fn unknown_reasons_keep_their_number() {
         assert_eq!(u8::from(ResetCause::from(byte)), byte);
         assert_eq!(u8::from(link::CodeFormat::from(byte)), byte);
         assert_eq!(u8::from(Stage::from(byte)), byte);
+        assert_eq!(u8::from(link::BlockForm::from(byte)), byte);
     }
     assert_eq!(AckResult::from(200), AckResult::Newer(200));
 }

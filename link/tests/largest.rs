@@ -2,11 +2,12 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, Audit, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest, ChipTest, Code,
-    CodeFormat, CodeValues, Converters, Decoder, ElectrodeQuality, Encoder, FILTERED_STEPS,
-    Filtered, Flags, Hello, MAX_BODY, MAX_CHIPS, MAX_ELECTRODES, MAX_FRAME, MAX_LABELS_BYTES,
-    MAX_NUMBERS, MAX_STAGES, MAX_TEXT_BYTES, Message, Quality, RAW_SAMPLES, Raw, ResetCause,
-    SelfTest, Stage, StageTiming, Start, Stats, Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
+    Ack, AckResult, Audit, BlockForm, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest,
+    ChipTest, Code, CodeFormat, CodeValues, CompressedRaw, Converters, Decoder, ElectrodeQuality,
+    Encoder, FILTERED_STEPS, Filtered, Flags, Hello, MAX_BODY, MAX_CHIPS, MAX_ELECTRODES,
+    MAX_FRAME, MAX_LABELS_BYTES, MAX_NUMBERS, MAX_STAGES, MAX_TEXT_BYTES, Message, Quality,
+    RAW_SAMPLES, Raw, ResetCause, SelfTest, Stage, StageTiming, Start, Stats, Streams, Timing,
+    ToDevice, ToHost, VALUE_BYTES,
 };
 
 /// Returns the length in bytes of the message's body, with the largest header.
@@ -130,6 +131,14 @@ fn samples_windows_and_self_tests_fit_a_frame() {
         flags: Flags::from_bits(u16::MAX),
         counts: &bytes,
     });
+    let compressed = ToHost::CompressedRaw(CompressedRaw {
+        first_sample: u64::MAX,
+        channels: 64,
+        flags: Flags::from_bits(u16::MAX),
+        form: BlockForm::Newer(255),
+        samples: 8,
+        bytes: &bytes,
+    });
     let filtered = ToHost::Filtered(Filtered {
         first_step: u64::MAX,
         electrodes: 64,
@@ -169,16 +178,18 @@ fn samples_windows_and_self_tests_fit_a_frame() {
         chips: heapless::Vec::from_array([chip; MAX_CHIPS]),
         channels: heapless::Vec::from_array([channel; MAX_ELECTRODES]),
     });
-    let [raw, filtered, audit, converters, self_test] =
-        [raw, filtered, audit, converters, self_test].map(|message| body_bytes(&message));
+    let [raw, compressed, filtered, audit, converters, self_test] =
+        [raw, compressed, filtered, audit, converters, self_test]
+            .map(|message| body_bytes(&message));
     // Each sum starts with the 21 bytes of header (16), message number (1) and CRC (4); the lengths
     // of the fields follow in their order.
     assert_eq!(raw, 21 + 10 + 1 + 3 + 2 + 1536);
+    assert_eq!(compressed, 21 + 10 + 1 + 3 + 1 + 1 + 2 + 1536);
     assert_eq!(filtered, 21 + 10 + 1 + 1 + 3 + 2 + 1024);
     assert_eq!(audit, 21 + 8 + 5 + 2 + 4608 + 1 + 512);
     assert_eq!(converters, 21 + 2 + 256 + 5 + 10 + 10 + 1 + 8 * 5);
     assert_eq!(self_test, 21 + 2 + 256 + 4 * 5 + 1 + 8 * 8 + 1 + 64 * 17);
-    for body in [raw, filtered, audit, converters, self_test] {
+    for body in [raw, compressed, filtered, audit, converters, self_test] {
         assert!(body <= MAX_BODY, "{body}");
     }
 }

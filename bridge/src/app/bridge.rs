@@ -82,7 +82,7 @@ impl Publication {
         let namespace = Namespace::new(&self.ros.namespace, &self.topic_prefix);
         namespace.as_ros_name().clone_into(&mut self.ros.namespace);
         let settings = self.settings;
-        if !settings.streams.contains(settings.announced.needs()) {
+        if !settings.announced.is_in(settings.streams) {
             return Err(BridgeError::AnnouncedNotStreamed);
         }
         let (command_sender, commands) = mpsc::unbounded_channel();
@@ -149,7 +149,7 @@ async fn print_lines(
     let model = publication.model()?;
     let namespace = Namespace::new(&publication.ros.namespace, &publication.topic_prefix);
     let settings = publication.settings;
-    if !settings.streams.contains(settings.announced.needs()) {
+    if !settings.announced.is_in(settings.streams) {
         return Err(BridgeError::AnnouncedNotStreamed);
     }
     // Nobody calls services, and the sender must live as long as the receiver is asked.

@@ -208,7 +208,7 @@ async fn master_state(
     let state = call_ros(uri, "getSystemState", std::slice::from_ref(&caller)).await?;
     let state = SystemState::from_value(&state);
     let published = AnnouncedStream::TOPICS.into_iter();
-    let published = published.filter(|(_, stream)| streams.contains(stream.needs()));
+    let published = published.filter(|(_, stream)| stream.is_in(streams));
     let publishers = published.map(|(topic, _)| {
         let topic = namespace.resolve(topic.trim_start_matches('/'));
         let nodes = state

@@ -9,6 +9,7 @@ use neuro_ros::{DiagnosticArray, FrameSink, NdjsonWriter, NeuroEvent, Sink};
 use crate::app::namespace::Namespace;
 use crate::app::ros_node::RosNode;
 use crate::app::ros_topics::RosTopics;
+use crate::settings::RawForm;
 
 /// Queue length per subscriber for frames of codes and of reconstructed signals: 8.5 minutes at 16
 /// frames per second. A frame takes about 3 KB, and only slow subscribers have frames waiting.
@@ -52,10 +53,11 @@ struct Names {
 impl Names {
     fn new(streams: Streams, namespace: &Namespace) -> Names {
         let requested = |stream, name| streams.contains(stream).then(|| namespace.resolve(name));
+        let raw = RawForm::any_in(streams);
         Names {
             encoded: namespace.resolve("encoded"),
             reconstructed: namespace.resolve("neurodata_reconstructed"),
-            raw: requested(Streams::RAW, "neurodata"),
+            raw: raw.then(|| namespace.resolve("neurodata")),
             filtered: requested(Streams::FILTERED, "neurodata_corticode"),
             events: requested(Streams::EVENTS, "events/bus"),
             // One aggregator collects the diagnostics of all namespaces.

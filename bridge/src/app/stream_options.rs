@@ -3,7 +3,7 @@
 use clap::Args;
 use link::Streams;
 
-use crate::settings::StreamKind;
+use crate::settings::{RawForm, StreamKind};
 
 /// What the device is asked for; options of the bridge and of `record`.
 #[derive(Clone, Debug, Args)]
@@ -21,6 +21,9 @@ pub(crate) struct StreamOptions {
         default_value = "codes,audit,events"
     )]
     pub(crate) streams: Vec<StreamKind>,
+    /// Form in which the device sends the samples of the stream raw; both yield the same frames
+    #[arg(long, env = "CORTICODE_RAW_FORM", value_enum, default_value_t)]
+    pub(crate) raw_form: RawForm,
 }
 
 impl StreamOptions {
@@ -32,7 +35,10 @@ impl StreamOptions {
     /// Returns the streams to ask for, codes included.
     pub(crate) fn streams(&self) -> Streams {
         let asked = self.streams.iter();
-        asked.fold(Streams::CODES, |streams, kind| streams | kind.bit())
+        asked.fold(Streams::CODES, |streams, kind| match kind {
+            StreamKind::Raw => streams | self.raw_form.streams(),
+            kind => streams | kind.bit(),
+        })
     }
 }
 

@@ -1,6 +1,5 @@
 //! A device that sends what a recording holds and answers commands as the recorded one did.
 
-use std::collections::HashMap;
 use std::io::{Read, Seek};
 
 use link::{
@@ -12,6 +11,7 @@ use crate::recording::error::RecordingError;
 use crate::recording::introduction::Introduction;
 use crate::recording::reader::RecordingReader;
 use crate::recording::record::RecordKind;
+use crate::recording::recorded_starts::RecordedStarts;
 
 /// How fast a recording is played.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,8 +46,9 @@ pub struct Replayer<R> {
     from_device: Decoder<MAX_FRAME>,
     /// Introduction of the device of the current run.
     introduction: Introduction,
-    /// Commands of the recording so far, by number: whether each is a `Start`.
-    recorded_starts: HashMap<u32, bool>,
+    recorded_starts: RecordedStarts,
+    /// Streams that the recorded device sends.
+    recorded_streams: Streams,
     outgoing: Vec<u8>,
     seq: u32,
     state: State,
@@ -90,7 +91,8 @@ impl<R: Read + Seek> Replayer<R> {
             from_host: Decoder::new(),
             from_device: Decoder::new(),
             introduction: Introduction::default(),
-            recorded_starts: HashMap::new(),
+            recorded_starts: RecordedStarts::default(),
+            recorded_streams: Streams::empty(),
             outgoing: Vec::new(),
             seq: 0,
             state: State::Stopped,
@@ -205,8 +207,9 @@ impl<R: Read + Seek> Replayer<R> {
     }
 
     fn start(&mut self, start: Start) -> Result<AckResult, RecordingError> {
-        let recorded = self.reader.header().streams;
-        let missing = [Streams::RAW, Streams::FILTERED].into_iter();
+        let recorded = self.recorded_streams;
+        let samples = [Streams::RAW, Streams::COMPRESSED_RAW, Streams::FILTERED];
+        let missing = samples.into_iter();
         let missing = missing.filter(|stream| !recorded.contains(*stream));
         let other_mains = ![0, self.introduction.mains_hz()].contains(&start.mains_hz);
         if other_mains
@@ -233,12 +236,14 @@ impl<R: Read + Seek> Replayer<R> {
         self.reader.rewind()?;
         self.introduction = Introduction::default();
         self.recorded_starts.clear();
+        self.recorded_streams = self.reader.header().streams;
         self.next_window = 0;
         self.offset_us = None;
         while let Some((time_us, payload)) = self.read_frame()? {
             self.introduction.note(&payload);
             self.note_seq(&payload);
-            if self.is_ack_of_start(&payload) {
+            if let Some(streams) = self.recorded_starts.acknowledged_by(&payload) {
+                self.recorded_streams = streams;
                 self.started_us = time_us;
                 break;
             }
@@ -258,12 +263,7 @@ impl<R: Read + Seek> Replayer<R> {
                     return Ok(Some((record.time.monotonic_us, record.payload.to_vec())));
                 }
                 RecordKind::Sent => {
-                    let mut bytes = record.payload;
-                    let mut decoder = Decoder::<MAX_FRAME>::new();
-                    if let Some(Ok(frame)) = decoder.next::<ToDevice>(&mut bytes) {
-                        let is_start = matches!(frame.message, ToDevice::Start(_));
-                        self.recorded_starts.insert(frame.header.seq, is_start);
-                    }
+                    self.recorded_starts.note(record.payload);
                 }
                 // What follows is the recorded end of the stream, which this host decides itself.
                 RecordKind::Ending => return Ok(None),
@@ -279,7 +279,9 @@ impl<R: Read + Seek> Replayer<R> {
         let mut bytes = payload;
         match decoder.next::<ToHost>(&mut bytes) {
             Some(Ok(frame)) => {
-                if self.restarted && self.is_ack_of_start(payload) {
+                let streams = self.recorded_starts.acknowledged_by(payload);
+                if let Some(streams) = streams.filter(|_| self.restarted) {
+                    self.recorded_streams = streams;
                     // The host of this replay starts at the same place of the recording.
                     self.state = State::AwaitsStart;
                     self.started_us = time_us;
@@ -340,6 +342,7 @@ impl<R: Read + Seek> Replayer<R> {
             ToHost::Hello(_) | ToHost::Ack(_) | ToHost::ClockReading(_) | ToHost::SelfTest(_) => {
                 false
             }
+            ToHost::CompressedRaw(_) => self.streams.contains(Streams::COMPRESSED_RAW),
             ToHost::Raw(_) => self.streams.contains(Streams::RAW),
             ToHost::Filtered(_) => self.streams.contains(Streams::FILTERED),
             ToHost::Audit(_) => self.streams.contains(Streams::AUDIT),
@@ -381,18 +384,5 @@ impl<R: Read + Seek> Replayer<R> {
             self.recorded_seq = Some(frame.header.seq);
             self.device_us = frame.header.device_time_us;
         }
-    }
-
-    fn is_ack_of_start(&self, payload: &[u8]) -> bool {
-        let mut decoder = Decoder::<MAX_FRAME>::new();
-        let mut bytes = payload;
-        let Some(Ok(frame)) = decoder.next::<ToHost>(&mut bytes) else {
-            return false;
-        };
-        matches!(
-            frame.message,
-            ToHost::Ack(Ack { of, result: AckResult::Done })
-                if self.recorded_starts.get(&of) == Some(&true)
-        )
     }
 }

@@ -2,14 +2,15 @@
 
 use std::sync::Arc;
 
-use link::{Audit, COUNT_BYTES, Event, Filtered, Raw, Streams, VALUE_BYTES};
+use link::{Audit, COUNT_BYTES, CompressedRaw, Event, Filtered, Raw, Streams, VALUE_BYTES};
 
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::model::Model;
 use crate::device::Device;
 use crate::effects::Effects;
-use crate::settings::{EventStamps, Settings};
+use crate::settings::{EventStamps, RawForm, Settings};
 use crate::streams::bus::EventBus;
+use crate::streams::compressed::CompressedSamples;
 use crate::streams::event::EventStream;
 use crate::streams::sample::{SampleStream, Samples};
 use crate::streams::stamps::Reception;
@@ -23,6 +24,7 @@ pub(crate) struct SideStreams {
     settings: Settings,
     device: Option<Arc<Device>>,
     pub(crate) raw: Option<SampleStream>,
+    pub(crate) compressed: CompressedSamples,
     pub(crate) filtered: Option<SampleStream>,
     pub(crate) events: EventStream,
     pub(crate) bus: EventBus,
@@ -53,6 +55,7 @@ impl SideStreams {
             settings,
             device: None,
             raw: None,
+            compressed: CompressedSamples::default(),
             filtered: None,
             events: EventStream::default(),
             bus: EventBus::new(settings.streams.contains(Streams::EVENTS)),
@@ -65,21 +68,22 @@ impl SideStreams {
 
     /// Sets the device that the following messages belong to.
     pub(crate) fn set_device(&mut self, device: &Arc<Device>) {
-        let wanted = |stream| self.settings.streams.contains(stream);
+        let asked = self.settings.streams;
+        self.compressed.forget();
         // Raw samples have not passed the filters, so their filter delay is 0.
         let streams = [
-            (&mut self.raw, Streams::RAW, device.raw_frame(), 0),
+            (&mut self.raw, RawForm::any_in(asked), device.raw_frame(), 0),
             (
                 &mut self.filtered,
-                Streams::FILTERED,
+                asked.contains(Streams::FILTERED),
                 device.filtered_frame(),
                 device.group_delay_us,
             ),
         ];
-        for (stream, bit, frame, delay_us) in streams {
+        for (stream, is_wanted, frame, delay_us) in streams {
             match stream {
                 Some(stream) => stream.replace_device(frame, delay_us),
-                None if wanted(bit) => {
+                None if is_wanted => {
                     *stream = Some(SampleStream::new(frame, delay_us, self.settings));
                 }
                 None => {}
@@ -100,6 +104,7 @@ impl SideStreams {
         for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
             stream.end_recording();
         }
+        self.compressed.forget();
         self.restart_events();
     }
 
@@ -108,6 +113,7 @@ impl SideStreams {
         for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
             stream.restart();
         }
+        self.compressed.forget();
         self.restart_events();
     }
 
@@ -148,6 +154,27 @@ impl SideStreams {
         stream.receive(samples, |sample| sample, reception, &mut |frame| {
             effects.publish_raw(frame);
         });
+    }
+
+    /// Decodes the ADC samples of a message and publishes them as [`Self::receive_raw`] does. Samples that
+    /// cannot be decoded count as lost when the next ones are published.
+    pub(crate) fn receive_compressed(
+        &mut self,
+        message: &CompressedRaw,
+        times: MessageTime<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let mut compressed = std::mem::take(&mut self.compressed);
+        match compressed.decode(message) {
+            Ok(Some(raw)) => self.receive_raw(&raw, times, effects),
+            Ok(None) => {}
+            Err(why) => {
+                if let Some(stream) = &mut self.raw {
+                    stream.reject(&why.to_string());
+                }
+            }
+        }
+        self.compressed = compressed;
     }
 
     /// Publishes the filtered steps of a message, scaled to uV.

@@ -2,6 +2,7 @@
 
 use link::{AckResult, Start, Streams, ToDevice};
 
+use crate::settings::RawForm;
 use crate::wire::clock_query::ClockQuery;
 use crate::wire::pending::{PendingCommand, RETRY_US};
 
@@ -21,7 +22,8 @@ const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
 #[derive(Clone, Debug)]
 pub(crate) struct Commands {
     mains_hz: u8,
-    /// Streams that the user requested, with the stream of codes added.
+    /// Streams that the user requested, with the stream of codes added. Samples can be requested in both
+    /// forms, of which the device sends one.
     wanted_streams: Streams,
     /// Streams that `Start` asks for: fewer than `wanted_streams` after the device refused some.
     streams: Streams,
@@ -84,7 +86,7 @@ impl Commands {
         Commands {
             mains_hz,
             wanted_streams: streams,
-            streams,
+            streams: first_choice(streams),
             streaming_wanted: true,
             device: Introduction::Missing,
             owns_stream: false,
@@ -139,7 +141,7 @@ impl Commands {
     pub(crate) fn device_restarted(&mut self) {
         self.device = Introduction::Missing;
         self.owns_stream = false;
-        self.streams = self.wanted_streams;
+        self.streams = first_choice(self.wanted_streams);
         self.stream = StreamState::Unconfirmed;
         self.pending = None;
         self.start_not_before_us = 0;
@@ -186,7 +188,12 @@ impl Commands {
 
     /// Streams that the user wants and the device refused.
     pub(crate) fn refused_streams(&self) -> Streams {
-        Streams::from_bits(self.wanted_streams.bits() & !self.streams.bits())
+        let refused = self.wanted_streams.without(self.streams);
+        if RawForm::any_in(self.streams) {
+            refused.without(RawForm::Any.streams())
+        } else {
+            refused
+        }
     }
 
     /// Host time of the newest clock query, microseconds.
@@ -296,11 +303,15 @@ impl Commands {
         codes_arrive.then(|| self.clock_query.next(now_us, seq))?
     }
 
-    /// Returns the streams to ask for after a refused `Start`: without raw samples, which a UART
-    /// cannot carry, then without filtered steps, then codes alone, which firmware before 0.2 is
-    /// limited to.
+    /// Returns the streams to ask for after a refused `Start`: with raw samples in the other form if
+    /// both are wanted, without raw samples, then without filtered steps, then codes alone, which
+    /// firmware before 0.2 is limited to.
     fn fewer_streams(&self) -> Option<Streams> {
-        let removable = [Streams::RAW, Streams::FILTERED];
+        let compressed = Streams::COMPRESSED_RAW;
+        if self.streams.contains(compressed) && self.wanted_streams.contains(Streams::RAW) {
+            return Some(self.streams.without(compressed) | Streams::RAW);
+        }
+        let removable = [Streams::RAW, compressed, Streams::FILTERED];
         let removable = removable
             .into_iter()
             .find(|stream| self.streams.contains(*stream));
@@ -369,5 +380,14 @@ impl Commands {
             AckResult::Done => AckEffect::NoChange,
             result => AckEffect::Refused(pending.command, result),
         }
+    }
+}
+
+/// Returns the streams that a device is asked for at first: samples in one form only.
+fn first_choice(wanted: Streams) -> Streams {
+    if wanted.contains(Streams::COMPRESSED_RAW) {
+        wanted.without(Streams::RAW)
+    } else {
+        wanted
     }
 }

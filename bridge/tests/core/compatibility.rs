@@ -23,11 +23,12 @@ enum LaterToHost {
     SelfTest,
     ClockReading,
     Substitutes,
+    CompressedRaw,
     Later { channel: u8, device_time_us: u64 },
 }
 
 impl link::Message<'_> for LaterToHost {
-    const KINDS: u32 = 16;
+    const KINDS: u32 = 17;
     const DIRECTION: u8 = link::ToHost::DIRECTION;
 }
 

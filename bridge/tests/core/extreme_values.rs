@@ -2,8 +2,8 @@
 
 use bridge::{Announcement, AuditedWindow, Core, Effects, FillerPolicy, TimedCode};
 use link::{
-    Audit, ClockReading, CodeValues, Converters, Event, EventKind, Filtered, Flags, Raw, Streams,
-    ToHost,
+    Audit, BlockForm, ClockReading, CodeValues, CompressedRaw, Converters, Event, EventKind,
+    Filtered, Flags, Raw, Streams, ToHost,
 };
 use neuro_ros::{NeuroEvent, NeuroFrame};
 
@@ -94,7 +94,7 @@ fn survives_extreme_numbers(filler: FillerPolicy) {
         let (made_us, first, other) = (number(), number(), number());
         #[expect(clippy::cast_possible_truncation, reason = "any number serves")]
         let (small, byte) = (other as u32, first as u8);
-        let message = match draw(6) {
+        let message = match draw(7) {
             0 => ToHost::Raw(Raw {
                 first_sample: first,
                 channels: 64,
@@ -123,6 +123,14 @@ fn survives_extreme_numbers(filler: FillerPolicy) {
             4 => ToHost::ClockReading(ClockReading {
                 host_time_us: first,
                 received_us: other,
+            }),
+            5 => ToHost::CompressedRaw(CompressedRaw {
+                first_sample: first,
+                channels: 64,
+                flags: Flags::from_bits(u16::MAX),
+                form: BlockForm::from(byte % 4),
+                samples: byte,
+                bytes: &bytes[..192 * draw(9)],
             }),
             _ => ToHost::Audit(Audit {
                 model_id: board.model_id,

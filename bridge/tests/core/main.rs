@@ -7,6 +7,7 @@ mod bus;
 mod clock;
 mod clock_backlog;
 mod compatibility;
+mod compressed;
 mod contract;
 mod converters;
 mod events;

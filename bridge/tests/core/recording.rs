@@ -12,7 +12,7 @@ const PAGE: &str = include_str!("../../../docs/recording-format.md");
 
 const HEADER: FileHeader = FileHeader {
     created_ns: 1_700_000_000_000_000_000,
-    streams: Streams::ALL,
+    streams: Streams::from_bits(0b11111),
     mains_hz: 50,
 };
 

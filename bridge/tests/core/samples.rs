@@ -44,7 +44,7 @@ pub(crate) fn harness(settings: Settings) -> Harness {
 }
 
 /// Returns the device time of an ADC sample, microseconds; sample 0 is at 2 s.
-fn time(sample: u64) -> u64 {
+pub(crate) fn time(sample: u64) -> u64 {
     2_000_000 + sample * 1_000_000 / 512
 }
 

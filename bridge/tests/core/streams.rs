@@ -1,6 +1,6 @@
 //! Streams that `Start` requests, and devices that refuse some of them.
 
-use bridge::{AnnouncedStream, Settings};
+use bridge::{AnnouncedStream, RawForm, Settings};
 use link::{Streams, ToDevice};
 use neuro_ros::DiagnosticLevel;
 
@@ -40,7 +40,14 @@ fn harness(streams: Streams, supported: Streams) -> Harness {
 
 #[test]
 fn the_device_is_asked_for_the_chosen_streams_and_always_for_codes() {
-    for (asked, expected) in [(0b11001, 0b11001), (0b00010, 0b00011), (0, 1)] {
+    for (asked, expected) in [
+        (0b011001, 0b011001),
+        (0b000010, 0b000011),
+        (0b100000, 0b100001),
+        // Samples in either form: compressed ones come first.
+        (0b100010, 0b100001),
+        (0, 1),
+    ] {
         let harness = harness(Streams::from_bits(asked), EVERYTHING);
         assert_eq!(starts(&harness), [expected]);
     }
@@ -70,9 +77,35 @@ fn an_older_device_is_asked_for_codes_alone_without_a_warning() {
 }
 
 #[test]
+fn a_device_without_compressed_samples_is_asked_for_the_others() {
+    let older = Streams::from_bits(0b11111);
+    let mut harness = harness(EVERYTHING, older);
+    assert_eq!(starts(&harness), [0b111101, 0b011111]);
+    harness.code(1, false);
+    let status = harness.status("device").unwrap();
+    assert_eq!(
+        (status.level, &*status.message),
+        (DiagnosticLevel::Ok, "streaming")
+    );
+    // One that is not wanted in the other form gets a warning.
+    let wanted = EVERYTHING.without(Streams::RAW);
+    let mut forced = self::harness(wanted, older);
+    assert_eq!(starts(&forced), [0b111101, 0b011101]);
+    forced.code(1, false);
+    let status = forced.status("device").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Warn);
+    assert!(
+        status.message.contains("compressed-raw: update"),
+        "{}",
+        status.message
+    );
+}
+
+#[test]
 fn refused_samples_are_a_warning_and_the_other_streams_still_start() {
-    let mut uart = harness(EVERYTHING, EVERYTHING.without(Streams::RAW));
-    assert_eq!(starts(&uart), [0b11111, 0b11101]);
+    let without_samples = EVERYTHING.without(RawForm::Any.streams());
+    let mut uart = harness(EVERYTHING, without_samples);
+    assert_eq!(starts(&uart), [0b111101, 0b011111, 0b011101]);
     uart.code(1, false);
     let status = uart.status("device").unwrap();
     assert!(
@@ -83,7 +116,7 @@ fn refused_samples_are_a_warning_and_the_other_streams_still_start() {
 
     let supported = Streams::CODES | Streams::AUDIT | Streams::EVENTS;
     let mut harness = harness(EVERYTHING, supported);
-    assert_eq!(starts(&harness), [0b11111, 0b11101, 0b11001]);
+    assert_eq!(starts(&harness), [0b111101, 0b011111, 0b011101, 0b011001]);
     harness.code(1, false);
     let status = harness.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
@@ -103,7 +136,7 @@ fn another_device_is_asked_for_all_streams_again() {
     harness.receive(&hello);
     harness.exchange();
     assert_eq!(commands(&harness).last(), Some(&"start"));
-    assert_eq!(starts(&harness).last(), Some(&0b11111));
+    assert_eq!(starts(&harness).last(), Some(&0b111101));
     harness.code(1, false);
     assert_eq!(harness.status("device").unwrap().message, "streaming");
 }

@@ -8,7 +8,9 @@ use std::sync::{Arc, Mutex};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
-use link::{Audit, CodeValues, Event, EventKind, Filtered, Flags, Raw, Streams};
+use link::{
+    Audit, BlockForm, CodeValues, CompressedRaw, Event, EventKind, Filtered, Flags, Raw, Streams,
+};
 use link::{ToDevice, ToHost};
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -176,6 +178,17 @@ fn side_messages(board: &mut Board, device_us: u64) -> Vec<u8> {
         };
         if streams.contains(Streams::RAW) {
             bytes.extend(board.frame(device_us, &ToHost::Raw(raw)));
+        }
+        if streams.contains(Streams::COMPRESSED_RAW) {
+            let compressed = CompressedRaw {
+                first_sample: raw.first_sample,
+                channels: raw.channels,
+                flags: raw.flags,
+                form: BlockForm::Verbatim,
+                samples: 8,
+                bytes: raw.counts,
+            };
+            bytes.extend(board.frame(device_us, &ToHost::CompressedRaw(compressed)));
         }
     }
     for part in 0..2 {

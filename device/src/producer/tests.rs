@@ -97,6 +97,7 @@ fn a_run_produces_exactly_the_requested_streams() {
             .map(|output| match output.payload {
                 Payload::Code(..) => Streams::CODES,
                 Payload::Raw(_) => Streams::RAW,
+                Payload::CompressedRaw(_) => Streams::COMPRESSED_RAW,
                 Payload::Filtered(_) => Streams::FILTERED,
                 Payload::Audit(_) => Streams::AUDIT,
                 _ => Streams::empty(),
@@ -109,6 +110,7 @@ fn a_run_produces_exactly_the_requested_streams() {
     for one in [
         Streams::CODES,
         Streams::RAW,
+        Streams::COMPRESSED_RAW,
         Streams::FILTERED,
         Streams::AUDIT,
     ] {

@@ -33,7 +33,7 @@ static TEST: StaticCell<SelfTest<CHIPS>> = StaticCell::new();
 static ADC: StaticCell<Adc> = StaticCell::new();
 
 /// What these boards offer to a host. Over the UART they refuse raw samples, which need 101 kB/s: the UART
-/// carries only 92 kB/s.
+/// carries only 92 kB/s. Compressed raw samples take about half of that.
 const ABILITIES: Abilities = Abilities {
     streams: if cfg!(feature = "uart") {
         Streams::ALL.without(Streams::RAW)

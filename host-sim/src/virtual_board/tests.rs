@@ -2,6 +2,7 @@
 
 use link::{Decoder, Encoder, Flags, MAX_FRAME, Streams, ToDevice, ToHost};
 
+mod compressed;
 mod streams;
 
 use super::*;

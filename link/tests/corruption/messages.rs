@@ -1,9 +1,10 @@
 //! Random messages for proptest.
 
 use link::{
-    Ack, AckResult, Audit, ClockReading, Code, CodeFormat, CodeValues, ElectrodeQuality, Event,
-    EventKind, Filtered, Flags, Hello, MAX_ELECTRODES, MAX_EXPONENT, MAX_NUMBERS, MAX_STAGES,
-    Quality, Raw, ResetCause, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
+    Ack, AckResult, Audit, BlockForm, ClockReading, Code, CodeFormat, CodeValues, CompressedRaw,
+    ElectrodeQuality, Event, EventKind, Filtered, Flags, Hello, MAX_ELECTRODES, MAX_EXPONENT,
+    MAX_NUMBERS, MAX_STAGES, Quality, Raw, ResetCause, Stage, StageTiming, Stats, Streams,
+    Substitutes, Timing, ToHost,
 };
 use proptest::prelude::*;
 
@@ -53,6 +54,18 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
                 counts,
             })
         });
+    let compressed = (any::<(u64, u8, u16, u8, u8)>(), bytes()).prop_map(
+        |((first_sample, channels, flags, form, samples), bytes)| {
+            ToHost::CompressedRaw(CompressedRaw {
+                first_sample,
+                channels,
+                flags: Flags::from_bits(flags),
+                form: BlockForm::from(form),
+                samples,
+                bytes,
+            })
+        },
+    );
     let filtered = (any::<(u64, u8, u8, u16)>(), bytes()).prop_map(
         |((first_step, electrodes, fraction_bits, flags), values)| {
             ToHost::Filtered(Filtered {
@@ -89,7 +102,15 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
     });
     let substitutes = any::<[u64; 2]>()
         .prop_map(|[interpolated, zero]| ToHost::Substitutes(Substitutes { interpolated, zero }));
-    prop_oneof![raw, filtered, audit, event, reading, substitutes]
+    prop_oneof![
+        raw,
+        compressed,
+        filtered,
+        audit,
+        event,
+        reading,
+        substitutes
+    ]
 }
 
 pub(crate) fn message() -> impl Strategy<Value = ToHost<'static>> {
@@ -204,6 +225,10 @@ pub(crate) fn owned(message: &ToHost<'_>) -> ToHost<'static> {
         ToHost::Timing(timing) => ToHost::Timing(timing.clone()),
         ToHost::Raw(raw) => ToHost::Raw(Raw {
             counts: raw.counts.to_vec().leak(),
+            ..*raw
+        }),
+        ToHost::CompressedRaw(raw) => ToHost::CompressedRaw(CompressedRaw {
+            bytes: raw.bytes.to_vec().leak(),
             ..*raw
         }),
         ToHost::Filtered(filtered) => ToHost::Filtered(Filtered {

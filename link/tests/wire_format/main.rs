@@ -2,15 +2,16 @@
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, COUNT_BYTES, Code, Decoder, Encoder, FILTERED_STEPS, Filtered, Flags,
-    MAX_FRAME, Message, Quality, RAW_SAMPLES, Raw, ResetInto, Stage, StageTiming, Start, Streams,
-    Timing, ToDevice, ToHost, VALUE_BYTES,
+    Ack, AckResult, BlockForm, COUNT_BYTES, Code, CompressedRaw, Decoder, Encoder, FILTERED_STEPS,
+    Filtered, Flags, MAX_FRAME, Message, Quality, RAW_SAMPLES, Raw, ResetInto, Stage, StageTiming,
+    Start, Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
 mod messages;
 use messages::{
-    audit, capabilities, clock_reading, code, code_of_16_bits, code_with_exponent, converters,
-    event, filtered, hello, quality, raw, self_test, stats, substitutes, timing,
+    audit, capabilities, clock_reading, code, code_of_16_bits, code_with_exponent,
+    compressed_continuing, compressed_key, converters, event, filtered, hello, quality, raw,
+    self_test, stats, substitutes, timing,
 };
 
 const DOCUMENT: &str = include_str!("../../../docs/wire-format.md");
@@ -130,10 +131,16 @@ fn every_dump_equals_the_encoders_output() {
         ("self-test", (313, 24_500_000), self_test()),
         ("clock-reading", (314, 24_600_000), clock_reading()),
         ("substitutes", (1, 1_000), substitutes()),
+        ("compressed-raw-key", (315, 19_900_390), compressed_key()),
+        (
+            "compressed-raw-continuing",
+            (316, 19_916_015),
+            compressed_continuing(),
+        ),
     ] {
         check(name, &mut Decoder::new(), at, &message);
     }
-    assert_eq!(dumps().len(), 24, "a dump that no test compares");
+    assert_eq!(dumps().len(), 26, "a dump that no test compares");
 }
 
 #[test]
@@ -240,12 +247,28 @@ fn the_document_states_the_sizes_of_raw_and_filtered_frames() {
         flags: Flags::empty(),
         values: &values,
     });
+    let compressed = |bytes| {
+        ToHost::CompressedRaw(CompressedRaw {
+            first_sample: 512 * 86_400,
+            channels: 64,
+            flags: Flags::empty(),
+            form: BlockForm::Verbatim,
+            samples: 8,
+            bytes,
+        })
+    };
     let bytes = |message| frame(64 * 86_400, 86_400_000_000, &message).len();
-    let (raw, filtered) = (bytes(raw), bytes(filtered));
+    let longest = bytes(compressed(&counts));
+    let [raw, filtered] = [raw, filtered].map(bytes);
+    // Mean of host-sim's synthetic EEG, which a test of that crate measures.
+    let mean = 723;
     let per_second = |bytes: usize, frames: usize| (bytes * frames).div_ceil(1_000);
     let words = format!(
-        "a raw frame {raw} bytes, 64 times a second ({} kB/s); a filtered frame {filtered}, 32 times ({} kB/s)",
+        "a raw frame {raw} bytes, 64 times a second ({} kB/s); a compressed raw frame at most {longest}, \
+         with synthetic EEG {mean} in the mean ({} kB/s); a filtered frame {filtered}, 32 times \
+         ({} kB/s)",
         per_second(raw, 64),
+        per_second(mean, 64),
         per_second(filtered, 32)
     );
     assert!(DOCUMENT.contains(&words), "{words}");

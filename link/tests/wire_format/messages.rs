@@ -1,9 +1,10 @@
 //! One message of each kind, with the contents of the dumps in `docs/wire-format.md`.
 
 use link::{
-    Audit, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading, Code, CodeFormat,
-    CodeValues, Converters, ElectrodeQuality, Event, EventKind, Filtered, Flags, Hello, Quality,
-    Raw, ResetCause, SelfTest, Stage, StageTiming, Stats, Streams, Substitutes, Timing, ToHost,
+    Audit, BlockForm, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading, Code,
+    CodeFormat, CodeValues, CompressedRaw, Converters, ElectrodeQuality, Event, EventKind,
+    Filtered, Flags, Hello, Quality, Raw, ResetCause, SelfTest, Stage, StageTiming, Stats, Streams,
+    Substitutes, Timing, ToHost,
 };
 
 pub(crate) fn hello() -> ToHost<'static> {
@@ -237,5 +238,36 @@ pub(crate) fn substitutes() -> ToHost<'static> {
     ToHost::Substitutes(Substitutes {
         interpolated: 0b1_0000_0010,
         zero: 1 << 60,
+    })
+}
+
+/// Eight samples of two channels, to keep the dump short; the bytes are those of
+/// `lossless/tests/reference.py`.
+pub(crate) fn compressed_key() -> ToHost<'static> {
+    ToHost::CompressedRaw(CompressedRaw {
+        first_sample: 9_656,
+        channels: 2,
+        flags: Flags::empty(),
+        form: BlockForm::Key,
+        samples: 8,
+        bytes: &[
+            0x84, 0xdd, 0x00, 0x00, 0x64, 0x82, 0x2d, 0x2d, 0x7f, 0xfb, 0x9b, 0x10, 0x81, 0x1d,
+            0x9c, 0x8b, 0x40,
+        ],
+    })
+}
+
+/// The eight samples after those of [`compressed_key`], with a jump in the second channel.
+pub(crate) fn compressed_continuing() -> ToHost<'static> {
+    ToHost::CompressedRaw(CompressedRaw {
+        first_sample: 9_664,
+        channels: 2,
+        flags: Flags::empty(),
+        form: BlockForm::Continuing,
+        samples: 8,
+        bytes: &[
+            0x48, 0xe9, 0xd2, 0x6a, 0x4c, 0x85, 0x00, 0xff, 0xe8, 0x90, 0x00, 0xff, 0xe8, 0x9a,
+            0xab, 0x48,
+        ],
     })
 }

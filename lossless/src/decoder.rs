@@ -1,0 +1,161 @@
+//! Decodes blocks of samples.
+
+use crate::bit_reader::BitReader;
+use crate::block::{Block, Count, Kind, MAX_SAMPLES, SUM_BYTES, number, sum};
+use crate::channel::Channel;
+use crate::decode_error::DecodeError;
+use crate::order::Order;
+use crate::rice;
+
+/// Decodes the blocks of up to `CHANNELS` channels.
+#[derive(Clone, Debug)]
+pub struct Decoder<const CHANNELS: usize> {
+    past: [Channel; CHANNELS],
+    /// Number of channels that `past` describes; 0 if the next block must need no past.
+    known: usize,
+    counts: [[Count; CHANNELS]; MAX_SAMPLES],
+}
+
+impl<const CHANNELS: usize> Decoder<CHANNELS> {
+    /// Decoder that needs a block without a past.
+    pub const NEW: Self = Self {
+        past: [Channel::NEW; CHANNELS],
+        known: 0,
+        counts: [[[0; 3]; CHANNELS]; MAX_SAMPLES],
+    };
+
+    /// Forgets the past: the next block must need none. Call this when a block is missing.
+    pub const fn forget(&mut self) {
+        self.known = 0;
+    }
+
+    /// Returns true if the decoder can decode a [`Kind::Continuing`] block.
+    pub const fn is_synchronised(&self) -> bool {
+        self.known > 0
+    }
+
+    /// Returns the counts of a block of `channels` channels: all counts of the first sample, then those
+    /// of the next sample.
+    ///
+    /// # Errors
+    /// If the block is damaged, or continues from blocks that this decoder does not know. The past is
+    /// forgotten then.
+    pub fn decode(&mut self, channels: usize, block: &Block) -> Result<&[Count], DecodeError> {
+        let known = core::mem::take(&mut self.known);
+        if !(1..=MAX_SAMPLES).contains(&block.samples) {
+            return Err(DecodeError::Samples(block.samples));
+        }
+        if !(1..=CHANNELS).contains(&channels) {
+            return Err(DecodeError::Channels(channels));
+        }
+        let counts = self.counts.as_flattened_mut();
+        let counts = &mut counts[..block.samples * channels];
+        let past = &mut self.past[..channels];
+        match block.kind {
+            Kind::Verbatim => {
+                copy(block.bytes, counts)?;
+                return Ok(counts);
+            }
+            Kind::Key => decompress(past, true, block.bytes, counts)?,
+            Kind::Continuing if known != channels => return Err(DecodeError::NoKey),
+            Kind::Continuing => decompress(past, false, block.bytes, counts)?,
+        }
+        self.known = channels;
+        Ok(counts)
+    }
+}
+
+fn copy(bytes: &[u8], counts: &mut [Count]) -> Result<(), DecodeError> {
+    let (from, rest) = bytes.as_chunks();
+    if from.len() < counts.len() {
+        return Err(DecodeError::TooShort);
+    }
+    if from.len() > counts.len() || !rest.is_empty() {
+        return Err(DecodeError::TooLong);
+    }
+    counts.copy_from_slice(from);
+    Ok(())
+}
+
+/// Decodes a compressed block and updates the past of its channels.
+fn decompress(
+    past: &mut [Channel],
+    is_key: bool,
+    bytes: &[u8],
+    counts: &mut [Count],
+) -> Result<(), DecodeError> {
+    let (announced, bits) = bytes
+        .split_first_chunk::<SUM_BYTES>()
+        .ok_or(DecodeError::TooShort)?;
+    let mut reader = BitReader::new(bits);
+    let channels = past.len();
+    for (index, channel) in past.iter_mut().enumerate() {
+        let mut places = counts[index..].iter_mut().step_by(channels);
+        if is_key {
+            let first = start_key(channel, &mut reader)?;
+            if let Some(place) = places.next() {
+                *place = first;
+            }
+        }
+        decode_channel(channel, places, &mut reader)?;
+    }
+    if !reader.is_at_end() {
+        return Err(DecodeError::TooLong);
+    }
+    if sum(past.iter().map(|channel| channel.past.x)) != *announced {
+        return Err(DecodeError::Sum);
+    }
+    Ok(())
+}
+
+/// Reads what a key block states of a channel, and returns its first count.
+fn start_key(channel: &mut Channel, reader: &mut BitReader) -> Result<Count, DecodeError> {
+    let mut take = |bits| reader.take(bits).ok_or(DecodeError::TooShort);
+    let [low, middle, high, _] = take(rice::COUNT_BITS)?.to_le_bytes();
+    let order = Order::from_bits(take(2)?);
+    let k = take(5)?;
+    if k > rice::MAX_K {
+        return Err(DecodeError::Parameter(k));
+    }
+    let first = [low, middle, high];
+    channel.start_key(number(first), order, k);
+    Ok(first)
+}
+
+/// Decodes the codes of one channel into its places.
+fn decode_channel<'c>(
+    channel: &mut Channel,
+    places: impl Iterator<Item = &'c mut Count>,
+    reader: &mut BitReader,
+) -> Result<(), DecodeError> {
+    let k = channel.k();
+    let (mut sum, mut codes) = (0, 0);
+    for place in places {
+        let zeros = reader
+            .take_zeros(rice::ESCAPE)
+            .ok_or(DecodeError::TooShort)?;
+        let is_escaped = zeros == rice::ESCAPE;
+        let width = if is_escaped { rice::COUNT_BITS } else { k };
+        let bits = reader.take(width).ok_or(DecodeError::TooShort)?;
+        let count = if is_escaped {
+            let [low, middle, high, _] = bits.to_le_bytes();
+            number([low, middle, high])
+        } else {
+            let difference = rice::unfold(zeros << k | bits);
+            channel
+                .past
+                .predicted(channel.order)
+                .wrapping_add(difference)
+        };
+        let [low, middle, high, _] = count.to_le_bytes();
+        *place = [low, middle, high];
+        if number(*place) != count {
+            return Err(DecodeError::Range(count));
+        }
+        let difference = channel.past.append(count)[channel.order as usize];
+        sum = rice::fold(difference).wrapping_add(sum);
+        codes += 1;
+    }
+    channel.observe(sum, codes);
+    Ok(())
+}

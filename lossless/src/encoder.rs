@@ -1,0 +1,176 @@
+//! Compresses blocks of samples.
+
+use crate::bit_writer::BitWriter;
+use crate::block::{Block, Count, Kind, MAX_SAMPLES, SUM_BYTES, number, sum};
+use crate::channel::{Channel, Past};
+use crate::order::Order;
+use crate::rice;
+
+/// Samples after the first of a key block that do not count for the choice of the order: their
+/// differences reach back before the block.
+const WARM_UP: usize = 2;
+
+/// Configuration of an encoder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Encoder {
+    /// A key block follows after this many blocks, counted from the key block before it. Every block is
+    /// a key block with 1 or less.
+    pub key_blocks: u16,
+}
+
+/// State of an encoder of `CHANNELS` channels.
+#[derive(Clone, Debug)]
+pub struct EncoderState<const CHANNELS: usize> {
+    channels: [Channel; CHANNELS],
+    /// For each channel and each order: sum of the absolute differences in the newest key blocks.
+    sizes: [[u32; 4]; CHANNELS],
+    /// Number of blocks until the next key block; 0 if it is due.
+    until_key: u16,
+}
+
+impl<const CHANNELS: usize> EncoderState<CHANNELS> {
+    /// State before the first block, which will need no past.
+    pub const NEW: Self = Self {
+        channels: [Channel::NEW; CHANNELS],
+        sizes: [[0; 4]; CHANNELS],
+        until_key: 0,
+    };
+
+    /// Makes the next block one that needs no past. Call this before a block that does not directly
+    /// follow the previous one.
+    pub const fn require_key(&mut self) {
+        self.until_key = 0;
+    }
+}
+
+impl Encoder {
+    /// Compresses samples to a block in `room`. Samples after the first [`MAX_SAMPLES`] are ignored.
+    ///
+    /// # Timing
+    /// Bounded: one pass over the counts, a second one in a key block, and a copy of the samples where
+    /// they do not get shorter.
+    pub fn encode<'r, const CHANNELS: usize>(
+        self,
+        state: &mut EncoderState<CHANNELS>,
+        samples: &[[Count; CHANNELS]],
+        room: &'r mut [[Count; CHANNELS]; MAX_SAMPLES],
+    ) -> Block<'r> {
+        let samples = &samples[..samples.len().min(MAX_SAMPLES)];
+        let kind = if state.until_key == 0 {
+            Kind::Key
+        } else {
+            Kind::Continuing
+        };
+        state.until_key = match kind {
+            Kind::Key => self.key_blocks.saturating_sub(1),
+            _ => state.until_key - 1,
+        };
+        // A compressed block may be as long as its counts.
+        let room = &mut room[..samples.len()];
+        let Some(length) = compress(state, samples, kind, bytes_of(room)) else {
+            state.require_key();
+            room.copy_from_slice(samples);
+            return Block {
+                kind: Kind::Verbatim,
+                samples: samples.len(),
+                bytes: bytes_of(room),
+            };
+        };
+        Block {
+            kind,
+            samples: samples.len(),
+            bytes: &bytes_of(room)[..length],
+        }
+    }
+}
+
+fn bytes_of<const CHANNELS: usize>(room: &mut [[Count; CHANNELS]]) -> &mut [u8] {
+    room.as_flattened_mut().as_flattened_mut()
+}
+
+/// Writes a compressed block and returns its length, bytes; `None` if it does not fit `room`.
+fn compress<const CHANNELS: usize>(
+    state: &mut EncoderState<CHANNELS>,
+    samples: &[[Count; CHANNELS]],
+    kind: Kind,
+    room: &mut [u8],
+) -> Option<usize> {
+    let (sum_place, room) = room.split_first_chunk_mut::<SUM_BYTES>()?;
+    let mut writer = BitWriter::new(room);
+    let channels = state.channels.iter_mut().zip(&mut state.sizes);
+    for (index, (channel, sizes)) in channels.enumerate() {
+        let mut rest = samples;
+        if kind == Kind::Key {
+            let (first, after) = samples.split_first()?;
+            let first = number(first[index]);
+            let (order, k) = choose(sizes, first, after.iter().map(|sample| sample[index]));
+            channel.start_key(first, order, k);
+            let first = first.cast_unsigned() & 0x00ff_ffff;
+            writer.put(first << 7 | order.bits() << 5 | k, 31);
+            rest = after;
+        }
+        let k = channel.k();
+        let counts = rest.iter().map(|sample| number(sample[index]));
+        let past = &mut channel.past;
+        let folded = match channel.order {
+            Order::Zero => put_codes::<0>(past, k, counts, &mut writer),
+            Order::One => put_codes::<1>(past, k, counts, &mut writer),
+            Order::Two => put_codes::<2>(past, k, counts, &mut writer),
+            Order::Three => put_codes::<3>(past, k, counts, &mut writer),
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "at most 8 samples")]
+        channel.observe(folded, rest.len() as u32);
+    }
+    *sum_place = sum(state.channels.iter().map(|channel| channel.past.x));
+    Some(SUM_BYTES + writer.finish()?)
+}
+
+/// Writes the codes of one channel and returns the sum of the folded differences, at most 8 * 2^27.
+#[inline(always)]
+fn put_codes<const ORDER: usize>(
+    past: &mut Past,
+    k: u32,
+    counts: impl Iterator<Item = i32>,
+    writer: &mut BitWriter,
+) -> u32 {
+    let mut sum: u32 = 0;
+    let mut newest = *past;
+    for count in counts {
+        let folded = rice::fold(newest.append(count)[ORDER]);
+        let (bits, width) = rice::code(folded, k, count);
+        writer.put(bits, width);
+        sum = sum.wrapping_add(folded);
+    }
+    *past = newest;
+    sum
+}
+
+/// Chooses the order of a key block's differences and the parameter k of its codes. `sizes` keeps what
+/// the previous key blocks have shown.
+fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) -> (Order, u32) {
+    let mut past = Past::after(first);
+    let mut block = [0_u32; 4];
+    // At most 7 * 2^26 in a block, and with the older blocks 4 times as much: below 2^32.
+    for size in &mut *sizes {
+        *size -= *size >> 2;
+    }
+    for (time, count) in after.enumerate() {
+        let differences = past.append(number(count)).map(i32::unsigned_abs);
+        for ((size, block), difference) in sizes.iter_mut().zip(&mut block).zip(differences) {
+            *block = block.wrapping_add(difference);
+            if time >= WARM_UP {
+                *size = size.wrapping_add(difference);
+            }
+        }
+    }
+    let mut best = Order::Zero;
+    for order in Order::ALL {
+        if sizes[order as usize] < sizes[best as usize] {
+            best = order;
+        }
+    }
+    // A folded difference is twice the absolute one; the mean of 7 is a little more than a quarter.
+    let sum = block[best as usize];
+    let mean = (sum >> 2) + (sum >> 5);
+    (best, (mean | 1).ilog2().min(rice::MAX_K))
+}
