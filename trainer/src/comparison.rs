@@ -5,6 +5,7 @@ use crate::dataset::Dataset;
 use crate::electrode_error::{ElectrodeError, ElectrodeSums};
 use crate::error::TrainerError;
 use crate::evaluate::{Evaluation, Table, evaluate_blocks};
+use crate::packed::{RateFigures, RateTable, evaluate as evaluate_packed};
 use crate::progress::ProgressObserver;
 use crate::selection::{self, file_name};
 use crate::track::{Track, read_tracks};
@@ -35,6 +36,10 @@ pub struct Comparison {
     pub electrode_errors: Vec<ElectrodeError>,
     /// Errors of PCA with fewer numbers, in ascending order, up to all of them; empty without PCA.
     pub pca_by_numbers: Vec<TruncationError>,
+    /// Bits and error of the packed model at each rate, finest first; empty if the artifact has none.
+    pub packed: Vec<RateFigures>,
+    /// Number of time steps from one code, and one packed block, to the next.
+    pub hop: usize,
     /// Unit of the network's input, `input.sd_uv`, uV.
     pub sd_uv: f64,
 }
@@ -87,6 +92,16 @@ impl Comparison {
             recordings: tracks.iter().map(|track| track.name.clone()).collect(),
             electrode_errors,
             pca_by_numbers: truncation.map_or_else(Vec::new, |sums| sums.errors_by_numbers()),
+            packed: match &model.packed {
+                Some(packed) => evaluate_packed(
+                    packed,
+                    tracks,
+                    description.window.hop,
+                    description.input.sd_uv,
+                )?,
+                None => Vec::new(),
+            },
+            hop: description.window.hop,
             sd_uv: description.input.sd_uv,
         })
     }
@@ -124,6 +139,7 @@ impl Comparison {
             "prd_percent_pca_int8": pca.map(|pca| pca.integer.prd_percent),
             "input_clipped": self.network.input_clipped,
             "codes_at_rail": self.network.code_clipped,
+            "packed": self.packed.iter().map(RateFigures::to_json).collect::<Vec<_>>(),
         })
     }
 
@@ -152,7 +168,12 @@ impl fmt::Display for Comparison {
             self.bits_per_window(),
             self.real_electrodes,
             self.network.electrodes
-        )
+        )?;
+        if self.packed.is_empty() {
+            return Ok(());
+        }
+        writeln!(f, "\npacked code, a block every {} steps", self.hop)?;
+        write!(f, "{}", RateTable(&self.packed))
     }
 }
 

@@ -17,5 +17,6 @@ mod session;
 mod smoother;
 mod transform;
 
+pub(crate) use evaluation::evaluate;
 pub use evaluation::{RateFigures, RateTable};
 pub use session::{PackedOptions, compare, train};

@@ -4,6 +4,7 @@
 mod cross_validation;
 mod evaluation;
 mod learning;
+mod packed;
 mod writer;
 
 use crate::comparison::Comparison;

@@ -11,6 +11,7 @@ use crate::track::Track;
 use artifact::{PackedFigures, PackedModel};
 use nalgebra::DMatrix;
 use packed::Rate;
+use serde_json::{Value as Json, json};
 use std::fmt;
 
 /// Blocks from one reset to the next, as on a device: 4 s.
@@ -36,6 +37,17 @@ pub struct RateFigures {
 }
 
 impl RateFigures {
+    /// Returns the figures as a JSON object.
+    pub(crate) fn to_json(&self) -> Json {
+        json!({
+            "rate": self.rate,
+            "bits_per_hop": self.bits,
+            "longest_bytes": self.longest,
+            "mse": self.mse,
+            "mse_smoothed": self.mse_smoothed,
+        })
+    }
+
     /// Returns the figures as `packed.toml` states them.
     pub(super) fn rounded(self) -> PackedFigures {
         let to = |digits: f64, value: f64| (value * digits).round() / digits;
@@ -52,7 +64,7 @@ impl RateFigures {
 ///
 /// # Errors
 /// If the tracks are shorter than a second.
-pub(super) fn evaluate(
+pub(crate) fn evaluate(
     model: &PackedModel,
     tracks: &[Track],
     hop: usize,

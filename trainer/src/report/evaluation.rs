@@ -40,6 +40,9 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
         ),
         &electrodes_csv(comparison),
     )?;
+    if !comparison.packed.is_empty() {
+        super::packed::add(report, comparison)?;
+    }
     if comparison.pca_by_numbers.is_empty() {
         report.page.push_text(
             "The artifact has no pca.safetensors, so there is no picture of rate and error.",

@@ -1,0 +1,134 @@
+//! Rate and error of the packed model, beside the codes of the network and of PCA.
+
+use super::writer::{MSE, Report};
+use crate::comparison::Comparison;
+use crate::error::TrainerError;
+use crate::packed::RateFigures;
+use picture::axis::{Axis, Scale};
+use picture::canvas::{INK, RESULT, SOURCE};
+use picture::lines::{Lines, Mark, Series};
+use std::fmt::Write as _;
+
+/// Adds the figures of all rates, and their picture.
+pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), TrainerError> {
+    report.page.push_table(&table(&comparison.packed));
+    let lines = lines(comparison);
+    report.add_picture(
+        "packed",
+        |path| lines.draw(path),
+        &format!(
+            "Error by bits of a hop of {} steps. The packed model has one point for each rate; one block later, the \
+             next block has corrected it. Codes of network and PCA are sent once a hop.",
+            comparison.hop
+        ),
+        &csv(comparison),
+    )
+}
+
+fn table(packed: &[RateFigures]) -> Vec<Vec<String>> {
+    let head = [
+        "rate",
+        "bits of a hop",
+        "longest, bytes",
+        "MSE at once",
+        "MSE a block later",
+    ];
+    let rows = packed.iter().map(|figures| {
+        vec![
+            figures.rate.to_string(),
+            format!("{:.1}", figures.bits),
+            figures.longest.to_string(),
+            format!("{:.5}", figures.mse),
+            format!("{:.5}", figures.mse_smoothed),
+        ]
+    });
+    std::iter::once(head.map(str::to_owned).to_vec())
+        .chain(rows)
+        .collect()
+}
+
+fn lines(comparison: &Comparison) -> Lines {
+    let bits =
+        |numbers: usize| f64::from(u32::try_from(comparison.bits_of(numbers)).unwrap_or(u32::MAX));
+    let format = comparison.network.format;
+    let packed = |label: &str, mark, error: fn(&RateFigures) -> f64| Series {
+        label: label.to_owned(),
+        color: SOURCE,
+        mark,
+        points: comparison
+            .packed
+            .iter()
+            .map(|figures| (figures.bits, error(figures)))
+            .collect(),
+        sd: Vec::new(),
+    };
+    let pca = |label: String, mark, error: fn(&crate::truncation::TruncationError) -> f64| Series {
+        label,
+        color: RESULT,
+        mark,
+        points: comparison
+            .pca_by_numbers
+            .iter()
+            .map(|at| (bits(at.numbers), error(at)))
+            .collect(),
+        sd: Vec::new(),
+    };
+    let network = &comparison.network;
+    let mut series = Vec::new();
+    if !comparison.pca_by_numbers.is_empty() {
+        series.push(pca(format!("PCA, {format} codes"), Mark::Line, |at| {
+            at.mse_int8
+        }));
+        series.push(pca("PCA, float codes".to_owned(), Mark::ThinLine, |at| {
+            at.mse_float
+        }));
+    }
+    series.push(packed("packed, at once", Mark::Line, |figures| figures.mse));
+    series.push(packed(
+        "packed, one block later",
+        Mark::ThinLine,
+        |figures| figures.mse_smoothed,
+    ));
+    series.push(Series {
+        label: format!("network, {format} codes"),
+        color: INK,
+        mark: Mark::Dots,
+        points: vec![(bits(comparison.numbers), network.integer.mse)],
+        sd: Vec::new(),
+    });
+    Lines {
+        title: "Packed code: rate and error".to_owned(),
+        subtitle: format!(
+            "model {}, on {}",
+            comparison.model,
+            comparison.recordings.join(", ")
+        ),
+        x: Axis::new("bits of a hop".to_owned(), Scale::Logarithmic),
+        y: Axis::new(MSE, Scale::Logarithmic),
+        series,
+    }
+}
+
+/// Returns one line for each rate, one for each number of numbers of PCA, and one for the network. A code has no
+/// second error.
+fn csv(comparison: &Comparison) -> String {
+    let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later\n".to_owned();
+    // Writing to a string never fails.
+    for figures in &comparison.packed {
+        let RateFigures {
+            rate,
+            bits,
+            mse,
+            mse_smoothed,
+            ..
+        } = figures;
+        let _ = writeln!(text, "packed,{rate},,{bits},{mse},{mse_smoothed}");
+    }
+    for at in &comparison.pca_by_numbers {
+        let bits = comparison.bits_of(at.numbers);
+        let _ = writeln!(text, "PCA,,{},{bits},{},", at.numbers, at.mse_int8);
+    }
+    let (bits, mse) = (comparison.bits_per_window(), comparison.network.integer.mse);
+    let _ = writeln!(text, "network,,{},{bits},{mse},", comparison.numbers);
+    text
+}
