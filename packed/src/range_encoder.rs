@@ -16,6 +16,8 @@ pub(crate) struct RangeEncoder<'b> {
     bytes: &'b mut [u8],
     /// Number of bytes so far, those that did not fit included.
     length: usize,
+    /// Number of bytes up to the last one that is not 0.
+    significant: usize,
 }
 
 impl<'b> RangeEncoder<'b> {
@@ -25,6 +27,7 @@ impl<'b> RangeEncoder<'b> {
             range: u32::MAX,
             bytes,
             length: 0,
+            significant: 0,
         }
     }
 
@@ -80,33 +83,35 @@ impl<'b> RangeEncoder<'b> {
         for _ in 0..4 {
             self.push_byte();
         }
-        let Some(written) = self.bytes.get(..self.length) else {
-            // Of bytes that were not kept, only the zeros of this last word are known.
-            return self.length - (low.trailing_zeros() / 8) as usize;
-        };
-        let last = written.iter().rposition(|&byte| byte != 0);
-        last.map_or(0, |last| last + 1)
+        self.significant
     }
 
     /// Moves the most significant byte of `low` to the buffer.
     #[inline(always)]
     fn push_byte(&mut self) {
+        let [top, ..] = self.low.to_be_bytes();
         if let Some(byte) = self.bytes.get_mut(self.length) {
-            *byte = self.low.to_be_bytes()[0];
+            *byte = top;
         }
         self.length += 1;
+        if top != 0 {
+            self.significant = self.length;
+        }
         self.low <<= 8;
     }
 
     /// Adds 1 to the bytes.
     fn carry(&mut self) {
-        let written = self.length.min(self.bytes.len());
-        let Some(bytes) = self.bytes.get_mut(..written) else {
+        let Some(bytes) = self.bytes.get_mut(..self.length) else {
+            // The last byte, which was not kept, is no longer 0, unless the number is too long anyway.
+            self.significant = self.length;
             return;
         };
-        for byte in bytes.iter_mut().rev() {
+        let last = bytes.len();
+        for (index, byte) in bytes.iter_mut().rev().enumerate() {
             *byte = byte.wrapping_add(1);
             if *byte != 0 {
+                self.significant = last - index;
                 return;
             }
         }

@@ -82,7 +82,7 @@ proptest! {
         let cut = length / 2;
         bytes[cut..].fill(0xaa);
         let again = packed::write_block(header, announced, &magnitudes, &contexts, &tables, &mut bytes[..cut]);
-        prop_assert!(again == length || again >= length && again > cut);
+        prop_assert_eq!(again, length);
         prop_assert!(bytes[cut..].iter().all(|&byte| byte == 0xaa));
     }
 
@@ -139,7 +139,7 @@ fn a_block_of_zeros_has_no_bytes() {
         rate,
         is_reset: false,
     };
-    let length = packed::write_block(header, rate, &zeros, &contexts, &tables, &mut [0; 16]);
+    let length = packed::write_block(header, rate, &zeros, &contexts, &tables, &mut []);
     assert_eq!(length, 0);
     let reader = BlockReader::new(&[], rate).expect("no bytes are a block");
     assert_eq!(reader.header(), header);

@@ -1,11 +1,11 @@
-//! The pipeline streams the codes of the batch reference also with other models than the built-in one. Each
+//! The pipeline streams codes and packed blocks of the batch references also with other models than the built-in one. Each
 //! model is built from an artifact, as a user builds it.
 //!
 //! `encoder_numpy.rs` compares the reference itself with numpy for networks of every mode, padding and pool.
 #![forbid(unsafe_code)]
 
 use acceptance::other_model;
-use any_model::{Size, any_artifact_with};
+use any_model::{Size, any_artifact_with, any_packed};
 use artifact::{
     CodeFormat,
     Mode::{self, Paper, PaperCodeOnly, Pca, Shortcut},
@@ -73,12 +73,15 @@ fn streaming_equals_batch_with_every_variant() {
         });
         let mut artifact = artifact.expect("a model");
         artifact.description.code.format = format;
+        let packed = any_packed(seed, &artifact.description);
+        let artifact = artifact.with_packed(Some(packed)).expect("a packed model");
         artifact.write(folder.path()).expect("a folder to write to");
         let output = other_model::cargo(folder.path())
             .args([
                 "test",
                 "--package=pipeline",
                 "--test=streaming_equals_batch",
+                "--test=packed_equals_batch",
             ])
             .output()
             .expect("cargo runs");

@@ -79,6 +79,9 @@ pub(crate) fn run() -> ExitCode {
         | TrainerError::OtherEpochs { .. }
         | TrainerError::OtherCrossval { .. }
         | TrainerError::PaperMode
+        | TrainerError::PackedExists { .. }
+        | TrainerError::Coefficients { .. }
+        | TrainerError::TargetOutOfReach { .. }
         | TrainerError::Shape(_) => ExitCode::from(2),
         TrainerError::Interrupted { .. } => ExitCode::from(130),
         _ => ExitCode::FAILURE,

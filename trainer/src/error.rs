@@ -11,6 +11,17 @@ pub enum TrainerError {
         /// Folder of the artifact.
         folder: PathBuf,
     },
+    /// A block cannot have this number of coefficients.
+    #[error(
+        "a block cannot have {count} coefficients: they are a multiple of 16, and at most {most} with this montage and \
+         hop"
+    )]
+    Coefficients {
+        /// The wanted number.
+        count: usize,
+        /// Largest number; 0 if the block has fewer than 16 values.
+        most: usize,
+    },
     /// The artifact has no packed model.
     #[error("{} has no packed model; `trainer packed` trains one", folder.display())]
     NotPacked {

@@ -40,6 +40,20 @@ pub fn is_same(one: &Path, other: &Path) -> bool {
     identity(one) == identity(other)
 }
 
+/// Returns an error if a recording is both for training and for tests.
+///
+/// # Errors
+/// [`TrainerError::TrainedOn`], with its name.
+pub fn refuse_same(train: &[PathBuf], test: &[PathBuf]) -> Result<(), TrainerError> {
+    let is_trained_on = |test: &&PathBuf| train.iter().any(|file| is_same(file, test));
+    match test.iter().find(is_trained_on) {
+        Some(both) => Err(TrainerError::TrainedOn {
+            name: file_name(both),
+        }),
+        None => Ok(()),
+    }
+}
+
 /// Returns the absolute path without symbolic links; the path itself if the file cannot be reached.
 fn identity(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_owned())

@@ -81,15 +81,7 @@ pub fn train(
     let mut description = card::checked_description(&options.montage, options.shape)?;
     let train_files = selection::recordings(&options.data, &options.train)?;
     let test_files = selection::recordings(&options.data, &options.test)?;
-    let is_trained_on = |test: &&PathBuf| {
-        let mut train_files = train_files.iter();
-        train_files.any(|file| selection::is_same(file, test))
-    };
-    if let Some(both) = test_files.iter().find(is_trained_on) {
-        return Err(TrainerError::TrainedOn {
-            name: file_name(both),
-        });
-    }
+    selection::refuse_same(&train_files, &test_files)?;
     if options.report.is_some() && test_files.is_empty() && description.mode == Mode::Pca {
         return Err(TrainerError::NothingToReport);
     }

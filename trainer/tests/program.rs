@@ -5,6 +5,8 @@
 mod crossval;
 #[path = "program/evaluate.rs"]
 mod evaluate;
+#[path = "program/packed.rs"]
+mod packed;
 #[path = "program/picture_file.rs"]
 mod picture_file;
 #[path = "program/report.rs"]

@@ -3,10 +3,6 @@
 /// Largest number of bytes of a block. A block that needs more is coded again at a coarser rate.
 pub const MAX_PACKED_BYTES: usize = 118;
 
-/// Bytes of the buffer in which a block is written: zero bytes at the end of a block are cut, and a block
-/// with some more than fit may still be short enough.
-pub(super) const BUFFER_BYTES: usize = MAX_PACKED_BYTES + 18;
-
 /// One block of the packed code, with its position in the stream and its status.
 #[expect(
     clippy::struct_excessive_bools,
@@ -35,7 +31,7 @@ pub struct PackedCode {
     /// True if the block was too long at two rates: all its magnitudes are 0, and a decoder shows the prediction.
     pub is_blank: bool,
     pub(super) length: u16,
-    pub(super) buffer: [u8; BUFFER_BYTES],
+    pub(super) buffer: [u8; MAX_PACKED_BYTES],
 }
 
 impl PackedCode {

@@ -4,7 +4,7 @@ use int8_nn::{Pair, requantise};
 use model::{ELECTRODES, HOP, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS, Packed};
 use packed::{Context, Header, Magnitude, Rate, Survivors};
 
-use super::block::{BUFFER_BYTES, MAX_PACKED_BYTES, PackedCode};
+use super::block::{MAX_PACKED_BYTES, PackedCode};
 use crate::step::Step;
 
 /// Blocks from one reset to the next: 4 s. Resets every 4 s cost 0.5 % of the bits.
@@ -149,7 +149,7 @@ impl PackedMemory {
     pub(super) fn encode(&mut self, announced: Rate, packed: &Packed<'_>) -> PackedCode {
         let unrepresented = self.take_residual(packed);
         let is_reset = self.is_reset();
-        let mut buffer = [0; BUFFER_BYTES];
+        let mut buffer = [0; MAX_PACKED_BYTES];
         let header = |rate| Header { rate, is_reset };
         let mut rate = announced;
         let mut length = self.write(header(rate), announced, packed, &mut buffer);

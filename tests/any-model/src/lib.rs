@@ -21,6 +21,9 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod noise;
+mod packed;
+
 use std::{
     fmt, fs,
     path::{Path, PathBuf},
@@ -31,6 +34,9 @@ use artifact::{
     MontageFile, MontageFileError, NetworkShape, Padding, ScalpGrid, Tensors, TracedCode,
 };
 use model_gen::IntegerModel;
+
+use noise::Noise;
+pub use packed::any_packed;
 
 /// Folder of the built-in model, whose description the random models start from.
 const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../model/artifact");
@@ -332,18 +338,4 @@ fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -
     calibration.insert("code.min", &[numbers], low);
     calibration.insert("code.max", &[numbers], high);
     calibration
-}
-
-/// Pseudo-random numbers in [-1, 1) (a linear congruential generator, Numerical Recipes).
-struct Noise(u32);
-
-impl Noise {
-    fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f32::from(i16::try_from(self.0.cast_signed() >> 16).expect("16 bits")) / 32_768.0
-    }
-
-    fn fill(&mut self, length: usize, scale: f32) -> Vec<f32> {
-        (0..length).map(|_| self.next() * scale).collect()
-    }
 }

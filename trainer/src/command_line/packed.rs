@@ -25,9 +25,9 @@ pub(crate) struct PackedArgs {
     #[arg(long, value_delimiter = ',')]
     test: Vec<String>,
     /// Number of coefficients of a block: a multiple of 16 up to 256. Fewer need less flash and time; more reach a
-    /// smaller error at high rates.
-    #[arg(long, default_value_t = 176)]
-    coefficients: usize,
+    /// smaller error at fine rates [default: 176, or as many as the values of a block allow].
+    #[arg(long)]
+    coefficients: Option<usize>,
     /// Start the device with the coarsest rate whose mean squared error is at most this, in units of the training
     /// data's variance [default: rate 4].
     #[arg(long)]

@@ -10,13 +10,14 @@ use super::scale::Scale;
 use super::smoother;
 use super::transform::Transform;
 use crate::error::TrainerError;
+use crate::output_folder::check_writable;
 use crate::progress::ProgressObserver;
 use crate::selection::{self, file_name};
 use crate::track::read_tracks;
 use artifact::{
     Artifact, IntegerMatrix, PackedDescription, PackedModel, PackedTraining, Smoother, slice_ends,
 };
-use packed::{LEVELS, MAGNITUDES, RATES, Rate};
+use packed::{LEVELS, MAGNITUDES, MAX_COEFFICIENTS, RATES, Rate};
 use std::path::{Path, PathBuf};
 
 /// Rate at which the probabilities are trained; the other rates follow from it.
@@ -25,6 +26,12 @@ const BASE_RATE: Rate = Rate::MIDDLE;
 /// Part of the training data's variance above which a block's unrepresented part is a misfit; in the training
 /// data it is 0.002 on average.
 const MISFIT: f64 = 0.01;
+
+/// Number of coefficients that represents EEG of 61 electrodes within 0.3 % of its variance.
+const COEFFICIENTS: usize = 176;
+
+/// A number of coefficients is a multiple of this, as many inputs as the kernels take at a time.
+const ROUND: usize = 16;
 
 /// Rounds of coding the training blocks and counting magnitudes.
 const ROUNDS: usize = 4;
@@ -40,8 +47,8 @@ pub struct PackedOptions {
     pub train: Vec<String>,
     /// Paths, patterns, names or ranges of the test recordings.
     pub test: Vec<String>,
-    /// Number of coefficients.
-    pub coefficients: usize,
+    /// Number of coefficients; `None` for [`COEFFICIENTS`], or as many as a block allows.
+    pub coefficients: Option<usize>,
     /// Mains frequency of the recordings, Hz.
     pub mains_hz: u32,
     /// Mean squared error that the device's first rate may have, in units of `input.sd_uv` squared.
@@ -66,25 +73,22 @@ pub fn train(
     }
     let description = &artifact.description;
     let (hop, sd_uv) = (description.window.hop, description.input.sd_uv);
-    let read = |names: &[String], observer: &mut _| {
-        let files = selection::recordings(&options.data, names)?;
-        let tracks = read_tracks(&files, description, options.mains_hz, observer)?;
-        Ok::<_, TrainerError>((files, tracks))
-    };
-    let (train_files, tracks) = read(&options.train, observer)?;
-    let (test_files, test_tracks) = read(&options.test, observer)?;
+    let electrodes = description.montage.electrodes.len();
+    let count = coefficients(options.coefficients, electrodes * hop)?;
+    let train_files = selection::recordings(&options.data, &options.train)?;
+    let test_files = selection::recordings(&options.data, &options.test)?;
+    selection::refuse_same(&train_files, &test_files)?;
+    check_writable(&options.artifact)?;
+    let tracks = read_tracks(&train_files, description, options.mains_hz, observer)?;
+    let test_tracks = read_tracks(&test_files, description, options.mains_hz, observer)?;
     observer.message("fitting transform and prediction ...");
     let every_quarter: Vec<usize> = (0..hop).step_by((hop / 4).max(1)).collect();
-    let transform = Transform::fit(
-        &Blocks::cut(&tracks, hop, sd_uv, &every_quarter),
-        options.coefficients,
-    )?;
-    let electrodes = description.montage.electrodes.len();
+    let transform = Transform::fit(&Blocks::cut(&tracks, hop, sd_uv, &every_quarter), count)?;
     let names = |files: &[PathBuf]| files.iter().map(|file| file_name(file)).collect();
     let mut model = PackedModel {
         description: PackedDescription {
             format: 1,
-            coefficients: options.coefficients,
+            coefficients: count,
             rate: BASE_RATE.index(),
             unit_uv: UNIT_UV,
             input_limit: INPUT_LIMIT,
@@ -112,7 +116,7 @@ pub fn train(
         smoother::fit(&model, &coded, &coefficients, scale)
     });
     let matrices = matrices.collect::<Result<Vec<_>, _>>()?;
-    model.smoother = Smoother::quantised(&matrices, options.coefficients);
+    model.smoother = Smoother::quantised(&matrices, count);
     let tested = if test_tracks.is_empty() {
         observer.message("no test recordings: the figures are those of the training recordings");
         &tracks
@@ -139,6 +143,16 @@ pub fn train(
         options.artifact.display()
     ));
     Ok(figures)
+}
+
+/// Returns the number of coefficients of a block with this number of values.
+fn coefficients(wanted: Option<usize>, values: usize) -> Result<usize, TrainerError> {
+    let most = MAX_COEFFICIENTS.min(values) / ROUND * ROUND;
+    let count = wanted.unwrap_or(COEFFICIENTS.min(most));
+    if count == 0 || count > most || !count.is_multiple_of(ROUND) {
+        return Err(TrainerError::Coefficients { count, most });
+    }
+    Ok(count)
 }
 
 /// Measures the packed model in `folder` on recordings at every rate, finest first. `names` selects them in `data` or

@@ -1,0 +1,247 @@
+//! The streaming packed encoder writes the blocks of a reference that multiplies whole blocks in plain loops, with
+//! the built-in model and with the one that `CORTICODE_ARTIFACT` names.
+//!
+//! Quantiser and range coder are those of the crate `packed`, which `tests/tests/packed_python.rs` compares with
+//! Python.
+
+use std::path::{Path, PathBuf};
+
+use artifact::{Artifact, PackedModel};
+use int8_nn::requantise;
+use model::{GUARD_BITS, HOP, LSB_NV};
+use packed::{Context, Header, Magnitude, Rate, Tables};
+use pipeline::{ELECTRODES, MAX_PACKED_BYTES, PackedEncoder, Step};
+use proptest::prelude::*;
+
+fn artifact_folder() -> PathBuf {
+    option_env!("CORTICODE_ARTIFACT").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact"),
+        Into::into,
+    )
+}
+
+/// The reference: a block at a time.
+struct Reference {
+    model: PackedModel,
+    state: Vec<i16>,
+    blocks: usize,
+}
+
+/// A block as the reference codes it.
+#[derive(Debug, PartialEq)]
+struct Block {
+    bytes: Vec<u8>,
+    clipped: u16,
+    is_reset: bool,
+    is_blank: bool,
+}
+
+impl Reference {
+    fn code(&mut self, steps: &[Step], announced: Rate) -> Block {
+        let unit = f64::from(LSB_NV) / 1_000.0 / f64::from(1_u32 << GUARD_BITS);
+        #[expect(clippy::cast_possible_truncation, reason = "below 1/2")]
+        let multiplier = (unit / self.model.description.unit_uv * 2_f64.powi(32)).round() as i32;
+        let limit = i32::from(self.model.description.input_limit);
+        let mut clipped = 0;
+        let values = steps
+            .iter()
+            .flat_map(|step| step.electrodes)
+            .map(|electrode| {
+                let value = requantise(electrode, multiplier);
+                clipped += u16::from(value.abs() > limit);
+                i16::try_from(value.clamp(-limit, limit)).expect("limited")
+            });
+        let coefficients = self.model.analyse(&values.collect::<Vec<_>>());
+        let is_reset = self.blocks.is_multiple_of(64);
+        self.state = if is_reset {
+            vec![0; coefficients.len()]
+        } else {
+            self.model.predict(&self.state)
+        };
+        let residual: Vec<i32> = coefficients
+            .iter()
+            .zip(&self.state)
+            .map(|(&y, &p)| i32::from(y) - i32::from(p))
+            .collect();
+        let (mut bytes, mut magnitudes) =
+            self.write(announced, announced, is_reset, Some(&residual));
+        let mut rate = announced;
+        if bytes.len() > MAX_PACKED_BYTES {
+            let over = (bytes.len() - MAX_PACKED_BYTES).div_ceil(12);
+            rate = announced.coarser(u8::try_from(2 + over).unwrap_or(u8::MAX));
+            (bytes, magnitudes) = self.write(rate, announced, is_reset, Some(&residual));
+        }
+        let is_blank = bytes.len() > MAX_PACKED_BYTES;
+        if is_blank {
+            rate = announced;
+            (bytes, magnitudes) = self.write(rate, announced, is_reset, None);
+        }
+        packed::update_state(&magnitudes, rate, &mut self.state);
+        self.blocks += 1;
+        Block {
+            bytes,
+            clipped,
+            is_reset,
+            is_blank,
+        }
+    }
+
+    /// Quantises and writes a residual, or zeros.
+    fn write(
+        &self,
+        rate: Rate,
+        announced: Rate,
+        is_reset: bool,
+        residual: Option<&[i32]>,
+    ) -> (Vec<u8>, Vec<Magnitude>) {
+        let levels = if is_reset {
+            &self.model.reset_levels
+        } else {
+            &self.model.predicted_levels
+        };
+        let mut contexts = vec![Context::EMPTY; levels.len()];
+        packed::prepare_contexts(levels, rate, &mut contexts);
+        let costs = self.model.costs();
+        let tables = Tables {
+            starts: &self.model.starts,
+            costs: &costs,
+        };
+        let mut magnitudes = vec![Magnitude::ZERO; levels.len()];
+        let mut survivors = vec![0; levels.len()];
+        if let Some(residual) = residual {
+            packed::quantise(
+                residual,
+                &contexts,
+                &tables,
+                rate,
+                &mut survivors,
+                &mut magnitudes,
+            );
+        }
+        let mut bytes = vec![0; 4_096];
+        let header = Header { rate, is_reset };
+        let length = packed::write_block(
+            header,
+            announced,
+            &magnitudes,
+            &contexts,
+            &tables,
+            &mut bytes,
+        );
+        bytes.truncate(length);
+        (bytes, magnitudes)
+    }
+}
+
+/// Asserts that every block of a stream is that of the reference, and every state.
+fn assert_equal_on(steps: &[Step], rate: Rate) {
+    let artifact = Artifact::read(&artifact_folder()).expect("the artifact is readable");
+    let mut encoder = PackedEncoder::new();
+    encoder.set_rate(rate);
+    let Some(model) = artifact.packed else {
+        assert!(steps.iter().all(|step| encoder.encode_step(step).is_none()));
+        return;
+    };
+    let mut reference = Reference {
+        model,
+        state: Vec::new(),
+        blocks: 0,
+    };
+    for (number, hop) in steps.chunks_exact(HOP).enumerate() {
+        let codes: Vec<_> = hop.iter().map(|step| encoder.encode_step(step)).collect();
+        let (last, earlier) = codes.split_last().expect("a hop");
+        assert!(earlier.iter().all(Option::is_none), "block {number}");
+        let code = last.expect("a block for each hop");
+        let ours = Block {
+            bytes: code.bytes().to_vec(),
+            clipped: code.clipped,
+            is_reset: code.is_reset,
+            is_blank: code.is_blank,
+        };
+        assert_eq!(ours, reference.code(hop, rate), "block {number}");
+        assert_eq!(
+            encoder.state(),
+            reference.state,
+            "state after block {number}"
+        );
+        assert_eq!((code.block as usize, code.rate), (number, rate.index()));
+    }
+}
+
+fn steps(count: usize, value: impl Fn(usize, usize) -> i32) -> Vec<Step> {
+    (0..count)
+        .map(|step| Step {
+            electrodes: std::array::from_fn(|electrode| value(step, electrode)),
+            ..Step::SILENCE
+        })
+        .collect()
+}
+
+#[test]
+fn silence_rails_impulses_and_slow_waves_have_the_references_blocks() {
+    let rate = Rate::MIDDLE;
+    // More than the 64 blocks from one without prediction to the next.
+    let count = 67 * HOP;
+    assert_equal_on(&steps(count, |_, _| 0), rate);
+    assert_equal_on(&steps(8 * HOP, |_, _| i32::MAX), rate);
+    assert_equal_on(
+        &steps(
+            8 * HOP,
+            |step, _| if step % 3 == 0 { i32::MIN } else { i32::MAX },
+        ),
+        rate,
+    );
+    assert_equal_on(
+        &steps(
+            count,
+            |step, electrode| if step % 37 == electrode { 1 << 20 } else { 0 },
+        ),
+        rate,
+    );
+    let wave = |step: usize, electrode: usize| {
+        let phase = i32::try_from((step * (electrode + 3)) % 64).expect("below 64");
+        (phase - 32).abs() * 3_000 - 48_000
+    };
+    for index in [0, 4, 9, 15] {
+        assert_equal_on(&steps(count, wave), Rate::new(index).expect("a rate"));
+    }
+}
+
+#[test]
+fn a_restarted_encoder_equals_a_new_one() {
+    let noise = steps(20 * HOP, |step, electrode| {
+        let [a, b] = [step, electrode].map(|n| i32::try_from(n * 7_919 % 1_009).expect("small"));
+        a * b % 90_001 - 45_000
+    });
+    let blocks = |encoder: &mut PackedEncoder| -> Vec<_> {
+        noise
+            .iter()
+            .filter_map(|step| encoder.encode_step(step))
+            .collect()
+    };
+    let expected = blocks(&mut PackedEncoder::new());
+    let mut encoder = PackedEncoder::new();
+    for steps in [1, HOP, 3 * HOP + 1] {
+        for step in &noise[..steps] {
+            let _ = encoder.encode_step(step);
+        }
+        encoder.restart();
+        assert_eq!(blocks(&mut encoder), expected);
+        encoder.restart();
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+    #[test]
+    fn any_signal_at_any_rate_has_the_references_blocks(
+        values in prop::collection::vec(prop_oneof![
+            6 => -200_000_i32..200_000,
+            1 => any::<i32>(),
+        ], 5 * HOP * ELECTRODES),
+        rate in 0_u8..16,
+    ) {
+        let value = |step: usize, electrode: usize| values[step * ELECTRODES + electrode];
+        assert_equal_on(&steps(5 * HOP, value), Rate::new(rate).expect("a rate"));
+    }
+}

@@ -1,0 +1,95 @@
+//! Random packed models.
+
+use ::packed::{LEVELS, MAGNITUDES, RATES, Starts};
+use artifact::{
+    Description, IntegerMatrix, LARGEST_STATE, PackedDescription, PackedModel, PackedTraining,
+    SUM_LIMIT, Smoother, slice_ends,
+};
+
+use crate::noise::Noise;
+
+/// Largest magnitude of an input value.
+const INPUT_LIMIT: i16 = 4095;
+
+/// Returns a packed model of a description with as many coefficients as it can have, with dense random matrices and
+/// frequencies. The prediction is a tenth of the state, so that a stream settles.
+pub fn any_packed(seed: u32, description: &Description) -> PackedModel {
+    let mut noise = Noise(seed);
+    let (electrodes, hop) = (description.montage.electrodes.len(), description.window.hop);
+    let values = electrodes * hop;
+    let coefficients = (values / 16 * 16).min(256);
+    let mut matrix = |outputs: usize, inputs: usize, gain: f64| -> Vec<f64> {
+        #[expect(clippy::cast_precision_loss, reason = "a few hundred")]
+        let scale = gain / (inputs as f64).sqrt();
+        (0..outputs * inputs)
+            .map(|_| f64::from(noise.next()) * scale)
+            .collect()
+    };
+    let (analysis, prediction) = (
+        matrix(coefficients, values, 1.0),
+        matrix(coefficients, coefficients, 0.1),
+    );
+    let ends = slice_ends(electrodes, hop);
+    PackedModel {
+        description: PackedDescription {
+            format: 1,
+            coefficients,
+            rate: 4,
+            unit_uv: 0.5,
+            input_limit: INPUT_LIMIT,
+            misfit_uv2: 20.0,
+            training: PackedTraining::default(),
+        },
+        analysis: IntegerMatrix::quantised(&analysis, values, 1.0, |row| {
+            let starts = [0].into_iter().chain(ends.iter().copied());
+            let slices = starts
+                .zip(&ends)
+                .map(|(start, &end)| scale(&row[start..end], INPUT_LIMIT));
+            slices.fold(f64::INFINITY, f64::min)
+        }),
+        prediction: IntegerMatrix::quantised(&prediction, coefficients, 8.0, |row| {
+            scale(row, LARGEST_STATE)
+        }),
+        predicted_levels: (0..coefficients).map(level).collect(),
+        reset_levels: (0..coefficients).rev().map(level).collect(),
+        starts: starts(&mut noise),
+        smoother: Smoother {
+            weights: vec![0; RATES * coefficients * coefficients],
+            scales: vec![0.0; RATES * coefficients],
+        },
+    }
+}
+
+/// Returns the largest scale with which rounded weights times inputs up to `limit` cannot leave their range.
+fn scale(weights: &[f64], limit: i16) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "below 2^24")]
+    let most = (SUM_LIMIT / i64::from(limit)) as f64 - 0.5 * weights.len() as f64;
+    most / weights
+        .iter()
+        .map(|weight| weight.abs())
+        .sum::<f64>()
+        .max(1e-9)
+}
+
+/// Levels from 20 to 51.
+fn level(coefficient: usize) -> u8 {
+    u8::try_from(20 + coefficient % 32).expect("below 64")
+}
+
+fn starts(noise: &mut Noise) -> Box<Starts> {
+    let mut starts = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
+    for row in starts.iter_mut().flatten() {
+        let mut start = 0;
+        for place in row.iter_mut() {
+            *place = start;
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "1 to 2001"
+            )]
+            let count = (noise.next().abs() * 2000.0) as u16 + 1;
+            start += count.min(2001);
+        }
+    }
+    starts
+}

@@ -1,0 +1,130 @@
+//! `trainer packed`.
+
+use serde_json::Value as Json;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use crate::values::Values;
+use crate::{fail, succeed, trainer, write_runs};
+
+/// Returns `trainer packed` on the artifact `model` of a folder with runs.
+fn packed(folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trainer"));
+    command
+        .args(["packed", "--artifact=model", "--mains=50", "--train=run1"])
+        .current_dir(folder);
+    command
+}
+
+/// Writes two runs, and a model of PCA on the first.
+fn prepare(folder: &Path) {
+    write_runs(folder, 2, 60);
+    let train = ["--train=run1", "--out=model"];
+    succeed(trainer("train", "pca", folder).args(train));
+}
+
+#[test]
+fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
+    let folder = tempfile::tempdir().expect("a folder");
+    prepare(folder.path());
+    let before = fs::read(folder.path().join("model/model.toml")).expect("the description");
+    let table = succeed(packed(folder.path()).arg("--test=run2"));
+    assert_eq!(table.lines().count(), 17, "{table}");
+    let path = folder.path().join("model/model.toml");
+    assert_eq!(fs::read(path).expect("the description"), before);
+    let toml = fs::read_to_string(folder.path().join("model/packed.toml")).expect("packed.toml");
+    // Eight electrodes and hops of eight steps have 64 values.
+    assert!(
+        toml.contains("coefficients = 64") && toml.contains("run2.gdf"),
+        "{toml}"
+    );
+
+    let mut evaluate = Command::new(env!("CARGO_BIN_EXE_trainer"));
+    let arguments = [
+        "evaluate",
+        "--artifact=model",
+        "--test=run2",
+        "--json",
+        "--report=report",
+    ];
+    let printed = succeed(evaluate.args(arguments).current_dir(&folder));
+    let json: Json = serde_json::from_str(&printed).expect("JSON");
+    let rates = json["packed"].as_array().expect("the rates");
+    assert_eq!(rates.len(), 16);
+    let figure = |rate: usize, name: &str| rates[rate][name].as_f64().expect("a number");
+    for rate in 1..13 {
+        assert!(
+            figure(rate, "bits_per_hop") <= figure(rate - 1, "bits_per_hop"),
+            "{rate}"
+        );
+        assert!(figure(rate, "mse") > figure(rate - 1, "mse"), "{rate}");
+    }
+    // All 64 coefficients represent the block; what is left is the quantiser.
+    assert!(figure(0, "mse") < 0.001, "{json}");
+    assert!(figure(4, "mse_smoothed") < figure(4, "mse"), "{json}");
+    let values = Values::read(&folder.path().join("report/packed.csv"));
+    assert_eq!(
+        values
+            .column("model")
+            .iter()
+            .filter(|model| **model == "packed")
+            .count(),
+        16
+    );
+    assert!(folder.path().join("report/packed.svg").exists());
+}
+
+#[test]
+fn a_wanted_error_chooses_the_coarsest_rate_that_has_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    prepare(folder.path());
+    let table = succeed(packed(folder.path()).args(["--test=run2", "--target-mse=0.05"]));
+    let errors: Vec<f64> = table
+        .lines()
+        .skip(1)
+        .map(|line| {
+            line.split_whitespace()
+                .nth(3)
+                .expect("an error")
+                .parse()
+                .expect("a number")
+        })
+        .collect();
+    let expected = errors
+        .iter()
+        .rposition(|error| *error <= 0.05)
+        .expect("a rate");
+    let toml = fs::read_to_string(folder.path().join("model/packed.toml")).expect("packed.toml");
+    assert!(
+        toml.contains(&format!("\nrate = {expected}\n")),
+        "{expected}: {toml}"
+    );
+    let log = fail(
+        packed(folder.path()).args(["--force", "--target-mse=0.0000001"]),
+        2,
+    );
+    assert!(
+        log.contains("no rate has") && log.contains("--coefficients"),
+        "{log}"
+    );
+}
+
+#[test]
+fn what_cannot_be_is_refused_with_status_2_before_recordings_are_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    prepare(folder.path());
+    for (arguments, words) in [
+        (vec!["--coefficients=72"], "multiple of 16, and at most 64"),
+        (vec!["--coefficients=24"], "cannot have 24 coefficients"),
+        (vec!["--test=run1.gdf"], "run1.gdf"),
+        (vec!["--train=run7"], "run7"),
+    ] {
+        let log = fail(packed(folder.path()).args(arguments), 2);
+        assert!(log.contains(words), "{log}");
+    }
+    succeed(&mut packed(folder.path()));
+    let log = fail(&mut packed(folder.path()), 2);
+    assert!(log.contains("--force"), "{log}");
+    succeed(packed(folder.path()).args(["--force", "--coefficients=16"]));
+}
