@@ -10,6 +10,7 @@ mod flash;
 mod host;
 mod images;
 mod inputs;
+mod lossless;
 mod model;
 mod montages;
 mod node;
@@ -55,6 +56,8 @@ enum Benchmark {
         #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(100..=100_000))]
         windows: u32,
     },
+    /// Lossless compression of samples: bits, and instructions on emulated microcontrollers.
+    Lossless,
     /// Cost of a model: instructions of each time step on emulated microcontrollers, flash and RAM of the boards'
     /// images. Fails when a code is not that of the batch reference, or an image does not fit.
     Model {
@@ -122,6 +125,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
     let report = match &options.benchmark {
         Benchmark::Filters => filters::measure()?,
         Benchmark::Encoder { windows } => encoder::measure(*windows as usize)?,
+        Benchmark::Lossless => lossless::measure()?,
         Benchmark::Model { folder, windows } => model::measure(folder, *windows as usize)?,
         Benchmark::Montages {
             montage,
