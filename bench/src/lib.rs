@@ -14,7 +14,8 @@
 //! ```
 //!
 //! `filters` passes every [`Block`](block::Block) through every [`Contender`](contender::Contender);
-//! `encoder` takes one [`Plane`](pipeline::Plane) per time step and counts each time step of a [`hop`].
+//! `encoder` takes one [`Plane`](pipeline::Plane) per time step and counts each time step of a [`hop`];
+//! `lossless` compresses the [blocks of samples](compression).
 //!
 //! ```
 //! use bench::{contenders::with_contenders, block::SILENCE};
@@ -33,6 +34,7 @@
 pub mod any_network;
 pub mod any_sections;
 pub mod block;
+pub mod compression;
 pub mod contender;
 pub mod contenders;
 pub mod hop;

@@ -10,6 +10,7 @@ mod flash;
 mod host;
 mod images;
 mod inputs;
+mod lossless;
 mod model;
 mod montages;
 mod node;
@@ -64,6 +65,8 @@ enum Benchmark {
         #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(65..=1_500))]
         hops: u32,
     },
+    /// Lossless compression of samples: bits, and instructions on emulated microcontrollers.
+    Lossless,
     /// Cost of a model: instructions of each time step on emulated microcontrollers, flash and RAM of the boards'
     /// images. Fails when a code is not that of the batch reference, or an image does not fit.
     Model {
@@ -132,6 +135,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
         Benchmark::Filters => filters::measure()?,
         Benchmark::Encoder { windows } => encoder::measure(*windows as usize)?,
         Benchmark::Packed { hops } => packed::measure(*hops as usize)?,
+        Benchmark::Lossless => lossless::measure()?,
         Benchmark::Model { folder, windows } => model::measure(folder, *windows as usize)?,
         Benchmark::Montages {
             montage,

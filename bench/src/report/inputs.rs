@@ -84,6 +84,57 @@ pub(crate) fn blocks() -> anyhow::Result<Inputs<Block>> {
     Ok(inputs)
 }
 
+/// Makes `count` samples of each input of the lossless compression.
+///
+/// # Errors
+/// `CORTICODE_DATA` is set, and its recording cannot be read or is too short.
+pub(crate) fn samples(count: usize) -> anyhow::Result<Inputs<Sample>> {
+    let take = |samples: &mut dyn Iterator<Item = Sample>| samples.take(count).collect();
+    let mut inputs = Inputs::new();
+    inputs.add("silence", take(&mut std::iter::repeat(Sample::default())));
+    let rails = &mut telegraph(ChaCha8Rng::seed_from_u64(1));
+    inputs.add("rails", take(rails));
+    inputs.add("noise", take(&mut white(ChaCha8Rng::seed_from_u64(2))));
+    inputs.add("synthetic EEG", take(&mut synthetic()?));
+    let real = recorded(RESAMPLED).context(FAILED)?;
+    for (name, noise_uv) in [
+        ("real EEG, 0.2 uV noise", 0.2),
+        ("real EEG, 0.5 uV noise", 0.5),
+        ("real EEG, 1.0 uV noise", 1.0),
+    ] {
+        if let Ok(samples) = &real {
+            let mut random = ChaCha8Rng::seed_from_u64(3);
+            let mut noisy = samples
+                .iter()
+                .map(|sample| with_noise(sample, noise_uv, &mut random));
+            inputs.add(name, take(&mut noisy));
+        }
+    }
+    if let Err(reason) = real {
+        inputs.add_real(Err(reason));
+    }
+    let is_long = inputs.data.iter().all(|samples| samples.len() == count);
+    ensure!(
+        is_long,
+        "{RESAMPLED} has fewer than {count} samples\n  next: restore the file"
+    );
+    Ok(inputs)
+}
+
+/// Adds white noise to the electrodes, as an amplifier does; the recording was resampled from 160 Hz and has
+/// none above 80 Hz.
+fn with_noise(sample: &Sample, noise_uv: f64, random: &mut ChaCha8Rng) -> Sample {
+    let mut counts = sample.counts;
+    for count in &mut counts[..ELECTRODES] {
+        // Sum of twelve uniform numbers: variance 1.
+        let normal: f64 = (0..12).map(|_| random.random::<f64>() - 0.5).sum();
+        #[expect(clippy::cast_possible_truncation, reason = "some microvolts")]
+        let noise = (normal * noise_uv * 1000.0 / f64::from(LSB_NV)).round() as i32;
+        *count = (*count + noise).clamp(-Sample::MAX - 1, Sample::MAX);
+    }
+    Sample { counts }
+}
+
 /// Makes the inputs of the encoder, with at least `windows` windows together.
 ///
 /// # Errors

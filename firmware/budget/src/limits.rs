@@ -20,7 +20,7 @@ pub(crate) const BOARDS: [Limits; 2] = [
         name: "NUCLEO-H743ZI2",
         images: ["h743", "h743-uart"],
         memory_map: "firmware/board-h743/stm32h743.x",
-        // Limits above the sizes measured with USB: 25 % above 524 KB of flash, 6 % above 85 KB of RAM. The
+        // Limits above the sizes measured with USB: 24 % above 530 KB of flash, 4 % above 87 KB of RAM. The
         // DMA may use half of SRAM1. The ITCM stays empty (decision 0015).
         regions: &[
             ("FLASH", 640 << 10),
@@ -34,9 +34,9 @@ pub(crate) const BOARDS: [Limits; 2] = [
         name: "NUCLEO-F446RE",
         images: ["f446", "f446-usb"],
         memory_map: "firmware/board-f446/stm32f446.x",
-        // Limits above the sizes measured with the UART: 1 % above 493 KB of flash, 7 % above 84 KB of RAM.
+        // Limits above the sizes measured with the UART: 2 % above 499 KB of flash, 5 % above 86 KB of RAM.
         // The flash limit is low because the chip has only 512 KiB.
-        regions: &[("FLASH", 488 << 10), ("RAM", 88 << 10)],
+        regions: &[("FLASH", 496 << 10), ("RAM", 88 << 10)],
         stack: 32 << 10,
     },
 ];

@@ -61,7 +61,7 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
         assert!(figure(rate, "mse") > figure(rate - 1, "mse"), "{rate}");
     }
     // All 64 coefficients represent the block; what is left is the quantiser.
-    assert!(figure(0, "mse") < 0.001, "{json}");
+    assert!(figure(0, "mse") < 0.01, "{json}");
     assert!(figure(4, "mse_smoothed") < figure(4, "mse"), "{json}");
     let values = Values::read(&folder.path().join("report/packed.csv"));
     assert_eq!(
