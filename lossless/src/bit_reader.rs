@@ -44,7 +44,7 @@ impl<'b> BitReader<'b> {
     }
 
     /// Returns true if fewer than 8 bits are left and these are 0.
-    pub(crate) fn is_at_end(mut self) -> bool {
+    pub(crate) fn ends(mut self) -> bool {
         self.fill();
         self.held < 8 && self.pending == 0
     }

@@ -31,7 +31,7 @@ impl<'b> BitWriter<'b> {
     }
 
     /// Appends the lowest `width` bits of `bits`, whose other bits must be 0; `width` is 1 to 32.
-    #[inline(always)]
+    #[inline]
     pub(crate) fn put(&mut self, bits: u32, width: u32) {
         if width < self.free {
             self.free -= width;
@@ -45,7 +45,7 @@ impl<'b> BitWriter<'b> {
         }
     }
 
-    #[inline(always)]
+    #[inline]
     fn write(&mut self, word: u32) {
         match self.room.next() {
             Some(place) => *place = word.to_be_bytes(),

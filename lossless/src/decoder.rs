@@ -99,7 +99,7 @@ fn decompress(
         }
         decode_channel(channel, places, &mut reader)?;
     }
-    if !reader.is_at_end() {
+    if !reader.ends() {
         return Err(DecodeError::TooLong);
     }
     if sum(past.iter().map(|channel| channel.past.x)) != *announced {

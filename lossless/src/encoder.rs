@@ -126,7 +126,7 @@ fn compress<const CHANNELS: usize>(
 }
 
 /// Writes the codes of one channel and returns the sum of the folded differences, at most 8 * 2^27.
-#[inline(always)]
+#[inline]
 fn put_codes<const ORDER: usize>(
     past: &mut Past,
     k: u32,

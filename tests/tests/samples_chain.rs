@@ -26,8 +26,16 @@ fn samples_and_steps_reach_rospy_together_with_the_codes() {
     if !ros::available(test) {
         return;
     }
+    for form in ["compressed", "plain"] {
+        println!("{test}, {form}");
+        stream_samples(&format!("--raw-form={form}"));
+    }
+}
+
+/// Streams samples in one form, and checks all of them.
+fn stream_samples(form: &str) {
     let folder = tempfile::tempdir().expect("a folder");
-    let chain = Chain::start_with(folder.path(), &["--streams=codes,raw,filtered"]);
+    let chain = Chain::start_with(folder.path(), &["--streams=codes,raw,filtered", form]);
     let mut raw = chain.subscriber_of("/neurodata");
     let mut filtered = chain.subscriber_of("/neurodata_corticode");
     let duration = SECONDS.to_string();
@@ -76,7 +84,7 @@ fn samples_and_steps_reach_rospy_together_with_the_codes() {
 
     let codes = chain.messages();
     assert!(codes.iter().all(|code| code.status.lost == 0));
-    println!("{test}: {total} samples and their steps, none lost");
+    println!("{total} samples and their steps, none lost");
     let bag = chain.stop();
     assert!(bag.contains(NEURO_FRAME_MD5), "{bag}");
 }

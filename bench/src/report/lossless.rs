@@ -17,6 +17,7 @@ use crate::tally::Tally;
 const EEG: &str = "synthetic EEG";
 
 /// Number of counts in a block.
+#[expect(clippy::cast_precision_loss, reason = "at most 512")]
 const COUNTS: f64 = (CHANNELS * MAX_SAMPLES) as f64;
 
 /// What the image prints.

@@ -8,7 +8,7 @@ use crate::recorder::{Harness, SETTINGS};
 use crate::samples::{SAMPLES, counts, harness, send_samples, time};
 
 const COMPRESSED: Settings = Settings {
-    streams: Streams::from_bits(0b100111),
+    streams: Streams::from_bits(0b10_0111),
     ..SETTINGS
 };
 

@@ -41,11 +41,11 @@ fn harness(streams: Streams, supported: Streams) -> Harness {
 #[test]
 fn the_device_is_asked_for_the_chosen_streams_and_always_for_codes() {
     for (asked, expected) in [
-        (0b011001, 0b011001),
-        (0b000010, 0b000011),
-        (0b100000, 0b100001),
+        (0b01_1001, 0b01_1001),
+        (0b00_0010, 0b00_0011),
+        (0b10_0000, 0b10_0001),
         // Samples in either form: compressed ones come first.
-        (0b100010, 0b100001),
+        (0b10_0010, 0b10_0001),
         (0, 1),
     ] {
         let harness = harness(Streams::from_bits(asked), EVERYTHING);
@@ -80,7 +80,7 @@ fn an_older_device_is_asked_for_codes_alone_without_a_warning() {
 fn a_device_without_compressed_samples_is_asked_for_the_others() {
     let older = Streams::from_bits(0b11111);
     let mut harness = harness(EVERYTHING, older);
-    assert_eq!(starts(&harness), [0b111101, 0b011111]);
+    assert_eq!(starts(&harness), [0b11_1101, 0b01_1111]);
     harness.code(1, false);
     let status = harness.status("device").unwrap();
     assert_eq!(
@@ -90,7 +90,7 @@ fn a_device_without_compressed_samples_is_asked_for_the_others() {
     // One that is not wanted in the other form gets a warning.
     let wanted = EVERYTHING.without(Streams::RAW);
     let mut forced = self::harness(wanted, older);
-    assert_eq!(starts(&forced), [0b111101, 0b011101]);
+    assert_eq!(starts(&forced), [0b11_1101, 0b01_1101]);
     forced.code(1, false);
     let status = forced.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
@@ -105,7 +105,7 @@ fn a_device_without_compressed_samples_is_asked_for_the_others() {
 fn refused_samples_are_a_warning_and_the_other_streams_still_start() {
     let without_samples = EVERYTHING.without(RawForm::Any.streams());
     let mut uart = harness(EVERYTHING, without_samples);
-    assert_eq!(starts(&uart), [0b111101, 0b011111, 0b011101]);
+    assert_eq!(starts(&uart), [0b11_1101, 0b01_1111, 0b01_1101]);
     uart.code(1, false);
     let status = uart.status("device").unwrap();
     assert!(
@@ -116,7 +116,10 @@ fn refused_samples_are_a_warning_and_the_other_streams_still_start() {
 
     let supported = Streams::CODES | Streams::AUDIT | Streams::EVENTS;
     let mut harness = harness(EVERYTHING, supported);
-    assert_eq!(starts(&harness), [0b111101, 0b011111, 0b011101, 0b011001]);
+    assert_eq!(
+        starts(&harness),
+        [0b11_1101, 0b01_1111, 0b01_1101, 0b01_1001]
+    );
     harness.code(1, false);
     let status = harness.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
@@ -136,7 +139,7 @@ fn another_device_is_asked_for_all_streams_again() {
     harness.receive(&hello);
     harness.exchange();
     assert_eq!(commands(&harness).last(), Some(&"start"));
-    assert_eq!(starts(&harness).last(), Some(&0b111101));
+    assert_eq!(starts(&harness).last(), Some(&0b11_1101));
     harness.code(1, false);
     assert_eq!(harness.status("device").unwrap().message, "streaming");
 }

@@ -122,7 +122,7 @@ fn every_dump_equals_the_encoders_output() {
     ] {
         check(name, &mut Decoder::new(), (seq, 0), &command);
     }
-    for (name, at, message) in [
+    for (name, at, message) in vec![
         ("raw", (308, 19_900_390), raw()),
         ("filtered", (309, 19_906_250), filtered()),
         ("audit", (310, 19_871_093), audit()),

@@ -60,7 +60,7 @@ impl Shape {
                         *value += *slope;
                     }
                     Self::Rails => *value = (noise(1) * 2 + 1) << 40,
-                    Self::Steps if next % 16 == 0 => *value = noise(24),
+                    Self::Steps if next.is_multiple_of(16) => *value = noise(24),
                     Self::Steps => {}
                 }
                 let limit = i64::from(MAX);
@@ -84,7 +84,7 @@ pub(crate) fn rows(samples: std::ops::Range<usize>) -> impl Strategy<Value = Vec
 }
 
 /// Returns a count as an encoder takes it.
-pub(crate) fn to_bytes(count: &i32) -> [u8; 3] {
+pub(crate) fn to_bytes(count: i32) -> [u8; 3] {
     let [low, middle, high, _] = count.to_le_bytes();
     [low, middle, high]
 }
