@@ -2,6 +2,7 @@
 
 mod description;
 mod file;
+mod file_names;
 mod integer_matrix;
 mod model;
 mod ranges;
@@ -10,7 +11,8 @@ mod smoother;
 mod tests;
 
 pub use description::{PackedDescription, PackedFigures, PackedTraining};
-pub(crate) use file::{DESCRIPTION as PACKED_DESCRIPTION, PackedFiles, TENSORS as PACKED_TENSORS};
+pub(crate) use file::PackedFiles;
+pub(crate) use file_names::{DESCRIPTION as PACKED_DESCRIPTION, TENSORS as PACKED_TENSORS};
 pub use integer_matrix::IntegerMatrix;
 pub use model::{PackedModel, rounded_state};
 pub use ranges::{LARGEST_STATE, SUM_LIMIT, slice_ends};

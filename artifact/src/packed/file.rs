@@ -1,5 +1,7 @@
 //! The files of a packed model: `packed.toml` and `packed.safetensors`.
 
+use super::description::PackedDescription;
+use super::file_names::{DESCRIPTION, TENSORS};
 use super::integer_matrix::IntegerMatrix;
 use super::model::PackedModel;
 use super::smoother::Smoother;
@@ -9,12 +11,6 @@ use packed::{LEVELS, MAGNITUDES, RATES, Starts};
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 use std::path::Path;
-
-/// Name of the file with dimensions, units and figures.
-pub(crate) const DESCRIPTION: &str = "packed.toml";
-
-/// Name of the file with the integers.
-pub(crate) const TENSORS: &str = "packed.safetensors";
 
 /// Contents of the two files.
 #[derive(Clone, Debug)]
@@ -61,8 +57,7 @@ impl PackedModel {
         tensors: &[u8],
         description: &Description,
     ) -> Result<Self, ArtifactError> {
-        let packed: super::PackedDescription =
-            toml::from_str(toml).map_err(ArtifactError::PackedToml)?;
+        let packed: PackedDescription = toml::from_str(toml).map_err(ArtifactError::PackedToml)?;
         let file =
             SafeTensors::deserialize(tensors).map_err(|source| ArtifactError::Safetensors {
                 file: TENSORS,

@@ -1,5 +1,6 @@
 //! Proofs that no sum of the integer encoder leaves its range.
 
+use super::file_names::TENSORS;
 use super::model::PackedModel;
 use crate::description::Description;
 use crate::error::ArtifactError;
@@ -147,7 +148,7 @@ fn check_matrix(
 
 fn range(name: &str, index: usize, problem: &'static str) -> ArtifactError {
     ArtifactError::Range {
-        file: super::file::TENSORS,
+        file: TENSORS,
         name: name.to_owned(),
         index,
         problem,
