@@ -139,7 +139,7 @@ impl Comparison {
             "prd_percent_pca_int8": pca.map(|pca| pca.integer.prd_percent),
             "input_clipped": self.network.input_clipped,
             "codes_at_rail": self.network.code_clipped,
-            "packed": self.packed.iter().map(RateFigures::to_json).collect::<Vec<_>>(),
+            "packed": self.packed.iter().map(|figures| figures.to_json()).collect::<Vec<_>>(),
         })
     }
 

@@ -38,7 +38,7 @@ pub struct RateFigures {
 
 impl RateFigures {
     /// Returns the figures as a JSON object.
-    pub(crate) fn to_json(&self) -> Json {
+    pub(crate) fn to_json(self) -> Json {
         json!({
             "rate": self.rate,
             "bits_per_hop": self.bits,
