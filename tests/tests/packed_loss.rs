@@ -1,5 +1,6 @@
 //! The packed code on a lossy link: what a lost block costs, how soon the decoder recovers, and that it says so.
 #![forbid(unsafe_code)]
+#![expect(clippy::cast_precision_loss, reason = "a few thousand blocks")]
 
 use acceptance::{real_data, workspace};
 use artifact::{Artifact, PackedModel};
@@ -74,7 +75,7 @@ fn a_lost_block_heals_and_the_next_block_without_prediction_is_exact() {
         let mut decoder = PackedDecoder::new(&model);
         let start = lost / RESET_BLOCKS * RESET_BLOCKS;
         places += 1.0;
-        for block in start..start + RESET_BLOCKS + 1 {
+        for block in start..=start + RESET_BLOCKS {
             let since = block.checked_sub(lost);
             let (microvolts, is_sound) = if since == Some(0) {
                 (decoder.skip(), false)
@@ -158,7 +159,6 @@ fn coded(test: &str) -> Option<Coded> {
         }
         coded.states.push(encoder.state().to_vec());
         let electrodes = hop.iter().flat_map(|step| step.electrodes);
-        #[expect(clippy::cast_precision_loss, reason = "24 bits and 5 of fraction")]
         let microvolts: Vec<f32> = electrodes.map(|unit| unit as f32 * uv_per_unit).collect();
         assert_eq!(microvolts.len(), HOP * ELECTRODES);
         coded.power += mean_square(&microvolts, &vec![0.0; microvolts.len()]) / BLOCKS as f64;
