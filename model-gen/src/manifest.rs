@@ -4,11 +4,14 @@ use std::fmt::Write as _;
 
 use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Geometry};
 
+use int8_nn::Pair;
+
 use crate::{
     device_model::{DeviceModel, MainsFilter},
     headroom::{GAIN_LIMIT, GUARD_BITS},
     integer_model::IntegerModel,
     memory::{self, Part},
+    packed::PackedIntegers,
 };
 
 /// Returns the manifest of a device model: id, shapes, scales, ranges and byte counts.
@@ -75,7 +78,34 @@ fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
         "\ncode                  {} x {}, scales {smallest:.6} .. {largest:.6}",
         description.code.numbers, integers.code_format
     )?;
-    memory(out, &memory::parts(integers, description.window.hop))
+    memory(out, &memory::parts(integers, description.window.hop))?;
+    match &model.packed {
+        Some(packed) => packed_model(out, packed),
+        None => Ok(()),
+    }
+}
+
+/// Writes dimensions, units and flash of the packed model.
+fn packed_model(out: &mut String, packed: &PackedIntegers) -> std::fmt::Result {
+    let description = &packed.model.description;
+    let values = packed.model.analysis.inputs();
+    writeln!(
+        out,
+        "\npacked code           {} coefficients of {values} values, rate {}",
+        description.coefficients, description.rate
+    )?;
+    writeln!(
+        out,
+        "  input               {} uV per unit, up to +-{}, multiplier {} / 2^32",
+        description.unit_uv, description.input_limit, packed.input_multiplier
+    )?;
+    let pairs: usize = packed
+        .analysis()
+        .iter()
+        .map(|(_, weights)| weights.len())
+        .sum();
+    let matrices = size_of::<Pair>() * (pairs + packed.prediction().len());
+    writeln!(out, "  matrices            {matrices} B")
 }
 
 /// Writes flash and RAM of each part, and their sums.

@@ -1,7 +1,7 @@
 //! Differences between two models.
 
 use crate::error::ToolError;
-use artifact::{Artifact, ArtifactError, Golden, Tensors};
+use artifact::{Artifact, ArtifactError, Golden, PackedModel, Tensors};
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -17,6 +17,8 @@ pub struct Difference {
     pub fields: Vec<(String, [Option<String>; 2])>,
     /// Tensors that differ.
     pub tensors: Vec<TensorDifference>,
+    /// Whether the integers of the packed models differ; `None` if neither model has one.
+    pub packed: Option<bool>,
     /// Whether the golden windows or codes differ; `None` if neither folder has any.
     pub golden: Option<bool>,
 }
@@ -75,13 +77,20 @@ impl Difference {
             ids: [one.id.to_string(), other.id.to_string()],
             fields: compare_fields(&fields(one), &fields(other)),
             tensors,
+            packed: match (&one.packed, &other.packed) {
+                (None, None) => None,
+                (one, other) => Some(!have_same_integers(one.as_ref(), other.as_ref())),
+            },
             golden,
         }
     }
 
     /// Returns whether the models are equal, golden codes included.
     pub fn is_empty(&self) -> bool {
-        self.fields.is_empty() && self.tensors.is_empty() && self.golden != Some(true)
+        self.fields.is_empty()
+            && self.tensors.is_empty()
+            && self.packed != Some(true)
+            && self.golden != Some(true)
     }
 
     /// Returns the differences as a JSON object.
@@ -107,9 +116,20 @@ impl Difference {
             "models": self.ids,
             "fields": fields.map(|(name, values)| json!({ "field": name, "values": values })).collect::<Vec<_>>(),
             "tensors": tensors.collect::<Vec<_>>(),
+            "packed_differ": self.packed,
             "golden_differ": self.golden,
         })
     }
+}
+
+/// Returns whether two packed models have the same matrices and tables.
+fn have_same_integers(one: Option<&PackedModel>, other: Option<&PackedModel>) -> bool {
+    let (Some(one), Some(other)) = (one, other) else {
+        return false;
+    };
+    let mut same = one.clone();
+    same.description.clone_from(&other.description);
+    same == *other
 }
 
 /// Reads the golden codes in a folder; `None` if it has no such file.
@@ -132,6 +152,10 @@ fn fields(artifact: &Artifact) -> BTreeMap<String, String> {
         for (name, value) in description {
             flatten(&name, &value, &mut fields);
         }
+    }
+    let packed = artifact.packed.as_ref();
+    if let Some(Ok(packed)) = packed.map(|packed| serde_json::to_value(&packed.description)) {
+        flatten("packed", &packed, &mut fields);
     }
     fields
 }
@@ -246,6 +270,9 @@ impl fmt::Display for Difference {
                     100.0 * relative_rms
                 )?,
             }
+        }
+        if self.packed == Some(true) {
+            writeln!(f, "packed models differ")?;
         }
         match self.golden {
             Some(true) => writeln!(f, "golden codes differ"),

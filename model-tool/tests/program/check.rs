@@ -159,3 +159,22 @@ fn check_measures_the_error_on_recordings() {
     assert!(number("mse_int8") <= 1.04 * number("mse_float"), "{object}");
     assert!(number("mse_float") <= number("mse_pca"), "{object}");
 }
+
+#[test]
+fn diff_finds_a_packed_model_that_is_missing_or_differs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    copy(BUILT_IN, folder.path());
+    let path = folder.path().join("packed.toml");
+    let toml = fs::read_to_string(&path).expect("a description");
+    fs::write(&path, toml.replace("\nrate = 4\n", "\nrate = 5\n")).expect("a description");
+    let [rate, _] = run(&["diff", BUILT_IN, text(folder.path()), "--json"], 1);
+    let rate = json(&rate);
+    assert_eq!(
+        rate["fields"],
+        json(r#"[{"field": "packed.rate", "values": ["4", "5"]}]"#)
+    );
+    assert_eq!(rate["packed_differ"], false);
+    fs::remove_file(path).expect("a file");
+    let [missing, _] = run(&["diff", BUILT_IN, text(folder.path())], 1);
+    assert!(missing.contains("packed models differ"), "{missing}");
+}
