@@ -166,7 +166,7 @@ fn diff_finds_a_packed_model_that_is_missing_or_differs() {
     copy(BUILT_IN, folder.path());
     let path = folder.path().join("packed.toml");
     let toml = fs::read_to_string(&path).expect("a description");
-    fs::write(&path, toml.replace("\nrate = 4\n", "\nrate = 5\n")).expect("a description");
+    fs::write(&path, toml.replacen("\nrate = 4\n", "\nrate = 5\n", 1)).expect("a description");
     let [rate, _] = run(&["diff", BUILT_IN, text(folder.path()), "--json"], 1);
     let rate = json(&rate);
     assert_eq!(
