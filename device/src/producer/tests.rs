@@ -2,7 +2,7 @@
 
 use std::{boxed::Box, vec, vec::Vec};
 
-use link::{Flags, RAW_SAMPLES};
+use link::{BlockForm, Flags, RAW_SAMPLES};
 use model::{CELLS, HOP, STEPS};
 
 use super::*;
@@ -118,6 +118,26 @@ fn a_run_produces_exactly_the_requested_streams() {
     }
     assert_eq!(kinds(Streams::EVENTS), []);
     assert!(kinds(Streams::ALL).len() > 4);
+}
+
+#[test]
+fn compressed_samples_need_no_past_after_a_lost_sample_and_every_quarter_of_a_second() {
+    let samples = samples(Streams::COMPRESSED_RAW, 8 * 40, &[83]);
+    let forms: Vec<(u64, u8, BlockForm)> = outputs_of(samples)
+        .iter()
+        .filter_map(|output| match &output.payload {
+            Payload::CompressedRaw(raw) => Some(raw.message()),
+            _ => None,
+        })
+        .map(|raw| (raw.first_sample, raw.samples, raw.form))
+        .collect();
+    let keys: Vec<(u64, u8)> = forms
+        .iter()
+        .filter(|(.., form)| *form == BlockForm::Key)
+        .map(|(first, samples, _)| (*first, *samples))
+        .collect();
+    assert_eq!(keys, [(0, 8), (84, 8), (84 + 128, 8)]);
+    assert_eq!(forms[10], (80, 3, BlockForm::Continuing));
 }
 
 #[test]
