@@ -93,12 +93,7 @@ impl Comparison {
             electrode_errors,
             pca_by_numbers: truncation.map_or_else(Vec::new, |sums| sums.errors_by_numbers()),
             packed: match &model.packed {
-                Some(packed) => evaluate_packed(
-                    packed,
-                    tracks,
-                    description.window.hop,
-                    description.input.sd_uv,
-                )?,
+                Some(packed) => evaluate_packed(packed, tracks, description)?,
                 None => Vec::new(),
             },
             hop: description.window.hop,

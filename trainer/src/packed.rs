@@ -6,6 +6,7 @@
 //!                       predictor leaves      proven ranges
 //! ```
 
+mod band_power;
 mod blocks;
 mod coded;
 mod evaluation;

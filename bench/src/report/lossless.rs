@@ -81,6 +81,17 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&machines, state_bytes, &inputs.skipped)
 }
 
+/// Returns the bits of a compressed count of synthetic EEG, without instructions.
+///
+/// # Errors
+/// An input cannot be made, or a block does not come back as it was.
+pub(crate) fn bits_per_sample() -> anyhow::Result<Option<f64>> {
+    let inputs = inputs::samples(BLOCKS * MAX_SAMPLES)?;
+    let bits = Expected::new(&inputs)?.bits;
+    let mut named = inputs.names.iter().zip(bits);
+    Ok(named.find_map(|(name, bits)| (*name == EEG).then_some(bits)))
+}
+
 impl Expected {
     /// # Errors
     /// A block does not come back as it was.

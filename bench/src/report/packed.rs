@@ -13,6 +13,7 @@ use super::figures::Report;
 use super::flash;
 use super::images;
 use super::inputs::{self, Inputs};
+use super::lossless;
 use super::packed_error;
 use crate::tally::Tally;
 
@@ -194,6 +195,7 @@ fn report(
         "insn_after_last_sample": eeg.insn_after_last_sample,
         "flash_bytes": flash_bytes,
         "ram_bytes": ram_bytes,
+        "lossless_bits_per_sample": lossless::bits_per_sample()?,
         "bytes_equal": machines.iter().all(|counts| counts.bytes_equal),
         "decoder_equal": coded.iter().all(|coded| coded.decoder_equal),
         "hops": coded.iter().map(|coded| coded.lengths.len()).sum::<usize>(),

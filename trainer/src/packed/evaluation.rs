@@ -1,5 +1,6 @@
 //! Bits and error of a packed model at each rate.
 
+use super::band_power::{BandPower, correlation};
 use super::blocks::Blocks;
 use super::coded::{self, Coded};
 use super::integers::analysed;
@@ -7,8 +8,9 @@ use super::scale::Scale;
 use super::smoother::next_residuals;
 use super::transform::to_f32;
 use crate::error::TrainerError;
+use crate::in_parallel;
 use crate::track::Track;
-use artifact::{PackedFigures, PackedModel};
+use artifact::{Description, PackedFigures, PackedModel};
 use nalgebra::DMatrix;
 use packed::Rate;
 use serde_json::{Value as Json, json};
@@ -34,6 +36,9 @@ pub struct RateFigures {
     pub mse: f64,
     /// Mean squared error one block later.
     pub mse_smoothed: f64,
+    /// Correlation of the power of the alpha band (8 to 13 Hz) and of the beta band (13 to 30 Hz) with that of the
+    /// original, at once: Pearson's, of the logarithm in each second, mean over the electrodes.
+    pub band_correlation: [f64; 2],
 }
 
 impl RateFigures {
@@ -45,6 +50,8 @@ impl RateFigures {
             "longest_bytes": self.longest,
             "mse": self.mse,
             "mse_smoothed": self.mse_smoothed,
+            "band_correlation_8_13": self.band_correlation[0],
+            "band_correlation_13_30": self.band_correlation[1],
         })
     }
 
@@ -63,22 +70,27 @@ impl RateFigures {
 /// Measures a packed model on tracks at every rate, finest first.
 ///
 /// # Errors
-/// If the tracks are shorter than a second.
+/// If the directions of the analysis depend on each other.
 pub(crate) fn evaluate(
     model: &PackedModel,
     tracks: &[Track],
-    hop: usize,
-    sd_uv: f64,
+    description: &Description,
 ) -> Result<Vec<RateFigures>, TrainerError> {
-    let blocks = Blocks::cut(tracks, hop, sd_uv, &[0]);
+    let sd_uv = description.input.sd_uv;
+    let blocks = Blocks::cut(tracks, description.window.hop, sd_uv, &[0]);
     let coefficients = analysed(model, &blocks, sd_uv);
     let synthesis = synthesis(model)?;
     let scale = Scale::new(model, sd_uv);
+    let electrodes = description.montage.electrodes.len();
+    let original = Original::new(
+        blocks,
+        BandPower::new(electrodes, description.window.rate_hz),
+    );
     let figures = Rate::all().map(|rate| {
         let coded = coded::code(model, &coefficients, rate, RESET);
         let count = model.coefficients();
         let smoother = DMatrix::from_row_slice(count, count, &model.smoother.matrix(rate.index()));
-        measure(rate, &blocks, &coded, |states| {
+        original.compare(rate, &coded, |states| {
             let own = scale.columns(states);
             let next = next_residuals(model, states, scale);
             let mut smoothed = own.clone();
@@ -90,30 +102,81 @@ pub(crate) fn evaluate(
     Ok(figures.collect())
 }
 
-/// Measures coded blocks; `reconstruct` returns the blocks of a sequence at once and smoothed.
-fn measure(
-    rate: Rate,
-    blocks: &Blocks,
-    coded: &[Coded],
-    reconstruct: impl Fn(&[i16]) -> [DMatrix<f32>; 2],
-) -> RateFigures {
-    let mut errors = [0.0; 2];
-    let mut values = 0.0_f64;
-    for (original, coded) in blocks.sequences.iter().zip(coded) {
-        let counted = original.ncols().saturating_sub(2 * EDGE);
-        let original = original.columns(EDGE.min(original.ncols()), counted);
-        for (error, blocks) in errors.iter_mut().zip(reconstruct(&coded.states)) {
-            let difference = blocks.columns(EDGE.min(blocks.ncols()), counted) - original;
-            *error += difference
-                .iter()
-                .map(|&d| f64::from(d).powi(2))
-                .sum::<f64>();
+/// Blocks before they are coded, and the powers of their bands.
+struct Original {
+    blocks: Blocks,
+    band_power: BandPower,
+    /// For each sequence, as [`BandPower::log_powers`] returns them.
+    powers: Vec<[Vec<Vec<f64>>; 2]>,
+}
+
+impl Original {
+    fn new(blocks: Blocks, band_power: BandPower) -> Self {
+        let powers = in_parallel::map(&blocks.sequences, |blocks| band_power.log_powers(blocks));
+        Self {
+            blocks,
+            band_power,
+            powers,
         }
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
-        let counted = original.len() as f64;
-        values += counted;
     }
-    let [mse, mse_smoothed] = errors.map(|error| error / values.max(1.0));
+
+    /// Measures coded blocks; `reconstruct` returns the blocks of a sequence at once and smoothed.
+    fn compare(
+        &self,
+        rate: Rate,
+        coded: &[Coded],
+        reconstruct: impl Fn(&[i16]) -> [DMatrix<f32>; 2] + Sync,
+    ) -> RateFigures {
+        let reconstructed = in_parallel::map(coded, |coded| reconstruct(&coded.states));
+        let mut errors = [0.0; 2];
+        let mut values = 0.0_f64;
+        for (original, reconstructed) in self.blocks.sequences.iter().zip(&reconstructed) {
+            let counted = original.ncols().saturating_sub(2 * EDGE);
+            let original = original.columns(EDGE.min(original.ncols()), counted);
+            for (error, blocks) in errors.iter_mut().zip(reconstructed) {
+                let difference = blocks.columns(EDGE.min(blocks.ncols()), counted) - original;
+                let squares = difference.iter().map(|&d| f64::from(d).powi(2));
+                *error += squares.sum::<f64>();
+            }
+            #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
+            let counted = original.len() as f64;
+            values += counted;
+        }
+        let powers = in_parallel::map(&reconstructed, |[at_once, _]| {
+            self.band_power.log_powers(at_once)
+        });
+        let band_correlation = [0, 1].map(|band| {
+            let series =
+                |powers: &[[Vec<Vec<f64>>; 2]]| joined(powers.iter().map(|powers| &powers[band]));
+            correlation(&series(&self.powers), &series(&powers))
+        });
+        figures(
+            rate,
+            coded,
+            errors.map(|error| error / values.max(1.0)),
+            band_correlation,
+        )
+    }
+}
+
+/// Joins the series of all sequences, electrode by electrode.
+fn joined<'p>(sequences: impl Iterator<Item = &'p Vec<Vec<f64>>>) -> Vec<Vec<f64>> {
+    let mut joined: Vec<Vec<f64>> = Vec::new();
+    for sequence in sequences {
+        joined.resize(sequence.len(), Vec::new());
+        for (joined, series) in joined.iter_mut().zip(sequence) {
+            joined.extend(series);
+        }
+    }
+    joined
+}
+
+fn figures(
+    rate: Rate,
+    coded: &[Coded],
+    [mse, mse_smoothed]: [f64; 2],
+    band_correlation: [f64; 2],
+) -> RateFigures {
     let lengths = || coded.iter().flat_map(|coded| &coded.bytes);
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
     let bits = 8.0 * lengths().sum::<usize>() as f64 / lengths().count().max(1) as f64;
@@ -123,6 +186,7 @@ fn measure(
         longest: lengths().copied().max().unwrap_or(0),
         mse,
         mse_smoothed,
+        band_correlation,
     }
 }
 
@@ -144,12 +208,17 @@ impl fmt::Display for RateTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "rate   bits of a block   longest, bytes   MSE at once   MSE a block later"
+            "                                               MSE    correlation of power at"
+        )?;
+        writeln!(
+            f,
+            "rate   bits of a block   longest   at once   block later   8-13 Hz   13-30 Hz"
         )?;
         for figures in self.0 {
+            let [alpha, beta] = figures.band_correlation;
             writeln!(
                 f,
-                "{:>4} {:>17.1} {:>16} {:>13.5} {:>19.5}",
+                "{:>4} {:>17.1} {:>7} B {:>9.5} {:>13.5} {alpha:>9.3} {beta:>10.3}",
                 figures.rate, figures.bits, figures.longest, figures.mse, figures.mse_smoothed
             )?;
         }

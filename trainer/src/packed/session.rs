@@ -123,7 +123,7 @@ pub fn train(
     } else {
         &test_tracks
     };
-    let figures = evaluation::evaluate(&model, tested, hop, sd_uv)?;
+    let figures = evaluation::evaluate(&model, tested, description)?;
     if let Some(target) = options.target_mse {
         let rate = coarsest_within(&figures, target)?;
         model.description.rate = rate;
@@ -174,8 +174,7 @@ pub fn compare(
     })?;
     let files = selection::recordings(data, names)?;
     let tracks = read_tracks(&files, description, mains_hz, observer)?;
-    let (hop, sd_uv) = (description.window.hop, description.input.sd_uv);
-    evaluation::evaluate(model, &tracks, hop, sd_uv)
+    evaluation::evaluate(model, &tracks, description)
 }
 
 /// Returns the coarsest rate whose error at once is at most `target`.

@@ -32,6 +32,8 @@ fn table(packed: &[RateFigures]) -> Vec<Vec<String>> {
         "longest, bytes",
         "MSE at once",
         "MSE a block later",
+        "correlation of power, 8-13 Hz",
+        "13-30 Hz",
     ];
     let rows = packed.iter().map(|figures| {
         vec![
@@ -40,6 +42,8 @@ fn table(packed: &[RateFigures]) -> Vec<Vec<String>> {
             figures.longest.to_string(),
             format!("{:.5}", figures.mse),
             format!("{:.5}", figures.mse_smoothed),
+            format!("{:.3}", figures.band_correlation[0]),
+            format!("{:.3}", figures.band_correlation[1]),
         ]
     });
     std::iter::once(head.map(str::to_owned).to_vec())
@@ -112,7 +116,9 @@ fn lines(comparison: &Comparison) -> Lines {
 /// Returns one line for each rate, one for each number of numbers of PCA, and one for the network. A code has no
 /// second error.
 fn csv(comparison: &Comparison) -> String {
-    let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later\n".to_owned();
+    let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later,\
+                    band_correlation_8_13,band_correlation_13_30\n"
+        .to_owned();
     // Writing to a string never fails.
     for figures in &comparison.packed {
         let RateFigures {
@@ -120,15 +126,19 @@ fn csv(comparison: &Comparison) -> String {
             bits,
             mse,
             mse_smoothed,
+            band_correlation: [alpha, beta],
             ..
         } = figures;
-        let _ = writeln!(text, "packed,{rate},,{bits},{mse},{mse_smoothed}");
+        let _ = writeln!(
+            text,
+            "packed,{rate},,{bits},{mse},{mse_smoothed},{alpha},{beta}"
+        );
     }
     for at in &comparison.pca_by_numbers {
         let bits = comparison.bits_of(at.numbers);
-        let _ = writeln!(text, "PCA,,{},{bits},{},", at.numbers, at.mse_int8);
+        let _ = writeln!(text, "PCA,,{},{bits},{},,,", at.numbers, at.mse_int8);
     }
     let (bits, mse) = (comparison.bits_per_window(), comparison.network.integer.mse);
-    let _ = writeln!(text, "network,,{},{bits},{mse},", comparison.numbers);
+    let _ = writeln!(text, "network,,{},{bits},{mse},,,", comparison.numbers);
     text
 }

@@ -30,7 +30,7 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
     prepare(folder.path());
     let before = fs::read(folder.path().join("model/model.toml")).expect("the description");
     let table = succeed(packed(folder.path()).arg("--test=run2"));
-    assert_eq!(table.lines().count(), 17, "{table}");
+    assert_eq!(table.lines().count(), 18, "{table}");
     let path = folder.path().join("model/model.toml");
     assert_eq!(fs::read(path).expect("the description"), before);
     let toml = fs::read_to_string(folder.path().join("model/packed.toml")).expect("packed.toml");
@@ -63,6 +63,12 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
     // All 64 coefficients represent the block; what is left is the quantiser.
     assert!(figure(0, "mse") < 0.01, "{json}");
     assert!(figure(4, "mse_smoothed") < figure(4, "mse"), "{json}");
+    for name in ["band_correlation_8_13", "band_correlation_13_30"] {
+        assert!(
+            figure(0, name) > 0.97 && figure(12, name) < figure(0, name),
+            "{json}"
+        );
+    }
     let values = Values::read(&folder.path().join("report/packed.csv"));
     assert_eq!(
         values
@@ -82,10 +88,10 @@ fn a_wanted_error_chooses_the_coarsest_rate_that_has_it() {
     let table = succeed(packed(folder.path()).args(["--test=run2", "--target-mse=0.05"]));
     let errors: Vec<f64> = table
         .lines()
-        .skip(1)
+        .skip(2)
         .map(|line| {
             line.split_whitespace()
-                .nth(3)
+                .nth(4)
                 .expect("an error")
                 .parse()
                 .expect("a number")

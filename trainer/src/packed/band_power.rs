@@ -1,0 +1,147 @@
+//! How well the power of the alpha and the beta band survives.
+
+use nalgebra::DMatrix;
+use std::f64::consts::TAU;
+
+/// Bands, Hz: alpha and beta. The upper end is not part of the band.
+const BANDS_HZ: [[usize; 2]; 2] = [[8, 13], [13, 30]];
+
+/// Correlates the band powers of two signals, over windows of one second.
+#[derive(Clone, Debug)]
+pub(super) struct BandPower {
+    /// Number of electrodes.
+    electrodes: usize,
+    /// Number of steps in a second.
+    second: usize,
+    /// For each bin of 1 Hz in any band: its band, and cosine and sine times a Hann window for each step.
+    bins: Vec<(usize, Vec<[f64; 2]>)>,
+}
+
+impl BandPower {
+    pub(super) fn new(electrodes: usize, rate_hz: u32) -> Self {
+        let second = rate_hz as usize;
+        #[expect(clippy::cast_precision_loss, reason = "below 2^53")]
+        let part = |product: usize| TAU * (product % second) as f64 / second as f64;
+        let wave = |hz: usize| {
+            let value = |step| {
+                let hann = 0.5 - 0.5 * part(step).cos();
+                let (sin, cos) = part(hz * step).sin_cos();
+                [hann * cos, hann * sin]
+            };
+            (0..second).map(value).collect()
+        };
+        let bins = BANDS_HZ
+            .iter()
+            .enumerate()
+            .flat_map(|(band, &[low, high])| (low..high).map(move |hz| (band, hz)));
+        Self {
+            electrodes,
+            second,
+            bins: bins.map(|(band, hz)| (band, wave(hz))).collect(),
+        }
+    }
+
+    /// Returns the logarithm of each band's power in each second, `[band][electrode][second]`. The columns are
+    /// blocks, in the order step, electrode.
+    pub(super) fn log_powers(&self, blocks: &DMatrix<f32>) -> [Vec<Vec<f64>>; 2] {
+        let mut powers = [(); 2].map(|()| vec![Vec::new(); self.electrodes]);
+        let window = self.second * self.electrodes;
+        for values in blocks.as_slice().chunks_exact(window) {
+            for electrode in 0..self.electrodes {
+                let signal = values.iter().skip(electrode).step_by(self.electrodes);
+                let mut sums = [1e-12; 2];
+                for (band, wave) in &self.bins {
+                    let (mut real, mut imaginary) = (0.0, 0.0);
+                    for (&value, [cos, sin]) in signal.clone().zip(wave) {
+                        real += f64::from(value) * cos;
+                        imaginary += f64::from(value) * sin;
+                    }
+                    sums[*band] += real * real + imaginary * imaginary;
+                }
+                for (powers, sum) in powers.iter_mut().zip(sums) {
+                    powers[electrode].push(sum.ln());
+                }
+            }
+        }
+        powers
+    }
+}
+
+/// Returns the mean over the electrodes of Pearson's correlation of two series, `[electrode][second]`.
+pub(super) fn correlation(one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
+    let correlations = one
+        .iter()
+        .zip(other)
+        .map(|(one, other)| pearson(one, other));
+    #[expect(clippy::cast_precision_loss, reason = "a few electrodes")]
+    let count = one.len().max(1) as f64;
+    correlations.sum::<f64>() / count
+}
+
+fn pearson(one: &[f64], other: &[f64]) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 seconds")]
+    let count = one.len().max(1) as f64;
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / count;
+    let (mean_one, mean_other) = (mean(one), mean(other));
+    let (mut product, mut square_one, mut square_other) = (0.0, 0.0, 0.0);
+    for (a, b) in one.iter().zip(other) {
+        let (a, b) = (a - mean_one, b - mean_other);
+        product += a * b;
+        square_one += a * a;
+        square_other += b * b;
+    }
+    product / (square_one * square_other).sqrt().max(1e-300)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns blocks of two electrodes at 128 Hz: a tone of 10 Hz and one of 20 Hz, with these amplitudes in each
+    /// second.
+    fn tones(amplitudes: &[[f64; 2]]) -> DMatrix<f32> {
+        let step = |index: usize| {
+            let amplitudes = amplitudes[index / 128];
+            [10.0, 20.0].map(|hz| {
+                #[expect(
+                    clippy::cast_precision_loss,
+                    clippy::cast_possible_truncation,
+                    reason = "small"
+                )]
+                let value = [0, 1].map(|tone| {
+                    let phase = TAU * hz * index as f64 / 128.0;
+                    amplitudes[tone] * phase.sin()
+                })[usize::from(hz > 15.0)] as f32;
+                value
+            })
+        };
+        let values: Vec<f32> = (0..128 * amplitudes.len()).flat_map(step).collect();
+        DMatrix::from_vec(16, values.len() / 16, values)
+    }
+
+    #[test]
+    fn a_tone_has_its_power_in_its_band_only() {
+        let powers = BandPower::new(2, 128).log_powers(&tones(&[[2.0, 3.0]]));
+        let [alpha, beta] = powers;
+        // A Hann window halves the amplitude: |X|^2 = (a / 2 * 64)^2 in its bin, a quarter of that in each neighbour.
+        let expected = |amplitude: f64| ((amplitude * 32.0).powi(2) * 1.5).ln();
+        assert!((alpha[0][0] - expected(2.0)).abs() < 1e-3, "{alpha:?}");
+        assert!((beta[1][0] - expected(3.0)).abs() < 1e-3, "{beta:?}");
+        assert!(
+            alpha[1][0] < -5.0 && beta[0][0] < -5.0,
+            "{alpha:?} {beta:?}"
+        );
+    }
+
+    #[test]
+    fn the_correlation_follows_the_course_of_the_power_and_not_its_size() {
+        let band = BandPower::new(2, 128);
+        let original = band.log_powers(&tones(&[[1.0, 1.0], [2.0, 1.5], [4.0, 1.0], [1.0, 3.0]]));
+        let halved = band.log_powers(&tones(&[[0.5, 1.0], [1.0, 1.5], [2.0, 1.0], [0.5, 3.0]]));
+        let alpha = correlation(&original[0][..1], &halved[0][..1]);
+        assert!((alpha - 1.0).abs() < 1e-9, "{alpha}");
+        let turned = band.log_powers(&tones(&[[4.0, 1.0], [2.0, 1.0], [1.0, 1.0], [4.0, 1.0]]));
+        let alpha = correlation(&original[0][..1], &turned[0][..1]);
+        assert!((alpha + 1.0).abs() < 1e-9, "{alpha}");
+    }
+}
