@@ -73,18 +73,21 @@ fn streaming_equals_batch_with_every_variant() {
         });
         let mut artifact = artifact.expect("a model");
         artifact.description.code.format = format;
-        let packed = any_packed(seed, &artifact.description);
-        let artifact = artifact.with_packed(Some(packed)).expect("a packed model");
+        // The packed code does not depend on the network: one model of each size is enough.
+        let has_packed = size.electrodes != 61 || size.hop == 16;
+        let packed = has_packed.then(|| any_packed(seed, &artifact.description));
+        let artifact = artifact.with_packed(packed).expect("a packed model");
         artifact.write(folder.path()).expect("a folder to write to");
-        let output = other_model::cargo(folder.path())
-            .args([
-                "test",
-                "--package=pipeline",
-                "--test=streaming_equals_batch",
-                "--test=packed_equals_batch",
-            ])
-            .output()
-            .expect("cargo runs");
+        let mut cargo = other_model::cargo(folder.path());
+        cargo.args([
+            "test",
+            "--package=pipeline",
+            "--test=streaming_equals_batch",
+        ]);
+        if has_packed {
+            cargo.arg("--test=packed_equals_batch");
+        }
+        let output = cargo.output().expect("cargo runs");
         let stdout = String::from_utf8_lossy(&output.stdout);
         let variant = format!("{mode:?}, padding {padding:?}, pool {pool:?}, {size}, {format}");
         assert!(
