@@ -20,7 +20,7 @@ pub struct Settings {
     pub announced: AnnouncedStream,
     /// Streams that the device is asked for. The bridge adds the stream of codes if it is missing. With
     /// both `RAW` and `COMPRESSED_RAW`, samples are wanted in either form: the device is asked for
-    /// compressed ones, and for the others if it refuses.
+    /// plain ones, and for compressed ones if it refuses, because its port is too slow.
     pub streams: Streams,
     /// Time that the stamps of events refer to.
     pub event_stamps: EventStamps,
@@ -76,7 +76,7 @@ impl AnnouncedStream {
 pub enum StreamKind {
     /// `/encoded` and `/neurodata_reconstructed`; always on.
     Codes,
-    /// `/neurodata`: every ADC sample, compressed to 47 kB/s, or 101 kB/s.
+    /// `/neurodata`: every ADC sample, 101 kB/s, or 47 kB/s compressed.
     Raw,
     /// `/neurodata_corticode`: every filtered step that the encoder reads, 33 kB/s.
     Filtered,
@@ -135,7 +135,8 @@ impl StreamKind {
 /// Form in which the device sends ADC samples. Both yield the same frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum RawForm {
-    /// Compressed without loss; not compressed if the device refuses that.
+    /// Not compressed; compressed without loss if the device refuses that, because its port is too slow. A lost
+    /// frame costs 8 samples, of compressed ones up to 0.25 s.
     #[default]
     Any,
     /// Compressed without loss only.

@@ -113,7 +113,7 @@ fn assert_exact(rows: &[Row], expected: &[Vec<f32>]) {
 #[test]
 fn both_forms_of_the_samples_yield_the_same_frames() {
     let expected = expected();
-    for (form, asked) in [("any", "compressed-raw"), ("plain", " raw")] {
+    for (form, asked) in [("compressed", "compressed-raw"), ("any", " raw")] {
         let folder = tempfile::tempdir().expect("a folder");
         let folder = folder.path();
         let port = folder.join("board").display().to_string();

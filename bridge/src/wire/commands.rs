@@ -308,8 +308,8 @@ impl Commands {
     /// firmware before 0.2 is limited to.
     fn fewer_streams(&self) -> Option<Streams> {
         let compressed = Streams::COMPRESSED_RAW;
-        if self.streams.contains(compressed) && self.wanted_streams.contains(Streams::RAW) {
-            return Some(self.streams.without(compressed) | Streams::RAW);
+        if self.streams.contains(Streams::RAW) && self.wanted_streams.contains(compressed) {
+            return Some(self.streams.without(Streams::RAW) | compressed);
         }
         let removable = [Streams::RAW, compressed, Streams::FILTERED];
         let removable = removable
@@ -385,8 +385,8 @@ impl Commands {
 
 /// Returns the streams that a device is asked for at first: samples in one form only.
 fn first_choice(wanted: Streams) -> Streams {
-    if wanted.contains(Streams::COMPRESSED_RAW) {
-        wanted.without(Streams::RAW)
+    if wanted.contains(Streams::RAW) {
+        wanted.without(Streams::COMPRESSED_RAW)
     } else {
         wanted
     }

@@ -77,19 +77,22 @@ fn an_older_device_is_asked_for_codes_alone_without_a_warning() {
 }
 
 #[test]
-fn a_device_without_compressed_samples_is_asked_for_the_others() {
-    let older = Streams::from_bits(0b11111);
-    let mut harness = harness(EVERYTHING, older);
-    assert_eq!(starts(&harness), [0b11_1101, 0b01_1111]);
+fn a_device_whose_port_is_too_slow_is_asked_for_compressed_samples() {
+    let uart = Streams::ALL.without(Streams::RAW);
+    let mut harness = harness(EVERYTHING, uart);
+    assert_eq!(starts(&harness), [0b01_1111, 0b11_1101]);
     harness.code(1, false);
     let status = harness.status("device").unwrap();
     assert_eq!(
         (status.level, &*status.message),
         (DiagnosticLevel::Ok, "streaming")
     );
+    // An older device is never asked for a form that it does not know.
+    let older = self::harness(EVERYTHING, Streams::from_bits(0b11111));
+    assert_eq!(starts(&older), [0b01_1111]);
     // One that is not wanted in the other form gets a warning.
     let wanted = EVERYTHING.without(Streams::RAW);
-    let mut forced = self::harness(wanted, older);
+    let mut forced = self::harness(wanted, Streams::from_bits(0b11111));
     assert_eq!(starts(&forced), [0b11_1101, 0b01_1101]);
     forced.code(1, false);
     let status = forced.status("device").unwrap();
@@ -105,7 +108,7 @@ fn a_device_without_compressed_samples_is_asked_for_the_others() {
 fn refused_samples_are_a_warning_and_the_other_streams_still_start() {
     let without_samples = EVERYTHING.without(RawForm::Any.streams());
     let mut uart = harness(EVERYTHING, without_samples);
-    assert_eq!(starts(&uart), [0b11_1101, 0b01_1111, 0b01_1101]);
+    assert_eq!(starts(&uart), [0b01_1111, 0b11_1101, 0b01_1101]);
     uart.code(1, false);
     let status = uart.status("device").unwrap();
     assert!(
@@ -118,7 +121,7 @@ fn refused_samples_are_a_warning_and_the_other_streams_still_start() {
     let mut harness = harness(EVERYTHING, supported);
     assert_eq!(
         starts(&harness),
-        [0b11_1101, 0b01_1111, 0b01_1101, 0b01_1001]
+        [0b01_1111, 0b11_1101, 0b01_1101, 0b01_1001]
     );
     harness.code(1, false);
     let status = harness.status("device").unwrap();
