@@ -139,7 +139,14 @@ fn a_recording_of_compressed_samples_is_replayed_and_converted() {
     let recording = bridge(
         folder,
         "recording",
-        &["record", &file, "--streams=codes,raw", "--port", &port],
+        &[
+            "record",
+            &file,
+            "--streams=codes,raw",
+            "--raw-form=compressed",
+            "--port",
+            &port,
+        ],
     );
     assert!(board(folder, &format!("pty:{port}")).wait(SLACK).success());
     // The last bytes are on their way.
