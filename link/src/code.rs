@@ -4,8 +4,8 @@ use core::fmt;
 
 use serde::{Deserialize, Deserializer, Serialize, de::Error};
 
+use crate::byte_slice;
 use crate::flags::Flags;
-use crate::packed;
 
 /// Largest number of values in a code.
 pub const MAX_NUMBERS: usize = 256;
@@ -238,7 +238,7 @@ pub struct Audit<'a> {
     /// Index of the window since `Start`, as in its [`Code`].
     pub window: u32,
     /// Planes of the window, oldest first; every plane is row-major, one int8 byte per cell.
-    #[serde(borrow, serialize_with = "packed::serialize_bytes")]
+    #[serde(borrow, serialize_with = "byte_slice::serialize")]
     pub planes: &'a [u8],
     /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces.
     pub values: CodeValues<'a>,

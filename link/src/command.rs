@@ -33,12 +33,13 @@ impl Streams {
     pub const AUDIT: Streams = Streams(1 << 3);
     /// Bit 4: edges at the device's inputs, in [`Event`](crate::Event).
     pub const EVENTS: Streams = Streams(1 << 4);
-
     /// Bit 5: every ADC sample, compressed without loss, in [`CompressedRaw`](crate::CompressedRaw).
     pub const COMPRESSED_RAW: Streams = Streams(1 << 5);
+    /// Bit 6: one [`PackedCode`](crate::PackedCode) per hop.
+    pub const PACKED: Streams = Streams(1 << 6);
 
     /// Every stream that this version names.
-    pub const ALL: Streams = Streams(0b11_1111);
+    pub const ALL: Streams = Streams(0b111_1111);
 
     /// Returns the empty set, the streams of an idle device.
     pub const fn empty() -> Streams {

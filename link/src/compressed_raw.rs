@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::byte_slice;
 use crate::flags::Flags;
-use crate::packed;
 
 /// The samples of a [`Raw`](crate::Raw), compressed without loss; sent if requested.
 ///
@@ -23,7 +23,7 @@ pub struct CompressedRaw<'a> {
     /// Number of samples, 1 to [`RAW_SAMPLES`](crate::RAW_SAMPLES).
     pub samples: u8,
     /// The compressed counts.
-    #[serde(borrow, serialize_with = "packed::serialize_bytes")]
+    #[serde(borrow, serialize_with = "byte_slice::serialize")]
     pub bytes: &'a [u8],
 }
 

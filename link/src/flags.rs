@@ -28,11 +28,19 @@ impl Flags {
     pub const OVERRUN: Flags = Flags(1 << 5);
     /// Bit 6: at least one value of the code was clipped ([`crate::Code::clipped_values`]).
     pub const CODE_CLIPPED: Flags = Flags(1 << 6);
-    /// Bit 15: the bridge inserted this code for a lost one. Never set on the wire.
+    /// Bit 7: the model does not represent the block of the packed code well: an electrode without contact, or
+    /// another cap.
+    pub const MISFIT: Flags = Flags(1 << 7);
+    /// Bit 8: the block of the packed code was too long and has no content; its signals are a prediction.
+    pub const BLANK: Flags = Flags(1 << 8);
+    /// Bit 14: blocks of the packed code were lost before this one, and the bridge's state has not healed yet. Never
+    /// set on the wire.
+    pub const HEALING: Flags = Flags(1 << 14);
+    /// Bit 15: the bridge inserted this code or block for a lost one. Never set on the wire.
     pub const FILLER: Flags = Flags(1 << 15);
 
     /// Names of the flags, in the order of their bits.
-    pub const NAMES: [(Flags, &'static str); 8] = [
+    pub const NAMES: [(Flags, &'static str); 11] = [
         (Flags::ADC_STATUS_BAD, "adc_status_bad"),
         (Flags::SATURATED, "saturated"),
         (Flags::LEAD_OFF, "lead_off"),
@@ -40,6 +48,9 @@ impl Flags {
         (Flags::CLIPPED, "clipped"),
         (Flags::OVERRUN, "overrun"),
         (Flags::CODE_CLIPPED, "code_clipped"),
+        (Flags::MISFIT, "misfit"),
+        (Flags::BLANK, "blank"),
+        (Flags::HEALING, "healing"),
         (Flags::FILLER, "filler"),
     ];
 

@@ -31,7 +31,7 @@ pub struct Header {
     pub seq: u32,
     /// Sender's monotonic clock, microseconds since boot, range 0 to 2^64 - 1. A host sends 0,
     /// because no device reads its clock. In messages from a device it is the time of
-    /// * [`Code`](crate::Code), [`Audit`](crate::Audit), [`Filtered`](crate::Filtered): the last
+    /// * [`Code`](crate::Code), [`PackedCode`](crate::PackedCode), [`Audit`](crate::Audit), [`Filtered`](crate::Filtered): the last
     ///   step
     /// * [`Raw`](crate::Raw), [`CompressedRaw`](crate::CompressedRaw): the last sample's DRDY edge
     /// * [`Event`](crate::Event): the edge

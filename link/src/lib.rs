@@ -49,6 +49,7 @@
 #![forbid(unsafe_code)]
 
 mod answer;
+mod byte_slice;
 mod code;
 mod command;
 mod compressed_raw;
@@ -60,7 +61,7 @@ mod flags;
 mod frame;
 mod introduction;
 mod message;
-mod packed;
+mod packed_code;
 mod quality;
 mod signal;
 mod stats;
@@ -79,6 +80,7 @@ pub use flags::Flags;
 pub use frame::{Header, MAX_BODY, MAX_FRAME, VERSION, frame_bytes};
 pub use introduction::{Capabilities, Hello, MAX_LABELS_BYTES, MAX_TEXT_BYTES, ResetCause};
 pub use message::{Message, ToDevice, ToHost};
+pub use packed_code::{MAX_RATE, PackedCode};
 pub use quality::{ElectrodeQuality, MAX_ELECTRODES, Quality};
 pub use signal::{COUNT_BYTES, FILTERED_STEPS, Filtered, RAW_SAMPLES, Raw, VALUE_BYTES};
 pub use stats::Stats;

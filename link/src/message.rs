@@ -9,6 +9,7 @@ use crate::compressed_raw::CompressedRaw;
 use crate::converters::{Converters, SelfTest};
 use crate::event::Event;
 use crate::introduction::{Capabilities, Hello};
+use crate::packed_code::PackedCode;
 use crate::quality::Quality;
 use crate::signal::{Filtered, Raw};
 use crate::stats::Stats;
@@ -25,7 +26,7 @@ pub trait Message<'a>: Serialize + Deserialize<'a> {
     const DIRECTION: u8;
 
     /// Returns the bytes that follow the fields of the message up to the end of the frame: the values
-    /// of a code. Empty for most messages.
+    /// of a code, or a packed block. Empty for most messages.
     fn tail(&self) -> &[u8] {
         &[]
     }
@@ -84,16 +85,19 @@ pub enum ToHost<'a> {
     /// 15: unfiltered ADC samples, compressed without loss.
     #[serde(borrow)]
     CompressedRaw(CompressedRaw<'a>),
+    /// 16: a block of the packed code.
+    PackedCode(PackedCode<'a>),
 }
 
 impl<'a> Message<'a> for ToHost<'a> {
-    const KINDS: u32 = 16;
+    const KINDS: u32 = 17;
     const DIRECTION: u8 = b'H';
 
     fn tail(&self) -> &[u8] {
         match self {
             ToHost::Code(code) => code.values.bytes(),
             ToHost::Audit(audit) => audit.values.bytes(),
+            ToHost::PackedCode(code) => code.bytes,
             _ => &[],
         }
     }
@@ -102,6 +106,10 @@ impl<'a> Message<'a> for ToHost<'a> {
         let values = match &mut self {
             ToHost::Code(code) => &mut code.values,
             ToHost::Audit(audit) => &mut audit.values,
+            ToHost::PackedCode(code) => {
+                code.bytes = tail;
+                return Some(self);
+            }
             _ => return tail.is_empty().then_some(self),
         };
         *values = values.with_bytes(tail)?;
@@ -131,9 +139,16 @@ pub enum ToDevice {
     },
     /// 6: restart, a tenth of a second after the `Ack`.
     Reset(ResetInto),
+    /// 7: set the rate of the packed code from the next block on, at any time; it is kept until the
+    /// device restarts.
+    SetRate {
+        /// 0 to [`MAX_RATE`](crate::MAX_RATE); any other is refused with `BadArgument`. One more is
+        /// 3 dB coarser.
+        rate: u8,
+    },
 }
 
 impl Message<'_> for ToDevice {
-    const KINDS: u32 = 7;
+    const KINDS: u32 = 8;
     const DIRECTION: u8 = b'D';
 }

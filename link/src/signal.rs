@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::byte_slice;
 use crate::flags::Flags;
-use crate::packed;
 
 /// Largest number of samples that a device puts into a [`Raw`]. Eight samples of 64 channels take
 /// 1536 bytes of the body.
@@ -44,7 +44,7 @@ pub struct Raw<'a> {
     pub flags: Flags,
     /// All counts of the first sample in the order of the channels, then those of the next sample;
     /// 24 bits each in two's complement, least significant byte first.
-    #[serde(borrow, serialize_with = "packed::serialize_bytes")]
+    #[serde(borrow, serialize_with = "byte_slice::serialize")]
     pub counts: &'a [u8],
 }
 
@@ -77,7 +77,7 @@ pub struct Filtered<'a> {
     pub flags: Flags,
     /// All values of the first step in the order of the electrodes, then those of the next step; 32
     /// bits each in two's complement, least significant byte first.
-    #[serde(borrow, serialize_with = "packed::serialize_bytes")]
+    #[serde(borrow, serialize_with = "byte_slice::serialize")]
     pub values: &'a [u8],
 }
 

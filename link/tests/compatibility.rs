@@ -17,11 +17,12 @@ enum LaterToDevice {
     SelfTest,
     SyncTime { host_time_us: u64 },
     Reset(u8),
+    SetRate { rate: u8 },
     Later { pattern: u8, value: u32 },
 }
 
 impl Message<'_> for LaterToDevice {
-    const KINDS: u32 = 8;
+    const KINDS: u32 = 9;
     const DIRECTION: u8 = ToDevice::DIRECTION;
 }
 
@@ -65,7 +66,7 @@ fn a_newer_message_is_an_intact_frame_that_is_ignored() {
     };
     assert_eq!(
         first(&mut decoder, bytes),
-        Some(Err(FrameError::Unknown { header, kind: 7 }))
+        Some(Err(FrameError::Unknown { header, kind: 8 }))
     );
     let bytes = encoder
         .encode(6, &LaterToDevice::Ping, &mut buffer)

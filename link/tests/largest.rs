@@ -5,9 +5,9 @@ use link::{
     Ack, AckResult, Audit, BlockForm, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest,
     ChipTest, Code, CodeFormat, CodeValues, CompressedRaw, Converters, Decoder, ElectrodeQuality,
     Encoder, FILTERED_STEPS, Filtered, Flags, Hello, MAX_BODY, MAX_CHIPS, MAX_ELECTRODES,
-    MAX_FRAME, MAX_LABELS_BYTES, MAX_NUMBERS, MAX_STAGES, MAX_TEXT_BYTES, Message, Quality,
-    RAW_SAMPLES, Raw, ResetCause, SelfTest, Stage, StageTiming, Start, Stats, Streams, Timing,
-    ToDevice, ToHost, VALUE_BYTES,
+    MAX_FRAME, MAX_LABELS_BYTES, MAX_NUMBERS, MAX_STAGES, MAX_TEXT_BYTES, Message, PackedCode,
+    Quality, RAW_SAMPLES, Raw, ResetCause, SelfTest, Stage, StageTiming, Start, Stats, Streams,
+    Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
 /// Returns the length in bytes of the message's body, with the largest header.
@@ -109,7 +109,15 @@ fn the_largest_frame_fits() {
         stack_used: u32::MAX,
         stack_size: u32::MAX,
     });
-    for other in [hello, code, stats, ack, quality, timing] {
+    let packed = ToHost::PackedCode(PackedCode {
+        block: u32::MAX,
+        rate: u8::MAX,
+        flags: Flags::from_bits(u16::MAX),
+        clipped: u16::MAX,
+        saturated: u64::MAX,
+        bytes: &[255; 118],
+    });
+    for other in [hello, code, stats, ack, quality, timing, packed] {
         assert!(body_bytes(&other) < largest, "{other:?}");
     }
     let start = Start {

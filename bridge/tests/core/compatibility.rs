@@ -24,11 +24,12 @@ enum LaterToHost {
     ClockReading,
     Substitutes,
     CompressedRaw,
+    PackedCode,
     Later { channel: u8, device_time_us: u64 },
 }
 
 impl link::Message<'_> for LaterToHost {
-    const KINDS: u32 = 17;
+    const KINDS: u32 = 18;
     const DIRECTION: u8 = link::ToHost::DIRECTION;
 }
 

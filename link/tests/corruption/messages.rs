@@ -3,8 +3,8 @@
 use link::{
     Ack, AckResult, Audit, BlockForm, ClockReading, Code, CodeFormat, CodeValues, CompressedRaw,
     ElectrodeQuality, Event, EventKind, Filtered, Flags, Hello, MAX_ELECTRODES, MAX_EXPONENT,
-    MAX_NUMBERS, MAX_STAGES, Quality, Raw, ResetCause, Stage, StageTiming, Stats, Streams,
-    Substitutes, Timing, ToHost,
+    MAX_NUMBERS, MAX_STAGES, PackedCode, Quality, Raw, ResetCause, Stage, StageTiming, Stats,
+    Streams, Substitutes, Timing, ToHost,
 };
 use proptest::prelude::*;
 
@@ -66,6 +66,18 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
             })
         },
     );
+    let packed = (any::<(u32, u8, u16, u16, u64)>(), bytes()).prop_map(
+        |((block, rate, flags, clipped, saturated), bytes)| {
+            ToHost::PackedCode(PackedCode {
+                block,
+                rate,
+                flags: Flags::from_bits(flags),
+                clipped,
+                saturated,
+                bytes,
+            })
+        },
+    );
     let filtered = (any::<(u64, u8, u8, u16)>(), bytes()).prop_map(
         |((first_step, electrodes, fraction_bits, flags), values)| {
             ToHost::Filtered(Filtered {
@@ -105,6 +117,7 @@ fn streamed() -> impl Strategy<Value = ToHost<'static>> {
     prop_oneof![
         raw,
         compressed,
+        packed,
         filtered,
         audit,
         event,
@@ -230,6 +243,10 @@ pub(crate) fn owned(message: &ToHost<'_>) -> ToHost<'static> {
         ToHost::CompressedRaw(raw) => ToHost::CompressedRaw(CompressedRaw {
             bytes: raw.bytes.to_vec().leak(),
             ..*raw
+        }),
+        ToHost::PackedCode(code) => ToHost::PackedCode(PackedCode {
+            bytes: code.bytes.to_vec().leak(),
+            ..*code
         }),
         ToHost::Filtered(filtered) => ToHost::Filtered(Filtered {
             values: filtered.values.to_vec().leak(),

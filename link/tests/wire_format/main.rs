@@ -3,15 +3,15 @@
 
 use link::{
     Ack, AckResult, BlockForm, COUNT_BYTES, Code, CompressedRaw, Decoder, Encoder, FILTERED_STEPS,
-    Filtered, Flags, MAX_FRAME, Message, Quality, RAW_SAMPLES, Raw, ResetInto, Stage, StageTiming,
-    Start, Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
+    Filtered, Flags, MAX_FRAME, Message, PackedCode, Quality, RAW_SAMPLES, Raw, ResetInto, Stage,
+    StageTiming, Start, Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
 mod messages;
 use messages::{
     audit, capabilities, clock_reading, code, code_of_16_bits, code_with_exponent,
-    compressed_continuing, compressed_key, converters, event, filtered, hello, quality, raw,
-    self_test, stats, substitutes, timing,
+    compressed_continuing, compressed_key, converters, event, filtered, hello, packed_code,
+    quality, raw, self_test, stats, substitutes, timing,
 };
 
 const DOCUMENT: &str = include_str!("../../../docs/wire-format.md");
@@ -119,6 +119,7 @@ fn every_dump_equals_the_encoders_output() {
             },
         ),
         ("reset", 6, ToDevice::Reset(ResetInto::Bootloader)),
+        ("set-rate", 7, ToDevice::SetRate { rate: 6 }),
     ] {
         check(name, &mut Decoder::new(), (seq, 0), &command);
     }
@@ -137,10 +138,11 @@ fn every_dump_equals_the_encoders_output() {
             (316, 19_916_015),
             compressed_continuing(),
         ),
+        ("packed-code", (317, 19_929_687), packed_code()),
     ] {
         check(name, &mut Decoder::new(), at, &message);
     }
-    assert_eq!(dumps().len(), 26, "a dump that no test compares");
+    assert_eq!(dumps().len(), 28, "a dump that no test compares");
 }
 
 #[test]
@@ -162,6 +164,31 @@ fn the_document_states_the_size_of_a_code_frame() {
         length(code()),
         length(code_with_exponent()),
         length(code_of_16_bits())
+    );
+    assert!(DOCUMENT.contains(&words), "{words}");
+}
+
+#[test]
+fn the_document_states_the_size_of_a_packed_code_frame() {
+    let ToHost::PackedCode(code) = packed_code() else {
+        panic!()
+    };
+    // The mean block of docs/packed.md at rate 4, 195 bits.
+    let block = [1; 24];
+    let day = ToHost::PackedCode(PackedCode {
+        block: 16 * 86_400,
+        flags: Flags::empty(),
+        clipped: 0,
+        saturated: 0,
+        bytes: &block,
+        ..code
+    });
+    let bytes = frame(16 * 86_400, 86_400_000_000, &day).len();
+    let words = format!(
+        "takes {} bytes and its block after a day of streaming: {bytes} with the default model at rate 4, \
+         0.{} kB/s",
+        bytes - block.len(),
+        (16 * bytes).div_ceil(10)
     );
     assert!(DOCUMENT.contains(&words), "{words}");
 }

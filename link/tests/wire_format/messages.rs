@@ -3,8 +3,8 @@
 use link::{
     Audit, BlockForm, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading, Code,
     CodeFormat, CodeValues, CompressedRaw, Converters, ElectrodeQuality, Event, EventKind,
-    Filtered, Flags, Hello, Quality, Raw, ResetCause, SelfTest, Stage, StageTiming, Stats, Streams,
-    Substitutes, Timing, ToHost,
+    Filtered, Flags, Hello, PackedCode, Quality, Raw, ResetCause, SelfTest, Stage, StageTiming,
+    Stats, Streams, Substitutes, Timing, ToHost,
 };
 
 pub(crate) fn hello() -> ToHost<'static> {
@@ -268,6 +268,20 @@ pub(crate) fn compressed_continuing() -> ToHost<'static> {
         bytes: &[
             0x48, 0xe9, 0xd2, 0x6a, 0x4c, 0x85, 0x00, 0xff, 0xe8, 0x90, 0x00, 0xff, 0xe8, 0x9a,
             0xab, 0x48,
+        ],
+    })
+}
+
+pub(crate) fn packed_code() -> ToHost<'static> {
+    ToHost::PackedCode(PackedCode {
+        block: 301,
+        rate: 4,
+        flags: Flags::SATURATED | Flags::CLIPPED | Flags::MISFIT,
+        clipped: 3,
+        saturated: 1 << 20,
+        bytes: &[
+            0x5b, 0x12, 0x00, 0xc4, 0x9e, 0x3f, 0xa1, 0x00, 0x77, 0xe8, 0x2d, 0x60, 0xb3, 0x4f,
+            0x91, 0x08, 0xd6, 0x7a, 0x35, 0xec, 0x19, 0x82, 0x40,
         ],
     })
 }
