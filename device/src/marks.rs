@@ -66,6 +66,11 @@ impl WindowMarks {
         self.hops[0] = self.hops[0].union(marks);
     }
 
+    /// Returns the faults of the newest hop so far, the step in progress included.
+    pub(crate) const fn newest_hop(&self) -> Marks {
+        self.hops[0]
+    }
+
     /// Ends a step and returns the faults of the window that ends with this step.
     pub(crate) fn end_step(&mut self) -> Marks {
         let window = self.hops.into_iter().fold(Marks::NONE, Marks::union);

@@ -2,9 +2,10 @@
 
 use link::{
     Capabilities, Code as CodeMessage, CodeFormat, CodeValues, ElectrodeQuality, Flags,
-    MAX_ELECTRODES, MAX_LABELS_BYTES, MAX_TEXT_BYTES, Quality as QualityMessage,
+    MAX_ELECTRODES, MAX_LABELS_BYTES, MAX_RATE, MAX_TEXT_BYTES, PackedCode as PackedMessage,
+    Quality as QualityMessage,
 };
-use pipeline::{Code, Mains, Quality};
+use pipeline::{Code, Mains, PackedCode, Quality, Rate};
 
 use crate::{converter_settings::LSB_NV, marks::Marks};
 
@@ -13,6 +14,7 @@ const _: () = {
     assert!(model::LABELS.len() <= MAX_LABELS_BYTES);
     assert!(model::MAINS_50.description.len() <= MAX_TEXT_BYTES);
     assert!(model::MAINS_60.description.len() <= MAX_TEXT_BYTES);
+    assert!(Rate::new(MAX_RATE).is_some() && Rate::new(MAX_RATE + 1).is_none());
 };
 
 /// Wire format of the codes of the model that this program was built with.
@@ -54,17 +56,15 @@ pub(crate) fn capabilities(mains: Mains) -> Capabilities<'static> {
 pub(crate) type ValueBytes = [u8; pipeline::CodeValues::MAX_BYTES];
 
 pub(crate) fn code<'b>(code: &Code, marks: Marks, bytes: &'b mut ValueBytes) -> CodeMessage<'b> {
-    let mut flags = marks.flags();
-    for (set, flag) in [
-        (code.saturated != 0, Flags::SATURATED),
-        (code.settling, Flags::SETTLING),
-        (code.clipped > 0, Flags::CLIPPED),
-        (code.clipped_values > 0, Flags::CODE_CLIPPED),
-    ] {
-        if set {
-            flags |= flag;
-        }
-    }
+    let flags = with_flags(
+        marks,
+        [
+            (code.saturated != 0, Flags::SATURATED),
+            (code.settling, Flags::SETTLING),
+            (code.clipped > 0, Flags::CLIPPED),
+            (code.clipped_values > 0, Flags::CODE_CLIPPED),
+        ],
+    );
     CodeMessage {
         model_id: model::MODEL_ID,
         window: code.window,
@@ -75,6 +75,35 @@ pub(crate) fn code<'b>(code: &Code, marks: Marks, bytes: &'b mut ValueBytes) -> 
         saturated: code.saturated,
         values: values(&code.values, bytes),
     }
+}
+
+pub(crate) fn packed_code(code: &PackedCode, marks: Marks) -> PackedMessage<'_> {
+    let flags = with_flags(
+        marks,
+        [
+            (code.saturated != 0, Flags::SATURATED),
+            (code.settling, Flags::SETTLING),
+            (code.clipped > 0, Flags::CLIPPED),
+            (code.is_misfit, Flags::MISFIT),
+            (code.is_blank, Flags::BLANK),
+        ],
+    );
+    PackedMessage {
+        block: code.block,
+        rate: code.rate,
+        flags,
+        clipped: code.clipped,
+        saturated: code.saturated,
+        bytes: code.bytes(),
+    }
+}
+
+/// Returns the flags of `marks`, and each flag of `conditions` whose condition is true.
+fn with_flags<const N: usize>(marks: Marks, conditions: [(bool, Flags); N]) -> Flags {
+    conditions
+        .into_iter()
+        .filter(|(is_set, _)| *is_set)
+        .fold(marks.flags(), |flags, (_, flag)| flags | flag)
 }
 
 pub(crate) fn values<'b>(

@@ -1,7 +1,7 @@
 //! Orders from the session to the acquisition.
 
 use link::{ResetInto, Streams};
-use pipeline::Mains;
+use pipeline::{Mains, Rate};
 
 /// Parameters of a run, which lasts from one `Start` to the next `Start` or `Stop`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -34,6 +34,8 @@ pub enum Order {
     /// Test the converters; report the result with
     /// [`Session::send_self_test`](crate::Session::send_self_test).
     SelfTest,
+    /// Make blocks of the packed code at this rate from now on; see [`Producer::set_rate`](crate::Producer::set_rate).
+    SetRate(Rate),
     /// Restart the board 0.1 s later, so that queued frames can still be sent.
     Reset(ResetInto),
 }

@@ -1,7 +1,7 @@
 //! Results that the producer passes to the session.
 
 use link::Event;
-use pipeline::{Code, Quality};
+use pipeline::{Code, PackedCode, Quality};
 
 use crate::audited_window::AuditedWindow;
 use crate::compressed_chunk::CompressedChunk;
@@ -41,6 +41,9 @@ pub enum Payload {
     /// A code, with the faults in its window. [`Output::at_us`] is the time of the window's last
     /// step.
     Code(Code, Marks),
+    /// A block of the packed code, with the faults in it. [`Output::at_us`] is the time of the block's
+    /// last step.
+    PackedCode(PackedCode, Marks),
     /// Signal quality of each electrode over the last second. [`Output::at_us`] is the time of the
     /// second's last sample.
     Quality(Quality),

@@ -1,13 +1,12 @@
 //! Computes codes and the other requested streams from samples and steps.
 
-use core::borrow::BorrowMut;
-
 use link::{Event, EventKind, Streams};
-use pipeline::{Code, CodeValues, Encoder, EncoderMemory, Quality, SignalQuality, Step};
+use pipeline::{Code, CodeValues, PackedCode, PackedEncoder, Quality, Rate, SignalQuality, Step};
 
 use crate::acquired_sample::AcquiredSample;
 use crate::audited_window::AuditedWindow;
 use crate::compressed_chunk::Compressor;
+use crate::encoders::Encoders;
 use crate::filtered_chunk::FilteredChunk;
 use crate::marks::{Marks, WindowMarks};
 use crate::order::Run;
@@ -17,18 +16,22 @@ use crate::raw_chunk::RawChunk;
 /// Produces codes, and the other streams that the host requested, from acquired samples.
 ///
 /// If a step is missing because a queue was full, the producer encodes the previous step again. The
-/// index of a window therefore still determines its time. Codes of windows that contain a repeated
+/// index of a window or block therefore still determines its time. Codes and blocks that contain a repeated
 /// step are marked with an overrun.
 ///
 /// An [`Output`] takes 2 KB whatever its payload. The functions that build an output are never
 /// inlined, so that a task's stack frame does not hold several outputs at once.
 ///
-/// `M` is the encoder's memory or a reference to it. A board keeps the memory in a `static` and
+/// An encoder runs only if the host has requested what it makes.
+///
+/// `E` is the memory of the encoders, or a reference to it. A board keeps the memory in a `static` and
 /// passes a reference.
 #[derive(Debug)]
-pub struct Producer<M = &'static mut EncoderMemory> {
+pub struct Producer<E> {
     run: Run,
-    encoder: Encoder<'static, M>,
+    encoders: E,
+    /// Rate of the packed code.
+    rate: Rate,
     quality: SignalQuality,
     windows: WindowMarks,
     /// Faults of the samples after the newest step.
@@ -56,13 +59,14 @@ pub struct CapturedEvent {
     pub at_us: u64,
 }
 
-impl<M: BorrowMut<EncoderMemory>> Producer<M> {
-    /// Creates a producer that waits for its first run; `memory` must hold
-    /// [`EncoderMemory::EMPTY`].
-    pub const fn new(memory: M) -> Self {
+impl<E: Encoders> Producer<E> {
+    /// Creates a producer that waits for its first run; `encoders` must hold a memory before its first
+    /// step, such as [`BothEncoders::EMPTY`](crate::BothEncoders::EMPTY).
+    pub const fn new(encoders: E) -> Self {
         Self {
             run: Run::NONE,
-            encoder: Encoder::with_memory(memory),
+            encoders,
+            rate: <PackedEncoder>::DEFAULT_RATE,
             quality: SignalQuality::new(Run::NONE.mains),
             windows: WindowMarks::NONE,
             since_step: Marks::NONE,
@@ -73,6 +77,11 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
             audited: AuditedWindow::EMPTY,
             ahead: None,
         }
+    }
+
+    /// Sets the rate of the packed code from the next block on.
+    pub const fn set_rate(&mut self, rate: Rate) {
+        self.rate = rate;
     }
 
     /// Processes a sample and passes the results to `emit`.
@@ -138,7 +147,7 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
 
     fn start_run(&mut self, run: Run, start_us: u64) {
         self.run = run;
-        self.encoder.restart();
+        self.encoders.restart();
         self.quality.restart(run.mains);
         self.windows = WindowMarks::NONE;
         self.since_step = Marks::NONE;
@@ -154,13 +163,20 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
     }
 
     fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output)) {
-        let code = self.encoder.encode_step(step);
+        if self.wants(Streams::PACKED) {
+            self.encode_block(step, drdy_us, emit);
+        }
         let marks = self.windows.end_step();
         let audits = self.wants(Streams::AUDIT);
         if audits {
             self.audited.push_plane(&step.plane);
         }
-        let Some(code) = code else { return };
+        if !audits && !self.wants(Streams::CODES) {
+            return;
+        }
+        let Some(code) = self.encoders.encode_window(step) else {
+            return;
+        };
         let at_us = drdy_us + u64::from(code.offset_us);
         let (window, values) = (code.window, code.values);
         if self.wants(Streams::CODES) {
@@ -168,6 +184,14 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
         }
         if audits && AuditedWindow::is_due(window) {
             self.emit_audit((at_us, window), &values, emit);
+        }
+    }
+
+    fn encode_block(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output)) {
+        let marks = self.windows.newest_hop();
+        if let Some(code) = self.encoders.encode_block(step, self.rate) {
+            let at_us = drdy_us + u64::from(code.offset_us);
+            self.emit_block(at_us, &code, marks, emit);
         }
     }
 
@@ -247,6 +271,17 @@ impl<M: BorrowMut<EncoderMemory>> Producer<M> {
     #[inline(never)]
     fn emit_code(&self, at_us: u64, code: &Code, marks: Marks, emit: &mut impl FnMut(Output)) {
         self.emit(at_us, Payload::Code(*code, marks), emit);
+    }
+
+    #[inline(never)]
+    fn emit_block(
+        &self,
+        at_us: u64,
+        code: &PackedCode,
+        marks: Marks,
+        emit: &mut impl FnMut(Output),
+    ) {
+        self.emit(at_us, Payload::PackedCode(*code, marks), emit);
     }
 
     #[inline(never)]

@@ -1,22 +1,20 @@
 //! The device's side of the protocol with the host.
 
+mod send;
+
 use link::{
-    Ack, AckResult, ClockReading, Converters, Counters, Decoder, Event, FrameError, ResetInto,
-    SelfTest, Start, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
+    Ack, AckResult, ClockReading, Converters, Counters, Decoder, FrameError, ResetInto, SelfTest,
+    Start, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
 };
-use pipeline::{Code, Mains, Quality};
+use pipeline::{Code, Mains, Rate};
 
 use crate::acquired_sample::Counts;
-use crate::audited_window::AuditedWindow;
 use crate::board::{Abilities, Identity};
-use crate::compressed_chunk::CompressedChunk;
-use crate::filtered_chunk::FilteredChunk;
 use crate::marks::Marks;
 use crate::max_frame::MAX_FRAME;
 use crate::message;
 use crate::order::{Order, Run};
 use crate::output::{Output, Payload};
-use crate::raw_chunk::RawChunk;
 use crate::sender::{FrameQueue, Sender};
 
 /// Answers the host's commands and sends the producer's outputs as messages.
@@ -115,7 +113,7 @@ impl<'i> Session<'i> {
                 // it.
                 Err(_) => continue,
             };
-            send_ack(Ack { of, result }, now_us, sender);
+            send::send_ack(Ack { of, result }, now_us, sender);
         }
     }
 
@@ -140,9 +138,10 @@ impl<'i> Session<'i> {
                     host_time_us,
                     received_us: now_us,
                 };
-                send_clock_reading(reading, now_us, sender);
+                send::send_clock_reading(reading, now_us, sender);
             }
             ToDevice::Reset(into) => return self.reset(into),
+            ToDevice::SetRate { rate } => return self.set_rate(rate),
         }
         (AckResult::Done, None)
     }
@@ -170,6 +169,16 @@ impl<'i> Session<'i> {
         }
         self.is_testing = true;
         (AckResult::Done, Some(Order::SelfTest))
+    }
+
+    fn set_rate(&self, rate: u8) -> (AckResult, Option<Order>) {
+        if !self.abilities.streams.contains(Streams::PACKED) {
+            return (AckResult::NotSupported, None);
+        }
+        match Rate::new(rate) {
+            Some(rate) => (AckResult::Done, Some(Order::SetRate(rate))),
+            None => (AckResult::BadArgument, None),
+        }
     }
 
     fn reset(&self, into: ResetInto) -> (AckResult, Option<Order>) {
@@ -231,12 +240,15 @@ impl<'i> Session<'i> {
         match &output.payload {
             Payload::Nothing => {}
             Payload::Code(code, marks) => self.send_code(code, *marks, output.at_us, sender),
-            Payload::Quality(quality) => send_quality(quality, output.at_us, sender),
-            Payload::Raw(samples) => send_raw(samples, output.at_us, sender),
-            Payload::CompressedRaw(samples) => send_compressed(samples, output.at_us, sender),
-            Payload::Filtered(steps) => send_filtered(steps, output.at_us, sender),
-            Payload::Audit(window) => send_audit(window, output.at_us, sender),
-            Payload::Event(event) => send_event(*event, output.at_us, sender),
+            Payload::PackedCode(code, marks) => {
+                send::send_packed_code(code, *marks, output.at_us, sender);
+            }
+            Payload::Quality(quality) => send::send_quality(quality, output.at_us, sender),
+            Payload::Raw(samples) => send::send_raw(samples, output.at_us, sender),
+            Payload::CompressedRaw(samples) => send::send_compressed(samples, output.at_us, sender),
+            Payload::Filtered(steps) => send::send_filtered(steps, output.at_us, sender),
+            Payload::Audit(window) => send::send_audit(window, output.at_us, sender),
+            Payload::Event(event) => send::send_event(*event, output.at_us, sender),
         }
     }
 
@@ -336,47 +348,6 @@ impl<'i> Session<'i> {
         let capabilities = message::capabilities(self.run.mains);
         sender.send(now_us, &ToHost::Capabilities(capabilities));
     }
-}
-
-#[inline(never)]
-fn send_ack(ack: Ack, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
-    sender.send(now_us, &ToHost::Ack(ack));
-}
-
-#[inline(never)]
-fn send_clock_reading(reading: ClockReading, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
-    sender.send(now_us, &ToHost::ClockReading(reading));
-}
-
-#[inline(never)]
-fn send_quality(quality: &Quality, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
-    sender.send(at_us, &ToHost::Quality(message::quality(quality)));
-}
-
-#[inline(never)]
-fn send_audit(window: &AuditedWindow, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
-    let mut bytes = [0; pipeline::CodeValues::MAX_BYTES];
-    sender.send(at_us, &ToHost::Audit(window.message(&mut bytes)));
-}
-
-#[inline(never)]
-fn send_raw(samples: &RawChunk, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
-    sender.send(at_us, &ToHost::Raw(samples.message()));
-}
-
-#[inline(never)]
-fn send_compressed(samples: &CompressedChunk, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
-    sender.send(at_us, &ToHost::CompressedRaw(samples.message()));
-}
-
-#[inline(never)]
-fn send_filtered(steps: &FilteredChunk, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
-    sender.send(at_us, &ToHost::Filtered(steps.message()));
-}
-
-#[inline(never)]
-fn send_event(event: Event, at_us: u64, sender: &mut Sender<impl FrameQueue>) {
-    sender.send(at_us, &ToHost::Event(event));
 }
 
 /// Returns the number of unusable frames from the host; wraps.

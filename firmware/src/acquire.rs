@@ -43,7 +43,8 @@ pub async fn acquire(
                 publish_self_test_result(&converter, shared);
                 publish_status(&converter, shared);
             }
-            Some(Order::Reset(_)) | None => {}
+            // The conversation executes these itself.
+            Some(Order::Reset(_) | Order::SetRate(_)) | None => {}
         }
         samples_until_status -= 1;
         if samples_until_status == 0 {

@@ -92,7 +92,7 @@ pub async fn converse(
 /// State that the futures of the conversation share.
 struct Conversation<'c, 'i> {
     state: RefCell<(&'c mut Session<'i>, &'c mut Frames)>,
-    /// Time at which the newest code was queued, ticks; `None` once the port has accepted that code.
+    /// Time at which the newest code or packed block was queued, ticks; `None` once the port has accepted it.
     code_ticks: Cell<Option<u32>>,
     /// Set when there may be new frames to write.
     frames_waiting: Signal<NoopRawMutex, ()>,
@@ -129,6 +129,7 @@ impl Conversation<'_, '_> {
         let mut restart = None;
         session.receive(bytes, now_us(), counts, frames, |order| match order {
             Order::Reset(into) => restart = Some(into),
+            Order::SetRate(rate) => self.shared.set_rate(rate),
             order => self.shared.send_order(order),
         });
         restart
@@ -164,7 +165,7 @@ impl Conversation<'_, '_> {
             session.send_timing(&timing, at_us, frames);
         }
         session.send(&slot.output, frames);
-        if let Payload::Code(..) = slot.output.payload {
+        if let Payload::Code(..) | Payload::PackedCode(..) = slot.output.payload {
             self.code_ticks.set(Some(slot.queued_ticks));
         }
     }

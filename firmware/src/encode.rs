@@ -2,7 +2,7 @@
 
 use core::sync::atomic::Ordering::Relaxed;
 
-use device::{Output, Payload, Producer};
+use device::{Encoders, Output, Payload, Producer};
 use link::Stage;
 
 use crate::{
@@ -13,18 +13,26 @@ use crate::{
 /// Runs the encoder: produces, from the queued samples, every output that the host has requested.
 pub async fn encode(
     shared: &Shared,
-    (mut samples, mut outputs, producer): (SampleReceiver, OutputSender, &mut Producer),
+    (mut samples, mut outputs, producer): (
+        SampleReceiver,
+        OutputSender,
+        &mut Producer<impl Encoders>,
+    ),
 ) -> ! {
     loop {
         let slot = samples.receive().await;
         let start_ticks = shared.timing.now();
         let mut hand_over = |output: Output| {
-            let is_code = matches!(output.payload, Payload::Code(..));
+            let is_code = matches!(
+                output.payload,
+                Payload::Code(..) | Payload::PackedCode(..)
+            );
             hand_over(shared, &mut outputs, output);
             if is_code {
                 shared.timing.record(Stage::Code, slot.drdy_ticks);
             }
         };
+        producer.set_rate(shared.rate());
         // Events up to the time of a sample are queued before the outputs of this sample. The first
         // sample of a run is the exception: it is processed before its events, because its processing
         // starts the run.

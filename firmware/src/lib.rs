@@ -19,7 +19,7 @@
 //! ```
 //! use core::{future::pending, pin::pin};
 //!
-//! use device::{Order, Run};
+//! use device::{BothEncoders, Order, Run};
 //! use embassy_futures::{join::join, poll_once, yield_now};
 //! use firmware::{Clock, Conversion, Converter, Memory, Shared, acquire, encode};
 //! use link::Streams;
@@ -40,7 +40,7 @@
 //!     }
 //! }
 //!
-//! static MEMORY: Memory = Memory::new();
+//! static MEMORY: Memory<BothEncoders> = Memory::new(BothEncoders::EMPTY);
 //! static SHARED: Shared = Shared::new(Clock { now: || 0, hz: 1_000_000 });
 //!
 //! let memory = MEMORY.init();
@@ -98,5 +98,5 @@ pub use queues::{
 };
 pub use shared::Shared;
 pub use stack::Stack;
-pub use start_fault::{MODEL_DAMAGED, model_is_sound, start_fault};
+pub use start_fault::{MODEL_DAMAGED, start_fault};
 pub use timing::Clock;

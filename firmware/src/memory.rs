@@ -1,8 +1,8 @@
 //! Static memory of the tasks and of the queues between them.
 
-use device::{FrameRing, Producer, Sender};
+use device::{Encoders, FrameRing, Producer, Sender};
 use embassy_sync::zerocopy_channel::Channel;
-use pipeline::{Acquisition, EncoderMemory, Mains};
+use pipeline::{Acquisition, Mains};
 use static_cell::{ConstStaticCell, StaticCell};
 
 use crate::{
@@ -18,13 +18,13 @@ pub type Frames = Sender<FrameRing<{ deadlines::FRAME_BYTES_WAITING }>>;
 
 /// Memory of a board's tasks and queues; a board declares one static of this type.
 ///
-/// [`init`](Self::init) builds most values on the stack and moves them into place. The encoder's memory,
-/// by far the largest value, is initialised to zeros at compile time and takes no flash.
-pub struct Memory {
+/// [`init`](Self::init) builds most values on the stack and moves them into place. The memory of the encoders
+/// `E`, by far the largest value, is initialised to zeros at compile time and takes no flash.
+pub struct Memory<E: 'static> {
     frames: StaticCell<Frames>,
     acquisition: StaticCell<Acquisition>,
-    encoder: ConstStaticCell<EncoderMemory>,
-    producer: StaticCell<Producer>,
+    encoders: ConstStaticCell<E>,
+    producer: StaticCell<Producer<&'static mut E>>,
     samples: StaticCell<[SampleSlot; deadlines::SAMPLES_WAITING]>,
     sample_channel: StaticCell<Channel<'static, RawMutex, SampleSlot>>,
     outputs: StaticCell<[OutputSlot; deadlines::OUTPUTS_WAITING]>,
@@ -32,23 +32,28 @@ pub struct Memory {
 }
 
 /// References into a [`Memory`], grouped by the task that owns them.
-pub struct TaskMemory {
+pub struct TaskMemory<E: 'static> {
     /// Sending end of the sample queue, and the filters, for [`acquire`](fn@crate::acquire).
     pub acquire: (SampleSender, &'static mut Acquisition),
     /// Receiving end of the sample queue, sending end of the output queue, and the producer, for
     /// [`encode`](fn@crate::encode).
-    pub encode: (SampleReceiver, OutputSender, &'static mut Producer),
+    pub encode: (
+        SampleReceiver,
+        OutputSender,
+        &'static mut Producer<&'static mut E>,
+    ),
     /// Frames, and the receiving end of the output queue, for [`converse`](fn@crate::converse).
     pub converse: (&'static mut Frames, OutputReceiver),
 }
 
-impl Memory {
-    /// Creates the memory for a static; [`init`](Self::init) then initialises it.
-    pub const fn new() -> Self {
+impl<E: Encoders + 'static> Memory<E> {
+    /// Creates the memory for a static; [`init`](Self::init) then initialises it. `encoders` is their memory
+    /// before the first step, such as [`BothEncoders::EMPTY`](device::BothEncoders::EMPTY).
+    pub const fn new(encoders: E) -> Self {
         Self {
             frames: StaticCell::new(),
             acquisition: StaticCell::new(),
-            encoder: ConstStaticCell::new(EncoderMemory::EMPTY),
+            encoders: ConstStaticCell::new(encoders),
             producer: StaticCell::new(),
             samples: StaticCell::new(),
             sample_channel: StaticCell::new(),
@@ -65,7 +70,7 @@ impl Memory {
     /// # Panics
     /// On the second call.
     #[inline(never)]
-    pub fn init(&'static self) -> TaskMemory {
+    pub fn init(&'static self) -> TaskMemory<E> {
         let samples = self
             .samples
             .init_with(|| core::array::from_fn(|_| SampleSlot::default()));
@@ -86,18 +91,12 @@ impl Memory {
                 sample_receiver,
                 output_sender,
                 self.producer
-                    .init_with(|| Producer::new(self.encoder.take())),
+                    .init_with(|| Producer::new(self.encoders.take())),
             ),
             converse: (
                 self.frames.init_with(|| Sender::new(FrameRing::new())),
                 output_receiver,
             ),
         }
-    }
-}
-
-impl Default for Memory {
-    fn default() -> Self {
-        Self::new()
     }
 }

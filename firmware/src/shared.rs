@@ -1,10 +1,11 @@
 //! State that tasks of different priorities share outside their queues: orders, reports and counts.
 
-use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use core::sync::atomic::{AtomicU8, AtomicU32, Ordering::Relaxed};
 
 use device::{Counts, Order};
 use embassy_sync::signal::Signal;
 use link::{Converters, SelfTest};
+use pipeline::{PackedEncoder, Rate};
 
 use crate::{
     inputs::Inputs,
@@ -12,6 +13,8 @@ use crate::{
     queues::RawMutex,
     timing::{Clock, Timing},
 };
+
+const DEFAULT_RATE: Rate = <PackedEncoder>::DEFAULT_RATE;
 
 /// Shared state of the tasks; a board declares one static of this type. Only the acquisition writes
 /// the counts that [`counts`](Self::counts) returns.
@@ -26,6 +29,8 @@ pub struct Shared {
     /// Number of outputs for which the queue to the conversation had no room. The encoder counts
     /// them; the conversation takes the count and resets it to 0.
     pub(crate) outputs_lost: AtomicU32,
+    /// Rate of the packed code.
+    rate: AtomicU8,
     /// Captured events at the board's inputs, for the encoder.
     pub inputs: Inputs,
     /// Latest status of the converters, set by the acquisition.
@@ -48,6 +53,7 @@ impl Shared {
             adc_status_bad: AtomicU32::new(0),
             clipped: AtomicU32::new(0),
             outputs_lost: AtomicU32::new(0),
+            rate: AtomicU8::new(DEFAULT_RATE.index()),
             inputs: Inputs::new(),
             converter_status: Signal::new(),
             self_test_result: Signal::new(),
@@ -59,6 +65,15 @@ impl Shared {
     /// Sends an order to the acquisition.
     pub fn send_order(&self, order: Order) {
         self.orders.signal(order);
+    }
+
+    /// Sets the rate of the packed code, for the encoder.
+    pub(crate) fn set_rate(&self, rate: Rate) {
+        self.rate.store(rate.index(), Relaxed);
+    }
+
+    pub(crate) fn rate(&self) -> Rate {
+        Rate::new(self.rate.load(Relaxed)).unwrap_or(DEFAULT_RATE)
     }
 
     /// Returns the acquisition's counts since boot.

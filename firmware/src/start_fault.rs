@@ -1,23 +1,13 @@
 //! Faults that a device reports in `Hello` when it starts.
 
-use core::hint::black_box;
-
 use device::fault_text;
 use heapless::String;
 use link::MAX_TEXT_BYTES;
-use model::{NETWORK, NETWORK_CHECKSUM};
 
 use crate::fault_record::FaultRecord;
 
 /// Fault text of `Hello` if the model in flash does not match its checksum.
 pub const MODEL_DAMAGED: &str = "the model in flash is damaged: flash the firmware again";
-
-/// Returns whether the model in flash matches its checksum. Reads the whole network once, which takes some
-/// milliseconds.
-pub fn model_is_sound() -> bool {
-    // Without `black_box`, the compiler would evaluate the comparison at build time.
-    black_box(&NETWORK).checksum() == NETWORK_CHECKSUM
-}
 
 /// Returns the fault text of `Hello`, the gravest fault first: a damaged model, then the fault of the
 /// board, then the fault that ended the firmware before the last reset. Text that does not fit is cut.

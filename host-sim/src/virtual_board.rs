@@ -4,11 +4,11 @@ use std::collections::VecDeque;
 
 use ads1299::SelfTestReport;
 use device::{
-    Abilities, AcquiredSample, CHIPS, CapturedEvent, Counts, FrameQueue, Marks, Order, Output,
+    Abilities, AcquiredSample, BothEncoders, CHIPS, CapturedEvent, Counts, FrameQueue, Marks, Order, Output,
     Producer, Run, Sender, Session,
 };
 use link::{AckResult, EventKind, ResetCause, Start, Stats, Streams, Substitutes};
-use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
+use pipeline::{Acquisition, Mains, Sample};
 
 use crate::converters::{ConvertedSample, Converters};
 use crate::fault::Faults;
@@ -70,7 +70,7 @@ pub struct VirtualBoard {
     /// Number of captured edges since boot; wraps.
     edges: u32,
     acquisition: Acquisition,
-    producer: Box<Producer<EncoderMemory>>,
+    producer: Box<Producer<BothEncoders>>,
     /// Parameters of a run that starts with the next sample; otherwise `None`.
     new_run: Option<Run>,
     /// Samples since boot. `overruns` and `adc_status_bad` also count since boot.
@@ -102,7 +102,7 @@ impl VirtualBoard {
             captured: VecDeque::new(),
             edges: 0,
             acquisition: Acquisition::new(mains),
-            producer: Box::new(Producer::new(EncoderMemory::EMPTY)),
+            producer: Box::new(Producer::new(BothEncoders::EMPTY)),
             new_run: None,
             samples: 0,
             overruns: 0,
@@ -163,6 +163,7 @@ impl VirtualBoard {
                 self.steps = 0;
             }
             Order::Stop => {}
+            Order::SetRate(rate) => self.producer.set_rate(rate),
             Order::SelfTest => {
                 let report = self.converters.run_self_test();
                 let result = device::self_test_message(&report);

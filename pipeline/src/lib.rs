@@ -1,10 +1,11 @@
 //! EEG from sample to code: filters, resampler, scalp grid, quantisation, encoder.
 //!
 //! ```text
-//! Sample ---Acquisition---> Step ---Encoder---> Code
-//! ADC rate  filters,        128 Hz  streaming   one per hop
-//! counts    resampler,      Q27.5,  int8        integers
-//!           scalp grid      int8
+//! Sample ---Acquisition---> Step -+-Encoder---------> Code
+//! ADC rate  filters,        128 Hz|  streaming, int8  one per hop
+//! counts    resampler,      Q27.5,|                   integers
+//!           scalp grid      int8  +-PackedEncoder---> PackedCode
+//!                                    int8, int16      one per hop, few bytes
 //! ```
 //!
 //! [`Pipeline`] combines [`Acquisition`] and [`Encoder`]; firmware runs them at different priorities.
@@ -47,6 +48,7 @@ pub use encoder::{Encoder, EncoderMemory};
 pub use front_end::{Electrodes, FrontEnd};
 pub use mains::Mains;
 pub use model::{CELLS, CHANNELS, ELECTRODES};
+pub use packed::Rate;
 pub use packed_encoder::{MAX_PACKED_BYTES, PackedCode, PackedEncoder, PackedMemory};
 pub use plane::{Plane, quantise};
 pub use quality::{ElectrodeQuality, FLAT_BELOW_UV, Quality, SignalQuality};

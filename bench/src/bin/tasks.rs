@@ -21,13 +21,13 @@ mod image {
 
     use ads1299::{CHANNELS, Decoder, frame_bytes};
     use cortex_m_rt::entry;
-    use device::{CHIPS, Order, Producer, Run};
+    use device::{BothEncoders, CHIPS, Order, Producer, Run};
     use embassy_sync::zerocopy_channel::Channel;
     use firmware::{
         Clock, Conversion, Converter, OutputSlot, RawMutex, SampleSlot, Shared, acquire, deadlines,
         encode,
     };
-    use pipeline::{Acquisition, EncoderMemory, Sample};
+    use pipeline::{Acquisition, Sample};
     use static_cell::{ConstStaticCell, StaticCell};
 
     static SHARED: Shared = Shared::new(Clock {
@@ -35,8 +35,8 @@ mod image {
         hz: 1_000_000,
     });
 
-    static ENCODER: ConstStaticCell<EncoderMemory> = ConstStaticCell::new(EncoderMemory::EMPTY);
-    static PRODUCER: StaticCell<Producer> = StaticCell::new();
+    static ENCODERS: ConstStaticCell<BothEncoders> = ConstStaticCell::new(BothEncoders::EMPTY);
+    static PRODUCER: StaticCell<Producer<&'static mut BothEncoders>> = StaticCell::new();
     static ACQUISITION: StaticCell<Acquisition> = StaticCell::new();
     static STAMPED: StaticCell<[SampleSlot; deadlines::SAMPLES_WAITING]> = StaticCell::new();
     static STAMPED_CHANNEL: StaticCell<Channel<'static, RawMutex, SampleSlot>> = StaticCell::new();
@@ -88,8 +88,8 @@ mod image {
         let handed = HANDED_CHANNEL.try_init(Channel::new(handed))?;
         let (handed_in, mut handed_out) = handed.split();
         let acquisition = ACQUISITION.try_init_with(|| Acquisition::new(run.mains))?;
-        let encoder = ENCODER.try_take()?;
-        let producer = PRODUCER.try_init_with(|| Producer::new(encoder))?;
+        let encoders = ENCODERS.try_take()?;
+        let producer = PRODUCER.try_init_with(|| Producer::new(encoders))?;
 
         let unknown = Unknown {
             decoder: Decoder::new(),

@@ -6,6 +6,9 @@ use link::{BlockForm, Flags, RAW_SAMPLES};
 use model::{CELLS, HOP, STEPS};
 
 use super::*;
+use crate::encoders::BothEncoders;
+
+mod packed;
 
 /// Number of ADC samples per step.
 const PER_STEP: u64 = model::ADC_RATE_HZ as u64 / model::STEP_RATE_HZ as u64;
@@ -49,7 +52,7 @@ fn acquired(index: u64) -> AcquiredSample {
 
 /// Returns the outputs of a new producer for `samples`.
 fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output> {
-    let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
+    let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
     let mut outputs = Vec::new();
     for sample in samples {
         producer.process(&sample, &mut |output| outputs.push(output));
@@ -96,6 +99,7 @@ fn a_run_produces_exactly_the_requested_streams() {
             .iter()
             .map(|output| match output.payload {
                 Payload::Code(..) => Streams::CODES,
+                Payload::PackedCode(..) => Streams::PACKED,
                 Payload::Raw(_) => Streams::RAW,
                 Payload::CompressedRaw(_) => Streams::COMPRESSED_RAW,
                 Payload::Filtered(_) => Streams::FILTERED,
@@ -113,11 +117,12 @@ fn a_run_produces_exactly_the_requested_streams() {
         Streams::COMPRESSED_RAW,
         Streams::FILTERED,
         Streams::AUDIT,
+        Streams::PACKED,
     ] {
         assert_eq!(kinds(one), [one]);
     }
     assert_eq!(kinds(Streams::EVENTS), []);
-    assert!(kinds(Streams::ALL).len() > 4);
+    assert!(kinds(Streams::ALL).len() > 5);
 }
 
 #[test]
@@ -232,7 +237,7 @@ fn an_audit_with_the_planes_of_its_code_follows_every_ten_seconds() {
                 let mut bytes = [0; CodeValues::MAX_BYTES];
                 let message = audit.message(&mut bytes);
                 let planes: &[[u8; CELLS]] = message.planes.as_chunks().0;
-                let mut encoder = Encoder::new();
+                let mut encoder = pipeline::Encoder::new();
                 let again = planes.iter().fold(None, |_, plane| {
                     encoder.encode_step(&Step {
                         plane: plane.map(u8::cast_signed),
@@ -285,7 +290,7 @@ fn a_new_run_keeps_nothing_of_the_previous_one() {
 /// Returns time and sample index of the emitted events. `captured` holds the time of each edge and
 /// the index of the sample from which on the producer can see the edge.
 fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
-    let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
+    let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
     let mut outputs = Vec::new();
     let mut captured = captured.iter().peekable();
     for index in 0..6 {
@@ -345,7 +350,7 @@ fn events_that_were_not_requested_are_discarded() {
 /// Returns run number and sample index of the event for an edge at `at_us`; `None` if the edge is
 /// discarded. Run 1 has one sample, at 1,000 us; run 2 starts at 2,000 us.
 fn event_before_a_new_run(at_us: u64) -> Option<(u32, u64)> {
-    let mut producer = Box::new(Producer::new(EncoderMemory::EMPTY));
+    let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
     let mut outputs = Vec::new();
     let mut captured = Some(CapturedEvent {
         kind: EventKind::TriggerFall,

@@ -7,6 +7,8 @@ use link::{EventKind, Header, MAX_FRAME, ResetCause, Stage, StageTiming};
 use super::*;
 use crate::frame_ring::FrameRing;
 
+mod rate;
+
 type Ring = Sender<FrameRing<16_384>>;
 
 /// Abilities of a board that supports every command and stream.

@@ -4,7 +4,7 @@ use core::sync::atomic::Ordering::Relaxed;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hprintln};
-use device::{Abilities, Identity, Producer, Session};
+use device::{Abilities, BothEncoders, Encoders as _, Identity, Producer, Session};
 use embassy_executor::SpawnError;
 use embassy_time::{Duration, Timer};
 use firmware::{
@@ -31,7 +31,7 @@ use crate::{
 /// Shorter than the watchdog's period, because the watchdog is not fed while there are no samples.
 const DRAIN_TIMEOUT: Duration = Duration::from_millis(60);
 
-static MEMORY: Memory = Memory::new();
+static MEMORY: Memory<BothEncoders> = Memory::new(BothEncoders::EMPTY);
 
 const ABILITIES: Abilities = Abilities {
     streams: Streams::ALL,
@@ -46,7 +46,7 @@ async fn acquire(source: SampleSource, memory: (SampleSender, &'static mut Acqui
 }
 
 #[embassy_executor::task]
-async fn encode(memory: (SampleReceiver, OutputSender, &'static mut Producer)) {
+async fn encode(memory: (SampleReceiver, OutputSender, &'static mut Producer<&'static mut BothEncoders>)) {
     firmware::encode(&SHARED, memory).await;
 }
 
@@ -56,7 +56,7 @@ async fn converse(
     start: Option<Start>,
     memory: (&'static mut Frames, OutputReceiver),
 ) {
-    let is_sound = firmware::model_is_sound();
+    let is_sound = BothEncoders::model_is_sound();
     let fault = firmware::start_fault(is_sound, "", previous.as_ref());
     let identity = identity(previous.as_ref(), &fault);
     let mut session = Session::new(identity, ABILITIES, Mains::default());

@@ -3,7 +3,7 @@
 use ads1299::SelfTest;
 use defmt::{info, warn};
 use defmt_rtt as _;
-use device::{Abilities, CHIPS, Identity, Producer, Session};
+use device::{Abilities, BothEncoders, CHIPS, Encoders as _, Identity, Producer, Session};
 use embassy_executor::{SendSpawner, SpawnError};
 use embassy_stm32::{
     Peri, interrupt, uid,
@@ -21,6 +21,7 @@ use static_cell::StaticCell;
 use crate::{
     clock_source::ClockSource,
     converter::{Adc, Wires},
+    encoders::Encoders,
     failure,
     interrupts::{self, ACQUIRE, CONVERSE, ENCODE},
     port::Port,
@@ -28,17 +29,21 @@ use crate::{
     trigger::Trigger,
 };
 
-static MEMORY: Memory = Memory::new();
+static MEMORY: Memory<Encoders> = Memory::new(Encoders::EMPTY);
 static TEST: StaticCell<SelfTest<CHIPS>> = StaticCell::new();
 static ADC: StaticCell<Adc> = StaticCell::new();
 
-/// What these boards offer to a host. Over the UART they refuse raw samples, which need 101 kB/s: the UART
+/// What these boards offer to a host: the streams of their encoders, and all others. Over the UART they refuse raw samples, which need 101 kB/s: the UART
 /// carries only 92 kB/s. Compressed raw samples take about half of that.
 const ABILITIES: Abilities = Abilities {
-    streams: if cfg!(feature = "uart") {
-        Streams::ALL.without(Streams::RAW)
-    } else {
-        Streams::ALL
+    streams: {
+        let lacking = BothEncoders::STREAMS.without(Encoders::STREAMS);
+        let too_fast = if cfg!(feature = "uart") {
+            Streams::RAW
+        } else {
+            Streams::empty()
+        };
+        Streams::ALL.without(lacking).without(too_fast)
     },
     self_test: true,
     bootloader: true,
@@ -164,7 +169,7 @@ async fn acquire(
 }
 
 #[embassy_executor::task]
-async fn encode(memory: (SampleReceiver, OutputSender, &'static mut Producer)) {
+async fn encode(memory: (SampleReceiver, OutputSender, &'static mut Producer<&'static mut Encoders>)) {
     firmware::encode(&SHARED, memory).await;
 }
 
@@ -175,7 +180,7 @@ async fn converse(
     previous: Option<FaultRecord>,
     memory: (&'static mut Frames, OutputReceiver),
 ) {
-    let is_sound = firmware::model_is_sound();
+    let is_sound = Encoders::model_is_sound();
     let fault = firmware::start_fault(is_sound, greeting.clock.fault(), previous.as_ref());
     let identity = Identity {
         firmware: greeting.firmware,

@@ -44,6 +44,8 @@ mod delay;
 #[cfg(target_os = "none")]
 mod drdy;
 #[cfg(target_os = "none")]
+mod encoders;
+#[cfg(target_os = "none")]
 mod exti;
 #[cfg(target_os = "none")]
 mod failure;

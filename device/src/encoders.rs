@@ -1,0 +1,135 @@
+//! Encoders of a device: the network, the packed code, or both.
+
+use core::hint::black_box;
+
+use link::Streams;
+use model::{NETWORK, NETWORK_CHECKSUM, PACKED, PACKED_CHECKSUM};
+use pipeline::{Code, Encoder, EncoderMemory, PackedCode, PackedEncoder, PackedMemory, Rate, Step};
+
+/// The encoders that a device has. An image contains the weights of these encoders only.
+///
+/// The implementors are memories, which a board keeps in a `static`: all zeros at first, they take no flash.
+pub trait Encoders {
+    /// Streams that these encoders feed.
+    const STREAMS: Streams;
+
+    /// Resets the encoders in place: the next step is the first of a run.
+    fn restart(&mut self);
+
+    /// Encodes a step with the network; returns a code if the step completes a window.
+    fn encode_window(&mut self, step: &Step) -> Option<Code>;
+
+    /// Encodes a step with the packed code; returns a block at `rate` if the step completes a hop.
+    fn encode_block(&mut self, step: &Step, rate: Rate) -> Option<PackedCode>;
+
+    /// Returns whether the weights in flash match their checksums. Reads all of them, which takes some
+    /// milliseconds.
+    fn model_is_sound() -> bool;
+}
+
+/// The network alone.
+impl Encoders for EncoderMemory {
+    const STREAMS: Streams = Streams::from_bits(Streams::CODES.bits() | Streams::AUDIT.bits());
+
+    fn restart(&mut self) {
+        Encoder::with_memory(self).restart();
+    }
+
+    fn encode_window(&mut self, step: &Step) -> Option<Code> {
+        Encoder::with_memory(self).encode_step(step)
+    }
+
+    fn encode_block(&mut self, _: &Step, _: Rate) -> Option<PackedCode> {
+        None
+    }
+
+    fn model_is_sound() -> bool {
+        // Without `black_box`, the compiler would evaluate the comparison at build time.
+        black_box(&NETWORK).checksum() == NETWORK_CHECKSUM
+    }
+}
+
+/// The packed code alone.
+impl Encoders for PackedMemory {
+    const STREAMS: Streams = match PACKED {
+        Some(_) => Streams::PACKED,
+        None => Streams::empty(),
+    };
+
+    fn restart(&mut self) {
+        PackedEncoder::with_memory(self).restart();
+    }
+
+    fn encode_window(&mut self, _: &Step) -> Option<Code> {
+        None
+    }
+
+    fn encode_block(&mut self, step: &Step, rate: Rate) -> Option<PackedCode> {
+        let mut encoder = PackedEncoder::with_memory(self);
+        encoder.set_rate(rate);
+        encoder.encode_step(step)
+    }
+
+    fn model_is_sound() -> bool {
+        let packed = black_box(&PACKED).as_ref();
+        packed.map(model::Packed::checksum) == PACKED_CHECKSUM
+    }
+}
+
+/// Network and packed code.
+#[derive(Clone, Debug)]
+pub struct BothEncoders {
+    network: EncoderMemory,
+    packed: PackedMemory,
+}
+
+impl BothEncoders {
+    /// Memory before the first step, all zeros.
+    pub const EMPTY: Self = Self {
+        network: EncoderMemory::EMPTY,
+        packed: PackedMemory::EMPTY,
+    };
+}
+
+impl Encoders for BothEncoders {
+    const STREAMS: Streams = Streams::from_bits(
+        EncoderMemory::STREAMS.bits() | <PackedMemory as Encoders>::STREAMS.bits(),
+    );
+
+    fn restart(&mut self) {
+        Encoders::restart(&mut self.network);
+        Encoders::restart(&mut self.packed);
+    }
+
+    fn encode_window(&mut self, step: &Step) -> Option<Code> {
+        self.network.encode_window(step)
+    }
+
+    fn encode_block(&mut self, step: &Step, rate: Rate) -> Option<PackedCode> {
+        self.packed.encode_block(step, rate)
+    }
+
+    fn model_is_sound() -> bool {
+        EncoderMemory::model_is_sound() && PackedMemory::model_is_sound()
+    }
+}
+
+impl<E: Encoders> Encoders for &mut E {
+    const STREAMS: Streams = E::STREAMS;
+
+    fn restart(&mut self) {
+        (**self).restart();
+    }
+
+    fn encode_window(&mut self, step: &Step) -> Option<Code> {
+        (**self).encode_window(step)
+    }
+
+    fn encode_block(&mut self, step: &Step, rate: Rate) -> Option<PackedCode> {
+        (**self).encode_block(step, rate)
+    }
+
+    fn model_is_sound() -> bool {
+        E::model_is_sound()
+    }
+}

@@ -1,0 +1,145 @@
+//! Blocks of the packed code: their content, rate and faults.
+
+use pipeline::{EncoderMemory, MAX_PACKED_BYTES};
+
+use super::*;
+
+const PER_BLOCK: u64 = PER_STEP * HOP as u64;
+
+/// Returns the samples of a run with signals at the electrodes, without the `lost` samples.
+fn signals(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = AcquiredSample> {
+    samples(streams, count, lost).map(|mut acquired| {
+        if let Some((number, step)) = &mut acquired.step {
+            for (electrode, value) in (0_i32..).zip(&mut step.electrodes) {
+                let phase = i32::try_from(*number % 40).expect("few") - 20;
+                *value = (phase * (electrode % 7 - 3)) << 14;
+            }
+        }
+        acquired
+    })
+}
+
+/// Returns block, time and faults of every packed output.
+fn blocks(outputs: &[Output]) -> Vec<(PackedCode, u64, Marks)> {
+    let blocks = outputs.iter().filter_map(|output| match &output.payload {
+        Payload::PackedCode(code, marks) => Some((*code, output.at_us, *marks)),
+        _ => None,
+    });
+    blocks.collect()
+}
+
+#[test]
+fn a_run_makes_the_blocks_of_the_packed_encoder_at_the_time_of_their_last_steps() {
+    let count = 70 * PER_BLOCK;
+    let made = blocks(&outputs_of(signals(Streams::PACKED, count, &[])));
+    let mut encoder = Box::new(PackedEncoder::new());
+    let steps = signals(Streams::PACKED, count, &[]).filter_map(|acquired| acquired.step);
+    let expected: Vec<PackedCode> = steps
+        .filter_map(|(_, step)| encoder.encode_step(&step))
+        .collect();
+    assert_eq!(made.len(), 70);
+    for ((code, at_us, marks), expected) in made.iter().zip(&expected) {
+        assert_eq!(code, expected);
+        assert_eq!(
+            *at_us,
+            1_000 * (u64::from(code.block + 1) * PER_BLOCK - 1),
+            "the last step's sample"
+        );
+        assert_eq!(*marks, Marks::NONE);
+        assert_eq!(code.is_reset, code.block % 64 == 0);
+    }
+    assert!(made.iter().any(|(code, ..)| code.bytes().len() > 20));
+}
+
+#[test]
+fn exactly_the_blocks_with_a_lost_sample_are_marked_and_their_number_stays_right() {
+    // A sample of block 1; the samples from the third step of block 2 to the first of block 4.
+    let lost: Vec<u64> = [PER_BLOCK + 3]
+        .into_iter()
+        .chain(2 * PER_BLOCK + 2 * PER_STEP..4 * PER_BLOCK + PER_STEP)
+        .collect();
+    let made = blocks(&outputs_of(signals(Streams::PACKED, 8 * PER_BLOCK, &lost)));
+    let marked: Vec<u32> = made
+        .iter()
+        .filter(|(_, _, marks)| marks.overrun)
+        .map(|(code, ..)| code.block)
+        .collect();
+    assert_eq!(made.len(), 8);
+    assert_eq!(marked, [1, 2, 3, 4]);
+}
+
+#[test]
+fn a_rate_applies_from_the_next_block_on_and_outlives_the_run() {
+    let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
+    let rate = |index| Rate::new(index).expect("a rate");
+    let mut made = Vec::new();
+    for number in 1..3 {
+        for mut acquired in signals(Streams::PACKED, 3 * PER_BLOCK, &[]) {
+            acquired.new_run = acquired.new_run.map(|_| run(number, Streams::PACKED));
+            if number == 1 && acquired.index == PER_BLOCK + 1 {
+                producer.set_rate(rate(9));
+            }
+            producer.process(&acquired, &mut |output| made.push(output));
+        }
+    }
+    let rates: Vec<u8> = blocks(&made).iter().map(|(code, ..)| code.rate).collect();
+    let first = <PackedEncoder>::DEFAULT_RATE.index();
+    assert_eq!(rates, [first, 9, 9, 9, 9, 9]);
+    assert_ne!(first, 9);
+}
+
+#[test]
+fn an_encoder_alone_makes_its_own_stream_and_no_other() {
+    fn kinds(encoders: impl Encoders) -> (bool, bool) {
+        let mut producer = Box::new(Producer::new(encoders));
+        let mut outputs = Vec::new();
+        for acquired in signals(Streams::ALL, 4 * PER_BLOCK, &[]) {
+            producer.process(&acquired, &mut |output| outputs.push(output));
+        }
+        let codes = outputs
+            .iter()
+            .any(|output| matches!(output.payload, Payload::Code(..)));
+        (codes, !blocks(&outputs).is_empty())
+    }
+    assert_eq!(kinds(EncoderMemory::EMPTY), (true, false));
+    assert_eq!(kinds(pipeline::PackedMemory::EMPTY), (false, true));
+    assert_eq!(kinds(BothEncoders::EMPTY), (true, true));
+    assert_eq!(EncoderMemory::STREAMS, Streams::CODES | Streams::AUDIT);
+    assert_eq!(
+        <pipeline::PackedMemory as Encoders>::STREAMS,
+        Streams::PACKED
+    );
+    assert!(BothEncoders::model_is_sound());
+}
+
+#[test]
+fn the_message_carries_the_blocks_status_and_its_bytes() {
+    let mut input: Vec<AcquiredSample> = signals(Streams::PACKED, PER_BLOCK, &[]).collect();
+    for acquired in &mut input {
+        if let Some((_, step)) = &mut acquired.step {
+            step.electrodes = [i32::MAX; model::ELECTRODES];
+            step.saturated = 1 << 9;
+            step.settling = true;
+        }
+    }
+    let made = blocks(&outputs_of(input));
+    let [(code, _, marks)] = &made[..] else {
+        panic!("{}", made.len())
+    };
+    let message = crate::message::packed_code(code, *marks);
+    let flags = [
+        Flags::SATURATED,
+        Flags::SETTLING,
+        Flags::CLIPPED,
+        Flags::MISFIT,
+    ];
+    assert!(flags.into_iter().all(|flag| message.flags.contains(flag)));
+    assert!(!message.flags.contains(Flags::OVERRUN));
+    assert_eq!((message.saturated, message.block), (1 << 9, 0));
+    assert_eq!(
+        usize::from(message.clipped),
+        HOP * model::ELECTRODES,
+        "every value"
+    );
+    assert!(message.bytes == code.bytes() && message.bytes.len() <= MAX_PACKED_BYTES);
+}
