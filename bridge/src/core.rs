@@ -72,6 +72,11 @@ impl Core {
         self.session.commands.set_streaming(streaming);
     }
 
+    /// Sets the rate of the packed code, 0 to 15. The next [`Core::tick`] sends the command for it.
+    pub fn set_packed_rate(&mut self, rate: u8) {
+        self.session.commands.set_rate(rate);
+    }
+
     /// Returns whether no stream is wanted and the device has confirmed that none is running.
     pub fn is_stopped(&self) -> bool {
         self.session.commands.is_stopped()

@@ -3,6 +3,7 @@
 pub(crate) mod audit;
 pub(crate) mod converters;
 pub(crate) mod link_log;
+pub(crate) mod packed;
 pub(crate) mod signal_quality;
 pub(crate) mod status;
 pub(crate) mod summary;
@@ -18,6 +19,7 @@ use crate::session::state::Session;
 use crate::settings::{AnnouncedStream, RawForm, StreamKind};
 use crate::streams::code::CodeStream;
 use crate::streams::counts::SampleCounts;
+use crate::streams::packed::PackedStream;
 use crate::streams::sample::SampleStream;
 use crate::time::host_time::HostTime;
 
@@ -39,6 +41,10 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
         link_status(session, wire),
         clock_status(session, now),
     ];
+    if let Some(packed) = &session.packed {
+        let report = &mut session.counts.packed_reported;
+        status.extend(report.status(packed, now.monotonic_us));
+    }
     if let Some(line) = session.link_log.next_line(now.monotonic_us) {
         tracing::warn!("{line}");
     }
@@ -67,7 +73,8 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
         (Some(objection), _) => (DiagnosticLevel::Error, objection.clone()),
         (None, true) if session.commands.is_starved(now.monotonic_us) => (
             DiagnosticLevel::Warn,
-            "the device should stream and sends no codes; it is asked again".to_owned(),
+            "the device should stream and sends no codes and no packed blocks; it is asked again"
+                .to_owned(),
         ),
         (None, true) if session.commands.is_streaming() => streaming_state(session),
         (None, true) => (DiagnosticLevel::Ok, "not streaming".to_owned()),
@@ -95,7 +102,7 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
         values.push(KeyValue::new("mains Hz", &device.mains_hz));
         values.push(KeyValue::new("code format", &device.code_format));
         for (topic, stream) in AnnouncedStream::TOPICS {
-            let shift_us = device.recorder_shift_us(stream, session.settings.low_latency);
+            let shift_us = device.recorder_shift_us(stream, &session.settings);
             values.push(KeyValue::new(
                 &format!("recorder shift us {topic}"),
                 &shift_us,
@@ -148,12 +155,17 @@ fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
 }
 
 fn loss_status(session: &mut Session) -> DiagnosticStatus {
-    let counts = session.codes.as_ref().map(|codes| codes.counts().clone());
-    let counts = counts.unwrap_or_default();
-    let ledger = &counts.ledger;
-    let since = counts.missing() - session.counts.missing_reported;
-    session.counts.missing_reported = counts.missing();
+    let codes = session.codes.as_ref();
+    let counts = codes.map(|codes| *codes.counts()).unwrap_or_default();
+    let hops = codes.map(|codes| codes.hops().clone()).unwrap_or_default();
+    let ledger = &hops.ledger;
+    let since = hops.missing() - session.counts.missing_reported;
+    session.counts.missing_reported = hops.missing();
     let mut losses = vec![(since, "codes")];
+    if let Some(packed) = &session.packed {
+        let report = session.counts.packed_reported;
+        losses.push((report.missing_since(packed), "packed blocks"));
+    }
     let mut side_values = Vec::new();
     for (stream, name) in [
         (&mut session.side.raw, "raw samples"),
@@ -197,11 +209,11 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
         KeyValue::new("made", &ledger.made()),
         KeyValue::new("received", &ledger.received()),
         KeyValue::new("lost", &ledger.lost()),
-        KeyValue::new("missing between runs", &counts.between_runs),
+        KeyValue::new("missing between runs", &hops.between_runs),
         KeyValue::new("bursts", &ledger.bursts()),
         KeyValue::new("longest burst", &ledger.longest_burst()),
-        KeyValue::new("fillers", &counts.fillers),
-        KeyValue::new("lost and not filled", &counts.unfilled),
+        KeyValue::new("fillers", &hops.fillers),
+        KeyValue::new("lost and not filled", &hops.unfilled),
         KeyValue::new("values clipped", &counts.clipped),
         KeyValue::new("code values clipped", &counts.clipped_values),
     ];
@@ -273,7 +285,8 @@ fn clock_status(session: &Session, now: HostTime) -> DiagnosticStatus {
         .flatten()
         .map(SampleStream::moved_stamps);
     let codes = session.codes.as_ref().map(CodeStream::moved_stamps);
-    let moved: u64 = samples.chain(codes).sum();
+    let packed = session.packed.as_ref().map(PackedStream::moved_stamps);
+    let moved: u64 = samples.chain(codes).chain(packed).sum();
     let message = format!("{:+.1} ppm", clock.drift_ppm());
     let mut values = vec![
         KeyValue::new("drift ppm", &format!("{:+.2}", clock.drift_ppm())),

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use neuro_ros::{AcquisitionInfo, NeuroEvent, NeuroFrame};
 
 use crate::decoder::audit::AuditedWindow;
+use crate::decoder::packed::TimedBlock;
 use crate::decoder::reconstruction::TimedCode;
 use crate::device::Device;
 
@@ -30,6 +31,10 @@ pub trait Effects {
     /// `/neurodata_reconstructed`. Called only if the announcement is
     /// [`decodable`](Announcement::decodable).
     fn decode(&mut self, window: TimedCode);
+
+    /// Decodes a packed block as [`Self::decode`] does a code. A device whose packed blocks arrive has its
+    /// signals reconstructed from them, and none from codes.
+    fn decode_block(&mut self, block: TimedBlock);
 
     /// Publishes a frame of ADC samples on `/neurodata`.
     fn publish_raw(&mut self, frame: &NeuroFrame);

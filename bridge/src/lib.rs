@@ -21,7 +21,7 @@
 //! The first command to a connected device asks it to identify itself:
 //!
 //! ```
-//! # use bridge::{Announcement, AuditedWindow, TimedCode};
+//! # use bridge::{Announcement, AuditedWindow, TimedBlock, TimedCode};
 //! # use neuro_ros::{NeuroEvent, NeuroFrame};
 //! use bridge::{AnnouncedStream, Core, Effects, EventStamps, FillerPolicy, HostTime, Settings, StampPoint};
 //! use link::{Decoder, MAX_FRAME, Streams, ToDevice};
@@ -37,6 +37,7 @@
 //! #   fn announce(&mut self, _: &Announcement) {}
 //! #   fn publish_encoded(&mut self, _: &NeuroFrame) {}
 //! #   fn decode(&mut self, _: TimedCode) {}
+//! #   fn decode_block(&mut self, _: TimedBlock) {}
 //! #   fn publish_raw(&mut self, _: &NeuroFrame) {}
 //! #   fn publish_filtered(&mut self, _: &NeuroFrame) {}
 //! #   fn publish_event(&mut self, _: &NeuroEvent) {}
@@ -51,6 +52,7 @@
 //!     low_latency: false,
 //!     announced: AnnouncedStream::Encoded,
 //!     streams: Streams::CODES,
+//!     packed_rate: None,
 //!     event_stamps: EventStamps::Scalp,
 //! };
 //! let mut core = Core::new(settings, None);
@@ -91,12 +93,13 @@ pub use app::parameters::{read as read_parameters, to_flags as parameters_to_fla
 pub use app::run;
 pub use config_error::ConfigError;
 pub use core::Core;
-pub use decoder::audit::{AuditResult, AuditedWindow};
+pub use decoder::audit::{AuditResult, AuditedWindow, PackedError};
 pub use decoder::counts::DecoderCounts;
 pub use decoder::model::Model;
+pub use decoder::packed::{Block, PackedReconstruction, TimedBlock};
 pub use decoder::reconstruction::{Reconstruction, TimedCode};
 pub use device::{Device, DeviceError};
-pub use diagnostics::summary::Summary;
+pub use diagnostics::summary::{PackedSummary, Summary};
 pub use effects::{Announcement, Effects};
 pub use error::BridgeError;
 pub use query::protocol::{Answer, Query, QueryResult, Request};

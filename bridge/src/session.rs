@@ -4,7 +4,9 @@ mod introduction;
 mod reports;
 pub(crate) mod state;
 
-use link::{Ack, Frame, FrameError, Header, MAX_FRAME, Stats, Streams, ToDevice, ToHost};
+use link::{
+    Ack, Frame, FrameError, Header, MAX_FRAME, PackedCode, Stats, Streams, ToDevice, ToHost,
+};
 
 use crate::diagnostics::converters::ChainReport;
 use crate::diagnostics::timing;
@@ -135,6 +137,9 @@ impl Session {
             | ToHost::Event(_) => {
                 self.handle_side(&frame.message, header.device_time_us, read, effects);
             }
+            ToHost::PackedCode(code) => {
+                self.handle_packed(code, header.device_time_us, read, effects);
+            }
             ToHost::Converters(converters) => {
                 let report = ChainReport::from_message(self.converters.as_ref(), converters);
                 let before = self.converters.replace(report);
@@ -148,6 +153,42 @@ impl Session {
                 &self.clock,
             ),
         }
+    }
+
+    /// Handles a packed block, whose last step was at device time `device_us`.
+    fn handle_packed(
+        &mut self,
+        code: &PackedCode,
+        device_us: u64,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
+        let is_usable = self.introduced && self.commands.accepts_codes();
+        let Some(packed) = self.packed.as_mut().filter(|_| is_usable) else {
+            self.counts.codes_unused += 1;
+            return;
+        };
+        self.commands.stream_received(read.monotonic_us);
+        if packed.is_restart(code) {
+            self.side.restart_events();
+        }
+        // The clock is fitted to codes, and to packed blocks only where no codes stream.
+        let trusted = if self.commands.streams().contains(Streams::CODES) {
+            self.clock.is_possible(device_us, read)
+        } else {
+            self.clock.observe(device_us, read)
+        };
+        let reception = Reception {
+            read,
+            clock: &self.clock,
+            trigger: &self.side.trigger,
+        };
+        packed.receive(code, trusted.then_some(device_us), reception, effects);
+    }
+
+    /// Returns whether codes are decoded: packed blocks are, where the device streams them.
+    fn decodes_codes(&self) -> bool {
+        self.is_decodable && !self.commands.streams().contains(Streams::PACKED)
     }
 
     /// Handles a message with samples, filtered steps, an event or an audit; `made_us` is its
@@ -198,6 +239,9 @@ impl Session {
         if let Some(codes) = &mut self.codes {
             codes.restart();
         }
+        if let Some(packed) = &mut self.packed {
+            packed.restart();
+        }
         self.side.restart();
     }
 
@@ -205,6 +249,9 @@ impl Session {
     fn end_recording(&mut self) {
         if let Some(codes) = &mut self.codes {
             codes.end_recording();
+        }
+        if let Some(packed) = &mut self.packed {
+            packed.end_recording();
         }
         self.side.end_recording();
     }
@@ -235,7 +282,8 @@ impl Session {
             return;
         }
         let Some(codes) = &mut self.codes else { return };
-        let streams = stats.streams.contains(Streams::CODES);
+        let codes_or_packed = Streams::CODES | Streams::PACKED;
+        let streams = stats.streams != stats.streams.without(codes_or_packed);
         if streams {
             self.commands.stream_received(read.monotonic_us);
             codes.mark_running();
@@ -278,8 +326,10 @@ impl Session {
                         StreamKind::names(refused)
                     );
                 }
+                let decodes_codes = self.decodes_codes();
                 if let Some(codes) = &mut self.codes {
                     codes.mark_running();
+                    codes.set_decodable(decodes_codes);
                 }
             }
             AckEffect::Stopped { by_user } => {
@@ -292,7 +342,12 @@ impl Session {
             }
             AckEffect::Refused(command, result) => {
                 let remedy = match command {
-                    ToDevice::Start(_) => "choose other --mains, or update firmware or bridge",
+                    ToDevice::Start(_) => {
+                        "choose other --streams or --mains, or update firmware or bridge"
+                    }
+                    ToDevice::SetRate { .. } => {
+                        "its own rate stays, which /diagnostics shows; update its firmware to choose one"
+                    }
                     _ => "bring firmware and bridge to the same release",
                 };
                 tracing::error!(

@@ -11,17 +11,20 @@ pub struct Settings {
     /// Mains frequency that the device's notch filter removes, Hz; 0 leaves the choice to the
     /// device.
     pub mains_hz: u8,
-    /// Replacement that is published for a lost code, sample or step.
+    /// Replacement that is published for a lost code, packed block, sample or step.
     pub filler: FillerPolicy,
     /// Whether each window's newest steps are reconstructed from that window alone, without waiting
     /// one hop for the next window, which also contains them.
     pub low_latency: bool,
     /// Stream that `/acquisition/get_info` describes.
     pub announced: AnnouncedStream,
-    /// Streams that the device is asked for. The bridge adds the stream of codes if it is missing. With
+    /// Streams that the device is asked for. The bridge adds the stream of codes if neither codes nor the packed code
+    /// is among them. With
     /// both `RAW` and `COMPRESSED_RAW`, samples are wanted in either form: the device is asked for
     /// plain ones, and for compressed ones if it refuses, because its port is too slow.
     pub streams: Streams,
+    /// Rate of the packed code that the device is asked for, 0 to 15; `None` leaves the choice to the device.
+    pub packed_rate: Option<u8>,
     /// Time that the stamps of events refer to.
     pub event_stamps: EventStamps,
 }
@@ -62,8 +65,9 @@ impl AnnouncedStream {
     /// Returns whether this stream can be published from `streams`.
     pub fn is_in(self, streams: Streams) -> bool {
         match self {
-            AnnouncedStream::Encoded | AnnouncedStream::Reconstructed => {
-                streams.contains(Streams::CODES)
+            AnnouncedStream::Encoded => streams.contains(Streams::CODES),
+            AnnouncedStream::Reconstructed => {
+                streams.contains(Streams::CODES) || streams.contains(Streams::PACKED)
             }
             AnnouncedStream::Raw => RawForm::any_in(streams),
             AnnouncedStream::Filtered => streams.contains(Streams::FILTERED),
@@ -74,8 +78,10 @@ impl AnnouncedStream {
 /// A stream of the device, as named in `--streams`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum StreamKind {
-    /// `/encoded` and `/neurodata_reconstructed`; always on.
+    /// `/encoded`, and without packed `/neurodata_reconstructed`; on unless packed is named.
     Codes,
+    /// `/neurodata_reconstructed` from packed blocks: 0.8 kB/s at rate 4, where codes take 2.7.
+    Packed,
     /// `/neurodata`: every ADC sample, 101 kB/s, or 47 kB/s compressed.
     Raw,
     /// `/neurodata_corticode`: every filtered step that the encoder reads, 33 kB/s.
@@ -88,9 +94,10 @@ pub enum StreamKind {
 }
 
 impl StreamKind {
-    /// All streams, in the order of their bits on the wire.
-    pub const ALL: [StreamKind; 5] = [
+    /// All streams.
+    pub const ALL: [StreamKind; 6] = [
         StreamKind::Codes,
+        StreamKind::Packed,
         StreamKind::Raw,
         StreamKind::Filtered,
         StreamKind::Audit,
@@ -101,6 +108,7 @@ impl StreamKind {
     pub fn bit(self) -> Streams {
         match self {
             StreamKind::Codes => Streams::CODES,
+            StreamKind::Packed => Streams::PACKED,
             StreamKind::Raw => Streams::RAW,
             StreamKind::Filtered => Streams::FILTERED,
             StreamKind::Audit => Streams::AUDIT,
@@ -115,6 +123,7 @@ impl StreamKind {
         let named = StreamKind::ALL.map(|kind| {
             let name = match kind {
                 StreamKind::Codes => "codes",
+                StreamKind::Packed => "packed",
                 StreamKind::Raw if is_compressed => "compressed-raw",
                 StreamKind::Raw => "raw",
                 StreamKind::Filtered => "filtered",
@@ -161,6 +170,15 @@ impl RawForm {
     }
 }
 
+/// Returns `streams`, with the stream of codes if neither it nor that of packed blocks is among them.
+pub(crate) fn with_codes(streams: Streams) -> Streams {
+    if streams.contains(Streams::PACKED) {
+        streams
+    } else {
+        streams | Streams::CODES
+    }
+}
+
 /// Point of a frame that its stamp refers to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum StampPoint {
@@ -173,10 +191,10 @@ pub enum StampPoint {
     Arrival,
 }
 
-/// Replacement for lost codes, samples and steps.
+/// Replacement for lost codes, packed blocks, samples and steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum FillerPolicy {
-    /// The last code, sample or step that was received.
+    /// The last code, sample or step that was received; for a packed block, what the model predicts.
     #[default]
     Last,
     /// A code, sample or step of zeros.

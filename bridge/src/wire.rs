@@ -9,4 +9,6 @@ pub(crate) mod identity;
 pub(crate) mod opener;
 pub(crate) mod pending;
 pub(crate) mod port;
+pub(crate) mod wanted_rate;
+pub(crate) mod wanted_streams;
 pub(crate) mod words;

@@ -23,10 +23,7 @@ pub async fn encode(
         let slot = samples.receive().await;
         let start_ticks = shared.timing.now();
         let mut hand_over = |output: Output| {
-            let is_code = matches!(
-                output.payload,
-                Payload::Code(..) | Payload::PackedCode(..)
-            );
+            let is_code = matches!(output.payload, Payload::Code(..) | Payload::PackedCode(..));
             hand_over(shared, &mut outputs, output);
             if is_code {
                 shared.timing.record(Stage::Code, slot.drdy_ticks);

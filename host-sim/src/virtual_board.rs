@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use ads1299::SelfTestReport;
 use device::{
-    Abilities, AcquiredSample, BothEncoders, CHIPS, CapturedEvent, Counts, FrameQueue, Marks, Order, Output,
-    Producer, Run, Sender, Session,
+    Abilities, AcquiredSample, BothEncoders, CHIPS, CapturedEvent, Counts, FrameQueue, Marks,
+    Order, Output, Producer, Run, Sender, Session,
 };
 use link::{AckResult, EventKind, ResetCause, Start, Stats, Streams, Substitutes};
 use pipeline::{Acquisition, Mains, Sample};

@@ -108,6 +108,7 @@ impl Options {
             low_latency: self.low_latency,
             announced: self.announce,
             streams: STREAMS,
+            packed_rate: None,
             event_stamps: EventStamps::Scalp,
         }
     }

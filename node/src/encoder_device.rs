@@ -1,13 +1,13 @@
 //! A device in this process: encodes samples and speaks the wire format.
 
 use device::{
-    Abilities, AcquiredSample, BothEncoders, Counts, Encoders, FrameQueue, Identity, Marks, Order, Output, Payload,
+    Abilities, AcquiredSample, Counts, FrameQueue, Identity, Marks, Order, Output, Payload,
     Producer, Run, Sender, Session,
 };
 use link::{ResetCause, Streams, Substitutes};
-use pipeline::{Acquisition, Mains, Sample};
+use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
 
-/// What the device offers to its host.
+/// Streams that the device makes: what the bridge needs to publish codes and to check them.
 const ABILITIES: Abilities = Abilities {
     streams: STREAMS,
     self_test: false,
@@ -15,8 +15,9 @@ const ABILITIES: Abilities = Abilities {
     clock: false,
 };
 
-/// Streams of the device: what the bridge needs to publish codes and to check them, and the packed code.
-pub(crate) const STREAMS: Streams = BothEncoders::STREAMS;
+/// Streams of the device.
+pub(crate) const STREAMS: Streams =
+    Streams::from_bits(Streams::CODES.bits() | Streams::AUDIT.bits());
 
 /// A device that gets its samples from a program instead of converters. It runs the code of the boards:
 /// session, acquisition and encoder.
@@ -26,7 +27,7 @@ pub struct EncoderDevice {
     session: Session<'static>,
     sender: Sender<Outgoing>,
     acquisition: Acquisition,
-    producer: Box<Producer<BothEncoders>>,
+    producer: Box<Producer<EncoderMemory>>,
     /// Parameters of a run that starts with the next sample; otherwise `None`.
     new_run: Option<Run>,
     /// Steps since the last `Start`.
@@ -75,7 +76,7 @@ impl EncoderDevice {
             session,
             sender,
             acquisition: Acquisition::new(mains),
-            producer: Box::new(Producer::new(BothEncoders::EMPTY)),
+            producer: Box::new(Producer::new(EncoderMemory::EMPTY)),
             new_run: None,
             steps: 0,
             counts: Counts::default(),
@@ -91,9 +92,6 @@ impl EncoderDevice {
             .receive(bytes, now_us, counts, &mut self.sender, |new| {
                 order = Some(new);
             });
-        if let Some(Order::SetRate(rate)) = order {
-            self.producer.set_rate(rate);
-        }
         if let Some(Order::Start(run)) = order {
             self.clipped_before = self.clipped_before.wrapping_add(self.acquisition.clipped());
             self.acquisition = Acquisition::new(run.mains);
@@ -108,8 +106,7 @@ impl EncoderDevice {
     }
 
     /// Encodes a sample. Codes of windows with a sample that `is_lost` are dropped, so that the host
-    /// finds them missing; packed blocks are not, because the blocks after them build on them. Ignores the
-    /// sample outside a run.
+    /// finds them missing. Ignores the sample outside a run.
     pub fn process(&mut self, sample: &Sample, is_lost: bool, at_us: u64) {
         if !self.is_streaming() {
             return;

@@ -60,6 +60,12 @@ impl PackedDecoder {
         }
     }
 
+    /// Forgets all blocks: waits for a block without prediction again.
+    pub fn restart(&mut self) {
+        self.state.fill(0);
+        self.health = Health::Unknown;
+    }
+
     /// Decodes the next block; `announced` is the rate of the stream.
     ///
     /// # Errors

@@ -63,6 +63,15 @@ impl Publication {
         Ok(Arc::new(model.map_err(BridgeError::Model)?))
     }
 
+    /// Returns the settings, with the rate of the model's packed code unless another was chosen.
+    fn settings(&self, model: &Model) -> Settings {
+        let of_model = || model.packed().map(|packed| packed.description.rate);
+        Settings {
+            packed_rate: self.settings.packed_rate.or_else(of_model),
+            ..self.settings
+        }
+    }
+
     /// Publishes the streams of a device at a ROS node, until it is ended by a signal (such as
     /// SIGTERM), by `~quit` or by `rosnode kill`. Then stops the device and unregisters the node.
     /// `connect` returns the connection to the device, once the node has started. `log` are the lines
@@ -81,7 +90,7 @@ impl Publication {
         let model = self.model()?;
         let namespace = Namespace::new(&self.ros.namespace, &self.topic_prefix);
         namespace.as_ros_name().clone_into(&mut self.ros.namespace);
-        let settings = self.settings;
+        let settings = self.settings(&model);
         if !settings.announced.is_in(settings.streams) {
             return Err(BridgeError::AnnouncedNotStreamed);
         }
@@ -148,7 +157,7 @@ async fn print_lines(
     let mut shutdown = Shutdown::new()?;
     let model = publication.model()?;
     let namespace = Namespace::new(&publication.ros.namespace, &publication.topic_prefix);
-    let settings = publication.settings;
+    let settings = publication.settings(&model);
     if !settings.announced.is_in(settings.streams) {
         return Err(BridgeError::AnnouncedNotStreamed);
     }

@@ -63,10 +63,10 @@ pub(crate) struct Options {
     pub(crate) stamp: StampPoint,
     #[command(flatten)]
     pub(crate) asked: StreamOptions,
-    /// Replacement of a lost code, sample or step
+    /// Replacement of a lost code, packed block, sample or step
     #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
     pub(crate) filler: FillerPolicy,
-    /// Reconstruct from the newest window alone: 62.5 ms earlier, with a slightly larger error
+    /// Reconstruct from the newest window or packed block alone: 62.5 ms earlier, with a slightly larger error
     #[arg(
         long,
         env = "CORTICODE_LOW_LATENCY",
@@ -109,6 +109,7 @@ impl Options {
             announced: self.announce,
             event_stamps: self.event_stamps,
             streams: self.asked.streams(),
+            packed_rate: self.asked.packed_rate,
         }
     }
 }

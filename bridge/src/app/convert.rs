@@ -306,5 +306,6 @@ fn settings(header: &FileHeader) -> Settings {
         event_stamps: EventStamps::Scalp,
         announced: AnnouncedStream::Encoded,
         streams: header.streams,
+        packed_rate: None,
     }
 }

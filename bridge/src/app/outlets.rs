@@ -16,6 +16,7 @@ use crate::decoder::audit::AuditedWindow;
 use crate::decoder::back_pressure::BackPressure;
 use crate::decoder::counts::DecoderCounts;
 use crate::decoder::model::Model;
+use crate::decoder::packed::{PackedReconstruction, TimedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::decoder::thread::DecoderThread;
 use crate::effects::{Announcement, Effects};
@@ -196,12 +197,10 @@ impl Effects for Outlets {
 
     fn announce(&mut self, announcement: &Announcement) {
         if announcement.decodable {
-            let model = Arc::clone(&self.model);
-            self.decoder.start_device(Reconstruction::new(
-                &announcement.device,
-                model,
-                self.settings,
-            ));
+            let (device, model) = (&announcement.device, &self.model);
+            let packed = PackedReconstruction::new(device, model, self.settings);
+            let codes = Reconstruction::new(device, Arc::clone(model), self.settings);
+            self.decoder.start_device(codes, packed);
         }
         let Some(announcements) = &self.announcements else {
             return;
@@ -234,6 +233,15 @@ impl Effects for Outlets {
                 .record(window.words.device_time_us, read_us);
         }
         self.decoder.decode(window);
+    }
+
+    fn decode_block(&mut self, block: TimedBlock) {
+        if block.block.is_some() {
+            let read_us = HostTime::now().monotonic_us;
+            self.back_pressure
+                .record(block.words.device_time_us, read_us);
+        }
+        self.decoder.decode_block(block);
     }
 
     fn publish_raw(&mut self, frame: &NeuroFrame) {

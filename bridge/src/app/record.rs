@@ -14,6 +14,7 @@ use crate::app::recording_file::RecordingFile;
 use crate::app::shutdown::Shutdown;
 use crate::core::Core;
 use crate::decoder::audit::AuditedWindow;
+use crate::decoder::packed::TimedBlock;
 use crate::decoder::reconstruction::TimedCode;
 use crate::diagnostics::summary::Summary;
 use crate::effects::{Announcement, Effects};
@@ -67,6 +68,7 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
         event_stamps: EventStamps::Scalp,
         announced: AnnouncedStream::Encoded,
         streams: options.asked.streams(),
+        packed_rate: options.asked.packed_rate,
     };
     let now = HostTime::now();
     let header = FileHeader {
@@ -222,6 +224,8 @@ impl Effects for RecordedPort {
     fn publish_encoded(&mut self, _: &NeuroFrame) {}
 
     fn decode(&mut self, _: TimedCode) {}
+
+    fn decode_block(&mut self, _: TimedBlock) {}
 
     fn publish_raw(&mut self, _: &NeuroFrame) {}
 

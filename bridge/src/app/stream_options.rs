@@ -3,7 +3,7 @@
 use clap::Args;
 use link::Streams;
 
-use crate::settings::{RawForm, StreamKind};
+use crate::settings::{RawForm, StreamKind, with_codes};
 
 /// What the device is asked for; options of the bridge and of `record`.
 #[derive(Clone, Debug, Args)]
@@ -11,8 +11,8 @@ pub(crate) struct StreamOptions {
     /// Mains frequency that the device shall remove, Hz; the device chooses by default
     #[arg(long, env = "CORTICODE_MAINS", value_parser = mains)]
     pub(crate) mains: Option<u8>,
-    /// Streams of the device, comma-separated; codes are always included. A device that refuses
-    /// some is asked for fewer
+    /// Streams of the device, comma-separated; codes are included unless packed is named. A device
+    /// that refuses some is asked for fewer
     #[arg(
         long,
         env = "CORTICODE_STREAMS",
@@ -21,6 +21,9 @@ pub(crate) struct StreamOptions {
         default_value = "codes,audit,events"
     )]
     pub(crate) streams: Vec<StreamKind>,
+    /// Rate of the packed code, 0 to 15: one more is 3 dB coarser; the model's by default
+    #[arg(long, env = "CORTICODE_PACKED_RATE", value_parser = clap::value_parser!(u8).range(0..=15))]
+    pub(crate) packed_rate: Option<u8>,
     /// Form in which the device sends the samples of the stream raw; both yield the same frames
     #[arg(long, env = "CORTICODE_RAW_FORM", value_enum, default_value_t)]
     pub(crate) raw_form: RawForm,
@@ -32,13 +35,13 @@ impl StreamOptions {
         self.mains.unwrap_or(0)
     }
 
-    /// Returns the streams to ask for, codes included.
+    /// Returns the streams to ask for, codes included unless packed blocks are.
     pub(crate) fn streams(&self) -> Streams {
         let asked = self.streams.iter();
-        asked.fold(Streams::CODES, |streams, kind| match kind {
+        with_codes(asked.fold(Streams::empty(), |streams, kind| match kind {
             StreamKind::Raw => streams | self.raw_form.streams(),
             kind => streams | kind.bit(),
-        })
+        }))
     }
 }
 

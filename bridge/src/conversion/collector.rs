@@ -7,6 +7,7 @@ use neuro_ros::{NeuroEvent, NeuroFrame};
 use crate::conversion::block::{Block, Stream, TimedEvent};
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::model::Model;
+use crate::decoder::packed::{PackedReconstruction, TimedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
 use crate::effects::{Announcement, Effects};
@@ -40,6 +41,7 @@ pub(crate) struct Collector<L> {
     model: Arc<Model>,
     device: Option<Arc<Device>>,
     reconstruction: Option<Reconstruction>,
+    packed: Option<PackedReconstruction>,
     /// Number of restarts of the device so far.
     pub(crate) run: u32,
     /// Device time in the header of the frame that the core handles, microseconds.
@@ -64,6 +66,7 @@ impl<L: Listener> Collector<L> {
             model,
             device: None,
             reconstruction: None,
+            packed: None,
             run: 0,
             frame_us: 0,
             commands: Vec::new(),
@@ -153,6 +156,8 @@ impl<L: Listener> Effects for Collector<L> {
                 next.continue_from(before);
             }
             self.reconstruction = Some(next);
+            let packed = (&announcement.device, &self.model);
+            self.packed = PackedReconstruction::new(packed.0, packed.1, self.settings);
         }
     }
 
@@ -173,6 +178,21 @@ impl<L: Listener> Effects for Collector<L> {
             self.publish(Stream::Reconstructed, frame, delay_us);
         }
         self.reconstruction = Some(reconstruction);
+    }
+
+    fn decode_block(&mut self, block: TimedBlock) {
+        // From the block's first step at the electrodes to the device time in the frame.
+        let delay_us = self.device.as_ref().map_or(0, |device| {
+            let lookback = u32::from(device.hop_steps) - 1;
+            device.steps_us(lookback) + i64::from(device.group_delay_us)
+        });
+        let Some(mut packed) = self.packed.take() else {
+            return;
+        };
+        if let Some(frame) = packed.next_frame(&block) {
+            self.publish(Stream::Reconstructed, frame, delay_us);
+        }
+        self.packed = Some(packed);
     }
 
     fn publish_raw(&mut self, frame: &NeuroFrame) {

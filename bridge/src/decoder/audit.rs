@@ -1,4 +1,5 @@
-//! Audits: comparison of a device's code with the float network's code of the same window.
+//! Audits: comparison of a device's code with the float network's code of the same window, and of the window's
+//! signals with those of the packed code.
 
 use std::fmt;
 use std::sync::Arc;
@@ -6,6 +7,7 @@ use std::sync::Arc;
 use link::{Audit, CodeFormat, MAX_EXPONENT};
 
 use crate::decoder::model::Model;
+use crate::decoder::packed::PackedReconstruction;
 use crate::device::Device;
 
 /// Limit of the RMS difference between the device's code and the float network's code, as a
@@ -104,9 +106,54 @@ impl AuditedWindow {
             largest,
             largest_limit: rounding + LARGEST_LIMIT * signal,
             value,
-            at_rail: self.planes.iter().any(|cell| *cell == 127 || *cell == -128),
+            at_rail: self.is_at_rail(),
         }
     }
+}
+
+impl AuditedWindow {
+    /// Compares the window's signals, as the device measured them, with those of its packed blocks. Returns `None`
+    /// if a block was lost, or if an input was clipped to int8.
+    pub fn compare_packed(
+        &self,
+        model: &Model,
+        packed: &PackedReconstruction,
+    ) -> Option<PackedError> {
+        if self.is_at_rail() {
+            return None;
+        }
+        let (measured, level_uv) = model.electrodes_uv(&self.planes);
+        let hop = usize::from(self.device.hop_steps) * model.electrodes().len();
+        let (mut squares, mut values) = (0.0, 0.0);
+        for (index, measured) in (0..).zip(measured.chunks_exact(hop.max(1))) {
+            let decoded = packed.signals(self.window.wrapping_add(index))?;
+            for (measured, decoded) in measured.iter().zip(decoded) {
+                squares += f64::from(measured - decoded).powi(2);
+                values += 1.0;
+            }
+        }
+        // The rounding of the window to int8 is no error of the packed code.
+        let rounding = level_uv * level_uv / 12.0;
+        let error = (squares / f64::max(values, 1.0) - rounding).max(0.0);
+        Some(PackedError {
+            rms_uv: error.sqrt(),
+            of_variance: error / model.sd_uv().powi(2),
+        })
+    }
+
+    /// Returns whether a cell has the smallest or largest int8.
+    fn is_at_rail(&self) -> bool {
+        self.planes.iter().any(|cell| *cell == 127 || *cell == -128)
+    }
+}
+
+/// Difference between the signals of a window and those of its packed blocks, decoded at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PackedError {
+    /// RMS difference over all steps and electrodes, microvolts.
+    pub rms_uv: f64,
+    /// Mean squared difference, in units of the variance of the training data, as in docs/packed.md.
+    pub of_variance: f64,
 }
 
 /// Difference between a device's code and the float network's, in levels of the code's format.

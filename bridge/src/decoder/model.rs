@@ -2,18 +2,24 @@
 
 use std::path::Path;
 
-use artifact::{Artifact, ArtifactError, Dimensions, FloatEncoder, ModelId};
+use artifact::{
+    Artifact, ArtifactError, Dimensions, FloatEncoder, ModelId, PackedModel, ScalpGrid,
+};
 use reconstruction::WindowDecoder;
 
 use crate::device::Device;
 
-/// The float network of one model. It decodes the codes of devices with that model, and computes
-/// the code that a correct device returns for a window.
+/// The float network of one model, and its packed code if it has one. It decodes the codes of devices with that
+/// model, and computes the code that a correct device returns for a window.
 #[derive(Clone, Debug)]
 pub struct Model {
     id: ModelId,
     encoder: FloatEncoder,
     decoder: WindowDecoder,
+    packed: Option<PackedModel>,
+    grid: ScalpGrid,
+    /// Standard deviation of the training data, microvolts.
+    sd_uv: f64,
     /// Value at the float network's input that corresponds to one int8 level of the device's input.
     input_scale: f32,
     dimensions: Dimensions,
@@ -65,6 +71,9 @@ impl Model {
             encoder: FloatEncoder::new(artifact)?,
             input_scale,
             decoder: WindowDecoder::new(artifact)?,
+            packed: artifact.packed.clone(),
+            grid: ScalpGrid::new(description),
+            sd_uv: description.input.sd_uv,
             dimensions: description.dimensions(),
             hop: description.window.hop,
             rate_hz: description.window.rate_hz,
@@ -112,6 +121,28 @@ impl Model {
     /// first step, then all electrodes of the next step, and so on.
     pub fn decode(&self, z: &[f32]) -> Vec<f32> {
         self.decoder.decode(z)
+    }
+
+    /// Returns the packed code of this model; `None` if it has none.
+    pub fn packed(&self) -> Option<&PackedModel> {
+        self.packed.as_ref()
+    }
+
+    /// Standard deviation of the data that the model was trained on, microvolts.
+    pub fn sd_uv(&self) -> f64 {
+        self.sd_uv
+    }
+
+    /// Returns the electrode signals of a window in the order step, electrode, in microvolts, and the voltage of one
+    /// int8 level. `planes` holds the device's input for the window; missing cells count as 0.
+    pub fn electrodes_uv(&self, planes: &[i8]) -> (Vec<f32>, f64) {
+        let level_uv = f64::from(self.input_scale) * self.sd_uv;
+        let mut cells = vec![0.0; self.window_cells()];
+        #[expect(clippy::cast_possible_truncation, reason = "published as f32")]
+        for (cell, level) in cells.iter_mut().zip(planes) {
+            *cell = (f64::from(*level) * level_uv) as f32;
+        }
+        (self.grid.gather(&cells), level_uv)
     }
 
     /// Returns the number of scalp-grid cells in a window: cells per plane times steps.

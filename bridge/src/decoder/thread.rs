@@ -1,4 +1,4 @@
-//! The thread that decodes codes and audits them.
+//! The thread that decodes codes and packed blocks, and audits codes.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -6,11 +6,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use neuro_ros::{DiagnosticStatus, FrameSink};
+use neuro_ros::{DiagnosticStatus, FrameSink, NeuroFrame};
 
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::counts::DecoderCounts;
 use crate::decoder::model::Model;
+use crate::decoder::packed::{PackedReconstruction, TimedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::diagnostics::audit::AuditCounts;
 
@@ -62,10 +63,13 @@ struct Progress {
 
 #[derive(Debug)]
 enum Work {
-    /// Reconstruction for the device that sends the codes queued after this item.
-    Device(Box<Reconstruction>),
+    /// Reconstructions for the device that sends what is queued after this item: from codes, and from packed
+    /// blocks if the model has them.
+    Device(Box<Reconstruction>, Option<Box<PackedReconstruction>>),
     /// A code, and when it was queued.
     Code(TimedCode, Instant),
+    /// A packed block, and when it was queued.
+    Block(TimedBlock, Instant),
     Audit(Box<AuditedWindow>, Arc<Model>),
 }
 
@@ -87,24 +91,44 @@ impl DecoderThread {
         })
     }
 
-    /// Sets the reconstruction for the device that sends the following codes.
-    pub(crate) fn start_device(&mut self, reconstruction: Reconstruction) {
-        self.prepared.push(Work::Device(Box::new(reconstruction)));
+    /// Sets the reconstructions for the device that sends the following codes and packed blocks.
+    pub(crate) fn start_device(
+        &mut self,
+        reconstruction: Reconstruction,
+        packed: Option<PackedReconstruction>,
+    ) {
+        let packed = packed.map(Box::new);
+        self.prepared
+            .push(Work::Device(Box::new(reconstruction), packed));
     }
 
     /// Queues a code without blocking. If the queue is full, the code is discarded and counted, and
     /// a filler is published in its place. Fillers need no decoding and keep the number of samples
     /// correct.
     pub(crate) fn decode(&mut self, mut window: TimedCode) {
-        if window.z.is_some() {
-            if self.progress.waiting.load(Ordering::Relaxed) < QUEUE_WINDOWS {
-                self.progress.waiting.fetch_add(1, Ordering::Relaxed);
-            } else {
-                window.z = None;
-                self.not_decoded += 1;
-            }
+        if window.z.is_some() && !self.takes_one_more() {
+            window.z = None;
         }
         self.prepared.push(Work::Code(window, Instant::now()));
+    }
+
+    /// Queues a packed block as [`Self::decode`] does a code.
+    pub(crate) fn decode_block(&mut self, mut block: TimedBlock) {
+        if block.block.is_some() && !self.takes_one_more() {
+            block.block = None;
+        }
+        self.prepared.push(Work::Block(block, Instant::now()));
+    }
+
+    /// Counts one more item in the queue, or as not decoded if the queue is full.
+    fn takes_one_more(&mut self) -> bool {
+        let has_room = self.progress.waiting.load(Ordering::Relaxed) < QUEUE_WINDOWS;
+        if has_room {
+            self.progress.waiting.fetch_add(1, Ordering::Relaxed);
+        } else {
+            self.not_decoded += 1;
+        }
+        has_room
     }
 
     /// Queues an audit without blocking. If the queue is full, the audit is skipped and counted.
@@ -205,16 +229,29 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
         tracing::debug!(%error, "the decoder is as urgent as the link");
     }
     let mut reconstruction: Option<Box<Reconstruction>> = None;
+    let mut packed: Option<Box<PackedReconstruction>> = None;
     for work in work {
         if progress.stop.load(Ordering::Relaxed) {
             return;
         }
         let (window, queued) = match work {
-            Work::Device(mut new) => {
+            Work::Device(mut new, mut new_packed) => {
                 if let Some(before) = &reconstruction {
                     new.continue_from(before);
                 }
-                reconstruction = Some(new);
+                if let (Some(new), Some(before)) = (&mut new_packed, &packed) {
+                    new.continue_from(before.frame());
+                }
+                (reconstruction, packed) = (Some(new), new_packed);
+                continue;
+            }
+            Work::Block(block, queued) => {
+                let Some(known) = packed.as_mut() else {
+                    continue;
+                };
+                if !run_block(known, &block, queued, sink.as_mut(), progress) {
+                    return;
+                }
                 continue;
             }
             Work::Audit(window, model) => {
@@ -223,10 +260,14 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
                 if result.is_wrong() {
                     tracing::error!("the device's code differs from its model: {result}");
                 }
+                let packed = packed.as_ref();
+                let error = packed.and_then(|packed| window.compare_packed(&model, packed));
                 let counts = progress.audits.lock();
-                counts
-                    .unwrap_or_else(PoisonError::into_inner)
-                    .record(result);
+                let mut counts = counts.unwrap_or_else(PoisonError::into_inner);
+                counts.record(result);
+                if let Some(error) = error {
+                    counts.record_packed(error);
+                }
                 continue;
             }
             Work::Code(window, queued) => (window, queued),
@@ -247,13 +288,40 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
         if holds_code {
             progress.decoded.fetch_add(1, Ordering::Relaxed);
         }
-        let Some(frame) = frame else { continue };
-        if let Err(error) = sink.publish(frame) {
-            tracing::error!(%error, "reconstructed frames cannot be published any more");
+        if frame.is_some_and(|frame| !publish(frame, sink.as_mut(), progress)) {
             return;
         }
-        progress.dropped.store(sink.dropped(), Ordering::Relaxed);
     }
+}
+
+/// Decodes a packed block and publishes the frame that it completes. Every block is decoded, because those after it
+/// build on it. Returns false if frames cannot be published any more.
+fn run_block(
+    packed: &mut PackedReconstruction,
+    block: &TimedBlock,
+    queued: Instant,
+    sink: &mut dyn FrameSink,
+    progress: &Progress,
+) -> bool {
+    let holds_block = block.block.is_some();
+    if holds_block {
+        progress.record_start(queued);
+    }
+    let frame = packed.next_frame(block);
+    if holds_block {
+        progress.decoded.fetch_add(1, Ordering::Relaxed);
+    }
+    frame.is_none_or(|frame| !sink.has_receivers() || publish(frame, sink, progress))
+}
+
+/// Publishes a frame. Returns false if frames cannot be published any more.
+fn publish(frame: &NeuroFrame, sink: &mut dyn FrameSink, progress: &Progress) -> bool {
+    if let Err(error) = sink.publish(frame) {
+        tracing::error!(%error, "reconstructed frames cannot be published any more");
+        return false;
+    }
+    progress.dropped.store(sink.dropped(), Ordering::Relaxed);
+    true
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
-use crate::decoder::audit::AuditResult;
+use crate::decoder::audit::{AuditResult, PackedError};
 use crate::diagnostics::status::new_status;
 
 /// Number of consecutive audits with a clipped cell that causes a warning: one minute of audits, at
@@ -19,6 +19,9 @@ pub(crate) struct AuditCounts {
     /// clipped cell is not judged.
     unjudged: u64,
     pub(crate) newest: Option<AuditResult>,
+    /// Number of windows that were compared with packed blocks.
+    packed_compared: u64,
+    packed_newest: Option<PackedError>,
 }
 
 impl AuditCounts {
@@ -28,6 +31,11 @@ impl AuditCounts {
         self.at_rail += u64::from(result.at_rail);
         self.unjudged = if result.at_rail { self.unjudged + 1 } else { 0 };
         self.newest = Some(result);
+    }
+
+    pub(crate) fn record_packed(&mut self, error: PackedError) {
+        self.packed_compared += 1;
+        self.packed_newest = Some(error);
     }
 
     /// Returns the status `audit`; `None` before the first audit. `skipped` is the number of audits
@@ -64,7 +72,7 @@ impl AuditCounts {
             let message = format!("the device's code matches its model within {rms:.2} steps RMS");
             (DiagnosticLevel::Ok, message)
         };
-        let values = vec![
+        let mut values = vec![
             KeyValue::new("windows compared", &self.compared),
             KeyValue::new("windows wrong", &self.wrong),
             KeyValue::new("windows at the rail, not judged", &self.at_rail),
@@ -74,6 +82,20 @@ impl AuditCounts {
             KeyValue::new("largest steps", &format!("{largest:.3}")),
             KeyValue::new("largest limit", &format!("{largest_limit:.3}")),
         ];
+        if let Some(error) = self.packed_newest {
+            let PackedError {
+                rms_uv,
+                of_variance,
+            } = error;
+            values.extend([
+                KeyValue::new("packed: windows compared", &self.packed_compared),
+                KeyValue::new("packed: error uV RMS", &format!("{rms_uv:.3}")),
+                KeyValue::new(
+                    "packed: error of the variance",
+                    &format!("{of_variance:.5}"),
+                ),
+            ]);
+        }
         Some(new_status("audit", state, values))
     }
 }

@@ -7,6 +7,7 @@ use link::{Counters, StageTiming};
 use crate::decoder::counts::DecoderCounts;
 use crate::diagnostics::timing::worst_of_deadline;
 use crate::session::state::Session;
+use crate::streams::packed::PackedStream;
 
 /// Counts of received, lost and filled data so far; prints as one line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -25,6 +26,8 @@ pub struct Summary {
     pub longest_burst: u32,
     /// Number of fillers published in place of lost codes.
     pub fillers: u64,
+    /// Numbers of packed blocks; all 0 if none was streamed.
+    pub packed: PackedSummary,
     /// Number of wire frames, of any kind, that did not arrive.
     pub frames_lost: u64,
     /// Counts of the frame decoder: bytes, frames, and errors of each kind.
@@ -46,11 +49,45 @@ pub struct Summary {
     pub decoder: DecoderCounts,
 }
 
+/// Numbers of packed blocks so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PackedSummary {
+    /// Number of blocks that the device has made: received plus lost.
+    pub made: u64,
+    /// Number of blocks that arrived; replays do not count.
+    pub received: u64,
+    /// Number of blocks that did not arrive.
+    pub lost: u64,
+    /// Number of placeholders that were decoded in the place of missing blocks.
+    pub fillers: u64,
+    /// Number of bits of the blocks that arrived, without those of their frames.
+    pub bits: u64,
+}
+
+impl PackedSummary {
+    fn new(stream: &PackedStream) -> PackedSummary {
+        let (hops, counts) = (stream.hops(), stream.counts());
+        PackedSummary {
+            made: hops.ledger.made(),
+            received: hops.ledger.received(),
+            lost: hops.ledger.lost(),
+            fillers: hops.fillers,
+            bits: counts.bits,
+        }
+    }
+}
+
 impl Summary {
     pub(crate) fn new(session: &Session, wire: &Counters) -> Summary {
-        let counts = session.codes.as_ref().map(|codes| codes.counts().clone());
-        let counts = counts.unwrap_or_default();
+        let codes = session.codes.as_ref();
+        let foreign = codes.map_or(0, |codes| codes.counts().foreign);
+        let counts = codes.map(|codes| codes.hops().clone()).unwrap_or_default();
         Summary {
+            packed: session
+                .packed
+                .as_ref()
+                .map(PackedSummary::new)
+                .unwrap_or_default(),
             made: counts.ledger.made(),
             received: counts.ledger.received(),
             lost: counts.ledger.lost(),
@@ -62,7 +99,7 @@ impl Summary {
             wire: *wire,
             connections: session.counts.connections,
             resets: session.counts.resets,
-            unused: session.counts.codes_unused + counts.foreign,
+            unused: session.counts.codes_unused + foreign,
             drift_ppm: session.clock.drift_ppm(),
             worst_stage: session.worst_stage,
             decoder: DecoderCounts::default(),
@@ -106,6 +143,19 @@ impl fmt::Display for Summary {
             wire.malformed,
             wire.resyncs
         )?;
+        if self.packed.made > 0 {
+            let PackedSummary {
+                made,
+                received,
+                lost,
+                fillers,
+                bits,
+            } = self.packed;
+            write!(
+                formatter,
+                "; packed blocks: made {made} received {received} lost {lost} fillers {fillers} bits {bits}"
+            )?;
+        }
         write!(formatter, "; {}", self.decoder)?;
         if let Some(stage) = &self.worst_stage {
             write!(

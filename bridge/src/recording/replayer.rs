@@ -200,16 +200,23 @@ impl<R: Read + Seek> Replayer<R> {
                 self.send(&ToHost::Stats(stats));
                 AckResult::Done
             }
-            ToDevice::SelfTest | ToDevice::SyncTime { .. } | ToDevice::Reset(_) => {
-                AckResult::NotSupported
-            }
+            ToDevice::SelfTest
+            | ToDevice::SyncTime { .. }
+            | ToDevice::Reset(_)
+            | ToDevice::SetRate { .. } => AckResult::NotSupported,
         })
     }
 
     fn start(&mut self, start: Start) -> Result<AckResult, RecordingError> {
         let recorded = self.recorded_streams;
-        let samples = [Streams::RAW, Streams::COMPRESSED_RAW, Streams::FILTERED];
-        let missing = samples.into_iter();
+        let exact = [
+            Streams::CODES,
+            Streams::RAW,
+            Streams::COMPRESSED_RAW,
+            Streams::FILTERED,
+            Streams::PACKED,
+        ];
+        let missing = exact.into_iter();
         let missing = missing.filter(|stream| !recorded.contains(*stream));
         let other_mains = ![0, self.introduction.mains_hz()].contains(&start.mains_hz);
         if other_mains
@@ -343,6 +350,7 @@ impl<R: Read + Seek> Replayer<R> {
                 false
             }
             ToHost::CompressedRaw(_) => self.streams.contains(Streams::COMPRESSED_RAW),
+            ToHost::PackedCode(_) => self.streams.contains(Streams::PACKED),
             ToHost::Raw(_) => self.streams.contains(Streams::RAW),
             ToHost::Filtered(_) => self.streams.contains(Streams::FILTERED),
             ToHost::Audit(_) => self.streams.contains(Streams::AUDIT),

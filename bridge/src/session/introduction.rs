@@ -10,6 +10,7 @@ use crate::effects::{Announcement, Effects};
 use crate::session::state::Session;
 use crate::settings::AnnouncedStream;
 use crate::streams::code::CodeStream;
+use crate::streams::packed::PackedStream;
 use crate::time::host_time::HostTime;
 use crate::wire::identity::Identity;
 
@@ -111,12 +112,28 @@ impl Session {
             tracing::warn!("electrodes that were not recorded: {unrecorded}");
         }
         self.side.set_device(&device);
+        self.is_decodable = decodable;
+        let has_packed = self
+            .model
+            .as_ref()
+            .is_some_and(|model| model.packed().is_some());
+        match &mut self.packed {
+            Some(packed) => packed.replace_device(Arc::clone(&device), decodable && has_packed),
+            None => {
+                self.packed = Some(PackedStream::new(
+                    Arc::clone(&device),
+                    decodable && has_packed,
+                    self.settings,
+                ));
+            }
+        }
+        let decodes_codes = self.decodes_codes();
         match &mut self.codes {
-            Some(codes) => codes.replace_device(Arc::clone(&device), decodable),
+            Some(codes) => codes.replace_device(Arc::clone(&device), decodes_codes),
             None => {
                 self.codes = Some(CodeStream::new(
                     Arc::clone(&device),
-                    decodable,
+                    decodes_codes,
                     self.settings,
                 ));
             }

@@ -6,6 +6,7 @@ use crate::session::state::Session;
 use crate::settings::AnnouncedStream;
 use crate::streams::bus::BusEvent;
 use crate::streams::code::CodeStream;
+use crate::streams::packed::PackedStream;
 use crate::streams::sample::SampleStream;
 use crate::time::host_time::HostTime;
 
@@ -13,8 +14,9 @@ impl Session {
     /// Publishes an event for a stretch of data that is missing in the announced stream. A recorder
     /// records this stream, and each stream loses data of its own.
     pub(super) fn report_missing(&mut self, read: HostTime, effects: &mut dyn Effects) {
-        let [codes, raw, filtered] = [
+        let [codes, packed, raw, filtered] = [
             self.codes.as_mut().and_then(CodeStream::take_missing),
+            self.packed.as_mut().and_then(PackedStream::take_missing),
             self.side.raw.as_mut().and_then(SampleStream::take_missing),
             self.side
                 .filtered
@@ -22,7 +24,8 @@ impl Session {
                 .and_then(SampleStream::take_missing),
         ];
         let missing = match self.settings.announced {
-            AnnouncedStream::Encoded | AnnouncedStream::Reconstructed => codes,
+            AnnouncedStream::Encoded => codes,
+            AnnouncedStream::Reconstructed => packed.or(codes),
             AnnouncedStream::Raw => raw,
             AnnouncedStream::Filtered => filtered,
         };

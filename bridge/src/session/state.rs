@@ -8,9 +8,11 @@ use crate::decoder::model::Model;
 use crate::device::Device;
 use crate::diagnostics::converters::ChainReport;
 use crate::diagnostics::link_log::LinkLog;
+use crate::diagnostics::packed::PackedReport;
 use crate::settings::Settings;
 use crate::streams::code::CodeStream;
 use crate::streams::ledger::Ledger;
+use crate::streams::packed::PackedStream;
 use crate::streams::side::SideStreams;
 use crate::time::clock::Clock;
 use crate::time::round_trip::RoundTrips;
@@ -29,10 +31,13 @@ pub(crate) struct Session {
     /// `Hello`.
     pub(crate) introduced: bool,
     pub(crate) codes: Option<CodeStream>,
+    pub(crate) packed: Option<PackedStream>,
     pub(crate) side: SideStreams,
     /// The device that was announced first. A device that is not compatible with it is refused for
     /// as long as the bridge runs.
     pub(super) announced: Option<Arc<Device>>,
+    /// Whether the bridge's model is the device's.
+    pub(super) is_decodable: bool,
     pub(crate) clock: Clock,
     pub(crate) round_trips: RoundTrips,
     pub(crate) frames: Ledger,
@@ -71,10 +76,12 @@ pub(crate) struct SessionCounts {
     pub(crate) connections: u64,
     /// Number of detected resets of the device, including changes of the device.
     pub(crate) resets: u64,
-    /// Number of codes that arrived before the device's introduction, or from a refused device.
+    /// Number of codes and packed blocks that arrived before the device's introduction, or from a refused device.
     pub(crate) codes_unused: u64,
     /// Number of missing codes at the last report to `/diagnostics`.
     pub(crate) missing_reported: u64,
+    /// State of the packed blocks at the last report to `/diagnostics`.
+    pub(crate) packed_reported: PackedReport,
     /// Number of damaged frames at the last report to `/diagnostics`.
     pub(crate) damaged_reported: u32,
 }
@@ -85,12 +92,14 @@ impl Session {
             settings,
             model,
             encoder: Encoder::default(),
-            commands: Commands::new(settings.mains_hz, settings.streams),
+            commands: Commands::new(settings.mains_hz, settings.streams, settings.packed_rate),
             identity: None,
             introduced: false,
             codes: None,
+            packed: None,
             side: SideStreams::new(settings),
             announced: None,
+            is_decodable: false,
             clock: Clock::default(),
             round_trips: RoundTrips::default(),
             frames: Ledger::default(),

@@ -8,11 +8,11 @@ use neuro_ros::NeuroFrame;
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
 use crate::effects::Effects;
-use crate::settings::{FillerPolicy, Settings, StampPoint};
-use crate::streams::continuity::{Continuity, MissingStretch};
-use crate::streams::counts::CodeCounts;
-use crate::streams::ledger::Arrival;
-use crate::streams::stamps::{MonotoneStamps, Reception};
+use crate::settings::{FillerPolicy, Settings};
+use crate::streams::continuity::MissingStretch;
+use crate::streams::counts::{CodeCounts, HopCounts};
+use crate::streams::hop_timeline::{HopDurations, HopPlace, HopTimeline};
+use crate::streams::stamps::{FrameSteps, MonotoneStamps, Reception, frame_time_ns};
 use crate::streams::tri::TriWords;
 
 /// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Fillers replace lost
@@ -29,39 +29,10 @@ pub(crate) struct CodeStream {
     z: Vec<f32>,
     /// Whether `z` holds a code of this recording.
     has_last: bool,
-    /// Whether a code, a `Stats` message or an acknowledgement has shown that the stream runs.
-    running: bool,
-    /// Device time of the newest code or filler in this stream, microseconds.
-    last_device_us: Option<u64>,
-    /// Index of the newest window, received or filled.
-    last_window: u32,
-    continuity: Continuity,
-    /// Newest stretch of missing codes, until the bus has reported it.
-    missing: Option<MissingStretch>,
+    timeline: HopTimeline,
     counts: CodeCounts,
     encoded_stamps: MonotoneStamps,
     window_stamps: MonotoneStamps,
-}
-
-/// Window index, device time and status of a published code or filler.
-#[derive(Clone, Copy, Debug)]
-struct CodePosition {
-    window: u32,
-    /// Device time of the window's last step in the newest run, microseconds; negative before that
-    /// run began.
-    device_us: i128,
-    flags: Flags,
-    /// Number of codes missing so far.
-    missing: u64,
-}
-
-/// Codes that are missing directly before another code.
-#[derive(Clone, Copy, Debug)]
-struct Gap {
-    /// Number of codes that the device made in this run.
-    lost: u32,
-    /// Number of codes before the first one of this run.
-    between_runs: u64,
 }
 
 impl CodeStream {
@@ -73,11 +44,7 @@ impl CodeStream {
             z: vec![0.0; device.numbers()],
             device,
             has_last: false,
-            running: false,
-            last_device_us: None,
-            last_window: 0,
-            continuity: Continuity::default(),
-            missing: None,
+            timeline: HopTimeline::new("codes"),
             counts: CodeCounts::default(),
             encoded_stamps: MonotoneStamps::default(),
             window_stamps: MonotoneStamps::default(),
@@ -97,32 +64,33 @@ impl CodeStream {
     /// Starts another run. Call this when the device counts windows from 0 again. The time until the
     /// run's first code is filled.
     pub(crate) fn restart(&mut self) {
-        self.counts.ledger.expect_next(0);
-        self.running = false;
-        self.last_device_us = None;
-        self.continuity.end_run();
+        self.timeline.restart();
     }
 
     /// Ends the recording, because the user stopped the stream. The time until the next start is not
     /// filled.
     pub(crate) fn end_recording(&mut self) {
-        self.restart();
-        self.continuity = Continuity::default();
+        self.timeline.end_recording();
         self.has_last = false;
         self.z.fill(0.0);
+    }
+
+    /// Sets whether codes are decoded to `/neurodata_reconstructed`.
+    pub(crate) fn set_decodable(&mut self, decodable: bool) {
+        self.decodable = decodable;
     }
 
     /// Records that the stream runs. From now on, the window index in `Stats` is that of this
     /// stream.
     pub(crate) fn mark_running(&mut self) {
-        self.running = true;
+        self.timeline.mark_running();
     }
 
     /// Returns whether the stream is known to run since the last restart. Before that, a `Stats`
     /// message without the stream of codes is the late answer to a `Stop`, and its window index
     /// belongs to the previous stream.
     pub(crate) fn is_running(&self) -> bool {
-        self.running
+        self.timeline.is_running()
     }
 
     pub(crate) fn device(&self) -> &Arc<Device> {
@@ -131,7 +99,12 @@ impl CodeStream {
 
     /// Returns the newest stretch of missing codes once. It starts where the frames do.
     pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
-        self.missing.take()
+        self.timeline.take_missing()
+    }
+
+    /// Numbers of received and missing codes.
+    pub(crate) fn hops(&self) -> &HopCounts {
+        self.timeline.counts()
     }
 
     pub(crate) fn counts(&self) -> &CodeCounts {
@@ -147,7 +120,7 @@ impl CodeStream {
     /// Returns whether `code` shows that the device restarted its stream without a command. A
     /// restart is assumed if the code's frame is new but its window index was already counted.
     pub(crate) fn is_restart(&self, code: &Code) -> bool {
-        self.counts.ledger.is_old(code.window)
+        self.timeline.is_restart(code.window)
     }
 
     /// Publishes a code that the device made at `device_us`. Fillers for the codes lost before it
@@ -169,36 +142,20 @@ impl CodeStream {
             self.counts.foreign += 1;
             return;
         }
-        let mut arrival = self.counts.ledger.record(code.window);
-        if arrival == Arrival::Old {
-            tracing::warn!(window = code.window, "the device restarted its stream");
-            self.restart();
-            arrival = self.counts.ledger.record(code.window);
-        }
-        let Arrival::New { lost } = arrival else {
+        let (durations, most) = (self.durations(), effects.max_fillers());
+        let Some((missing, place)) =
+            self.timeline
+                .receive(code.window, device_us, durations, reception, most)
+        else {
             return;
         };
-        let host_us = device_us.and_then(|us| reception.clock.host_us(us.into()));
-        let device_us = device_us.unwrap_or_else(|| self.time_of_next(lost, 0));
-        let gap = Gap {
-            lost,
-            between_runs: self.missing_between_runs(host_us, lost, reception),
-        };
-        self.fill(code.window, gap, device_us, reception, effects);
+        self.fill(&missing, reception, effects);
         let device = Arc::clone(&self.device);
         device.dequantise(&code.values, &mut self.z);
         self.has_last = true;
-        self.running = true;
-        self.last_device_us = Some(device_us);
         self.counts.clipped += u64::from(code.clipped);
         self.counts.clipped_values += u64::from(code.clipped_values);
-        let position = CodePosition {
-            window: code.window,
-            device_us: device_us.into(),
-            flags: code.flags,
-            missing: self.counts.missing(),
-        };
-        self.publish(position, true, reception, effects);
+        self.publish(place, code.flags, true, reception, effects);
     }
 
     /// Publishes fillers for all codes before index `next` that have not arrived. According to a
@@ -210,152 +167,68 @@ impl CodeStream {
         reception: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
-        let lost = self.counts.ledger.count_lost_before(next);
-        if lost == 0 {
+        let (durations, most) = (self.durations(), effects.max_fillers());
+        let missing = self
+            .timeline
+            .fill_before(next, device_us, durations, reception, most);
+        self.fill(&missing, reception, effects);
+    }
+
+    fn durations(&self) -> HopDurations {
+        let lookback_us = self
+            .device
+            .frame_lookback_us(self.settings.announced, &self.settings);
+        HopDurations::new(&self.device, lookback_us)
+    }
+
+    /// Publishes a filler for each missing code.
+    fn fill(&mut self, missing: &[HopPlace], reception: Reception<'_>, effects: &mut dyn Effects) {
+        if missing.is_empty() {
             return;
-        }
-        // Before the first code of a stream, only the time of the `Stats` message is known. The
-        // device made its last code at most one hop before that time.
-        let next_us = self.time_of_next(lost, device_us);
-        let host_us = reception.clock.host_us(next_us.into());
-        let gap = Gap {
-            lost,
-            between_runs: self.missing_between_runs(host_us, lost, reception),
-        };
-        self.fill(next, gap, next_us, reception, effects);
-        self.last_device_us = Some(next_us.saturating_add_signed(-self.hop_us()));
-    }
-
-    /// Returns the number of codes missing between two runs; 0 within a run. `host_us` is the host
-    /// time of a code of the newer run, of which `lost` codes before it are lost.
-    fn missing_between_runs(
-        &mut self,
-        host_us: Option<f64>,
-        lost: u32,
-        reception: Reception<'_>,
-    ) -> u64 {
-        let read_us = reception.read.monotonic_us;
-        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
-        let [read_us, hop_us] = [read_us, self.hop_us()].map(|us| us as f64);
-        let first_us = host_us.unwrap_or(read_us) - f64::from(lost) * hop_us;
-        let missing = self.continuity.missing_before(first_us, hop_us);
-        self.counts.between_runs += missing;
-        missing
-    }
-
-    /// Returns the device time of the code that follows `lost` lost codes, microseconds. If the
-    /// time of no code is known, returns the time one hop after `fallback_us`.
-    fn time_of_next(&self, lost: u32, fallback_us: u64) -> u64 {
-        let (known_us, hops) = match self.last_device_us {
-            Some(last_us) => (last_us, i64::from(lost) + 1),
-            None => (fallback_us, 1),
-        };
-        known_us.saturating_add_signed(hops * self.hop_us())
-    }
-
-    /// Returns the time from the first step of an announced frame, at the electrodes, to the last step
-    /// of the window that completes the frame, microseconds.
-    fn lookback_us(&self) -> i128 {
-        let announced = self.settings.announced;
-        self.device
-            .frame_lookback_us(announced, self.settings.low_latency)
-            .into()
-    }
-
-    fn hop_us(&self) -> i64 {
-        self.device.steps_us(u32::from(self.device.hop_steps))
-    }
-
-    /// Publishes fillers for the codes missing directly before index `window`. The code of index
-    /// `window` has the device time `device_us`.
-    fn fill(
-        &mut self,
-        window: u32,
-        gap: Gap,
-        device_us: u64,
-        reception: Reception<'_>,
-        effects: &mut dyn Effects,
-    ) {
-        let missing = gap.between_runs + u64::from(gap.lost);
-        if missing == 0 {
-            return;
-        }
-        tracing::debug!(
-            lost = gap.lost,
-            between_runs = gap.between_runs,
-            before = window,
-            "codes missing"
-        );
-        let hop_us = i128::from(self.hop_us());
-        #[expect(
-            clippy::cast_precision_loss,
-            reason = "68 minutes are exact to the millisecond"
-        )]
-        let seconds = (hop_us * i128::from(missing)) as f32 / 1e6;
-        self.missing = Some(MissingStretch {
-            start_us: i128::from(device_us) - hop_us * i128::from(missing) - self.lookback_us(),
-            seconds,
-            restarted: gap.between_runs > 0,
-        });
-        let filled = missing.min(effects.max_fillers());
-        if filled < missing {
-            let unfilled = missing - filled;
-            self.counts.unfilled += unfilled;
-            // The indices show the gap, also those between two runs.
-            let between_runs = unfilled.min(gap.between_runs);
-            #[expect(clippy::cast_possible_truncation, reason = "indices wrap")]
-            let between_runs = between_runs as u32;
-            self.last_window = self.last_window.wrapping_add(between_runs);
-            tracing::error!(
-                unfilled,
-                "the outage was too long to fill; start a new recording"
-            );
         }
         if self.settings.filler == FillerPolicy::Zeros || !self.has_last {
             self.z.fill(0.0);
         }
-        for back in (1..=filled).rev() {
-            // The windows between two runs have no index of their own; those of the older run go on.
-            let window = match u32::try_from(back) {
-                Ok(back) if back <= gap.lost => window.wrapping_sub(back),
-                _ => self.last_window.wrapping_add(1),
-            };
-            let position = CodePosition {
-                window,
-                device_us: i128::from(device_us) - hop_us * i128::from(back),
-                flags: Flags::FILLER,
-                missing: self.counts.missing() - back + 1,
-            };
-            self.counts.fillers += u64::from(self.settings.filler != FillerPolicy::Off);
-            self.publish(position, false, reception, effects);
+        if self.settings.filler != FillerPolicy::Off {
+            self.timeline.count_fillers(missing.len());
+        }
+        for place in missing {
+            self.publish(*place, Flags::FILLER, false, reception, effects);
         }
     }
 
     fn publish(
         &mut self,
-        position: CodePosition,
+        place: HopPlace,
+        flags: Flags,
         received: bool,
         reception: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
-        let host_us = reception.clock.host_us(position.device_us);
-        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
-        let read_us = reception.read.monotonic_us as f64;
-        self.continuity.record(host_us.unwrap_or(read_us));
-        self.last_window = position.window;
+        self.timeline.record(place, reception);
         let words = TriWords {
-            flags: position.flags.bits(),
-            window: position.window,
-            device_time_us: u64::try_from(position.device_us).unwrap_or(0),
-            lost: position.missing,
+            flags: flags.bits(),
+            window: place.index,
+            device_time_us: u64::try_from(place.device_us).unwrap_or(0),
+            lost: place.missing,
             trigger: reception
                 .trigger
-                .level_at(self.device.last_sample(position.window)),
+                .level_at(self.device.last_sample(place.index)),
         };
         let steps_back = reception.clock.wall_steps_back();
-        let window_lookback = u32::from(self.device.window_steps) - 1;
+        let stamp = |lookback, length| {
+            let steps = FrameSteps { lookback, length };
+            frame_time_ns(
+                &self.device,
+                self.settings.stamp,
+                place.device_us,
+                steps,
+                reception,
+            )
+        };
+        let window = u32::from(self.device.window_steps);
         if received || self.settings.filler != FillerPolicy::Off {
-            let first = self.wall_time_ns(position, window_lookback, window_lookback, reception);
+            let first = stamp(window - 1, window);
             let frame = &mut self.frame;
             frame.header.stamp = self.encoded_stamps.next(first, steps_back);
             frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
@@ -366,32 +239,10 @@ impl CodeStream {
         }
         if self.decodable {
             let lookback = Reconstruction::lookback_steps(&self.device, self.settings.low_latency);
-            let length = u32::from(self.device.hop_steps) - 1;
-            let time = self.wall_time_ns(position, lookback, length, reception);
+            let time = stamp(lookback, u32::from(self.device.hop_steps));
             let stamp = self.window_stamps.next(time, steps_back);
             let z = received.then(|| self.z.clone());
             effects.decode(TimedCode { z, stamp, words });
         }
-    }
-
-    /// Returns the stamp of a frame, nanoseconds since 1970. The frame's first step is `lookback`
-    /// steps before the last step of the window; the frame's last step is `length` steps after its
-    /// first.
-    fn wall_time_ns(
-        &self,
-        position: CodePosition,
-        lookback: u32,
-        length: u32,
-        reception: Reception<'_>,
-    ) -> i64 {
-        let back_us = match self.settings.stamp {
-            StampPoint::First => self.device.steps_us(lookback),
-            StampPoint::Last => self.device.steps_us(lookback - length),
-            StampPoint::Arrival => return reception.clock.wall_of_host_ns(reception.read),
-        };
-        let on_scalp =
-            position.device_us - i128::from(back_us) - i128::from(self.device.group_delay_us);
-        let wall_ns = reception.clock.wall_ns(on_scalp);
-        wall_ns.unwrap_or(reception.read.wall_ns)
     }
 }

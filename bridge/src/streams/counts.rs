@@ -2,16 +2,21 @@
 
 use crate::streams::ledger::Ledger;
 
-/// Numbers of received, lost and unusable codes.
+/// Numbers of received and missing items of a stream with one item per hop.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct CodeCounts {
+pub(crate) struct HopCounts {
     pub(crate) ledger: Ledger,
-    /// Number of codes that are missing between two runs of the device, which did not make them.
+    /// Number of items that are missing between two runs of the device, which did not make them.
     pub(crate) between_runs: u64,
     pub(crate) fillers: u64,
-    /// Number of lost codes without a filler, because more are missing than fit into the queues of
+    /// Number of missing items without a filler, because more are missing than fit into the queues of
     /// subscribers.
     pub(crate) unfilled: u64,
+}
+
+/// Numbers of unusable and clipped codes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct CodeCounts {
     /// Number of codes whose model or format is not the one that the device reported.
     pub(crate) foreign: u64,
     /// Number of cells of the encoder's input that the device clipped to int8. A cell counts once
@@ -21,8 +26,25 @@ pub(crate) struct CodeCounts {
     pub(crate) clipped_values: u64,
 }
 
-impl CodeCounts {
-    /// Number of codes that no frame from the device holds: lost ones, and those between two runs.
+/// Numbers of packed blocks by their status.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct BlockCounts {
+    /// Number of bits of all blocks, without those of their frames.
+    pub(crate) bits: u64,
+    /// Number of blocks without prediction.
+    pub(crate) resets: u64,
+    /// Number of blocks with the flag `MISFIT`.
+    pub(crate) misfits: u64,
+    /// Number of blocks with the flag `BLANK`.
+    pub(crate) blanks: u64,
+    /// Number of blocks that the packed code does not have; they count as lost for the decoder.
+    pub(crate) malformed: u64,
+    /// Number of electrode values that the device clipped to the range of the inputs.
+    pub(crate) clipped: u64,
+}
+
+impl HopCounts {
+    /// Number of items that no frame from the device holds: lost ones, and those between two runs.
     pub(crate) fn missing(&self) -> u64 {
         self.ledger.lost() + self.between_runs
     }

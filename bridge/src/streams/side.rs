@@ -91,7 +91,7 @@ impl SideStreams {
         }
         let shift_us = match self.settings.event_stamps {
             EventStamps::Recorder => {
-                device.recorder_shift_us(self.settings.announced, self.settings.low_latency)
+                device.recorder_shift_us(self.settings.announced, &self.settings)
             }
             EventStamps::Scalp => 0,
         };

@@ -2,6 +2,8 @@
 
 use neuro_ros::Stamp;
 
+use crate::device::Device;
+use crate::settings::StampPoint;
 use crate::streams::trigger::Trigger;
 use crate::time::clock::Clock;
 use crate::time::host_time::HostTime;
@@ -14,6 +16,34 @@ pub(crate) struct Reception<'a> {
     pub(crate) read: HostTime,
     pub(crate) clock: &'a Clock,
     pub(crate) trigger: &'a Trigger,
+}
+
+/// Steps of a frame, relative to the item of the device that completes it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FrameSteps {
+    /// Steps from the frame's first step to the last step of the item.
+    pub(crate) lookback: u32,
+    /// Number of steps of the frame.
+    pub(crate) length: u32,
+}
+
+/// Returns the time of a frame for its stamp, nanoseconds since 1970. `device_us` is the time of the last
+/// step of the item that completes the frame.
+pub(crate) fn frame_time_ns(
+    device: &Device,
+    point: StampPoint,
+    device_us: i128,
+    steps: FrameSteps,
+    reception: Reception<'_>,
+) -> i64 {
+    let back_us = match point {
+        StampPoint::First => device.steps_us(steps.lookback),
+        StampPoint::Last => device.steps_us(steps.lookback + 1 - steps.length),
+        StampPoint::Arrival => return reception.clock.wall_of_host_ns(reception.read),
+    };
+    let on_scalp = device_us - i128::from(back_us) - i128::from(device.group_delay_us);
+    let wall_ns = reception.clock.wall_ns(on_scalp);
+    wall_ns.unwrap_or(reception.read.wall_ns)
 }
 
 /// Generator of increasing stamps. Each stamp is at least 1 us later than the previous stamp,

@@ -2,9 +2,10 @@
 
 use link::{AckResult, Start, Streams, ToDevice};
 
-use crate::settings::RawForm;
 use crate::wire::clock_query::ClockQuery;
 use crate::wire::pending::{PendingCommand, RETRY_US};
+use crate::wire::wanted_rate::WantedRate;
+use crate::wire::wanted_streams::WantedStreams;
 
 /// Delay before a refused `Start` is sent again, microseconds.
 const REFUSED_RETRY_US: i64 = 10_000_000;
@@ -22,11 +23,9 @@ const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
 #[derive(Clone, Debug)]
 pub(crate) struct Commands {
     mains_hz: u8,
-    /// Streams that the user requested, with the stream of codes added. Samples can be requested in both
-    /// forms, of which the device sends one.
-    wanted_streams: Streams,
-    /// Streams that `Start` asks for: fewer than `wanted_streams` after the device refused some.
-    streams: Streams,
+    /// Rate of the packed code that the device is to have; `None` leaves the choice to the device.
+    rate: Option<WantedRate>,
+    streams: WantedStreams,
     streaming_wanted: bool,
     device: Introduction,
     /// Whether this bridge started any stream that runs on the device. Set when the device
@@ -81,12 +80,11 @@ pub(crate) enum AckEffect {
 
 impl Commands {
     /// Creates the state before the first connection. Streaming is wanted from the beginning.
-    pub(crate) fn new(mains_hz: u8, streams: Streams) -> Commands {
-        let streams = streams | Streams::CODES;
+    pub(crate) fn new(mains_hz: u8, streams: Streams, rate: Option<u8>) -> Commands {
         Commands {
             mains_hz,
-            wanted_streams: streams,
-            streams: first_choice(streams),
+            rate: rate.map(WantedRate::new),
+            streams: WantedStreams::new(streams),
             streaming_wanted: true,
             device: Introduction::Missing,
             owns_stream: false,
@@ -108,6 +106,7 @@ impl Commands {
         self.device = Introduction::Missing;
         self.stream = StreamState::Unconfirmed;
         self.pending = None;
+        self.tell_rate_again();
         self.connected = true;
         self.start_not_before_us = now_us;
         self.last_frame_us = now_us;
@@ -127,6 +126,16 @@ impl Commands {
         self.streaming_wanted = streaming;
     }
 
+    /// Sets the rate of the packed code, which the next [`Self::next_command`] sends.
+    pub(crate) fn set_rate(&mut self, rate: u8) {
+        self.rate = Some(WantedRate::new(rate));
+    }
+
+    /// The device may have another rate by now.
+    fn tell_rate_again(&mut self) {
+        self.rate.iter_mut().for_each(WantedRate::tell_again);
+    }
+
     /// Records an introduction. `usable` is true if the device's codes can be published.
     pub(crate) fn device_introduced(&mut self, usable: bool) {
         self.device = if usable {
@@ -141,7 +150,8 @@ impl Commands {
     pub(crate) fn device_restarted(&mut self) {
         self.device = Introduction::Missing;
         self.owns_stream = false;
-        self.streams = first_choice(self.wanted_streams);
+        self.streams.ask_for_all();
+        self.tell_rate_again();
         self.stream = StreamState::Unconfirmed;
         self.pending = None;
         self.start_not_before_us = 0;
@@ -183,17 +193,12 @@ impl Commands {
     /// Streams that `Start` asks the device for: those that the user wants, less those that the
     /// device refused.
     pub(crate) fn streams(&self) -> Streams {
-        self.streams
+        self.streams.asked()
     }
 
     /// Streams that the user wants and the device refused.
     pub(crate) fn refused_streams(&self) -> Streams {
-        let refused = self.wanted_streams.without(self.streams);
-        if RawForm::any_in(self.streams) {
-            refused.without(RawForm::Any.streams())
-        } else {
-            refused
-        }
+        self.streams.refused()
     }
 
     /// Host time of the newest clock query, microseconds.
@@ -274,9 +279,10 @@ impl Commands {
             (true, StreamState::Stopped | StreamState::Unconfirmed) if !self.owns_stream => {
                 Some(ToDevice::Stop)
             }
+            (true, _) if let Some(rate) = self.due_rate() => Some(ToDevice::SetRate { rate }),
             (true, StreamState::Stopped | StreamState::Unconfirmed) if !refused => {
                 Some(ToDevice::Start(Start {
-                    streams: self.streams,
+                    streams: self.streams.asked(),
                     mains_hz: self.mains_hz,
                 }))
             }
@@ -295,31 +301,18 @@ impl Commands {
         }
     }
 
+    /// Returns the rate of the packed code if the device must be told.
+    fn due_rate(&self) -> Option<u8> {
+        let has_packed = self.streams.asked().contains(Streams::PACKED);
+        self.rate.filter(|_| has_packed)?.due()
+    }
+
     /// Returns the clock query when it is due. It is due only after codes have arrived, because the
     /// answer is compared with the clock's fit to codes.
     fn clock_query(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         let last_us = self.last_stream_us?;
         let codes_arrive = now_us - last_us < RETRY_US && self.stream == StreamState::Running;
         codes_arrive.then(|| self.clock_query.next(now_us, seq))?
-    }
-
-    /// Returns the streams to ask for after a refused `Start`: with raw samples in the other form if
-    /// both are wanted, without raw samples, then without filtered steps, then codes alone, which
-    /// firmware before 0.2 is limited to.
-    fn fewer_streams(&self) -> Option<Streams> {
-        let compressed = Streams::COMPRESSED_RAW;
-        if self.streams.contains(Streams::RAW) && self.wanted_streams.contains(compressed) {
-            return Some(self.streams.without(Streams::RAW) | compressed);
-        }
-        let removable = [Streams::RAW, compressed, Streams::FILTERED];
-        let removable = removable
-            .into_iter()
-            .find(|stream| self.streams.contains(*stream));
-        match removable {
-            Some(stream) => Some(self.streams.without(stream)),
-            None if self.streams == Streams::CODES => None,
-            None => Some(Streams::CODES),
-        }
     }
 
     /// Handles the acknowledgement of the command in frame number `of`.
@@ -353,13 +346,15 @@ impl Commands {
                     };
                 }
             }
-            (ToDevice::Start(_), AckResult::BadArgument) if self.fewer_streams().is_some() => {
-                self.streams = self.fewer_streams().unwrap_or(Streams::CODES);
+            (ToDevice::Start(_), result) => {
                 self.pending = None;
-                return AckEffect::NoChange;
-            }
-            (ToDevice::Start(_), _) => {
+                if result == AckResult::BadArgument && self.streams.ask_for_fewer() {
+                    return AckEffect::NoChange;
+                }
                 self.start_not_before_us = now_us + REFUSED_RETRY_US;
+            }
+            (ToDevice::SetRate { .. }, _) => {
+                self.rate.iter_mut().for_each(WantedRate::answered);
                 self.pending = None;
             }
             // The device did not restart, so another program may have stopped its stream. If the
@@ -380,14 +375,5 @@ impl Commands {
             AckResult::Done => AckEffect::NoChange,
             result => AckEffect::Refused(pending.command, result),
         }
-    }
-}
-
-/// Returns the streams that a device is asked for at first: samples in one form only.
-fn first_choice(wanted: Streams) -> Streams {
-    if wanted.contains(Streams::RAW) {
-        wanted.without(Streams::COMPRESSED_RAW)
-    } else {
-        wanted
     }
 }

@@ -12,6 +12,7 @@ pub(crate) fn command(command: &ToDevice) -> &'static str {
         ToDevice::SelfTest => "SelfTest",
         ToDevice::SyncTime { .. } => "SyncTime",
         ToDevice::Reset(_) => "Reset",
+        ToDevice::SetRate { .. } => "SetRate",
     }
 }
 

@@ -63,6 +63,8 @@ pub(crate) struct Board {
     pub(crate) self_test: Option<SelfTest>,
     /// Whether the board reboots at once after a reset command.
     pub(crate) restarts_on_reset: bool,
+    /// Rate of the packed code.
+    pub(crate) rate: u8,
     /// Streams in the last `Start` that the board received.
     pub(crate) streams: Streams,
     /// Commands that the board received, with their sequence numbers, oldest first.
@@ -92,6 +94,7 @@ impl Board {
             ack_result: AckResult::Done,
             self_test: None,
             restarts_on_reset: false,
+            rate: 4,
             streams: Streams::empty(),
             received: Vec::new(),
         }
@@ -203,6 +206,13 @@ impl Board {
                 ToDevice::Ping => {}
                 ToDevice::SelfTest | ToDevice::SyncTime { .. } | ToDevice::Reset(_) => {
                     result = self.ack_result;
+                }
+                ToDevice::SetRate { rate } => {
+                    if self.supported.contains(Streams::PACKED) {
+                        self.rate = rate;
+                    } else {
+                        result = AckResult::UnknownCommand;
+                    }
                 }
             }
             let ack = Ack { of: seq, result };

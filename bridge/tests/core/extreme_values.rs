@@ -1,9 +1,9 @@
 //! Valid frames with extreme numbers, which no working device sends.
 
-use bridge::{Announcement, AuditedWindow, Core, Effects, FillerPolicy, TimedCode};
+use bridge::{Announcement, AuditedWindow, Core, Effects, FillerPolicy, TimedBlock, TimedCode};
 use link::{
     Audit, BlockForm, ClockReading, CodeValues, CompressedRaw, Converters, Event, EventKind,
-    Filtered, Flags, Raw, Streams, ToHost,
+    Filtered, Flags, PackedCode, Raw, Streams, ToHost,
 };
 use neuro_ros::{NeuroEvent, NeuroFrame};
 
@@ -29,6 +29,8 @@ impl Effects for Counter {
     }
 
     fn decode(&mut self, _: TimedCode) {}
+
+    fn decode_block(&mut self, _: TimedBlock) {}
 
     fn publish_raw(&mut self, _: &NeuroFrame) {
         self.published += 1;
@@ -94,7 +96,7 @@ fn survives_extreme_numbers(filler: FillerPolicy) {
         let (made_us, first, other) = (number(), number(), number());
         #[expect(clippy::cast_possible_truncation, reason = "any number serves")]
         let (small, byte) = (other as u32, first as u8);
-        let message = match draw(7) {
+        let message = match draw(8) {
             0 => ToHost::Raw(Raw {
                 first_sample: first,
                 channels: 64,
@@ -131,6 +133,14 @@ fn survives_extreme_numbers(filler: FillerPolicy) {
                 form: BlockForm::from(byte % 4),
                 samples: byte,
                 bytes: &bytes[..192 * draw(9)],
+            }),
+            6 => ToHost::PackedCode(PackedCode {
+                block: small,
+                rate: byte,
+                flags: Flags::from_bits(u16::MAX),
+                clipped: u16::MAX,
+                saturated: other,
+                bytes: &bytes[..draw(200)],
             }),
             _ => ToHost::Audit(Audit {
                 model_id: board.model_id,

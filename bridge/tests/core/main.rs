@@ -17,6 +17,8 @@ mod invalid_samples;
 mod ledger;
 mod loss;
 mod other_devices;
+mod packed;
+mod packed_device;
 mod query;
 mod reconstruction;
 mod recorder;

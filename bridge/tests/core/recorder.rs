@@ -2,7 +2,7 @@
 
 use bridge::{
     AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FillerPolicy,
-    Settings, StampPoint, TimedCode,
+    Settings, StampPoint, TimedBlock, TimedCode,
 };
 use link::{CodeValues, Streams, ToDevice, ToHost};
 use neuro_ros::{DiagnosticStatus, NeuroEvent, NeuroFrame, Shape};
@@ -16,6 +16,7 @@ pub(crate) const SETTINGS: Settings = Settings {
     low_latency: false,
     announced: AnnouncedStream::Encoded,
     streams: Streams::CODES,
+    packed_rate: None,
     event_stamps: EventStamps::Scalp,
 };
 
@@ -26,6 +27,7 @@ pub(crate) struct Recorder {
     pub(crate) announced: Vec<Announcement>,
     pub(crate) encoded: Vec<NeuroFrame>,
     pub(crate) windows: Vec<TimedCode>,
+    pub(crate) blocks: Vec<TimedBlock>,
     pub(crate) raw: Vec<NeuroFrame>,
     pub(crate) filtered: Vec<NeuroFrame>,
     pub(crate) events: Vec<NeuroEvent>,
@@ -44,6 +46,10 @@ impl Effects for Recorder {
     fn publish_encoded(&mut self, frame: &NeuroFrame) {
         assert_eq!(Shape::from_frame(frame).unwrap().nchannels, [128, 0, 8]);
         keep(&mut self.encoded, frame);
+    }
+
+    fn decode_block(&mut self, block: TimedBlock) {
+        self.blocks.push(block);
     }
 
     fn decode(&mut self, window: TimedCode) {
@@ -191,6 +197,7 @@ pub(crate) fn commands(harness: &Harness) -> Vec<&'static str> {
         ToDevice::SelfTest => "self-test",
         ToDevice::SyncTime { .. } => "sync time",
         ToDevice::Reset(_) => "reset",
+        ToDevice::SetRate { .. } => "set rate",
     };
     harness.board.received.iter().map(name).collect()
 }

@@ -7,7 +7,8 @@ use neuro_ros::DiagnosticLevel;
 use crate::board::Board;
 use crate::recorder::{Harness, SETTINGS, commands};
 
-const EVERYTHING: Streams = Streams::ALL;
+/// Streams of the wire before packed blocks.
+const EVERYTHING: Streams = Streams::from_bits(0b11_1111);
 
 /// Returns the stream bits in every `Start` that the board received, oldest first.
 fn starts(harness: &Harness) -> Vec<u16> {
@@ -39,16 +40,19 @@ fn harness(streams: Streams, supported: Streams) -> Harness {
 }
 
 #[test]
-fn the_device_is_asked_for_the_chosen_streams_and_always_for_codes() {
+fn the_device_is_asked_for_the_chosen_streams_and_for_codes_unless_for_packed_blocks() {
     for (asked, expected) in [
         (0b01_1001, 0b01_1001),
         (0b00_0010, 0b00_0011),
         (0b10_0000, 0b10_0001),
+        // Packed blocks need no codes.
+        (0b100_1000, 0b100_1000),
+        (0b100_0001, 0b100_0001),
         // Samples in either form: plain ones come first.
         (0b10_0010, 0b00_0011),
         (0, 1),
     ] {
-        let harness = harness(Streams::from_bits(asked), EVERYTHING);
+        let harness = harness(Streams::from_bits(asked), Streams::ALL);
         assert_eq!(starts(&harness), [expected]);
     }
 }
@@ -78,7 +82,7 @@ fn an_older_device_is_asked_for_codes_alone_without_a_warning() {
 
 #[test]
 fn a_device_whose_port_is_too_slow_is_asked_for_compressed_samples() {
-    let uart = Streams::ALL.without(Streams::RAW);
+    let uart = EVERYTHING.without(Streams::RAW);
     let mut harness = harness(EVERYTHING, uart);
     assert_eq!(starts(&harness), [0b01_1111, 0b11_1101]);
     harness.code(1, false);
@@ -101,6 +105,31 @@ fn a_device_whose_port_is_too_slow_is_asked_for_compressed_samples() {
         status.message.contains("compressed-raw: update"),
         "{}",
         status.message
+    );
+}
+
+#[test]
+fn packed_blocks_are_asked_for_without_the_network_and_codes_in_their_place() {
+    let wanted = Streams::PACKED | Streams::AUDIT | Streams::EVENTS;
+    // An image with the packed code alone.
+    let alone = Streams::PACKED | Streams::EVENTS | Streams::FILTERED;
+    let with_filtered = harness(wanted | Streams::FILTERED, alone);
+    assert_eq!(starts(&with_filtered), [0b101_1100, 0b101_1000, 0b101_0000]);
+    // An image with the network alone, or older firmware.
+    let mut network = harness(wanted, EVERYTHING);
+    assert_eq!(starts(&network), [0b101_1000, 0b101_0000, 0b001_1001]);
+    network.code(1, false);
+    let status = network.status("device").unwrap();
+    assert!(
+        status.message.contains("does not stream packed"),
+        "{}",
+        status.message
+    );
+    assert_eq!(network.recorder.windows.len(), 1, "codes are decoded");
+    // The oldest firmware.
+    assert_eq!(
+        starts(&harness(wanted, Streams::CODES)),
+        [0b101_1000, 0b101_0000, 0b001_1001, 1]
     );
 }
 

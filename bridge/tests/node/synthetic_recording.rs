@@ -3,7 +3,7 @@
 
 use bridge::{
     AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FileHeader,
-    FillerPolicy, HostTime, Recorder, Settings, StampPoint, TimedCode,
+    FillerPolicy, HostTime, Recorder, Settings, StampPoint, TimedBlock, TimedCode,
 };
 use link::{CodeValues, Event, EventKind, Filtered, Flags, Raw, Streams, ToHost};
 use neuro_ros::{NeuroEvent, NeuroFrame};
@@ -52,6 +52,8 @@ impl Effects for Port {
     fn announce(&mut self, _: &Announcement) {}
     fn publish_encoded(&mut self, _: &NeuroFrame) {}
     fn decode(&mut self, _: TimedCode) {}
+
+    fn decode_block(&mut self, _: TimedBlock) {}
     fn publish_raw(&mut self, _: &NeuroFrame) {}
     fn publish_filtered(&mut self, _: &NeuroFrame) {}
     fn publish_event(&mut self, _: &NeuroEvent) {}
@@ -66,6 +68,7 @@ impl Rig {
             mains_hz: 50,
             filler: FillerPolicy::Off,
             low_latency: false,
+            packed_rate: None,
             event_stamps: EventStamps::Scalp,
             announced: AnnouncedStream::Encoded,
             streams,

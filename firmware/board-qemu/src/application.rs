@@ -46,7 +46,13 @@ async fn acquire(source: SampleSource, memory: (SampleSender, &'static mut Acqui
 }
 
 #[embassy_executor::task]
-async fn encode(memory: (SampleReceiver, OutputSender, &'static mut Producer<&'static mut BothEncoders>)) {
+async fn encode(
+    memory: (
+        SampleReceiver,
+        OutputSender,
+        &'static mut Producer<&'static mut BothEncoders>,
+    ),
+) {
     firmware::encode(&SHARED, memory).await;
 }
 

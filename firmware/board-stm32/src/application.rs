@@ -169,7 +169,13 @@ async fn acquire(
 }
 
 #[embassy_executor::task]
-async fn encode(memory: (SampleReceiver, OutputSender, &'static mut Producer<&'static mut Encoders>)) {
+async fn encode(
+    memory: (
+        SampleReceiver,
+        OutputSender,
+        &'static mut Producer<&'static mut Encoders>,
+    ),
+) {
     firmware::encode(&SHARED, memory).await;
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bridge::{
     AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FillerPolicy,
-    HostTime, Model, Settings, StampPoint, TimedCode,
+    HostTime, Model, Settings, StampPoint, TimedBlock, TimedCode,
 };
 use link::{Flags, Streams};
 use neuro_ros::{DiagnosticStatus, NeuroEvent, NeuroFrame};
@@ -42,6 +42,8 @@ impl Effects for Recorder {
 
     fn decode(&mut self, _: TimedCode) {}
 
+    fn decode_block(&mut self, _: TimedBlock) {}
+
     fn publish_raw(&mut self, _: &NeuroFrame) {}
 
     fn publish_filtered(&mut self, _: &NeuroFrame) {}
@@ -71,6 +73,7 @@ impl Harness {
             low_latency: false,
             announced: AnnouncedStream::Encoded,
             streams: Streams::CODES | Streams::AUDIT,
+            packed_rate: None,
             event_stamps: EventStamps::Scalp,
         };
         let model = Arc::new(Model::embedded().unwrap());

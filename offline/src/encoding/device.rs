@@ -1,11 +1,11 @@
 //! The firmware's pipeline without converters, clock and port: samples in, frames out.
 
 use device::{
-    Abilities, AcquiredSample, BothEncoders, Counts, FrameQueue, Identity, Marks, Order, Output, Producer, Run,
+    Abilities, AcquiredSample, Counts, FrameQueue, Identity, Marks, Order, Output, Producer, Run,
     Sender, Session,
 };
 use link::{ResetCause, Start, Stats, Streams, Substitutes};
-use pipeline::{Acquisition, Mains, Sample};
+use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
 
 /// Frames of the device that have not been written to the file yet.
 #[derive(Debug, Default)]
@@ -49,7 +49,7 @@ pub(super) struct Device {
     session: Session<'static>,
     sender: Sender<Frames>,
     acquisition: Acquisition,
-    producer: Box<Producer<BothEncoders>>,
+    producer: Box<Producer<EncoderMemory>>,
     /// Parameters of the run, which starts with the first sample; then `None`.
     new_run: Option<Run>,
     samples: u64,
@@ -72,7 +72,7 @@ impl Device {
             session,
             sender,
             acquisition: Acquisition::new(mains),
-            producer: Box::new(Producer::new(BothEncoders::EMPTY)),
+            producer: Box::new(Producer::new(EncoderMemory::EMPTY)),
             new_run: match order {
                 Some(Order::Start(run)) => Some(run),
                 _ => None,

@@ -66,6 +66,7 @@ fn reconstruction() -> Reconstruction {
         low_latency: false,
         announced: AnnouncedStream::Encoded,
         streams: link::Streams::CODES,
+        packed_rate: None,
         event_stamps: EventStamps::Scalp,
     };
     Reconstruction::new(&device, model, settings)
@@ -96,7 +97,7 @@ fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_
     let count = Arc::new(Mutex::new(Vec::new()));
     let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
     for _ in 0..2 {
-        decoder.start_device(reconstruction());
+        decoder.start_device(reconstruction(), None);
         for window in 0..2500 {
             decoder.decode(TimedCode {
                 z: None,
@@ -117,7 +118,7 @@ fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_
 fn every_code_of_a_burst_after_a_stall_is_decoded() {
     let count = Arc::new(Mutex::new(Vec::new()));
     let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
-    decoder.start_device(reconstruction());
+    decoder.start_device(reconstruction(), None);
     // 37 s of codes at once, far more than the thread decodes meanwhile.
     for window in 0..600 {
         decoder.decode(TimedCode {
@@ -158,7 +159,7 @@ fn codes_are_decoded_only_while_someone_receives_them_and_numbers_continue() {
     let receiver = Arc::new(AtomicBool::new(false));
     let sink = Switched(Numbers(Arc::clone(&count)), Arc::clone(&receiver));
     let mut decoder = DecoderThread::start(Box::new(sink)).unwrap();
-    decoder.start_device(reconstruction());
+    decoder.start_device(reconstruction(), None);
     for window in 0..20 {
         if window == 10 {
             while decoder.counts().not_needed < 10 {
@@ -198,7 +199,7 @@ impl Sink<NeuroFrame> for Slow {
 #[test]
 fn the_end_does_not_wait_for_a_long_queue_and_counts_what_is_left() {
     let mut decoder = DecoderThread::start(Box::new(Slow)).unwrap();
-    decoder.start_device(reconstruction());
+    decoder.start_device(reconstruction(), None);
     // 60 s of work.
     for window in 0..1200 {
         decoder.decode(TimedCode {

@@ -1,0 +1,107 @@
+//! The packed code, for `/diagnostics`.
+
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
+
+use crate::diagnostics::status::new_status;
+use crate::streams::counts::BlockCounts;
+use crate::streams::packed::PackedStream;
+
+/// Counts of the packed blocks at the last report.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct PackedReport {
+    time_us: i64,
+    bits: u64,
+    blocks: u64,
+    misfits: u64,
+    blanks: u64,
+    malformed: u64,
+    missing: u64,
+}
+
+impl PackedReport {
+    /// Returns the number of blocks that are missing since the last report.
+    pub(crate) fn missing_since(&self, stream: &PackedStream) -> u64 {
+        stream.hops().missing() - self.missing
+    }
+
+    /// Returns the status `packed code` at the host time `now_us`, and keeps its counts for the next one; `None`
+    /// before the first block.
+    pub(crate) fn status(
+        &mut self,
+        stream: &PackedStream,
+        now_us: i64,
+    ) -> Option<DiagnosticStatus> {
+        let rate = stream.rate()?;
+        let (hops, counts) = (stream.hops(), stream.counts());
+        let BlockCounts {
+            bits,
+            resets,
+            misfits,
+            blanks,
+            malformed,
+            clipped,
+        } = *counts;
+        let now = PackedReport {
+            time_us: now_us,
+            bits,
+            blocks: hops.ledger.received(),
+            misfits,
+            blanks,
+            malformed,
+            missing: hops.missing(),
+        };
+        let before = std::mem::replace(self, now);
+        let since = |now: u64, before: u64| now.saturating_sub(before);
+        let blocks = since(now.blocks, before.blocks);
+        #[expect(clippy::cast_precision_loss, reason = "counts of one second")]
+        let bits_per_second = match now_us - before.time_us {
+            elapsed_us if before.time_us > 0 && elapsed_us > 0 => {
+                since(bits, before.bits) as f64 * 1e6 / elapsed_us as f64
+            }
+            _ => 0.0,
+        };
+        let misfits_since = since(misfits, before.misfits);
+        let blanks_since = since(blanks, before.blanks);
+        let malformed_since = since(malformed, before.malformed);
+        let state = if malformed_since > 0 {
+            let message = format!(
+                "{malformed_since} blocks cannot be decoded; bring firmware and this program to the same release"
+            );
+            (DiagnosticLevel::Error, message)
+        } else if blanks_since > 0 {
+            let message = format!(
+                "{blanks_since} of {blocks} blocks were too long and have no content; check the electrodes, or \
+                 choose a coarser rate"
+            );
+            (DiagnosticLevel::Warn, message)
+        } else if 2 * misfits_since > blocks {
+            let message = format!(
+                "{misfits_since} of {blocks} blocks do not fit the model: an electrode without contact, or \
+                 another cap than it was trained for"
+            );
+            (DiagnosticLevel::Warn, message)
+        } else {
+            (
+                DiagnosticLevel::Ok,
+                format!("rate {rate}, {bits_per_second:.0} bits per second"),
+            )
+        };
+        let values = vec![
+            KeyValue::new("rate", &rate),
+            KeyValue::new("bits per second", &format!("{bits_per_second:.0}")),
+            KeyValue::new("made", &hops.ledger.made()),
+            KeyValue::new("received", &hops.ledger.received()),
+            KeyValue::new("lost", &hops.ledger.lost()),
+            KeyValue::new("missing between runs", &hops.between_runs),
+            KeyValue::new("longest burst", &hops.ledger.longest_burst()),
+            KeyValue::new("fillers", &hops.fillers),
+            KeyValue::new("lost and not filled", &hops.unfilled),
+            KeyValue::new("resets", &resets),
+            KeyValue::new("misfits", &misfits),
+            KeyValue::new("blank", &blanks),
+            KeyValue::new("malformed", &malformed),
+            KeyValue::new("values clipped", &clipped),
+        ];
+        Some(new_status("packed code", state, values))
+    }
+}

@@ -1,0 +1,298 @@
+//! Places of the items that a device makes once per hop: codes, or blocks of the packed code.
+
+use crate::device::Device;
+use crate::streams::continuity::{Continuity, MissingStretch};
+use crate::streams::counts::HopCounts;
+use crate::streams::ledger::Arrival;
+use crate::streams::stamps::Reception;
+
+/// Numbers the items of one stream and finds the missing ones, within a run of the device and between two.
+///
+/// The counts persist while the bridge runs, across restarts of the device.
+#[derive(Debug)]
+pub(crate) struct HopTimeline {
+    /// Plural name of the items, for the log.
+    items: &'static str,
+    /// Whether an item, a `Stats` message or an acknowledgement has shown that the stream runs.
+    running: bool,
+    /// Device time of the newest item, received or missing, microseconds.
+    last_device_us: Option<u64>,
+    /// Index of the newest item, received or filled.
+    last_index: u32,
+    continuity: Continuity,
+    /// Newest stretch of missing items, until the bus has reported it.
+    missing: Option<MissingStretch>,
+    counts: HopCounts,
+}
+
+/// Index and time of an item, received or missing.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HopPlace {
+    pub(crate) index: u32,
+    /// Device time of the item's last step in the newest run, microseconds; negative before that
+    /// run began.
+    pub(crate) device_us: i128,
+    /// Number of items missing so far.
+    pub(crate) missing: u64,
+}
+
+/// Durations of a stream.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HopDurations {
+    /// Time from one item to the next, microseconds.
+    pub(crate) hop_us: i64,
+    /// Time from the first step of an announced frame, at the electrodes, to the last step of the
+    /// item that completes the frame, microseconds.
+    pub(crate) lookback_us: i64,
+}
+
+impl HopDurations {
+    /// Returns the durations of a stream of `device` whose frames begin `lookback_us` before the end of the item that
+    /// completes them.
+    pub(crate) fn new(device: &Device, lookback_us: i64) -> HopDurations {
+        HopDurations {
+            hop_us: device.steps_us(u32::from(device.hop_steps)),
+            lookback_us,
+        }
+    }
+}
+
+/// Items that are missing directly before another one.
+#[derive(Clone, Copy, Debug)]
+struct Gap {
+    /// Number of items that the device made in this run.
+    lost: u32,
+    /// Number of items before the first one of this run.
+    between_runs: u64,
+}
+
+impl HopTimeline {
+    /// Creates the timeline of a stream of `items`, such as "codes".
+    pub(crate) fn new(items: &'static str) -> HopTimeline {
+        HopTimeline {
+            items,
+            running: false,
+            last_device_us: None,
+            last_index: 0,
+            continuity: Continuity::default(),
+            missing: None,
+            counts: HopCounts::default(),
+        }
+    }
+
+    /// Starts another run. Call this when the device counts from 0 again. The time until the run's
+    /// first item is filled.
+    pub(crate) fn restart(&mut self) {
+        self.counts.ledger.expect_next(0);
+        self.running = false;
+        self.last_device_us = None;
+        self.continuity.end_run();
+    }
+
+    /// Ends the recording, because the user stopped the stream. The time until the next start is not
+    /// filled.
+    pub(crate) fn end_recording(&mut self) {
+        self.restart();
+        self.continuity = Continuity::default();
+    }
+
+    /// Records that the stream runs.
+    pub(crate) fn mark_running(&mut self) {
+        self.running = true;
+    }
+
+    /// Returns whether the stream is known to run since the last restart.
+    pub(crate) fn is_running(&self) -> bool {
+        self.running
+    }
+
+    /// Returns the newest stretch of missing items once. It starts where the frames do.
+    pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
+        self.missing.take()
+    }
+
+    pub(crate) fn counts(&self) -> &HopCounts {
+        &self.counts
+    }
+
+    /// Counts fillers that were published.
+    pub(crate) fn count_fillers(&mut self, fillers: usize) {
+        self.counts.fillers += fillers as u64;
+    }
+
+    /// Returns whether an item with this index, in a new frame, shows that the device restarted its
+    /// stream without a command: the index was already counted.
+    pub(crate) fn is_restart(&self, index: u32) -> bool {
+        self.counts.ledger.is_old(index)
+    }
+
+    /// Places an item that the device made at `device_us`, and the missing items before it: at most
+    /// `max_fillers`, oldest first.
+    ///
+    /// `device_us` is `None` if the frame's device time was impossible. The time is then computed
+    /// from the index.
+    pub(crate) fn receive(
+        &mut self,
+        index: u32,
+        device_us: Option<u64>,
+        durations: HopDurations,
+        reception: Reception<'_>,
+        max_fillers: u64,
+    ) -> Option<(Vec<HopPlace>, HopPlace)> {
+        let mut arrival = self.counts.ledger.record(index);
+        if arrival == Arrival::Old {
+            tracing::warn!(index, "the device restarted its stream of {}", self.items);
+            self.restart();
+            arrival = self.counts.ledger.record(index);
+        }
+        let Arrival::New { lost } = arrival else {
+            return None;
+        };
+        let host_us = device_us.and_then(|us| reception.clock.host_us(us.into()));
+        let device_us = device_us.unwrap_or_else(|| self.time_of_next(lost, 0, durations));
+        let gap = Gap {
+            lost,
+            between_runs: self.missing_between_runs(host_us, lost, durations, reception),
+        };
+        let fillers = self.fillers(index, gap, device_us, durations, max_fillers);
+        self.running = true;
+        self.last_device_us = Some(device_us);
+        self.last_index = index;
+        let place = HopPlace {
+            index,
+            device_us: device_us.into(),
+            missing: self.counts.missing(),
+        };
+        Some((fillers, place))
+    }
+
+    /// Places all missing items before index `next`. According to a `Stats` message that the device
+    /// made at `device_us`, its next item has this index.
+    pub(crate) fn fill_before(
+        &mut self,
+        next: u32,
+        device_us: u64,
+        durations: HopDurations,
+        reception: Reception<'_>,
+        max_fillers: u64,
+    ) -> Vec<HopPlace> {
+        let lost = self.counts.ledger.count_lost_before(next);
+        if lost == 0 {
+            return Vec::new();
+        }
+        // Before the first item of a stream, only the time of the `Stats` message is known. The
+        // device made its last item at most one hop before that time.
+        let next_us = self.time_of_next(lost, device_us, durations);
+        let host_us = reception.clock.host_us(next_us.into());
+        let gap = Gap {
+            lost,
+            between_runs: self.missing_between_runs(host_us, lost, durations, reception),
+        };
+        let fillers = self.fillers(next, gap, next_us, durations, max_fillers);
+        self.last_device_us = Some(next_us.saturating_add_signed(-durations.hop_us));
+        fillers
+    }
+
+    /// Records that the item of `place` is published.
+    pub(crate) fn record(&mut self, place: HopPlace, reception: Reception<'_>) {
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+        let read_us = reception.read.monotonic_us as f64;
+        let host_us = reception.clock.host_us(place.device_us);
+        self.continuity.record(host_us.unwrap_or(read_us));
+    }
+
+    /// Returns the number of items missing between two runs; 0 within a run. `host_us` is the host
+    /// time of an item of the newer run, of which `lost` items before it are lost.
+    fn missing_between_runs(
+        &mut self,
+        host_us: Option<f64>,
+        lost: u32,
+        durations: HopDurations,
+        reception: Reception<'_>,
+    ) -> u64 {
+        let read_us = reception.read.monotonic_us;
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+        let [read_us, hop_us] = [read_us, durations.hop_us].map(|us| us as f64);
+        let first_us = host_us.unwrap_or(read_us) - f64::from(lost) * hop_us;
+        let missing = self.continuity.missing_before(first_us, hop_us);
+        self.counts.between_runs += missing;
+        missing
+    }
+
+    /// Returns the device time of the item that follows `lost` lost items, microseconds. If the
+    /// time of no item is known, returns the time one hop after `fallback_us`.
+    fn time_of_next(&self, lost: u32, fallback_us: u64, durations: HopDurations) -> u64 {
+        let (known_us, hops) = match self.last_device_us {
+            Some(last_us) => (last_us, i64::from(lost) + 1),
+            None => (fallback_us, 1),
+        };
+        known_us.saturating_add_signed(hops * durations.hop_us)
+    }
+
+    /// Returns the places of the items missing directly before index `index`, at most `max_fillers`.
+    /// The item of index `index` has the device time `device_us`.
+    fn fillers(
+        &mut self,
+        index: u32,
+        gap: Gap,
+        device_us: u64,
+        durations: HopDurations,
+        max_fillers: u64,
+    ) -> Vec<HopPlace> {
+        let missing = gap.between_runs + u64::from(gap.lost);
+        if missing == 0 {
+            return Vec::new();
+        }
+        let items = self.items;
+        tracing::debug!(
+            lost = gap.lost,
+            between_runs = gap.between_runs,
+            before = index,
+            "{items} missing"
+        );
+        let hop_us = i128::from(durations.hop_us);
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "68 minutes are exact to the millisecond"
+        )]
+        let seconds = (hop_us * i128::from(missing)) as f32 / 1e6;
+        let first_us = i128::from(device_us) - hop_us * i128::from(missing);
+        self.missing = Some(MissingStretch {
+            start_us: first_us - i128::from(durations.lookback_us),
+            seconds,
+            restarted: gap.between_runs > 0,
+        });
+        let filled = missing.min(max_fillers);
+        if filled < missing {
+            self.skip_unfilled(missing - filled, gap);
+        }
+        let mut places = Vec::with_capacity(usize::try_from(filled).unwrap_or_default());
+        for back in (1..=filled).rev() {
+            // The items between two runs have no index of their own; those of the older run go on.
+            self.last_index = match u32::try_from(back) {
+                Ok(back) if back <= gap.lost => index.wrapping_sub(back),
+                _ => self.last_index.wrapping_add(1),
+            };
+            places.push(HopPlace {
+                index: self.last_index,
+                device_us: i128::from(device_us) - hop_us * i128::from(back),
+                missing: self.counts.missing() - back + 1,
+            });
+        }
+        places
+    }
+
+    /// Counts items that are missing and not filled.
+    fn skip_unfilled(&mut self, unfilled: u64, gap: Gap) {
+        self.counts.unfilled += unfilled;
+        // The indices show the gap, also those between two runs.
+        let between_runs = unfilled.min(gap.between_runs);
+        #[expect(clippy::cast_possible_truncation, reason = "indices wrap")]
+        let between_runs = between_runs as u32;
+        self.last_index = self.last_index.wrapping_add(between_runs);
+        tracing::error!(
+            unfilled,
+            "the outage was too long to fill; start a new recording"
+        );
+    }
+}

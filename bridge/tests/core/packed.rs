@@ -1,0 +1,317 @@
+//! Packed blocks: commands for them, their reconstruction, losses and the report about them.
+
+use bridge::{FillerPolicy, PackedReconstruction, Settings};
+use link::{AckResult, Flags, Streams, ToDevice};
+use neuro_ros::{DiagnosticLevel, NeuroFrame};
+use packed::Rate;
+use reconstruction::{HEALING_BLOCKS, PackedDecoder};
+
+use crate::board::{at, model};
+use crate::packed_device::{PACKED, Packed, block};
+use crate::recorder::{Harness, commands};
+
+/// Returns the frames that the bridge's decoder makes of everything the core has passed to it.
+fn frames(device: &Packed, settings: Settings) -> Vec<NeuroFrame> {
+    let recorder = &device.harness.recorder;
+    let announced = &recorder.announced[0].device;
+    let mut decoder = PackedReconstruction::new(announced, &model(), settings).unwrap();
+    let blocks = recorder.blocks.iter();
+    blocks
+        .filter_map(|block| decoder.next_frame(block).cloned())
+        .collect()
+}
+
+fn flags(frames: &[NeuroFrame]) -> Vec<u16> {
+    let words = frames.iter().map(|frame| frame.tri.data[0]);
+    words.map(|word| u16::try_from(word).unwrap()).collect()
+}
+
+/// Returns a decoder of the library, with the blocks `received` of a run: `None` for a lost one.
+fn decode(received: impl Iterator<Item = Option<u32>>) -> (Vec<Vec<f32>>, Vec<Option<Vec<f32>>>) {
+    let mut decoder = PackedDecoder::new(model().packed().unwrap());
+    let rate = Rate::new(4).unwrap();
+    received
+        .map(|index| match index {
+            Some(index) => {
+                let decoded = decoder.decode(&block(index, 0, 4), rate).unwrap();
+                (decoded.microvolts, decoded.smoothed)
+            }
+            None => (decoder.skip(), None),
+        })
+        .unzip()
+}
+
+#[test]
+fn the_rate_is_set_before_the_start_and_while_blocks_arrive() {
+    let asked = Settings {
+        packed_rate: Some(7),
+        ..PACKED
+    };
+    let mut device = Packed::new(asked);
+    assert_eq!(
+        commands(&device.harness),
+        ["identify", "stop", "set rate", "start"]
+    );
+    assert_eq!(device.harness.board.rate, 7);
+    device.send(false);
+    device.harness.core.set_packed_rate(2);
+    let now = at(device.harness.now_us);
+    device.harness.core.tick(now, &mut device.harness.recorder);
+    device.harness.exchange();
+    assert_eq!(device.harness.board.rate, 2);
+    assert_eq!(commands(&device.harness).last(), Some(&"set rate"));
+    // Without packed blocks there is nothing to set.
+    let codes = Settings {
+        streams: Streams::CODES,
+        ..asked
+    };
+    assert!(!commands(&Packed::new(codes).harness).contains(&"set rate"));
+}
+
+#[test]
+fn a_device_that_cannot_set_the_rate_streams_all_the_same() {
+    let asked = Settings {
+        packed_rate: Some(7),
+        ..PACKED
+    };
+    let mut harness = Harness::new(asked, crate::board::Board::new());
+    harness.core.connected(at(1_000_000), &mut harness.recorder);
+    for _ in 0..8 {
+        let commands = std::mem::take(&mut harness.recorder.sent);
+        let before = harness.board.received.len();
+        let answers = harness.board.answer(&commands);
+        let news = &harness.board.received[before..];
+        let is_rate = matches!(news, [(_, ToDevice::SetRate { .. })]);
+        if is_rate {
+            let ack = link::ToHost::Ack(link::Ack {
+                of: news[0].0,
+                result: AckResult::UnknownCommand,
+            });
+            harness.send(0, &ack);
+        } else {
+            harness.receive(&answers);
+        }
+    }
+    assert_eq!(
+        commands(&harness),
+        ["identify", "stop", "set rate", "start"]
+    );
+}
+
+#[test]
+fn with_low_latency_each_block_yields_its_signals_at_once() {
+    let mut device = Packed::new(PACKED);
+    for _ in 0..70 {
+        device.send(false);
+    }
+    let frames = frames(&device, PACKED);
+    let (expected, _) = decode((0..70).map(Some));
+    let signals: Vec<&Vec<f32>> = frames.iter().map(|frame| &frame.eeg.data).collect();
+    assert_eq!(signals, expected.iter().collect::<Vec<_>>());
+    assert!(flags(&frames).iter().all(|flags| *flags == 0));
+    assert!(
+        frames
+            .iter()
+            .any(|frame| frame.eeg.data.iter().any(|uv| uv.abs() > 5.0)),
+        "no signal"
+    );
+    for (index, frame) in (0..).zip(&frames) {
+        assert_eq!(frame.neuroheader.seq, index + 1);
+        // Stamps follow each other by a hop; the first step was 7 steps and the filters' delay before.
+        let stamp_us = frame.header.stamp.nanoseconds() / 1000;
+        let last_step_us = 1_000_000 + 62_500 * (i64::from(index) + 1);
+        let expected_us = at(last_step_us - 7 * 7_812 - 4 - 10_000).wall_ns / 1000;
+        assert!(
+            (stamp_us - expected_us).abs() < 10,
+            "{stamp_us} {expected_us}"
+        );
+        assert_eq!(frame.tri.data[1], i32::try_from(index).unwrap());
+    }
+}
+
+#[test]
+fn otherwise_a_block_yields_the_frame_before_it_with_its_correction() {
+    let smooth = Settings {
+        low_latency: false,
+        ..PACKED
+    };
+    let mut device = Packed::new(smooth);
+    for _ in 0..70 {
+        device.send(false);
+    }
+    let frames = frames(&device, smooth);
+    let (plain, smoothed) = decode((0..70).map(Some));
+    assert_eq!(frames.len(), 69, "the newest block waits");
+    for (index, frame) in frames.iter().enumerate() {
+        // A block without prediction corrects nothing.
+        let expected = smoothed[index + 1].as_ref().unwrap_or(&plain[index]);
+        assert_eq!(&frame.eeg.data, expected, "block {index}");
+        assert_eq!(smoothed[index + 1].is_none(), index == 63);
+        assert_eq!(frame.tri.data[1], i32::try_from(index).unwrap());
+    }
+    assert_ne!(frames[5].eeg.data, plain[5]);
+}
+
+#[test]
+fn a_lost_block_is_predicted_and_flagged_until_the_state_has_healed() {
+    let lost = |index: u32| (10..13).contains(&index) || index == 40;
+    let mut device = Packed::new(PACKED);
+    for index in 0..80 {
+        device.send(lost(index));
+    }
+    let frames = frames(&device, PACKED);
+    let (expected, _) = decode((0..80).map(|index| (!lost(index)).then_some(index)));
+    let signals: Vec<&Vec<f32>> = frames.iter().map(|frame| &frame.eeg.data).collect();
+    assert_eq!(signals, expected.iter().collect::<Vec<_>>());
+    let healing = u32::try_from(HEALING_BLOCKS).unwrap();
+    for (index, flags) in (0..).zip(flags(&frames)) {
+        let heals = |last: u32| (last + 1..=last + healing).contains(&index);
+        let due = match index {
+            index if lost(index) => Flags::FILLER,
+            _ if heals(12) || heals(40) => Flags::HEALING,
+            _ => Flags::empty(),
+        };
+        assert_eq!(flags, due.bits(), "block {index}");
+    }
+    let summary = device.harness.core.summary();
+    let packed = summary.packed;
+    assert_eq!(
+        (packed.made, packed.received, packed.lost, packed.fillers),
+        (80, 76, 4, 4)
+    );
+    assert_eq!(summary.frames_lost, 4);
+    // The policy chooses what stands in the frames of lost blocks, but not what follows.
+    for (filler, due) in [(FillerPolicy::Zeros, 80), (FillerPolicy::Off, 76)] {
+        let settings = Settings { filler, ..PACKED };
+        let mut other = Packed::new(settings);
+        for index in 0..80 {
+            other.send(lost(index));
+        }
+        let others = self::frames(&other, settings);
+        assert_eq!(others.len(), due);
+        assert_eq!(others.last().unwrap().eeg.data, frames[79].eeg.data);
+        if filler == FillerPolicy::Zeros {
+            assert!(others[11].eeg.data.iter().all(|uv| *uv == 0.0));
+        }
+    }
+}
+
+#[test]
+fn a_restarted_device_continues_the_frames_with_fillers_between() {
+    let mut device = Packed::new(PACKED);
+    for _ in 0..5 {
+        device.send(false);
+    }
+    device.harness.board.reboot();
+    device.harness.now_us += 4 * 62_500;
+    let hello = device.harness.board.hello();
+    device.harness.receive(&hello);
+    device.harness.exchange();
+    device.next = 0;
+    for _ in 0..5 {
+        device.send(false);
+    }
+    let frames = frames(&device, PACKED);
+    let fillers: Vec<bool> = flags(&frames)
+        .iter()
+        .map(|flags| flags & 0x8000 != 0)
+        .collect();
+    let expected = [vec![false; 5], vec![true; 4], vec![false; 5]].concat();
+    assert_eq!(fillers, expected);
+    // The first block of a run needs no prediction, so nothing has to heal.
+    let (run, _) = decode((0..5).map(Some));
+    assert_eq!(frames[9].eeg.data, run[0]);
+    assert!(flags(&frames)[9..].iter().all(|flags| *flags == 0));
+}
+
+#[test]
+fn codes_beside_blocks_are_published_and_not_decoded() {
+    let both = Settings {
+        streams: Streams::CODES | Streams::PACKED,
+        ..PACKED
+    };
+    let mut device = Packed::new(both);
+    for _ in 0..4 {
+        device.send(false);
+        device.harness.now_us -= 62_500;
+        device.harness.code(1, false);
+    }
+    let recorder = &device.harness.recorder;
+    assert_eq!(recorder.encoded.len(), 4);
+    assert_eq!((recorder.windows.len(), recorder.blocks.len()), (0, 4));
+}
+
+#[test]
+fn the_report_states_rate_bits_and_what_does_not_fit_the_model() {
+    let mut device = Packed::new(PACKED);
+    assert!(device.harness.status("packed code").is_none());
+    device.send(false);
+    device.harness.status("packed code").unwrap();
+    let mut bits = 0;
+    for _ in 0..16 {
+        bits += 8 * block(device.next, 0, 4).len();
+        device.send(false);
+    }
+    let status = device.harness.status("packed code").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Ok);
+    assert_eq!(status.message, format!("rate 4, {bits} bits per second"));
+    let value = |status: &neuro_ros::DiagnosticStatus, key: &str| {
+        let values = status.values.iter();
+        let found = values.clone().find(|value| value.key == key);
+        found.unwrap().value.clone()
+    };
+    assert_eq!(value(&status, "received"), "17");
+    assert_eq!(value(&status, "resets"), "1");
+    assert_eq!(
+        device.harness.status("device").unwrap().message,
+        "streaming"
+    );
+
+    device.flags = Flags::MISFIT;
+    for _ in 0..10 {
+        device.send(false);
+    }
+    let status = device.harness.status("packed code").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Warn);
+    assert!(status.message.starts_with("10 of 10 blocks do not fit"));
+    assert_eq!(value(&status, "misfits"), "10");
+
+    device.flags = Flags::BLANK;
+    device.send(false);
+    let status = device.harness.status("packed code").unwrap();
+    assert!(status.message.starts_with("1 of 1 blocks were too long"));
+
+    // The head names a rate that does not exist in this release.
+    device.flags = Flags::empty();
+    device.rate = 16;
+    device.send_bytes(&[1, 2, 3], false);
+    let status = device.harness.status("packed code").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Error);
+    assert_eq!(value(&status, "malformed"), "1");
+    let frames = frames(&device, PACKED);
+    assert_eq!(flags(&frames).last(), Some(&Flags::FILLER.bits()));
+}
+
+#[test]
+fn a_device_of_another_model_is_counted_and_not_decoded() {
+    let mut harness = Harness::new(PACKED, crate::board::Board::new());
+    harness.board.model_id = [9; 8];
+    harness.connect();
+    let mut device = Packed {
+        harness,
+        next: 0,
+        rate: 4,
+        flags: Flags::empty(),
+    };
+    for _ in 0..3 {
+        device.send(false);
+    }
+    assert!(device.harness.recorder.blocks.is_empty());
+    assert_eq!(device.harness.core.summary().packed.received, 3);
+    let status = device.harness.status("device").unwrap();
+    assert!(
+        status.message.contains("this program decodes"),
+        "{}",
+        status.message
+    );
+}
