@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::builder::{BoolishValueParser, Resettable};
 use clap::{Arg, ArgAction, Command, CommandFactory, Error, FromArgMatches, Parser, ValueHint};
-use link::ResetInto;
+use link::{ResetInto, Streams};
 
 use crate::app::check_options::{DoctorOptions, PortsOptions};
 use crate::app::completions::CompletionsOptions;
@@ -26,7 +26,7 @@ pub(crate) const CONFIG: &str = "config";
 /// Publishes /encoded, /neurodata_reconstructed, /events/bus and /diagnostics, on request also
 /// /neurodata and /neurodata_corticode, and serves /acquisition/get_info, ~start, ~stop and ~quit,
 /// as the node `acquisition`. The answer of get_info describes ONE of the streams, /encoded unless
-/// --announce selects another: a rosneuro_recorder or visualizer that is remapped to another stream
+/// --announce selects another or codes do not stream: a rosneuro_recorder or visualizer that is remapped to another stream
 /// receives frames that are larger than it allocated. Waits for an absent device or ROS master and
 /// reconnects when it returns. ROS's own arguments work too: __name:=, __ns:=,
 /// /encoded:=/neurodata. Each option is a private parameter as well: _port:=/dev/ttyACM0, or
@@ -82,9 +82,10 @@ pub(crate) struct Options {
     /// the announced stream, or the event itself, as the frames' stamps
     #[arg(long, env = "CORTICODE_EVENT_STAMPS", value_enum, default_value_t)]
     pub(crate) event_stamps: EventStamps,
-    /// Stream that /acquisition/get_info describes; record this one and no other
-    #[arg(long, env = "CORTICODE_ANNOUNCE", value_enum, default_value_t)]
-    pub(crate) announce: AnnouncedStream,
+    /// Stream that /acquisition/get_info describes; record this one and no other [default: encoded,
+    /// without codes reconstructed]
+    #[arg(long, env = "CORTICODE_ANNOUNCE", value_enum)]
+    pub(crate) announce: Option<AnnouncedStream>,
 }
 
 impl Options {
@@ -101,14 +102,22 @@ impl Options {
 
     /// Converts the options to the settings of the core.
     pub(crate) fn settings(&self) -> Settings {
+        let streams = self.asked.streams();
+        let announced = self
+            .announce
+            .unwrap_or(if streams.contains(Streams::CODES) {
+                AnnouncedStream::Encoded
+            } else {
+                AnnouncedStream::Reconstructed
+            });
         Settings {
             stamp: self.stamp,
             mains_hz: self.asked.mains_hz(),
             filler: self.filler,
             low_latency: self.low_latency,
-            announced: self.announce,
+            announced,
             event_stamps: self.event_stamps,
-            streams: self.asked.streams(),
+            streams,
             packed_rate: self.asked.packed_rate,
         }
     }

@@ -33,9 +33,9 @@ pub(crate) struct BlockCounts {
     pub(crate) bits: u64,
     /// Number of blocks without prediction.
     pub(crate) resets: u64,
-    /// Number of blocks with the flag `MISFIT`.
+    /// Number of blocks with the flag `MISFIT`, after the filters have settled: until then, no signal fits.
     pub(crate) misfits: u64,
-    /// Number of blocks with the flag `BLANK`.
+    /// Number of blocks with the flag `BLANK`, after the filters have settled.
     pub(crate) blanks: u64,
     /// Number of blocks that the packed code does not have; they count as lost for the decoder.
     pub(crate) malformed: u64,

@@ -132,8 +132,10 @@ impl PackedStream {
         let counts = &mut self.counts;
         counts.bits += 8 * code.bytes.len() as u64;
         counts.clipped += u64::from(code.clipped);
-        counts.misfits += u64::from(code.flags.contains(Flags::MISFIT));
-        counts.blanks += u64::from(code.flags.contains(Flags::BLANK));
+        if !code.flags.contains(Flags::SETTLING) {
+            counts.misfits += u64::from(code.flags.contains(Flags::MISFIT));
+            counts.blanks += u64::from(code.flags.contains(Flags::BLANK));
+        }
         let header = Rate::new(code.rate).and_then(|rate| {
             let reader = BlockReader::new(code.bytes, rate).ok()?;
             Some((rate, reader.header().is_reset))

@@ -27,9 +27,10 @@ pub(crate) fn block(index: u32, seed: u32, rate: u8) -> Vec<u8> {
         rate,
         is_reset: index.is_multiple_of(RESET_BLOCKS),
     };
-    let levels = match header.is_reset {
-        true => &packed.reset_levels,
-        false => &packed.predicted_levels,
+    let levels = if header.is_reset {
+        &packed.reset_levels
+    } else {
+        &packed.predicted_levels
     };
     let mut contexts = vec![Context::EMPTY; levels.len()];
     packed::prepare_contexts(levels, rate, &mut contexts);
