@@ -63,8 +63,13 @@ pub(crate) fn test(boards: &[Board], json: bool) -> Result<(), Failure> {
 pub(crate) fn live(board: Board, port: u16, other_port: bool) -> Result<(), Failure> {
     install::virtual_board_compiler()?;
     images::build(board)?;
-    let [[other, _], [default, _]] = board.images();
-    let image = images::file(if other_port { other } else { default });
+    let mut images = board.images().iter().map(|[name, _]| *name);
+    let image = if other_port {
+        images.next()
+    } else {
+        images.next_back()
+    };
+    let image = images::file(image.unwrap_or(board.key()));
     let is_uart = (board == Board::H743) == other_port;
     let cable = if is_uart { "uart" } else { "usb" };
     let key = board.key();

@@ -25,16 +25,23 @@ impl Board {
         ["h743", "f446"][self as usize]
     }
 
-    /// Names of the board's two images, each with the arguments for cargo that select it; the default image
-    /// is last.
-    pub(crate) const fn images(self) -> [[&'static str; 2]; 2] {
+    /// Names of the board's images, each with the arguments for cargo that select it: the image with the other
+    /// port first, the default image last.
+    pub(crate) const fn images(self) -> &'static [[&'static str; 2]] {
         match self {
-            Self::H743 => [
+            Self::H743 => &[
                 ["h743-uart", "--package=board-h743 --features=uart"],
                 ["h743", "--package=board-h743"],
             ],
-            Self::F446 => [
-                ["f446-usb", "--package=board-f446 --no-default-features"],
+            Self::F446 => &[
+                [
+                    "f446-usb",
+                    "--package=board-f446 --no-default-features --features=network",
+                ],
+                [
+                    "f446-packed",
+                    "--package=board-f446 --no-default-features --features=uart,packed",
+                ],
                 ["f446", "--package=board-f446"],
             ],
         }
@@ -51,7 +58,7 @@ pub(crate) fn file(name: &str) -> PathBuf {
     folder().join(name).with_extension("elf")
 }
 
-/// Builds both images of a board: first the one with the other port, then the default one. Cargo writes both
+/// Builds the images of a board, the default one last. Cargo writes all of them
 /// to the same path, so each is copied to a separate file, together with the list of its sources (`.d`). The
 /// default image, built last, remains at cargo's path, where `cargo flash` looks for it.
 pub(crate) fn build(board: Board) -> Result<(), Failure> {

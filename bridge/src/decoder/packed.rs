@@ -78,7 +78,7 @@ impl PackedReconstruction {
             full_scale_uv,
             held: None,
             kept: VecDeque::new(),
-            frame: device.reconstructed_frame(),
+            frame: device.unpacked_frame(),
         })
     }
 

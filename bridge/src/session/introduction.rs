@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use link::{Capabilities, Header, Hello, Substitutes};
+use link::{Capabilities, Header, Hello, Streams, Substitutes};
 use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
 use crate::device::Device;
@@ -157,8 +157,11 @@ impl Session {
         Shape::from_frame(&encoded)?;
         let frame = match self.settings.announced {
             AnnouncedStream::Encoded => encoded,
-            AnnouncedStream::Reconstructed if decodable => device.reconstructed_frame(),
-            AnnouncedStream::Reconstructed => return Ok(None),
+            AnnouncedStream::Reconstructed if !decodable => return Ok(None),
+            AnnouncedStream::Reconstructed if self.settings.streams.contains(Streams::PACKED) => {
+                device.unpacked_frame()
+            }
+            AnnouncedStream::Reconstructed => device.reconstructed_frame(),
             AnnouncedStream::Raw => device.raw_frame(),
             AnnouncedStream::Filtered => device.filtered_frame(),
         };

@@ -8,6 +8,9 @@ use crate::streams::tri::tri_info;
 /// Value of `header.frame_id`, and start of `transducter`, in frames with values that the network
 /// computed.
 const NETWORK: &str = "autoencoder";
+/// Value of `header.frame_id`, and start of `transducter`, in frames with values that the packed code
+/// holds.
+const PACKED: &str = "packed code";
 /// Value of `header.frame_id`, and start of `transducter`, in frames with voltages that the
 /// amplifier measured.
 const AMPLIFIER: &str = "electrodes";
@@ -37,13 +40,23 @@ impl Device {
         )
     }
 
-    /// Returns a frame for `/neurodata_reconstructed` that holds the steps of one hop, all zeros.
+    /// Returns a frame for `/neurodata_reconstructed`, from codes, that holds the steps of one hop, all
+    /// zeros.
     pub fn reconstructed_frame(&self) -> NeuroFrame {
+        self.hop_frame(NETWORK)
+    }
+
+    /// Returns the same frame for signals that are reconstructed from packed blocks.
+    pub fn unpacked_frame(&self) -> NeuroFrame {
+        self.hop_frame(PACKED)
+    }
+
+    fn hop_frame(&self, origin: &str) -> NeuroFrame {
         let eeg = NeuroDataInfo {
-            transducter: self.transducter(NETWORK),
+            transducter: self.transducter(origin),
             ..self.electrodes(u16::from(self.hop_steps))
         };
-        frame(self.step_rate_hz, NETWORK, eeg, NeuroDataInfo::default())
+        frame(self.step_rate_hz, origin, eeg, NeuroDataInfo::default())
     }
 
     /// Returns a frame for `/neurodata_corticode` that holds the steps of one hop, all zeros.

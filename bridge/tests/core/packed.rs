@@ -115,6 +115,7 @@ fn with_low_latency_each_block_yields_its_signals_at_once() {
             .any(|frame| frame.eeg.data.iter().any(|uv| uv.abs() > 5.0)),
         "no signal"
     );
+    assert_eq!(frames[0].eeg.info.transducter, "packed code");
     for (index, frame) in (0..).zip(&frames) {
         assert_eq!(frame.neuroheader.seq, index + 1);
         // Stamps follow each other by a hop; the first step was 7 steps and the filters' delay before.

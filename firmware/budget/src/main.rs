@@ -2,8 +2,8 @@
 //! variables are where the memory maps place them.
 //!
 //! ```text
-//! NAME.elf ── Image ──┬─ layout::faults (both images of a board) ──┬─ table or JSON, exit status
-//! *.x ── memory_map ──┴─ measure, limits (the default image) ──────┘
+//! NAME.elf ── Image ──┬─ layout::faults (all images of a board) ───┬─ table or JSON, exit status
+//! *.x ── memory_map ──┴─ measure, limits (the first image) ─────────┘
 //! ```
 #![forbid(unsafe_code)]
 
@@ -24,7 +24,7 @@ use crate::image::{Image, Segment};
 use crate::limits::{BOARDS, Limits};
 use crate::memory_map::Region;
 
-/// Figures of a board's default image.
+/// Figures of a board's image.
 #[derive(Debug, Serialize)]
 struct Board {
     board: &'static str,
@@ -47,7 +47,7 @@ struct Row {
 struct Options {
     /// Print one JSON object instead of a table.
     json: bool,
-    /// Leave out the images with the other port.
+    /// Leave out all images but the default ones.
     default_images: bool,
 }
 
@@ -65,7 +65,7 @@ fn main() -> ExitCode {
     let [folder] = &words[..] else {
         eprintln!(
             "usage: budget FOLDER_OF_IMAGES [--json] [--default-images]; `cargo xtask budget` builds the images, \
-             `--default-images` leaves out those with the other port"
+             `--default-images` leaves out all others than those that boards have by default"
         );
         return ExitCode::from(2);
     };
@@ -82,11 +82,12 @@ fn main() -> ExitCode {
     ExitCode::FAILURE
 }
 
-/// Prints the figures of every board's default image, and returns one sentence for each fault of any image in
+/// Prints the figures of every board's first image, and returns one sentence for each fault of any image in
 /// `folder`.
 fn budget(folder: &Path, options: Options) -> Result<Vec<String>, String> {
     let (mut boards, mut faults) = (Vec::new(), Vec::new());
-    for limits in &BOARDS {
+    let wanted = |limits: &&Limits| limits.is_default || !options.default_images;
+    for limits in BOARDS.iter().filter(wanted) {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let map = read(&root.join(limits.memory_map))?;
         let regions = memory_map::regions(&String::from_utf8_lossy(&map));
@@ -95,7 +96,7 @@ fn budget(folder: &Path, options: Options) -> Result<Vec<String>, String> {
         } else {
             limits.images.len()
         };
-        for name in limits.images.into_iter().take(count) {
+        for name in limits.images.iter().copied().take(count) {
             let path = folder.join(name).with_extension("elf");
             let image = Image::parse(&read(&path)?).ok_or_else(|| {
                 format!("{} is no 32-bit ELF file for ARM\n  {NEXT}", path.display())
@@ -178,7 +179,7 @@ fn used(region: &Region, segments: &[Segment]) -> u64 {
 
 fn print_table(boards: &[Board]) {
     let print = |[board, region, used, left, length, limit]: [&str; 6]| {
-        println!("{board:<16} {region:<6} {used:>9} {left:>9} {length:>9} {limit:>9}");
+        println!("{board:<26} {region:<6} {used:>9} {left:>9} {length:>9} {limit:>9}");
     };
     print(["board", "region", "used", "left", "of", "limit"]);
     for Board { board, regions } in boards {
@@ -198,7 +199,8 @@ mod tests {
 
     const LIMITS: Limits = Limits {
         name: "",
-        images: ["", ""],
+        images: &["", ""],
+        is_default: true,
         memory_map: "",
         regions: &[("FLASH", 300), ("RAM", 50)],
         stack: 100,

@@ -49,6 +49,7 @@ fn all_streams_at_once_equal_host_sims() {
         board.record(&json!({"all_streams": {
             "equal": difference.is_none() && is_raw_equal,
             "codes": count("code"),
+            "packed_blocks": count("packed block"),
             "raw_frames": count("raw samples"),
             "compressed_frames": count("compressed samples"),
             "filtered_frames": count("filtered steps"),
@@ -63,6 +64,7 @@ fn all_streams_at_once_equal_host_sims() {
             "stages": stages::figures(&boot.timing),
         }}));
         assert_eq!(difference, None, "an output is not host-sim's");
+        assert!(count("packed block") > count("code"), "no packed blocks");
         assert!(is_raw_equal, "raw samples are not the input's");
         let audits = audits(&run.sent, &boot.codes());
         assert!(!audits.is_empty(), "no audit came");
@@ -85,6 +87,7 @@ fn outputs(sent: &[u8]) -> Vec<(&'static str, u64, Vec<u8>)> {
     frames::filter_map(sent, |header, message| {
         let kind = match message {
             ToHost::Code(_) => "code",
+            ToHost::PackedCode(_) => "packed block",
             ToHost::Quality(_) => "report",
             ToHost::Raw(_) => "raw samples",
             ToHost::CompressedRaw(_) => "compressed samples",

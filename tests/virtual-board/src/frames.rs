@@ -16,7 +16,7 @@ pub struct Frame {
     pub kind: Kind,
 }
 
-/// A code of the device.
+/// A code of the device, of the network or packed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReceivedCode {
     /// Index of the window since `Start`.
@@ -40,6 +40,12 @@ pub enum Kind {
     },
     Capabilities,
     Code(ReceivedCode),
+    /// `window` is the index of the block.
+    PackedCode(ReceivedCode),
+    CompressedRaw {
+        first_sample: u64,
+        bytes: Vec<u8>,
+    },
     Stats(Box<Stats>),
     Ack(Ack),
     Timing(Box<Timing>),
@@ -121,6 +127,15 @@ impl Kind {
                 flags: code.flags,
                 bytes: encoded(message),
             }),
+            ToHost::PackedCode(code) => Self::PackedCode(ReceivedCode {
+                window: code.block,
+                flags: code.flags,
+                bytes: encoded(message),
+            }),
+            ToHost::CompressedRaw(raw) => Self::CompressedRaw {
+                first_sample: raw.first_sample,
+                bytes: encoded(message),
+            },
             ToHost::Stats(stats) => Self::Stats(Box::new(*stats)),
             ToHost::Ack(ack) => Self::Ack(*ack),
             ToHost::Timing(timing) => Self::Timing(Box::new(timing.clone())),

@@ -1,16 +1,14 @@
 //! Comparison of a board's codes with those of host-sim.
 
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use host_sim::{Identity, Outbox, VirtualBoard as Simulator, WhenFull};
-use link::{Start, Streams};
-use pipeline::{Mains, Sample};
-use virtual_board::{BoardError, Cable, Inbox, Kind, Model, ReceivedCode, eeg};
+use link::Streams;
+use virtual_board::{BoardError, Cable, Inbox, Model, ReceivedCode};
 
 use crate::figures::record;
 use crate::images::Subject;
-use crate::session::{assert_sound, run_codes, running, start};
+use crate::session::{assert_sound, in_time, run_codes, running, start, worst_path};
+use crate::simulation::{HOP, simulated};
 
 /// Returns the number of codes to compare: 256 (16 s) for the default image of a board, 48 (3 s) for the
 /// other image, which differs only in the port.
@@ -20,9 +18,6 @@ const fn codes(subject: Subject) -> usize {
         _ => 256,
     }
 }
-
-/// Number of samples between the starts of two windows.
-const HOP: u64 = 32;
 
 /// The codes equal those of host-sim bit for bit, their timestamps are 62.5 ms apart, and nothing is late or lost.
 pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
@@ -40,9 +35,10 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
     // The test does not know at which sample the codes start, so it tries all samples between the `Start`
     // command and its acknowledgement.
     let first = (before.saturating_sub(1)..=after + 1)
-        .find(|&sample| simulated(sample, 2 * HOP)[..1] == codes[..1]);
+        .find(|&sample| received(&simulated(Streams::CODES, &[], sample, 2 * HOP))[..1] == codes[..1]);
     let first = first.expect("the first code equals none of host-sim's");
-    let simulated = simulated(first, HOP * (codes.len() as u64 + 2));
+    let simulated = simulated(Streams::CODES, &[], first, HOP * (codes.len() as u64 + 2));
+    let simulated = received(&simulated);
     let equal = codes
         .iter()
         .zip(&simulated)
@@ -57,41 +53,7 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
         assert_eq!(pair[1] - pair[0], 62_500);
     }
 
-    for frame in board.inbox().frames() {
-        match &frame.kind {
-            Kind::Stats(stats) => {
-                let lost = [
-                    stats.frames_dropped,
-                    stats.overruns,
-                    stats.adc_status_bad,
-                    stats.input_bad,
-                ];
-                assert_eq!(lost, [0; 4], "dropped, overruns, bad status, bad input");
-            }
-            Kind::Timing(timing) => {
-                for stage in &timing.stages {
-                    let late = stage.histogram.last().copied();
-                    assert_eq!(late, Some(0), "{} is late: {stage:?}", stage.stage);
-                }
-            }
-            _ => {}
-        }
-    }
-    let timing = board
-        .inbox()
-        .frames()
-        .iter()
-        .rev()
-        .find_map(|frame| match &frame.kind {
-            Kind::Timing(timing) => Some(timing.clone()),
-            _ => None,
-        });
-    let timing = timing.expect("a report each second");
-    let worst = timing
-        .stages
-        .iter()
-        .map(|stage| f64::from(stage.worst_ns) / f64::from(stage.deadline_ns));
-    let worst = worst.fold(0.0, f64::max);
+    let timing = in_time(&board);
     // The peak of the stack use only grows, and the device reported it before this read, so the report
     // cannot be larger.
     let used = board.stack_used()?;
@@ -103,7 +65,7 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
     assert_sound(&mut board)?;
     record(subject, "codes", codes.len());
     record(subject, "equal_to_host", codes.len());
-    record(subject, "worst_path_over_deadline", format!("{worst:.3}"));
+    record(subject, "worst_path_over_deadline", format!("{:.3}", worst_path(&timing)));
     record(
         subject,
         "real_time_factor",
@@ -116,45 +78,6 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
         board.instructions() * 1_000_000 / board.now_us(),
     );
     Ok(())
-}
-
-/// Returns the codes that host-sim computes from `samples` samples, starting with sample `first`.
-fn simulated(first: u64, samples: u64) -> Vec<ReceivedCode> {
-    let outbox = Outbox::new(WhenFull::Wait);
-    let identity = Identity {
-        session_id: 0,
-        chip_uid: [0; 12],
-        ..Identity::default()
-    };
-    let mut board = Simulator::new(identity, Mains::default(), outbox.clone());
-    let bytes = thread::scope(|scope| {
-        let reader = scope.spawn(|| {
-            let mut bytes = Vec::new();
-            while let Some(frame) = outbox.pop() {
-                bytes.extend(frame);
-                outbox.mark_written();
-            }
-            bytes
-        });
-        let start = Start {
-            streams: Streams::CODES,
-            mains_hz: 0,
-        };
-        board.start(start, 0);
-        for number in 0..samples {
-            let mut sample = Sample::default();
-            for (channel, count) in sample.counts.iter_mut().enumerate() {
-                *count = eeg::count(first + number, channel);
-            }
-            board.process_sample(&sample, number * 1_000_000 / 512);
-        }
-        outbox.drain(Duration::from_secs(20));
-        outbox.close();
-        reader.join().expect("the reader ends")
-    });
-    let mut inbox = Inbox::default();
-    inbox.decode(&bytes);
-    received(&inbox)
 }
 
 fn received(inbox: &Inbox) -> Vec<ReceivedCode> {

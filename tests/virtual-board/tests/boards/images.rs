@@ -6,24 +6,16 @@ use std::path::Path;
 
 use virtual_board::{Cable, Image, Model, Setup};
 
-/// An image under test: its board and the cable it uses.
+/// An image under test: its board, the cable it uses and its name.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Subject {
     pub(crate) model: Model,
     pub(crate) cable: Cable,
+    /// Name of the image in figures.
+    pub(crate) key: &'static str,
 }
 
 impl Subject {
-    /// Returns the name of the image in figures.
-    pub(crate) const fn key(self) -> &'static str {
-        match (self.model, self.cable) {
-            (Model::H743, Cable::Usb) => "h743",
-            (Model::H743, Cable::Uart) => "h743-uart",
-            (Model::F446, Cable::Uart) => "f446",
-            (Model::F446, Cable::Usb) => "f446-usb",
-        }
-    }
-
     /// Returns the configuration of a healthy board with the cable of the image.
     pub(crate) fn setup(self) -> Setup {
         Setup {
@@ -32,12 +24,12 @@ impl Subject {
         }
     }
 
-    /// Reads the image that `CORTICODE_IMAGE_H743`, `.._H743_UART`, `.._F446` or `.._F446_USB` names.
+    /// Reads the image that `CORTICODE_IMAGE_H743`, `.._H743_UART`, `.._F446`, `.._F446_USB` or `.._F446_PACKED` names.
     ///
     /// # Panics
     /// When the variable is not set, or the image is missing, outdated or for another chip.
     pub(crate) fn image(self) -> Image {
-        let word = self.key().to_uppercase().replace('-', "_");
+        let word = self.key.to_uppercase().replace('-', "_");
         let variable = format!("CORTICODE_IMAGE_{word}");
         let path = env::var_os(&variable).unwrap_or_else(|| {
             panic!(
@@ -51,6 +43,6 @@ impl Subject {
 
 impl fmt::Display for Subject {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(self.key())
+        formatter.write_str(self.key)
     }
 }

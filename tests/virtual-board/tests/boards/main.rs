@@ -8,10 +8,12 @@ mod failures;
 mod figures;
 mod images;
 mod memory;
+mod packed;
 mod priorities;
 mod reset;
 mod self_test;
 mod session;
+mod simulation;
 mod start_up;
 mod trigger;
 mod usb;
@@ -24,24 +26,35 @@ use virtual_board::{Cable, Model};
 const H743: Subject = Subject {
     model: Model::H743,
     cable: Cable::Usb,
+    key: "h743",
 };
 
 /// Image of the NUCLEO-H743ZI2 with the feature `uart`.
 const H743_UART: Subject = Subject {
     model: Model::H743,
     cable: Cable::Uart,
+    key: "h743-uart",
 };
 
 /// Default image of the NUCLEO-F446RE.
 const F446: Subject = Subject {
     model: Model::F446,
     cable: Cable::Uart,
+    key: "f446",
 };
 
 /// Image of the NUCLEO-F446RE for a USB connector that the user adds.
 const F446_USB: Subject = Subject {
     model: Model::F446,
     cable: Cable::Usb,
+    key: "f446-usb",
+};
+
+/// Image of the NUCLEO-F446RE with the packed code in place of the network.
+const F446_PACKED: Subject = Subject {
+    model: Model::F446,
+    cable: Cable::Uart,
+    key: "f446-packed",
 };
 
 /// Defines a test for each scenario, which is a function that takes a [`Subject`].
@@ -93,7 +106,11 @@ macro_rules! default_image {
 
 mod h743 {
     default_image!(H743);
-    scenarios! { H743: usb: enumerates works_after_pauses_and_suspend reconnects_after_unplugging; }
+    scenarios! {
+        H743:
+        usb: enumerates works_after_pauses_and_suspend reconnects_after_unplugging;
+        packed: packed_blocks_equal_those_of_host_sim;
+    }
 }
 
 mod h743_uart {
@@ -106,10 +123,23 @@ mod h743_uart {
 
 mod f446 {
     default_image!(F446);
-    scenarios! { F446: commands: damaged_bytes_destroy_only_their_commands; }
+    scenarios! {
+        F446:
+        commands: damaged_bytes_destroy_only_their_commands;
+        packed: compressed_samples_equal_those_of_host_sim;
+    }
 }
 
 mod f446_usb {
     every_image!(F446_USB);
     scenarios! { F446_USB: usb: enumerates reconnects_after_unplugging; }
+}
+
+mod f446_packed {
+    scenarios! {
+        F446_PACKED:
+        start_up: starts_up;
+        priorities: interrupts_have_their_priorities;
+        packed: packed_blocks_equal_those_of_host_sim codes_are_refused;
+    }
 }

@@ -44,6 +44,42 @@ pub(crate) fn start(board: &mut VirtualBoard, streams: Streams) -> Result<(), Bo
     Ok(())
 }
 
+/// Asserts that the board has lost nothing and missed no deadline, and returns its newest durations.
+pub(crate) fn in_time(board: &VirtualBoard) -> link::Timing {
+    let mut newest = None;
+    for frame in board.inbox().frames() {
+        match &frame.kind {
+            Kind::Stats(stats) => {
+                let lost = [
+                    stats.frames_dropped,
+                    stats.overruns,
+                    stats.adc_status_bad,
+                    stats.input_bad,
+                ];
+                assert_eq!(lost, [0; 4], "dropped, overruns, bad status, bad input");
+            }
+            Kind::Timing(timing) => {
+                for stage in &timing.stages {
+                    let late = stage.histogram.last().copied();
+                    assert_eq!(late, Some(0), "{} is late: {stage:?}", stage.stage);
+                }
+                newest = Some(link::Timing::clone(timing));
+            }
+            _ => {}
+        }
+    }
+    newest.expect("a report each second")
+}
+
+/// Returns the largest ratio of a stage's worst time to its deadline.
+pub(crate) fn worst_path(timing: &link::Timing) -> f64 {
+    let worst = timing
+        .stages
+        .iter()
+        .map(|stage| f64::from(stage.worst_ns) / f64::from(stage.deadline_ns));
+    worst.fold(0.0, f64::max)
+}
+
 /// Returns the number of acknowledgements received so far.
 pub(crate) fn acks(frames: &[Frame]) -> usize {
     let is_ack = |frame: &&Frame| matches!(frame.kind, Kind::Ack(_));

@@ -1,0 +1,110 @@
+//! Comparison of a board's packed blocks and compressed samples with those of host-sim.
+
+use link::{AckResult, Streams, ToDevice};
+use virtual_board::{BoardError, Frame, Inbox, Kind, ReceivedCode};
+
+use crate::figures::record;
+use crate::images::Subject;
+use crate::session::{acks, assert_sound, in_time, running, start, worst_path};
+use crate::simulation::{HOP, simulated};
+
+/// Number of blocks to compare: more than from one block without prediction to the next.
+const BLOCKS: usize = 70;
+
+/// Rate that the host asks for; the model has another one.
+const RATE: ToDevice = ToDevice::SetRate { rate: 6 };
+
+/// Seconds of compressed samples to compare.
+const SECONDS: usize = 2;
+
+/// Packed blocks at a rate that the host chooses equal those of host-sim bit for bit, and nothing is late or lost.
+pub(crate) fn packed_blocks_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
+    let mut board = running(subject)?;
+    let answered = acks(board.inbox().frames());
+    board.send(&RATE);
+    board.run_until("an answer", 100_000, |frames| acks(frames) > answered)?;
+    let before = board.converters().samples_delivered();
+    start(&mut board, Streams::PACKED)?;
+    let after = board.converters().samples_delivered();
+    let limit_us = BLOCKS as u64 * 62_500 + 300_000;
+    let what = format!("{BLOCKS} blocks");
+    board.run_until(&what, limit_us, |frames| blocks(frames).count() >= BLOCKS)?;
+
+    let made: Vec<&ReceivedCode> = blocks(board.inbox().frames()).collect();
+    let simulated = |first, samples| simulated(Streams::PACKED, &[RATE], first, samples);
+    let equals = |sample: u64| {
+        let inbox: Inbox = simulated(sample, 2 * HOP);
+        blocks(inbox.frames()).next() == made.first().copied()
+    };
+    // The blocks start at a sample between the `Start` command and its acknowledgement.
+    let first = (before.saturating_sub(1)..=after + 1).find(|sample| equals(*sample));
+    let first = first.expect("the first block equals none of host-sim's");
+    let inbox = simulated(first, HOP * (made.len() as u64 + 1));
+    let equal = made.iter().zip(blocks(inbox.frames()));
+    assert_eq!(equal.filter(|(image, host)| *image == host).count(), made.len());
+    let timing = in_time(&board);
+    record(subject, "blocks", made.len());
+    record(
+        subject,
+        "blocks_worst_path_over_deadline",
+        format!("{:.3}", worst_path(&timing)),
+    );
+    assert_sound(&mut board)
+}
+
+/// Compressed samples beside codes equal those of host-sim bit for bit, and nothing is late or lost.
+pub(crate) fn compressed_samples_equal_those_of_host_sim(
+    subject: Subject,
+) -> Result<(), BoardError> {
+    let streams = Streams::CODES | Streams::COMPRESSED_RAW;
+    let mut board = running(subject)?;
+    let before = board.converters().samples_delivered();
+    start(&mut board, streams)?;
+    let after = board.converters().samples_delivered();
+    let due = SECONDS * 64;
+    let limit_us = SECONDS as u64 * 1_000_000 + 300_000;
+    board.run_until("samples", limit_us, |frames| samples(frames).count() >= due)?;
+
+    let made: Vec<&[u8]> = samples(board.inbox().frames()).collect();
+    let equals = |sample: u64| {
+        let inbox = simulated(streams, &[], sample, HOP);
+        samples(inbox.frames()).next() == made.first().copied()
+    };
+    let first = (before.saturating_sub(1)..=after + 1).find(|sample| equals(*sample));
+    let first = first.expect("the first samples equal none of host-sim's");
+    let inbox = simulated(streams, &[], first, 8 * (made.len() as u64 + 1));
+    let equal = made.iter().zip(samples(inbox.frames()));
+    assert_eq!(equal.filter(|(image, host)| *image == host).count(), made.len());
+    in_time(&board);
+    record(subject, "compressed_frames", made.len());
+    assert_sound(&mut board)
+}
+
+/// An image without the network refuses codes and audits.
+pub(crate) fn codes_are_refused(subject: Subject) -> Result<(), BoardError> {
+    let mut board = running(subject)?;
+    for streams in [Streams::CODES, Streams::PACKED | Streams::AUDIT] {
+        start(&mut board, streams)?;
+        let acks = board.inbox().frames().iter().rev();
+        let mut results = acks.filter_map(|frame| match frame.kind {
+            Kind::Ack(ack) => Some(ack.result),
+            _ => None,
+        });
+        assert_eq!(results.next(), Some(AckResult::BadArgument));
+    }
+    assert_sound(&mut board)
+}
+
+fn blocks(frames: &[Frame]) -> impl Iterator<Item = &ReceivedCode> {
+    frames.iter().filter_map(|frame| match &frame.kind {
+        Kind::PackedCode(code) => Some(code),
+        _ => None,
+    })
+}
+
+fn samples(frames: &[Frame]) -> impl Iterator<Item = &[u8]> {
+    frames.iter().filter_map(|frame| match &frame.kind {
+        Kind::CompressedRaw { bytes, .. } => Some(bytes.as_slice()),
+        _ => None,
+    })
+}
