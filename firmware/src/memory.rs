@@ -64,39 +64,56 @@ impl<E: Encoders + 'static> Memory<E> {
 
     /// Initialises the memory and splits it among the tasks.
     ///
-    /// Not inlined: the first tasks run before the board's start function returns. If this function were
-    /// inlined there, its temporaries would take stack from these tasks.
-    ///
     /// # Panics
     /// On the second call.
-    #[inline(never)]
     pub fn init(&'static self) -> TaskMemory<E> {
-        let samples = self
-            .samples
-            .init_with(|| core::array::from_fn(|_| SampleSlot::default()));
-        let (sample_sender, sample_receiver) =
-            self.sample_channel.init(Channel::new(samples)).split();
-        let outputs = self
-            .outputs
-            .init_with(|| core::array::from_fn(|_| OutputSlot::default()));
-        let (output_sender, output_receiver) =
-            self.output_channel.init(Channel::new(outputs)).split();
+        let samples = self.sample_channel.init(sample_channel(&self.samples));
+        let (sample_sender, sample_receiver) = samples.split();
+        let outputs = self.output_channel.init(output_channel(&self.outputs));
+        let (output_sender, output_receiver) = outputs.split();
         TaskMemory {
-            acquire: (
-                sample_sender,
-                self.acquisition
-                    .init_with(|| Acquisition::new(Mains::default())),
-            ),
+            acquire: (sample_sender, acquisition(&self.acquisition)),
             encode: (
                 sample_receiver,
                 output_sender,
-                self.producer
-                    .init_with(|| Producer::new(self.encoders.take())),
+                producer(&self.producer, self.encoders.take()),
             ),
-            converse: (
-                self.frames.init_with(|| Sender::new(FrameRing::new())),
-                output_receiver,
-            ),
+            converse: (frames(&self.frames), output_receiver),
         }
     }
+}
+
+// None of these functions is inlined: the first tasks run before the board's start function returns, so the
+// temporaries of an inlined one would take stack from these tasks, and those of all together.
+
+#[inline(never)]
+fn sample_channel(
+    samples: &'static StaticCell<[SampleSlot; deadlines::SAMPLES_WAITING]>,
+) -> Channel<'static, RawMutex, SampleSlot> {
+    Channel::new(samples.init_with(|| core::array::from_fn(|_| SampleSlot::default())))
+}
+
+#[inline(never)]
+fn output_channel(
+    outputs: &'static StaticCell<[OutputSlot; deadlines::OUTPUTS_WAITING]>,
+) -> Channel<'static, RawMutex, OutputSlot> {
+    Channel::new(outputs.init_with(|| core::array::from_fn(|_| OutputSlot::default())))
+}
+
+#[inline(never)]
+fn acquisition(place: &'static StaticCell<Acquisition>) -> &'static mut Acquisition {
+    place.init_with(|| Acquisition::new(Mains::default()))
+}
+
+#[inline(never)]
+fn producer<E: Encoders>(
+    place: &'static StaticCell<Producer<&'static mut E>>,
+    encoders: &'static mut E,
+) -> &'static mut Producer<&'static mut E> {
+    place.init_with(|| Producer::new(encoders))
+}
+
+#[inline(never)]
+fn frames(place: &'static StaticCell<Frames>) -> &'static mut Frames {
+    place.init_with(|| Sender::new(FrameRing::new()))
 }

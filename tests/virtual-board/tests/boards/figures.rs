@@ -15,7 +15,7 @@ pub(crate) fn record(subject: Subject, key: &str, value: impl Display) {
         return;
     };
     let file = OpenOptions::new().append(true).create(true).open(path);
-    let board = subject.key();
+    let board = subject.key;
     // The line is written with a single call, because tests run concurrently.
     let line = format!("{{\"board\":\"{board}\",\"{key}\":{value}}}\n");
     let written = file.and_then(|mut file| file.write_all(line.as_bytes()));
