@@ -10,7 +10,7 @@ use crate::progress::ProgressObserver;
 use crate::selection::{self, file_name};
 use crate::track::{Track, read_tracks};
 use crate::truncation::{TruncationError, TruncationSums};
-use artifact::{Artifact, Figures, Mode, Pca};
+use artifact::{Artifact, Figures, Mode, PackedFigures, Pca};
 use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::Path;
@@ -38,6 +38,9 @@ pub struct Comparison {
     pub pca_by_numbers: Vec<TruncationError>,
     /// Bits and error of the packed model at each rate, finest first; empty if the artifact has none.
     pub packed: Vec<RateFigures>,
+    /// Figures of the Karhunen-Loeve transform of a block, coded alike but without prediction, from the packed model's
+    /// card; empty if its test recordings are others.
+    pub without_prediction: Vec<PackedFigures>,
     /// Number of time steps from one code, and one packed block, to the next.
     pub hop: usize,
     /// Unit of the network's input, `input.sd_uv`, uV.
@@ -96,6 +99,7 @@ impl Comparison {
                 Some(packed) => evaluate_packed(packed, tracks, description)?,
                 None => Vec::new(),
             },
+            without_prediction: without_prediction(model, tracks),
             hop: description.window.hop,
             sd_uv: description.input.sd_uv,
         })
@@ -134,6 +138,7 @@ impl Comparison {
             "prd_percent_pca_int8": pca.map(|pca| pca.integer.prd_percent),
             "input_clipped": self.network.input_clipped,
             "codes_at_rail": self.network.code_clipped,
+            "packed_without_prediction": self.without_prediction,
             "packed": self.packed.iter().map(|figures| figures.to_json()).collect::<Vec<_>>(),
         })
     }
@@ -168,8 +173,31 @@ impl fmt::Display for Comparison {
             return Ok(());
         }
         writeln!(f, "\npacked code, a block every {} steps", self.hop)?;
-        write!(f, "{}", RateTable(&self.packed))
+        write!(f, "{}", RateTable(&self.packed))?;
+        if self.without_prediction.is_empty() {
+            return Ok(());
+        }
+        writeln!(f, "\nKLT of a block, coded alike, without prediction")?;
+        writeln!(f, "rate   bits of a block       MSE")?;
+        for figures in &self.without_prediction {
+            let PackedFigures {
+                rate, bits, mse, ..
+            } = figures;
+            writeln!(f, "{rate:>4} {bits:>17.1} {mse:>9.5}")?;
+        }
+        Ok(())
     }
+}
+
+/// Returns the figures in the card of the packed model if they are of these recordings.
+fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> {
+    let card = model
+        .packed
+        .as_ref()
+        .map(|packed| &packed.description.training);
+    let names = tracks.iter().map(|track| &track.name);
+    let of_these = card.filter(|card| names.eq(&card.test_files));
+    of_these.map_or_else(Vec::new, |card| card.without_prediction.clone())
 }
 
 /// Evaluates the artifact in `folder`, and its PCA, on recordings. `names` selects them in `data` or by path; if it

@@ -17,7 +17,8 @@ mod scale;
 mod session;
 mod smoother;
 mod transform;
+mod unpredicted;
 
 pub(crate) use evaluation::evaluate;
 pub use evaluation::{RateFigures, RateTable};
-pub use session::{PackedOptions, compare, train};
+pub use session::{PackedOptions, PackedTrained, compare, train};

@@ -33,6 +33,10 @@ pub struct PackedTraining {
     pub test_files: Vec<String>,
     /// Figures on the test recordings, one entry for each measured rate.
     pub figures: Vec<PackedFigures>,
+    /// Figures of the Karhunen-Loeve transform of a block with the same number of coefficients, trained and coded
+    /// alike but without prediction; empty without test recordings. Its second error equals the first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub without_prediction: Vec<PackedFigures>,
 }
 
 /// Figures of one rate on the test recordings.

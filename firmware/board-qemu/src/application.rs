@@ -141,13 +141,18 @@ fn main() -> ! {
 fn start() -> Result<(), SpawnError> {
     let arguments = Arguments::read();
     let previous = previous_fault();
-    let start = [("start", Streams::CODES), ("start-all", Streams::ALL)]
-        .into_iter()
-        .find(|(argument, _)| arguments.has(argument))
-        .map(|(_, streams)| Start {
-            streams,
-            mains_hz: 0,
-        });
+    let network = Streams::CODES | Streams::AUDIT;
+    let start = [
+        ("start", Streams::CODES),
+        ("start-all", Streams::ALL.without(Streams::PACKED)),
+        ("start-packed", Streams::ALL.without(network)),
+    ]
+    .into_iter()
+    .find(|(argument, _)| arguments.has(argument))
+    .map(|(_, streams)| Start {
+        streams,
+        mains_hz: 0,
+    });
     let source = SampleSource::open();
     if let Some(mut core) = cortex_m::Peripherals::take() {
         interrupts::init(&mut core.NVIC);

@@ -1,4 +1,5 @@
-//! All streams at once, with a bouncing trigger input: the board sends what host-sim sends, and every event.
+//! All streams of an encoder at once, with a bouncing trigger input: the board sends what host-sim sends, and every
+//! event.
 #![forbid(unsafe_code)]
 
 use emulated::board::boards;
@@ -22,16 +23,35 @@ const SAMPLES: usize = 15_872;
 const MAX_AHEAD: u64 = 16;
 
 #[test]
-fn all_streams_at_once_equal_host_sims() {
+fn all_streams_of_the_network_at_once_equal_host_sims() {
+    stream(
+        "start-all",
+        "all_streams",
+        Streams::ALL.without(Streams::PACKED),
+    );
+}
+
+#[test]
+fn all_streams_of_the_packed_code_at_once_equal_host_sims() {
+    let network = Streams::CODES | Streams::AUDIT;
+    stream(
+        "start-packed",
+        "packed_streams",
+        Streams::ALL.without(network),
+    );
+}
+
+/// Runs the boards with streams that the image starts with `argument`, and records the figures as `name`.
+fn stream(argument: &str, name: &str, streams: Streams) {
     let input = Input::from_environment();
     let skip = input.samples.len().saturating_sub(SAMPLES) / 2;
     let samples = &input.samples[skip..input.samples.len().min(skip + SAMPLES)];
-    let expected = host::sent(Streams::ALL, samples);
+    let expected = host::sent(streams, samples);
     let edges = Edges::new(samples.len());
-    for board in boards("all-streams", samples) {
+    for board in boards(&name.replace('_', "-"), samples) {
         let bytes: Vec<_> = edges.at_us.iter().map(|us| us.to_le_bytes()).collect();
         board.write(trigger::FILE, bytes.as_flattened());
-        let run = board.run(&["start-all", "trigger"], "uart");
+        let run = board.run(&[argument, "trigger"], "uart");
         let boot = Boot::only(&run.sent);
         let outputs = outputs(&run.sent);
         let count = |kind| outputs.iter().filter(|output| output.0 == kind).count();
@@ -46,7 +66,7 @@ fn all_streams_at_once_equal_host_sims() {
             .zip(&expected_events)
             .filter(|(_, event)| received.next_if_eq(event).is_none());
         let lost: Vec<usize> = lost.map(|(number, _)| number).collect();
-        board.record(&json!({"all_streams": {
+        board.record(&json!({name: {
             "equal": difference.is_none() && is_raw_equal,
             "codes": count("code"),
             "packed_blocks": count("packed block"),
@@ -64,10 +84,16 @@ fn all_streams_at_once_equal_host_sims() {
             "stages": stages::figures(&boot.timing),
         }}));
         assert_eq!(difference, None, "an output is not host-sim's");
-        assert!(count("packed block") > count("code"), "no packed blocks");
         assert!(is_raw_equal, "raw samples are not the input's");
         let audits = audits(&run.sent, &boot.codes());
-        assert!(!audits.is_empty(), "no audit came");
+        let kinds = [
+            ("code", Streams::CODES),
+            ("packed block", Streams::PACKED),
+            ("audit", Streams::AUDIT),
+        ];
+        for (kind, stream) in kinds {
+            assert_eq!(count(kind) > 0, streams.contains(stream), "{kind}");
+        }
         assert!(!audits.contains(&false), "is each audit sound? {audits:?}");
         let counters = first_different_stats(&boot.stats, &Boot::only(&expected).stats);
         assert_eq!(counters, None, "Stats are not host-sim's");

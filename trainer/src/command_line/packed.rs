@@ -41,7 +41,8 @@ pub(crate) struct PackedArgs {
 }
 
 impl PackedArgs {
-    /// Trains a packed model, and prints its bits and errors at each rate.
+    /// Trains a packed model, and prints its bits and errors at each rate, beside those of the same
+    /// transform code without prediction.
     pub(crate) fn run(self) -> Result<(), TrainerError> {
         let options = PackedOptions {
             artifact: self.artifact,
@@ -53,8 +54,11 @@ impl PackedArgs {
             target_mse: self.target_mse,
             force: self.force,
         };
-        let figures = packed::train(&options, &mut Terminal::new()?)?;
-        print!("{}", RateTable(&figures));
+        let trained = packed::train(&options, &mut Terminal::new()?)?;
+        println!("packed code");
+        print!("{}", RateTable(&trained.figures));
+        println!("\nKLT of a block, coded alike, without prediction");
+        print!("{}", RateTable(&trained.without_prediction));
         Ok(())
     }
 }

@@ -105,3 +105,15 @@ fn code_sequence(
     }
     coded
 }
+
+/// Returns the sum of all histograms.
+pub(super) fn sum(coded: &[Coded]) -> Box<Histogram> {
+    let mut sum = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
+    for coded in coded {
+        let counts = coded.histogram.iter().flatten().flatten();
+        for (sum, count) in sum.iter_mut().flatten().flatten().zip(counts) {
+            *sum += count;
+        }
+    }
+    sum
+}

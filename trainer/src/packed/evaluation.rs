@@ -76,6 +76,16 @@ pub(crate) fn evaluate(
     tracks: &[Track],
     description: &Description,
 ) -> Result<Vec<RateFigures>, TrainerError> {
+    evaluate_with_resets(model, tracks, description, RESET)
+}
+
+/// Does the same with every `reset`-th block without prediction.
+pub(super) fn evaluate_with_resets(
+    model: &PackedModel,
+    tracks: &[Track],
+    description: &Description,
+    reset: usize,
+) -> Result<Vec<RateFigures>, TrainerError> {
     let sd_uv = description.input.sd_uv;
     let blocks = Blocks::cut(tracks, description.window.hop, sd_uv, &[0]);
     let coefficients = analysed(model, &blocks, sd_uv);
@@ -87,7 +97,7 @@ pub(crate) fn evaluate(
         BandPower::new(electrodes, description.window.rate_hz),
     );
     let figures = Rate::all().map(|rate| {
-        let coded = coded::code(model, &coefficients, rate, RESET);
+        let coded = coded::code(model, &coefficients, rate, reset);
         let count = model.coefficients();
         let smoother = DMatrix::from_row_slice(count, count, &model.smoother.matrix(rate.index()));
         original.compare(rate, &coded, |states| {

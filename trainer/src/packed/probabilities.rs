@@ -50,6 +50,27 @@ pub(super) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
     means
 }
 
+/// Returns a guess of the mean magnitude of each coefficient, without prediction and the first block of each sequence:
+/// its mean size in units of
+/// `two_steps`, which is a magnitude of 1, less what the quantiser takes away.
+pub(super) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64) -> Vec<f64> {
+    let mut means = vec![0.0; count];
+    let mut blocks = 0.0_f64;
+    for block in coefficients
+        .iter()
+        .flat_map(|sequence| sequence.chunks_exact(count).skip(1))
+    {
+        blocks += 1.0;
+        for (mean, &coefficient) in means.iter_mut().zip(block) {
+            *mean += (f64::from(coefficient).abs() / two_steps - 0.2).max(0.0);
+        }
+    }
+    means
+        .iter()
+        .map(|sum| sum / blocks.max(1.0) + 0.0005)
+        .collect()
+}
+
 /// Returns the first frequencies of the magnitudes: those counted, plus a geometric distribution with the
 /// level's mean that counts as [`ASSUMED`] blocks.
 pub(super) fn starts(histogram: &Histogram) -> Box<Starts> {

@@ -1,7 +1,7 @@
 //! `trainer packed`: fits a packed model to recordings.
 
 use super::blocks::Blocks;
-use super::coded::{self, Coded, Histogram};
+use super::coded::{self, Coded};
 use super::evaluation::{self, RateFigures};
 use super::integers::{self, INPUT_LIMIT, UNIT_UV, analysed};
 use super::probabilities;
@@ -9,6 +9,7 @@ use super::ridge::{Ridge, penalty};
 use super::scale::Scale;
 use super::smoother;
 use super::transform::Transform;
+use super::unpredicted;
 use crate::error::TrainerError;
 use crate::output_folder::check_writable;
 use crate::progress::ProgressObserver;
@@ -57,14 +58,23 @@ pub struct PackedOptions {
     pub force: bool,
 }
 
-/// Trains a packed model and returns its figures on the test recordings.
+/// Figures of a trained packed model on the test recordings; without any, on the training recordings.
+#[derive(Clone, Debug)]
+pub struct PackedTrained {
+    /// Of the model at each rate, finest first.
+    pub figures: Vec<RateFigures>,
+    /// Of the Karhunen-Loeve transform of a block, coded alike but without prediction.
+    pub without_prediction: Vec<RateFigures>,
+}
+
+/// Trains a packed model and returns its figures.
 ///
 /// # Errors
 /// If recordings cannot be used, the wanted error cannot be reached or files cannot be written.
 pub fn train(
     options: &PackedOptions,
     observer: &mut impl ProgressObserver,
-) -> Result<Vec<RateFigures>, TrainerError> {
+) -> Result<PackedTrained, TrainerError> {
     let artifact = Artifact::read(&options.artifact)?;
     if artifact.packed.is_some() && !options.force {
         return Err(TrainerError::PackedExists {
@@ -97,6 +107,7 @@ pub fn train(
                 train_files: names(&train_files),
                 test_files: names(&test_files),
                 figures: Vec::new(),
+                without_prediction: Vec::new(),
             },
         },
         analysis: integers::analysis(&transform, &slice_ends(electrodes, hop)),
@@ -131,9 +142,14 @@ pub fn train(
             "rate {rate} is the coarsest with an error of at most {target}"
         ));
     }
+    observer.message("fitting the transform without prediction, to compare ...");
+    let without_prediction = unpredicted::figures(&model, &tracks, tested, description)?;
     if !test_tracks.is_empty() {
+        let rounded =
+            |figures: &[RateFigures]| figures.iter().map(|figures| figures.rounded()).collect();
         let card = &mut model.description.training;
-        card.figures = figures.iter().map(|figures| figures.rounded()).collect();
+        card.figures = rounded(&figures);
+        card.without_prediction = rounded(&without_prediction);
     }
     let id = artifact
         .with_packed(Some(model))?
@@ -142,7 +158,10 @@ pub fn train(
         "model {id} written to {}",
         options.artifact.display()
     ));
-    Ok(figures)
+    Ok(PackedTrained {
+        figures,
+        without_prediction,
+    })
 }
 
 /// Returns the number of coefficients of a block with this number of values.
@@ -204,7 +223,7 @@ fn fit_probabilities(
         model.predicted_levels = probabilities::levels(&predicted);
         model.reset_levels = probabilities::levels(&unpredicted);
         let coded = coded::code(model, coefficients, BASE_RATE, usize::MAX);
-        model.starts = probabilities::starts(&sum(&coded));
+        model.starts = probabilities::starts(&coded::sum(&coded));
         let means = probabilities::mean_magnitudes(&coded, count);
         for (predicted, mean) in predicted.iter_mut().zip(means) {
             *predicted = if round == 0 {
@@ -232,7 +251,7 @@ fn first_guess(
     two_steps: f64,
 ) -> (Vec<f64>, Vec<f64>) {
     let count = model.coefficients();
-    let (mut predicted, mut unpredicted) = (vec![0.0; count], vec![0.0; count]);
+    let mut predicted = vec![0.0; count];
     let mut blocks = 0.0_f64;
     for sequence in coefficients {
         let before = sequence.chunks_exact(count);
@@ -242,7 +261,6 @@ fn first_guess(
             for j in 0..count {
                 let residual = f64::from(block[j]) - f64::from(prediction[j]);
                 predicted[j] += residual.abs();
-                unpredicted[j] += (f64::from(block[j]).abs() / two_steps - 0.2).max(0.0);
             }
         }
     }
@@ -250,19 +268,8 @@ fn first_guess(
     let predicted = predicted
         .iter()
         .map(|sum| (sum / blocks / two_steps - 0.25).max(0.002));
-    let unpredicted = unpredicted.iter().map(|sum| sum / blocks + 0.0005);
-    (predicted.collect(), unpredicted.collect())
-}
-
-fn sum(coded: &[Coded]) -> Box<Histogram> {
-    let mut sum = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
-    for coded in coded {
-        let counts = coded.histogram.iter().flatten().flatten();
-        for (sum, count) in sum.iter_mut().flatten().flatten().zip(counts) {
-            *sum += count;
-        }
-    }
-    sum
+    let unpredicted = probabilities::mean_sizes(coefficients, count, two_steps);
+    (predicted.collect(), unpredicted)
 }
 
 fn refitted_prediction(

@@ -29,14 +29,7 @@ impl Transform {
     /// Fits `count` coefficients to blocks: the subspace with the most energy, turned until the coefficients of
     /// what the predictor leaves are uncorrelated.
     pub(super) fn fit(blocks: &Blocks, count: usize) -> Result<Self, TrainerError> {
-        let directions = to_matrix(&principal_directions(
-            second_moment(&blocks.sequences),
-            count,
-        ));
-        let mut transform = Self {
-            prediction: DMatrix::zeros(count, count),
-            directions,
-        };
+        let mut transform = Self::without_prediction(blocks, count);
         let mut coefficients = transform.coefficients(blocks);
         transform.fit_prediction(&coefficients, &coefficients)?;
         for _ in 0..ROUNDS {
@@ -53,6 +46,15 @@ impl Transform {
             coefficients = transform.coefficients(blocks);
         }
         Ok(transform)
+    }
+
+    /// Fits `count` coefficients to blocks: the Karhunen-Loeve transform, with a prediction of zeros.
+    pub(super) fn without_prediction(blocks: &Blocks, count: usize) -> Self {
+        let directions = principal_directions(second_moment(&blocks.sequences), count);
+        Self {
+            directions: to_matrix(&directions),
+            prediction: DMatrix::zeros(count, count),
+        }
     }
 
     fn coefficients(&self, blocks: &Blocks) -> Vec<DMatrix<f32>> {

@@ -18,7 +18,8 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
         |path| lines.draw(path),
         &format!(
             "Error by bits of a hop of {} steps. The packed model has one point for each rate; one block later, the \
-             next block has corrected it. Codes of network and PCA are sent once a hop.",
+             next block has corrected it. KLT is the same transform code without prediction, on the recordings of the packed \
+             model's card. Codes of network and PCA are sent once a hop.",
             comparison.hop
         ),
         &csv(comparison),
@@ -87,6 +88,19 @@ fn lines(comparison: &Comparison) -> Lines {
             at.mse_float
         }));
     }
+    if !comparison.without_prediction.is_empty() {
+        series.push(Series {
+            label: "KLT, entropy-coded".to_owned(),
+            color: INK,
+            mark: Mark::ThinLine,
+            points: comparison
+                .without_prediction
+                .iter()
+                .map(|figures| (figures.bits, figures.mse))
+                .collect(),
+            sd: Vec::new(),
+        });
+    }
     series.push(packed("packed, at once", Mark::Line, |figures| figures.mse));
     series.push(packed(
         "packed, one block later",
@@ -133,6 +147,10 @@ fn csv(comparison: &Comparison) -> String {
             text,
             "packed,{rate},,{bits},{mse},{mse_smoothed},{alpha},{beta}"
         );
+    }
+    for figures in &comparison.without_prediction {
+        let (rate, bits, mse) = (figures.rate, figures.bits, figures.mse);
+        let _ = writeln!(text, "KLT,{rate},,{bits},{mse},,,");
     }
     for at in &comparison.pca_by_numbers {
         let bits = comparison.bits_of(at.numbers);

@@ -30,7 +30,8 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
     prepare(folder.path());
     let before = fs::read(folder.path().join("model/model.toml")).expect("the description");
     let table = succeed(packed(folder.path()).arg("--test=run2"));
-    assert_eq!(table.lines().count(), 18, "{table}");
+    // Two tables of 16 rates, each with two lines above and a title, and a blank line between them.
+    assert_eq!(table.lines().count(), 2 * 19 + 1, "{table}");
     let path = folder.path().join("model/model.toml");
     assert_eq!(fs::read(path).expect("the description"), before);
     let toml = fs::read_to_string(folder.path().join("model/packed.toml")).expect("packed.toml");
@@ -69,6 +70,22 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
             "{json}"
         );
     }
+    // The prediction saves bits at the same error, more than the trellis or the contexts do.
+    let klt = json["packed_without_prediction"]
+        .as_array()
+        .expect("the peer");
+    assert_eq!(klt.len(), 16);
+    for rate in [2, 4, 6] {
+        let peer = |name: &str| klt[rate][name].as_f64().expect("a number");
+        assert!(
+            figure(rate, "bits_per_hop") < peer("bits"),
+            "{rate}: {json}"
+        );
+        assert!(
+            (peer("mse") / figure(rate, "mse") - 1.0).abs() < 0.3,
+            "{rate}: {json}"
+        );
+    }
     let values = Values::read(&folder.path().join("report/packed.csv"));
     assert_eq!(
         values
@@ -88,7 +105,8 @@ fn a_wanted_error_chooses_the_coarsest_rate_that_has_it() {
     let table = succeed(packed(folder.path()).args(["--test=run2", "--target-mse=0.05"]));
     let errors: Vec<f64> = table
         .lines()
-        .skip(2)
+        .skip(3)
+        .take(16)
         .map(|line| {
             line.split_whitespace()
                 .nth(4)

@@ -109,7 +109,7 @@ mod h743 {
     scenarios! {
         H743:
         usb: enumerates works_after_pauses_and_suspend reconnects_after_unplugging;
-        packed: packed_blocks_equal_those_of_host_sim;
+        packed: packed_blocks_equal_those_of_host_sim everything_at_once_is_in_time;
     }
 }
 

@@ -52,6 +52,20 @@ pub(crate) fn packed_blocks_equal_those_of_host_sim(subject: Subject) -> Result<
     assert_sound(&mut board)
 }
 
+/// With both encoders and everything else that a host asks for at once, nothing is late or lost.
+pub(crate) fn everything_at_once_is_in_time(subject: Subject) -> Result<(), BoardError> {
+    let mut board = running(subject)?;
+    start(&mut board, Streams::ALL.without(Streams::COMPRESSED_RAW))?;
+    let limit_us = BLOCKS as u64 * 62_500 + 300_000;
+    board.run_until("blocks", limit_us, |frames| blocks(frames).count() >= BLOCKS)?;
+    let codes = board.inbox().codes().count();
+    assert!(codes + 2 >= BLOCKS, "{codes} codes");
+    let timing = in_time(&board);
+    let worst = format!("{:.3}", worst_path(&timing));
+    record(subject, "everything_worst_path_over_deadline", worst);
+    assert_sound(&mut board)
+}
+
 /// Compressed samples beside codes equal those of host-sim bit for bit, and nothing is late or lost.
 pub(crate) fn compressed_samples_equal_those_of_host_sim(
     subject: Subject,
