@@ -13,6 +13,7 @@ pub(crate) mod log;
 mod man;
 mod master;
 pub(crate) mod namespace;
+mod node_command;
 mod outlets;
 pub(crate) mod parameters;
 mod port_options;

@@ -7,6 +7,7 @@ use crate::diagnostics::DiagnosticArray;
 use crate::log::Log;
 use crate::neuro_event::NeuroEvent;
 use crate::neuro_frame::NeuroFrame;
+use crate::uint8::UInt8;
 use crate::wire::Wire;
 
 /// A message that can be published on a ROS topic.
@@ -25,6 +26,10 @@ impl RosMessage for NeuroEvent {
 
 impl RosMessage for DiagnosticArray {
     const TYPE: &'static MessageType = &DIAGNOSTIC_ARRAY;
+}
+
+impl RosMessage for UInt8 {
+    const TYPE: &'static MessageType = &UINT8;
 }
 
 impl RosMessage for Log {
@@ -98,6 +103,12 @@ static DIAGNOSTIC_ARRAY: MessageType = MessageType {
             "../foreign/diagnostic_msgs/KeyValue.msg"
         ),
     ),
+};
+
+static UINT8: MessageType = MessageType {
+    name: "std_msgs/UInt8",
+    md5: "7c8164229e7d2c17eb95e9231617fdee",
+    definition: include_str!("../foreign/std_msgs/UInt8.msg"),
 };
 
 static LOG: MessageType = MessageType {

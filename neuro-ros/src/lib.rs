@@ -58,6 +58,7 @@ mod ros_sink;
 mod shape;
 mod sink;
 mod stamp;
+mod uint8;
 mod wire;
 
 pub use acquisition_info::AcquisitionInfo;
@@ -75,6 +76,7 @@ pub use ros_sink::RosSink;
 pub use shape::{ContractError, Shape};
 pub use sink::{FrameSink, Sink, SinkError};
 pub use stamp::Stamp;
+pub use uint8::UInt8;
 pub use wire::{Reader, Wire, WireError};
 
 /// The `ros1` crate, re-exported because [`RosSink`] and [`AcquisitionServices`] use its `Node`.

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use md5::{Digest, Md5};
 use neuro_ros::{
-    DiagnosticArray, EMPTY, GET_ACQUISITION_INFO, Log, NeuroEvent, NeuroFrame, RosMessage,
+    DiagnosticArray, EMPTY, GET_ACQUISITION_INFO, Log, NeuroEvent, NeuroFrame, RosMessage, UInt8,
 };
 
 /// Reads every `.msg` file; the keys are `package/Name`.
@@ -140,6 +140,7 @@ fn md5_sums_equal_those_of_the_original_packages() {
             "60810da900de1dd6ddd437c3503511da",
         ),
         ("rosgraph_msgs/Log", "acffd30cd6b6de30f120938c17c593fb"),
+        ("std_msgs/UInt8", "7c8164229e7d2c17eb95e9231617fdee"),
     ] {
         assert_eq!(md5(name, &all), expected, "{name}");
     }
@@ -153,6 +154,7 @@ fn types_in_code_match_the_definition_files() {
         NeuroEvent::TYPE,
         DiagnosticArray::TYPE,
         Log::TYPE,
+        UInt8::TYPE,
     ] {
         assert_eq!(
             announced.md5,

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use link::Streams;
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
 use neuro_ros::{AcquisitionCommand, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError};
 use tokio::sync::{mpsc, watch};
@@ -11,6 +12,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use crate::app::command_line::Options;
 use crate::app::namespace::Namespace;
+use crate::app::node_command::NodeCommand;
 use crate::app::outlets::Outlets;
 use crate::app::ros_node::RosNode;
 use crate::app::rosout;
@@ -98,6 +100,9 @@ impl Publication {
         let ros = RosNode::start(self.ros).await?;
         rosout::publish(Arc::clone(&ros.node), log);
         let (announcement_sender, announced) = watch::channel(None);
+        if settings.streams.contains(Streams::PACKED) {
+            ros.subscribe_rate(command_sender.clone());
+        }
         ros.serve(&namespace, self.get_info, announced, command_sender);
         let feed = connect(&ros.node, &namespace).await?;
         let sinks = Sinks::ros(&ros, settings.streams, &namespace).await?;
@@ -186,7 +191,7 @@ async fn print_lines(
 struct Bridge<F> {
     core: Box<Core>,
     connection: F,
-    commands: mpsc::UnboundedReceiver<AcquisitionCommand>,
+    commands: mpsc::UnboundedReceiver<NodeCommand>,
     silence_log: SilenceLog,
     outlets: Outlets,
 }
@@ -196,7 +201,7 @@ impl<F: Feed> Bridge<F> {
         settings: Settings,
         model: Arc<Model>,
         connection: F,
-        commands: mpsc::UnboundedReceiver<AcquisitionCommand>,
+        commands: mpsc::UnboundedReceiver<NodeCommand>,
         outlets: Outlets,
     ) -> Bridge<F> {
         Bridge {
@@ -232,9 +237,10 @@ impl<F: Feed> Bridge<F> {
             tokio::select! {
                 event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing), if !paused => self.handle_connection(event?, &buffer),
                 Some(command) = self.commands.recv() => match command {
-                    AcquisitionCommand::Start => self.core.set_streaming(true),
-                    AcquisitionCommand::Stop => self.core.set_streaming(false),
-                    AcquisitionCommand::Quit => shutdown.request("~quit was called"),
+                    NodeCommand::Acquisition(AcquisitionCommand::Start) => self.core.set_streaming(true),
+                    NodeCommand::Acquisition(AcquisitionCommand::Stop) => self.core.set_streaming(false),
+                    NodeCommand::Acquisition(AcquisitionCommand::Quit) => shutdown.request("~quit was called"),
+                    NodeCommand::PackedRate(rate) => self.core.set_packed_rate(rate),
                 },
                 reason = shutdown.requested(), if deadline.is_none() => {
                     tracing::info!("shutting down: {reason}");

@@ -3,16 +3,25 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use link::MAX_RATE;
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
-use neuro_ros::{AcquisitionCommand, AcquisitionInfo, AcquisitionServices};
+use neuro_ros::{
+    AcquisitionCommand, AcquisitionInfo, AcquisitionServices, RosMessage, UInt8, Wire,
+};
 use tokio::sync::mpsc::UnboundedSender;
 use tokio::sync::watch::Receiver;
 use tokio::task::JoinHandle;
 
 use crate::app::namespace::Namespace;
+use crate::app::node_command::NodeCommand;
 
 /// Time after the node's start at which a missing ROS master is first logged.
 const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
+
+/// Topic with the rate that the packed code is to have from now on.
+const RATE_TOPIC: &str = "~packed_rate";
+/// Rates that wait to be handled; the newest one counts.
+const QUEUE_RATES: usize = 4;
 
 /// The bridge's ROS node, with a task that logs when the master appears or disappears.
 #[derive(Debug)]
@@ -36,6 +45,12 @@ impl RosNode {
         self.node.shutdown().await;
     }
 
+    /// Sends the rates that arrive on `~packed_rate` to `commands`. Runs in a task of its own, because registration
+    /// can take long.
+    pub(crate) fn subscribe_rate(&self, commands: UnboundedSender<NodeCommand>) {
+        tokio::spawn(receive_rates(Arc::clone(&self.node), commands));
+    }
+
     /// Serves the newest announcement as `get_info` in `namespace`, and sends calls of
     /// `~start`, `~stop` and `~quit` to `commands`. Runs in a task of its own, because registration
     /// can take long.
@@ -47,7 +62,7 @@ impl RosNode {
         namespace: &Namespace,
         get_info: &str,
         announced: Receiver<Option<AcquisitionInfo>>,
-        commands: UnboundedSender<AcquisitionCommand>,
+        commands: UnboundedSender<NodeCommand>,
     ) {
         let node = Arc::clone(&self.node);
         let get_info = if get_info.starts_with('~') {
@@ -63,7 +78,7 @@ impl RosNode {
             let on_command = move |command| {
                 tracing::info!("{} was called", command_name(command));
                 commands
-                    .send(command)
+                    .send(NodeCommand::Acquisition(command))
                     .map_err(|_| "the bridge is shutting down".to_owned())
             };
             let services = AcquisitionServices::serve(&node, &get_info, on_info, on_command).await;
@@ -77,6 +92,32 @@ impl RosNode {
                 ),
             }
         });
+    }
+}
+
+/// Sends each number that arrives on `~packed_rate` to `commands`. Other numbers than rates are refused in the log.
+async fn receive_rates(node: Arc<Node>, commands: UnboundedSender<NodeCommand>) {
+    let subscribed = node.subscribe(RATE_TOPIC, UInt8::TYPE, QUEUE_RATES).await;
+    let mut rates = match subscribed {
+        Ok(rates) => rates,
+        Err(error) => {
+            tracing::error!(%error, "{RATE_TOPIC} is not subscribed; the rate stays as it is");
+            return;
+        }
+    };
+    while let Some(body) = rates.recv().await {
+        match UInt8::from_bytes(&body) {
+            Ok(UInt8 { data }) if data <= MAX_RATE => {
+                tracing::info!("rate {data} of the packed code, from {RATE_TOPIC}");
+                if commands.send(NodeCommand::PackedRate(data)).is_err() {
+                    return;
+                }
+            }
+            Ok(UInt8 { data }) => {
+                tracing::warn!("{RATE_TOPIC}: {data} is no rate; publish 0 to {MAX_RATE}");
+            }
+            Err(error) => tracing::warn!(%error, "{RATE_TOPIC}: a message cannot be read"),
+        }
     }
 }
 

@@ -34,8 +34,9 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
     let codes: Vec<ReceivedCode> = received(board.inbox());
     // The test does not know at which sample the codes start, so it tries all samples between the `Start`
     // command and its acknowledgement.
-    let first = (before.saturating_sub(1)..=after + 1)
-        .find(|&sample| received(&simulated(Streams::CODES, &[], sample, 2 * HOP))[..1] == codes[..1]);
+    let first = (before.saturating_sub(1)..=after + 1).find(|&sample| {
+        received(&simulated(Streams::CODES, &[], sample, 2 * HOP))[..1] == codes[..1]
+    });
     let first = first.expect("the first code equals none of host-sim's");
     let simulated = simulated(Streams::CODES, &[], first, HOP * (codes.len() as u64 + 2));
     let simulated = received(&simulated);
@@ -65,7 +66,11 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
     assert_sound(&mut board)?;
     record(subject, "codes", codes.len());
     record(subject, "equal_to_host", codes.len());
-    record(subject, "worst_path_over_deadline", format!("{:.3}", worst_path(&timing)));
+    record(
+        subject,
+        "worst_path_over_deadline",
+        format!("{:.3}", worst_path(&timing)),
+    );
     record(
         subject,
         "real_time_factor",

@@ -41,7 +41,10 @@ pub(crate) fn packed_blocks_equal_those_of_host_sim(subject: Subject) -> Result<
     let first = first.expect("the first block equals none of host-sim's");
     let inbox = simulated(first, HOP * (made.len() as u64 + 1));
     let equal = made.iter().zip(blocks(inbox.frames()));
-    assert_eq!(equal.filter(|(image, host)| *image == host).count(), made.len());
+    assert_eq!(
+        equal.filter(|(image, host)| *image == host).count(),
+        made.len()
+    );
     let timing = in_time(&board);
     record(subject, "blocks", made.len());
     record(
@@ -57,7 +60,9 @@ pub(crate) fn everything_at_once_is_in_time(subject: Subject) -> Result<(), Boar
     let mut board = running(subject)?;
     start(&mut board, Streams::ALL.without(Streams::COMPRESSED_RAW))?;
     let limit_us = BLOCKS as u64 * 62_500 + 300_000;
-    board.run_until("blocks", limit_us, |frames| blocks(frames).count() >= BLOCKS)?;
+    board.run_until("blocks", limit_us, |frames| {
+        blocks(frames).count() >= BLOCKS
+    })?;
     let codes = board.inbox().codes().count();
     assert!(codes + 2 >= BLOCKS, "{codes} codes");
     let timing = in_time(&board);
@@ -88,7 +93,10 @@ pub(crate) fn compressed_samples_equal_those_of_host_sim(
     let first = first.expect("the first samples equal none of host-sim's");
     let inbox = simulated(streams, &[], first, 8 * (made.len() as u64 + 1));
     let equal = made.iter().zip(samples(inbox.frames()));
-    assert_eq!(equal.filter(|(image, host)| *image == host).count(), made.len());
+    assert_eq!(
+        equal.filter(|(image, host)| *image == host).count(),
+        made.len()
+    );
     in_time(&board);
     record(subject, "compressed_frames", made.len());
     assert_sound(&mut board)

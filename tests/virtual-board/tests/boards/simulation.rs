@@ -13,7 +13,12 @@ pub(crate) const HOP: u64 = 32;
 
 /// Returns what host-sim sends after `commands` and a `Start` of `streams`, for `samples` samples, starting with
 /// sample `first`.
-pub(crate) fn simulated(streams: Streams, commands: &[ToDevice], first: u64, samples: u64) -> Inbox {
+pub(crate) fn simulated(
+    streams: Streams,
+    commands: &[ToDevice],
+    first: u64,
+    samples: u64,
+) -> Inbox {
     let outbox = Outbox::new(WhenFull::Wait);
     let identity = Identity {
         session_id: 0,
