@@ -1,6 +1,8 @@
 //! Packed blocks: commands for them, their reconstruction, losses and the report about them.
 
-use bridge::{FillerPolicy, PackedReconstruction, Settings};
+use std::sync::Arc;
+
+use bridge::{AuditedWindow, FillerPolicy, PackedReconstruction, Settings};
 use link::{AckResult, Flags, Streams, ToDevice};
 use neuro_ros::{DiagnosticLevel, NeuroFrame};
 use packed::Rate;
@@ -315,4 +317,79 @@ fn a_device_of_another_model_is_counted_and_not_decoded() {
         "{}",
         status.message
     );
+}
+
+/// Returns a window with these signals, microvolts in the order step, electrode, rounded to int8.
+fn window(device: &Packed, window: u32, signals: &[f32]) -> AuditedWindow {
+    let model = model();
+    let electrodes = model.electrodes().len();
+    let (_, level_uv) = model.electrodes_uv(&[]);
+    // The cell of an electrode is the one that changes its signal.
+    let cells = model.window_cells() / 16;
+    let mut planes = vec![0_i8; model.window_cells()];
+    for cell in 0..cells {
+        let mut probe = vec![0_i8; cells];
+        probe[cell] = 1;
+        let (probed, _) = model.electrodes_uv(&probe);
+        let Some(electrode) = probed.iter().position(|uv| *uv != 0.0) else {
+            continue;
+        };
+        for step in 0..16 {
+            let level = f64::from(signals[step * electrodes + electrode]) / level_uv;
+            #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+            let level = level.round() as i8;
+            planes[step * cells + cell] = level;
+        }
+    }
+    AuditedWindow {
+        device: Arc::clone(&device.harness.recorder.announced[0].device),
+        window,
+        planes,
+        levels: Vec::new(),
+        resolution: 1,
+    }
+}
+
+#[test]
+fn an_audit_measures_the_error_of_the_blocks_in_its_window() {
+    let mut device = Packed::new(PACKED);
+    for index in 0..8 {
+        device.send(index == 5);
+    }
+    let announced = &device.harness.recorder.announced[0].device;
+    let mut decoder = PackedReconstruction::new(announced, &model(), PACKED).unwrap();
+    let frames: Vec<Vec<f32>> = device
+        .harness
+        .recorder
+        .blocks
+        .iter()
+        .map(|block| decoder.next_frame(block).unwrap().eeg.data.clone())
+        .collect();
+    // What the device measured differs from the blocks by 6 uV, with either sign.
+    let measured = |first: usize| -> Vec<f32> {
+        let signals = frames[first..first + 2].concat();
+        let signs = [6.0, -6.0].into_iter().cycle();
+        signals
+            .iter()
+            .zip(signs)
+            .map(|(uv, off)| uv + off)
+            .collect()
+    };
+    let error = window(&device, 2, &measured(2)).compare_packed(&model(), &decoder);
+    let error = error.expect("both blocks came");
+    assert!((error.rms_uv - 6.0).abs() < 0.1, "{error:?}");
+    let of_variance = (error.rms_uv / model().sd_uv()).powi(2);
+    assert!((error.of_variance / of_variance - 1.0).abs() < 1e-6);
+    // Without a difference, the rounding to int8 alone is no error.
+    let exact = window(&device, 2, &frames[2..4].concat());
+    let exact = exact.compare_packed(&model(), &decoder).unwrap();
+    assert!(exact.rms_uv < 0.5, "{exact:?}");
+    // A block is lost; one is too new; an input is at the rail.
+    for first in [4, 7] {
+        let window = window(&device, first, &measured(2));
+        assert_eq!(window.compare_packed(&model(), &decoder), None);
+    }
+    let mut clipped = window(&device, 2, &measured(2));
+    clipped.planes[300] = 127;
+    assert_eq!(clipped.compare_packed(&model(), &decoder), None);
 }
