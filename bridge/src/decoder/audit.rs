@@ -109,9 +109,7 @@ impl AuditedWindow {
             at_rail: self.is_at_rail(),
         }
     }
-}
 
-impl AuditedWindow {
     /// Compares the window's signals, as the device measured them, with those of its packed blocks. Returns `None`
     /// if a block was lost, or if an input was clipped to int8.
     pub fn compare_packed(

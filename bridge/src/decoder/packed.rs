@@ -82,15 +82,15 @@ impl PackedReconstruction {
         })
     }
 
-    /// Continues the sequence numbers of `frame`.
-    pub(crate) fn continue_from(&mut self, frame: &NeuroFrame) {
-        self.frame.header.seq = frame.header.seq;
-        self.frame.neuroheader.seq = frame.neuroheader.seq;
+    /// Sets the sequence number of the newest frame on the topic; the next one follows it.
+    pub(crate) fn set_number(&mut self, number: u32) {
+        self.frame.header.seq = number;
+        self.frame.neuroheader.seq = number;
     }
 
-    /// The newest frame.
-    pub(crate) fn frame(&self) -> &NeuroFrame {
-        &self.frame
+    /// Sequence number of the newest frame.
+    pub(crate) fn number(&self) -> u32 {
+        self.frame.neuroheader.seq
     }
 
     /// Returns the signals of block `index` as they were decoded at once, microvolts, in the order step, electrode;

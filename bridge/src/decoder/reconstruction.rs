@@ -62,11 +62,21 @@ impl Reconstruction {
         HopLayout::lookback_steps(steps[0], steps[1], low_latency)
     }
 
+    /// Sets the sequence number of the newest frame on the topic; the next one follows it.
+    pub(crate) fn set_number(&mut self, number: u32) {
+        self.frame.header.seq = number;
+        self.frame.neuroheader.seq = number;
+    }
+
+    /// Sequence number of the newest frame.
+    pub(crate) fn number(&self) -> u32 {
+        self.frame.neuroheader.seq
+    }
+
     /// Continues the sequence numbers and the last values of `before`. The frames of both
     /// reconstructions must have the same shape.
     pub(crate) fn continue_from(&mut self, before: &Reconstruction) {
-        self.frame.header.seq = before.frame.header.seq;
-        self.frame.neuroheader.seq = before.frame.neuroheader.seq;
+        self.set_number(before.number());
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
     }
 

@@ -230,17 +230,16 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
     }
     let mut reconstruction: Option<Box<Reconstruction>> = None;
     let mut packed: Option<Box<PackedReconstruction>> = None;
+    // Both reconstructions publish on one topic, whose frames are numbered without a gap.
+    let mut number = 0;
     for work in work {
         if progress.stop.load(Ordering::Relaxed) {
             return;
         }
         let (window, queued) = match work {
-            Work::Device(mut new, mut new_packed) => {
+            Work::Device(mut new, new_packed) => {
                 if let Some(before) = &reconstruction {
                     new.continue_from(before);
-                }
-                if let (Some(new), Some(before)) = (&mut new_packed, &packed) {
-                    new.continue_from(before.frame());
                 }
                 (reconstruction, packed) = (Some(new), new_packed);
                 continue;
@@ -249,9 +248,11 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
                 let Some(known) = packed.as_mut() else {
                     continue;
                 };
+                known.set_number(number);
                 if !run_block(known, &block, queued, sink.as_mut(), progress) {
                     return;
                 }
+                number = known.number();
                 continue;
             }
             Work::Audit(window, model) => {
@@ -279,8 +280,10 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
         let Some(known) = reconstruction.as_mut() else {
             continue;
         };
+        known.set_number(number);
         if holds_code && !sink.has_receivers() {
             known.skip_frame();
+            number = known.number();
             progress.not_needed.fetch_add(1, Ordering::Relaxed);
             continue;
         }
@@ -291,6 +294,7 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
         if frame.is_some_and(|frame| !publish(frame, sink.as_mut(), progress)) {
             return;
         }
+        number = known.number();
     }
 }
 

@@ -1,5 +1,7 @@
 //! Events on the bus that tell a recording about its data.
 
+use link::Streams;
+
 use crate::diagnostics::converters::ChainReport;
 use crate::effects::Effects;
 use crate::session::state::Session;
@@ -23,9 +25,10 @@ impl Session {
                 .as_mut()
                 .and_then(SampleStream::take_missing),
         ];
+        let from_packed = self.commands.streams().contains(Streams::PACKED);
         let missing = match self.settings.announced {
-            AnnouncedStream::Encoded => codes,
-            AnnouncedStream::Reconstructed => packed.or(codes),
+            AnnouncedStream::Reconstructed if from_packed => packed,
+            AnnouncedStream::Encoded | AnnouncedStream::Reconstructed => codes,
             AnnouncedStream::Raw => raw,
             AnnouncedStream::Filtered => filtered,
         };

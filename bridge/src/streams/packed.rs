@@ -8,7 +8,7 @@ use packed::{BlockReader, Rate};
 use crate::decoder::packed::{Block, TimedBlock};
 use crate::device::Device;
 use crate::effects::Effects;
-use crate::settings::Settings;
+use crate::settings::{FillerPolicy, Settings};
 use crate::streams::continuity::MissingStretch;
 use crate::streams::counts::{BlockCounts, HopCounts};
 use crate::streams::hop_timeline::{HopDurations, HopPlace, HopTimeline};
@@ -118,7 +118,9 @@ impl PackedStream {
             return;
         };
         self.is_first |= self.timeline.counts().unfilled > unfilled;
-        self.timeline.count_fillers(missing.len());
+        if self.settings.filler != FillerPolicy::Off {
+            self.timeline.count_fillers(missing.len());
+        }
         for place in missing {
             self.pass_on(place, Flags::FILLER, None, reception, effects);
         }

@@ -9,6 +9,7 @@ use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp};
 
 use super::{DecoderThread, Ordering, QUEUE_WINDOWS};
 use crate::decoder::model::Model;
+use crate::decoder::packed::{PackedReconstruction, TimedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
 use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
@@ -31,8 +32,18 @@ impl Sink<NeuroFrame> for Numbers {
     }
 }
 
-fn reconstruction() -> Reconstruction {
-    let model = Arc::new(Model::embedded().unwrap());
+const SETTINGS: Settings = Settings {
+    stamp: StampPoint::First,
+    mains_hz: 0,
+    filler: FillerPolicy::Last,
+    low_latency: false,
+    announced: AnnouncedStream::Encoded,
+    streams: link::Streams::CODES,
+    packed_rate: None,
+    event_stamps: EventStamps::Scalp,
+};
+
+fn device(model: &Model) -> Device {
     let labels = model.electrodes().join(" ");
     let hello = Hello {
         firmware: "test",
@@ -58,18 +69,17 @@ fn reconstruction() -> Reconstruction {
         code_scale: std::iter::repeat_n(0.5, 128).collect(),
         code_zero_point: std::iter::repeat_n(1, 128).collect(),
     };
-    let device = Device::new(&hello, &capabilities).unwrap();
-    let settings = Settings {
-        stamp: StampPoint::First,
-        mains_hz: 0,
-        filler: FillerPolicy::Last,
-        low_latency: false,
-        announced: AnnouncedStream::Encoded,
-        streams: link::Streams::CODES,
-        packed_rate: None,
-        event_stamps: EventStamps::Scalp,
-    };
-    Reconstruction::new(&device, model, settings)
+    Device::new(&hello, &capabilities).unwrap()
+}
+
+fn reconstruction() -> Reconstruction {
+    let model = Arc::new(Model::embedded().unwrap());
+    Reconstruction::new(&device(&model), model, SETTINGS)
+}
+
+fn unpacked() -> PackedReconstruction {
+    let model = Arc::new(Model::embedded().unwrap());
+    PackedReconstruction::new(&device(&model), &model, SETTINGS).unwrap()
 }
 
 #[test]
@@ -112,6 +122,30 @@ fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_
     assert_eq!(decoder.dropped(), 0);
     assert_eq!(decoder.finish(TIMEOUT).not_decoded, 0);
     assert_eq!(*count.lock().unwrap(), (1..=5000).collect::<Vec<u32>>());
+}
+
+#[test]
+fn frames_from_codes_and_from_packed_blocks_are_numbered_as_one_stream() {
+    let count = Arc::new(Mutex::new(Vec::new()));
+    let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+    decoder.start_device(reconstruction(), Some(unpacked()));
+    for index in 0..60 {
+        let (stamp, words) = (Stamp::default(), TriWords::default());
+        if index % 20 < 10 {
+            let z = Some(vec![0.0; 128]);
+            decoder.decode(TimedCode { z, stamp, words });
+        } else {
+            decoder.decode_block(TimedBlock {
+                block: None,
+                is_first: false,
+                stamp,
+                words,
+            });
+        }
+    }
+    assert_eq!(decoder.finish(TIMEOUT).not_decoded, 0);
+    // The first block waits for the one after it.
+    assert_eq!(*count.lock().unwrap(), (1..=59).collect::<Vec<u32>>());
 }
 
 #[test]
