@@ -12,7 +12,7 @@ use std::{
 use artifact::{Decimation, Golden};
 use fixed_dsp::{Cascade, Resampler};
 use model_gen::{FilterSpec, ResamplerTable};
-use pipeline::{Mains, Pipeline};
+use pipeline::{Acquisition, Mains, PackedEncoder, Pipeline, Rate};
 
 #[path = "src/chain.rs"]
 mod chain;
@@ -33,6 +33,8 @@ const WIRE_FORMAT: &str = "../../docs/wire-format.md";
 const WINDOWS: usize = 6;
 /// Number of codes that are compared for each mains frequency.
 const CODES: usize = 12;
+/// Number of packed blocks that are compared: more than from one block without prediction to the next.
+const BLOCKS: u8 = 70;
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=build.rs");
@@ -47,6 +49,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     windows(&mut golden)?;
     codes(&mut golden, "CODES_50", Mains::Hz50)?;
     codes(&mut golden, "CODES_60", Mains::Hz60)?;
+    if !has_feature("F446") {
+        blocks(&mut golden)?;
+    }
     frame(&mut golden, "CODE_FRAME", "code")?;
     frame(&mut golden, "START_FRAME", "start")?;
     fs::write(out.join("golden.rs"), golden)?;
@@ -165,6 +170,37 @@ fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Er
     Ok(())
 }
 
+/// Writes the first [`BLOCKS`] packed blocks that this PC computes for [`signal::samples`], each at another rate, and the
+/// state after them.
+fn blocks(golden: &mut String) -> Result<(), Box<dyn Error>> {
+    let mut acquisition = Acquisition::new(Mains::Hz50);
+    let mut encoder = Box::new(PackedEncoder::new());
+    let mut samples = signal::samples();
+    let mut blocks = Vec::new();
+    // A model without packed code has no state, and no step makes a block.
+    let count = if encoder.state().is_empty() {
+        0
+    } else {
+        BLOCKS
+    };
+    for block in 0..count {
+        encoder.set_rate(Rate::new(block % 16).ok_or("16 rates")?);
+        let block =
+            samples.find_map(|sample| encoder.encode_step(&acquisition.process_sample(&sample)?));
+        blocks.extend(block.map(|block| block.bytes().to_vec()));
+    }
+    let rows: Vec<String> = blocks.iter().map(|bytes| format!("&{bytes:?}")).collect();
+    let (count, rows) = (blocks.len(), rows.join(", "));
+    let state = encoder.state();
+    let coefficients = state.len();
+    writeln!(
+        golden,
+        "pub(crate) static BLOCKS: [&[u8]; {count}] = [{rows}];\n\
+         pub(crate) static PACKED_STATE: [i16; {coefficients}] = {state:?};"
+    )?;
+    Ok(())
+}
+
 /// Writes the bytes of a hex dump in [`WIRE_FORMAT`]: the block that opens with ```` ```hex NAME ````,
 /// where NAME is the value of `dump`.
 fn frame(golden: &mut String, name: &str, dump: &str) -> Result<(), Box<dyn Error>> {
@@ -185,12 +221,15 @@ fn frame(golden: &mut String, name: &str, dump: &str) -> Result<(), Box<dyn Erro
     Ok(())
 }
 
+fn has_feature(feature: &str) -> bool {
+    env::var_os(format!("CARGO_FEATURE_{feature}")).is_some()
+}
+
 /// Passes to the linker the memory map of the board that the features select. Does nothing in a build for
 /// the PC.
 fn link(out: &Path) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=../../memory.x");
-    let has = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
-    let map = match (has("H743"), has("F446")) {
+    let map = match (has_feature("H743"), has_feature("F446")) {
         (false, false) => "../../firmware/board-qemu/mps2.x",
         (true, false) => "../../firmware/board-h743/stm32h743.x",
         (false, true) => "../../firmware/board-f446/stm32f446.x",

@@ -1,6 +1,8 @@
 //! The whole pipeline, from samples to codes, with the model's filters.
 
 use model::CODE;
+#[cfg(not(feature = "f446"))]
+use pipeline::PackedEncoder;
 use pipeline::{Acquisition, Code, Encoder, Mains};
 
 use crate::{
@@ -11,8 +13,10 @@ use crate::{
 /// State of the pipeline; too large for a stack.
 #[derive(Debug)]
 pub struct Device {
-    acquisition: Acquisition,
+    pub(crate) acquisition: Acquisition,
     pub(crate) encoder: Encoder<'static>,
+    #[cfg(not(feature = "f446"))]
+    pub(crate) packed: PackedEncoder,
 }
 
 impl Device {
@@ -21,6 +25,8 @@ impl Device {
         Self {
             acquisition: Acquisition::new(Mains::Hz50),
             encoder: Encoder::new(),
+            #[cfg(not(feature = "f446"))]
+            packed: PackedEncoder::new(),
         }
     }
 }
