@@ -97,9 +97,16 @@ fn decode_one(
     let decoded = decoding.decode(&job.input, &job.output, original.as_deref(), progress)?;
     warnings.extend(decoded.warnings.iter().cloned());
     if decoded.missing > 0 || decoded.damaged > 0 {
+        let rows = if decoded.is_packed {
+            "their rows are predictions"
+        } else {
+            "rows without any code repeat the last row"
+        };
         warnings.push(format!(
-            "{} codes are missing, {} stretches are damaged; rows without any code repeat the last row",
-            decoded.missing, decoded.damaged
+            "{} {} are missing, {} stretches are damaged; {rows}",
+            decoded.missing,
+            codes_of(&decoded),
+            decoded.damaged
         ));
     }
     if decoded.limited > 0 {
@@ -179,11 +186,21 @@ impl Originals {
     }
 }
 
+/// Names what a file of codes holds.
+fn codes_of(decoded: &Decoded) -> &'static str {
+    if decoded.is_packed {
+        "packed blocks"
+    } else {
+        "codes"
+    }
+}
+
 fn summary(job: &Job, decoded: &Decoded) -> String {
     let mut text = format!(
-        "{}: {} codes, {:.1} s at {} Hz",
+        "{}: {} {}, {:.1} s at {} Hz",
         job.output.display(),
         decoded.codes,
+        codes_of(decoded),
         decoded.signal_s(),
         decoded.rate_hz
     );

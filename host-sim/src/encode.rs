@@ -3,11 +3,11 @@
 use std::error::Error;
 
 use new_file::Existing;
-use offline::{Encoded, Encoding};
+use offline::{Encoded, EncodedStream, Encoding, PackedCount};
 use recordings::Recording;
 
 use crate::batch::{self, Job};
-use crate::offline_options::EncodeOptions;
+use crate::offline_options::{CodeStream, EncodeOptions};
 
 /// Extensions of recordings in a folder.
 pub(crate) const RECORDINGS: [&str; 3] = ["edf", "bdf", "gdf"];
@@ -19,6 +19,10 @@ pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
         mains: options.mains.into(),
         missing: options.missing.into(),
         existing: Existing::from_force(options.batch.force),
+        stream: match options.stream {
+            CodeStream::Codes => EncodedStream::Codes,
+            CodeStream::Packed => EncodedStream::Packed(options.packed_rate),
+        },
     };
     let jobs = batch::jobs(&options.input, &options.output, &RECORDINGS, |name| {
         name.with_added_extension(CODES)
@@ -72,12 +76,18 @@ fn seconds(jobs: &[Job]) -> u64 {
 
 fn summary(job: &Job, encoded: &Encoded) -> String {
     let stats = &encoded.stats;
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 bits")]
+    let codes = match encoded.packed {
+        Some(PackedCount { blocks, bits }) => format!(
+            "{blocks} packed blocks ({:.1} bits each)",
+            bits as f64 / blocks.max(1) as f64
+        ),
+        None => format!("{} codes ({})", stats.codes_made, device::CODE_FORMAT),
+    };
     let mut text = format!(
-        "{}: {:.1} s, {} codes ({}), {} bytes; clipped: {} input values, {} values of codes",
+        "{}: {:.1} s, {codes}, {} bytes; clipped: {} input values, {} values of codes",
         job.output.display(),
         encoded.signal_s(),
-        stats.codes_made,
-        device::CODE_FORMAT,
         encoded.bytes,
         stats.clipped,
         stats.clipped_values

@@ -21,13 +21,28 @@ pub(crate) struct EncodeOptions {
     /// Treatment of montage electrodes that a recording lacks.
     #[arg(long, value_enum, default_value = "interpolate")]
     pub(crate) missing: MissingElectrodes,
+    /// What to write: codes of the network, or packed blocks, which take a fifth of the bits.
+    #[arg(long, value_enum, default_value = "codes")]
+    pub(crate) stream: CodeStream,
+    /// Rate of the packed blocks, 0 to 15: one more is 3 dB coarser; the model's by default.
+    #[arg(long, value_parser = clap::value_parser!(u8).range(0..=15))]
+    pub(crate) packed_rate: Option<u8>,
     #[command(flatten)]
     pub(crate) batch: BatchOptions,
 }
 
+/// Form of codes.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum CodeStream {
+    /// Codes of the network.
+    Codes,
+    /// Packed blocks.
+    Packed,
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct DecodeOptions {
-    /// File of codes, or a folder with files *.codes.
+    /// File of codes or of packed blocks, or a folder with files *.codes.
     pub(crate) input: PathBuf,
     /// File to write, or a folder for the codes of a folder; by default NAME.decoded.FORMAT beside
     /// NAME.codes.

@@ -78,6 +78,12 @@ pub enum CodeFileError {
         "its codes have a format that is newer than this program ({0}); decode it with the release that wrote it"
     )]
     Format(CodeFormat),
+    /// The file holds packed blocks, and the model has no packed code.
+    #[error(
+        "it holds packed blocks, and model {0} has no packed code; name the folder of the model that made \
+         them with --model"
+    )]
+    NotPacked(ModelId),
     /// The windows do not increase.
     #[error(
         "a second run starts after window {after}: a file holds one run, so keep runs in files of their \
@@ -162,15 +168,35 @@ impl Announcement {
     }
 }
 
-/// One code of a file.
+/// One code of a file, of the network or packed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct FileCode {
     /// Index of the window in its run.
     pub(crate) window: u32,
     /// Faults and conditions of the window.
     pub(crate) flags: Flags,
-    /// Values, in levels of the code's format.
-    pub(crate) levels: Vec<i32>,
+    pub(crate) content: Content,
+}
+
+/// Content of a code.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Content {
+    /// Values of a code of the network, in levels of its format.
+    Levels(Vec<i32>),
+    /// A packed block, whose index is `window`.
+    Block {
+        /// The block as the device made it.
+        bytes: Vec<u8>,
+        /// Rate of the stream.
+        rate: u8,
+    },
+}
+
+impl Content {
+    /// Returns whether this is a packed block.
+    pub(crate) const fn is_block(&self) -> bool {
+        matches!(self, Self::Block { .. })
+    }
 }
 
 /// Reads the codes of a file one by one.
@@ -182,7 +208,11 @@ pub(crate) struct CodeFile<R> {
     unread: std::ops::Range<usize>,
     decoder: Decoder,
     substitutes: Substitutes,
+    /// Model of the device, from its `Hello`.
+    device_model: ModelId,
     announcement: Option<Announcement>,
+    /// Whether the file is read for its packed blocks: true if one comes before the first code.
+    has_blocks: Option<bool>,
     at_start: bool,
     last: Option<u32>,
     /// Largest number of missing windows between two codes.
@@ -199,7 +229,9 @@ impl<R: Read> CodeFile<R> {
             unread: 0..0,
             decoder: Decoder::new(),
             substitutes: Substitutes::NONE,
+            device_model: model,
             announcement: None,
+            has_blocks: None,
             at_start: true,
             last: None,
             longest_gap: windows_per_hour,
@@ -244,7 +276,10 @@ impl<R: Read> CodeFile<R> {
             };
             match frame.message {
                 // A device states them between its `Hello` and its `Capabilities`.
-                ToHost::Hello(_) => self.substitutes = Substitutes::NONE,
+                ToHost::Hello(hello) => {
+                    self.device_model = ModelId(hello.model_id);
+                    self.substitutes = Substitutes::NONE;
+                }
                 ToHost::Substitutes(substitutes) => self.substitutes = substitutes,
                 ToHost::Capabilities(capabilities) => {
                     let announcement = Announcement::new(&capabilities, self.substitutes)?;
@@ -255,14 +290,36 @@ impl<R: Read> CodeFile<R> {
                     let code = FileCode {
                         window: code.window,
                         flags: code.flags,
-                        levels: code.values.levels().collect(),
+                        content: Content::Levels(code.values.levels().collect()),
                     };
-                    self.check(code_model, &code)?;
-                    return Ok(Some(code));
+                    if self.is_wanted(&code) {
+                        self.check(code_model, &code)?;
+                        return Ok(Some(code));
+                    }
+                }
+                ToHost::PackedCode(block) => {
+                    let code = FileCode {
+                        window: block.block,
+                        flags: block.flags,
+                        content: Content::Block {
+                            bytes: block.bytes.to_vec(),
+                            rate: block.rate,
+                        },
+                    };
+                    if self.is_wanted(&code) {
+                        self.check(self.device_model, &code)?;
+                        return Ok(Some(code));
+                    }
                 }
                 _ => {}
             }
         }
+    }
+
+    /// Returns whether a code is of the kind for which the file is read.
+    fn is_wanted(&mut self, code: &FileCode) -> bool {
+        let is_block = code.content.is_block();
+        *self.has_blocks.get_or_insert(is_block) == is_block
     }
 
     fn check(&mut self, model: ModelId, code: &FileCode) -> Result<(), CodeFileError> {
@@ -275,7 +332,9 @@ impl<R: Read> CodeFile<R> {
         let Some(announcement) = &self.announcement else {
             return Err(CodeFileError::NoIntroduction);
         };
-        announcement.check(code.levels.len())?;
+        if let Content::Levels(levels) = &code.content {
+            announcement.check(levels.len())?;
+        }
         if let Some(after) = self.last.filter(|after| code.window <= *after) {
             return Err(CodeFileError::SecondRun { after });
         }

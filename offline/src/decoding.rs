@@ -10,7 +10,8 @@ use new_file::{Existing, NewFile};
 use pipeline::Mains;
 use recordings::Missing;
 
-use crate::code_file::{CodeFile, CodeFileError};
+use crate::blocks::Blocks;
+use crate::code_file::{CodeFile, CodeFileError, Content};
 use crate::comparison::{Comparing, Comparison};
 use crate::error::OfflineError;
 use crate::histogram::LevelHistogram;
@@ -45,6 +46,8 @@ pub struct Decoding<'m> {
 pub struct Decoded {
     /// Number of codes.
     pub codes: u64,
+    /// Whether the codes are packed blocks, of one hop each.
+    pub is_packed: bool,
     /// Number of windows whose code is missing; where neighbours do not cover them, the last values are
     /// repeated.
     pub missing: u64,
@@ -121,6 +124,7 @@ impl Decoding<'_> {
         let mut comparing = original.map(|original| comparing(original, &survey, description));
         let mut levels = LevelHistogram::new(survey.announcement.levels.clone());
         let mut hops = Hops::new(&self.model.decoder, description, &survey.announcement);
+        let mut blocks = self.blocks(&survey).map_err(unusable)?;
         let mut emit = |hop: DecodedHop| {
             let rows = u64::from(signal.rows_per_hop);
             let rate_hz = u64::from(signal.rate_hz);
@@ -134,14 +138,27 @@ impl Decoding<'_> {
         };
         let mut codes = self.open(input).map_err(unusable)?;
         while let Some(code) = codes.next_code().map_err(unusable)? {
-            levels.add(&code.levels);
-            hops.decode(&code, &mut emit)?;
+            let place = (code.window, code.flags);
+            match (code.content, &mut blocks) {
+                (Content::Levels(values), _) => {
+                    levels.add(&values);
+                    hops.decode(place, &values, &mut emit)?;
+                }
+                (Content::Block { bytes, rate }, Some(blocks)) => {
+                    blocks.decode(place, (&bytes, rate), &mut emit)?;
+                }
+                (Content::Block { .. }, None) => {}
+            }
         }
-        hops.finish(&mut emit)?;
+        match blocks {
+            Some(blocks) => blocks.finish(&mut emit)?,
+            None => hops.finish(&mut emit)?,
+        }
         let limited = writer.finish().map_err(&failed)?;
         file.finish()?;
         Ok(Decoded {
             codes: survey.codes,
+            is_packed: survey.is_packed,
             missing: survey.missing(),
             damaged: survey.damaged,
             rows: signal.rows,
@@ -152,6 +169,18 @@ impl Decoding<'_> {
             levels,
             comparison: comparing.map(Comparing::finish),
         })
+    }
+
+    /// Returns the decoder of a file with packed blocks; `None` for one with codes of the network.
+    fn blocks(&self, survey: &Survey) -> Result<Option<Blocks>, CodeFileError> {
+        if !survey.is_packed {
+            return Ok(None);
+        }
+        let packed = self.model.packed.as_ref();
+        let packed = packed.ok_or(CodeFileError::NotPacked(self.model.id))?;
+        let full_scale_uv = survey.announcement.full_scale_uv;
+        let blocks = Blocks::new(packed, &self.model.description, full_scale_uv);
+        Ok(Some(blocks))
     }
 
     /// Describes the signal of a file of codes.

@@ -16,6 +16,7 @@ use crate::error::OfflineError;
 use crate::played::{Played, first_channels};
 use crate::progress::Progress;
 use device::Device;
+pub use device::PackedCount;
 
 /// Number of bytes of frames that are written together.
 const PIECE: usize = 1 << 16;
@@ -29,6 +30,18 @@ pub struct Encoding {
     pub missing: Missing,
     /// Treatment of a file that has the name of the output.
     pub existing: Existing,
+    /// What the file holds.
+    pub stream: EncodedStream,
+}
+
+/// What a file of codes holds.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum EncodedStream {
+    /// Codes of the network.
+    #[default]
+    Codes,
+    /// Packed blocks, at this rate, 0 to 15; `None` for the model's.
+    Packed(Option<u8>),
 }
 
 /// Result of encoding one recording.
@@ -42,6 +55,8 @@ pub struct Encoded {
     pub stats: Stats,
     /// Counters of the virtual ADC.
     pub adc: AdcCounters,
+    /// Number of packed blocks, and of their bits without those of their frames; `None` of codes.
+    pub packed: Option<PackedCount>,
     /// Size of the file of codes, bytes.
     pub bytes: u64,
 }
@@ -73,7 +88,7 @@ impl Encoding {
         progress.check()?;
         let mut played = Played::open(input, self.missing)?;
         let mut file = NewFile::create(output, self.existing, &[PathBuf::from(input)])?;
-        let mut device = Device::new(self.mains, played.substitutes);
+        let mut device = Device::new(self.mains, played.substitutes, self.stream);
         let mut bytes = 0;
         let mut write = |frames: Vec<u8>| {
             bytes += frames.len() as u64;
@@ -95,7 +110,9 @@ impl Encoding {
             }
         }
         let stats = device.finish();
-        if stats.codes_made == 0 {
+        let packed = matches!(self.stream, EncodedStream::Packed(_)).then(|| device.packed());
+        let made = packed.map_or(stats.codes_made.into(), |packed| packed.blocks);
+        if made == 0 {
             played.warnings.push(format!(
                 "it is shorter than one window ({} steps at {} Hz) and yields no code",
                 model::STEPS,
@@ -108,6 +125,7 @@ impl Encoding {
             montage: played.montage,
             warnings: played.warnings,
             stats,
+            packed,
             adc: played.adc.counters(),
             bytes,
         })

@@ -4,7 +4,7 @@ use artifact::Description;
 use link::Flags;
 use reconstruction::{HopLayout, Overlap, Source, Window, WindowDecoder, dequantise};
 
-use crate::code_file::{Announcement, FileCode};
+use crate::code_file::Announcement;
 
 /// One hop of decoded steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,17 +59,18 @@ impl<'d> Hops<'d> {
         }
     }
 
-    /// Decodes a code. Passes the hops of missing windows before it, and the hop that it completes, to
+    /// Decodes the code of the window with this index. Passes the hops of missing windows before it, and the hop that it completes, to
     /// `emit`.
     ///
     /// # Errors
     /// That of `emit`.
     pub(crate) fn decode<E>(
         &mut self,
-        code: &FileCode,
+        (index, flags): (u32, Flags),
+        levels: &[i32],
         mut emit: impl FnMut(DecodedHop) -> Result<(), E>,
     ) -> Result<(), E> {
-        while self.windows < code.window {
+        while self.windows < index {
             self.complete(None, Flags::empty(), &mut emit)?;
         }
         let numbers = self
@@ -77,13 +78,11 @@ impl<'d> Hops<'d> {
             .scale
             .iter()
             .zip(&self.announcement.zero_point);
-        for (z, (level, (scale, zero_point))) in
-            self.z.iter_mut().zip(code.levels.iter().zip(numbers))
-        {
+        for (z, (level, (scale, zero_point))) in self.z.iter_mut().zip(levels.iter().zip(numbers)) {
             *z = dequantise(*level, *scale, *zero_point);
         }
         let values = self.decoder.decode(&self.z);
-        self.complete(Some(values), code.flags, &mut emit)
+        self.complete(Some(values), flags, &mut emit)
     }
 
     /// Passes the last hops, which only windows decoded before contain, to `emit`.

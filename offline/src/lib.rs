@@ -1,4 +1,4 @@
-//! Recordings encoded to files of codes, codes decoded to files of signals, and the error between them,
+//! Recordings encoded to files of codes or of packed blocks, these decoded to files of signals, and the error between them,
 //! without a host or a clock.
 //!
 //! The pipeline and the link are those of the firmware, and the decoder is the bridge's, so codes and
@@ -8,12 +8,13 @@
 //! ```text
 //! recording ──Played: virtual ADC──► Device: pipeline ──frames──► file of codes
 //!     │                                                               │ CodeFile: codes
-//!     └──Original: filtered EEG──► Comparison ◄──microvolts── Hops: decoder, overlap
+//!     └──Original: filtered EEG──► Comparison ◄──microvolts── Hops: decoder, overlap; or Blocks: packed decoder
 //!                                      │                              │
 //!                                    report                SignalFile: EDF, BDF, GDF, NPZ, CSV
 //! ```
 #![forbid(unsafe_code)]
 
+mod blocks;
 mod code_file;
 mod comparison;
 mod decoding;
@@ -33,7 +34,7 @@ mod survey;
 pub use code_file::CodeFileError;
 pub use comparison::{Comparison, ElectrodeOrigin, ElectrodeSums, Excerpt, settling_s};
 pub use decoding::{Decoded, Decoding};
-pub use encoding::{Encoded, Encoding};
+pub use encoding::{Encoded, EncodedStream, Encoding, PackedCount};
 pub use error::OfflineError;
 pub use histogram::{BINS, LevelHistogram};
 pub use model::Model;

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use ::model::artifact_files::{CALIBRATION, MODEL_TOML, PACKED, WEIGHTS};
-use artifact::{Artifact, ArtifactError, Description, ModelId};
+use artifact::{Artifact, ArtifactError, Description, ModelId, PackedModel};
 use reconstruction::WindowDecoder;
 
 use crate::error::OfflineError;
 
-/// A model with its float decoder.
+/// A model with its decoders.
 #[derive(Debug, Clone)]
 pub struct Model {
     /// Id of the model, as in its codes.
@@ -16,6 +16,7 @@ pub struct Model {
     /// Dimensions, montage and filters.
     pub description: Description,
     pub(crate) decoder: WindowDecoder,
+    pub(crate) packed: Option<PackedModel>,
 }
 
 impl Model {
@@ -56,6 +57,7 @@ impl Model {
             id: artifact.id,
             description: artifact.description.clone(),
             decoder: WindowDecoder::new(artifact)?,
+            packed: artifact.packed.clone(),
         })
     }
 }

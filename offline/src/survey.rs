@@ -19,6 +19,8 @@ pub(crate) struct Gap {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Survey {
     pub(crate) announcement: Announcement,
+    /// Whether the codes are packed blocks.
+    pub(crate) is_packed: bool,
     /// Number of codes.
     pub(crate) codes: u64,
     /// Number of windows from the start of the run to the last code, missing ones included.
@@ -38,7 +40,9 @@ impl Survey {
         description: &Description,
     ) -> Result<Self, CodeFileError> {
         let (mut codes, mut windows, mut gaps) = (0, 0, Vec::new());
+        let mut is_packed = false;
         while let Some(code) = file.next_code()? {
+            is_packed = code.content.is_block();
             codes += 1;
             if code.window > windows {
                 gaps.push(Gap {
@@ -54,6 +58,7 @@ impl Survey {
         };
         Ok(Self {
             announcement: announcement.clone(),
+            is_packed,
             codes,
             windows,
             gaps,
@@ -69,6 +74,11 @@ impl Survey {
     /// Returns the number of rows of the decoded signal: the steps of all windows.
     pub(crate) fn rows(&self, description: &Description) -> u64 {
         let window = &description.window;
-        (u64::from(self.windows) - 1) * window.hop as u64 + window.steps as u64
+        let last = if self.is_packed {
+            window.hop
+        } else {
+            window.steps
+        };
+        (u64::from(self.windows) - 1) * window.hop as u64 + last as u64
     }
 }

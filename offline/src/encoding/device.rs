@@ -1,11 +1,13 @@
 //! The firmware's pipeline without converters, clock and port: samples in, frames out.
 
 use device::{
-    Abilities, AcquiredSample, Counts, FrameQueue, Identity, Marks, Order, Output, Producer, Run,
-    Sender, Session,
+    Abilities, AcquiredSample, BothEncoders, Counts, Encoders, FrameQueue, Identity, Marks, Order,
+    Output, Payload, Producer, Run, Sender, Session,
 };
 use link::{ResetCause, Start, Stats, Streams, Substitutes};
-use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
+use pipeline::{Acquisition, Mains, Rate, Sample};
+
+use super::EncodedStream;
 
 /// Frames of the device that have not been written to the file yet.
 #[derive(Debug, Default)]
@@ -36,35 +38,53 @@ const IDENTITY: Identity<'static> = Identity {
 };
 
 const ABILITIES: Abilities = Abilities {
-    streams: Streams::CODES,
+    streams: BothEncoders::STREAMS,
     self_test: false,
     bootloader: false,
     clock: false,
 };
 
-/// A device that streams codes from its first sample on. Its frames are those of a board but for the
+/// Packed blocks that were made.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct PackedCount {
+    /// Number of blocks.
+    pub blocks: u64,
+    /// Number of bits of all blocks.
+    pub bits: u64,
+}
+
+/// A device that streams codes or packed blocks from its first sample on. Its frames are those of a board but for the
 /// status of the converters, which it lacks.
 #[derive(Debug)]
 pub(super) struct Device {
     session: Session<'static>,
     sender: Sender<Frames>,
     acquisition: Acquisition,
-    producer: Box<Producer<EncoderMemory>>,
+    producer: Box<Producer<BothEncoders>>,
     /// Parameters of the run, which starts with the first sample; then `None`.
     new_run: Option<Run>,
     samples: u64,
     steps: u64,
+    packed: PackedCount,
 }
 
 impl Device {
     /// Creates a device whose introduction is in [`Self::take_frames`].
-    pub(super) fn new(mains: Mains, substitutes: Substitutes) -> Self {
+    pub(super) fn new(mains: Mains, substitutes: Substitutes, stream: EncodedStream) -> Self {
         let mut sender = Sender::new(Frames::default());
         let session = Session::new(IDENTITY, ABILITIES, mains);
         let mut session = session.with_substitutes(substitutes);
         session.introduce(0, &mut sender);
+        let (streams, rate) = match stream {
+            EncodedStream::Codes => (Streams::CODES, None),
+            EncodedStream::Packed(rate) => (Streams::PACKED, rate.and_then(Rate::new)),
+        };
+        let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
+        if let Some(rate) = rate {
+            producer.set_rate(rate);
+        }
         let start = Start {
-            streams: Streams::CODES,
+            streams,
             mains_hz: 0,
         };
         let (_, order) = session.start(start, 0, &mut sender);
@@ -72,13 +92,14 @@ impl Device {
             session,
             sender,
             acquisition: Acquisition::new(mains),
-            producer: Box::new(Producer::new(EncoderMemory::EMPTY)),
+            producer,
             new_run: match order {
                 Some(Order::Start(run)) => Some(run),
                 _ => None,
             },
             samples: 0,
             steps: 0,
+            packed: PackedCount::default(),
         }
     }
 
@@ -100,13 +121,23 @@ impl Device {
         self.samples += 1;
         let counts = self.counts();
         let (session, sender) = (&mut self.session, &mut self.sender);
+        let packed = &mut self.packed;
         let mut emit = |output: Output| {
+            if let Payload::PackedCode(code, _) = &output.payload {
+                packed.blocks += 1;
+                packed.bits += 8 * code.bytes().len() as u64;
+            }
             if output.ends_second() {
                 session.send_stats(output.at_us, counts, sender);
             }
             session.send(&output, sender);
         };
         self.producer.process(&acquired, &mut emit);
+    }
+
+    /// Returns the number of packed blocks so far.
+    pub(super) const fn packed(&self) -> PackedCount {
+        self.packed
     }
 
     /// Returns the number of bytes that [`Self::take_frames`] would return.

@@ -84,7 +84,11 @@ fn section(description: &Description, entry: &Entry) -> String {
         text += &electrodes(description, comparison);
         text
     });
-    let levels = picture(pictures::LEVELS, "histogram of the codes' levels");
+    let levels = if entry.decoded.is_packed {
+        String::new()
+    } else {
+        picture(pictures::LEVELS, "histogram of the codes' levels")
+    };
     let compared = compared.unwrap_or_default();
     let types = entry.decoded.event_types.iter();
     let types: Vec<String> = types

@@ -34,7 +34,10 @@ pub(super) fn draw(
         traces(description, comparison, &entry.name).draw(&folder.join(TRACES))?;
         scalp_map(description, comparison, &entry.name).draw(&folder.join(SCALP))?;
     }
-    Ok(levels(entry).draw(&folder.join(LEVELS))?)
+    if !entry.decoded.is_packed {
+        levels(entry).draw(&folder.join(LEVELS))?;
+    }
+    Ok(())
 }
 
 fn traces(description: &Description, comparison: &Comparison, name: &str) -> Traces {

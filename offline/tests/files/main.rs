@@ -4,5 +4,6 @@
 mod comparison;
 mod damage;
 mod formats;
+mod packed;
 mod recording;
 mod report;

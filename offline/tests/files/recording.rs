@@ -4,7 +4,10 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use new_file::Existing;
-use offline::{Decoded, Decoding, Encoded, Encoding, Model, OfflineError, Progress, SignalFormat};
+use offline::{
+    Decoded, Decoding, Encoded, EncodedStream, Encoding, Model, OfflineError, Progress,
+    SignalFormat,
+};
 use pipeline::Mains;
 use recordings::{FileToWrite, GdfWriter, Missing, Recording, SignalToWrite};
 
@@ -81,6 +84,7 @@ pub(crate) const ENCODING: Encoding = Encoding {
     mains: Mains::Hz50,
     missing: Missing::Refuse,
     existing: Existing::Refuse,
+    stream: EncodedStream::Codes,
 };
 
 /// Returns the electrodes of the model.

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, ensure};
 use new_file::Existing;
-use offline::{Decoding, Encoding, Model, Progress, SignalFormat};
+use offline::{Decoding, EncodedStream, Encoding, Model, Progress, SignalFormat};
 use pipeline::Mains;
 use recordings::{FileToWrite, GdfWriter, Missing, Recording, SignalToWrite};
 use tempfile::TempDir;
@@ -76,6 +76,7 @@ impl Ours {
             mains: Mains::Hz50,
             missing: Missing::Refuse,
             existing: Existing::Replace,
+            stream: EncodedStream::Codes,
         };
         let start = Instant::now();
         encoding.encode(

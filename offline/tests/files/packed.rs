@@ -1,0 +1,167 @@
+//! Files of packed blocks hold the microvolts of the library's decoder, also after losses.
+
+use std::fs;
+
+use link::{Decoder, Encoder, MAX_FRAME, ToHost};
+use offline::{EncodedStream, Encoding, OfflineError, Progress, SignalFormat};
+use pipeline::{Mains, PackedCode, PackedEncoder, Rate, Sample};
+use reconstruction::PackedDecoder;
+use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
+
+use crate::recording::{ENCODING, Fixture, labels, values};
+
+/// A rate other than the model's.
+const RATE: u8 = 2;
+
+fn encode(fixture: &Fixture, rate: Option<u8>) -> offline::Encoded {
+    let packed = Encoding {
+        stream: EncodedStream::Packed(rate),
+        ..ENCODING
+    };
+    let encoded = packed.encode(&fixture.recording(), &fixture.codes(), &Progress::default());
+    encoded.expect("encoded")
+}
+
+/// Returns the blocks that the pipeline makes of the recording.
+fn blocks(fixture: &Fixture) -> Vec<PackedCode> {
+    let recording = Recording::open(fixture.recording()).expect("a recording");
+    let map = MontageMap::new(&recording.labels(), &labels(), Missing::Refuse).expect("a map");
+    let spec = AdcSpec {
+        rate_hz: model::ADC_RATE_HZ.into(),
+        lsb_uv: f64::from(model::LSB_NV) / 1e3,
+    };
+    let adc = VirtualAdc::new(recording, &map, spec).expect("an ADC");
+    let mut acquisition = pipeline::Acquisition::new(Mains::Hz50);
+    let mut encoder = Box::new(PackedEncoder::new());
+    encoder.set_rate(Rate::new(RATE).expect("a rate"));
+    adc.filter_map(|counts| {
+        let counts = counts.expect("a sample");
+        let sample = Sample {
+            counts: std::array::from_fn(|channel| counts[channel]),
+        };
+        encoder.encode_step(&acquisition.process_sample(&sample)?)
+    })
+    .collect()
+}
+
+/// Returns the values of the rows that the library decodes: each block corrected by the next, `None` for a lost one.
+fn expected(blocks: &[Option<&PackedCode>]) -> Vec<f32> {
+    let model = offline::Model::embedded().expect("a model");
+    let artifact = artifact::Artifact::from_bytes(
+        model::artifact_files::MODEL_TOML,
+        model::artifact_files::WEIGHTS,
+        model::artifact_files::CALIBRATION,
+        model::artifact_files::PACKED,
+    );
+    let artifact = artifact.expect("the built-in model");
+    assert_eq!(artifact.id, model.id);
+    let mut decoder = PackedDecoder::new(artifact.packed.as_ref().expect("a packed model"));
+    let rate = Rate::new(RATE).expect("a rate");
+    let mut hops: Vec<Vec<f32>> = Vec::new();
+    for block in blocks {
+        let (microvolts, smoothed) = match block {
+            Some(block) => {
+                let decoded = decoder.decode(block.bytes(), rate).expect("a block");
+                (decoded.microvolts, decoded.smoothed)
+            }
+            None => (decoder.skip(), None),
+        };
+        if let (Some(before), Some(smoothed)) = (hops.last_mut(), smoothed) {
+            *before = smoothed;
+        }
+        hops.push(microvolts);
+    }
+    hops.concat()
+}
+
+/// Returns the values of a decoded file in the order row, electrode.
+fn rows(fixture: &Fixture, name: &str) -> Vec<f32> {
+    let signals = values(&fixture.path(name));
+    let rows = 0..signals[0].len();
+    #[expect(clippy::cast_possible_truncation, reason = "written as float32")]
+    let row = |row: usize| signals.iter().map(move |signal| signal[row] as f32);
+    rows.flat_map(row).collect()
+}
+
+#[test]
+fn rows_are_those_of_the_packed_decoder() {
+    let fixture = Fixture::settled();
+    let encoded = encode(&fixture, Some(RATE));
+    let blocks = blocks(&fixture);
+    let bits: usize = blocks.iter().map(|block| 8 * block.bytes().len()).sum();
+    let packed = encoded.packed.expect("counts of blocks");
+    assert_eq!(
+        (packed.blocks, packed.bits),
+        (blocks.len() as u64, bits as u64)
+    );
+    let all: Vec<_> = blocks.iter().map(Some).collect();
+    let decoded = fixture.decode(&fixture.codes(), "decoded.gdf", SignalFormat::Gdf, true);
+    let decoded = decoded.expect("decoded");
+    assert!(decoded.is_packed);
+    assert_eq!((decoded.codes, decoded.missing), (blocks.len() as u64, 0));
+    assert_eq!(decoded.rows, (blocks.len() * model::HOP) as u64);
+    assert!(rows(&fixture, "decoded.gdf") == expected(&all));
+    assert_eq!(decoded.warnings, [""; 0]);
+    // A fine rate reproduces the filtered recording.
+    let comparison = decoded.comparison.expect("compared with the recording");
+    assert!(comparison.steps > 0);
+    let prd_percent = comparison.total().prd_percent();
+    assert!(prd_percent < 60.0, "{prd_percent} %");
+}
+
+#[test]
+fn a_lost_block_is_predicted_and_counted() {
+    let fixture = Fixture::settled();
+    encode(&fixture, Some(RATE));
+    let bytes = fs::read(fixture.codes()).expect("a file of blocks");
+    let is_lost = |block: u32| (100..103).contains(&block) || block == 150;
+    let mut decoder = Decoder::<MAX_FRAME>::new();
+    let (mut input, mut kept) = (&bytes[..], Vec::new());
+    while let Some(outcome) = decoder.next::<ToHost>(&mut input) {
+        let frame = outcome.expect("a whole frame");
+        if !matches!(&frame.message, ToHost::PackedCode(code) if is_lost(code.block)) {
+            let mut buffer = [0; MAX_FRAME];
+            let mut encoder = Encoder::starting_at(frame.header.seq);
+            let bytes = encoder.encode(frame.header.device_time_us, &frame.message, &mut buffer);
+            kept.extend_from_slice(bytes.expect("it came from a frame"));
+        }
+    }
+    fs::write(fixture.path("lossy.codes"), kept).expect("written");
+    let input = fixture.path("lossy.codes");
+    let decoded = fixture.decode(&input, "lossy.gdf", SignalFormat::Gdf, false);
+    assert_eq!(decoded.expect("decoded").missing, 4);
+    let blocks = blocks(&fixture);
+    let received: Vec<_> = (0..)
+        .zip(&blocks)
+        .map(|(index, block)| (!is_lost(index)).then_some(block))
+        .collect();
+    assert!(rows(&fixture, "lossy.gdf") == expected(&received));
+}
+
+#[test]
+fn the_models_rate_is_the_default_and_takes_fewer_bits_than_a_finer_one() {
+    let bits = |rate| {
+        let fixture = Fixture::settled();
+        encode(&fixture, rate).packed.expect("counts").bits
+    };
+    assert_eq!(bits(None), bits(Some(4)));
+    assert!(bits(Some(4)) < bits(Some(RATE)));
+}
+
+#[test]
+fn blocks_of_another_model_are_refused() {
+    let fixture = Fixture::new();
+    encode(&fixture, None);
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../model/paper");
+    let model = offline::Model::read(folder.as_ref()).expect("the paper's model");
+    let decoding = offline::Decoding {
+        model: &model,
+        format: SignalFormat::Csv,
+        existing: new_file::Existing::Refuse,
+    };
+    let output = fixture.path("decoded.csv");
+    let decoded = decoding.decode(&fixture.codes(), &output, None, &Progress::default());
+    let error = decoded.expect_err("another model");
+    assert!(matches!(error, OfflineError::Codes { .. }));
+    assert!(!output.exists());
+}
