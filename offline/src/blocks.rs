@@ -14,8 +14,8 @@ pub(crate) struct Blocks {
     full_scale_uv: f32,
     /// Number of rows of a hop.
     rows: u64,
-    /// Number of blocks decoded, missing ones included.
-    blocks: u32,
+    /// Index of the next block.
+    next: u32,
     /// Signals and flags of the newest block.
     held: Option<(Vec<f32>, Flags)>,
 }
@@ -27,7 +27,7 @@ impl Blocks {
             decoder: PackedDecoder::new(model),
             full_scale_uv,
             rows: description.window.hop as u64,
-            blocks: 0,
+            next: 0,
             held: None,
         }
     }
@@ -43,7 +43,7 @@ impl Blocks {
         (bytes, rate): (&[u8], u8),
         mut emit: impl FnMut(DecodedHop) -> Result<(), E>,
     ) -> Result<(), E> {
-        while self.blocks < index {
+        while self.next < index {
             self.lose(&mut emit)?;
         }
         let decoded = Rate::new(rate).and_then(|rate| self.decoder.decode(bytes, rate).ok());
@@ -84,7 +84,7 @@ impl Blocks {
     ) -> Result<(), E> {
         self.emit_held(smoothed, emit)?;
         self.held = Some(next);
-        self.blocks += 1;
+        self.next += 1;
         Ok(())
     }
 
@@ -101,7 +101,7 @@ impl Blocks {
             *value = value.clamp(-self.full_scale_uv, self.full_scale_uv);
         }
         emit(DecodedHop {
-            first_row: u64::from(self.blocks - 1) * self.rows,
+            first_row: u64::from(self.next - 1) * self.rows,
             uv: &uv,
             flags,
         })
