@@ -23,7 +23,7 @@ pub(crate) const BOARDS: [Limits; 3] = [
         images: &["h743", "h743-uart"],
         is_default: true,
         memory_map: "firmware/board-h743/stm32h743.x",
-        // Limits above the sizes measured with USB: 9 % above 660 KB of flash, 5 % above 92 KB of RAM. The
+        // Limits above the sizes measured with USB: 9 % above 662 KB of flash, 5 % above 92 KB of RAM. The
         // DMA may use half of SRAM1. The ITCM stays empty (decision 0015).
         regions: &[
             ("FLASH", 704 << 10),
@@ -38,7 +38,7 @@ pub(crate) const BOARDS: [Limits; 3] = [
         images: &["f446", "f446-usb"],
         is_default: true,
         memory_map: "firmware/board-f446/stm32f446.x",
-        // Limits above the sizes measured with the UART: 2 % above 499 KB of flash, 5 % above 86 KB of RAM.
+        // Limits above the sizes measured with the UART: 2 % above 500 KB of flash, 5 % above 86 KB of RAM.
         // The flash limit is low because the chip has only 512 KiB.
         regions: &[("FLASH", 496 << 10), ("RAM", 88 << 10)],
         stack: 32 << 10,
