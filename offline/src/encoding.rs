@@ -12,11 +12,11 @@ use new_file::{Existing, NewFile};
 use pipeline::Mains;
 use recordings::{Missing, virtual_adc::AdcCounters};
 
+use crate::encoded_stream::{EncodedStream, PackedCount};
 use crate::error::OfflineError;
 use crate::played::{Played, first_channels};
 use crate::progress::Progress;
 use device::Device;
-pub use device::PackedCount;
 
 /// Number of bytes of frames that are written together.
 const PIECE: usize = 1 << 16;
@@ -32,16 +32,6 @@ pub struct Encoding {
     pub existing: Existing,
     /// What the file holds.
     pub stream: EncodedStream,
-}
-
-/// What a file of codes holds.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum EncodedStream {
-    /// Codes of the network.
-    #[default]
-    Codes,
-    /// Packed blocks, at this rate, 0 to 15; `None` for the model's.
-    Packed(Option<u8>),
 }
 
 /// Result of encoding one recording.

@@ -7,7 +7,7 @@ use device::{
 use link::{ResetCause, Start, Stats, Streams, Substitutes};
 use pipeline::{Acquisition, Mains, Rate, Sample};
 
-use super::EncodedStream;
+use crate::encoded_stream::{EncodedStream, PackedCount};
 
 /// Frames of the device that have not been written to the file yet.
 #[derive(Debug, Default)]
@@ -43,15 +43,6 @@ const ABILITIES: Abilities = Abilities {
     bootloader: false,
     clock: false,
 };
-
-/// Packed blocks that were made.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct PackedCount {
-    /// Number of blocks.
-    pub blocks: u64,
-    /// Number of bits of all blocks.
-    pub bits: u64,
-}
 
 /// A device that streams codes or packed blocks from its first sample on. Its frames are those of a board but for the
 /// status of the converters, which it lacks.
