@@ -24,6 +24,7 @@ pub mod modules;
 pub mod npz;
 pub mod numpy_reference;
 pub mod other_model;
+pub mod port;
 pub mod process;
 pub mod programs;
 pub mod real_data;

@@ -1,13 +1,14 @@
 //! Debian's ROS 1: the master and the tools, each as a separate process.
 
 use std::io;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, SocketAddr, TcpStream};
 use std::path::Path;
 use std::process::{Command, Output};
 use std::time::Duration;
 
 use emulator::skip::skip_unless_required;
 
+use crate::port::free_port;
 use crate::process::Process;
 use crate::ros_messages;
 
@@ -167,14 +168,4 @@ fn command(program: &str, port: u16, folder: &Path) -> Command {
 
 fn master_uri(port: u16) -> String {
     format!("http://127.0.0.1:{port}/")
-}
-
-/// Returns a TCP port of 127.0.0.1 that is currently free.
-///
-/// # Errors
-/// The system has no free port.
-pub fn free_port() -> io::Result<u16> {
-    Ok(TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?
-        .local_addr()?
-        .port())
 }

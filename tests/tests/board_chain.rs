@@ -5,6 +5,7 @@
 use std::time::{Duration, Instant};
 
 use acceptance::chain::{Chain, NEURO_FRAME_MD5, assert_continuous, rate};
+use acceptance::port::free_port;
 use acceptance::{ros, virtual_board};
 
 /// Number of codes to receive: 256 codes are 16 s of device time.
@@ -29,7 +30,7 @@ fn streams_to_rospy(name: &'static str, test: &str) {
     }
     let board = virtual_board::Board::build(name);
     let folder = tempfile::tempdir().expect("a folder");
-    let port = ros::free_port().expect("a port");
+    let port = free_port().expect("a port");
     let chain = Chain::start_at(folder.path(), &format!("tcp:127.0.0.1:{port}"));
     let mut board = board.start(port, folder.path());
 

@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::Duration;
 
+use acceptance::port::free_port;
 use acceptance::process::Process;
 use acceptance::programs::programs;
-use acceptance::ros::free_port;
 use emulator::skip::{skip_unless_required, skipped};
 
 /// Package to check; without it the test packs the program of the tests.

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
+use acceptance::port::free_port;
 use acceptance::{numpy_reference, process, programs::programs, real_data, workspace};
 use artifact::Artifact;
 use link::{Code, Decoder, MAX_FRAME, ToHost};
@@ -120,8 +121,8 @@ fn codes_are_those_of_run_and_microvolts_those_of_the_bridge() {
 /// Records the wire of `host-sim run` with the bridge, converts the recording, and compares the decoded
 /// signal with that of `host-sim decode`.
 fn compare_with_the_bridge(folder: &Path, recording: &str, codes: &str) {
-    let port = std::net::TcpListener::bind("127.0.0.1:0").and_then(|socket| socket.local_addr());
-    let port = format!("tcp:{}", port.expect("a free port"));
+    let port = free_port().expect("a free port");
+    let port = format!("tcp:127.0.0.1:{port}");
     let log = folder.join("logs");
     fs::create_dir_all(&log).expect("a folder");
     let mut board = Command::new(&programs().host_sim);

@@ -3,11 +3,11 @@
 #![forbid(unsafe_code)]
 
 use std::fs::{self, File};
-use std::net::TcpListener;
 use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::Command;
 
+use acceptance::port::free_port;
 use acceptance::programs::{programs, trainer};
 use acceptance::{other_model, workspace};
 use artifact::Artifact;
@@ -69,8 +69,8 @@ fn the_commands_of_the_page_decode_the_codes_of_a_cap_with_eight_electrodes() {
     }
     script += "wait\n";
     // Another test, or a program of this machine's user, can have the page's port.
-    let free = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
-    let free = free.expect("a free port").to_string();
+    let port = free_port().expect("a free port");
+    let free = format!("127.0.0.1:{port}");
     assert!(script.contains(PORT), "{script}");
     let script = script.replace(PORT, &free);
     println!("{script}");

@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use acceptance::chain::{Chain, messages_of};
 use acceptance::lossy_cable::LossyCable;
+use acceptance::port::free_port;
 use acceptance::process::Process;
 use acceptance::programs::programs;
 use acceptance::ros;
@@ -315,12 +316,9 @@ fn after_lost_frames_every_frame_is_that_of_a_decoder_with_the_same_losses() {
     let blocks = blocks();
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    // A port that is free now.
-    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
-    let number = listener.local_addr().expect("an address").port();
-    drop(listener);
-    let board = board(folder, &format!("tcp:127.0.0.1:{number}"));
-    let cable = LossyCable::new(number, 5).expect("a connection");
+    let port = free_port().expect("a free port");
+    let board = board(folder, &format!("tcp:127.0.0.1:{port}"));
+    let cable = LossyCable::new(port, 5).expect("a connection");
     let mut printing = printing(folder, &cable.port, &["--low-latency"]);
     printing.wait_until("most frames", SLACK, |bridge| {
         printed(&bridge.output()).len() + 8 >= blocks.len()

@@ -5,6 +5,7 @@
 use std::time::{Duration, Instant};
 
 use acceptance::chain::{Chain, NEURO_FRAME_MD5, assert_continuous, rate};
+use acceptance::port::free_port;
 use acceptance::{emulated_board, ros};
 use emulator::installed;
 use host_sim::synthetic::{Generator, SyntheticSpec};
@@ -27,7 +28,7 @@ fn every_code_of_an_emulated_microcontroller_reaches_rospy() {
     let codes = usize::try_from(seconds * RATE).expect("few");
     let image = emulated_board::image();
     let folder = tempfile::tempdir().expect("a folder");
-    let port = ros::free_port().expect("a port");
+    let port = free_port().expect("a port");
     let mut chain = Chain::start_at(folder.path(), &format!("tcp:127.0.0.1:{port}"));
     let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
     let eeg = Generator::new(&spec).expect("the model's electrodes");

@@ -8,6 +8,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use acceptance::lossy_cable::LossyCable;
+use acceptance::port::free_port;
 use acceptance::process::Process;
 use acceptance::programs::programs;
 use host_sim::synthetic::{Generator, SyntheticSpec};
@@ -183,12 +184,9 @@ fn after_lost_frames_every_sample_is_exact_or_a_filler() {
     let expected = expected();
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    // A port that is free now.
-    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
-    let number = listener.local_addr().expect("an address").port();
-    drop(listener);
-    let board = board(folder, &format!("tcp:127.0.0.1:{number}"));
-    let cable = LossyCable::new(number, 2).expect("a connection");
+    let port = free_port().expect("a free port");
+    let board = board(folder, &format!("tcp:127.0.0.1:{port}"));
+    let cable = LossyCable::new(port, 2).expect("a connection");
     let mut printing = printing(folder, &cable.port, "compressed");
     printing.wait_until("most samples", SLACK, |bridge| {
         printed(&bridge.output()).len() + 256 >= expected.len()

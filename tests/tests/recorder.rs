@@ -14,9 +14,9 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use acceptance::lossy_cable::LossyCable;
+use acceptance::port::free_port;
 use acceptance::process::Process;
 use acceptance::programs::programs;
-use acceptance::ros::free_port;
 use acceptance::workspace;
 use emulator::skip::skip_unless_required;
 use recordings::{Block, EventLabel, Recording};

@@ -32,7 +32,7 @@ pub struct TimedBlock {
 /// A block of the packed code.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Block {
-    /// The block as it was sent.
+    /// The bytes of the received message.
     pub bytes: Vec<u8>,
     /// Rate of the stream.
     pub rate: Rate,

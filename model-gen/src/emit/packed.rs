@@ -38,6 +38,16 @@ impl Source {
             );
             return;
         };
+        // Without a packed model, `model` would not use these names.
+        for name in [
+            "::packed::Tables",
+            "int8_nn::Linear",
+            "crate::constants::PACKED_COEFFICIENTS",
+            "crate::packed::Slice",
+        ] {
+            self.line(format_args!("use {name};"));
+        }
+        self.line("");
         for (step, (_, weights)) in packed.analysis().iter().enumerate() {
             self.weights(
                 &format!("Weights of the packed analysis after step {step}."),
