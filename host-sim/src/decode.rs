@@ -97,7 +97,7 @@ fn decode_one(
     let decoded = decoding.decode(&job.input, &job.output, original.as_deref(), progress)?;
     warnings.extend(decoded.warnings.iter().cloned());
     if decoded.missing > 0 || decoded.damaged > 0 {
-        let rows = if decoded.is_packed {
+        let rows = if decoded.is_packed() {
             "their rows are predictions"
         } else {
             "rows without any code repeat the last row"
@@ -188,7 +188,7 @@ impl Originals {
 
 /// Names what a file of codes holds.
 fn codes_of(decoded: &Decoded) -> &'static str {
-    if decoded.is_packed {
+    if decoded.is_packed() {
         "packed blocks"
     } else {
         "codes"

@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use new_file::Existing;
-use offline::{Encoded, EncodedStream, Encoding, PackedCount};
+use offline::{Encoded, EncodedStream, Encoding, PackedCounts};
 use recordings::Recording;
 
 use crate::batch::{self, Job};
@@ -76,21 +76,21 @@ fn seconds(jobs: &[Job]) -> u64 {
 
 fn summary(job: &Job, encoded: &Encoded) -> String {
     let stats = &encoded.stats;
-    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 bits")]
-    let codes = match encoded.packed {
-        Some(PackedCount { blocks, bits }) => format!(
-            "{blocks} packed blocks ({:.1} bits each)",
-            bits as f64 / blocks.max(1) as f64
+    let items = match &encoded.packed {
+        Some(packed) => packed_blocks(packed),
+        None => format!(
+            "{} codes ({}); clipped: {} input values, {} values of codes",
+            stats.codes_made,
+            device::CODE_FORMAT,
+            stats.clipped,
+            stats.clipped_values
         ),
-        None => format!("{} codes ({})", stats.codes_made, device::CODE_FORMAT),
     };
     let mut text = format!(
-        "{}: {:.1} s, {codes}, {} bytes; clipped: {} input values, {} values of codes",
+        "{}: {:.1} s, {} bytes, {items}",
         job.output.display(),
         encoded.signal_s(),
-        encoded.bytes,
-        stats.clipped,
-        stats.clipped_values
+        encoded.bytes
     );
     for (count, what) in [
         (encoded.adc.saturated, "counts at the rail"),
@@ -101,4 +101,14 @@ fn summary(job: &Job, encoded: &Encoded) -> String {
         }
     }
     text
+}
+
+fn packed_blocks(counts: &PackedCounts) -> String {
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 bits")]
+    let bits = counts.bits as f64 / counts.blocks.max(1) as f64;
+    format!(
+        "{} packed blocks of {bits:.1} bits; clipped: {} input values; blocks outside the model: {}, without \
+         content: {}",
+        counts.blocks, counts.clipped, counts.misfits, counts.blanks
+    )
 }

@@ -44,10 +44,10 @@ pub struct Decoding<'m> {
 /// Result of decoding one file of codes.
 #[derive(Debug, Clone)]
 pub struct Decoded {
-    /// Number of codes.
+    /// Number of codes, or of packed blocks.
     pub codes: u64,
-    /// Whether the codes are packed blocks, of one hop each.
-    pub is_packed: bool,
+    /// Number of bits of the packed blocks; `None` for codes of the network.
+    pub packed_bits: Option<u64>,
     /// Number of windows whose code is missing; where neighbours do not cover them, the last values are
     /// repeated.
     pub missing: u64,
@@ -70,6 +70,18 @@ pub struct Decoded {
 }
 
 impl Decoded {
+    /// Returns whether the file holds packed blocks, of one hop each, instead of codes of the network.
+    pub const fn is_packed(&self) -> bool {
+        self.packed_bits.is_some()
+    }
+
+    /// Returns the mean length of the packed blocks, bits; `None` for codes of the network.
+    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 bits")]
+    pub fn bits_per_block(&self) -> Option<f64> {
+        self.packed_bits
+            .map(|bits| bits as f64 / self.codes.max(1) as f64)
+    }
+
     /// Returns the length of the signal, seconds.
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 rows")]
     pub fn signal_s(&self) -> f64 {
@@ -137,6 +149,7 @@ impl Decoding<'_> {
             writer.write_hop(hop.uv, hop.flags).map_err(&failed)
         };
         let mut codes = self.open(input).map_err(unusable)?;
+        let mut bits = 0;
         while let Some(code) = codes.next_code().map_err(unusable)? {
             let place = (code.window, code.flags);
             match (code.content, &mut blocks) {
@@ -145,6 +158,7 @@ impl Decoding<'_> {
                     hops.decode(place, &values, &mut emit)?;
                 }
                 (Content::Block { bytes, rate }, Some(blocks)) => {
+                    bits += 8 * bytes.len() as u64;
                     blocks.decode(place, (&bytes, rate), &mut emit)?;
                 }
                 (Content::Block { .. }, None) => {}
@@ -158,7 +172,7 @@ impl Decoding<'_> {
         file.finish()?;
         Ok(Decoded {
             codes: survey.codes,
-            is_packed: survey.is_packed,
+            packed_bits: survey.is_packed.then_some(bits),
             missing: survey.missing(),
             damaged: survey.damaged,
             rows: signal.rows,

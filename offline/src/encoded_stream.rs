@@ -1,4 +1,6 @@
-//! What a file of codes holds, and how many packed blocks.
+//! What a file of codes holds, and counts of its packed blocks.
+
+use pipeline::PackedCode;
 
 /// What a file of codes holds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -10,11 +12,27 @@ pub enum EncodedStream {
     Packed(Option<u8>),
 }
 
-/// Packed blocks that were made.
+/// Counts of the packed blocks of a file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct PackedCount {
+pub struct PackedCounts {
     /// Number of blocks.
     pub blocks: u64,
-    /// Number of bits of all blocks.
+    /// Number of bits of all blocks, without those of their frames.
     pub bits: u64,
+    /// Number of electrode values that were clipped to the range of the inputs.
+    pub clipped: u64,
+    /// Number of blocks, made after the filters had settled, that the model does not represent well.
+    pub misfits: u64,
+    /// Number of blocks, made after the filters had settled, that were too long and have no content.
+    pub blanks: u64,
+}
+
+impl PackedCounts {
+    pub(crate) fn add(&mut self, code: &PackedCode) {
+        self.blocks += 1;
+        self.bits += 8 * code.bytes().len() as u64;
+        self.clipped += u64::from(code.clipped);
+        self.misfits += u64::from(code.is_misfit && !code.settling);
+        self.blanks += u64::from(code.is_blank && !code.settling);
+    }
 }

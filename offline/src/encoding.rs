@@ -12,7 +12,7 @@ use new_file::{Existing, NewFile};
 use pipeline::Mains;
 use recordings::{Missing, virtual_adc::AdcCounters};
 
-use crate::encoded_stream::{EncodedStream, PackedCount};
+use crate::encoded_stream::{EncodedStream, PackedCounts};
 use crate::error::OfflineError;
 use crate::played::{Played, first_channels};
 use crate::progress::Progress;
@@ -45,8 +45,8 @@ pub struct Encoded {
     pub stats: Stats,
     /// Counters of the virtual ADC.
     pub adc: AdcCounters,
-    /// Number of packed blocks, and of their bits without those of their frames; `None` of codes.
-    pub packed: Option<PackedCount>,
+    /// Counts of the packed blocks; `None` for a file of codes.
+    pub packed: Option<PackedCounts>,
     /// Size of the file of codes, bytes.
     pub bytes: u64,
 }
@@ -101,11 +101,13 @@ impl Encoding {
         }
         let stats = device.finish();
         let packed = matches!(self.stream, EncodedStream::Packed(_)).then(|| device.packed());
-        let made = packed.map_or(stats.codes_made.into(), |packed| packed.blocks);
+        let (made, [item, span], steps) = match packed {
+            Some(packed) => (packed.blocks, ["packed block", "block"], model::HOP),
+            None => (stats.codes_made.into(), ["code", "window"], model::STEPS),
+        };
         if made == 0 {
             played.warnings.push(format!(
-                "it is shorter than one window ({} steps at {} Hz) and yields no code",
-                model::STEPS,
+                "it is shorter than one {span} ({steps} steps at {} Hz) and yields no {item}",
                 model::STEP_RATE_HZ
             ));
         }

@@ -35,7 +35,7 @@ mod survey;
 pub use code_file::CodeFileError;
 pub use comparison::{Comparison, ElectrodeOrigin, ElectrodeSums, Excerpt, settling_s};
 pub use decoding::{Decoded, Decoding};
-pub use encoded_stream::{EncodedStream, PackedCount};
+pub use encoded_stream::{EncodedStream, PackedCounts};
 pub use encoding::{Encoded, Encoding};
 pub use error::OfflineError;
 pub use histogram::{BINS, LevelHistogram};

@@ -14,7 +14,7 @@ pub struct Trace {
     pub label: String,
     /// Signal before encoding, after filters and decimation, uV.
     pub source_uv: Vec<f32>,
-    /// Signal decoded from the codes, uV; as many values as `source_uv`.
+    /// Decoded signal, uV; as many values as `source_uv`.
     pub result_uv: Vec<f32>,
 }
 
@@ -45,10 +45,7 @@ impl Traces {
     /// # Errors
     /// The file cannot be written.
     pub fn draw(&self, path: &Path) -> Result<(), PictureError> {
-        let heading = [
-            "EEG after the filters, and decoded from the codes",
-            &self.subtitle,
-        ];
+        let heading = ["EEG after the filters, and decoded", &self.subtitle];
         canvas::page(path, SIZE, heading, |area| self.draw_on(area))
     }
 

@@ -7,7 +7,7 @@ use device::{
 use link::{ResetCause, Start, Stats, Streams, Substitutes};
 use pipeline::{Acquisition, Mains, Rate, Sample};
 
-use crate::encoded_stream::{EncodedStream, PackedCount};
+use crate::encoded_stream::{EncodedStream, PackedCounts};
 
 /// Frames of the device that have not been written to the file yet.
 #[derive(Debug, Default)]
@@ -56,7 +56,7 @@ pub(super) struct Device {
     new_run: Option<Run>,
     samples: u64,
     steps: u64,
-    packed: PackedCount,
+    packed: PackedCounts,
 }
 
 impl Device {
@@ -90,7 +90,7 @@ impl Device {
             },
             samples: 0,
             steps: 0,
-            packed: PackedCount::default(),
+            packed: PackedCounts::default(),
         }
     }
 
@@ -115,8 +115,7 @@ impl Device {
         let packed = &mut self.packed;
         let mut emit = |output: Output| {
             if let Payload::PackedCode(code, _) = &output.payload {
-                packed.blocks += 1;
-                packed.bits += 8 * code.bytes().len() as u64;
+                packed.add(code);
             }
             if output.ends_second() {
                 session.send_stats(output.at_us, counts, sender);
@@ -126,8 +125,8 @@ impl Device {
         self.producer.process(&acquired, &mut emit);
     }
 
-    /// Returns the number of packed blocks so far.
-    pub(super) const fn packed(&self) -> PackedCount {
+    /// Returns the counts of packed blocks so far.
+    pub(super) const fn packed(&self) -> PackedCounts {
         self.packed
     }
 

@@ -5,6 +5,7 @@ use picture::page::{Page, escaped, href, image};
 
 use super::{entry::Entry, pictures};
 use crate::comparison::{Comparison, settling_s};
+use crate::decoding::Decoded;
 
 /// Returns the page as HTML. Its pictures are files in folders beside it.
 pub(super) fn page(description: &Description, entries: &[Entry]) -> String {
@@ -17,20 +18,19 @@ pub(super) fn page(description: &Description, entries: &[Entry]) -> String {
         .map(|entry| section(description, entry))
         .collect();
     let size = format!(
-        "{} electrodes, {} Hz, one code of {} numbers every {} ms",
+        "{} electrodes, {} Hz, one code or packed block every {} ms",
         description.montage.electrodes.len(),
         description.window.rate_hz,
-        description.code.numbers,
         1_000.0 * code_interval_s(description)
     );
     let mut page = Page::new("Decoded EEG");
     page.push_html(&format!(
         "<p>{size}. Reference: the recording \
-         after notch, band-pass and resampling, before it becomes int8. Steps in which the filters settle, and \
-         steps without a code, are left out. RMS is that of the reference; PRD = 100 sqrt(sum of squared difference / sum of squared \
+         after notch, band-pass and resampling, before it becomes the input of an encoder. Steps in which the filters settle, and \
+         steps without a code or block, are left out. RMS is that of the reference; PRD = 100 sqrt(sum of squared difference / sum of squared \
          reference). MSE is in units of the network's input ({:.2} uV) squared. The numbers of all electrodes: \
          <a href=\"electrodes.csv\">electrodes.csv</a>.</p>\n<table><tr><th>recording</th><th>seconds</th>\
-         <th>codes</th><th>missing</th><th>RMS, uV</th><th>PRD, all</th><th>PRD, measured</th><th>MSE</th><th>MSE, uV&sup2;</th>\
+         <th>decoded from</th><th>missing</th><th>RMS, uV</th><th>PRD, all</th><th>PRD, measured</th><th>MSE</th><th>MSE, uV&sup2;</th>\
          </tr>\n{rows}</table>\n{sections}",
         description.input.sd_uv
     ));
@@ -70,9 +70,20 @@ fn summary(description: &Description, entry: &Entry) -> String {
         "<tr><td><a href=\"#{}\">{name}</a></td><td>{:.1}</td><td>{}</td><td>{}</td>{errors}</tr>\n",
         href(&entry.name),
         decoded.signal_s(),
-        decoded.codes,
+        items(description, decoded),
         decoded.missing
     )
+}
+
+/// Returns the number of codes or packed blocks, and their size.
+fn items(description: &Description, decoded: &Decoded) -> String {
+    match decoded.bits_per_block() {
+        Some(bits) => format!("{} packed blocks of {bits:.1} bits", decoded.codes),
+        None => format!(
+            "{} codes of {} numbers",
+            decoded.codes, description.code.numbers
+        ),
+    }
 }
 
 fn section(description: &Description, entry: &Entry) -> String {
@@ -84,7 +95,7 @@ fn section(description: &Description, entry: &Entry) -> String {
         text += &electrodes(description, comparison);
         text
     });
-    let levels = if entry.decoded.is_packed {
+    let levels = if entry.decoded.is_packed() {
         String::new()
     } else {
         picture(pictures::LEVELS, "histogram of the codes' levels")

@@ -31,16 +31,16 @@ pub(super) fn draw(
     entry: &Entry,
 ) -> Result<(), OfflineError> {
     if let Some(comparison) = entry.compared() {
-        traces(description, comparison, &entry.name).draw(&folder.join(TRACES))?;
+        traces(description, comparison, entry).draw(&folder.join(TRACES))?;
         scalp_map(description, comparison, &entry.name).draw(&folder.join(SCALP))?;
     }
-    if !entry.decoded.is_packed {
+    if !entry.decoded.is_packed() {
         levels(entry).draw(&folder.join(LEVELS))?;
     }
     Ok(())
 }
 
-fn traces(description: &Description, comparison: &Comparison, name: &str) -> Traces {
+fn traces(description: &Description, comparison: &Comparison, entry: &Entry) -> Traces {
     let labels = &description.montage.electrodes;
     let excerpt = &comparison.excerpt;
     let rows = shown(comparison).into_iter().map(|electrode| {
@@ -58,10 +58,14 @@ fn traces(description: &Description, comparison: &Comparison, name: &str) -> Tra
         rows: rows.collect(),
         rate_hz,
         start_s,
-        since: "the first step of the first code".to_owned(),
-        result: format!("decoded from {} numbers", description.code.numbers),
+        since: "the first decoded step".to_owned(),
+        result: match entry.decoded.bits_per_block() {
+            Some(bits) => format!("decoded from {bits:.1} bits per block"),
+            None => format!("decoded from {} numbers", description.code.numbers),
+        },
         subtitle: format!(
-            "{name}: PRD {:.1} % over all {} electrodes and {} steps",
+            "{}: PRD {:.1} % over all {} electrodes and {} steps",
+            entry.name,
             comparison.total().prd_percent(),
             labels.len(),
             comparison.steps

@@ -3,7 +3,8 @@
 use std::fs;
 
 use link::{Decoder, Encoder, MAX_FRAME, ToHost};
-use offline::{EncodedStream, Encoding, OfflineError, Progress, SignalFormat};
+use offline::report::{self, Entry};
+use offline::{EncodedStream, Encoding, Model, OfflineError, PackedCounts, Progress, SignalFormat};
 use pipeline::{Mains, PackedCode, PackedEncoder, Rate, Sample};
 use reconstruction::PackedDecoder;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
@@ -89,15 +90,19 @@ fn rows_are_those_of_the_packed_decoder() {
     let encoded = encode(&fixture, Some(RATE));
     let blocks = blocks(&fixture);
     let bits: usize = blocks.iter().map(|block| 8 * block.bytes().len()).sum();
-    let packed = encoded.packed.expect("counts of blocks");
-    assert_eq!(
-        (packed.blocks, packed.bits),
-        (blocks.len() as u64, bits as u64)
-    );
+    let settled = blocks.iter().filter(|block| !block.settling);
+    let counts = PackedCounts {
+        blocks: blocks.len() as u64,
+        bits: bits as u64,
+        clipped: blocks.iter().map(|block| u64::from(block.clipped)).sum(),
+        misfits: settled.clone().filter(|block| block.is_misfit).count() as u64,
+        blanks: settled.filter(|block| block.is_blank).count() as u64,
+    };
+    assert_eq!(encoded.packed, Some(counts));
     let all: Vec<_> = blocks.iter().map(Some).collect();
     let decoded = fixture.decode(&fixture.codes(), "decoded.gdf", SignalFormat::Gdf, true);
     let decoded = decoded.expect("decoded");
-    assert!(decoded.is_packed);
+    assert_eq!(decoded.packed_bits, Some(counts.bits));
     assert_eq!((decoded.codes, decoded.missing), (blocks.len() as u64, 0));
     assert_eq!(decoded.rows, (blocks.len() * model::HOP) as u64);
     assert!(rows(&fixture, "decoded.gdf") == expected(&all));
@@ -107,6 +112,28 @@ fn rows_are_those_of_the_packed_decoder() {
     assert!(comparison.steps > 0);
     let prd_percent = comparison.total().prd_percent();
     assert!(prd_percent < 60.0, "{prd_percent} %");
+}
+
+#[test]
+fn a_report_states_the_size_of_the_blocks() {
+    let fixture = Fixture::settled();
+    encode(&fixture, Some(RATE));
+    let decoded = fixture.decode(&fixture.codes(), "a.gdf", SignalFormat::Gdf, true);
+    let decoded = decoded.expect("decoded");
+    let bits = decoded.bits_per_block().expect("packed blocks");
+    let blocks = format!("{} packed blocks of {bits:.1} bits", decoded.codes);
+    let entry = Entry {
+        name: "a".to_owned(),
+        decoded,
+    };
+    let model = Model::embedded().expect("a model");
+    let folder = fixture.path("report");
+    report::write(&folder, &model.description, &[entry]).expect("a report");
+    let read = |name: &str| fs::read_to_string(folder.join(name)).expect("a file");
+    assert!(read("index.html").contains(&blocks));
+    let legend = format!("decoded from {bits:.1} bits per block");
+    assert!(read("a/traces.svg").contains(&legend));
+    assert!(!folder.join("a/levels.svg").exists());
 }
 
 #[test]

@@ -27,6 +27,8 @@ fn a_report_names_every_recording_and_electrode() {
     let page = fs::read_to_string(folder.join("index.html")).expect("a page");
     assert!(page.contains("S1/a &lt;1&gt;") && page.contains("src=\"S1/a%20&lt;1&gt;/scalp.svg\""));
     assert!(page.contains("no original to compare with"));
+    let numbers = model.description.code.numbers;
+    assert!(page.contains(&format!(" codes of {numbers} numbers")));
     for (folder_of, files) in [
         ("S1/a <1>", &["traces.svg", "scalp.svg", "levels.svg"][..]),
         ("b", &["levels.svg"][..]),
