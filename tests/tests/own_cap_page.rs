@@ -117,6 +117,9 @@ fn check(folder: &Path, printed: &str) {
     let largest = last.map(|value| value.parse::<f64>().expect("a number").abs());
     let largest = largest.fold(0.0, f64::max);
     assert!((5.0..1_000.0).contains(&largest), "{largest} uV");
+    assert!(artifact.packed.is_some());
+    assert!(printed.contains("bits of a block"), "{printed}");
+    assert!(folder.join("r11.decoded.gdf").exists());
 }
 
 /// Returns a command with the profile and the folders of the tests.
