@@ -156,8 +156,12 @@ impl<L: Listener> Effects for Collector<L> {
                 next.continue_from(before);
             }
             self.reconstruction = Some(next);
-            let packed = (&announcement.device, &self.model);
-            self.packed = PackedReconstruction::new(packed.0, packed.1, self.settings);
+            let (device, model) = (&announcement.device, &self.model);
+            let mut next = PackedReconstruction::new(device, model, self.settings);
+            if let (Some(next), Some(before)) = (&mut next, &mut self.packed) {
+                next.continue_from(before);
+            }
+            self.packed = next;
         }
     }
 

@@ -93,6 +93,13 @@ impl PackedReconstruction {
         self.frame.neuroheader.seq
     }
 
+    /// Continues the frames of `before`, which another device sent: the frame that it still holds comes first. The
+    /// frames of both reconstructions must have the same shape.
+    pub(crate) fn continue_from(&mut self, before: &mut PackedReconstruction) {
+        self.set_number(before.number());
+        self.held = before.held.take();
+    }
+
     /// Returns the signals of block `index` as they were decoded at once, microvolts, in the order step, electrode;
     /// `None` if it was lost or is too old.
     pub(crate) fn signals(&self, index: u32) -> Option<&[f32]> {

@@ -237,8 +237,11 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
             return;
         }
         let (window, queued) = match work {
-            Work::Device(mut new, new_packed) => {
+            Work::Device(mut new, mut new_packed) => {
                 if let Some(before) = &reconstruction {
+                    new.continue_from(before);
+                }
+                if let (Some(new), Some(before)) = (&mut new_packed, &mut packed) {
                     new.continue_from(before);
                 }
                 (reconstruction, packed) = (Some(new), new_packed);

@@ -149,6 +149,26 @@ fn frames_from_codes_and_from_packed_blocks_are_numbered_as_one_stream() {
 }
 
 #[test]
+fn the_frame_that_waits_for_a_correction_is_published_when_another_device_takes_over() {
+    let count = Arc::new(Mutex::new(Vec::new()));
+    let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+    for _ in 0..2 {
+        decoder.start_device(reconstruction(), Some(unpacked()));
+        for _ in 0..10 {
+            decoder.decode_block(TimedBlock {
+                block: None,
+                is_first: false,
+                stamp: Stamp::default(),
+                words: TriWords::default(),
+            });
+        }
+    }
+    assert_eq!(decoder.finish(TIMEOUT).not_decoded, 0);
+    // Only the newest block waits.
+    assert_eq!(*count.lock().unwrap(), (1..=19).collect::<Vec<u32>>());
+}
+
+#[test]
 fn every_code_of_a_burst_after_a_stall_is_decoded() {
     let count = Arc::new(Mutex::new(Vec::new()));
     let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
