@@ -129,15 +129,16 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     new_status("device", (level, message), values)
 }
 
-/// Returns level and text for a streaming device. Missing raw samples or filtered steps cause a
-/// warning; missing audits or events do not, because older firmware does not support them.
+/// Returns level and text for a streaming device. Missing raw samples, filtered steps or packed
+/// blocks cause a warning; missing audits or events do not, because older firmware does not support them.
 fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
     let refused = session.commands.refused_streams();
     if refused.is_empty() {
         return (DiagnosticLevel::Ok, "streaming".to_owned());
     }
     let samples = RawForm::any_in(refused) || refused.contains(Streams::FILTERED);
-    let level = if samples {
+    let packed = refused.contains(Streams::PACKED);
+    let level = if samples || packed {
         DiagnosticLevel::Warn
     } else {
         DiagnosticLevel::Ok
@@ -147,6 +148,10 @@ fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
         && refused.contains(Streams::RAW)
     {
         "its port may be too slow; update its firmware, use its USB port, or choose filtered instead"
+    } else if packed {
+        "its image or its model has no packed code; flash an image that has it, or choose codes"
+    } else if refused.contains(Streams::AUDIT) {
+        "its image has no network, or its firmware is older than this program; flash another image"
     } else {
         "update its firmware"
     };

@@ -172,8 +172,10 @@ impl Session {
         if packed.is_restart(code) {
             self.side.restart_events();
         }
-        // The clock is fitted to codes, and to packed blocks only where no codes stream.
-        let trusted = if self.commands.streams().contains(Streams::CODES) {
+        // The clock is fitted to codes. Packed blocks are used for the fit only until the first code arrives, or
+        // where no codes stream.
+        let has_codes = self.commands.streams().contains(Streams::CODES);
+        let trusted = if has_codes && self.clock.is_known() {
             self.clock.is_possible(device_us, read)
         } else {
             self.clock.observe(device_us, read)
@@ -321,8 +323,9 @@ impl Session {
                 if !refused.is_empty() && !std::mem::replace(&mut self.logged.refused_streams, true)
                 {
                     tracing::warn!(
-                        "the device does not stream {}: its firmware is older than this bridge, \
-                         or its port is too slow; update the firmware, or change --streams",
+                        "the device does not stream {}: its image or its model has no such encoder, its port \
+                         is too slow, or its firmware is older than this bridge; flash another image, or \
+                         change --streams",
                         StreamKind::names(refused)
                     );
                 }
@@ -346,7 +349,8 @@ impl Session {
                         "choose other --streams or --mains, or update firmware or bridge"
                     }
                     ToDevice::SetRate { .. } => {
-                        "its own rate stays, which /diagnostics shows; update its firmware to choose one"
+                        "it streams no packed blocks, or always at the same rate: its image or its model \
+                         has no packed code, it is a replay, or its firmware is older than this bridge"
                     }
                     _ => "bring firmware and bridge to the same release",
                 };

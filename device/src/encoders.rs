@@ -27,6 +27,13 @@ pub trait Encoders {
     fn model_is_sound() -> bool;
 }
 
+/// Returns the streams of a device with the encoders `E`: those that they feed, and all that need no encoder.
+pub const fn streams_with<E: Encoders>() -> Streams {
+    let need_an_encoder = Streams::CODES.bits() | Streams::AUDIT.bits() | Streams::PACKED.bits();
+    let need_none = Streams::ALL.without(Streams::from_bits(need_an_encoder));
+    Streams::from_bits(need_none.bits() | E::STREAMS.bits())
+}
+
 /// The network alone.
 impl Encoders for EncoderMemory {
     const STREAMS: Streams = Streams::from_bits(Streams::CODES.bits() | Streams::AUDIT.bits());
@@ -131,5 +138,25 @@ impl<E: Encoders> Encoders for &mut E {
 
     fn model_is_sound() -> bool {
         E::model_is_sound()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Also with a model without packed code, of which `tests/tests/montages.rs` builds this test.
+    #[test]
+    fn a_device_offers_what_its_encoders_feed_and_what_needs_none() {
+        let packed = if PACKED.is_some() {
+            Streams::PACKED
+        } else {
+            Streams::empty()
+        };
+        let others = Streams::RAW | Streams::COMPRESSED_RAW | Streams::FILTERED | Streams::EVENTS;
+        let network = Streams::CODES | Streams::AUDIT;
+        assert_eq!(streams_with::<EncoderMemory>(), others | network);
+        assert_eq!(streams_with::<PackedMemory>(), others | packed);
+        assert_eq!(streams_with::<BothEncoders>(), others | network | packed);
     }
 }

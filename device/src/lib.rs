@@ -69,7 +69,7 @@ pub use board::{Abilities, Identity};
 pub use compressed_chunk::CompressedChunk;
 pub use converter_settings::{CHIPS, CONVERTER_SETTINGS};
 pub use converters::{converters_message, self_test_message};
-pub use encoders::{BothEncoders, Encoders};
+pub use encoders::{BothEncoders, Encoders, streams_with};
 pub use fault_text::fault_text;
 pub use filtered_chunk::FilteredChunk;
 pub use frame_ring::FrameRing;

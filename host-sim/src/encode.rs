@@ -15,6 +15,9 @@ pub(crate) const RECORDINGS: [&str; 3] = ["edf", "bdf", "gdf"];
 pub(crate) const CODES: &str = "codes";
 
 pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
+    if options.packed_rate.is_some() && matches!(options.stream, CodeStream::Codes) {
+        return Err("--packed-rate is the rate of packed blocks; add --stream packed".into());
+    }
     let encoding = Encoding {
         mains: options.mains.into(),
         missing: options.missing.into(),

@@ -7,7 +7,7 @@ use device::{
     Abilities, AcquiredSample, BothEncoders, CHIPS, CapturedEvent, Counts, FrameQueue, Marks,
     Order, Output, Producer, Run, Sender, Session,
 };
-use link::{AckResult, EventKind, ResetCause, Start, Stats, Streams, Substitutes};
+use link::{AckResult, EventKind, ResetCause, Start, Stats, Substitutes};
 use pipeline::{Acquisition, Mains, Sample};
 
 use crate::converters::{ConvertedSample, Converters};
@@ -40,7 +40,7 @@ impl Identity {
 }
 
 const ABILITIES: Abilities = Abilities {
-    streams: Streams::ALL,
+    streams: device::streams_with::<BothEncoders>(),
     self_test: true,
     bootloader: false,
     clock: true,

@@ -16,6 +16,8 @@ pub(crate) struct Blocks {
     rows: u64,
     /// Index of the next block.
     next: u32,
+    /// Number of blocks that were malformed.
+    malformed: u64,
     /// Signals and flags of the newest block.
     held: Option<(Vec<f32>, Flags)>,
 }
@@ -28,12 +30,13 @@ impl Blocks {
             full_scale_uv,
             rows: description.window.hop as u64,
             next: 0,
+            malformed: 0,
             held: None,
         }
     }
 
     /// Decodes the block with this index. Passes the hops of missing blocks before it, and the hop that it completes, to
-    /// `emit`. A block that the packed code does not have counts as missing.
+    /// `emit`. A malformed block is replaced like a missing one, and counted.
     ///
     /// # Errors
     /// That of `emit`.
@@ -48,6 +51,7 @@ impl Blocks {
         }
         let decoded = Rate::new(rate).and_then(|rate| self.decoder.decode(bytes, rate).ok());
         let Some(decoded) = decoded else {
+            self.malformed += 1;
             return self.lose(&mut emit);
         };
         let healing = if decoded.is_sound {
@@ -59,15 +63,16 @@ impl Blocks {
         self.complete(decoded.smoothed, next, &mut emit)
     }
 
-    /// Passes the hop of the last block to `emit`.
+    /// Passes the hop of the last block to `emit`, and returns the number of blocks that were malformed.
     ///
     /// # Errors
     /// That of `emit`.
     pub(crate) fn finish<E>(
         mut self,
         mut emit: impl FnMut(DecodedHop) -> Result<(), E>,
-    ) -> Result<(), E> {
-        self.emit_held(None, &mut emit)
+    ) -> Result<u64, E> {
+        self.emit_held(None, &mut emit)?;
+        Ok(self.malformed)
     }
 
     /// Replaces a missing block by its prediction.

@@ -48,8 +48,8 @@ pub struct Decoded {
     pub codes: u64,
     /// Number of bits of the packed blocks; `None` for codes of the network.
     pub packed_bits: Option<u64>,
-    /// Number of windows whose code is missing; where neighbours do not cover them, the last values are
-    /// repeated.
+    /// Number of windows whose code is missing, or of missing packed blocks. Where neighbours do not cover a
+    /// window, the last values are repeated; a missing block is predicted.
     pub missing: u64,
     /// Number of damaged frames.
     pub damaged: u32,
@@ -61,7 +61,7 @@ pub struct Decoded {
     pub limited: u64,
     /// GDF types of events that are texts in the recording.
     pub event_types: Vec<(String, u16)>,
-    /// What is wrong with the original recording, or does not fit the codes.
+    /// What is wrong with the original recording, does not fit the codes, or is malformed.
     pub warnings: Vec<String>,
     /// Histogram of the codes' values.
     pub levels: LevelHistogram,
@@ -164,9 +164,15 @@ impl Decoding<'_> {
                 (Content::Block { .. }, None) => {}
             }
         }
-        match blocks {
+        let malformed = match blocks {
             Some(blocks) => blocks.finish(&mut emit)?,
-            None => hops.finish(&mut emit)?,
+            None => hops.finish(&mut emit).map(|()| 0)?,
+        };
+        if malformed > 0 {
+            warnings.push(format!(
+                "{malformed} packed blocks are malformed, and predictions are in their place; decode the file \
+                 with the release that wrote it"
+            ));
         }
         let limited = writer.finish().map_err(&failed)?;
         file.finish()?;

@@ -7,6 +7,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use artifact::ModelId;
 use link::Stats;
 use new_file::{Existing, NewFile};
 use pipeline::Mains;
@@ -76,6 +77,10 @@ impl Encoding {
         progress: &Progress,
     ) -> Result<Encoded, OfflineError> {
         progress.check()?;
+        if matches!(self.stream, EncodedStream::Packed(_)) && model::PACKED.is_none() {
+            let model = ModelId(model::MODEL_ID);
+            return Err(OfflineError::NoPackedCode { model });
+        }
         let mut played = Played::open(input, self.missing)?;
         let mut file = NewFile::create(output, self.existing, &[PathBuf::from(input)])?;
         let mut device = Device::new(self.mains, played.substitutes, self.stream);

@@ -37,6 +37,15 @@ pub enum OfflineError {
         /// What is wrong with it.
         source: CodeFileError,
     },
+    /// Packed blocks are wanted, and the model has no packed code.
+    #[error(
+        "model {model} has no packed code, so there are no packed blocks to write; add one with `trainer packed` \
+         and build this program with that model, or write codes"
+    )]
+    NoPackedCode {
+        /// Model with which this program was built.
+        model: ModelId,
+    },
     /// The model cannot decode codes.
     #[error("the model in {} cannot decode codes", folder.display())]
     Model {

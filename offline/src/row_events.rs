@@ -36,9 +36,14 @@ impl RowEvents {
             }
         }
         let hop = description.window.hop as u64;
+        let items = if survey.is_packed {
+            "packed blocks"
+        } else {
+            "codes"
+        };
         let gaps = survey.gaps.iter().map(|gap| RowEvent {
             row: u64::from(gap.first) * hop,
-            text: format!("codes missing: {}", gap.windows),
+            text: format!("{items} missing: {}", gap.windows),
             kind: MISSING_TYPE,
         });
         events.rows.extend(gaps);

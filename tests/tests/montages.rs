@@ -55,6 +55,31 @@ fn the_trained_model_of_the_papers_montage_streams_and_decodes() {
     let codes = play(&folder, &artifact, &frames);
     println!("{}: {codes} codes", paper.name);
 
+    // The model has no packed code, which the device knows and `encode` says.
+    let output_of = |cargo: &mut Command| cargo.output().expect("cargo runs");
+    let tested = output_of(other_model::cargo(&folder).args([
+        "test",
+        "--package=device",
+        "--lib",
+        "a_device_offers",
+    ]));
+    let stdout = String::from_utf8_lossy(&tested.stdout);
+    assert!(
+        tested.status.success() && stdout.contains("1 passed"),
+        "{stdout}"
+    );
+    fs::write(output.path().join("in.edf"), "not read").expect("a file");
+    let refused = Command::new(other_model::target().join("debug/host-sim"))
+        .current_dir(output.path())
+        .args(["encode", "in.edf", "out.codes", "--stream=packed"])
+        .output()
+        .expect("host-sim starts");
+    let stderr = String::from_utf8_lossy(&refused.stderr);
+    assert!(
+        !refused.status.success() && stderr.contains("has no packed code"),
+        "{stderr}"
+    );
+
     // The host-sim that `play` has built decodes with the same model.
     let decoded = Command::new(other_model::target().join("debug/host-sim"))
         .current_dir(output.path())

@@ -48,6 +48,8 @@ pub(crate) struct Outlets {
     announced: Option<AcquisitionInfo>,
     /// Sum of all dropped and undecoded frames at the last report to `/diagnostics`.
     reported: u64,
+    /// Number of malformed packed blocks at the last report.
+    reported_malformed: u64,
     /// Bytes for the device that have not been written to the port yet.
     pub(crate) outgoing: Vec<u8>,
     /// Error of the sink that failed most recently. The main loop takes the error and shuts down.
@@ -76,6 +78,7 @@ impl Outlets {
             announcements,
             announced: None,
             reported: 0,
+            reported_malformed: 0,
             outgoing: Vec::new(),
             sink_error: None,
         })
@@ -106,7 +109,7 @@ impl Outlets {
         if not_decoded > 0 {
             tracing::warn!(
                 not_decoded,
-                "codes replaced by fillers because the decoder was too slow"
+                "codes or packed blocks replaced by fillers because the decoder was too slow"
             );
         }
         if counts.not_decoded > not_decoded {
@@ -150,10 +153,18 @@ impl Outlets {
         ];
         let now = figures.iter().filter_map(|(_, figure)| *figure).sum();
         let lost = now > std::mem::replace(&mut self.reported, now);
+        let malformed = decoder.malformed - self.reported_malformed;
+        self.reported_malformed = decoder.malformed;
         let objection = self.topics.as_ref().and_then(|topics| topics.objection());
         let (level, message) = if self.decoder.has_ended() {
             let message = "the decoder has ended; restart this program for reconstructed frames";
             (DiagnosticLevel::Error, message.to_owned())
+        } else if malformed > 0 {
+            let message = format!(
+                "{malformed} packed blocks are no blocks of the model and count as lost; bring firmware and this \
+                 program to the same release"
+            );
+            (DiagnosticLevel::Error, message)
         } else if let Some(objection) = objection {
             objection
         } else if lost {
@@ -172,6 +183,7 @@ impl Outlets {
                 &decoder.longest_wait.as_millis(),
             ),
             KeyValue::new("windows not needed", &decoder.not_needed),
+            KeyValue::new("packed blocks malformed", &decoder.malformed),
         ];
         let topics = self.topics.iter().flat_map(|topics| topics.values());
         DiagnosticStatus {

@@ -21,11 +21,15 @@ const TICK_US: i64 = 100_000;
 /// nothing else happens in a longer pause.
 const MAX_TICKS_US: i64 = 120_000_000;
 
+/// Number of a command that the core has not sent: it counts from 0.
+const NOT_SENT: u32 = u32::MAX;
+
 /// Plays the records of a recording to a core.
 ///
 /// The core sends commands as it did when the recording was made, but not necessarily with the same
 /// numbers: a newer bridge may ask for something else as well. So an acknowledgement in the recording
-/// is passed to the core with the number of the core's own command of that kind.
+/// is passed to the core with the number of the core's own command of that kind, and with a number that
+/// the core does not use if it has sent none.
 pub(crate) struct Playback<L> {
     core: Core,
     pub(crate) collector: Collector<L>,
@@ -153,12 +157,14 @@ impl<L: Listener> Playback<L> {
         self.core.handle(bytes, read, &mut self.collector);
     }
 
-    /// Returns the frame of an acknowledgement with the number of the core's own command.
+    /// Returns the frame of an acknowledgement with the number of the core's own command; `None` if the
+    /// recording lacks the command.
     fn own_answer(&self, frame: &Frame<ToHost>, ack: Ack) -> Option<Vec<u8>> {
         let recorded = discriminant(self.recorded.get(&ack.of)?);
-        let own = self.own.iter();
-        let (of, _) = own.rev().find(|(_, own)| discriminant(own) == recorded)?;
-        let ack = ToHost::Ack(Ack { of: *of, ..ack });
+        let mut own = self.own.iter().rev();
+        let own = own.find(|(_, own)| discriminant(own) == recorded);
+        let of = own.map_or(NOT_SENT, |(of, _)| *of);
+        let ack = ToHost::Ack(Ack { of, ..ack });
         let mut buffer = [0; MAX_FRAME];
         let bytes = link::encode(&frame.header, &ack, &mut buffer).ok()?;
         Some(bytes.to_vec())

@@ -19,6 +19,8 @@ pub struct DecoderCounts {
     /// Number of windows that were not decoded because `/neurodata_reconstructed` had no
     /// subscriber.
     pub not_needed: u64,
+    /// Number of packed blocks that arrived intact, but are no blocks of the model; they count as lost.
+    pub malformed: u64,
 }
 
 impl fmt::Display for DecoderCounts {
@@ -30,6 +32,10 @@ impl fmt::Display for DecoderCounts {
             self.not_decoded,
             self.not_needed,
             self.longest_wait.as_millis()
-        )
+        )?;
+        if self.malformed > 0 {
+            write!(formatter, "; packed blocks malformed {}", self.malformed)?;
+        }
+        Ok(())
     }
 }

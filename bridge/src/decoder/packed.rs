@@ -19,7 +19,7 @@ const KEPT_BLOCKS: usize = 16;
 /// Input of the decoder: a received block, or a placeholder for a lost one, with its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimedBlock {
-    /// The block; `None` if it was lost, or is none that the packed code has.
+    /// The block; `None` if it was lost or is malformed.
     pub block: Option<Block>,
     /// Whether it is the first block of a recording: it does not follow the block before.
     pub is_first: bool,
@@ -52,6 +52,8 @@ pub struct PackedReconstruction {
     held: Option<Held>,
     /// Index and signals of the newest blocks, without correction.
     kept: VecDeque<(u32, Vec<f32>)>,
+    /// Number of received blocks that were malformed and count as lost.
+    malformed: u64,
     frame: NeuroFrame,
 }
 
@@ -78,6 +80,7 @@ impl PackedReconstruction {
             full_scale_uv,
             held: None,
             kept: VecDeque::new(),
+            malformed: 0,
             frame: device.unpacked_frame(),
         })
     }
@@ -98,6 +101,12 @@ impl PackedReconstruction {
     pub(crate) fn continue_from(&mut self, before: &mut PackedReconstruction) {
         self.set_number(before.number());
         self.held = before.held.take();
+        self.malformed = before.malformed;
+    }
+
+    /// Number of received blocks that were malformed: their bytes are no block of this model.
+    pub(crate) fn malformed(&self) -> u64 {
+        self.malformed
     }
 
     /// Returns the signals of block `index` as they were decoded at once, microvolts, in the order step, electrode;
@@ -113,11 +122,12 @@ impl PackedReconstruction {
         if block.is_first {
             self.decoder.restart();
             self.held = None;
+            self.kept.clear();
         }
-        let decoded = block
-            .block
-            .as_ref()
-            .and_then(|block| self.decoder.decode(&block.bytes, block.rate).ok());
+        let received = block.block.as_ref();
+        let decoded = received.map(|block| self.decoder.decode(&block.bytes, block.rate));
+        self.malformed += u64::from(matches!(decoded, Some(Err(_))));
+        let decoded = decoded.and_then(Result::ok);
         let mut words = block.words;
         let mut smoothed = None;
         let microvolts = if let Some(decoded) = decoded {

@@ -15,7 +15,7 @@ use crate::decoder::packed::{PackedReconstruction, TimedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::diagnostics::audit::AuditCounts;
 
-/// Maximum number of codes that wait for the decoder: 68 minutes at 16 codes per second, as long
+/// Maximum number of codes and packed blocks that wait for the decoder: 68 minutes at 16 codes per second, as long
 /// as the longest gap that is filled. A waiting code takes about 0.6 KB, so a full queue takes
 /// 40 MB.
 const QUEUE_WINDOWS: u64 = 65_536;
@@ -32,7 +32,7 @@ const STOP_TIMEOUT: Duration = Duration::from_secs(1);
 /// Time between two checks whether the thread has ended.
 const POLL: Duration = Duration::from_millis(10);
 
-/// Thread that decodes codes, publishes the reconstructed signals and compares audits, so that this
+/// Thread that decodes codes and packed blocks, publishes the reconstructed signals and compares audits, so that this
 /// work does not delay the link.
 #[derive(Debug)]
 pub(crate) struct DecoderThread {
@@ -51,6 +51,8 @@ struct Progress {
     /// Number of queued codes; placeholders for lost codes do not count.
     waiting: AtomicU64,
     decoded: AtomicU64,
+    /// Number of packed blocks that were malformed.
+    malformed: AtomicU64,
     not_needed: AtomicU64,
     longest_wait_us: AtomicU64,
     /// Number of frames that were dropped for slow subscribers.
@@ -212,6 +214,7 @@ impl Progress {
             longest_wait: Duration::from_micros(self.longest_wait_us.load(Ordering::Relaxed)),
             not_decoded,
             not_needed: self.not_needed.load(Ordering::Relaxed),
+            malformed: self.malformed.load(Ordering::Relaxed),
         }
     }
 
@@ -248,11 +251,14 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
                 continue;
             }
             Work::Block(block, queued) => {
+                if block.block.is_some() {
+                    progress.record_start(queued);
+                }
                 let Some(known) = packed.as_mut() else {
                     continue;
                 };
                 known.set_number(number);
-                if !run_block(known, &block, queued, sink.as_mut(), progress) {
+                if !run_block(known, &block, sink.as_mut(), progress) {
                     return;
                 }
                 number = known.number();
@@ -306,19 +312,19 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
 fn run_block(
     packed: &mut PackedReconstruction,
     block: &TimedBlock,
-    queued: Instant,
     sink: &mut dyn FrameSink,
     progress: &Progress,
 ) -> bool {
-    let holds_block = block.block.is_some();
-    if holds_block {
-        progress.record_start(queued);
-    }
+    let before = packed.malformed();
     let frame = packed.next_frame(block);
-    if holds_block {
+    if block.block.is_some() {
         progress.decoded.fetch_add(1, Ordering::Relaxed);
     }
-    frame.is_none_or(|frame| !sink.has_receivers() || publish(frame, sink, progress))
+    let can_publish =
+        frame.is_none_or(|frame| !sink.has_receivers() || publish(frame, sink, progress));
+    let malformed = packed.malformed() - before;
+    progress.malformed.fetch_add(malformed, Ordering::Relaxed);
+    can_publish
 }
 
 /// Publishes a frame. Returns false if frames cannot be published any more.

@@ -38,7 +38,7 @@ impl LinkLog {
             ..LinkLog::default()
         };
         Some(format!(
-            "bad link: {damaged} frames damaged, {missing} codes, samples or events missing since \
+            "bad link: {damaged} frames damaged, {missing} codes, blocks, samples or events missing since \
              the last such line; check cable, connectors and --baud"
         ))
     }

@@ -56,9 +56,10 @@ impl PackedReport {
         #[expect(clippy::cast_precision_loss, reason = "counts of one second")]
         let bits_per_second = match now_us - before.time_us {
             elapsed_us if before.time_us > 0 && elapsed_us > 0 => {
-                since(bits, before.bits) as f64 * 1e6 / elapsed_us as f64
+                let bits_per_second = since(bits, before.bits) as f64 * 1e6 / elapsed_us as f64;
+                Some(format!("{bits_per_second:.0}"))
             }
-            _ => 0.0,
+            _ => None,
         };
         let misfits_since = since(misfits, before.misfits);
         let blanks_since = since(blanks, before.blanks);
@@ -81,14 +82,12 @@ impl PackedReport {
             );
             (DiagnosticLevel::Warn, message)
         } else {
-            (
-                DiagnosticLevel::Ok,
-                format!("rate {rate}, {bits_per_second:.0} bits per second"),
-            )
+            let bits = bits_per_second.as_ref();
+            let bits = bits.map_or_else(String::new, |bits| format!(", {bits} bits per second"));
+            (DiagnosticLevel::Ok, format!("rate {rate}{bits}"))
         };
-        let values = vec![
-            KeyValue::new("rate", &rate),
-            KeyValue::new("bits per second", &format!("{bits_per_second:.0}")),
+        let bits = bits_per_second.map(|bits| KeyValue::new("bits per second", &bits));
+        let counts = [
             KeyValue::new("made", &hops.ledger.made()),
             KeyValue::new("received", &hops.ledger.received()),
             KeyValue::new("lost", &hops.ledger.lost()),
@@ -102,6 +101,8 @@ impl PackedReport {
             KeyValue::new("malformed", &malformed),
             KeyValue::new("values clipped", &clipped),
         ];
+        let values = [KeyValue::new("rate", &rate)].into_iter();
+        let values = values.chain(bits).chain(counts).collect();
         Some(new_status("packed code", state, values))
     }
 }

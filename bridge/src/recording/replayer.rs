@@ -349,6 +349,7 @@ impl<R: Read + Seek> Replayer<R> {
             ToHost::Hello(_) | ToHost::Ack(_) | ToHost::ClockReading(_) | ToHost::SelfTest(_) => {
                 false
             }
+            ToHost::Code(_) => self.streams.contains(Streams::CODES),
             ToHost::CompressedRaw(_) => self.streams.contains(Streams::COMPRESSED_RAW),
             ToHost::PackedCode(_) => self.streams.contains(Streams::PACKED),
             ToHost::Raw(_) => self.streams.contains(Streams::RAW),

@@ -117,6 +117,12 @@ impl Session {
             .model
             .as_ref()
             .is_some_and(|model| model.packed().is_some());
+        if decodable && !has_packed && self.settings.streams.contains(Streams::PACKED) {
+            tracing::warn!(
+                "the model has no packed code, so packed blocks cannot be decoded; `trainer packed` adds one, \
+                 or choose --streams codes"
+            );
+        }
         match &mut self.packed {
             Some(packed) => packed.replace_device(Arc::clone(&device), decodable && has_packed),
             None => {

@@ -27,7 +27,7 @@ pub(crate) struct PackedStream {
     counts: BlockCounts,
     /// Rate of the newest block.
     rate: Option<u8>,
-    /// Whether the next block is the first of a recording, or follows blocks that were not filled.
+    /// Whether the next block is the first of a recording.
     is_first: bool,
     stamps: MonotoneStamps,
 }
@@ -110,14 +110,12 @@ impl PackedStream {
     ) {
         let durations = self.durations();
         let most = effects.max_fillers();
-        let unfilled = self.timeline.counts().unfilled;
         let Some((missing, place)) = self
             .timeline
             .receive(code.block, device_us, durations, reception, most)
         else {
             return;
         };
-        self.is_first |= self.timeline.counts().unfilled > unfilled;
         if self.settings.filler != FillerPolicy::Off {
             self.timeline.count_fillers(missing.len());
         }

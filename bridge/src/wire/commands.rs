@@ -11,7 +11,7 @@ use crate::wire::wanted_streams::WantedStreams;
 const REFUSED_RETRY_US: i64 = 10_000_000;
 /// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
 const PING_AFTER_US: i64 = 2_000_000;
-/// Time without a code or `Stats` after which a streaming device must identify itself again,
+/// Time without a code, packed block or `Stats` after which a streaming device must identify itself again,
 /// microseconds. The `Hello` of a reset may be lost, or another program may have sent `Stop`.
 const STARVED_AFTER_US: i64 = 2_000_000;
 /// Time between two calls of `next_command`, microseconds, above which the host must have been
@@ -37,8 +37,8 @@ pub(crate) struct Commands {
     /// Earliest host time of the next `Start` after the device refused one, microseconds.
     start_not_before_us: i64,
     last_frame_us: i64,
-    /// Host time of the newest code or `Stats`, or of the stream's start, microseconds; `None`
-    /// while neither codes nor `Stats` are expected.
+    /// Host time of the newest code, packed block or `Stats`, or of the stream's start, microseconds;
+    /// `None` while none of them is expected.
     last_stream_us: Option<i64>,
     last_identify_us: i64,
     clock_query: ClockQuery,
@@ -106,7 +106,7 @@ impl Commands {
         self.device = Introduction::Missing;
         self.stream = StreamState::Unconfirmed;
         self.pending = None;
-        self.tell_rate_again();
+        self.mark_rate_unsent();
         self.connected = true;
         self.start_not_before_us = now_us;
         self.last_frame_us = now_us;
@@ -131,9 +131,9 @@ impl Commands {
         self.rate = Some(WantedRate::new(rate));
     }
 
-    /// The device may have another rate by now.
-    fn tell_rate_again(&mut self) {
-        self.rate.iter_mut().for_each(WantedRate::tell_again);
+    /// Makes the rate due again, for a device that may have another one.
+    fn mark_rate_unsent(&mut self) {
+        self.rate.iter_mut().for_each(WantedRate::mark_unsent);
     }
 
     /// Records an introduction. `usable` is true if the device's codes can be published.
@@ -151,7 +151,7 @@ impl Commands {
         self.device = Introduction::Missing;
         self.owns_stream = false;
         self.streams.ask_for_all();
-        self.tell_rate_again();
+        self.mark_rate_unsent();
         self.stream = StreamState::Unconfirmed;
         self.pending = None;
         self.start_not_before_us = 0;
@@ -301,7 +301,7 @@ impl Commands {
         }
     }
 
-    /// Returns the rate of the packed code if the device must be told.
+    /// Returns the rate of the packed code if the device is to be sent it.
     fn due_rate(&self) -> Option<u8> {
         let has_packed = self.streams.asked().contains(Streams::PACKED);
         self.rate.filter(|_| has_packed)?.due()
@@ -353,8 +353,10 @@ impl Commands {
                 }
                 self.start_not_before_us = now_us + REFUSED_RETRY_US;
             }
-            (ToDevice::SetRate { .. }, _) => {
-                self.rate.iter_mut().for_each(WantedRate::answered);
+            (ToDevice::SetRate { rate }, _) => {
+                self.rate
+                    .iter_mut()
+                    .for_each(|wanted| wanted.answered(rate));
                 self.pending = None;
             }
             // The device did not restart, so another program may have stopped its stream. If the

@@ -15,18 +15,18 @@ impl WantedRate {
         }
     }
 
-    /// Returns the rate if the device must be told.
+    /// Returns the rate if the device has not answered the command for it.
     pub(crate) fn due(self) -> Option<u8> {
         (!self.is_answered).then_some(self.rate)
     }
 
-    /// Records that the device has answered, whatever it says.
-    pub(crate) fn answered(&mut self) {
-        self.is_answered = true;
+    /// Records that the device has answered the command for `rate`, whatever it says.
+    pub(crate) fn answered(&mut self, rate: u8) {
+        self.is_answered |= rate == self.rate;
     }
 
-    /// The device may have another rate by now, and must be told again.
-    pub(crate) fn tell_again(&mut self) {
+    /// Makes the rate due again, for a device that may have another one.
+    pub(crate) fn mark_unsent(&mut self) {
         self.is_answered = false;
     }
 }

@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use bridge::{AuditedWindow, FillerPolicy, PackedReconstruction, Settings};
-use link::{AckResult, Flags, Streams, ToDevice};
+use link::{Flags, Streams};
 use neuro_ros::{DiagnosticLevel, NeuroFrame};
 use packed::Rate;
 use reconstruction::{HEALING_BLOCKS, PackedDecoder};
 
 use crate::board::{at, model};
 use crate::packed_device::{PACKED, Packed, block};
-use crate::recorder::{Harness, commands};
+use crate::recorder::Harness;
 
 /// Returns the frames that the bridge's decoder makes of everything the core has passed to it.
 fn frames(device: &Packed, settings: Settings) -> Vec<NeuroFrame> {
@@ -41,63 +41,6 @@ fn decode(received: impl Iterator<Item = Option<u32>>) -> (Vec<Vec<f32>>, Vec<Op
             None => (decoder.skip(), None),
         })
         .unzip()
-}
-
-#[test]
-fn the_rate_is_set_before_the_start_and_while_blocks_arrive() {
-    let asked = Settings {
-        packed_rate: Some(7),
-        ..PACKED
-    };
-    let mut device = Packed::new(asked);
-    assert_eq!(
-        commands(&device.harness),
-        ["identify", "stop", "set rate", "start"]
-    );
-    assert_eq!(device.harness.board.rate, 7);
-    device.send(false);
-    device.harness.core.set_packed_rate(2);
-    let now = at(device.harness.now_us);
-    device.harness.core.tick(now, &mut device.harness.recorder);
-    device.harness.exchange();
-    assert_eq!(device.harness.board.rate, 2);
-    assert_eq!(commands(&device.harness).last(), Some(&"set rate"));
-    // Without packed blocks there is nothing to set.
-    let codes = Settings {
-        streams: Streams::CODES,
-        ..asked
-    };
-    assert!(!commands(&Packed::new(codes).harness).contains(&"set rate"));
-}
-
-#[test]
-fn a_device_that_cannot_set_the_rate_streams_all_the_same() {
-    let asked = Settings {
-        packed_rate: Some(7),
-        ..PACKED
-    };
-    let mut harness = Harness::new(asked, crate::board::Board::new());
-    harness.core.connected(at(1_000_000), &mut harness.recorder);
-    for _ in 0..8 {
-        let commands = std::mem::take(&mut harness.recorder.sent);
-        let before = harness.board.received.len();
-        let answers = harness.board.answer(&commands);
-        let news = &harness.board.received[before..];
-        let is_rate = matches!(news, [(_, ToDevice::SetRate { .. })]);
-        if is_rate {
-            let ack = link::ToHost::Ack(link::Ack {
-                of: news[0].0,
-                result: AckResult::UnknownCommand,
-            });
-            harness.send(0, &ack);
-        } else {
-            harness.receive(&answers);
-        }
-    }
-    assert_eq!(
-        commands(&harness),
-        ["identify", "stop", "set rate", "start"]
-    );
 }
 
 #[test]
@@ -242,6 +185,10 @@ fn codes_beside_blocks_are_published_and_not_decoded() {
     let recorder = &device.harness.recorder;
     assert_eq!(recorder.encoded.len(), 4);
     assert_eq!((recorder.windows.len(), recorder.blocks.len()), (0, 4));
+    // The blocks before the first code have their own times too.
+    for (block, device_us) in recorder.blocks.iter().zip((1_062_500..).step_by(62_500)) {
+        assert_eq!(block.words.device_time_us, device_us);
+    }
 }
 
 #[test]

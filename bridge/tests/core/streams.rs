@@ -120,6 +120,7 @@ fn packed_blocks_are_asked_for_without_the_network_and_codes_in_their_place() {
     assert_eq!(starts(&network), [0b101_1000, 0b101_0000, 0b001_1001]);
     network.code(1, false);
     let status = network.status("device").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Warn);
     assert!(
         status.message.contains("does not stream packed"),
         "{}",

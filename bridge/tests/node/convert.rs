@@ -11,10 +11,16 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
+use link::Streams;
 use recordings::{Block, EventLabel, Recording};
 
-use crate::process::Bridge;
+use rustix::process::Signal;
+
+use crate::board::Board;
+use crate::device::Device;
+use crate::process::{Bridge, TIMEOUT};
 use crate::synthetic_recording::{Rig, TICKS_PER_SECOND};
 
 /// Runs `convert` and returns exit status and log.
@@ -333,4 +339,35 @@ fn what_is_no_recording_has_an_error_that_says_so() {
     let (status, log) = convert(&folder.path().join("absent"), "csv");
     assert_eq!(status, Some(2), "{log}");
     assert!(log.contains("No such file"), "{log}");
+}
+
+#[test]
+fn codes_that_replaced_refused_packed_blocks_are_decoded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("session.wire");
+    let mut board = Board::new();
+    board.supported = Streams::ALL.without(Streams::PACKED);
+    let device = Device::tcp(board);
+    let file = path.to_str().unwrap();
+    let arguments = [
+        "record",
+        file,
+        "--streams=packed",
+        "--packed-rate=4",
+        "--port",
+    ];
+    let recorder = Bridge::start(&[&arguments[..], &[&device.port]].concat());
+    let deadline = Instant::now() + TIMEOUT;
+    while std::fs::metadata(&path).map_or(0, |file| file.len()) < 20_000 {
+        assert!(Instant::now() < deadline, "nothing is recorded");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    recorder.signal(Signal::TERM);
+    assert!(recorder.wait().0.success());
+    let (status, log) = convert(&path, "csv");
+    assert_eq!(status, Some(0), "{log}");
+    let [codes, signals] = ["codes", "reconstructed"]
+        .map(|stream| Table::read(&folder.path().join(format!("session.{stream}.csv"))));
+    assert!(codes.rows.len() > 50, "{log}");
+    assert_eq!(signals.rows.len(), 8 * codes.rows.len(), "{log}");
 }

@@ -1,12 +1,12 @@
 //! The subcommand `replay`: a bridge at a replay publishes the codes of the recording.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Cursor};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use bridge::RecordingReader;
-use link::{Decoder, MAX_FRAME, ToHost};
+use bridge::{Pace, RecordingReader, Replayer};
+use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice, ToHost};
 use rustix::process::Signal;
 use serde_json::Value;
 
@@ -141,4 +141,30 @@ fn what_cannot_be_replayed_is_status_2_with_advice() {
         assert_eq!(status.code(), Some(2), "{log}");
         assert!(log.contains(expected), "{log}");
     }
+}
+
+#[test]
+fn a_host_that_asks_for_no_codes_gets_none() {
+    let mut rig = Rig::new(0);
+    rig.run(20, 7);
+    let mut replayer = Replayer::new(Cursor::new(rig.finish()), Pace::Fast).unwrap();
+    let start = ToDevice::Start(Start {
+        streams: Streams::FILTERED,
+        mains_hz: 0,
+    });
+    let mut buffer = [0; MAX_FRAME];
+    let bytes = Encoder::starting_at(0).encode(0, &start, &mut buffer);
+    replayer.receive(bytes.unwrap()).unwrap();
+    let mut bytes = Vec::new();
+    while !replayer.is_finished() {
+        replayer.play(1_000).unwrap();
+        bytes.extend(replayer.take());
+    }
+    let (mut bytes, mut decoder) = (&bytes[..], Decoder::<MAX_FRAME>::new());
+    let (mut codes, mut filtered) = (0, 0);
+    while let Some(Ok(frame)) = decoder.next::<ToHost>(&mut bytes) {
+        codes += u32::from(matches!(frame.message, ToHost::Code(_)));
+        filtered += u32::from(matches!(frame.message, ToHost::Filtered(_)));
+    }
+    assert_eq!((codes, filtered), (0, 40));
 }

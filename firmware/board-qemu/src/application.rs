@@ -4,7 +4,7 @@ use core::sync::atomic::Ordering::Relaxed;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hprintln};
-use device::{Abilities, BothEncoders, Encoders as _, Identity, Producer, Session};
+use device::{Abilities, BothEncoders, Encoders as _, Identity, Producer, Session, streams_with};
 use embassy_executor::SpawnError;
 use embassy_time::{Duration, Timer};
 use firmware::{
@@ -34,7 +34,7 @@ const DRAIN_TIMEOUT: Duration = Duration::from_millis(60);
 static MEMORY: Memory<BothEncoders> = Memory::new(BothEncoders::EMPTY);
 
 const ABILITIES: Abilities = Abilities {
-    streams: Streams::ALL,
+    streams: streams_with::<BothEncoders>(),
     self_test: false,
     bootloader: false,
     clock: true,

@@ -3,7 +3,7 @@
 use ads1299::SelfTest;
 use defmt::{info, warn};
 use defmt_rtt as _;
-use device::{Abilities, BothEncoders, CHIPS, Encoders as _, Identity, Producer, Session};
+use device::{Abilities, CHIPS, Encoders as _, Identity, Producer, Session, streams_with};
 use embassy_executor::{SendSpawner, SpawnError};
 use embassy_stm32::{
     Peri, interrupt, uid,
@@ -21,7 +21,7 @@ use static_cell::StaticCell;
 use crate::{
     clock_source::ClockSource,
     converter::{Adc, Wires},
-    encoders::Encoders,
+    encoders::ImageEncoders,
     failure,
     interrupts::{self, ACQUIRE, CONVERSE, ENCODE},
     port::Port,
@@ -29,21 +29,20 @@ use crate::{
     trigger::Trigger,
 };
 
-static MEMORY: Memory<Encoders> = Memory::new(Encoders::EMPTY);
+static MEMORY: Memory<ImageEncoders> = Memory::new(ImageEncoders::EMPTY);
 static TEST: StaticCell<SelfTest<CHIPS>> = StaticCell::new();
 static ADC: StaticCell<Adc> = StaticCell::new();
 
-/// What these boards offer to a host: the streams of their encoders, and all others. Over the UART they refuse raw samples, which need 101 kB/s: the UART
+/// What these boards offer to a host. Over the UART they refuse raw samples, which need 101 kB/s: the UART
 /// carries only 92 kB/s. Compressed raw samples take about half of that.
 const ABILITIES: Abilities = Abilities {
     streams: {
-        let lacking = BothEncoders::STREAMS.without(Encoders::STREAMS);
         let too_fast = if cfg!(feature = "uart") {
             Streams::RAW
         } else {
             Streams::empty()
         };
-        Streams::ALL.without(lacking).without(too_fast)
+        streams_with::<ImageEncoders>().without(too_fast)
     },
     self_test: true,
     bootloader: true,

@@ -176,6 +176,43 @@ fn the_models_rate_is_the_default_and_takes_fewer_bits_than_a_finer_one() {
 }
 
 #[test]
+fn a_malformed_block_is_predicted_and_reported() {
+    let fixture = Fixture::settled();
+    encode(&fixture, Some(RATE));
+    let bytes = fs::read(fixture.codes()).expect("a file of blocks");
+    let mut decoder = Decoder::<MAX_FRAME>::new();
+    let (mut input, mut changed) = (&bytes[..], Vec::new());
+    while let Some(outcome) = decoder.next::<ToHost>(&mut input) {
+        let mut frame = outcome.expect("a whole frame");
+        if let ToHost::PackedCode(code) = &mut frame.message
+            && code.block == 100
+        {
+            code.bytes = &[0x5a; 200];
+        }
+        let mut buffer = [0; MAX_FRAME];
+        let mut encoder = Encoder::starting_at(frame.header.seq);
+        let bytes = encoder.encode(frame.header.device_time_us, &frame.message, &mut buffer);
+        changed.extend_from_slice(bytes.expect("it fits a frame"));
+    }
+    fs::write(fixture.path("malformed.codes"), changed).expect("written");
+    let input = fixture.path("malformed.codes");
+    let decoded = fixture.decode(&input, "malformed.gdf", SignalFormat::Gdf, false);
+    let decoded = decoded.expect("decoded");
+    assert_eq!(decoded.missing, 0);
+    let warnings = decoded.warnings.join("; ");
+    assert!(
+        warnings.starts_with("1 packed blocks are malformed"),
+        "{warnings}"
+    );
+    let blocks = blocks(&fixture);
+    let received: Vec<_> = (0..)
+        .zip(&blocks)
+        .map(|(index, block)| (index != 100).then_some(block))
+        .collect();
+    assert!(rows(&fixture, "malformed.gdf") == expected(&received));
+}
+
+#[test]
 fn blocks_of_another_model_are_refused() {
     let fixture = Fixture::new();
     encode(&fixture, None);

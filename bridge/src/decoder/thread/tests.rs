@@ -9,7 +9,7 @@ use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp};
 
 use super::{DecoderThread, Ordering, QUEUE_WINDOWS};
 use crate::decoder::model::Model;
-use crate::decoder::packed::{PackedReconstruction, TimedBlock};
+use crate::decoder::packed::{Block, PackedReconstruction, TimedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
 use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
@@ -166,6 +166,27 @@ fn the_frame_that_waits_for_a_correction_is_published_when_another_device_takes_
     assert_eq!(decoder.finish(TIMEOUT).not_decoded, 0);
     // Only the newest block waits.
     assert_eq!(*count.lock().unwrap(), (1..=19).collect::<Vec<u32>>());
+}
+
+#[test]
+fn blocks_that_the_model_does_not_have_are_counted() {
+    let count = Arc::new(Mutex::new(Vec::new()));
+    let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+    decoder.start_device(reconstruction(), Some(unpacked()));
+    for bytes in [vec![], vec![0x5a; 200]] {
+        decoder.decode_block(TimedBlock {
+            block: Some(Block {
+                bytes,
+                rate: packed::Rate::new(4).unwrap(),
+            }),
+            is_first: false,
+            stamp: Stamp::default(),
+            words: TriWords::default(),
+        });
+    }
+    let counts = decoder.finish(TIMEOUT);
+    assert_eq!((counts.decoded, counts.malformed), (2, 1));
+    assert!(counts.to_string().ends_with("packed blocks malformed 1"));
 }
 
 #[test]
