@@ -109,7 +109,8 @@ pub use recording::file_header::FileHeader;
 pub use recording::reader::{LeftOut, RecordingReader};
 pub use recording::record::{Record, RecordKind};
 pub use recording::recorder::Recorder;
-pub use recording::replayer::{Pace, ReplayCounts, Replayer};
+pub use recording::replay_counts::ReplayCounts;
+pub use recording::replayer::{Pace, Replayer};
 pub use settings::{
     AnnouncedStream, EventStamps, FillerPolicy, RawForm, Settings, StampPoint, StreamKind,
 };

@@ -15,5 +15,6 @@ pub(crate) mod reader;
 pub(crate) mod record;
 pub(crate) mod recorded_starts;
 pub(crate) mod recorder;
+pub(crate) mod replay_counts;
 pub(crate) mod replayer;
 pub(crate) mod splitter;

@@ -191,8 +191,10 @@ impl Recording {
             ", waiting for the device"
         };
         format!(
-            "{time}, {bytes}, {} codes, {} lost{absent}",
-            summary.received, summary.lost
+            "{time}, {bytes}, {} codes, {} packed blocks, {} lost{absent}",
+            summary.received,
+            summary.packed.received,
+            summary.lost + summary.packed.lost
         )
     }
 }

@@ -13,7 +13,8 @@ use crate::app::replay_port::ReplayPort;
 use crate::app::shutdown::Shutdown;
 use crate::error::BridgeError;
 use crate::recording::error::RecordingError;
-use crate::recording::replayer::{Pace, ReplayCounts, Replayer};
+use crate::recording::replay_counts::ReplayCounts;
+use crate::recording::replayer::{Pace, Replayer};
 use crate::time::host_time::HostTime;
 use crate::wire::address::PortAddress;
 use crate::wire::port::Transfer;
@@ -63,12 +64,13 @@ impl fmt::Display for ReplaySummary {
         let ReplayCounts {
             frames,
             codes,
+            blocks,
             unusable,
         } = self.counts;
         let path = self.path.display();
         write!(
             formatter,
-            "{path}: played {codes} codes in {frames} frames; left out {unusable} damaged or newer \
+            "{path}: played {codes} codes and {blocks} packed blocks in {frames} frames; left out {unusable} damaged or newer \
              frames"
         )
     }
@@ -105,7 +107,8 @@ pub(super) async fn replay(options: &ReplayOptions) -> Result<ReplaySummary, Bri
     let mut last_sent: Option<Instant> = None;
     loop {
         outgoing.extend(replayer.take());
-        spinner.set_message(format!("{} codes", replayer.counts().codes));
+        let ReplayCounts { codes, blocks, .. } = replayer.counts();
+        spinner.set_message(format!("{codes} codes, {blocks} packed blocks"));
         if replayer.is_finished() {
             let since = last_sent.get_or_insert_with(Instant::now).elapsed();
             let is_read = outgoing.is_empty() && port.unread() == 0;

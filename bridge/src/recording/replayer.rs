@@ -12,6 +12,7 @@ use crate::recording::introduction::Introduction;
 use crate::recording::reader::RecordingReader;
 use crate::recording::record::RecordKind;
 use crate::recording::recorded_starts::RecordedStarts;
+use crate::recording::replay_counts::ReplayCounts;
 
 /// How fast a recording is played.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,17 +21,6 @@ pub enum Pace {
     RealTime,
     /// Each frame as soon as the host has read the ones before it.
     Fast,
-}
-
-/// Counts of what a replay has sent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ReplayCounts {
-    /// Number of frames sent, answers included.
-    pub frames: u64,
-    /// Number of codes sent.
-    pub codes: u64,
-    /// Number of recorded frames that are damaged, or newer than this program, and were left out.
-    pub unusable: u64,
 }
 
 /// Plays a recording as a device. Pure apart from reading the file: the caller passes bytes from the
@@ -336,6 +326,10 @@ impl<R: Read + Seek> Replayer<R> {
             ToHost::Code(code) => {
                 self.next_window = code.window.wrapping_add(1);
                 self.counts.codes += 1;
+                self.send(&frame.message);
+            }
+            ToHost::PackedCode(_) => {
+                self.counts.blocks += 1;
                 self.send(&frame.message);
             }
             message => self.send(message),

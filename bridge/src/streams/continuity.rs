@@ -3,7 +3,7 @@
 /// Place of a topic's newest item on the host's clock. It survives a restart of the device, whose own
 /// clock starts at 0 again, and so shows how many items are missing between two runs.
 ///
-/// "Item" means a code, an ADC sample or a filtered step.
+/// "Item" means a code, a packed block, an ADC sample or a filtered step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Continuity {
     /// Host time of the newest item, microseconds; `None` before the first item of a recording.

@@ -7,7 +7,7 @@ pub const TRI_LABELS: [&str; 8] = [
     "flags", "seq_lo", "seq_hi", "t_us_0", "t_us_1", "t_us_2", "lost", "trigger",
 ];
 
-/// Status of one code, sample or step, published as eight `tri` words.
+/// Status of one code, packed block, sample or step, published as eight `tri` words.
 ///
 /// Every word has 16 bits (0 to 65535), because the recorder stores `tri` as float32, which is
 /// exact only for integers up to 2^24.
@@ -15,13 +15,13 @@ pub const TRI_LABELS: [&str; 8] = [
 pub struct TriWords {
     /// Bits of [`link::Flags`], including `filler`.
     pub flags: u16,
-    /// Index, since `Start`, of the code's window, or of the frame that contains the sample or
-    /// step.
+    /// Index, since `Start`, of the code's window or of the packed block, or of the frame that
+    /// contains the sample or step.
     pub window: u32,
-    /// Device time of the window's last step, or of the sample or step itself, microseconds. The
+    /// Device time of the last step of the window or block, or of the sample or step itself, microseconds. The
     /// words carry the low 48 bits, which wrap after 8.9 years.
     pub device_time_us: u64,
-    /// Number of codes, samples or steps of this stream that were lost since the bridge started.
+    /// Number of codes, blocks, samples or steps of this stream that were lost since the bridge started.
     /// The word carries the number modulo 2^16.
     pub lost: u64,
     /// Level of the trigger input, 0 or 1, according to the edges received; 0 before the first edge,

@@ -172,7 +172,7 @@ async fn encode(
     memory: (
         SampleReceiver,
         OutputSender,
-        &'static mut Producer<&'static mut Encoders>,
+        &'static mut Producer<&'static mut ImageEncoders>,
     ),
 ) {
     firmware::encode(&SHARED, memory).await;
@@ -185,7 +185,7 @@ async fn converse(
     previous: Option<FaultRecord>,
     memory: (&'static mut Frames, OutputReceiver),
 ) {
-    let is_sound = Encoders::model_is_sound();
+    let is_sound = ImageEncoders::model_is_sound();
     let fault = firmware::start_fault(is_sound, greeting.clock.fault(), previous.as_ref());
     let identity = Identity {
         firmware: greeting.firmware,
