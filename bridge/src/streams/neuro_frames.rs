@@ -46,7 +46,8 @@ impl Device {
         self.hop_frame(NETWORK)
     }
 
-    /// Returns the same frame for signals that are reconstructed from packed blocks.
+    /// Returns a frame for `/neurodata_reconstructed`, from packed blocks, that holds the steps of one hop,
+    /// all zeros.
     pub fn unpacked_frame(&self) -> NeuroFrame {
         self.hop_frame(PACKED)
     }

@@ -84,7 +84,7 @@ impl Packed {
         self.send_bytes(&bytes, lost);
     }
 
-    /// Does the same with other bytes.
+    /// Advances time by one hop, in which the device makes a block with these bytes. It reaches the bridge unless `lost`.
     pub(crate) fn send_bytes(&mut self, bytes: &[u8], lost: bool) {
         self.harness.now_us += 62_500;
         let us = self.harness.now_us.unsigned_abs();

@@ -79,7 +79,7 @@ pub(crate) fn evaluate(
     evaluate_with_resets(model, tracks, description, RESET)
 }
 
-/// Does the same with every `reset`-th block without prediction.
+/// Measures a packed model as [`evaluate`] does, with every `reset`-th block without prediction.
 pub(super) fn evaluate_with_resets(
     model: &PackedModel,
     tracks: &[Track],
