@@ -7,6 +7,7 @@
 use std::fs;
 use std::path::Path;
 use std::process::Command;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use acceptance::{numpy_reference, other_model, workspace};
 use artifact::{Artifact, Dimensions, IntegerCode, Mode, MontageFile};
@@ -21,8 +22,15 @@ const NODE_GAIN: u32 = 6;
 /// Seconds that host-sim plays.
 const SECONDS: u64 = 6;
 
+/// Lets one test of this file build at a time: each replaces the programs of the other's model.
+fn alone() -> MutexGuard<'static, ()> {
+    static BUILDS: Mutex<()> = Mutex::new(());
+    BUILDS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 #[test]
 fn every_montage_streams_the_codes_of_numpy() {
+    let _alone = alone();
     let montages = any_model::montages().expect("the montages");
     assert!(montages.len() >= 5, "{} montages", montages.len());
     for (seed, montage) in (1..).zip(&montages) {
@@ -43,6 +51,7 @@ fn every_montage_streams_the_codes_of_numpy() {
 
 #[test]
 fn the_trained_model_of_the_papers_montage_streams_and_decodes() {
+    let _alone = alone();
     let folder = workspace::root().join("model/paper");
     let artifact = Artifact::read(&folder).expect("the artifact");
     let paper = MontageFile::read(&workspace::root().join("montages/paper-61.toml"));
