@@ -8,7 +8,7 @@ const LEAST_RANGE: u32 = 1 << 24;
 /// Writes symbols as one number of as many bytes as needed (Martin 1979), most significant byte first.
 ///
 /// The number so far is `bytes` followed by `low`. A carry out of `low` is added to the bytes at once. Bytes
-/// that do not fit the buffer are counted and not kept.
+/// that do not fit the buffer are counted and not kept; the count is the same as with a larger buffer.
 #[derive(Debug)]
 pub(crate) struct RangeEncoder<'b> {
     low: u32,
@@ -18,6 +18,8 @@ pub(crate) struct RangeEncoder<'b> {
     length: usize,
     /// Number of bytes up to the last one that is not 0.
     significant: usize,
+    /// Number of bytes of 0xff since the last other one: a carry makes them 0.
+    trailing_ones: usize,
 }
 
 impl<'b> RangeEncoder<'b> {
@@ -28,6 +30,7 @@ impl<'b> RangeEncoder<'b> {
             bytes,
             length: 0,
             significant: 0,
+            trailing_ones: 0,
         }
     }
 
@@ -97,22 +100,72 @@ impl<'b> RangeEncoder<'b> {
         if top != 0 {
             self.significant = self.length;
         }
+        self.trailing_ones = if top == u8::MAX {
+            self.trailing_ones + 1
+        } else {
+            0
+        };
         self.low <<= 8;
     }
 
-    /// Adds 1 to the bytes.
+    /// Adds 1 to the bytes. No carry reaches the byte that this one ends in: the range stays within what was
+    /// left of it.
     fn carry(&mut self) {
-        let Some(bytes) = self.bytes.get_mut(..self.length) else {
-            // The last byte, which was not kept, is no longer 0, unless the number is too long anyway.
-            self.significant = self.length;
-            return;
-        };
-        let last = bytes.len();
-        for (index, byte) in bytes.iter_mut().rev().enumerate() {
+        self.significant = self.length - self.trailing_ones;
+        self.trailing_ones = 0;
+        let kept = self.length.min(self.bytes.len());
+        let (changed, zeros) = (self.significant.wrapping_sub(1), self.significant);
+        if let Some(byte) = self.bytes.get_mut(changed) {
             *byte = byte.wrapping_add(1);
-            if *byte != 0 {
-                self.significant = last - index;
-                return;
+        }
+        if let Some(zeros) = self.bytes.get_mut(zeros..kept) {
+            zeros.fill(0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::RangeEncoder;
+    use crate::tables::{FREQUENCY_BITS, Frequencies};
+
+    /// Writes symbols whose ranges all contain one half, so that the bytes are 0x7f, 0xff, 0xff .., and then one
+    /// above it, whose carry makes them 0x80, 0, 0 ... Returns the length.
+    fn write_one_half(symbols: usize, bytes: &mut [u8]) -> usize {
+        let mut encoder = RangeEncoder::new(bytes);
+        for _ in 0..symbols {
+            // One half is the top bit of the first byte. Behind that byte, it is one past the largest number.
+            let half = if encoder.length == 0 { 1_u32 << 31 } else { 0 };
+            let to_half = half.wrapping_sub(encoder.low);
+            let unit = encoder.range >> FREQUENCY_BITS;
+            let start = (to_half / unit).min((1 << FREQUENCY_BITS) - 2);
+            encoder.put(Frequencies { start, count: 2 }, FREQUENCY_BITS);
+        }
+        let last = (1 << FREQUENCY_BITS) - 1;
+        let frequencies = Frequencies {
+            start: last,
+            count: 1,
+        };
+        encoder.put(frequencies, FREQUENCY_BITS);
+        encoder.finish()
+    }
+
+    #[test]
+    fn the_length_does_not_depend_on_the_buffer() {
+        for symbols in 1..12 {
+            let mut bytes = [0xaa; 40];
+            let length = write_one_half(symbols, &mut bytes);
+            assert_eq!(bytes[0], 0x80, "the carry came");
+            for kept in 0..length + 2 {
+                let mut short = [0xaa; 40];
+                assert_eq!(
+                    write_one_half(symbols, &mut short[..kept]),
+                    length,
+                    "{kept}"
+                );
+                assert!(short[kept..].iter().all(|&byte| byte == 0xaa));
+                let same = kept.min(length);
+                assert_eq!(short[..same], bytes[..same], "{kept}");
             }
         }
     }
