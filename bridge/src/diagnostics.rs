@@ -102,7 +102,8 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
         values.push(KeyValue::new("mains Hz", &device.mains_hz));
         values.push(KeyValue::new("code format", &device.code_format));
         for (topic, stream) in AnnouncedStream::TOPICS {
-            let shift_us = device.recorder_shift_us(stream, &session.settings);
+            let shift_us =
+                device.recorder_shift_us(stream, session.decoding.stream, &session.settings);
             values.push(KeyValue::new(
                 &format!("recorder shift us {topic}"),
                 &shift_us,

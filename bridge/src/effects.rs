@@ -15,7 +15,8 @@ pub trait Effects {
     fn send(&mut self, frame: &[u8]);
 
     /// Announces the device that sends the following codes. Called again when another compatible
-    /// device connects, or when the mains frequency changes.
+    /// device connects, when the mains frequency changes, or when the reconstruction is made from codes instead of
+    /// packed blocks, because the device refused those.
     fn announce(&mut self, announcement: &Announcement);
 
     /// Publishes a frame on `/encoded`.

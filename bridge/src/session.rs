@@ -123,7 +123,7 @@ impl Session {
                 _ => self.counts.codes_unused += 1,
             },
             ToHost::Stats(stats) => self.handle_stats(*stats, header.device_time_us, read, effects),
-            ToHost::Ack(ack) => self.handle_ack(*ack, read),
+            ToHost::Ack(ack) => self.handle_ack(*ack, read, effects),
             ToHost::Quality(quality) => self.quality = Some(quality.clone()),
             ToHost::Timing(timing) => {
                 let known = self.worst_stage.iter().chain(&timing.stages);
@@ -186,11 +186,6 @@ impl Session {
             trigger: &self.side.trigger,
         };
         packed.receive(code, trusted.then_some(device_us), reception, effects);
-    }
-
-    /// Returns whether codes are decoded: packed blocks are, where the device streams them.
-    fn decodes_codes(&self) -> bool {
-        self.is_decodable && !self.commands.streams().contains(Streams::PACKED)
     }
 
     /// Handles a message with samples, filtered steps, an event or an audit; `made_us` is its
@@ -311,7 +306,7 @@ impl Session {
         }
     }
 
-    fn handle_ack(&mut self, ack: Ack, read: HostTime) {
+    fn handle_ack(&mut self, ack: Ack, read: HostTime, effects: &mut dyn Effects) {
         match self
             .commands
             .handle_ack(ack.of, ack.result, read.monotonic_us)
@@ -329,10 +324,9 @@ impl Session {
                         StreamKind::names(refused)
                     );
                 }
-                let decodes_codes = self.decodes_codes();
+                self.announce_other_decoding(read, effects);
                 if let Some(codes) = &mut self.codes {
                     codes.mark_running();
-                    codes.set_decodable(decodes_codes);
                 }
             }
             AckEffect::Stopped { by_user } => {

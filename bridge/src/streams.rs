@@ -6,6 +6,7 @@ pub(crate) mod code;
 pub(crate) mod compressed;
 pub(crate) mod continuity;
 pub(crate) mod counts;
+pub(crate) mod decoding;
 pub(crate) mod event;
 pub(crate) mod hop_timeline;
 pub(crate) mod ledger;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use link::{Capabilities, Header, Hello, Streams, Substitutes};
+use link::{Capabilities, Header, Hello, Substitutes};
 use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
 use crate::device::Device;
@@ -10,6 +10,7 @@ use crate::effects::{Announcement, Effects};
 use crate::session::state::Session;
 use crate::settings::AnnouncedStream;
 use crate::streams::code::CodeStream;
+use crate::streams::decoding::{DecodedStream, Decoding};
 use crate::streams::packed::PackedStream;
 use crate::time::host_time::HostTime;
 use crate::wire::identity::Identity;
@@ -71,7 +72,8 @@ impl Session {
             .as_ref()
             .and_then(|model| model.objection(&device));
         let decodable = self.model.is_some() && objection.is_none();
-        let info = match self.acquisition_info(&device, decodable) {
+        let decoding = self.decoding(decodable);
+        let info = match self.acquisition_info(&device, decoding) {
             Ok(info) => info,
             Err(error) => {
                 return self.refuse(
@@ -112,38 +114,33 @@ impl Session {
             tracing::warn!("electrodes that were not recorded: {unrecorded}");
         }
         self.side.set_device(&device);
-        self.is_decodable = decodable;
-        let has_packed = self
-            .model
-            .as_ref()
-            .is_some_and(|model| model.packed().is_some());
-        if decodable && !has_packed && self.settings.streams.contains(Streams::PACKED) {
+        if decodable && !decoding.is_possible {
             tracing::warn!(
                 "the model has no packed code, so packed blocks cannot be decoded; `trainer packed` adds one, \
                  or choose --streams codes"
             );
         }
         match &mut self.packed {
-            Some(packed) => packed.replace_device(Arc::clone(&device), decodable && has_packed),
+            Some(packed) => packed.replace_device(Arc::clone(&device)),
             None => {
                 self.packed = Some(PackedStream::new(
                     Arc::clone(&device),
-                    decodable && has_packed,
+                    decoding,
                     self.settings,
                 ));
             }
         }
-        let decodes_codes = self.decodes_codes();
         match &mut self.codes {
-            Some(codes) => codes.replace_device(Arc::clone(&device), decodes_codes),
+            Some(codes) => codes.replace_device(Arc::clone(&device)),
             None => {
                 self.codes = Some(CodeStream::new(
                     Arc::clone(&device),
-                    decodes_codes,
+                    decoding,
                     self.settings,
                 ));
             }
         }
+        self.set_decoding(decoding);
         effects.announce(&Announcement {
             info,
             device,
@@ -151,23 +148,70 @@ impl Session {
         });
     }
 
+    /// Announces the device again if another stream is decoded now than when it was announced last: it refused some
+    /// of the streams, or refuses them no more.
+    pub(super) fn announce_other_decoding(&mut self, read: HostTime, effects: &mut dyn Effects) {
+        let Some(codes) = &self.codes else { return };
+        let device = Arc::clone(codes.device());
+        let decodable = self.model.is_some() && self.objection.is_none();
+        let decoding = self.decoding(decodable);
+        if decoding == self.decoding {
+            return;
+        }
+        self.set_decoding(decoding);
+        match self.acquisition_info(&device, decoding) {
+            Ok(info) => effects.announce(&Announcement {
+                info,
+                device,
+                decodable,
+            }),
+            Err(error) => self.refuse(
+                format!("{error}; its codes are not published"),
+                read,
+                effects,
+            ),
+        }
+    }
+
+    /// Returns the stream to decode, of those that the device is asked for. `decodable` is true if the bridge's model
+    /// is the device's.
+    fn decoding(&self, decodable: bool) -> Decoding {
+        let stream = DecodedStream::of(self.commands.streams());
+        let has_packed = || self.model.as_ref()?.packed();
+        Decoding {
+            stream,
+            is_possible: decodable && (stream == DecodedStream::Codes || has_packed().is_some()),
+        }
+    }
+
+    fn set_decoding(&mut self, decoding: Decoding) {
+        self.decoding = decoding;
+        if let Some(codes) = &mut self.codes {
+            codes.set_decoding(decoding);
+        }
+        if let Some(packed) = &mut self.packed {
+            packed.set_decoding(decoding);
+        }
+        self.side.set_event_shift(decoding.stream);
+    }
+
     /// Returns the answer to `/acquisition/get_info`; `None` if the selected stream is not
     /// published.
     fn acquisition_info(
         &self,
         device: &Device,
-        decodable: bool,
+        decoding: Decoding,
     ) -> Result<Option<AcquisitionInfo>, ContractError> {
         let model = format!("{} {}", device.board, device.firmware);
         let encoded = device.encoded_frame();
         Shape::from_frame(&encoded)?;
         let frame = match self.settings.announced {
             AnnouncedStream::Encoded => encoded,
-            AnnouncedStream::Reconstructed if !decodable => return Ok(None),
-            AnnouncedStream::Reconstructed if self.settings.streams.contains(Streams::PACKED) => {
-                device.unpacked_frame()
-            }
-            AnnouncedStream::Reconstructed => device.reconstructed_frame(),
+            AnnouncedStream::Reconstructed if !decoding.is_possible => return Ok(None),
+            AnnouncedStream::Reconstructed => match decoding.stream {
+                DecodedStream::Codes => device.reconstructed_frame(),
+                DecodedStream::Packed => device.unpacked_frame(),
+            },
             AnnouncedStream::Raw => device.raw_frame(),
             AnnouncedStream::Filtered => device.filtered_frame(),
         };

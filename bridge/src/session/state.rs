@@ -11,6 +11,7 @@ use crate::diagnostics::link_log::LinkLog;
 use crate::diagnostics::packed::PackedReport;
 use crate::settings::Settings;
 use crate::streams::code::CodeStream;
+use crate::streams::decoding::{DecodedStream, Decoding};
 use crate::streams::ledger::Ledger;
 use crate::streams::packed::PackedStream;
 use crate::streams::side::SideStreams;
@@ -36,8 +37,8 @@ pub(crate) struct Session {
     /// The device that was announced first. A device that is not compatible with it is refused for
     /// as long as the bridge runs.
     pub(super) announced: Option<Arc<Device>>,
-    /// Whether the bridge's model is the device's.
-    pub(super) is_decodable: bool,
+    /// Stream that `/neurodata_reconstructed` is decoded from, as it was announced last.
+    pub(crate) decoding: Decoding,
     pub(crate) clock: Clock,
     pub(crate) round_trips: RoundTrips,
     pub(crate) frames: Ledger,
@@ -88,18 +89,23 @@ pub(crate) struct SessionCounts {
 
 impl Session {
     pub(crate) fn new(settings: Settings, model: Option<Arc<Model>>) -> Session {
+        let commands = Commands::new(settings.mains_hz, settings.streams, settings.packed_rate);
+        let decoding = Decoding {
+            stream: DecodedStream::of(commands.streams()),
+            is_possible: false,
+        };
         Session {
             settings,
             model,
             encoder: Encoder::default(),
-            commands: Commands::new(settings.mains_hz, settings.streams, settings.packed_rate),
+            commands,
             identity: None,
             introduced: false,
             codes: None,
             packed: None,
             side: SideStreams::new(settings),
             announced: None,
-            is_decodable: false,
+            decoding,
             clock: Clock::default(),
             round_trips: RoundTrips::default(),
             frames: Ledger::default(),

@@ -11,6 +11,7 @@ use crate::effects::Effects;
 use crate::settings::{FillerPolicy, Settings};
 use crate::streams::continuity::MissingStretch;
 use crate::streams::counts::{CodeCounts, HopCounts};
+use crate::streams::decoding::{DecodedStream, Decoding};
 use crate::streams::hop_timeline::{HopDurations, HopPlace, HopTimeline};
 use crate::streams::stamps::{FrameSteps, MonotoneStamps, Reception, frame_time_ns};
 use crate::streams::tri::TriWords;
@@ -24,7 +25,7 @@ use crate::streams::tri::TriWords;
 pub(crate) struct CodeStream {
     settings: Settings,
     device: Arc<Device>,
-    decodable: bool,
+    decoding: Decoding,
     frame: NeuroFrame,
     z: Vec<f32>,
     /// Whether `z` holds a code of this recording.
@@ -36,10 +37,10 @@ pub(crate) struct CodeStream {
 }
 
 impl CodeStream {
-    pub(crate) fn new(device: Arc<Device>, decodable: bool, settings: Settings) -> CodeStream {
+    pub(crate) fn new(device: Arc<Device>, decoding: Decoding, settings: Settings) -> CodeStream {
         CodeStream {
             settings,
-            decodable,
+            decoding,
             frame: device.encoded_frame(),
             z: vec![0.0; device.numbers()],
             device,
@@ -53,12 +54,16 @@ impl CodeStream {
 
     /// Switches to another device of the same shape, or to the same device with another mains
     /// frequency. Sequence numbers, counts and stamps continue.
-    pub(crate) fn replace_device(&mut self, device: Arc<Device>, decodable: bool) {
+    pub(crate) fn replace_device(&mut self, device: Arc<Device>) {
         let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
         self.frame = device.encoded_frame();
         (self.frame.header.seq, self.frame.neuroheader.seq) = numbers;
         self.device = device;
-        self.decodable = decodable;
+    }
+
+    /// Sets which stream is decoded to `/neurodata_reconstructed`.
+    pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
+        self.decoding = decoding;
     }
 
     /// Starts another run. Call this when the device counts windows from 0 again. The time until the
@@ -73,11 +78,6 @@ impl CodeStream {
         self.timeline.end_recording();
         self.has_last = false;
         self.z.fill(0.0);
-    }
-
-    /// Sets whether codes are decoded to `/neurodata_reconstructed`.
-    pub(crate) fn set_decodable(&mut self, decodable: bool) {
-        self.decodable = decodable;
     }
 
     /// Records that the stream runs. From now on, the window index in `Stats` is that of this
@@ -175,9 +175,10 @@ impl CodeStream {
     }
 
     fn durations(&self) -> HopDurations {
-        let lookback_us = self
-            .device
-            .frame_lookback_us(self.settings.announced, &self.settings);
+        let settings = &self.settings;
+        let lookback_us =
+            self.device
+                .frame_lookback_us(settings.announced, self.decoding.stream, settings);
         HopDurations::new(&self.device, lookback_us)
     }
 
@@ -237,7 +238,7 @@ impl CodeStream {
             frame.tri.data.copy_from_slice(&words.words());
             effects.publish_encoded(frame);
         }
-        if self.decodable {
+        if self.decoding.decodes(DecodedStream::Codes) {
             let lookback = Reconstruction::lookback_steps(&self.device, self.settings.low_latency);
             let time = stamp(lookback, u32::from(self.device.hop_steps));
             let stamp = self.window_stamps.next(time, steps_back);

@@ -11,6 +11,7 @@ use crate::effects::Effects;
 use crate::settings::{FillerPolicy, Settings};
 use crate::streams::continuity::MissingStretch;
 use crate::streams::counts::{BlockCounts, HopCounts};
+use crate::streams::decoding::{DecodedStream, Decoding};
 use crate::streams::hop_timeline::{HopDurations, HopPlace, HopTimeline};
 use crate::streams::stamps::{FrameSteps, MonotoneStamps, Reception, frame_time_ns};
 use crate::streams::tri::TriWords;
@@ -22,7 +23,7 @@ use crate::streams::tri::TriWords;
 pub(crate) struct PackedStream {
     settings: Settings,
     device: Arc<Device>,
-    decodable: bool,
+    decoding: Decoding,
     timeline: HopTimeline,
     counts: BlockCounts,
     /// Rate of the newest block.
@@ -33,11 +34,11 @@ pub(crate) struct PackedStream {
 }
 
 impl PackedStream {
-    pub(crate) fn new(device: Arc<Device>, decodable: bool, settings: Settings) -> PackedStream {
+    pub(crate) fn new(device: Arc<Device>, decoding: Decoding, settings: Settings) -> PackedStream {
         PackedStream {
             settings,
             device,
-            decodable,
+            decoding,
             timeline: HopTimeline::new("packed blocks"),
             counts: BlockCounts::default(),
             rate: None,
@@ -48,9 +49,13 @@ impl PackedStream {
 
     /// Switches to another device of the same shape, or to the same device with another mains
     /// frequency. Counts and stamps continue.
-    pub(crate) fn replace_device(&mut self, device: Arc<Device>, decodable: bool) {
+    pub(crate) fn replace_device(&mut self, device: Arc<Device>) {
         self.device = device;
-        self.decodable = decodable;
+    }
+
+    /// Sets which stream is decoded to `/neurodata_reconstructed`.
+    pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
+        self.decoding = decoding;
     }
 
     /// Starts another run. Call this when the device counts blocks from 0 again. The time until the
@@ -152,9 +157,10 @@ impl PackedStream {
     }
 
     fn durations(&self) -> HopDurations {
-        let lookback_us = self
-            .device
-            .frame_lookback_us(self.settings.announced, &self.settings);
+        let settings = &self.settings;
+        let lookback_us =
+            self.device
+                .frame_lookback_us(settings.announced, self.decoding.stream, settings);
         HopDurations::new(&self.device, lookback_us)
     }
 
@@ -168,7 +174,7 @@ impl PackedStream {
     ) {
         self.timeline.record(place, reception);
         let is_first = std::mem::take(&mut self.is_first);
-        if !self.decodable {
+        if !self.decoding.decodes(DecodedStream::Packed) {
             return;
         }
         let hop = u32::from(self.device.hop_steps);

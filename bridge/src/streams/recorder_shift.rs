@@ -1,16 +1,20 @@
 //! Time from the electrodes to a recorder, for each topic.
 
-use link::Streams;
-
 use crate::decoder::reconstruction::Reconstruction;
 use crate::device::Device;
 use crate::settings::{AnnouncedStream, Settings};
+use crate::streams::decoding::DecodedStream;
 
 impl Device {
     /// Returns the time from the first sample of a frame, at the electrodes, to the end of the
     /// acquisition and filtering of all data that the frame is made of, microseconds. The transfer to
-    /// the host follows.
-    pub(crate) fn frame_lookback_us(&self, stream: AnnouncedStream, settings: &Settings) -> i64 {
+    /// the host follows. `decoded` is the stream that `/neurodata_reconstructed` is decoded from.
+    pub(crate) fn frame_lookback_us(
+        &self,
+        stream: AnnouncedStream,
+        decoded: DecodedStream,
+        settings: &Settings,
+    ) -> i64 {
         let filters_us = i64::from(self.group_delay_us);
         match stream {
             AnnouncedStream::Encoded => {
@@ -18,14 +22,13 @@ impl Device {
             }
             AnnouncedStream::Reconstructed => {
                 let hop = u32::from(self.hop_steps);
-                let steps = match (
-                    settings.streams.contains(Streams::PACKED),
-                    settings.low_latency,
-                ) {
-                    (false, low_latency) => Reconstruction::lookback_steps(self, low_latency),
-                    (true, true) => hop - 1,
+                let steps = match (decoded, settings.low_latency) {
+                    (DecodedStream::Codes, low_latency) => {
+                        Reconstruction::lookback_steps(self, low_latency)
+                    }
+                    (DecodedStream::Packed, true) => hop - 1,
                     // The block after the frame's own completes it.
-                    (true, false) => 2 * hop - 1,
+                    (DecodedStream::Packed, false) => 2 * hop - 1,
                 };
                 self.steps_us(steps) + filters_us
             }
@@ -44,10 +47,15 @@ impl Device {
     /// the frame's duration, and places an event by its stamp relative to that time. Its library,
     /// libxdffileio, rounds the place down and counts from 0, where GDF and its readers count from 1.
     /// Half a sample makes the rounding exact, and a whole sample the counting.
-    pub(crate) fn recorder_shift_us(&self, stream: AnnouncedStream, settings: &Settings) -> i64 {
+    pub(crate) fn recorder_shift_us(
+        &self,
+        stream: AnnouncedStream,
+        decoded: DecodedStream,
+        settings: &Settings,
+    ) -> i64 {
         let (samples, rate_hz) = self.frame_length(stream);
         let halves_us = |halves: i64| halves * 500_000 / i64::from(rate_hz);
-        self.frame_lookback_us(stream, settings) + halves_us(3 - 2 * i64::from(samples))
+        self.frame_lookback_us(stream, decoded, settings) + halves_us(3 - 2 * i64::from(samples))
     }
 
     /// Returns the number of samples in a frame of this stream, and their rate in Hz.

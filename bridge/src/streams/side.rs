@@ -11,6 +11,7 @@ use crate::effects::Effects;
 use crate::settings::{EventStamps, RawForm, Settings};
 use crate::streams::bus::EventBus;
 use crate::streams::compressed::CompressedSamples;
+use crate::streams::decoding::DecodedStream;
 use crate::streams::event::EventStream;
 use crate::streams::sample::{SampleStream, Samples};
 use crate::streams::stamps::Reception;
@@ -89,14 +90,21 @@ impl SideStreams {
                 None => {}
             }
         }
-        let shift_us = match self.settings.event_stamps {
+        self.device = Some(Arc::clone(device));
+    }
+
+    /// Sets by how much the stamps of events are later than the events. Call this after [`Self::set_device`], with
+    /// the stream that `/neurodata_reconstructed` is decoded from.
+    pub(crate) fn set_event_shift(&mut self, decoded: DecodedStream) {
+        let Some(device) = &self.device else { return };
+        let settings = &self.settings;
+        let shift_us = match settings.event_stamps {
             EventStamps::Recorder => {
-                device.recorder_shift_us(self.settings.announced, &self.settings)
+                device.recorder_shift_us(settings.announced, decoded, settings)
             }
             EventStamps::Scalp => 0,
         };
         self.bus.set_shift(shift_us);
-        self.device = Some(Arc::clone(device));
     }
 
     /// Ends the recording of all streams, because the user stopped them.

@@ -5,12 +5,15 @@ use link::Streams;
 use crate::settings::{RawForm, with_codes};
 
 /// Streams that the user wants, and those of them that `Start` asks for: fewer after the device refused some.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct WantedStreams {
     /// Streams that the user requested, with the stream of codes added unless packed blocks are among them.
     /// Samples can be requested in both forms, of which the device sends one.
     wanted: Streams,
-    asked: Streams,
+    /// Streams to ask for, one choice after the other: a refusal does not say which stream it means.
+    choices: Vec<Streams>,
+    /// Index of the choice that `Start` asks for.
+    asked: usize,
 }
 
 impl WantedStreams {
@@ -18,75 +21,83 @@ impl WantedStreams {
         let wanted = with_codes(streams);
         WantedStreams {
             wanted,
-            asked: first_choice(wanted),
+            choices: choices(wanted),
+            asked: 0,
         }
     }
 
     /// Asks for all streams again, because the device may be another one.
     pub(crate) fn ask_for_all(&mut self) {
-        self.asked = first_choice(self.wanted);
+        self.asked = 0;
     }
 
     /// Streams that `Start` asks for.
-    pub(crate) fn asked(self) -> Streams {
-        self.asked
+    pub(crate) fn asked(&self) -> Streams {
+        self.choices[self.asked]
     }
 
     /// Streams that the user wants and the device refused.
-    pub(crate) fn refused(self) -> Streams {
-        let refused = self.wanted.without(self.asked);
-        if RawForm::any_in(self.asked) {
+    pub(crate) fn refused(&self) -> Streams {
+        let asked = self.asked();
+        let refused = self.wanted.without(asked);
+        if RawForm::any_in(asked) {
             refused.without(RawForm::Any.streams())
         } else {
             refused
         }
     }
 
-    /// Asks for fewer streams after a refused `Start`. Returns false if there are no fewer.
+    /// Asks for the next choice after a refused `Start`. Returns false if that was the last one.
     pub(crate) fn ask_for_fewer(&mut self) -> bool {
-        let fewer = self.fewer();
-        self.asked = fewer.unwrap_or(Streams::CODES);
-        fewer.is_some()
-    }
-
-    /// Returns the streams to ask for after a refused `Start`: with raw samples in the other form if
-    /// both are wanted, without raw samples, then without filtered steps, then with the packed code alone or codes in
-    /// its place, then codes alone, which firmware before 0.2 is limited to.
-    fn fewer(self) -> Option<Streams> {
-        let compressed = Streams::COMPRESSED_RAW;
-        if self.asked.contains(Streams::RAW) && self.wanted.contains(compressed) {
-            return Some(self.asked.without(Streams::RAW) | compressed);
-        }
-        let removable = [Streams::RAW, compressed, Streams::FILTERED];
-        let removable = removable
-            .into_iter()
-            .find(|stream| self.asked.contains(*stream));
-        match removable {
-            Some(stream) => Some(self.asked.without(stream)),
-            None if self.asked.contains(Streams::PACKED) => Some(self.fewer_than_packed()),
-            None if self.asked == Streams::CODES => None,
-            None => Some(Streams::CODES),
-        }
-    }
-
-    /// Returns the streams to ask for after a refused `Start` with packed blocks: those without audits, which need
-    /// the network that an image with the packed code may lack, then codes in place of the blocks.
-    fn fewer_than_packed(self) -> Streams {
-        let needs_network = Streams::CODES | Streams::AUDIT;
-        let alone = self.asked.without(needs_network);
-        if alone != self.asked {
-            return alone;
-        }
-        let samples = RawForm::Any.streams() | Streams::FILTERED;
-        self.wanted.without(samples).without(Streams::PACKED) | Streams::CODES
+        let has_fewer = self.asked + 1 < self.choices.len();
+        self.asked += usize::from(has_fewer);
+        has_fewer
     }
 }
 
-/// Returns the streams that a device is asked for at first: samples in one form only.
-fn first_choice(wanted: Streams) -> Streams {
-    if wanted.contains(Streams::RAW) {
-        wanted.without(Streams::COMPRESSED_RAW)
+/// Returns the choices of the streams to ask for, best first: all sets of samples with the best encoders, then with
+/// the next ones, and last codes alone, which firmware before 0.2 is limited to.
+fn choices(wanted: Streams) -> Vec<Streams> {
+    let mut choices = Vec::new();
+    for streams in encoder_choices(wanted).into_iter().flat_map(sample_choices) {
+        if !choices.contains(&streams) {
+            choices.push(streams);
+        }
+    }
+    if !choices.contains(&Streams::CODES) {
+        choices.push(Streams::CODES);
+    }
+    choices
+}
+
+/// Returns `wanted` with the encoders that a device may have: all; the packed code alone, so without codes and without
+/// audits, which need the network; the network alone, so with codes in place of packed blocks.
+fn encoder_choices(wanted: Streams) -> Vec<Streams> {
+    if !wanted.contains(Streams::PACKED) {
+        return vec![wanted];
+    }
+    let needs_network = Streams::CODES | Streams::AUDIT;
+    vec![
+        wanted,
+        wanted.without(needs_network),
+        wanted.without(Streams::PACKED) | Streams::CODES,
+    ]
+}
+
+/// Returns `wanted` with the samples that a device's port may carry: raw ones in either form, only one of which is
+/// asked for, filtered ones alone, none.
+fn sample_choices(wanted: Streams) -> [Streams; 4] {
+    let [raw, compressed] = [Streams::RAW, Streams::COMPRESSED_RAW];
+    let first = if wanted.contains(raw) {
+        wanted.without(compressed)
     } else {
         wanted
-    }
+    };
+    let filtered = wanted.without(RawForm::Any.streams());
+    [
+        first,
+        wanted.without(raw),
+        filtered,
+        filtered.without(Streams::FILTERED),
+    ]
 }

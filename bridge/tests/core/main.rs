@@ -19,6 +19,7 @@ mod loss;
 mod other_devices;
 mod packed;
 mod packed_device;
+mod packed_fallback;
 mod packed_rate;
 mod query;
 mod reconstruction;

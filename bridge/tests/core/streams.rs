@@ -114,7 +114,7 @@ fn packed_blocks_are_asked_for_without_the_network_and_codes_in_their_place() {
     // An image with the packed code alone.
     let alone = Streams::PACKED | Streams::EVENTS | Streams::FILTERED;
     let with_filtered = harness(wanted | Streams::FILTERED, alone);
-    assert_eq!(starts(&with_filtered), [0b101_1100, 0b101_1000, 0b101_0000]);
+    assert_eq!(starts(&with_filtered), [0b101_1100, 0b101_1000, 0b101_0100]);
     // An image with the network alone, or older firmware.
     let mut network = harness(wanted, EVERYTHING);
     assert_eq!(starts(&network), [0b101_1000, 0b101_0000, 0b001_1001]);
@@ -132,6 +132,23 @@ fn packed_blocks_are_asked_for_without_the_network_and_codes_in_their_place() {
         starts(&harness(wanted, Streams::CODES)),
         [0b101_1000, 0b101_0000, 0b001_1001, 1]
     );
+}
+
+#[test]
+fn a_device_without_packed_blocks_still_streams_the_samples_that_are_wanted() {
+    let wanted = Streams::PACKED | RawForm::Any.streams();
+    // An image with the network alone, on a USB port.
+    let usb = harness(wanted, EVERYTHING);
+    assert_eq!(
+        starts(&usb),
+        [0b100_0010, 0b110_0000, 0b100_0000, 0b000_0011]
+    );
+    // The same on a UART.
+    let uart = harness(wanted, EVERYTHING.without(Streams::RAW));
+    assert_eq!(starts(&uart).last(), Some(&0b010_0001));
+    // A device that has packed blocks and no samples keeps the blocks.
+    let slow = harness(wanted, Streams::CODES | Streams::PACKED);
+    assert_eq!(starts(&slow), [0b100_0010, 0b110_0000, 0b100_0000]);
 }
 
 #[test]
