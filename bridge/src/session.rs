@@ -5,7 +5,8 @@ mod reports;
 pub(crate) mod state;
 
 use link::{
-    Ack, Frame, FrameError, Header, MAX_FRAME, PackedCode, Stats, Streams, ToDevice, ToHost,
+    Ack, AckResult, Frame, FrameError, Header, MAX_FRAME, PackedCode, Stats, Streams, ToDevice,
+    ToHost,
 };
 
 use crate::diagnostics::converters::ChainReport;
@@ -337,14 +338,13 @@ impl Session {
                     self.restart_streams();
                 }
             }
+            AckEffect::Refused(ToDevice::SetRate { rate }, result) => {
+                self.report_refused_rate(rate, result);
+            }
             AckEffect::Refused(command, result) => {
                 let remedy = match command {
                     ToDevice::Start(_) => {
                         "choose other --streams or --mains, or update firmware or bridge"
-                    }
-                    ToDevice::SetRate { .. } => {
-                        "it streams no packed blocks, or always at the same rate: its image or its model \
-                         has no packed code, it is a replay, or its firmware is older than this bridge"
                     }
                     _ => "bring firmware and bridge to the same release",
                 };
@@ -354,6 +354,23 @@ impl Session {
                     words::reason(result)
                 );
             }
+        }
+    }
+
+    /// Logs that the device keeps its rate of the packed code. This is no warning if the model's rate was refused,
+    /// which nobody needs to have chosen.
+    fn report_refused_rate(&self, rate: u8, result: AckResult) {
+        let text = format!(
+            "the device refuses the rate {rate} of the packed code: {}; it streams no packed blocks, or always at \
+             the same rate: its image or its model has no packed code, it is a replay, or its firmware is older \
+             than this bridge",
+            words::reason(result)
+        );
+        let model = self.model.as_ref().and_then(|model| model.packed());
+        if model.is_some_and(|packed| packed.description.rate == rate) {
+            tracing::info!("{text}");
+        } else {
+            tracing::warn!("{text}");
         }
     }
 }

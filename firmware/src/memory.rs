@@ -84,7 +84,7 @@ impl<E: Encoders + 'static> Memory<E> {
 }
 
 // None of these functions is inlined: the first tasks run before the board's start function returns, so the
-// temporaries of an inlined one would take stack from these tasks, and those of all together.
+// temporaries of an inlined one would take stack from these tasks.
 
 #[inline(never)]
 fn sample_channel(

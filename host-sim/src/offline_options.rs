@@ -4,6 +4,7 @@ use std::num::NonZero;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use link::MAX_RATE;
 use offline::SignalFormat;
 
 use crate::mains_hz::MainsHz;
@@ -25,7 +26,7 @@ pub(crate) struct EncodeOptions {
     #[arg(long, value_enum, default_value = "codes")]
     pub(crate) stream: CodeStream,
     /// Rate of the packed blocks, 0 to 15: one more is 3 dB coarser; the model's by default.
-    #[arg(long, value_parser = clap::value_parser!(u8).range(0..=15))]
+    #[arg(long, value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
     pub(crate) packed_rate: Option<u8>,
     #[command(flatten)]
     pub(crate) batch: BatchOptions,

@@ -277,12 +277,22 @@ fn a_recording_of_packed_blocks_is_replayed_and_converted() {
     // The last bytes are on their way.
     std::thread::sleep(Duration::from_secs(1));
     assert!(recording.stop(Signal::INT, SLACK).success());
+    let log = fs::read_to_string(folder.join("recording.err")).expect("a log");
+    let bytes: usize = blocks.iter().map(Vec::len).sum();
+    let counts = format!(
+        "packed blocks: made {BLOCKS} received {BLOCKS} lost 0 fillers 0 bits {}",
+        8 * bytes
+    );
+    assert!(log.contains(&counts), "{log}");
 
     let output = format!("pty:{port}");
     let mut replaying = bridge(folder, "replaying", &["replay", &file, "--output", &output]);
     replaying.wait_until("a port", SLACK, |_| Path::new(&port).exists());
     let printing = printing(folder, &port, &[]);
     assert!(replaying.wait(SLACK).success(), "{}", replaying.log());
+    let log = replaying.log();
+    let counts = format!("played 0 codes and {BLOCKS} packed blocks");
+    assert!(log.contains(&counts), "{log}");
     let (lines, _) = stop(printing, folder);
     let frames: Vec<_> = printed(&lines)
         .into_iter()

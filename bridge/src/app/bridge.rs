@@ -137,6 +137,7 @@ pub(super) async fn stream(
     if let Some(uri) = &options.ros_master_uri {
         ros.master_uri.clone_from(uri);
     }
+    options.asked.warn_about_unused();
     let connection = Connection::new(options.at.port.clone(), options.at.baud);
     let publication = Publication {
         settings: options.settings(),

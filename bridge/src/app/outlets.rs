@@ -119,7 +119,7 @@ impl Outlets {
             );
         }
         if dropped > 0 {
-            tracing::warn!(dropped, "codes dropped for slow subscribers");
+            tracing::warn!(dropped, "frames of /encoded dropped for slow subscribers");
         }
         counts
     }

@@ -60,6 +60,7 @@ impl fmt::Display for RecordSummary {
 /// recording waits.
 pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, BridgeError> {
     let mut shutdown = Shutdown::new()?;
+    options.asked.warn_about_unused();
     let settings = Settings {
         stamp: StampPoint::First,
         mains_hz: options.asked.mains_hz(),

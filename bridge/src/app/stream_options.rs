@@ -1,7 +1,7 @@
 //! Options that state what the device is asked for.
 
 use clap::Args;
-use link::Streams;
+use link::{MAX_RATE, Streams};
 
 use crate::settings::{RawForm, StreamKind, with_codes};
 
@@ -22,7 +22,7 @@ pub(crate) struct StreamOptions {
     )]
     pub(crate) streams: Vec<StreamKind>,
     /// Rate of the packed code, 0 to 15: one more is 3 dB coarser; the model's by default
-    #[arg(long, env = "CORTICODE_PACKED_RATE", value_parser = clap::value_parser!(u8).range(0..=15))]
+    #[arg(long, env = "CORTICODE_PACKED_RATE", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
     pub(crate) packed_rate: Option<u8>,
     /// Form in which the device sends the samples of the stream raw; both yield the same frames
     #[arg(long, env = "CORTICODE_RAW_FORM", value_enum, default_value_t)]
@@ -33,6 +33,15 @@ impl StreamOptions {
     /// Returns the mains frequency to remove, Hz; 0 leaves the choice to the device.
     pub(crate) fn mains_hz(&self) -> u8 {
         self.mains.unwrap_or(0)
+    }
+
+    /// Logs a warning about options that have no effect on the chosen streams.
+    pub(crate) fn warn_about_unused(&self) {
+        if self.packed_rate.is_some() && !self.streams.contains(&StreamKind::Packed) {
+            tracing::warn!(
+                "--packed-rate has no effect, because packed is not among the streams; add it with --streams packed"
+            );
+        }
     }
 
     /// Returns the streams to ask for, codes included unless packed blocks are.

@@ -11,7 +11,6 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 use link::Streams;
 use recordings::{Block, EventLabel, Recording};
@@ -20,7 +19,7 @@ use rustix::process::Signal;
 
 use crate::board::Board;
 use crate::device::Device;
-use crate::process::{Bridge, TIMEOUT};
+use crate::process::{Bridge, wait_for_bytes};
 use crate::synthetic_recording::{Rig, TICKS_PER_SECOND};
 
 /// Runs `convert` and returns exit status and log.
@@ -357,13 +356,14 @@ fn codes_that_replaced_refused_packed_blocks_are_decoded() {
         "--port",
     ];
     let recorder = Bridge::start(&[&arguments[..], &[&device.port]].concat());
-    let deadline = Instant::now() + TIMEOUT;
-    while std::fs::metadata(&path).map_or(0, |file| file.len()) < 20_000 {
-        assert!(Instant::now() < deadline, "nothing is recorded");
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    wait_for_bytes(&path, 20_000);
     recorder.signal(Signal::TERM);
-    assert!(recorder.wait().0.success());
+    let (status, log) = recorder.wait();
+    assert!(status.success(), "{log}");
+    assert!(
+        log.contains("WARN") && log.contains("refuses the rate 4 of the packed code"),
+        "{log}"
+    );
     let (status, log) = convert(&path, "csv");
     assert_eq!(status, Some(0), "{log}");
     let [codes, signals] = ["codes", "reconstructed"]

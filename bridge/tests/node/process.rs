@@ -1,6 +1,7 @@
 //! The bridge as a child process of a test.
 
 use std::io::Read;
+use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
@@ -106,5 +107,14 @@ impl Drop for Bridge {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
+    }
+}
+
+/// Waits until the file has at least `bytes` bytes.
+pub(crate) fn wait_for_bytes(path: &Path, bytes: u64) {
+    let deadline = Instant::now() + TIMEOUT;
+    while std::fs::metadata(path).map_or(0, |file| file.len()) < bytes {
+        assert!(Instant::now() < deadline, "nothing is recorded");
+        std::thread::sleep(Duration::from_millis(1));
     }
 }

@@ -6,7 +6,7 @@ use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::atomic::Ordering::Relaxed;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use bridge::{LeftOut, RecordKind, RecordingReader};
 use link::{Decoder, MAX_FRAME, ToHost};
@@ -14,7 +14,7 @@ use rustix::process::Signal;
 
 use crate::board::Board;
 use crate::device::Device;
-use crate::process::{Bridge, TIMEOUT};
+use crate::process::{Bridge, wait_for_bytes};
 
 /// What a recording holds, as far as a test needs it.
 #[derive(Debug, Default)]
@@ -52,27 +52,20 @@ fn start(device: &Device, path: &Path) -> Bridge {
     Bridge::start(&["record", path.to_str().unwrap(), "--port", &device.port])
 }
 
-/// Waits until the file has at least `bytes` bytes.
-fn wait_for_bytes(path: &Path, bytes: u64) {
-    let deadline = Instant::now() + TIMEOUT;
-    while std::fs::metadata(path).map_or(0, |file| file.len()) < bytes {
-        assert!(Instant::now() < deadline, "nothing is recorded");
-        std::thread::sleep(Duration::from_millis(1));
-    }
-}
-
 #[test]
 fn a_recording_holds_every_code_and_ends_with_a_summary() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recording");
     let device = Device::tcp(Board::new());
-    let bridge = start(&device, &path);
+    let arguments = ["--packed-rate=3", "--port", &device.port];
+    let bridge = Bridge::start(&[&["record", path.to_str().unwrap()], &arguments[..]].concat());
     wait_for_bytes(&path, 20_000);
     bridge.signal(Signal::INT);
     let (status, log) = bridge.wait();
     assert!(status.success(), "{log}");
     let made = device.controls.made.load(Relaxed);
     assert!(log.contains(&format!("received {made} lost 0")), "{log}");
+    assert!(log.contains("--packed-rate has no effect"), "{log}");
     let content = read(&path);
     assert!(content.windows.iter().copied().eq(0..made), "{content:?}");
     assert_eq!(content.events, made / 10);

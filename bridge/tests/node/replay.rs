@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor};
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use bridge::{Pace, RecordingReader, Replayer};
 use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice, ToHost};
@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::board::Board;
 use crate::device::Device;
-use crate::process::{Bridge, TIMEOUT};
+use crate::process::{Bridge, wait_for_bytes};
 use crate::synthetic_recording::Rig;
 
 /// Returns the levels of all codes in a recording whose boards have scale 0.5 and zero point 1.
@@ -69,11 +69,7 @@ fn a_bridge_at_a_terminal_gets_every_recorded_code_in_real_time() {
     let file = path.to_str().unwrap();
     let device = Device::tcp(Board::new());
     let recorder = Bridge::start(&["record", file, "--port", &device.port]);
-    let deadline = Instant::now() + TIMEOUT;
-    while std::fs::metadata(&path).map_or(0, |file| file.len()) < 20_000 {
-        assert!(Instant::now() < deadline, "nothing is recorded");
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    wait_for_bytes(&path, 20_000);
     recorder.signal(Signal::TERM);
     assert!(recorder.wait().0.success());
     let port = folder.path().join("board");
