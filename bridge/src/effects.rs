@@ -5,7 +5,7 @@ use std::sync::Arc;
 use neuro_ros::{AcquisitionInfo, NeuroEvent, NeuroFrame};
 
 use crate::decoder::audit::AuditedWindow;
-use crate::decoder::packed::TimedBlock;
+use crate::decoder::packed::TimedPackedBlock;
 use crate::decoder::reconstruction::TimedCode;
 use crate::device::Device;
 
@@ -35,7 +35,7 @@ pub trait Effects {
 
     /// Decodes a packed block as [`Self::decode`] does a code. A device whose packed blocks arrive has its
     /// signals reconstructed from them, and none from codes.
-    fn decode_block(&mut self, block: TimedBlock);
+    fn decode_block(&mut self, block: TimedPackedBlock);
 
     /// Publishes a frame of ADC samples on `/neurodata`.
     fn publish_raw(&mut self, frame: &NeuroFrame);

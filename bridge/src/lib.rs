@@ -21,7 +21,7 @@
 //! The first command to a connected device asks it to identify itself:
 //!
 //! ```
-//! # use bridge::{Announcement, AuditedWindow, TimedBlock, TimedCode};
+//! # use bridge::{Announcement, AuditedWindow, TimedPackedBlock, TimedCode};
 //! # use neuro_ros::{NeuroEvent, NeuroFrame};
 //! use bridge::{AnnouncedStream, Core, Effects, EventStamps, FillerPolicy, HostTime, Settings, StampPoint};
 //! use link::{Decoder, MAX_FRAME, Streams, ToDevice};
@@ -37,7 +37,7 @@
 //! #   fn announce(&mut self, _: &Announcement) {}
 //! #   fn publish_encoded(&mut self, _: &NeuroFrame) {}
 //! #   fn decode(&mut self, _: TimedCode) {}
-//! #   fn decode_block(&mut self, _: TimedBlock) {}
+//! #   fn decode_block(&mut self, _: TimedPackedBlock) {}
 //! #   fn publish_raw(&mut self, _: &NeuroFrame) {}
 //! #   fn publish_filtered(&mut self, _: &NeuroFrame) {}
 //! #   fn publish_event(&mut self, _: &NeuroEvent) {}
@@ -96,7 +96,7 @@ pub use core::Core;
 pub use decoder::audit::{AuditResult, AuditedWindow, PackedError};
 pub use decoder::counts::DecoderCounts;
 pub use decoder::model::Model;
-pub use decoder::packed::{Block, PackedReconstruction, TimedBlock};
+pub use decoder::packed::{PackedBytes, PackedReconstruction, TimedPackedBlock};
 pub use decoder::reconstruction::{Reconstruction, TimedCode};
 pub use device::{Device, DeviceError};
 pub use diagnostics::summary::{PackedSummary, Summary};

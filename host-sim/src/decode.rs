@@ -3,7 +3,9 @@
 use std::{error::Error, path::PathBuf};
 
 use new_file::Existing;
-use offline::{Decoded, Decoding, Model, OfflineError, Progress, SignalFormat, report, settling_s};
+use offline::{
+    CodeKind, Decoded, Decoding, Model, OfflineError, Progress, SignalFormat, report, settling_s,
+};
 use thiserror::Error;
 
 use crate::batch::{self, Job};
@@ -19,6 +21,7 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
     let decoding = Decoding {
         model: &model,
         format,
+        kind: options.stream.map(CodeKind::from),
         existing: Existing::from_force(options.batch.force),
     };
     let extension = format!("decoded.{}", format.extension());

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use link::MAX_RATE;
-use offline::SignalFormat;
+use offline::{CodeKind, SignalFormat};
 
 use crate::mains_hz::MainsHz;
 use crate::missing_electrodes::MissingElectrodes;
@@ -32,13 +32,22 @@ pub(crate) struct EncodeOptions {
     pub(crate) batch: BatchOptions,
 }
 
-/// Form of codes.
+/// Kind of codes.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum CodeStream {
     /// Codes of the network.
     Codes,
     /// Packed blocks.
     Packed,
+}
+
+impl From<CodeStream> for CodeKind {
+    fn from(stream: CodeStream) -> Self {
+        match stream {
+            CodeStream::Codes => Self::Codes,
+            CodeStream::Packed => Self::Packed,
+        }
+    }
 }
 
 #[derive(Debug, Args)]
@@ -51,6 +60,9 @@ pub(crate) struct DecodeOptions {
     /// Format of the decoded signal.
     #[arg(long, value_enum)]
     pub(crate) to: FileFormat,
+    /// What to decode of a file that holds codes and packed blocks; by default what comes first.
+    #[arg(long, value_enum)]
+    pub(crate) stream: Option<CodeStream>,
     /// Folder of the model that decodes; by default the model with which this program was built.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,

@@ -7,6 +7,8 @@ use artifact::ModelId;
 use link::{Capabilities, CodeFormat, Decoder, Flags, FrameError, Substitutes, ToHost};
 use thiserror::Error;
 
+use crate::encoded_stream::CodeKind;
+
 /// First bytes of a recording of corticode-bridge, which holds frames of both directions with times.
 const BRIDGE_RECORDING: &[u8] = b"CORTIREC";
 /// Number of bytes that are read together.
@@ -43,6 +45,9 @@ pub enum CodeFileError {
         /// Number of steps in a window.
         steps: usize,
     },
+    /// The file holds codes, but none of the kind to decode.
+    #[error("it holds no {}, and {} in their place: decode these with --stream {}", .0.names().0, .0.other().names().0, .0.other().names().1)]
+    OtherKind(CodeKind),
     /// The first code comes before the device's introduction.
     #[error(
         "the device does not introduce itself before the first code; the start of the file is \
@@ -81,7 +86,7 @@ pub enum CodeFileError {
     /// The file holds packed blocks, and the model has no packed code.
     #[error(
         "it holds packed blocks, and model {0} has no packed code; name the folder of the model that made \
-         them with --model"
+         them with --model, or decode codes of the same file with --stream codes"
     )]
     NotPacked(ModelId),
     /// The windows do not increase.
@@ -193,9 +198,11 @@ pub(crate) enum Content {
 }
 
 impl Content {
-    /// Returns whether this is a packed block.
-    pub(crate) const fn is_block(&self) -> bool {
-        matches!(self, Self::Block { .. })
+    pub(crate) const fn kind(&self) -> CodeKind {
+        match self {
+            Self::Levels(_) => CodeKind::Codes,
+            Self::Block { .. } => CodeKind::Packed,
+        }
     }
 }
 
@@ -211,8 +218,10 @@ pub(crate) struct CodeFile<R> {
     /// Model of the device, from its `Hello`.
     device_model: ModelId,
     announcement: Option<Announcement>,
-    /// Whether the file is read for its packed blocks: true if one comes before the first code.
-    has_blocks: Option<bool>,
+    /// Kind of the codes that are returned; `None` until the first one, which determines it.
+    kind: Option<CodeKind>,
+    /// Number of codes of the other kind so far.
+    left_out: u64,
     at_start: bool,
     last: Option<u32>,
     /// Largest number of missing windows between two codes.
@@ -220,8 +229,14 @@ pub(crate) struct CodeFile<R> {
 }
 
 impl<R: Read> CodeFile<R> {
-    /// Creates a reader for codes of `model`, of which an hour holds `windows_per_hour`.
-    pub(crate) fn new(source: R, model: ModelId, windows_per_hour: u32) -> Self {
+    /// Creates a reader for codes of `model`, of which an hour holds `windows_per_hour`. Those of `kind` are returned,
+    /// or of the kind that comes first.
+    pub(crate) fn new(
+        source: R,
+        model: ModelId,
+        kind: Option<CodeKind>,
+        windows_per_hour: u32,
+    ) -> Self {
         Self {
             source,
             model,
@@ -231,7 +246,8 @@ impl<R: Read> CodeFile<R> {
             substitutes: Substitutes::NONE,
             device_model: model,
             announcement: None,
-            has_blocks: None,
+            kind,
+            left_out: 0,
             at_start: true,
             last: None,
             longest_gap: windows_per_hour,
@@ -247,6 +263,17 @@ impl<R: Read> CodeFile<R> {
     pub(crate) fn damaged(&self) -> u32 {
         let counters = self.decoder.counters();
         counters.resyncs.saturating_add(counters.malformed)
+    }
+
+    /// Returns the number of codes before the newest one that are of the other kind.
+    pub(crate) fn left_out(&self) -> u64 {
+        self.left_out
+    }
+
+    /// Returns the kind that is to be returned, if all codes so far are of the other one.
+    pub(crate) fn missing_kind(&self) -> Option<CodeKind> {
+        self.kind
+            .filter(|_| self.left_out > 0 && self.last.is_none())
     }
 
     /// Returns the next code, or `None` at the end of the file.
@@ -318,8 +345,10 @@ impl<R: Read> CodeFile<R> {
 
     /// Returns whether a code is of the kind for which the file is read.
     fn is_wanted(&mut self, code: &FileCode) -> bool {
-        let is_block = code.content.is_block();
-        *self.has_blocks.get_or_insert(is_block) == is_block
+        let kind = code.content.kind();
+        let is_wanted = *self.kind.get_or_insert(kind) == kind;
+        self.left_out += u64::from(!is_wanted);
+        is_wanted
     }
 
     fn check(&mut self, model: ModelId, code: &FileCode) -> Result<(), CodeFileError> {

@@ -10,14 +10,15 @@ use new_file::{Existing, NewFile};
 use pipeline::Mains;
 use recordings::Missing;
 
-use crate::blocks::Blocks;
 use crate::code_file::{CodeFile, CodeFileError, Content};
 use crate::comparison::{Comparing, Comparison};
+use crate::encoded_stream::CodeKind;
 use crate::error::OfflineError;
 use crate::histogram::LevelHistogram;
 use crate::hops::{DecodedHop, Hops};
 use crate::model::Model;
 use crate::original::Original;
+use crate::packed_hops::PackedHops;
 use crate::played::Played;
 use crate::progress::Progress;
 use crate::row_events::RowEvents;
@@ -37,6 +38,8 @@ pub struct Decoding<'m> {
     pub model: &'m Model,
     /// Format of the files to write.
     pub format: SignalFormat,
+    /// Codes to decode of a file that holds codes and packed blocks; `None` for the kind that comes first.
+    pub kind: Option<CodeKind>,
     /// Treatment of a file that has the name of the output.
     pub existing: Existing,
 }
@@ -128,6 +131,7 @@ impl Decoding<'_> {
                 events.left_out
             ));
         }
+        warnings.extend(left_out_warning(&survey));
         warnings.extend(played.and_then(|played| length_warning(played, &survey, description)));
         let signal = self.signal(&survey, events.rows);
         let failed = OfflineError::write(output);
@@ -136,7 +140,7 @@ impl Decoding<'_> {
         let mut comparing = original.map(|original| comparing(original, &survey, description));
         let mut levels = LevelHistogram::new(survey.announcement.levels.clone());
         let mut hops = Hops::new(&self.model.decoder, description, &survey.announcement);
-        let mut blocks = self.blocks(&survey).map_err(unusable)?;
+        let mut packed_hops = self.packed_hops(&survey).map_err(unusable)?;
         let mut emit = |hop: DecodedHop| {
             let rows = u64::from(signal.rows_per_hop);
             let rate_hz = u64::from(signal.rate_hz);
@@ -152,20 +156,20 @@ impl Decoding<'_> {
         let mut bits = 0;
         while let Some(code) = codes.next_code().map_err(unusable)? {
             let place = (code.window, code.flags);
-            match (code.content, &mut blocks) {
+            match (code.content, &mut packed_hops) {
                 (Content::Levels(values), _) => {
                     levels.add(&values);
                     hops.decode(place, &values, &mut emit)?;
                 }
-                (Content::Block { bytes, rate }, Some(blocks)) => {
+                (Content::Block { bytes, rate }, Some(hops)) => {
                     bits += 8 * bytes.len() as u64;
-                    blocks.decode(place, (&bytes, rate), &mut emit)?;
+                    hops.decode(place, (&bytes, rate), &mut emit)?;
                 }
                 (Content::Block { .. }, None) => {}
             }
         }
-        let malformed = match blocks {
-            Some(blocks) => blocks.finish(&mut emit)?,
+        let malformed = match packed_hops {
+            Some(hops) => hops.finish(&mut emit)?,
             None => hops.finish(&mut emit).map(|()| 0)?,
         };
         if malformed > 0 {
@@ -178,7 +182,7 @@ impl Decoding<'_> {
         file.finish()?;
         Ok(Decoded {
             codes: survey.codes,
-            packed_bits: survey.is_packed.then_some(bits),
+            packed_bits: (survey.kind == CodeKind::Packed).then_some(bits),
             missing: survey.missing(),
             damaged: survey.damaged,
             rows: signal.rows,
@@ -192,15 +196,18 @@ impl Decoding<'_> {
     }
 
     /// Returns the decoder of a file with packed blocks; `None` for one with codes of the network.
-    fn blocks(&self, survey: &Survey) -> Result<Option<Blocks>, CodeFileError> {
-        if !survey.is_packed {
+    fn packed_hops(&self, survey: &Survey) -> Result<Option<PackedHops>, CodeFileError> {
+        if survey.kind == CodeKind::Codes {
             return Ok(None);
         }
         let packed = self.model.packed.as_ref();
         let packed = packed.ok_or(CodeFileError::NotPacked(self.model.id))?;
         let full_scale_uv = survey.announcement.full_scale_uv;
-        let blocks = Blocks::new(packed, &self.model.description, full_scale_uv);
-        Ok(Some(blocks))
+        Ok(Some(PackedHops::new(
+            packed,
+            &self.model.description,
+            full_scale_uv,
+        )))
     }
 
     /// Describes the signal of a file of codes.
@@ -226,6 +233,7 @@ impl Decoding<'_> {
         Ok(CodeFile::new(
             File::open(input)?,
             self.model.id,
+            self.kind,
             windows_per_hour,
         ))
     }
@@ -255,6 +263,17 @@ impl Decoding<'_> {
         };
         Original::open(path, mains, missing)
     }
+}
+
+/// Returns a warning if the file holds codes of both kinds.
+fn left_out_warning(survey: &Survey) -> Option<String> {
+    let ((decoded, _), (others, name)) = (survey.kind.names(), survey.kind.other().names());
+    (survey.left_out > 0).then(|| {
+        format!(
+            "the file holds {} {others} too, and its {decoded} are decoded; --stream {name} decodes the others",
+            survey.left_out
+        )
+    })
 }
 
 /// Returns a warning if a recording is not as long as the signal of its codes.

@@ -12,6 +12,33 @@ pub enum EncodedStream {
     Packed(Option<u8>),
 }
 
+/// Kind of the codes in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CodeKind {
+    /// Codes of the network.
+    Codes,
+    /// Packed blocks.
+    Packed,
+}
+
+impl CodeKind {
+    /// Returns what codes of this kind are called, and the name of the stream.
+    pub(crate) const fn names(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Codes => ("codes", "codes"),
+            Self::Packed => ("packed blocks", "packed"),
+        }
+    }
+
+    /// Returns the other kind.
+    pub(crate) const fn other(self) -> Self {
+        match self {
+            Self::Codes => Self::Packed,
+            Self::Packed => Self::Codes,
+        }
+    }
+}
+
 /// Counts of the packed blocks of a file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PackedCounts {

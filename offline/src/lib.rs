@@ -14,7 +14,6 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod blocks;
 mod code_file;
 mod comparison;
 mod decoding;
@@ -25,6 +24,7 @@ mod histogram;
 mod hops;
 mod model;
 mod original;
+mod packed_hops;
 mod played;
 mod progress;
 pub mod report;
@@ -35,7 +35,7 @@ mod survey;
 pub use code_file::CodeFileError;
 pub use comparison::{Comparison, ElectrodeOrigin, ElectrodeSums, Excerpt, settling_s};
 pub use decoding::{Decoded, Decoding};
-pub use encoded_stream::{EncodedStream, PackedCounts};
+pub use encoded_stream::{CodeKind, EncodedStream, PackedCounts};
 pub use encoding::{Encoded, Encoding};
 pub use error::OfflineError;
 pub use histogram::{BINS, LevelHistogram};

@@ -36,11 +36,7 @@ impl RowEvents {
             }
         }
         let hop = description.window.hop as u64;
-        let items = if survey.is_packed {
-            "packed blocks"
-        } else {
-            "codes"
-        };
+        let (items, _) = survey.kind.names();
         let gaps = survey.gaps.iter().map(|gap| RowEvent {
             row: u64::from(gap.first) * hop,
             text: format!("{items} missing: {}", gap.windows),

@@ -5,6 +5,7 @@ use std::io::Read;
 use artifact::Description;
 
 use crate::code_file::{Announcement, CodeFile, CodeFileError};
+use crate::encoded_stream::CodeKind;
 
 /// Consecutive windows whose codes are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,8 +20,10 @@ pub(crate) struct Gap {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Survey {
     pub(crate) announcement: Announcement,
-    /// Whether the codes are packed blocks.
-    pub(crate) is_packed: bool,
+    /// Kind of the codes.
+    pub(crate) kind: CodeKind,
+    /// Number of codes of the other kind.
+    pub(crate) left_out: u64,
     /// Number of codes.
     pub(crate) codes: u64,
     /// Number of windows from the start of the run to the last code, missing ones included.
@@ -40,9 +43,9 @@ impl Survey {
         description: &Description,
     ) -> Result<Self, CodeFileError> {
         let (mut codes, mut windows, mut gaps) = (0, 0, Vec::new());
-        let mut is_packed = false;
+        let mut kind = None;
         while let Some(code) = file.next_code()? {
-            is_packed = code.content.is_block();
+            kind = Some(code.content.kind());
             codes += 1;
             if code.window > windows {
                 gaps.push(Gap {
@@ -52,13 +55,17 @@ impl Survey {
             }
             windows = code.window.saturating_add(1);
         }
-        let (1.., Some(announcement)) = (windows, file.announcement()) else {
+        let (Some(kind), Some(announcement)) = (kind, file.announcement()) else {
             let steps = description.window.steps;
-            return Err(CodeFileError::NoCodes { steps });
+            return Err(match file.missing_kind() {
+                Some(kind) => CodeFileError::OtherKind(kind),
+                None => CodeFileError::NoCodes { steps },
+            });
         };
         Ok(Self {
             announcement: announcement.clone(),
-            is_packed,
+            kind,
+            left_out: file.left_out(),
             codes,
             windows,
             gaps,
@@ -74,10 +81,9 @@ impl Survey {
     /// Returns the number of rows of the decoded signal: the steps of all windows.
     pub(crate) fn rows(&self, description: &Description) -> u64 {
         let window = &description.window;
-        let last = if self.is_packed {
-            window.hop
-        } else {
-            window.steps
+        let last = match self.kind {
+            CodeKind::Packed => window.hop,
+            CodeKind::Codes => window.steps,
         };
         (u64::from(self.windows) - 1) * window.hop as u64 + last as u64
     }

@@ -8,7 +8,7 @@
 //! code ──WindowDecoder──► window, uV ──Overlap──► hop, uV
 //! 16 Hz                   electrodes of each step     continuous
 //!
-//! packed code ──PackedDecoder──► hop, uV
+//! packed code ──PackedDecoder──► hop, uV ──PackedOverlap──► hop, uV
 //! ```
 //!
 //! ```
@@ -29,10 +29,12 @@
 mod dequantise;
 mod overlap;
 mod packed_decoder;
+mod packed_overlap;
 mod synthesis;
 mod window_decoder;
 
 pub use dequantise::dequantise;
 pub use overlap::{Hop, HopLayout, Overlap, Source, Window};
 pub use packed_decoder::{HEALING_BLOCKS, PackedBlock, PackedDecoder};
+pub use packed_overlap::{PackedHop, PackedOverlap, PackedSource};
 pub use window_decoder::WindowDecoder;

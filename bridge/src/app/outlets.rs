@@ -16,7 +16,7 @@ use crate::decoder::audit::AuditedWindow;
 use crate::decoder::back_pressure::BackPressure;
 use crate::decoder::counts::DecoderCounts;
 use crate::decoder::model::Model;
-use crate::decoder::packed::{PackedReconstruction, TimedBlock};
+use crate::decoder::packed::{PackedReconstruction, TimedPackedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::decoder::thread::DecoderThread;
 use crate::effects::{Announcement, Effects};
@@ -247,7 +247,7 @@ impl Effects for Outlets {
         self.decoder.decode(window);
     }
 
-    fn decode_block(&mut self, block: TimedBlock) {
+    fn decode_block(&mut self, block: TimedPackedBlock) {
         if block.block.is_some() {
             let read_us = HostTime::now().monotonic_us;
             self.back_pressure

@@ -14,7 +14,7 @@ use crate::app::recording_file::RecordingFile;
 use crate::app::shutdown::Shutdown;
 use crate::core::Core;
 use crate::decoder::audit::AuditedWindow;
-use crate::decoder::packed::TimedBlock;
+use crate::decoder::packed::TimedPackedBlock;
 use crate::decoder::reconstruction::TimedCode;
 use crate::diagnostics::summary::Summary;
 use crate::effects::{Announcement, Effects};
@@ -228,7 +228,7 @@ impl Effects for RecordedPort {
 
     fn decode(&mut self, _: TimedCode) {}
 
-    fn decode_block(&mut self, _: TimedBlock) {}
+    fn decode_block(&mut self, _: TimedPackedBlock) {}
 
     fn publish_raw(&mut self, _: &NeuroFrame) {}
 

@@ -7,7 +7,7 @@ use neuro_ros::{NeuroEvent, NeuroFrame};
 use crate::conversion::block::{Block, Stream, TimedEvent};
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::model::Model;
-use crate::decoder::packed::{PackedReconstruction, TimedBlock};
+use crate::decoder::packed::{PackedReconstruction, TimedPackedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
 use crate::effects::{Announcement, Effects};
@@ -184,7 +184,7 @@ impl<L: Listener> Effects for Collector<L> {
         self.reconstruction = Some(reconstruction);
     }
 
-    fn decode_block(&mut self, block: TimedBlock) {
+    fn decode_block(&mut self, block: TimedPackedBlock) {
         // From the block's first step at the electrodes to the device time in the frame.
         let delay_us = self.device.as_ref().map_or(0, |device| {
             let lookback = u32::from(device.hop_steps) - 1;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use link::Flags;
 use neuro_ros::{NeuroFrame, Stamp};
 use packed::Rate;
-use reconstruction::PackedDecoder;
+use reconstruction::{PackedHop, PackedOverlap, PackedSource};
 
 use crate::decoder::model::Model;
 use crate::device::Device;
@@ -18,9 +18,9 @@ const KEPT_BLOCKS: usize = 16;
 
 /// Input of the decoder: a received block, or a placeholder for a lost one, with its time.
 #[derive(Clone, Debug, PartialEq)]
-pub struct TimedBlock {
+pub struct TimedPackedBlock {
     /// The block; `None` if it was lost or is malformed.
-    pub block: Option<Block>,
+    pub block: Option<PackedBytes>,
     /// Whether it is the first block of a recording: it does not follow the block before.
     pub is_first: bool,
     /// Stamp of the `/neurodata_reconstructed` frame with the block's steps.
@@ -31,7 +31,7 @@ pub struct TimedBlock {
 
 /// A block of the packed code.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Block {
+pub struct PackedBytes {
     /// The bytes of the received message.
     pub bytes: Vec<u8>,
     /// Rate of the stream.
@@ -44,22 +44,16 @@ pub struct Block {
 /// what the newer block says about it.
 #[derive(Debug)]
 pub struct PackedReconstruction {
-    decoder: PackedDecoder,
-    low_latency: bool,
+    overlap: PackedOverlap<Label>,
     filler: FillerPolicy,
-    full_scale_uv: f32,
-    /// Frame of the newest block, until the next one has corrected it; `None` with low latency.
-    held: Option<Held>,
     /// Index and signals of the newest blocks, without correction.
     kept: VecDeque<(u32, Vec<f32>)>,
-    /// Number of received blocks that were malformed and count as lost.
-    malformed: u64,
     frame: NeuroFrame,
 }
 
-#[derive(Debug)]
-struct Held {
-    microvolts: Vec<f32>,
+/// Time and status of a block.
+#[derive(Clone, Copy, Debug)]
+struct Label {
     stamp: Stamp,
     words: TriWords,
 }
@@ -71,16 +65,13 @@ impl PackedReconstruction {
         model: &Arc<Model>,
         settings: Settings,
     ) -> Option<PackedReconstruction> {
+        // A recorder stores values outside the announced range as infinite.
         #[expect(clippy::cast_possible_truncation, reason = "187500, exact in f32")]
         let full_scale_uv = device.full_scale_uv as f32;
         Some(PackedReconstruction {
-            decoder: PackedDecoder::new(model.packed()?),
-            low_latency: settings.low_latency,
+            overlap: PackedOverlap::new(model.packed()?, settings.low_latency, full_scale_uv),
             filler: settings.filler,
-            full_scale_uv,
-            held: None,
             kept: VecDeque::new(),
-            malformed: 0,
             frame: device.unpacked_frame(),
         })
     }
@@ -100,13 +91,12 @@ impl PackedReconstruction {
     /// frames of both reconstructions must have the same shape.
     pub(crate) fn continue_from(&mut self, before: &mut PackedReconstruction) {
         self.set_number(before.number());
-        self.held = before.held.take();
-        self.malformed = before.malformed;
+        self.overlap.continue_from(&mut before.overlap);
     }
 
     /// Number of received blocks that were malformed: their bytes are no block of this model.
     pub(crate) fn malformed(&self) -> u64 {
-        self.malformed
+        self.overlap.malformed()
     }
 
     /// Returns the signals of block `index` as they were decoded at once, microvolts, in the order step, electrode;
@@ -118,70 +108,54 @@ impl PackedReconstruction {
 
     /// Decodes `block` and returns the frame that it completes: that of the block before, with low latency its own.
     /// Returns `None` if there is no such block, or if it is lost and lost blocks are not filled.
-    pub fn next_frame(&mut self, block: &TimedBlock) -> Option<&NeuroFrame> {
+    pub fn next_frame(&mut self, block: &TimedPackedBlock) -> Option<&NeuroFrame> {
         if block.is_first {
-            self.decoder.restart();
-            self.held = None;
+            self.overlap.restart();
             self.kept.clear();
         }
         let received = block.block.as_ref();
-        let decoded = received.map(|block| self.decoder.decode(&block.bytes, block.rate));
-        self.malformed += u64::from(matches!(decoded, Some(Err(_))));
-        let decoded = decoded.and_then(Result::ok);
-        let mut words = block.words;
-        let mut smoothed = None;
-        let microvolts = if let Some(decoded) = decoded {
-            if !decoded.is_sound {
-                words.flags |= Flags::HEALING.bits();
-            }
-            smoothed = decoded.smoothed;
-            self.keep(words.window, &decoded.microvolts);
-            decoded.microvolts
-        } else {
-            words.flags |= Flags::FILLER.bits();
-            self.decoder.skip()
-        };
-        let newest = Held {
-            microvolts,
+        let received = received.map(|block| (block.bytes.as_slice(), block.rate));
+        let label = Label {
             stamp: block.stamp,
-            words,
+            words: block.words,
         };
-        let mut due = if self.low_latency {
-            newest
-        } else {
-            self.held.replace(newest)?
-        };
-        let is_lost = due.words.flags & Flags::FILLER.bits() != 0;
-        if is_lost && self.filler == FillerPolicy::Zeros {
-            due.microvolts.fill(0.0);
-        } else if let Some(smoothed) = smoothed
-            && !self.low_latency
-        {
-            due.microvolts = smoothed;
+        let completed = self.overlap.next_hop(received, label);
+        self.keep_newest();
+        let mut hop = completed?;
+        if hop.source == PackedSource::Prediction {
+            match self.filler {
+                FillerPolicy::Last => {}
+                FillerPolicy::Zeros => hop.microvolts.fill(0.0),
+                FillerPolicy::Off => return None,
+            }
         }
-        if is_lost && self.filler == FillerPolicy::Off {
-            return None;
-        }
-        Some(self.finish_frame(&due))
+        Some(self.finish_frame(&hop))
     }
 
-    fn keep(&mut self, index: u32, microvolts: &[f32]) {
-        self.kept.truncate(KEPT_BLOCKS - 1);
-        self.kept.push_front((index, microvolts.to_vec()));
+    fn keep_newest(&mut self) {
+        let newest = self.overlap.newest();
+        if let Some(newest) = newest.filter(|hop| hop.source != PackedSource::Prediction) {
+            self.kept.truncate(KEPT_BLOCKS - 1);
+            let index = newest.label.words.window;
+            self.kept.push_front((index, newest.microvolts.clone()));
+        }
     }
 
-    fn finish_frame(&mut self, due: &Held) -> &NeuroFrame {
+    fn finish_frame(&mut self, hop: &PackedHop<Label>) -> &NeuroFrame {
         let frame = &mut self.frame;
         frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
         frame.header.seq = frame.neuroheader.seq;
-        frame.header.stamp = due.stamp;
-        let range = -self.full_scale_uv..=self.full_scale_uv;
-        for (place, value) in frame.eeg.data.iter_mut().zip(&due.microvolts) {
-            // A recorder stores values outside the announced range as infinite.
-            *place = value.clamp(*range.start(), *range.end());
+        frame.header.stamp = hop.label.stamp;
+        frame.eeg.data.copy_from_slice(&hop.microvolts);
+        let mut words = hop.label.words;
+        words.flags |= match hop.source {
+            PackedSource::Block => Flags::empty(),
+            PackedSource::Healing => Flags::HEALING,
+            PackedSource::Prediction => Flags::FILLER,
         }
+        .bits();
         for row in frame.tri.data.chunks_exact_mut(8) {
-            row.copy_from_slice(&due.words.words());
+            row.copy_from_slice(&words.words());
         }
         frame
     }

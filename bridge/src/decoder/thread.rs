@@ -11,7 +11,7 @@ use neuro_ros::{DiagnosticStatus, FrameSink, NeuroFrame};
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::counts::DecoderCounts;
 use crate::decoder::model::Model;
-use crate::decoder::packed::{PackedReconstruction, TimedBlock};
+use crate::decoder::packed::{PackedReconstruction, TimedPackedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::diagnostics::audit::AuditCounts;
 
@@ -71,7 +71,7 @@ enum Work {
     /// A code, and when it was queued.
     Code(TimedCode, Instant),
     /// A packed block, and when it was queued.
-    Block(TimedBlock, Instant),
+    Block(TimedPackedBlock, Instant),
     Audit(Box<AuditedWindow>, Arc<Model>),
 }
 
@@ -115,7 +115,7 @@ impl DecoderThread {
     }
 
     /// Queues a packed block as [`Self::decode`] does a code.
-    pub(crate) fn decode_block(&mut self, mut block: TimedBlock) {
+    pub(crate) fn decode_block(&mut self, mut block: TimedPackedBlock) {
         if block.block.is_some() && !self.takes_one_more() {
             block.block = None;
         }
@@ -311,7 +311,7 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
 /// build on it. Returns false if frames cannot be published any more.
 fn run_block(
     packed: &mut PackedReconstruction,
-    block: &TimedBlock,
+    block: &TimedPackedBlock,
     sink: &mut dyn FrameSink,
     progress: &Progress,
 ) -> bool {

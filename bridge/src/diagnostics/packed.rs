@@ -3,7 +3,7 @@
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::diagnostics::status::new_status;
-use crate::streams::counts::BlockCounts;
+use crate::streams::counts::PackedCounts;
 use crate::streams::packed::PackedStream;
 
 /// Counts of the packed blocks at the last report.
@@ -33,7 +33,7 @@ impl PackedReport {
     ) -> Option<DiagnosticStatus> {
         let rate = stream.rate()?;
         let (hops, counts) = (stream.hops(), stream.counts());
-        let BlockCounts {
+        let PackedCounts {
             bits,
             resets,
             misfits,

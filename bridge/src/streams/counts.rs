@@ -28,7 +28,7 @@ pub(crate) struct CodeCounts {
 
 /// Numbers of packed blocks by their status.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct BlockCounts {
+pub(crate) struct PackedCounts {
     /// Number of bits of all blocks, without those of their frames.
     pub(crate) bits: u64,
     /// Number of blocks without prediction.

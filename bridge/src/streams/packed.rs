@@ -5,12 +5,12 @@ use std::sync::Arc;
 use link::{Flags, PackedCode};
 use packed::{BlockReader, Rate};
 
-use crate::decoder::packed::{Block, TimedBlock};
+use crate::decoder::packed::{PackedBytes, TimedPackedBlock};
 use crate::device::Device;
 use crate::effects::Effects;
 use crate::settings::{FillerPolicy, Settings};
 use crate::streams::continuity::MissingStretch;
-use crate::streams::counts::{BlockCounts, HopCounts};
+use crate::streams::counts::{HopCounts, PackedCounts};
 use crate::streams::decoding::{DecodedStream, Decoding};
 use crate::streams::hop_timeline::{HopDurations, HopPlace, HopTimeline};
 use crate::streams::stamps::{FrameSteps, MonotoneStamps, Reception, frame_time_ns};
@@ -25,7 +25,7 @@ pub(crate) struct PackedStream {
     device: Arc<Device>,
     decoding: Decoding,
     timeline: HopTimeline,
-    counts: BlockCounts,
+    counts: PackedCounts,
     /// Rate of the newest block.
     rate: Option<u8>,
     /// Whether the next block is the first of a recording.
@@ -40,7 +40,7 @@ impl PackedStream {
             device,
             decoding,
             timeline: HopTimeline::new("packed blocks"),
-            counts: BlockCounts::default(),
+            counts: PackedCounts::default(),
             rate: None,
             is_first: true,
             stamps: MonotoneStamps::default(),
@@ -81,7 +81,7 @@ impl PackedStream {
         self.timeline.counts()
     }
 
-    pub(crate) fn counts(&self) -> &BlockCounts {
+    pub(crate) fn counts(&self) -> &PackedCounts {
         &self.counts
     }
 
@@ -132,7 +132,7 @@ impl PackedStream {
     }
 
     /// Counts a block by its status, and returns it if the packed code has it.
-    fn count(&mut self, code: &PackedCode) -> Option<Block> {
+    fn count(&mut self, code: &PackedCode) -> Option<PackedBytes> {
         self.rate = Some(code.rate);
         let counts = &mut self.counts;
         counts.bits += 8 * code.bytes.len() as u64;
@@ -150,7 +150,7 @@ impl PackedStream {
             return None;
         };
         counts.resets += u64::from(is_reset);
-        Some(Block {
+        Some(PackedBytes {
             bytes: code.bytes.to_vec(),
             rate,
         })
@@ -168,7 +168,7 @@ impl PackedStream {
         &mut self,
         place: HopPlace,
         flags: Flags,
-        block: Option<Block>,
+        block: Option<PackedBytes>,
         reception: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
@@ -194,7 +194,7 @@ impl PackedStream {
         let (device, point) = (&self.device, self.settings.stamp);
         let time = frame_time_ns(device, point, place.device_us, steps, reception);
         let steps_back = reception.clock.wall_steps_back();
-        effects.decode_block(TimedBlock {
+        effects.decode_block(TimedPackedBlock {
             block,
             is_first,
             stamp: self.stamps.next(time, steps_back),

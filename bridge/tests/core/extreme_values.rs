@@ -1,6 +1,8 @@
 //! Valid frames with extreme numbers, which no working device sends.
 
-use bridge::{Announcement, AuditedWindow, Core, Effects, FillerPolicy, TimedBlock, TimedCode};
+use bridge::{
+    Announcement, AuditedWindow, Core, Effects, FillerPolicy, TimedCode, TimedPackedBlock,
+};
 use link::{
     Audit, BlockForm, ClockReading, CodeValues, CompressedRaw, Converters, Event, EventKind,
     Filtered, Flags, PackedCode, Raw, Streams, ToHost,
@@ -30,7 +32,7 @@ impl Effects for Counter {
 
     fn decode(&mut self, _: TimedCode) {}
 
-    fn decode_block(&mut self, _: TimedBlock) {}
+    fn decode_block(&mut self, _: TimedPackedBlock) {}
 
     fn publish_raw(&mut self, _: &NeuroFrame) {
         self.published += 1;

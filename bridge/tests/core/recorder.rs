@@ -2,7 +2,7 @@
 
 use bridge::{
     AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FillerPolicy,
-    Settings, StampPoint, TimedBlock, TimedCode,
+    Settings, StampPoint, TimedCode, TimedPackedBlock,
 };
 use link::{CodeValues, Streams, ToDevice, ToHost};
 use neuro_ros::{DiagnosticStatus, NeuroEvent, NeuroFrame, Shape};
@@ -27,7 +27,7 @@ pub(crate) struct Recorder {
     pub(crate) announced: Vec<Announcement>,
     pub(crate) encoded: Vec<NeuroFrame>,
     pub(crate) windows: Vec<TimedCode>,
-    pub(crate) blocks: Vec<TimedBlock>,
+    pub(crate) blocks: Vec<TimedPackedBlock>,
     pub(crate) raw: Vec<NeuroFrame>,
     pub(crate) filtered: Vec<NeuroFrame>,
     pub(crate) events: Vec<NeuroEvent>,
@@ -48,7 +48,7 @@ impl Effects for Recorder {
         keep(&mut self.encoded, frame);
     }
 
-    fn decode_block(&mut self, block: TimedBlock) {
+    fn decode_block(&mut self, block: TimedPackedBlock) {
         self.blocks.push(block);
     }
 

@@ -3,7 +3,7 @@
 
 use bridge::{
     AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FileHeader,
-    FillerPolicy, HostTime, Recorder, Settings, StampPoint, TimedBlock, TimedCode,
+    FillerPolicy, HostTime, Recorder, Settings, StampPoint, TimedCode, TimedPackedBlock,
 };
 use link::{CodeValues, Event, EventKind, Filtered, Flags, Raw, Streams, ToHost};
 use neuro_ros::{NeuroEvent, NeuroFrame};
@@ -53,7 +53,7 @@ impl Effects for Port {
     fn publish_encoded(&mut self, _: &NeuroFrame) {}
     fn decode(&mut self, _: TimedCode) {}
 
-    fn decode_block(&mut self, _: TimedBlock) {}
+    fn decode_block(&mut self, _: TimedPackedBlock) {}
     fn publish_raw(&mut self, _: &NeuroFrame) {}
     fn publish_filtered(&mut self, _: &NeuroFrame) {}
     fn publish_event(&mut self, _: &NeuroEvent) {}

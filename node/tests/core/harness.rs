@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use bridge::{
     AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FillerPolicy,
-    HostTime, Model, Settings, StampPoint, TimedBlock, TimedCode,
+    HostTime, Model, Settings, StampPoint, TimedCode, TimedPackedBlock,
 };
 use link::{Flags, Streams};
 use neuro_ros::{DiagnosticStatus, NeuroEvent, NeuroFrame};
@@ -42,7 +42,7 @@ impl Effects for Recorder {
 
     fn decode(&mut self, _: TimedCode) {}
 
-    fn decode_block(&mut self, _: TimedBlock) {}
+    fn decode_block(&mut self, _: TimedPackedBlock) {}
 
     fn publish_raw(&mut self, _: &NeuroFrame) {}
 

@@ -96,6 +96,7 @@ fn texts_of_events_get_types_in_a_gdf_file() {
     let decoding = Decoding {
         model: &model,
         format: SignalFormat::Gdf,
+        kind: None,
         existing: Existing::Refuse,
     };
     let output = fixture.path("types.gdf");

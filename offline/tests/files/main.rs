@@ -1,6 +1,7 @@
 //! Files that the crate writes, read back.
 #![forbid(unsafe_code)]
 
+mod both_kinds;
 mod comparison;
 mod damage;
 mod formats;

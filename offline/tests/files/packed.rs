@@ -221,6 +221,7 @@ fn blocks_of_another_model_are_refused() {
     let decoding = offline::Decoding {
         model: &model,
         format: SignalFormat::Csv,
+        kind: None,
         existing: new_file::Existing::Refuse,
     };
     let output = fixture.path("decoded.csv");

@@ -72,6 +72,7 @@ impl Fixture {
         let decoding = Decoding {
             model: &model,
             format,
+            kind: None,
             existing: Existing::Refuse,
         };
         let original = with_original.then(|| self.recording());

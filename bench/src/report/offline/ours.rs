@@ -129,6 +129,7 @@ impl Ours {
         let decoding = Decoding {
             model: &self.model,
             format: SignalFormat::Gdf,
+            kind: None,
             existing: Existing::Replace,
         };
         let [codes, output] = ["ours.codes", "ours.gdf"].map(|name| self.path(name));

@@ -9,7 +9,7 @@ use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp};
 
 use super::{DecoderThread, Ordering, QUEUE_WINDOWS};
 use crate::decoder::model::Model;
-use crate::decoder::packed::{Block, PackedReconstruction, TimedBlock};
+use crate::decoder::packed::{PackedBytes, PackedReconstruction, TimedPackedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
 use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
@@ -135,7 +135,7 @@ fn frames_from_codes_and_from_packed_blocks_are_numbered_as_one_stream() {
             let z = Some(vec![0.0; 128]);
             decoder.decode(TimedCode { z, stamp, words });
         } else {
-            decoder.decode_block(TimedBlock {
+            decoder.decode_block(TimedPackedBlock {
                 block: None,
                 is_first: false,
                 stamp,
@@ -155,7 +155,7 @@ fn the_frame_that_waits_for_a_correction_is_published_when_another_device_takes_
     for _ in 0..2 {
         decoder.start_device(reconstruction(), Some(unpacked()));
         for _ in 0..10 {
-            decoder.decode_block(TimedBlock {
+            decoder.decode_block(TimedPackedBlock {
                 block: None,
                 is_first: false,
                 stamp: Stamp::default(),
@@ -174,8 +174,8 @@ fn blocks_that_the_model_does_not_have_are_counted() {
     let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
     decoder.start_device(reconstruction(), Some(unpacked()));
     for bytes in [vec![], vec![0x5a; 200]] {
-        decoder.decode_block(TimedBlock {
-            block: Some(Block {
+        decoder.decode_block(TimedPackedBlock {
+            block: Some(PackedBytes {
                 bytes,
                 rate: packed::Rate::new(4).unwrap(),
             }),

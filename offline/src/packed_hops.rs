@@ -3,35 +3,37 @@
 use artifact::{Description, PackedModel};
 use link::Flags;
 use packed::Rate;
-use reconstruction::PackedDecoder;
+use reconstruction::{PackedHop, PackedOverlap, PackedSource};
 
 use crate::hops::DecodedHop;
 
 /// Decodes packed blocks in their order. Each block completes the hop of the block before it, corrected by what it says
 /// about that hop; [`Self::finish`] completes the last one.
-pub(crate) struct Blocks {
-    decoder: PackedDecoder,
-    full_scale_uv: f32,
+pub(crate) struct PackedHops {
+    overlap: PackedOverlap<Label>,
     /// Number of rows of a hop.
     rows: u64,
     /// Index of the next block.
     next: u32,
-    /// Number of blocks that were malformed.
-    malformed: u64,
-    /// Signals and flags of the newest block.
-    held: Option<(Vec<f32>, Flags)>,
+    /// Number of blocks whose rate the packed code does not have.
+    unknown_rates: u64,
 }
 
-impl Blocks {
+/// Index and flags of a block.
+#[derive(Clone, Copy)]
+struct Label {
+    index: u32,
+    flags: Flags,
+}
+
+impl PackedHops {
     /// Creates the decoder of a file whose device has this full scale, microvolts.
     pub(crate) fn new(model: &PackedModel, description: &Description, full_scale_uv: f32) -> Self {
         Self {
-            decoder: PackedDecoder::new(model),
-            full_scale_uv,
+            overlap: PackedOverlap::new(model, false, full_scale_uv),
             rows: description.window.hop as u64,
             next: 0,
-            malformed: 0,
-            held: None,
+            unknown_rates: 0,
         }
     }
 
@@ -47,20 +49,11 @@ impl Blocks {
         mut emit: impl FnMut(DecodedHop) -> Result<(), E>,
     ) -> Result<(), E> {
         while self.next < index {
-            self.lose(&mut emit)?;
+            self.complete(None, Flags::empty(), &mut emit)?;
         }
-        let decoded = Rate::new(rate).and_then(|rate| self.decoder.decode(bytes, rate).ok());
-        let Some(decoded) = decoded else {
-            self.malformed += 1;
-            return self.lose(&mut emit);
-        };
-        let healing = if decoded.is_sound {
-            Flags::empty()
-        } else {
-            Flags::HEALING
-        };
-        let next = (decoded.microvolts, flags | healing);
-        self.complete(decoded.smoothed, next, &mut emit)
+        let block = Rate::new(rate).map(|rate| (bytes, rate));
+        self.unknown_rates += u64::from(block.is_none());
+        self.complete(block, flags, &mut emit)
     }
 
     /// Passes the hop of the last block to `emit`, and returns the number of blocks that were malformed.
@@ -71,43 +64,44 @@ impl Blocks {
         mut self,
         mut emit: impl FnMut(DecodedHop) -> Result<(), E>,
     ) -> Result<u64, E> {
-        self.emit_held(None, &mut emit)?;
-        Ok(self.malformed)
+        if let Some(hop) = self.overlap.finish() {
+            self.pass_on(&hop, &mut emit)?;
+        }
+        Ok(self.overlap.malformed() + self.unknown_rates)
     }
 
-    /// Replaces a missing block by its prediction.
-    fn lose<E>(&mut self, emit: &mut impl FnMut(DecodedHop) -> Result<(), E>) -> Result<(), E> {
-        let predicted = (self.decoder.skip(), Flags::FILLER);
-        self.complete(None, predicted, emit)
-    }
-
+    /// Decodes the next block, `None` for a missing one.
     fn complete<E>(
         &mut self,
-        smoothed: Option<Vec<f32>>,
-        next: (Vec<f32>, Flags),
+        block: Option<(&[u8], Rate)>,
+        flags: Flags,
         emit: &mut impl FnMut(DecodedHop) -> Result<(), E>,
     ) -> Result<(), E> {
-        self.emit_held(smoothed, emit)?;
-        self.held = Some(next);
+        let label = Label {
+            index: self.next,
+            flags,
+        };
         self.next += 1;
-        Ok(())
+        match self.overlap.next_hop(block, label) {
+            Some(hop) => self.pass_on(&hop, emit),
+            None => Ok(()),
+        }
     }
 
-    fn emit_held<E>(
-        &mut self,
-        smoothed: Option<Vec<f32>>,
+    fn pass_on<E>(
+        &self,
+        hop: &PackedHop<Label>,
         emit: &mut impl FnMut(DecodedHop) -> Result<(), E>,
     ) -> Result<(), E> {
-        let Some((microvolts, flags)) = self.held.take() else {
-            return Ok(());
+        let Label { index, flags } = hop.label;
+        let flags = match hop.source {
+            PackedSource::Block => flags,
+            PackedSource::Healing => flags | Flags::HEALING,
+            PackedSource::Prediction => Flags::FILLER,
         };
-        let mut uv = smoothed.unwrap_or(microvolts);
-        for value in &mut uv {
-            *value = value.clamp(-self.full_scale_uv, self.full_scale_uv);
-        }
         emit(DecodedHop {
-            first_row: u64::from(self.next - 1) * self.rows,
-            uv: &uv,
+            first_row: u64::from(index) * self.rows,
+            uv: &hop.microvolts,
             flags,
         })
     }
