@@ -20,6 +20,7 @@ mod other_devices;
 mod packed;
 mod packed_device;
 mod packed_fallback;
+mod packed_interruptions;
 mod packed_rate;
 mod query;
 mod reconstruction;

@@ -268,29 +268,33 @@ async fn nothing_is_decoded_while_nobody_subscribes_to_the_reconstruction() {
 
 #[tokio::test]
 async fn a_number_on_packed_rate_becomes_the_rate_of_the_device() {
-    let master = master().await;
-    let device = Device::tcp(Board::new());
-    let port = device.port.clone();
-    let arguments = ["--port", &port, "--ros-master-uri", master.uri()];
-    let _bridge = Bridge::start(&[&arguments[..], &["--streams=packed"]].concat());
-    let node = node("experiment", master.uri()).await;
-    let options = PublisherOptions {
-        queue: 4,
-        latch: true,
-    };
-    let topic = "/acquisition/packed_rate";
-    let rates = node.advertise(topic, UInt8::TYPE, options).await.unwrap();
-    let asked = || -> Vec<u8> {
-        let commands = device.received();
-        let rates = commands.iter().filter_map(|command| match command {
-            ToDevice::SetRate { rate } => Some(*rate),
-            _ => None,
-        });
-        rates.collect()
-    };
-    until("the model's rate", async || asked() == [4]).await;
-    // No rate, and then one.
-    rates.publish(&UInt8 { data: 16 }.to_bytes());
-    rates.publish(&UInt8 { data: 9 }.to_bytes());
-    until("the rate of the topic", async || asked() == [4, 9]).await;
+    for (prefix, topic) in [
+        (&[][..], "/acquisition/packed_rate"),
+        (&["--topic-prefix=/left"], "/left/acquisition/packed_rate"),
+    ] {
+        let master = master().await;
+        let device = Device::tcp(Board::new());
+        let port = device.port.clone();
+        let arguments = ["--port", &port, "--ros-master-uri", master.uri()];
+        let _bridge = Bridge::start(&[&arguments[..], &["--streams=packed"], prefix].concat());
+        let node = node("experiment", master.uri()).await;
+        let options = PublisherOptions {
+            queue: 4,
+            latch: true,
+        };
+        let rates = node.advertise(topic, UInt8::TYPE, options).await.unwrap();
+        let asked = || -> Vec<u8> {
+            let commands = device.received();
+            let rates = commands.iter().filter_map(|command| match command {
+                ToDevice::SetRate { rate } => Some(*rate),
+                _ => None,
+            });
+            rates.collect()
+        };
+        until("the model's rate", async || asked() == [4]).await;
+        // No rate, and then one.
+        rates.publish(&UInt8 { data: 16 }.to_bytes());
+        rates.publish(&UInt8 { data: 9 }.to_bytes());
+        until("the rate of the topic", async || asked() == [4, 9]).await;
+    }
 }

@@ -3,6 +3,7 @@
 mod bridge;
 mod codes;
 mod commands;
+mod compressed;
 mod converter_faults;
 mod failures;
 mod figures;
@@ -126,7 +127,7 @@ mod f446 {
     scenarios! {
         F446:
         commands: damaged_bytes_destroy_only_their_commands;
-        packed: compressed_samples_equal_those_of_host_sim;
+        compressed: compressed_samples_equal_those_of_host_sim;
     }
 }
 

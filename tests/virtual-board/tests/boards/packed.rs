@@ -1,4 +1,4 @@
-//! Comparison of a board's packed blocks and compressed samples with those of host-sim.
+//! Comparison of a board's packed blocks with those of host-sim.
 
 use link::{AckResult, Streams, ToDevice};
 use virtual_board::{BoardError, Frame, Inbox, Kind, ReceivedCode};
@@ -13,9 +13,6 @@ const BLOCKS: usize = 70;
 
 /// Rate that the host asks for; the model has another one.
 const RATE: ToDevice = ToDevice::SetRate { rate: 6 };
-
-/// Seconds of compressed samples to compare.
-const SECONDS: usize = 2;
 
 /// Packed blocks at a rate that the host chooses equal those of host-sim bit for bit, and nothing is late or lost.
 pub(crate) fn packed_blocks_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
@@ -71,37 +68,6 @@ pub(crate) fn everything_at_once_is_in_time(subject: Subject) -> Result<(), Boar
     assert_sound(&mut board)
 }
 
-/// Compressed samples beside codes equal those of host-sim bit for bit, and nothing is late or lost.
-pub(crate) fn compressed_samples_equal_those_of_host_sim(
-    subject: Subject,
-) -> Result<(), BoardError> {
-    let streams = Streams::CODES | Streams::COMPRESSED_RAW;
-    let mut board = running(subject)?;
-    let before = board.converters().samples_delivered();
-    start(&mut board, streams)?;
-    let after = board.converters().samples_delivered();
-    let due = SECONDS * 64;
-    let limit_us = SECONDS as u64 * 1_000_000 + 300_000;
-    board.run_until("samples", limit_us, |frames| samples(frames).count() >= due)?;
-
-    let made: Vec<&[u8]> = samples(board.inbox().frames()).collect();
-    let equals = |sample: u64| {
-        let inbox = simulated(streams, &[], sample, HOP);
-        samples(inbox.frames()).next() == made.first().copied()
-    };
-    let first = (before.saturating_sub(1)..=after + 1).find(|sample| equals(*sample));
-    let first = first.expect("the first samples equal none of host-sim's");
-    let inbox = simulated(streams, &[], first, 8 * (made.len() as u64 + 1));
-    let equal = made.iter().zip(samples(inbox.frames()));
-    assert_eq!(
-        equal.filter(|(image, host)| *image == host).count(),
-        made.len()
-    );
-    in_time(&board);
-    record(subject, "compressed_frames", made.len());
-    assert_sound(&mut board)
-}
-
 /// An image without the network refuses codes and audits.
 pub(crate) fn codes_are_refused(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
@@ -120,13 +86,6 @@ pub(crate) fn codes_are_refused(subject: Subject) -> Result<(), BoardError> {
 fn blocks(frames: &[Frame]) -> impl Iterator<Item = &ReceivedCode> {
     frames.iter().filter_map(|frame| match &frame.kind {
         Kind::PackedCode(code) => Some(code),
-        _ => None,
-    })
-}
-
-fn samples(frames: &[Frame]) -> impl Iterator<Item = &[u8]> {
-    frames.iter().filter_map(|frame| match &frame.kind {
-        Kind::CompressedRaw { bytes, .. } => Some(bytes.as_slice()),
         _ => None,
     })
 }
