@@ -26,7 +26,7 @@ fn main() -> ExitCode {
     println!("cargo::rerun-if-changed={}", artifact.display());
     println!("cargo::rustc-env=ARTIFACT_FOLDER={}", artifact.display());
     let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    if let Err(error) = name_packed_files(&artifact, &out) {
+    if let Err(error) = name_optional_files(&artifact, &out) {
         println!("cargo::error={}: {error}", out.display());
         return ExitCode::FAILURE;
     }
@@ -43,11 +43,12 @@ fn main() -> ExitCode {
     }
 }
 
-/// Tells the crate where the files of the packed model are; of an artifact without one, two empty files.
-fn name_packed_files(artifact: &Path, out: &Path) -> std::io::Result<()> {
+/// Sets a variable for each file that not every artifact has: its path, or that of an empty file.
+fn name_optional_files(artifact: &Path, out: &Path) -> std::io::Result<()> {
     let empty = out.join("empty");
     std::fs::write(&empty, [])?;
     for (variable, name) in [
+        ("WEIGHTS", "weights.safetensors"),
         ("PACKED_TOML", "packed.toml"),
         ("PACKED_TENSORS", "packed.safetensors"),
     ] {

@@ -16,11 +16,11 @@ pub const EMPTY: &str = "_";
 pub struct Description {
     /// Version of the format, 1.
     pub format: u32,
-    /// Layers of the network: convolutions, a linear shortcut, or both.
+    /// Layers of the network: convolutions, a linear shortcut, both, or no network.
     pub mode: Mode,
     /// Length, hop and rate of the encoder's windows.
     pub window: Window,
-    /// Padding and pool of the convolutions; unused in mode `pca`, which has no convolutions.
+    /// Padding and pool of the convolutions; unused in modes without convolutions.
     pub network: NetworkShape,
     /// Length and integer format of the codes.
     pub code: CodeQuantisation,
@@ -51,7 +51,7 @@ impl Description {
     }
 }
 
-/// Layers of the network: convolutions, a linear shortcut, or both.
+/// Layers of the network: convolutions, a linear shortcut, both, or no network.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
@@ -63,6 +63,8 @@ pub enum Mode {
     Shortcut,
     /// The linear maps only, without convolutions.
     Pca,
+    /// No network: the model has the packed code alone.
+    Packed,
 }
 
 impl Display for Mode {
@@ -72,14 +74,20 @@ impl Display for Mode {
             Self::PaperCodeOnly => "paper-code-only",
             Self::Shortcut => "shortcut",
             Self::Pca => "pca",
+            Self::Packed => "packed",
         })
     }
 }
 
 impl Mode {
-    /// Returns whether the network has convolutions (every mode except `pca`).
+    /// Returns whether the model has a network (every mode except `packed`).
+    pub fn has_network(self) -> bool {
+        self != Self::Packed
+    }
+
+    /// Returns whether the network has convolutions (every mode except `pca` and `packed`).
     pub fn has_convolutions(self) -> bool {
-        self != Self::Pca
+        !matches!(self, Self::Pca | Self::Packed)
     }
 
     /// Returns whether the network has the linear maps (`shortcut` and `pca`).
@@ -92,7 +100,7 @@ impl Mode {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Window {
-    /// Number of time steps in a window, 16 or 32.
+    /// Number of time steps in a window, 16 or 32. Blocks of the packed code have the hop's steps.
     pub steps: usize,
     /// Time steps from the start of one window to the start of the next, 4, 8 or 16.
     pub hop: usize,
@@ -154,7 +162,7 @@ impl Padding {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CodeQuantisation {
-    /// Number of numbers in a code, 8 to 256.
+    /// Number of numbers in a code, 8 to 256; 0 in mode `packed`, whose model has no network.
     pub numbers: usize,
     /// Width of the integers, and whether they share an exponent.
     pub format: CodeFormat,

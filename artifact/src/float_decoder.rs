@@ -35,12 +35,15 @@ impl FloatDecoder {
     /// Builds the decoder of an artifact.
     ///
     /// # Errors
-    /// If the mode is `paper`, whose codes alone cannot be decoded; or if the artifact's tensors do not
-    /// fit its mode, which is impossible after [`Artifact::read`].
+    /// If the mode is `paper`, whose codes alone cannot be decoded, or `packed`, which has no network; or if the
+    /// artifact's tensors do not fit its mode, which is impossible after [`Artifact::read`].
     pub fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
         let (mode, weights) = (artifact.description.mode, &artifact.weights);
         if mode == Mode::Paper {
             return Err(ArtifactError::NotDecodable);
+        }
+        if !mode.has_network() {
+            return Err(ArtifactError::NoNetwork);
         }
         let geometry = Geometry::new(&artifact.description);
         let numbers = geometry.dimensions.numbers;

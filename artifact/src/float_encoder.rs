@@ -45,9 +45,13 @@ impl FloatEncoder {
     /// Builds the encoder of an artifact.
     ///
     /// # Errors
-    /// If the artifact's tensors do not fit its mode; impossible after [`Artifact::read`].
+    /// If the mode is `packed`, which has no network; or if the artifact's tensors do not fit its mode, which is
+    /// impossible after [`Artifact::read`].
     pub fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
         let (mode, weights) = (artifact.description.mode, &artifact.weights);
+        if !mode.has_network() {
+            return Err(ArtifactError::NoNetwork);
+        }
         let geometry = Geometry::new(&artifact.description);
         let numbers = geometry.dimensions.numbers;
         let window = geometry.dimensions.window_electrodes();

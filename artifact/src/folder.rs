@@ -2,9 +2,11 @@
 
 use crate::description::Description;
 use crate::error::ArtifactError;
+use crate::golden::GOLDEN;
 use crate::model_id::ModelId;
 use crate::packed::{PACKED_DESCRIPTION, PACKED_TENSORS, PackedFiles, PackedModel};
-use crate::tensors::{CALIBRATION, Tensors, WEIGHTS};
+use crate::shapes::INPUT_RANGE;
+use crate::tensors::{CALIBRATION, PCA, Tensors, WEIGHTS};
 use crate::validation;
 use std::path::Path;
 
@@ -15,19 +17,19 @@ const DESCRIPTION: &str = "model.toml";
 /// Clipping costs far more accuracy than a coarser resolution.
 pub const HEAD_ROOM: f64 = 1.25;
 
-/// A trained model: description, weights and calibration that belong together.
+/// A trained model: description, weights and calibration that belong together, a packed model, or both.
 ///
 /// Every constructor validates the parts: all tensors of the mode have the right shapes, all numbers
-/// are finite, and the montage fits the grid.
+/// are finite, and the montage fits the grid. A model of mode `packed` has no network, and so no weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Artifact {
     /// Everything that training decided except the weights.
     pub description: Description,
-    /// Weights of encoder and decoder, f32.
+    /// Weights of encoder and decoder, f32; none in mode `packed`.
     pub weights: Tensors,
     /// Calibrated ranges, f32, from which model-gen derives the int8 scales.
     pub calibration: Tensors,
-    /// Predictive transform code of the same montage and hop, if the model has one.
+    /// Predictive transform code of the same montage and hop, if the model has one. Mode `packed` needs one.
     pub packed: Option<PackedModel>,
     /// Hash over the files of all these parts; identifies the model.
     pub id: ModelId,
@@ -36,7 +38,8 @@ pub struct Artifact {
 /// Contents of the files that the model id covers.
 struct FileBytes {
     description: String,
-    weights: Vec<u8>,
+    /// `None` in mode `packed`.
+    weights: Option<Vec<u8>>,
     calibration: Vec<u8>,
     packed: Option<PackedFiles>,
 }
@@ -44,11 +47,9 @@ struct FileBytes {
 impl FileBytes {
     /// Returns names and contents in the order in which the model id hashes them.
     fn named(&self) -> Vec<(&str, &[u8])> {
-        let mut files: Vec<(&str, &[u8])> = vec![
-            (DESCRIPTION, self.description.as_bytes()),
-            (WEIGHTS, &self.weights),
-            (CALIBRATION, &self.calibration),
-        ];
+        let mut files: Vec<(&str, &[u8])> = vec![(DESCRIPTION, self.description.as_bytes())];
+        files.extend(self.weights.as_deref().map(|weights| (WEIGHTS, weights)));
+        files.push((CALIBRATION, &self.calibration));
         if let Some(packed) = &self.packed {
             files.push((PACKED_DESCRIPTION, packed.description.as_bytes()));
             files.push((PACKED_TENSORS, &packed.tensors));
@@ -58,7 +59,7 @@ impl FileBytes {
 }
 
 impl Artifact {
-    /// Creates a model from its parts. Its id is that of the files that [`Artifact::write`] writes.
+    /// Creates a model with a network from its parts. Its id is that of the files that [`Artifact::write`] writes.
     ///
     /// # Errors
     /// If the parts are not a valid model.
@@ -67,11 +68,40 @@ impl Artifact {
         weights: Tensors,
         calibration: Tensors,
     ) -> Result<Self, ArtifactError> {
+        Self::from_parts(description, weights, calibration, None)
+    }
+
+    /// Creates a model of mode `packed`, which has no network. `largest_uv` is the largest magnitude in the training
+    /// data, microvolts. The id is that of the files that [`Artifact::write`] writes.
+    ///
+    /// # Errors
+    /// If the parts are not a valid model.
+    pub fn without_network(
+        description: Description,
+        largest_uv: f32,
+        packed: PackedModel,
+    ) -> Result<Self, ArtifactError> {
+        let mut calibration = Tensors::for_calibration();
+        calibration.insert(INPUT_RANGE, &[1], vec![largest_uv]);
+        Self::from_parts(
+            description,
+            Tensors::for_weights(),
+            calibration,
+            Some(packed),
+        )
+    }
+
+    fn from_parts(
+        description: Description,
+        weights: Tensors,
+        calibration: Tensors,
+        packed: Option<PackedModel>,
+    ) -> Result<Self, ArtifactError> {
         let mut artifact = Self {
             description,
             weights,
             calibration,
-            packed: None,
+            packed,
             id: ModelId([0; 8]),
         };
         artifact.check()?;
@@ -83,12 +113,9 @@ impl Artifact {
     /// [`Artifact::write`] writes.
     ///
     /// # Errors
-    /// If the packed model does not fit the montage and the hop.
-    pub fn with_packed(mut self, packed: Option<PackedModel>) -> Result<Self, ArtifactError> {
-        self.packed = packed;
-        self.check()?;
-        self.id = ModelId::from_files(&self.to_bytes()?.named());
-        Ok(self)
+    /// If the packed model does not fit the montage and the hop, or nothing is left of the model.
+    pub fn with_packed(self, packed: Option<PackedModel>) -> Result<Self, ArtifactError> {
+        Self::from_parts(self.description, self.weights, self.calibration, packed)
     }
 
     /// Reads a model from its folder.
@@ -103,18 +130,23 @@ impl Artifact {
         let path = folder.join(DESCRIPTION);
         let description = std::fs::read_to_string(&path)
             .map_err(|source| ArtifactError::File { path, source })?;
+        let parsed = parse_description(&description)?;
+        let weights = match parsed.mode.has_network() {
+            true => read(WEIGHTS)?,
+            false => Vec::new(),
+        };
         let packed = PackedFiles::read(folder)?;
         let packed = packed.as_ref();
         Self::from_bytes(
             &description,
-            &read(WEIGHTS)?,
+            &weights,
             &read(CALIBRATION)?,
             packed.map(|files| (files.description.as_str(), files.tensors.as_slice())),
         )
     }
 
-    /// Parses a model from the contents of its files, for programs that embed them. `packed` is the text of
-    /// `packed.toml` and the bytes of `packed.safetensors`.
+    /// Parses a model from the contents of its files, for programs that embed them. `weights` is not read in mode
+    /// `packed`, which has no such file. `packed` is the text of `packed.toml` and the bytes of `packed.safetensors`.
     ///
     /// # Errors
     /// If the contents are not a valid model.
@@ -124,19 +156,21 @@ impl Artifact {
         calibration: &[u8],
         packed: Option<(&str, &[u8])>,
     ) -> Result<Self, ArtifactError> {
-        let mut files = vec![
-            (DESCRIPTION, model_toml.as_bytes()),
-            (WEIGHTS, weights),
-            (CALIBRATION, calibration),
-        ];
+        let description = parse_description(model_toml)?;
+        let has_network = description.mode.has_network();
+        let mut files = vec![(DESCRIPTION, model_toml.as_bytes())];
+        files.extend(has_network.then_some((WEIGHTS, weights)));
+        files.push((CALIBRATION, calibration));
         if let Some((toml, tensors)) = packed {
             files.push((PACKED_DESCRIPTION, toml.as_bytes()));
             files.push((PACKED_TENSORS, tensors));
         }
-        let description: Description = toml::from_str(model_toml)?;
-        validation::check_description(&description)?;
         let artifact = Self {
-            weights: Tensors::from_bytes(WEIGHTS, weights)?,
+            weights: if has_network {
+                Tensors::from_bytes(WEIGHTS, weights)?
+            } else {
+                Tensors::for_weights()
+            },
             calibration: Tensors::from_bytes(CALIBRATION, calibration)?,
             packed: packed
                 .map(|(toml, tensors)| PackedModel::parse(toml, tensors, &description))
@@ -149,7 +183,7 @@ impl Artifact {
     }
 
     /// Writes the files that the model id covers into a folder, creates it if necessary, and
-    /// returns the id of the written files. This id equals `self.id`, unless a part was changed after
+    /// returns the id of the written files. Files of another model that this one does not have are removed. This id equals `self.id`, unless a part was changed after
     /// the model was created, or the model was read from a hand-written `model.toml`.
     ///
     /// # Errors
@@ -167,7 +201,10 @@ impl Artifact {
             std::fs::write(&path, content).map_err(|source| error(&path, source))?;
         }
         if self.packed.is_none() {
-            PackedFiles::remove(folder)?;
+            remove(folder, &[PACKED_DESCRIPTION, PACKED_TENSORS])?;
+        }
+        if !self.description.mode.has_network() {
+            remove(folder, &[WEIGHTS, GOLDEN, PCA])?;
         }
         Ok(ModelId::from_files(&bytes.named()))
     }
@@ -177,7 +214,7 @@ impl Artifact {
     /// # Errors
     /// If the calibration has no `input.max_abs`; impossible after [`Artifact::read`].
     pub fn input_scale_uv(&self) -> Result<f64, ArtifactError> {
-        let max_abs = self.calibration.tensor("input.max_abs", &[1])?[0];
+        let max_abs = self.calibration.tensor(INPUT_RANGE, &[1])?[0];
         Ok(f64::from(max_abs) * HEAD_ROOM / 127.0)
     }
 
@@ -187,7 +224,8 @@ impl Artifact {
         validation::check_calibration(&self.description, &self.calibration)?;
         match &self.packed {
             Some(packed) => packed.check(&self.description),
-            None => Ok(()),
+            None if self.description.mode.has_network() => Ok(()),
+            None => Err(ArtifactError::Empty),
         }
     }
 
@@ -199,7 +237,10 @@ impl Artifact {
                 .replace("[[\"", "[\n    [\"")
                 .replace("], [", "],\n    [")
                 .replace("\"]]", "\"],\n]"),
-            weights: self.weights.to_bytes()?,
+            weights: match self.description.mode.has_network() {
+                true => Some(self.weights.to_bytes()?),
+                false => None,
+            },
             calibration: self.calibration.to_bytes()?,
             packed: self
                 .packed
@@ -208,6 +249,25 @@ impl Artifact {
                 .transpose()?,
         })
     }
+}
+
+/// Parses and checks the contents of `model.toml`.
+fn parse_description(model_toml: &str) -> Result<Description, ArtifactError> {
+    let description = toml::from_str(model_toml)?;
+    validation::check_description(&description)?;
+    Ok(description)
+}
+
+/// Removes files of a folder, if it has them.
+fn remove(folder: &Path, names: &[&str]) -> Result<(), ArtifactError> {
+    for name in names {
+        let path = folder.join(name);
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+            removed => removed.map_err(|source| ArtifactError::File { path, source })?,
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use safetensors::tensor::{Dtype, TensorView};
 use std::path::Path;
 
 /// Name of the file with the golden windows.
-const FILE: &str = "golden.safetensors";
+pub(crate) const GOLDEN: &str = "golden.safetensors";
 
 /// Name of the tensor of exponents, which only format `Int8Exponent` has.
 const EXPONENTS: &str = "exponents";
@@ -37,7 +37,7 @@ impl Golden {
     /// If the file cannot be read or does not hold windows `[n, steps, cells]` and codes
     /// `[n, numbers]`.
     pub fn read(folder: &Path) -> Result<Self, ArtifactError> {
-        let path = folder.join(FILE);
+        let path = folder.join(GOLDEN);
         let bytes = std::fs::read(&path).map_err(|source| ArtifactError::File { path, source })?;
         Self::from_bytes(&bytes)
     }
@@ -47,8 +47,11 @@ impl Golden {
     /// # Errors
     /// If the contents are not windows `[n, steps, cells]` and codes `[n, numbers]`.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ArtifactError> {
-        let file = SafeTensors::deserialize(bytes)
-            .map_err(|source| ArtifactError::Safetensors { file: FILE, source })?;
+        let file =
+            SafeTensors::deserialize(bytes).map_err(|source| ArtifactError::Safetensors {
+                file: GOLDEN,
+                source,
+            })?;
         let [count, steps, cells] = shape(&file, "windows")?;
         let windows = contents(&file, "windows", Dtype::I8, &[count, steps, cells])?;
         let windows: Vec<i8> = windows.iter().map(|byte| byte.cast_signed()).collect();
@@ -102,7 +105,7 @@ impl Golden {
     /// # Panics
     /// If the numbers of codes and windows differ.
     pub fn write(&self, folder: &Path) -> Result<(), ArtifactError> {
-        let path = folder.join(FILE);
+        let path = folder.join(GOLDEN);
         std::fs::write(&path, self.to_bytes()?)
             .map_err(|source| ArtifactError::File { path, source })
     }
@@ -110,7 +113,10 @@ impl Golden {
     fn to_bytes(&self) -> Result<Vec<u8>, ArtifactError> {
         let count = self.windows.len();
         assert_eq!(count, self.codes.len(), "every window has a code");
-        let error = |source| ArtifactError::Safetensors { file: FILE, source };
+        let error = |source| ArtifactError::Safetensors {
+            file: GOLDEN,
+            source,
+        };
         let [steps, cells] = self.window_shape;
         let numbers = self.codes.first().map_or(0, |code| code.values.len());
         let windows = self.windows.iter().flatten();
@@ -161,7 +167,7 @@ fn shape<const N: usize>(file: &SafeTensors, name: &str) -> Result<[usize; N], A
 
 fn tensor<'f>(file: &'f SafeTensors, name: &str) -> Result<TensorView<'f>, ArtifactError> {
     file.tensor(name).map_err(|_| ArtifactError::MissingTensor {
-        file: FILE,
+        file: GOLDEN,
         name: name.to_owned(),
     })
 }
@@ -176,7 +182,7 @@ fn contents<'f>(
     let view = tensor(file, name)?;
     if view.dtype() != dtype {
         return Err(ArtifactError::ElementType {
-            file: FILE,
+            file: GOLDEN,
             name: name.to_owned(),
             found: view.dtype().to_string(),
             expected: match dtype {
@@ -188,7 +194,7 @@ fn contents<'f>(
     }
     if view.shape() != shape {
         return Err(ArtifactError::Shape {
-            file: FILE,
+            file: GOLDEN,
             name: name.to_owned(),
             found: view.shape().to_vec(),
             expected: shape.to_vec(),

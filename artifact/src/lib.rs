@@ -12,9 +12,10 @@
 //! | File | Contents | Part of the model id |
 //! | --- | --- | --- |
 //! | `model.toml` | [`Description`]: mode, shapes, rates, filters, montage, training card | yes |
-//! | `weights.safetensors` | encoder and decoder, f32, with PyTorch's names and shapes | yes |
+//! | `weights.safetensors` | encoder and decoder, f32, with PyTorch's names and shapes; not in mode `packed` | yes |
 //! | `calibration.safetensors` | ranges from which model-gen derives the int8 scales, f32 | yes |
-//! | `golden.safetensors` | int8 windows and their codes ([`Golden`]) | no: it tests the model |
+//! | `packed.toml`, `packed.safetensors` | [`PackedModel`]: the packed code; optional, in mode `packed` the whole model | yes |
+//! | `golden.safetensors` | int8 windows and their codes ([`Golden`]); not in mode `packed` | no: it tests the model |
 //! | `pca.safetensors` | PCA of the training windows ([`Pca`]); optional | no: the model is compared with it |
 //!
 //! [`FloatEncoder`] and [`FloatDecoder`] run the network in f32 with plain loops. The encoder is the

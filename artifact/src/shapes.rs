@@ -7,6 +7,9 @@ use crate::geometry::Geometry;
 /// Number added to a variance before its square root is taken; PyTorch's default.
 pub const NORM_EPSILON: f32 = 1e-5;
 
+/// Name of the calibrated range of the quantised input: the largest magnitude of an electrode, uV.
+pub(crate) const INPUT_RANGE: &str = "input.max_abs";
+
 /// Name and shape of a tensor, in PyTorch's order of dimensions.
 pub type NamedShape = (&'static str, Vec<usize>);
 
@@ -66,11 +69,11 @@ pub fn weight_shapes(mode: Mode, geometry: &Geometry) -> Vec<NamedShape> {
 /// Returns name and shape of each tensor in `calibration.safetensors`, for a mode and the dimensions of
 /// a model.
 pub fn calibration_shapes(mode: Mode, dimensions: &Dimensions) -> Vec<NamedShape> {
-    let mut shapes = vec![
-        ("input.max_abs", vec![1]),
-        ("code.min", vec![dimensions.numbers]),
-        ("code.max", vec![dimensions.numbers]),
-    ];
+    let mut shapes = vec![(INPUT_RANGE, vec![1])];
+    if mode.has_network() {
+        shapes.push(("code.min", vec![dimensions.numbers]));
+        shapes.push(("code.max", vec![dimensions.numbers]));
+    }
     if mode.has_convolutions() {
         shapes.push(("activation1.max", vec![1]));
         shapes.push(("activation2.max", vec![1]));

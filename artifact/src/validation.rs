@@ -71,17 +71,7 @@ pub fn check_description(d: &Description) -> Result<(), ArtifactError> {
         "1 (a newer format needs newer tools)",
     )?;
     check_window(d)?;
-    let numbers = d.code.numbers;
-    require(
-        NUMBERS.contains(&numbers) && numbers.is_multiple_of(NUMBERS_MULTIPLE),
-        "code.numbers",
-        &numbers,
-        &format!(
-            "{} to {}, and a multiple of {NUMBERS_MULTIPLE}",
-            NUMBERS.start(),
-            NUMBERS.end()
-        ),
-    )?;
+    check_numbers(d)?;
     check_grid(d)?;
     let count = d.montage.electrodes.len();
     require(
@@ -156,6 +146,28 @@ fn check_window(d: &Description) -> Result<(), ArtifactError> {
         "window.rate_hz",
         &window.rate_hz,
         &RATE_HZ.to_string(),
+    )
+}
+
+fn check_numbers(d: &Description) -> Result<(), ArtifactError> {
+    let numbers = d.code.numbers;
+    if !d.mode.has_network() {
+        return require(
+            numbers == 0,
+            "code.numbers",
+            &numbers,
+            "0, because mode \"packed\" has no network",
+        );
+    }
+    require(
+        NUMBERS.contains(&numbers) && numbers.is_multiple_of(NUMBERS_MULTIPLE),
+        "code.numbers",
+        &numbers,
+        &format!(
+            "{} to {}, and a multiple of {NUMBERS_MULTIPLE}",
+            NUMBERS.start(),
+            NUMBERS.end()
+        ),
     )
 }
 
@@ -377,6 +389,9 @@ pub(crate) fn check_calibration(d: &Description, tensors: &Tensors) -> Result<()
         if let Some(index) = values.iter().position(|value| *value <= 0.0) {
             return Err(tensors.range_error(name, index, "a largest magnitude must be positive"));
         }
+    }
+    if !d.mode.has_network() {
+        return Ok(());
     }
     let code = [d.code.numbers];
     let low = tensors.tensor("code.min", &code)?;

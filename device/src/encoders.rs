@@ -3,7 +3,7 @@
 use core::hint::black_box;
 
 use link::Streams;
-use model::{NETWORK, NETWORK_CHECKSUM, PACKED, PACKED_CHECKSUM};
+use model::{HAS_NETWORK, NETWORK, NETWORK_CHECKSUM, PACKED, PACKED_CHECKSUM};
 use pipeline::{Code, Encoder, EncoderMemory, PackedCode, PackedEncoder, PackedMemory, Rate, Step};
 
 /// The encoders that a device has. An image contains the weights of these encoders only.
@@ -29,14 +29,18 @@ pub trait Encoders {
 
 /// Returns the streams of a device with the encoders `E`: those that they feed, and all that need no encoder.
 pub const fn streams_with<E: Encoders>() -> Streams {
-    let need_an_encoder = Streams::CODES.bits() | Streams::AUDIT.bits() | Streams::PACKED.bits();
+    let need_an_encoder = Streams::CODES.bits() | Streams::PACKED.bits();
     let need_none = Streams::ALL.without(Streams::from_bits(need_an_encoder));
     Streams::from_bits(need_none.bits() | E::STREAMS.bits())
 }
 
 /// The network alone.
 impl Encoders for EncoderMemory {
-    const STREAMS: Streams = Streams::from_bits(Streams::CODES.bits() | Streams::AUDIT.bits());
+    const STREAMS: Streams = if HAS_NETWORK {
+        Streams::CODES
+    } else {
+        Streams::empty()
+    };
 
     fn restart(&mut self) {
         Encoder::with_memory(self).restart();
@@ -145,7 +149,8 @@ impl<E: Encoders> Encoders for &mut E {
 mod tests {
     use super::*;
 
-    /// Also with a model without packed code, of which `tests/tests/montages.rs` builds this test.
+    /// Also with models that have one of the encoders only, of which `tests/tests/montages.rs` and
+    /// `tests/tests/packed_alone.rs` build this test.
     #[test]
     fn a_device_offers_what_its_encoders_feed_and_what_needs_none() {
         let packed = if PACKED.is_some() {
@@ -153,8 +158,16 @@ mod tests {
         } else {
             Streams::empty()
         };
-        let others = Streams::RAW | Streams::COMPRESSED_RAW | Streams::FILTERED | Streams::EVENTS;
-        let network = Streams::CODES | Streams::AUDIT;
+        let others = Streams::RAW
+            | Streams::COMPRESSED_RAW
+            | Streams::FILTERED
+            | Streams::AUDIT
+            | Streams::EVENTS;
+        let network = if HAS_NETWORK {
+            Streams::CODES
+        } else {
+            Streams::empty()
+        };
         assert_eq!(streams_with::<EncoderMemory>(), others | network);
         assert_eq!(streams_with::<PackedMemory>(), others | packed);
         assert_eq!(streams_with::<BothEncoders>(), others | network | packed);

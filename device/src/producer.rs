@@ -171,19 +171,22 @@ impl<E: Encoders> Producer<E> {
         if audits {
             self.audited.push_plane(&step.plane);
         }
-        if !audits && !self.wants(Streams::CODES) {
-            return;
+        let mut values = None;
+        if (audits || self.wants(Streams::CODES))
+            && let Some(code) = self.encoders.encode_window(step)
+        {
+            values = Some(code.values);
+            if self.wants(Streams::CODES) {
+                let at_us = drdy_us + u64::from(code.offset_us);
+                self.emit_code(at_us, &code, marks, emit);
+            }
         }
-        let Some(code) = self.encoders.encode_window(step) else {
-            return;
-        };
-        let at_us = drdy_us + u64::from(code.offset_us);
-        let (window, values) = (code.window, code.values);
-        if self.wants(Streams::CODES) {
-            self.emit_code(at_us, &code, marks, emit);
-        }
-        if audits && AuditedWindow::is_due(window) {
-            self.emit_audit((at_us, window), &values, emit);
+        if audits
+            && let Some(window) = self.windows.complete_window()
+            && AuditedWindow::is_due(window)
+        {
+            let at_us = drdy_us + u64::from(step.offset_us);
+            self.emit_audit((at_us, window), values, emit);
         }
     }
 
@@ -261,7 +264,7 @@ impl<E: Encoders> Producer<E> {
     fn emit_audit(
         &mut self,
         (at_us, window): (u64, u32),
-        values: &CodeValues,
+        values: Option<CodeValues>,
         emit: &mut impl FnMut(Output),
     ) {
         let audited = self.audited.complete(window, values).clone();

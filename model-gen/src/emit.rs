@@ -143,7 +143,7 @@ impl Source {
             ),
             ("Time steps of a window.", "STEPS", description.window.steps),
             (
-                "Numbers in a code.",
+                "Numbers in a code; 0 in a model without a network.",
                 "CODE",
                 model.integers.code_scale.len(),
             ),

@@ -61,11 +61,22 @@ fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
     for filter in &model.filters {
         mains_filter(out, filter)?;
     }
+    if description.mode.has_network() {
+        network(out, model)?;
+    }
+    match &model.packed {
+        Some(packed) => packed_model(out, packed),
+        None => Ok(()),
+    }
+}
+
+/// Writes layers and codes of the network, with their flash and RAM.
+fn network(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
+    let (description, integers) = (&model.description, &model.integers);
     writeln!(
         out,
         "\nlayers                weights      worst accumulator"
     )?;
-    let integers = &model.integers;
     layers(out, integers)?;
     let (smallest, largest) = integers
         .code_scale
@@ -78,11 +89,7 @@ fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
         "\ncode                  {} x {}, scales {smallest:.6} .. {largest:.6}",
         description.code.numbers, integers.code_format
     )?;
-    memory(out, &memory::parts(integers, description.window.hop))?;
-    match &model.packed {
-        Some(packed) => packed_model(out, packed),
-        None => Ok(()),
-    }
+    memory(out, &memory::parts(integers, description.window.hop))
 }
 
 /// Writes dimensions, units and flash of the packed model.

@@ -24,7 +24,7 @@ pub struct Part {
     pub ram_bytes: usize,
 }
 
-/// Returns the parts of an encoder, in signal order.
+/// Returns the parts of an encoder, in signal order; none without a network.
 ///
 /// `hop` is the number of time steps from the start of one window to the start of the next.
 pub fn parts(model: &IntegerModel, hop: usize) -> Vec<Part> {
@@ -36,6 +36,9 @@ pub fn parts(model: &IntegerModel, hop: usize) -> Vec<Part> {
     } = model.geometry.dimensions;
     let open_windows = steps / hop;
     let mut parts = Vec::new();
+    if !model.mode.has_network() {
+        return parts;
+    }
     if model.mode.has_convolutions() {
         parts.extend(convolutions(model));
     }

@@ -40,7 +40,7 @@ const WIDE_CODE_HEAD_ROOM: f64 = 16.0;
 /// all inputs of the channel, which are at most 255, and the sum must fit 16 bits.
 const LARGEST_PADDING: u16 = 32_767 - 255;
 
-/// Quantises the encoder of an artifact.
+/// Quantises the encoder of an artifact. Without a network, the integers are the input's scale and the grid's cells.
 ///
 /// # Errors
 /// If a tensor is missing, a calibrated range is not positive, a factor does not fit Q0.32, a padding
@@ -49,7 +49,11 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
     let mode = artifact.description.mode;
     let dimensions = artifact.description.dimensions();
     let numbers = dimensions.numbers;
-    let codes = CodeScales::from_calibration(artifact)?;
+    let codes = if mode.has_network() {
+        CodeScales::from_calibration(artifact)?
+    } else {
+        CodeScales::default()
+    };
     let code_gain: Vec<f64> = codes.scale.iter().map(|scale| 1.0 / scale).collect();
     range(artifact, "input.max_abs")?;
     let input_scale_uv = artifact.input_scale_uv()?;
@@ -328,7 +332,8 @@ fn negate(weights: &mut [f64]) {
 
 /// Scale and zero point of each code dimension. Only the `int8` format has a zero point, which gains up
 /// to one bit of resolution. `int16` does not need this bit; in `int8-exponent` the zero point would
-/// have to change with the exponent.
+/// have to change with the exponent. Empty without a network.
+#[derive(Default)]
 struct CodeScales {
     scale: Vec<f64>,
     zero_point: Vec<i8>,

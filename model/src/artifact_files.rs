@@ -3,8 +3,8 @@
 
 /// Text of `model.toml`.
 pub const MODEL_TOML: &str = include_str!(concat!(env!("ARTIFACT_FOLDER"), "/model.toml"));
-/// Bytes of `weights.safetensors`.
-pub const WEIGHTS: &[u8] = include_bytes!(concat!(env!("ARTIFACT_FOLDER"), "/weights.safetensors"));
+/// Bytes of `weights.safetensors`; none if the artifact has no network.
+pub const WEIGHTS: &[u8] = include_bytes!(env!("WEIGHTS"));
 /// Bytes of `calibration.safetensors`.
 pub const CALIBRATION: &[u8] =
     include_bytes!(concat!(env!("ARTIFACT_FOLDER"), "/calibration.safetensors"));

@@ -7,8 +7,8 @@ use crate::{
     constants::{CODE, FC_PIECES, HAS_CONVOLUTIONS, POOL, STEPS, conv_kernel},
     shapes::{
         CELL_PLANE, CONV1_OUTPUTS, CONV1_PAIRS, CONV2_OUTPUTS, CONV2_PAIRS, Conv2, ELECTRODE_PAIRS,
-        FC_INPUTS, FC_PAIRS, HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, OPEN_WINDOWS, POOLED,
-        POOLED_STEPS, SHORTCUT_PAIRS, SHORTCUT_STEPS,
+        FC_INPUTS, FC_PAIRS, HAS_NETWORK, HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, OPEN_WINDOWS,
+        POOLED, POOLED_STEPS, SHORTCUT_PAIRS, SHORTCUT_STEPS,
     },
 };
 
@@ -135,7 +135,7 @@ impl<'w> Network<'w> {
         sum.value()
     }
 
-    /// Returns true if the hop is a multiple of the pool's steps and the kernels fit the shapes, so that
+    /// Returns true if there is no network, or the hop is a multiple of the pool's steps and the kernels fit the shapes, so that
     /// no kernel can panic. Asserted at compile time for the built-in network. The numbers of weights
     /// need no check, because the types of the fields fix them.
     pub const fn is_consistent(&self) -> bool {
@@ -146,8 +146,9 @@ impl<'w> Network<'w> {
             && self.hop <= STEPS
             && STEPS / self.hop <= OPEN_WINDOWS
             && self.hop.is_multiple_of(POOL[0])
-            && shortcut.is_consistent(ELECTRODE_PAIRS, CODE)
-            && fc.is_consistent(FC_INPUTS, CODE)
+            && (!HAS_NETWORK
+                || shortcut.is_consistent(ELECTRODE_PAIRS, CODE)
+                    && fc.is_consistent(FC_INPUTS, CODE))
             && (!HAS_CONVOLUTIONS
                 || self.conv1().is_consistent(CELL_PLANE, HIDDEN_INTERIOR)
                     && self.conv2().is_consistent(HIDDEN, POOLED))

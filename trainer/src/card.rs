@@ -8,6 +8,7 @@ use artifact::{
 use crate::error::TrainerError;
 use crate::evaluate::{Evaluation, ReconstructionError};
 use crate::montage_check::MontageCheck;
+use crate::track::Track;
 
 /// Rate of the time steps, Hz.
 const STEP_RATE_HZ: u32 = 128;
@@ -90,7 +91,7 @@ pub fn description(montage: &MontageFile, shape: Shape) -> Description {
 
 /// Returns the training card's note about recorded and interpolated electrodes. `signals` is the number of recorded
 /// signals from which all electrodes were computed.
-pub fn note(electrodes: usize, interpolated: usize, signals: usize) -> String {
+fn note(electrodes: usize, interpolated: usize, signals: usize) -> String {
     if interpolated == 0 {
         return "All electrodes were recorded.".to_owned();
     }
@@ -98,6 +99,27 @@ pub fn note(electrodes: usize, interpolated: usize, signals: usize) -> String {
         "{interpolated} of {electrodes} electrodes are mixes of recorded ones: the data span at most {signals} dimensions \
          in space, one for each signal that was used, an easy set that favours linear codes. The error is over all \
          electrodes, recorded and mixed."
+    )
+}
+
+/// Fills in which electrodes were recorded, and which were interpolated in any training recording.
+pub(crate) fn fill_electrodes(card: &mut TrainingCard, electrodes: &[String], tracks: &[Track]) {
+    let is_interpolated = |label: &&String| tracks.iter().any(|t| t.interpolated.contains(label));
+    card.interpolated = electrodes.iter().filter(is_interpolated).cloned().collect();
+    card.interpolated_electrodes = card.interpolated.len();
+    card.real_electrodes = electrodes.len() - card.interpolated_electrodes;
+    let signals = tracks.iter().map(|track| track.signals).min().unwrap_or(0);
+    card.note = note(electrodes.len(), card.interpolated_electrodes, signals);
+}
+
+/// Returns the training card's text about the parts of the recordings that training does not see: `held_out`, and the
+/// first `settling_steps`.
+pub(crate) fn validation(held_out: Option<&str>, settling_steps: usize, rate_hz: u32) -> String {
+    #[expect(clippy::cast_precision_loss, reason = "a few thousand steps")]
+    let settling_s = settling_steps as f64 / f64::from(rate_hz);
+    format!(
+        "{}; the first {settling_s:.1} s of every file, in which the filters settle, are left out",
+        held_out.unwrap_or("none")
     )
 }
 

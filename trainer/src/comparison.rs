@@ -1,41 +1,35 @@
-//! A model beside PCA with as many numbers, on recordings that need not be those of the training.
+//! Figures of a model on recordings that need not be those of the training.
 
 use crate::card;
+use crate::code_comparison::CodeComparison;
 use crate::dataset::Dataset;
-use crate::electrode_error::{ElectrodeError, ElectrodeSums};
 use crate::error::TrainerError;
-use crate::evaluate::{Evaluation, Table, evaluate_blocks};
+use crate::evaluate::{ReconstructionError, Table};
 use crate::packed::{RateFigures, RateTable, evaluate as evaluate_packed};
 use crate::progress::ProgressObserver;
 use crate::selection::{self, file_name};
 use crate::track::{Track, read_tracks};
-use crate::truncation::{TruncationError, TruncationSums};
 use artifact::{Artifact, Figures, Mode, PackedFigures, Pca};
 use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::Path;
 
-/// Figures of a model, and of PCA with the same number of components, on the same recordings.
+/// Figures of a model on recordings: of its network, beside PCA with the same number of components, and of its packed
+/// code.
 #[derive(Clone, Debug)]
 pub struct Comparison {
     /// Id of the model.
     pub model: String,
     /// Mode of the model.
     pub mode: Mode,
-    /// Figures of the model.
-    pub network: Evaluation,
-    /// Figures of PCA; `None` if the artifact has no `pca.safetensors`.
-    pub pca: Option<Evaluation>,
-    /// Number of numbers in a code.
-    pub numbers: usize,
+    /// Number of electrodes.
+    pub electrodes: usize,
     /// Number of electrodes that every recording has.
     pub real_electrodes: usize,
     /// File names of the recordings.
     pub recordings: Vec<String>,
-    /// Errors of the model at each electrode, in the order of the montage.
-    pub electrode_errors: Vec<ElectrodeError>,
-    /// Errors of PCA with fewer numbers, in ascending order, up to all of them; empty without PCA.
-    pub pca_by_numbers: Vec<TruncationError>,
+    /// Codes of the network and of PCA; `None` if the model has no network.
+    pub codes: Option<CodeComparison>,
     /// Bits and error of the packed model at each rate, finest first; empty if the artifact has none.
     pub packed: Vec<RateFigures>,
     /// Figures of the Karhunen-Loeve transform of a block, coded alike but without prediction, from the packed model's
@@ -58,43 +52,27 @@ impl Comparison {
         tracks: &[Track],
     ) -> Result<Self, TrainerError> {
         let description = &model.description;
-        let mut dataset = Dataset::from_tracks(tracks, description.dimensions())?;
-        dataset.scale(1.0 / description.input.sd_uv);
-        let mut electrodes = ElectrodeSums::new(description.montage.electrodes.len());
-        let is_pca = description.mode == Mode::Pca;
-        let mut truncation = is_pca.then(|| TruncationSums::new(model)).transpose()?;
-        let network = evaluate_blocks(model, &dataset, |block| {
-            electrodes.add(block);
-            if let Some(sums) = &mut truncation {
-                sums.add(block);
-            }
-        })?;
-        let pca = match pca {
-            _ if is_pca => Some(network),
-            Some(pca) => {
-                let linear = pca.to_model(description.clone())?;
-                let sums = truncation.insert(TruncationSums::new(&linear)?);
-                Some(evaluate_blocks(&linear, &dataset, |block| sums.add(block))?)
-            }
-            None => None,
-        };
         let is_recorded = |label: &String| {
             !tracks
                 .iter()
                 .any(|track| track.interpolated.contains(label))
         };
-        let electrode_errors = electrodes.errors(description, is_recorded);
-        let recorded = electrode_errors.iter().filter(|error| error.is_recorded);
+        let codes = if description.mode.has_network() {
+            let mut dataset = Dataset::from_tracks(tracks, description.dimensions())?;
+            dataset.scale(1.0 / description.input.sd_uv);
+            Some(CodeComparison::new(model, pca, &dataset, is_recorded)?)
+        } else {
+            None
+        };
+        let electrodes = &description.montage.electrodes;
+        let recorded = electrodes.iter().filter(|label| is_recorded(label));
         Ok(Self {
             model: model.id.to_string(),
             mode: description.mode,
-            network,
-            pca,
-            numbers: description.code.numbers,
+            electrodes: electrodes.len(),
             real_electrodes: recorded.count(),
             recordings: tracks.iter().map(|track| track.name.clone()).collect(),
-            electrode_errors,
-            pca_by_numbers: truncation.map_or_else(Vec::new, |sums| sums.errors_by_numbers()),
+            codes,
             packed: match &model.packed {
                 Some(packed) => evaluate_packed(packed, tracks, description)?,
                 None => Vec::new(),
@@ -105,70 +83,70 @@ impl Comparison {
         })
     }
 
-    /// Returns the number of bits of an integer code.
-    pub fn bits_per_window(&self) -> usize {
-        self.bits_of(self.numbers)
-    }
-
-    /// Returns the number of bits of an integer code with this number of numbers.
-    pub fn bits_of(&self, numbers: usize) -> usize {
-        self.network.format.bits(numbers)
-    }
-
-    /// Returns the figures as a JSON object.
+    /// Returns the figures as a JSON object. Those of a network are missing where the model has none.
     pub fn to_json(&self) -> Json {
-        let pca = self.pca.as_ref();
-        json!({
+        let mut object = json!({
             "model": self.model,
             "mode": self.mode.to_string(),
             "recordings": self.recordings,
-            "windows": self.network.windows,
-            "electrodes": self.network.electrodes,
+            "electrodes": self.electrodes,
             "real_electrodes": self.real_electrodes,
-            "numbers": self.numbers,
-            "code_format": self.network.format.to_string(),
-            "bits_per_window": self.bits_per_window(),
-            "mse_float": self.network.float.mse,
-            "mse_int8": self.network.integer.mse,
-            "mse_pca": pca.map(|pca| pca.float.mse),
-            "mse_pca_int8": pca.map(|pca| pca.integer.mse),
-            "prd_percent_float": self.network.float.prd_percent,
-            "prd_percent_int8": self.network.integer.prd_percent,
-            "prd_percent_pca": pca.map(|pca| pca.float.prd_percent),
-            "prd_percent_pca_int8": pca.map(|pca| pca.integer.prd_percent),
-            "input_clipped": self.network.input_clipped,
-            "codes_at_rail": self.network.code_clipped,
             "packed_without_prediction": self.without_prediction,
             "packed": self.packed.iter().map(|figures| figures.to_json()).collect::<Vec<_>>(),
-        })
+        });
+        let codes = self.codes.as_ref().map(CodeComparison::to_json);
+        if let (Json::Object(object), Some(Json::Object(codes))) = (&mut object, codes) {
+            object.extend(codes);
+        }
+        object
     }
 
     /// Returns the figures that `figure` selects, for the training card.
-    pub(crate) fn figures(
-        &self,
-        figure: fn(&crate::evaluate::ReconstructionError) -> f64,
-    ) -> Option<Figures> {
-        let pca = self.pca.as_ref()?;
-        Some(card::figures(&self.network, pca, figure))
+    pub(crate) fn figures(&self, figure: fn(&ReconstructionError) -> f64) -> Option<Figures> {
+        let codes = self.codes.as_ref()?;
+        let pca = codes.pca.as_ref()?;
+        Some(card::figures(&codes.network, pca, figure))
+    }
+
+    /// Prints the errors of network and PCA, and what becomes of the power of two bands.
+    fn fmt_codes(&self, codes: &CodeComparison, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = format!("PCA-{}", codes.numbers);
+        let mut rows = Vec::new();
+        let mut bands = Vec::new();
+        if self.mode != Mode::Pca {
+            rows.push(("autoencoder", codes.network));
+            bands.push(("autoencoder", codes.network_bands));
+        }
+        rows.extend(codes.pca.map(|pca| (name.as_str(), pca)));
+        bands.extend(codes.pca_bands.map(|of_pca| (name.as_str(), of_pca)));
+        write!(f, "{}", Table(&rows))?;
+        for (name, [alpha, beta]) in bands {
+            let format = codes.network.format;
+            writeln!(
+                f,
+                "{name}, {format} codes: correlation of power {alpha:.3} at 8-13 Hz, {beta:.3} at 13-30 Hz"
+            )?;
+        }
+        writeln!(
+            f,
+            "{} bits per window; {} of {} electrodes were recorded",
+            codes.bits_per_window(),
+            self.real_electrodes,
+            self.electrodes
+        )
     }
 }
 
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = format!("PCA-{}", self.numbers);
-        let mut rows = Vec::new();
-        if self.mode != Mode::Pca {
-            rows.push(("autoencoder", self.network));
+        match &self.codes {
+            Some(codes) => self.fmt_codes(codes, f)?,
+            None => writeln!(
+                f,
+                "no network; {} of {} electrodes were recorded",
+                self.real_electrodes, self.electrodes
+            )?,
         }
-        rows.extend(self.pca.map(|pca| (name.as_str(), pca)));
-        write!(f, "{}", Table(&rows))?;
-        writeln!(
-            f,
-            "{} bits per window; {} of {} electrodes were recorded",
-            self.bits_per_window(),
-            self.real_electrodes,
-            self.network.electrodes
-        )?;
         if self.packed.is_empty() {
             return Ok(());
         }
@@ -232,7 +210,8 @@ pub fn compare(
             ));
         }
     }
-    if pca.is_none() && model.description.mode != Mode::Pca {
+    let mode = model.description.mode;
+    if pca.is_none() && mode.has_network() && mode != Mode::Pca {
         observer.message("the artifact has no pca.safetensors, so there is no comparison with PCA");
     }
     let mains_hz = mains_hz.unwrap_or(card.mains_hz);

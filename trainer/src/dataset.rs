@@ -79,6 +79,11 @@ impl Dataset {
         self.dimensions
     }
 
+    /// Iterates over the values of each segment, in the order step, electrode.
+    pub fn segments(&self) -> impl Iterator<Item = &[f32]> {
+        self.segments.iter().map(Vec::as_slice)
+    }
+
     /// Returns the number of time steps of a segment.
     fn steps(&self, segment: &[f32]) -> usize {
         segment.len() / self.dimensions.electrodes

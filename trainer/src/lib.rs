@@ -36,9 +36,11 @@
 #![forbid(unsafe_code)]
 
 pub mod adam;
+mod band_power;
 pub mod calibrate;
 pub mod card;
 pub mod checkpoint;
+pub mod code_comparison;
 pub mod comparison;
 pub mod crossval;
 pub mod dataset;
@@ -53,6 +55,7 @@ pub mod learning_curve;
 pub mod montage_check;
 pub mod network;
 mod output_folder;
+mod overlap;
 pub mod packed;
 pub mod parameters;
 pub mod pca;

@@ -6,10 +6,11 @@
 //!                       predictor leaves      proven ranges
 //! ```
 
-mod band_power;
+mod alone;
 mod blocks;
 mod coded;
 mod evaluation;
+mod fit;
 mod integers;
 mod probabilities;
 mod ridge;
@@ -19,6 +20,8 @@ mod smoother;
 mod transform;
 mod unpredicted;
 
+pub use alone::{AloneOptions, train_alone};
 pub(crate) use evaluation::evaluate;
 pub use evaluation::{RateFigures, RateTable};
-pub use session::{PackedOptions, PackedTrained, compare, train};
+pub use fit::{FitOptions, PackedTrained};
+pub use session::{PackedOptions, compare, train};

@@ -59,9 +59,6 @@ struct PreparedData {
     /// Complete tracks, for calibration.
     whole: Dataset,
     sd_uv: f64,
-    interpolated: Vec<String>,
-    /// Number of recorded signals that enter the electrodes.
-    signals: usize,
 }
 
 /// Trains a model, calibrates and evaluates it, and writes its artifact, golden windows and PCA, and its report if
@@ -95,8 +92,7 @@ pub fn train(
     ) {
         check_writable(folder)?;
     }
-    let data = PreparedData::read(&train_files, &description, options.mains_hz, observer)?;
-    description.input.sd_uv = data.sd_uv;
+    let data = PreparedData::read(&train_files, &mut description, options.mains_hz, observer)?;
     observer.message("computing the principal directions of the training windows ...");
     let geometry = Geometry::new(&description);
     let directions = data.directions(geometry.dimensions.numbers);
@@ -239,19 +235,14 @@ fn fill_card(
     data: &PreparedData,
 ) -> Result<(), TrainerError> {
     let settling = settling_steps(description, options.mains_hz)?;
-    #[expect(clippy::cast_precision_loss, reason = "a few thousand steps")]
-    let settling_s = settling as f64 / f64::from(description.window.rate_hz);
     let card = &mut description.training;
     card.dataset.clone_from(&options.dataset);
     card.citation.clone_from(&options.citation);
-    card.interpolated.clone_from(&data.interpolated);
-    card.interpolated_electrodes = card.interpolated.len();
-    card.real_electrodes = description.montage.electrodes.len() - card.interpolated_electrodes;
-    let electrodes = description.montage.electrodes.len();
-    card.note = card::note(electrodes, card.interpolated_electrodes, data.signals);
     card.train_files.clone_from(&data.files);
-    card.validation = format!(
-        "last eighth of every training file; the first {settling_s:.1} s of every file, in which the filters settle, are left out"
+    card.validation = card::validation(
+        Some("last eighth of every training file"),
+        settling,
+        description.window.rate_hz,
     );
     card.mains_hz = options.mains_hz;
     card.seed = options.settings.seed;
@@ -307,10 +298,10 @@ fn train_network(
 
 impl PreparedData {
     /// Passes recordings through the front end, and scales them to a standard deviation of 1 over the
-    /// training part.
+    /// training part. Fills in `input.sd_uv`, and the electrodes of the training card.
     fn read(
         files: &[PathBuf],
-        description: &Description,
+        description: &mut Description,
         mains_hz: u32,
         observer: &mut impl ProgressObserver,
     ) -> Result<Self, TrainerError> {
@@ -325,11 +316,9 @@ impl PreparedData {
             part.scale(1.0 / sd_uv);
         }
         let electrodes = &description.montage.electrodes;
-        let is_interpolated =
-            |label: &&String| tracks.iter().any(|t| t.interpolated.contains(label));
-        let interpolated = electrodes.iter().filter(is_interpolated).cloned().collect();
-        let signals = tracks.iter().map(|track| track.signals).min().unwrap_or(0);
+        card::fill_electrodes(&mut description.training, electrodes, &tracks);
         let files = tracks.into_iter().map(|track| track.name).collect();
+        description.input.sd_uv = sd_uv;
         observer.message(&format!(
             "standard deviation of the training part: {sd_uv:.2} uV"
         ));
@@ -338,8 +327,6 @@ impl PreparedData {
             split,
             whole,
             sd_uv,
-            interpolated,
-            signals,
         })
     }
 

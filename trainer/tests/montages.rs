@@ -118,7 +118,8 @@ fn check(name: &str) {
     let montage = montage(name);
     assert_eq!(MontageCheck::new(&montage).mistakes, []);
     let folder = tempfile::tempdir().expect("a folder");
-    let Comparison { network, .. } = fit(montage.clone(), folder.path());
+    let Comparison { codes, .. } = fit(montage.clone(), folder.path());
+    let network = codes.expect("a network").network;
     let model = Artifact::read(&folder.path().join("model")).expect("an artifact");
     assert_eq!(model.description.montage, montage.montage());
     assert_eq!(model.description.adc, montage.adc());

@@ -68,8 +68,8 @@ fn the_error_of_a_missing_folder_names_the_missing_file() {
 fn the_error_of_a_misspelt_field_names_it() {
     let bytes = testing::pca().to_bytes().unwrap();
     let misspelt = bytes.description.replace("notch_q", "notch_Q");
-    let error =
-        Artifact::from_bytes(&misspelt, &bytes.weights, &bytes.calibration, None).unwrap_err();
+    let error = Artifact::from_bytes(&misspelt, &bytes.weights.unwrap(), &bytes.calibration, None)
+        .unwrap_err();
     let ArtifactError::Toml(source) = error else {
         panic!("{error}")
     };

@@ -36,18 +36,6 @@ impl PackedFiles {
             tensors,
         }))
     }
-
-    /// Removes the two files of a folder, if it has them.
-    pub(crate) fn remove(folder: &Path) -> Result<(), ArtifactError> {
-        for name in [DESCRIPTION, TENSORS] {
-            let path = folder.join(name);
-            match std::fs::remove_file(&path) {
-                Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-                removed => removed.map_err(|source| ArtifactError::File { path, source })?,
-            }
-        }
-        Ok(())
-    }
 }
 
 impl PackedModel {

@@ -1,6 +1,9 @@
 //! A packed model through its files, and what is refused.
 
+use crate::description::Mode;
 use crate::error::ArtifactError;
+use crate::float_decoder::FloatDecoder;
+use crate::float_encoder::FloatEncoder;
 use crate::folder::Artifact;
 use crate::packed::{IntegerMatrix, PackedDescription, PackedModel, PackedTraining, Smoother};
 use crate::testing;
@@ -68,6 +71,70 @@ fn a_packed_model_reads_back_with_the_same_id_which_covers_it() {
     assert_eq!(plain.id, testing::pca().id);
     plain.write(folder.path()).unwrap();
     assert_eq!(Artifact::read(folder.path()).unwrap(), plain);
+}
+
+/// Returns the packed model alone, without a network.
+fn alone() -> Result<Artifact, ArtifactError> {
+    let mut description = testing::description();
+    description.mode = Mode::Packed;
+    description.code.numbers = 0;
+    Artifact::without_network(description, 640.0, packed())
+}
+
+#[test]
+fn a_packed_model_alone_has_no_files_of_a_network() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = |name: &str| folder.path().join(name);
+    with(|_| ()).unwrap().write(folder.path()).unwrap();
+    std::fs::write(name("golden.safetensors"), "of the network").unwrap();
+    std::fs::write(name("pca.safetensors"), "of the network").unwrap();
+    let artifact = alone().unwrap();
+    assert_eq!(artifact.write(folder.path()).unwrap(), artifact.id);
+    assert_eq!(Artifact::read(folder.path()).unwrap(), artifact);
+    let mut names: Vec<_> = std::fs::read_dir(folder.path())
+        .unwrap()
+        .map(|file| file.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    let expected = [
+        "calibration.safetensors",
+        "model.toml",
+        "packed.safetensors",
+        "packed.toml",
+    ];
+    assert_eq!(names, expected);
+    assert!((artifact.input_scale_uv().unwrap() - 640.0 * 1.25 / 127.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_packed_model_alone_has_no_codes_to_encode_or_decode() {
+    let artifact = alone().unwrap();
+    let refusals = [
+        FloatEncoder::new(&artifact).unwrap_err(),
+        FloatDecoder::new(&artifact).unwrap_err(),
+    ];
+    for refusal in refusals {
+        assert!(matches!(refusal, ArtifactError::NoNetwork), "{refusal}");
+    }
+}
+
+#[test]
+fn a_model_with_neither_network_nor_packed_model_is_refused() {
+    let error = alone().unwrap().with_packed(None).unwrap_err();
+    assert!(matches!(error, ArtifactError::Empty), "{error}");
+    let folder = tempfile::tempdir().unwrap();
+    alone().unwrap().write(folder.path()).unwrap();
+    std::fs::remove_file(folder.path().join("packed.toml")).unwrap();
+    let error = Artifact::read(folder.path()).unwrap_err();
+    assert!(matches!(error, ArtifactError::Empty), "{error}");
+}
+
+#[test]
+fn numbers_of_a_code_without_a_network_are_refused() {
+    let mut description = testing::description();
+    description.mode = Mode::Packed;
+    let error = Artifact::without_network(description, 640.0, packed()).unwrap_err();
+    assert!(error.to_string().contains("code.numbers is 128"), "{error}");
 }
 
 #[test]

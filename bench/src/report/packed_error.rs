@@ -56,6 +56,9 @@ pub(crate) fn measure() -> anyhow::Result<Option<Errors>> {
     let names = RECORDINGS.map(str::to_owned);
     let figures = packed::compare(folder, &data, &names, MAINS_HZ, &mut Silent)?;
     let comparison = comparison::compare(folder, &data, &names, Some(MAINS_HZ), &mut Silent)?;
+    let codes = comparison
+        .codes
+        .context("the built-in model has no network")?;
     let artifact = checked_in::artifact()?;
     let model = artifact
         .packed
@@ -68,8 +71,8 @@ pub(crate) fn measure() -> anyhow::Result<Option<Errors>> {
         bits_per_hop: own.bits,
         mse: own.mse,
         mse_smoothed: own.mse_smoothed,
-        pca_int8_bits: comparison.bits_per_window(),
-        pca_int8_mse: comparison.pca.map(|pca| pca.integer.mse),
+        pca_int8_bits: codes.bits_per_window(),
+        pca_int8_mse: codes.pca.map(|pca| pca.integer.mse),
         rates: figures
             .iter()
             .map(|figures| RateFigures {

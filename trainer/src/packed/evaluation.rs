@@ -1,12 +1,12 @@
 //! Bits and error of a packed model at each rate.
 
-use super::band_power::{BandPower, correlation};
 use super::blocks::Blocks;
 use super::coded::{self, Coded};
 use super::integers::analysed;
 use super::scale::Scale;
 use super::smoother::next_residuals;
 use super::transform::to_f32;
+use crate::band_power::{BandPower, LogPowers, correlation};
 use crate::error::TrainerError;
 use crate::in_parallel;
 use crate::track::Track;
@@ -116,13 +116,15 @@ pub(super) fn evaluate_with_resets(
 struct Original {
     blocks: Blocks,
     band_power: BandPower,
-    /// For each sequence, as [`BandPower::log_powers`] returns them.
-    powers: Vec<[Vec<Vec<f64>>; 2]>,
+    /// Of each sequence.
+    powers: Vec<LogPowers>,
 }
 
 impl Original {
     fn new(blocks: Blocks, band_power: BandPower) -> Self {
-        let powers = in_parallel::map(&blocks.sequences, |blocks| band_power.log_powers(blocks));
+        let powers = in_parallel::map(&blocks.sequences, |blocks| {
+            band_power.log_powers(blocks.as_slice())
+        });
         Self {
             blocks,
             band_power,
@@ -153,32 +155,15 @@ impl Original {
             values += counted;
         }
         let powers = in_parallel::map(&reconstructed, |[at_once, _]| {
-            self.band_power.log_powers(at_once)
-        });
-        let band_correlation = [0, 1].map(|band| {
-            let series =
-                |powers: &[[Vec<Vec<f64>>; 2]]| joined(powers.iter().map(|powers| &powers[band]));
-            correlation(&series(&self.powers), &series(&powers))
+            self.band_power.log_powers(at_once.as_slice())
         });
         figures(
             rate,
             coded,
             errors.map(|error| error / values.max(1.0)),
-            band_correlation,
+            correlation(&self.powers, &powers),
         )
     }
-}
-
-/// Joins the series of all sequences, electrode by electrode.
-fn joined<'p>(sequences: impl Iterator<Item = &'p Vec<Vec<f64>>>) -> Vec<Vec<f64>> {
-    let mut joined: Vec<Vec<f64>> = Vec::new();
-    for sequence in sequences {
-        joined.resize(sequence.len(), Vec::new());
-        for (joined, series) in joined.iter_mut().zip(sequence) {
-            joined.extend(series);
-        }
-    }
-    joined
 }
 
 fn figures(

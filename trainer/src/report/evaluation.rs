@@ -1,6 +1,7 @@
 //! Error of each electrode, and error of PCA with fewer numbers.
 
 use super::writer::{MSE, Report};
+use crate::code_comparison::CodeComparison;
 use crate::comparison::Comparison;
 use crate::electrode_error::ElectrodeError;
 use crate::error::TrainerError;
@@ -16,40 +17,65 @@ use std::fmt::Write as _;
 
 /// Adds figures and pictures of an evaluation to a report.
 pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), TrainerError> {
-    let page = &mut report.page;
-    page.push_text(&format!(
-        "Model {}, mode {}, on {} windows of {}. {} of {} electrodes were recorded. MSE is in units of the network's \
-         input ({:.2} uV) squared; PRD = 100 sqrt(sum of squared difference / sum of squared original).",
+    let windows = match &comparison.codes {
+        Some(codes) => format!("{} windows of ", codes.network.windows),
+        None => String::new(),
+    };
+    report.page.push_text(&format!(
+        "Model {}, mode {}, on {windows}{}. {} of {} electrodes were recorded. MSE is in units of the training data's \
+         standard deviation ({:.2} uV) squared; PRD = 100 sqrt(sum of squared difference / sum of squared original).",
         comparison.model,
         comparison.mode,
-        comparison.network.windows,
         comparison.recordings.join(", "),
         comparison.real_electrodes,
-        comparison.network.electrodes,
+        comparison.electrodes,
         comparison.sd_uv
     ));
-    page.push_table(&figures(comparison));
-    let map = scalp_map(comparison);
+    if let Some(codes) = &comparison.codes {
+        add_errors(report, comparison, codes)?;
+    }
+    if !comparison.packed.is_empty() {
+        super::packed::add(report, comparison)?;
+    }
+    match &comparison.codes {
+        Some(codes) => add_rate(report, comparison, codes),
+        None => Ok(()),
+    }
+}
+
+/// Adds the errors of network and PCA, and the map of the network's.
+fn add_errors(
+    report: &mut Report,
+    comparison: &Comparison,
+    codes: &CodeComparison,
+) -> Result<(), TrainerError> {
+    report.page.push_table(&figures(comparison.mode, codes));
+    let map = scalp_map(codes, comparison.sd_uv);
     report.add_picture(
         "electrodes",
         |path| map.draw(path),
         &format!(
             "Mean squared error of each electrode with {} codes. The mean over all electrodes is the error of the \
              model.",
-            comparison.network.format
+            codes.network.format
         ),
-        &electrodes_csv(comparison),
-    )?;
-    if !comparison.packed.is_empty() {
-        super::packed::add(report, comparison)?;
-    }
-    if comparison.pca_by_numbers.is_empty() {
+        &electrodes_csv(codes, comparison.sd_uv),
+    )
+}
+
+/// Adds the error of PCA by number of numbers.
+fn add_rate(
+    report: &mut Report,
+    comparison: &Comparison,
+    codes: &CodeComparison,
+) -> Result<(), TrainerError> {
+    if codes.pca_by_numbers.is_empty() {
         report.page.push_text(
             "The artifact has no pca.safetensors, so there is no picture of rate and error.",
         );
         return Ok(());
     }
-    let rate = rate(comparison);
+    let rate = rate(comparison, codes);
     report.add_picture(
         "rate",
         |path| rate.draw(path),
@@ -57,13 +83,13 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
             "Error by bits per window: PCA with the first number of its code, the first two, up to all {}. Float \
              codes are drawn at the bits of {} codes with as many numbers: the distance between the two is the \
              error of rounding.",
-            comparison.numbers, comparison.network.format
+            codes.numbers, codes.network.format
         ),
-        &rate_csv(comparison),
+        &rate_csv(codes),
     )
 }
 
-fn figures(comparison: &Comparison) -> Vec<Vec<String>> {
+fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
     let head = [
         "model",
         "codes",
@@ -71,39 +97,51 @@ fn figures(comparison: &Comparison) -> Vec<Vec<String>> {
         "MSE",
         "MSE, uV²",
         "PRD",
+        "correlation of power, 8-13 Hz",
+        "13-30 Hz",
     ];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
-    let pca = format!("PCA-{}", comparison.numbers);
     let mut models = Vec::new();
-    if comparison.mode != Mode::Pca {
-        models.push((comparison.mode.to_string(), comparison.network));
+    if mode != Mode::Pca {
+        models.push((mode.to_string(), codes.network, codes.network_bands));
     }
-    models.extend(comparison.pca.map(|evaluation| (pca, evaluation)));
-    for (name, evaluation) in models {
-        for (codes, bits, error) in [
-            ("float".to_owned(), String::new(), evaluation.float),
+    if let (Some(pca), Some(bands)) = (codes.pca, codes.pca_bands) {
+        models.push((format!("PCA-{}", codes.numbers), pca, bands));
+    }
+    for (name, evaluation, bands) in models {
+        let bands = bands.map(|band| format!("{band:.3}"));
+        for (format, bits, error, bands) in [
+            (
+                "float".to_owned(),
+                String::new(),
+                evaluation.float,
+                Default::default(),
+            ),
             (
                 evaluation.format.to_string(),
-                comparison.bits_per_window().to_string(),
+                codes.bits_per_window().to_string(),
                 evaluation.integer,
+                bands,
             ),
         ] {
-            rows.push(vec![
+            let mut row = vec![
                 name.clone(),
-                codes,
+                format,
                 bits,
                 format!("{:.5}", error.mse),
                 format!("{:.2}", error.mse_uv2),
                 format!("{:.2} %", error.prd_percent),
-            ]);
+            ];
+            row.extend(bands);
+            rows.push(row);
         }
     }
     rows
 }
 
-fn scalp_map(comparison: &Comparison) -> ScalpMap {
-    let errors = &comparison.electrode_errors;
-    let unit = comparison.sd_uv.powi(2);
+fn scalp_map(codes: &CodeComparison, sd_uv: f64) -> ScalpMap {
+    let errors = &codes.electrode_errors;
+    let unit = sd_uv.powi(2);
     let places = places(errors);
     ScalpMap {
         places: errors
@@ -119,9 +157,9 @@ fn scalp_map(comparison: &Comparison) -> ScalpMap {
         title: "Error of each electrode".to_owned(),
         subtitle: format!(
             "mean squared error with {} codes; mean over {} electrodes: {:.2} µV²",
-            comparison.network.format,
+            codes.network.format,
             errors.len(),
-            comparison.network.integer.mse_uv2
+            codes.network.integer.mse_uv2
         ),
         unit: "µV²".to_owned(),
     }
@@ -159,11 +197,11 @@ fn places(errors: &[ElectrodeError]) -> Vec<[f64; 2]> {
     })
 }
 
-fn electrodes_csv(comparison: &Comparison) -> String {
+fn electrodes_csv(codes: &CodeComparison, sd_uv: f64) -> String {
     let mut text =
         "electrode,row,column,origin,mse_float,mse_int8,mse_uv2_float,mse_uv2_int8\n".to_owned();
-    let unit = comparison.sd_uv.powi(2);
-    for error in &comparison.electrode_errors {
+    let unit = sd_uv.powi(2);
+    for error in &codes.electrode_errors {
         let ElectrodeError {
             label,
             cell: [row, column],
@@ -188,12 +226,12 @@ fn electrodes_csv(comparison: &Comparison) -> String {
     text
 }
 
-fn rate(comparison: &Comparison) -> Lines {
-    let format = comparison.network.format;
+fn rate(comparison: &Comparison, codes: &CodeComparison) -> Lines {
+    let format = codes.network.format;
     let bits =
-        |numbers: usize| f64::from(u32::try_from(comparison.bits_of(numbers)).unwrap_or(u32::MAX));
+        |numbers: usize| f64::from(u32::try_from(codes.bits_of(numbers)).unwrap_or(u32::MAX));
     let curve = |label, color, mark, error: fn(&TruncationError) -> f64| {
-        let points = comparison.pca_by_numbers.iter();
+        let points = codes.pca_by_numbers.iter();
         Series {
             label,
             color,
@@ -216,7 +254,7 @@ fn rate(comparison: &Comparison) -> Lines {
             |error| error.mse_float,
         ),
     ];
-    let model = &comparison.network;
+    let model = &codes.network;
     for (label, mark, mse) in [
         (
             format!("model, {format} codes"),
@@ -233,7 +271,7 @@ fn rate(comparison: &Comparison) -> Lines {
             label,
             color: SOURCE,
             mark,
-            points: vec![(bits(comparison.numbers), mse)],
+            points: vec![(bits(codes.numbers), mse)],
             sd: Vec::new(),
         });
     }
@@ -243,8 +281,8 @@ fn rate(comparison: &Comparison) -> Lines {
             "model {}, mode {}: {} numbers, {} bits per window",
             comparison.model,
             comparison.mode,
-            comparison.numbers,
-            comparison.bits_per_window()
+            codes.numbers,
+            codes.bits_per_window()
         ),
         x: Axis::new(format!("bits per window of {format} codes"), Scale::Linear),
         y: Axis::new(MSE, Scale::Logarithmic),
@@ -253,25 +291,25 @@ fn rate(comparison: &Comparison) -> Lines {
 }
 
 /// Returns one line for each number of numbers of PCA, and one for the model.
-fn rate_csv(comparison: &Comparison) -> String {
+fn rate_csv(codes: &CodeComparison) -> String {
     let mut text = "model,numbers,bits_per_window,mse_float,mse_int8\n".to_owned();
-    for error in &comparison.pca_by_numbers {
+    for error in &codes.pca_by_numbers {
         let TruncationError {
             numbers,
             mse_float,
             mse_int8,
         } = error;
-        let bits = comparison.bits_of(*numbers);
+        let bits = codes.bits_of(*numbers);
         // Writing to a string never fails.
         let _ = writeln!(text, "PCA,{numbers},{bits},{mse_float},{mse_int8}");
     }
     let _ = writeln!(
         text,
         "model,{},{},{},{}",
-        comparison.numbers,
-        comparison.bits_per_window(),
-        comparison.network.float.mse,
-        comparison.network.integer.mse
+        codes.numbers,
+        codes.bits_per_window(),
+        codes.network.float.mse,
+        codes.network.integer.mse
     );
     text
 }

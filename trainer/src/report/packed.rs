@@ -1,9 +1,11 @@
 //! Rate and error of the packed model, beside the codes of the network and of PCA.
 
 use super::writer::{MSE, Report};
+use crate::code_comparison::CodeComparison;
 use crate::comparison::Comparison;
 use crate::error::TrainerError;
 use crate::packed::RateFigures;
+use crate::truncation::TruncationError;
 use picture::axis::{Axis, Scale};
 use picture::canvas::{INK, RESULT, SOURCE};
 use picture::lines::{Lines, Mark, Series};
@@ -53,9 +55,6 @@ fn table(packed: &[RateFigures]) -> Vec<Vec<String>> {
 }
 
 fn lines(comparison: &Comparison) -> Lines {
-    let bits =
-        |numbers: usize| f64::from(u32::try_from(comparison.bits_of(numbers)).unwrap_or(u32::MAX));
-    let format = comparison.network.format;
     let packed = |label: &str, mark, error: fn(&RateFigures) -> f64| Series {
         label: label.to_owned(),
         color: SOURCE,
@@ -67,27 +66,8 @@ fn lines(comparison: &Comparison) -> Lines {
             .collect(),
         sd: Vec::new(),
     };
-    let pca = |label: String, mark, error: fn(&crate::truncation::TruncationError) -> f64| Series {
-        label,
-        color: RESULT,
-        mark,
-        points: comparison
-            .pca_by_numbers
-            .iter()
-            .map(|at| (bits(at.numbers), error(at)))
-            .collect(),
-        sd: Vec::new(),
-    };
-    let network = &comparison.network;
-    let mut series = Vec::new();
-    if !comparison.pca_by_numbers.is_empty() {
-        series.push(pca(format!("PCA, {format} codes"), Mark::Line, |at| {
-            at.mse_int8
-        }));
-        series.push(pca("PCA, float codes".to_owned(), Mark::ThinLine, |at| {
-            at.mse_float
-        }));
-    }
+    let codes = comparison.codes.as_ref();
+    let mut series = codes.map_or_else(Vec::new, pca);
     if !comparison.without_prediction.is_empty() {
         series.push(Series {
             label: "KLT, entropy-coded".to_owned(),
@@ -107,13 +87,13 @@ fn lines(comparison: &Comparison) -> Lines {
         Mark::ThinLine,
         |figures| figures.mse_smoothed,
     ));
-    series.push(Series {
-        label: format!("network, {format} codes"),
+    series.extend(codes.map(|codes| Series {
+        label: format!("network, {} codes", codes.network.format),
         color: INK,
         mark: Mark::Dots,
-        points: vec![(bits(comparison.numbers), network.integer.mse)],
+        points: vec![(bits(codes, codes.numbers), codes.network.integer.mse)],
         sd: Vec::new(),
-    });
+    }));
     Lines {
         title: "Packed code: rate and error".to_owned(),
         subtitle: format!(
@@ -127,8 +107,38 @@ fn lines(comparison: &Comparison) -> Lines {
     }
 }
 
+/// Returns the curves of PCA with fewer numbers; none without PCA.
+fn pca(codes: &CodeComparison) -> Vec<Series> {
+    if codes.pca_by_numbers.is_empty() {
+        return Vec::new();
+    }
+    let curve = |label: String, mark, error: fn(&TruncationError) -> f64| Series {
+        label,
+        color: RESULT,
+        mark,
+        points: codes
+            .pca_by_numbers
+            .iter()
+            .map(|at| (bits(codes, at.numbers), error(at)))
+            .collect(),
+        sd: Vec::new(),
+    };
+    let format = codes.network.format;
+    vec![
+        curve(format!("PCA, {format} codes"), Mark::Line, |at| at.mse_int8),
+        curve("PCA, float codes".to_owned(), Mark::ThinLine, |at| {
+            at.mse_float
+        }),
+    ]
+}
+
+/// Returns the bits of a code with this number of numbers.
+fn bits(codes: &CodeComparison, numbers: usize) -> f64 {
+    f64::from(u32::try_from(codes.bits_of(numbers)).unwrap_or(u32::MAX))
+}
+
 /// Returns one line for each rate, one for each number of numbers of PCA, and one for the network. A code has no
-/// second error.
+/// second error; the band powers of PCA are those of all its numbers.
 fn csv(comparison: &Comparison) -> String {
     let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later,\
                     band_correlation_8_13,band_correlation_13_30\n"
@@ -152,11 +162,23 @@ fn csv(comparison: &Comparison) -> String {
         let (rate, bits, mse) = (figures.rate, figures.bits, figures.mse);
         let _ = writeln!(text, "KLT,{rate},,{bits},{mse},,,");
     }
-    for at in &comparison.pca_by_numbers {
-        let bits = comparison.bits_of(at.numbers);
-        let _ = writeln!(text, "PCA,,{},{bits},{},,,", at.numbers, at.mse_int8);
+    let Some(codes) = &comparison.codes else {
+        return text;
+    };
+    for at in &codes.pca_by_numbers {
+        let bits = codes.bits_of(at.numbers);
+        let bands = match codes.pca_bands {
+            Some([alpha, beta]) if at.numbers == codes.numbers => format!("{alpha},{beta}"),
+            _ => ",".to_owned(),
+        };
+        let _ = writeln!(text, "PCA,,{},{bits},{},,{bands}", at.numbers, at.mse_int8);
     }
-    let (bits, mse) = (comparison.bits_per_window(), comparison.network.integer.mse);
-    let _ = writeln!(text, "network,,{},{bits},{mse},,,", comparison.numbers);
+    let (bits, mse) = (codes.bits_per_window(), codes.network.integer.mse);
+    let [alpha, beta] = codes.network_bands;
+    let _ = writeln!(
+        text,
+        "network,,{},{bits},{mse},,{alpha},{beta}",
+        codes.numbers
+    );
     text
 }

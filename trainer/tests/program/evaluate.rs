@@ -41,6 +41,12 @@ fn any_recording_is_evaluated_beside_pca_without_the_training_files() {
             "{json}"
         );
     }
+    // Three sources in eight electrodes: codes of 16 numbers keep most of the power. Measured: 0.9 and more.
+    for name in ["band_correlation_8_13", "band_correlation_13_30"] {
+        for name in [name.to_owned(), format!("{name}_pca")] {
+            assert!((0.7..1.0).contains(&figure(&name)), "{name}: {json}");
+        }
+    }
 }
 
 #[test]

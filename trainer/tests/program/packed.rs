@@ -1,5 +1,6 @@
 //! `trainer packed`.
 
+use artifact::{Artifact, Mode};
 use serde_json::Value as Json;
 use std::fs;
 use std::path::Path;
@@ -96,6 +97,81 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
         16
     );
     assert!(folder.path().join("report/packed.svg").exists());
+}
+
+/// Returns `trainer packed` for a new model without a network, in the folder `alone`.
+fn packed_alone(folder: &Path) -> Command {
+    let montage = concat!(env!("CARGO_MANIFEST_DIR"), "/../montages/cyton-8.toml");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_trainer"));
+    command
+        .args(["packed", "--montage", montage, "--out=alone", "--mains=50"])
+        .arg("--train=run1")
+        .current_dir(folder);
+    command
+}
+
+#[test]
+fn a_packed_model_alone_needs_no_network() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write_runs(folder.path(), 2, 60);
+    succeed(packed_alone(folder.path()).args(["--test=run2", "--dataset=synthetic"]));
+    let artifact = Artifact::read(&folder.path().join("alone")).expect("a model");
+    assert_eq!(artifact.description.mode, Mode::Packed);
+    let card = &artifact.description.training;
+    assert_eq!((card.dataset.as_str(), card.mains_hz), ("synthetic", 50));
+    assert_eq!((card.real_electrodes, card.interpolated_electrodes), (8, 0));
+    let trained = &artifact
+        .packed
+        .expect("a packed model")
+        .description
+        .training;
+    assert_eq!(trained.test_files, ["run2.gdf"]);
+
+    let evaluate = |arguments: &[&str]| {
+        let mut evaluate = Command::new(env!("CARGO_BIN_EXE_trainer"));
+        evaluate.args(["evaluate", "--artifact=alone"]);
+        succeed(evaluate.args(arguments).current_dir(&folder))
+    };
+    let json: Json = serde_json::from_str(&evaluate(&["--json", "--report=report"])).expect("JSON");
+    assert_eq!(json["mode"], "packed");
+    assert_eq!(json.get("mse_float"), None);
+    let rates = json["packed"].as_array().expect("the rates");
+    for (figures, rate) in trained.figures.iter().zip(rates) {
+        let mse = rate["mse"].as_f64().expect("a number");
+        assert!((mse - figures.mse).abs() < 1e-6, "{figures:?} {rate}");
+    }
+    let values = Values::read(&folder.path().join("report/packed.csv"));
+    assert_eq!(values.column("model").len(), 32);
+    let table = evaluate(&[]);
+    assert!(
+        table.contains("no network; 8 of 8 electrodes") && !table.contains("PCA"),
+        "{table}"
+    );
+
+    let log = fail(&mut packed_alone(folder.path()), 2);
+    assert!(log.contains("--force"), "{log}");
+    // Half the steps of a block have half the values.
+    let shorter = ["--force", "--hop=4"];
+    succeed(packed_alone(folder.path()).args(shorter));
+    let toml = fs::read_to_string(folder.path().join("alone/packed.toml")).expect("packed.toml");
+    assert!(toml.contains("coefficients = 32"), "{toml}");
+}
+
+#[test]
+fn a_new_model_and_an_artifact_exclude_each_other() {
+    let folder = tempfile::tempdir().expect("a folder");
+    prepare(folder.path());
+    for (arguments, words) in [
+        (vec!["--artifact=model"], "cannot be used with"),
+        (vec!["--hop=7"], "window.hop is 7"),
+    ] {
+        let log = fail(packed_alone(folder.path()).args(arguments), 2);
+        assert!(log.contains(words), "{log}");
+    }
+    for argument in ["--out=new", "--hop=4", "--citation=none"] {
+        let log = fail(packed(folder.path()).arg(argument), 2);
+        assert!(log.contains("cannot be used with"), "{log}");
+    }
 }
 
 #[test]

@@ -1,14 +1,17 @@
 //! How well the power of the alpha and the beta band survives.
 
-use nalgebra::DMatrix;
+use crate::in_parallel;
 use std::f64::consts::TAU;
 
 /// Bands, Hz: alpha and beta. The upper end is not part of the band.
 const BANDS_HZ: [[usize; 2]; 2] = [[8, 13], [13, 30]];
 
+/// Logarithm of each band's power in each second, `[band][electrode][second]`.
+pub(crate) type LogPowers = [Vec<Vec<f64>>; 2];
+
 /// Correlates the band powers of two signals, over windows of one second.
 #[derive(Clone, Debug)]
-pub(super) struct BandPower {
+pub(crate) struct BandPower {
     /// Number of electrodes.
     electrodes: usize,
     /// Number of steps in a second.
@@ -18,7 +21,7 @@ pub(super) struct BandPower {
 }
 
 impl BandPower {
-    pub(super) fn new(electrodes: usize, rate_hz: u32) -> Self {
+    pub(crate) fn new(electrodes: usize, rate_hz: u32) -> Self {
         let second = rate_hz as usize;
         #[expect(clippy::cast_precision_loss, reason = "below 2^53")]
         let part = |product: usize| TAU * (product % second) as f64 / second as f64;
@@ -41,12 +44,19 @@ impl BandPower {
         }
     }
 
-    /// Returns the logarithm of each band's power in each second, `[band][electrode][second]`. The columns are
-    /// blocks, in the order step, electrode.
-    pub(super) fn log_powers(&self, blocks: &DMatrix<f32>) -> [Vec<Vec<f64>>; 2] {
+    /// Returns the correlation of each band's power in coded sequences with that in the original ones: Pearson's, of
+    /// the logarithm in each second, mean over the electrodes. The values are in the order step, electrode.
+    pub(crate) fn correlation(&self, original: &[Vec<f32>], coded: &[Vec<f32>]) -> [f64; 2] {
+        let powers =
+            |sequences| in_parallel::map(sequences, |values: &Vec<f32>| self.log_powers(values));
+        correlation(&powers(original), &powers(coded))
+    }
+
+    /// Returns the logarithm of each band's power in each second. The values are in the order step, electrode.
+    pub(crate) fn log_powers(&self, values: &[f32]) -> LogPowers {
         let mut powers = [(); 2].map(|()| vec![Vec::new(); self.electrodes]);
         let window = self.second * self.electrodes;
-        for values in blocks.as_slice().chunks_exact(window) {
+        for values in values.chunks_exact(window) {
             for electrode in 0..self.electrodes {
                 let signal = values.iter().skip(electrode).step_by(self.electrodes);
                 let mut sums = [1e-12; 2];
@@ -67,8 +77,28 @@ impl BandPower {
     }
 }
 
+/// Returns the correlation of each band's power in two lists of sequences, mean over the electrodes.
+pub(crate) fn correlation(one: &[LogPowers], other: &[LogPowers]) -> [f64; 2] {
+    [0, 1].map(|band| {
+        let series = |powers: &[LogPowers]| joined(powers.iter().map(|powers| &powers[band]));
+        mean_correlation(&series(one), &series(other))
+    })
+}
+
+/// Joins the series of all sequences, electrode by electrode.
+fn joined<'p>(sequences: impl Iterator<Item = &'p Vec<Vec<f64>>>) -> Vec<Vec<f64>> {
+    let mut joined: Vec<Vec<f64>> = Vec::new();
+    for sequence in sequences {
+        joined.resize(sequence.len(), Vec::new());
+        for (joined, series) in joined.iter_mut().zip(sequence) {
+            joined.extend(series);
+        }
+    }
+    joined
+}
+
 /// Returns the mean over the electrodes of Pearson's correlation of two series, `[electrode][second]`.
-pub(super) fn correlation(one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
+fn mean_correlation(one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
     let correlations = one
         .iter()
         .zip(other)
@@ -97,9 +127,9 @@ fn pearson(one: &[f64], other: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Returns blocks of two electrodes at 128 Hz: a tone of 10 Hz and one of 20 Hz, with these amplitudes in each
+    /// Returns two electrodes at 128 Hz: a tone of 10 Hz and one of 20 Hz, with these amplitudes in each
     /// second.
-    fn tones(amplitudes: &[[f64; 2]]) -> DMatrix<f32> {
+    fn tones(amplitudes: &[[f64; 2]]) -> Vec<f32> {
         let step = |index: usize| {
             let amplitudes = amplitudes[index / 128];
             [10.0, 20.0].map(|hz| {
@@ -115,8 +145,7 @@ mod tests {
                 value
             })
         };
-        let values: Vec<f32> = (0..128 * amplitudes.len()).flat_map(step).collect();
-        DMatrix::from_vec(16, values.len() / 16, values)
+        (0..128 * amplitudes.len()).flat_map(step).collect()
     }
 
     #[test]
@@ -138,10 +167,10 @@ mod tests {
         let band = BandPower::new(2, 128);
         let original = band.log_powers(&tones(&[[1.0, 1.0], [2.0, 1.5], [4.0, 1.0], [1.0, 3.0]]));
         let halved = band.log_powers(&tones(&[[0.5, 1.0], [1.0, 1.5], [2.0, 1.0], [0.5, 3.0]]));
-        let alpha = correlation(&original[0][..1], &halved[0][..1]);
+        let alpha = mean_correlation(&original[0][..1], &halved[0][..1]);
         assert!((alpha - 1.0).abs() < 1e-9, "{alpha}");
         let turned = band.log_powers(&tones(&[[4.0, 1.0], [2.0, 1.0], [1.0, 1.0], [4.0, 1.0]]));
-        let alpha = correlation(&original[0][..1], &turned[0][..1]);
+        let alpha = mean_correlation(&original[0][..1], &turned[0][..1]);
         assert!((alpha + 1.0).abs() < 1e-9, "{alpha}");
     }
 }

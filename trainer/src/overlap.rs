@@ -1,0 +1,122 @@
+//! Continuous signals from overlapping windows: the mean of all windows at each step.
+
+use crate::dataset::Dataset;
+
+/// Sums of decoded windows at the steps of a dataset.
+pub(crate) struct OverlapMean<'d> {
+    dataset: &'d Dataset,
+    hop: usize,
+    /// For each segment, the values that its windows cover, in the order step, electrode.
+    sums: Vec<Vec<f32>>,
+    /// Segment of the next window, and the number of its windows before.
+    segment: usize,
+    window: usize,
+}
+
+impl<'d> OverlapMean<'d> {
+    /// Creates sums over no windows.
+    pub(crate) fn new(dataset: &'d Dataset, hop: usize) -> Self {
+        let dimensions = dataset.dimensions();
+        let covered = |segment: &[f32]| {
+            let windows = windows(segment, dataset, hop);
+            (dimensions.steps + (windows - 1) * hop) * dimensions.electrodes
+        };
+        Self {
+            dataset,
+            hop,
+            sums: dataset.segments().map(|s| vec![0.0; covered(s)]).collect(),
+            segment: 0,
+            window: 0,
+        }
+    }
+
+    /// Adds decoded windows, which follow each other and those that were added before, in the order of
+    /// [`Dataset::aligned`].
+    pub(crate) fn add(&mut self, decoded: &[f32]) {
+        let dimensions = self.dataset.dimensions();
+        for window in decoded.chunks_exact(dimensions.window_electrodes()) {
+            let sums = &mut self.sums[self.segment];
+            let first = self.window * self.hop * dimensions.electrodes;
+            for (sum, value) in sums[first..].iter_mut().zip(window) {
+                *sum += value;
+            }
+            self.window += 1;
+            let is_last = first + window.len() == sums.len();
+            if is_last {
+                (self.segment, self.window) = (self.segment + 1, 0);
+            }
+        }
+    }
+
+    /// Returns the mean of the windows at each step, segment by segment.
+    pub(crate) fn mean(&self) -> Vec<Vec<f32>> {
+        let dimensions = self.dataset.dimensions();
+        let per_hop = self.hop * dimensions.electrodes;
+        let open = dimensions.steps / self.hop;
+        let mean = |sums: &Vec<f32>| {
+            let hops = sums.len() / per_hop;
+            let hop = |(index, sums): (usize, &[f32])| -> Vec<f32> {
+                // A hop near either end of a segment, or of a short one, is in fewer windows.
+                let windows = hops + 1 - open;
+                let covering = open.min(windows).min(index + 1).min(hops - index);
+                #[expect(clippy::cast_precision_loss, reason = "at most eight windows")]
+                let factor = 1.0 / covering as f32;
+                sums.iter().map(|sum| sum * factor).collect()
+            };
+            sums.chunks_exact(per_hop)
+                .enumerate()
+                .flat_map(hop)
+                .collect()
+        };
+        self.sums.iter().map(mean).collect()
+    }
+
+    /// Returns the dataset's values at the same steps.
+    pub(crate) fn original(&self) -> Vec<Vec<f32>> {
+        let segments = self.dataset.segments().zip(&self.sums);
+        segments
+            .map(|(segment, sums)| segment[..sums.len()].to_vec())
+            .collect()
+    }
+}
+
+/// Returns the number of windows of a segment at every `hop`.
+fn windows(segment: &[f32], dataset: &Dataset, hop: usize) -> usize {
+    let dimensions = dataset.dimensions();
+    (segment.len() / dimensions.electrodes - dimensions.steps) / hop + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use artifact::Dimensions;
+
+    #[test]
+    fn the_mean_of_exact_windows_is_the_signal() {
+        let dimensions = Dimensions {
+            steps: 16,
+            rows: 1,
+            columns: 4,
+            electrodes: 4,
+            numbers: 8,
+        };
+        // Two segments, whose last steps no window covers.
+        let segment =
+            |steps: u16, first: u16| (0..4 * steps).map(|v| f32::from(v + first)).collect();
+        let dataset = Dataset::from_segments(vec![segment(45, 3), segment(16, 900)], dimensions);
+        let mut mean = OverlapMean::new(&dataset, 4);
+        let windows = dataset.aligned(4);
+        assert_eq!(windows.len(), 8 + 1);
+        // In two parts, neither of which ends with a segment.
+        for part in [&windows[..3], &windows[3..]] {
+            mean.add(&part.concat());
+        }
+        let lengths: Vec<usize> = mean.mean().iter().map(Vec::len).collect();
+        assert_eq!(lengths, [4 * 44, 4 * 16]);
+        for (mean, original) in mean.mean().iter().zip(mean.original()) {
+            for (mean, original) in mean.iter().zip(original) {
+                assert!((mean - original).abs() < 1e-3, "{mean} {original}");
+            }
+        }
+    }
+}
