@@ -32,8 +32,9 @@ fn main() -> ExitCode {
         println!("cargo::error={}: {error}", empty.display());
         return ExitCode::FAILURE;
     }
-    // Of an artifact without a packed model, the program embeds two empty files.
+    // The program embeds an empty file in place of one that the artifact lacks.
     for (variable, name) in [
+        ("EMBEDDED_WEIGHTS", "weights.safetensors"),
         ("EMBEDDED_PACKED_TOML", "packed.toml"),
         ("EMBEDDED_PACKED_TENSORS", "packed.safetensors"),
     ] {

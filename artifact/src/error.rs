@@ -133,11 +133,6 @@ pub enum ArtifactError {
         "a model of mode `paper` cannot be decoded from its code: its pool indices are not sent; use `paper-code-only` or `shortcut`"
     )]
     NotDecodable,
-    /// The model has mode `packed`, and codes of a network are wanted.
-    #[error(
-        "the model has mode `packed`: it has no network, and so no codes, only blocks of the packed code"
-    )]
-    NoNetwork,
     /// The model has mode `packed`, but no packed model.
     #[error(
         "the model has mode `packed`, but no packed.toml and packed.safetensors; `trainer train --mode packed` writes them"

@@ -11,7 +11,7 @@ use crate::unpooled_convolution::UnpooledConvolution;
 
 /// The decoder in f32: a fully connected layer, nearest-neighbour unpooling, a transposed convolution
 /// with ReLU and batch norm, and a second transposed convolution. The linear shortcut is added to their
-/// output. The only input is the code.
+/// output. The only input is the code. In mode `packed`, which has no codes, every window is 0.
 #[derive(Clone, Debug)]
 pub struct FloatDecoder {
     geometry: Geometry,
@@ -35,15 +35,12 @@ impl FloatDecoder {
     /// Builds the decoder of an artifact.
     ///
     /// # Errors
-    /// If the mode is `paper`, whose codes alone cannot be decoded, or `packed`, which has no network; or if the
-    /// artifact's tensors do not fit its mode, which is impossible after [`Artifact::read`].
+    /// If the mode is `paper`, whose codes alone cannot be decoded; or if the artifact's tensors do not
+    /// fit its mode, which is impossible after [`Artifact::read`].
     pub fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
         let (mode, weights) = (artifact.description.mode, &artifact.weights);
         if mode == Mode::Paper {
             return Err(ArtifactError::NotDecodable);
-        }
-        if !mode.has_network() {
-            return Err(ArtifactError::NoNetwork);
         }
         let geometry = Geometry::new(&artifact.description);
         let numbers = geometry.dimensions.numbers;

@@ -8,8 +8,8 @@ use crate::geometry::Geometry;
 use crate::scalp_grid::ScalpGrid;
 
 /// The encoder in f32: two convolutions, each with ReLU and batch norm, a max-pool and a fully connected
-/// layer. The linear shortcut is added to their output. Reference for the integer encoder's quantisation
-/// error.
+/// layer. The linear shortcut is added to their output. In mode `packed`, which has neither, codes have no numbers.
+/// Reference for the integer encoder's quantisation error.
 #[derive(Clone, Debug)]
 pub struct FloatEncoder {
     geometry: Geometry,
@@ -45,13 +45,9 @@ impl FloatEncoder {
     /// Builds the encoder of an artifact.
     ///
     /// # Errors
-    /// If the mode is `packed`, which has no network; or if the artifact's tensors do not fit its mode, which is
-    /// impossible after [`Artifact::read`].
+    /// If the artifact's tensors do not fit its mode; impossible after [`Artifact::read`].
     pub fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
         let (mode, weights) = (artifact.description.mode, &artifact.weights);
-        if !mode.has_network() {
-            return Err(ArtifactError::NoNetwork);
-        }
         let geometry = Geometry::new(&artifact.description);
         let numbers = geometry.dimensions.numbers;
         let window = geometry.dimensions.window_electrodes();

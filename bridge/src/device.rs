@@ -68,7 +68,7 @@ pub enum DeviceError {
          bridge to the same release"
     )]
     Format(CodeFormat),
-    /// `Capabilities` has no scales, or another number of zero points.
+    /// `Capabilities` has another number of zero points than of scales.
     #[error(
         "the device reports {scales} scales and {zero_points} zero points for the values of a code"
     )]
@@ -130,7 +130,7 @@ impl Device {
         }
         let scale = capabilities.code_scale.to_vec();
         let zero_point = capabilities.code_zero_point.to_vec();
-        if scale.is_empty() || scale.len() != zero_point.len() {
+        if scale.len() != zero_point.len() {
             return Err(DeviceError::Scales {
                 scales: scale.len(),
                 zero_points: zero_point.len(),
@@ -268,9 +268,14 @@ impl Device {
         i64::from(steps) * 1_000_000 / i64::from(self.step_rate_hz)
     }
 
-    /// Returns the number of values in a code.
+    /// Returns the number of values in a code; 0 if the device's model has no network.
     pub const fn numbers(&self) -> usize {
         self.scale.len()
+    }
+
+    /// Returns whether the device's model has a network, and so codes.
+    pub const fn has_network(&self) -> bool {
+        self.numbers() > 0
     }
 
     /// Converts a float code to levels of this device: `level = z / scale + zero_point`, limited to
@@ -306,8 +311,11 @@ pub(crate) fn channel_label(labels: &[String], channel: usize) -> String {
 }
 
 /// Returns the smallest and the largest value `z` to which levels from `least` to `greatest`
-/// dequantise, over all places of a code.
+/// dequantise, over all places of a code; zeros for a code without values.
 fn code_range([least, greatest]: [i32; 2], scale: &[f32], zero_point: &[i8]) -> [f32; 2] {
+    if scale.is_empty() {
+        return [0.0; 2];
+    }
     let ends = |level| {
         let numbers = scale.iter().zip(zero_point);
         numbers.map(move |(scale, zero_point)| dequantise(level, *scale, *zero_point))

@@ -16,6 +16,12 @@ use crate::recording::error::RecordingError;
 /// master, without an error.
 #[derive(Debug, Error)]
 pub enum BridgeError {
+    /// Codes are to be computed, and the model of this program has none.
+    #[error(
+        "this program was built with a model without a network, which has no codes; build it with another model \
+         (CORTICODE_ARTIFACT)"
+    )]
+    NoNetwork,
     /// `--port` names something that is not a port.
     #[error("{port} cannot be a port; name a serial port, such as /dev/ttyACM0, or tcp:HOST:PORT")]
     Port {
@@ -193,6 +199,7 @@ impl BridgeError {
             | BridgeError::Speed { .. }
             | BridgeError::SeveralBoards { .. }
             | BridgeError::Model(_)
+            | BridgeError::NoNetwork
             | BridgeError::Log { .. }
             | BridgeError::NewFile(_)
             | BridgeError::Recording { .. }

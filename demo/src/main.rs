@@ -44,6 +44,14 @@ fn main() -> ExitCode {
 
 /// Runs the whole signal path, draws the pictures and prints the summary.
 fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
+    if !model::HAS_NETWORK {
+        let why = "the built-in model has the packed code alone, and the demo shows codes";
+        return Err(Failure::missing(
+            "a network",
+            why,
+            "unset CORTICODE_ARTIFACT",
+        ));
+    }
     let programs = programs_folder()?;
     let pictures = programs.with_file_name("demo");
     let runtime = tokio::runtime::Builder::new_multi_thread()

@@ -23,7 +23,7 @@ pub(crate) struct EncodeOptions {
     #[arg(long, value_enum, default_value = "interpolate")]
     pub(crate) missing: MissingElectrodes,
     /// What to write: codes of the network, or packed blocks, which take a fifth of the bits.
-    #[arg(long, value_enum, default_value = "codes")]
+    #[arg(long, value_enum, default_value = CodeStream::DEFAULT)]
     pub(crate) stream: CodeStream,
     /// Rate of the packed blocks, 0 to 15: one more is 3 dB coarser; the model's by default.
     #[arg(long, value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
@@ -39,6 +39,15 @@ pub(crate) enum CodeStream {
     Codes,
     /// Packed blocks.
     Packed,
+}
+
+impl CodeStream {
+    /// Name of what is written unless --stream states it: codes, if the built-in model has a network.
+    const DEFAULT: &str = if model::HAS_NETWORK {
+        "codes"
+    } else {
+        "packed"
+    };
 }
 
 impl From<CodeStream> for CodeKind {

@@ -36,6 +36,9 @@ pub fn run() -> ExitCode {
 }
 
 fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeError> {
+    if !model::HAS_NETWORK {
+        return Err(BridgeError::NoNetwork);
+    }
     // One thread reads the frames and writes the sockets: passing a code to another thread would delay
     // it by the time in which that thread wakes up.
     let runtime = tokio::runtime::Builder::new_current_thread()

@@ -77,9 +77,15 @@ impl Encoding {
         progress: &Progress,
     ) -> Result<Encoded, OfflineError> {
         progress.check()?;
-        if matches!(self.stream, EncodedStream::Packed(_)) && model::PACKED.is_none() {
-            let model = ModelId(model::MODEL_ID);
-            return Err(OfflineError::NoPackedCode { model });
+        let model = ModelId(model::MODEL_ID);
+        match self.stream {
+            EncodedStream::Packed(_) if model::PACKED.is_none() => {
+                return Err(OfflineError::NoPackedCode { model });
+            }
+            EncodedStream::Codes if !model::HAS_NETWORK => {
+                return Err(OfflineError::NoNetwork { model });
+            }
+            _ => {}
         }
         let mut played = Played::open(input, self.missing)?;
         let mut file = NewFile::create(output, self.existing, &[PathBuf::from(input)])?;

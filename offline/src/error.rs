@@ -46,6 +46,14 @@ pub enum OfflineError {
         /// Model with which this program was built.
         model: ModelId,
     },
+    /// Codes are wanted, and the model has no network.
+    #[error(
+        "model {model} has no network, so there are no codes to write; write packed blocks, with --stream packed"
+    )]
+    NoNetwork {
+        /// Model with which this program was built.
+        model: ModelId,
+    },
     /// The model cannot decode codes.
     #[error("the model in {} cannot decode codes", folder.display())]
     Model {

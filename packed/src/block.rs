@@ -112,7 +112,7 @@ impl<'b> BlockReader<'b> {
     /// Reads the header of a block.
     ///
     /// # Errors
-    /// If the first symbol is none.
+    /// If the last byte is 0, which no encoder sends.
     pub fn new(bytes: &'b [u8], announced: Rate) -> Result<Self, Malformed> {
         if bytes.last() == Some(&0) {
             return Err(Malformed);

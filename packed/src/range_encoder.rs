@@ -66,14 +66,13 @@ impl<'b> RangeEncoder<'b> {
             u64::from(self.low),
             u64::from(self.low) + u64::from(self.range),
         );
-        let mut number = low;
-        for zeros in [24, 16, 8] {
-            let rounded = (low + (1 << zeros) - 1) >> zeros << zeros;
-            if rounded < end {
-                number = rounded;
-                break;
-            }
-        }
+        let rounded_up = |zeros: u32| (low + (1 << zeros) - 1) >> zeros << zeros;
+        // Four zero bytes fit one block in five; three always fit, because the range is at least 2^24.
+        let number = if rounded_up(32) < end {
+            rounded_up(32)
+        } else {
+            rounded_up(24)
+        };
         if number > u32::MAX.into() {
             self.carry();
         }

@@ -22,7 +22,7 @@ pub type Survivors = u8;
 /// coefficients, of squared error and 0.3 squared steps for each bit.
 ///
 /// For each coefficient, the candidates of a quantiser are its points on both sides of the value, and 0
-/// where the lower one has magnitude 1 or 2. The Elias gamma code of magnitudes from 15 on is nearly the same for all
+/// where the lower one has magnitude 1. The Elias gamma code of magnitudes from 15 on is nearly the same for all
 /// candidates, and is left out. `residual` is coefficient minus prediction, |x| < 2^17;
 /// `survivors` is scratch memory. All slices have the same length, at most [`MAX_COEFFICIENTS`]; the
 /// shortest counts.
@@ -108,7 +108,7 @@ impl Candidates {
         Self {
             even: candidate((lower + 1) & !1),
             odd: candidate(lower | 1),
-            zero_error: if lower <= 2 { near * near } else { UNREACHED },
+            zero_error: if lower <= 1 { near * near } else { UNREACHED },
         }
     }
 

@@ -87,7 +87,7 @@ proptest! {
     }
 
     #[test]
-    fn the_state_is_within_two_steps_of_every_residual(
+    fn the_state_is_within_four_steps_of_every_residual(
         residual in prop::collection::vec(prop_oneof![3 => -300_i32..300, 1 => -32_768_i32..32_768], 1..256),
         rate in rates(),
     ) {

@@ -51,7 +51,12 @@ pub enum CodeValues {
 
 impl CodeValues {
     /// Size of the longest code of any format, in bytes.
-    pub const MAX_BYTES: usize = CodeFormat::Int16.bytes();
+    pub const MAX_BYTES: usize = if CODE > 0 {
+        CodeFormat::Int16.bytes()
+    } else {
+        // Without a network, a code has no numbers; an exponent still has a byte.
+        CodeFormat::Int8Exponent.bytes()
+    };
 
     /// Converts levels to a format; returns the values and the number of clipped values, which saturates
     /// at 255. No branch depends on a level.

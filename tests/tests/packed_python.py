@@ -99,7 +99,7 @@ def quantise(residual, context, table, rate):
             quantiser = state >> 1
             row = table[quantiser * LEVELS + table_level(here, activity)]
             lower = ((value >> 8) + quantiser) >> 1
-            candidates = [lower, lower + 1] + ([0] if lower in (1, 2) else [])
+            candidates = [lower, lower + 1] + ([0] if lower == 1 else [])
             for magnitude in candidates:
                 point = 2 * magnitude - quantiser if magnitude else 0
                 bits = row[min(magnitude, ESCAPE)]
@@ -135,11 +135,9 @@ class RangeEncoder:
         self.put(bit, 1, 1)
 
     def finish(self):
-        number = self.low
-        for zeros in (24, 16, 8):
-            rounded = -(-self.low >> zeros) << zeros
-            if rounded < self.low + self.range:
-                number = rounded
+        for zeros in range(8 * (self.bytes + 4), -1, -8):
+            number = -(-self.low >> zeros) << zeros
+            if number < self.low + self.range:
                 break
         return number.to_bytes(self.bytes + 4, "big").rstrip(b"\0")
 

@@ -12,6 +12,19 @@ use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 use std::path::Path;
 
+/// Names of the tensors.
+const NAMES: [&str; 9] = [
+    "analysis.weight",
+    "analysis.factor",
+    "prediction.weight",
+    "prediction.factor",
+    "levels.predicted",
+    "levels.reset",
+    "starts",
+    "smoother.weight",
+    "smoother.scale",
+];
+
 /// Contents of the two files.
 #[derive(Clone, Debug)]
 pub(crate) struct PackedFiles {
@@ -20,20 +33,16 @@ pub(crate) struct PackedFiles {
 }
 
 impl PackedFiles {
-    /// Reads the two files of a folder; `None` if it has no `packed.toml`.
+    /// Reads the two files of a folder; `None` if it has neither.
     pub(crate) fn read(folder: &Path) -> Result<Option<Self>, ArtifactError> {
-        let path = folder.join(DESCRIPTION);
-        let description = match std::fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(source) => return Err(ArtifactError::File { path, source }),
-        };
-        let path = folder.join(TENSORS);
-        let tensors =
-            std::fs::read(&path).map_err(|source| ArtifactError::File { path, source })?;
+        let [description, tensors] = [DESCRIPTION, TENSORS].map(|name| folder.join(name));
+        if !description.exists() && !tensors.exists() {
+            return Ok(None);
+        }
+        let error = |path| move |source| ArtifactError::File { path, source };
         Ok(Some(Self {
-            description,
-            tensors,
+            description: std::fs::read_to_string(&description).map_err(error(description))?,
+            tensors: std::fs::read(&tensors).map_err(error(tensors))?,
         }))
     }
 }
@@ -51,6 +60,12 @@ impl PackedModel {
                 file: TENSORS,
                 source,
             })?;
+        if let Some(name) = file.names().iter().find(|name| !NAMES.contains(name)) {
+            return Err(ArtifactError::UnknownTensor {
+                file: TENSORS,
+                name: (*name).to_owned(),
+            });
+        }
         let values = description.montage.electrodes.len() * description.window.hop;
         let count = packed.coefficients;
         let matrix = |name: &str, inputs| -> Result<IntegerMatrix, ArtifactError> {

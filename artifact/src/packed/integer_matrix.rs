@@ -11,8 +11,8 @@ pub struct IntegerMatrix {
 
 impl IntegerMatrix {
     /// Quantises a matrix `[output][input]`: the weights of each output are as large as 8 bits allow, and as
-    /// `limit` allows. `limit` returns a bound on what their magnitudes may be multiplied with, given those of
-    /// the output. The result equals `matrix * gain`.
+    /// `largest_scale` allows, which returns the largest permitted scale for the weights of an output. The result
+    /// equals `matrix * gain`. A factor of 1/2 or more saturates; an artifact with such a factor is refused.
     pub fn quantised(
         matrix: &[f64],
         inputs: usize,
@@ -28,7 +28,7 @@ impl IntegerMatrix {
             #[expect(clippy::cast_possible_truncation, reason = "at most 127")]
             let weights = row.iter().map(|weight| (weight * scale).round() as i8);
             quantised.weights.extend(weights);
-            #[expect(clippy::cast_possible_truncation, reason = "validated to be below 1/2")]
+            #[expect(clippy::cast_possible_truncation, reason = "saturates")]
             let factor = (gain / scale * 2_f64.powi(32)).round() as i32;
             quantised.factors.push(factor);
         }

@@ -4,7 +4,7 @@ use super::file_names::TENSORS;
 use super::model::PackedModel;
 use crate::description::Description;
 use crate::error::ArtifactError;
-use packed::{LEVELS, MAX_COEFFICIENTS, Tables};
+use packed::{LEVELS, MAX_COEFFICIENTS, RATES, Tables};
 
 /// Largest magnitude of a sum of products with which a kernel recovers two sums from one.
 pub const SUM_LIMIT: i64 = (1 << 23) - 1;
@@ -29,6 +29,7 @@ pub(super) fn check(model: &PackedModel, description: &Description) -> Result<()
     let steps = description.window.hop;
     let values = electrodes * steps;
     check_description(model, values)?;
+    check_shapes(model, values)?;
     let count = model.coefficients();
     let slices = slice_ends(electrodes, steps);
     let limit = model.description.input_limit.into();
@@ -46,8 +47,13 @@ pub(super) fn check(model: &PackedModel, description: &Description) -> Result<()
         ("analysis", &model.analysis),
         ("prediction", &model.prediction),
     ] {
-        if let Some(output) = matrix.factors.iter().position(|&factor| factor < 0) {
-            return Err(range(name, output, "the factor is negative"));
+        let is_outside = |factor: &i32| *factor < 0 || *factor == i32::MAX;
+        if let Some(output) = matrix.factors.iter().position(is_outside) {
+            return Err(range(
+                name,
+                output,
+                "the factor is negative, or 1/2 or more",
+            ));
         }
     }
     let levels = model.predicted_levels.iter().chain(&model.reset_levels);
@@ -112,7 +118,52 @@ fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactE
             return field(name, &value, "above 0".to_owned());
         }
     }
+    let largest_uv2 = (f64::from(description.input_limit) * description.unit_uv).powi(2);
+    if description.misfit_uv2 > largest_uv2 {
+        let expected = format!("at most {largest_uv2}, the square of the largest input value");
+        return field("misfit_uv2", &description.misfit_uv2, expected);
+    }
     Ok(())
+}
+
+/// Checks the lengths of all parts. Those of a model that was read have them already.
+fn check_shapes(model: &PackedModel, values: usize) -> Result<(), ArtifactError> {
+    let count = model.coefficients();
+    let PackedModel {
+        analysis,
+        prediction,
+        smoother,
+        ..
+    } = model;
+    let parts: [(&str, usize, &[usize]); 8] = [
+        ("analysis.weight", analysis.weights.len(), &[count, values]),
+        ("analysis.factor", analysis.factors.len(), &[count]),
+        (
+            "prediction.weight",
+            prediction.weights.len(),
+            &[count, count],
+        ),
+        ("prediction.factor", prediction.factors.len(), &[count]),
+        ("levels.predicted", model.predicted_levels.len(), &[count]),
+        ("levels.reset", model.reset_levels.len(), &[count]),
+        (
+            "smoother.weight",
+            smoother.weights.len(),
+            &[RATES, count, count],
+        ),
+        ("smoother.scale", smoother.scales.len(), &[RATES, count]),
+    ];
+    let is_wrong =
+        |(_, length, shape): &&(&str, usize, &[usize])| *length != shape.iter().product::<usize>();
+    match parts.iter().find(is_wrong) {
+        None => Ok(()),
+        Some((name, length, shape)) => Err(ArtifactError::Shape {
+            file: TENSORS,
+            name: (*name).to_owned(),
+            found: vec![*length],
+            expected: shape.to_vec(),
+        }),
+    }
 }
 
 /// Checks that the products of each slice of inputs up to `limit` sum to at most [`SUM_LIMIT`].

@@ -107,15 +107,18 @@ fn a_packed_model_alone_has_no_files_of_a_network() {
 }
 
 #[test]
-fn a_packed_model_alone_has_no_codes_to_encode_or_decode() {
+fn codes_of_a_packed_model_alone_have_no_numbers() {
     let artifact = alone().unwrap();
-    let refusals = [
-        FloatEncoder::new(&artifact).unwrap_err(),
-        FloatDecoder::new(&artifact).unwrap_err(),
-    ];
-    for refusal in refusals {
-        assert!(matches!(refusal, ArtifactError::NoNetwork), "{refusal}");
-    }
+    let dimensions = artifact.description.dimensions();
+    let encoder = FloatEncoder::new(&artifact).unwrap();
+    assert!(
+        encoder
+            .encode(&vec![1.0; dimensions.window_cells()])
+            .is_empty()
+    );
+    let decoder = FloatDecoder::new(&artifact).unwrap();
+    let silence = vec![0.0; dimensions.window_electrodes()];
+    assert_eq!(decoder.decode(&[]), silence);
 }
 
 #[test]
@@ -124,9 +127,57 @@ fn a_model_with_neither_network_nor_packed_model_is_refused() {
     assert!(matches!(error, ArtifactError::Empty), "{error}");
     let folder = tempfile::tempdir().unwrap();
     alone().unwrap().write(folder.path()).unwrap();
-    std::fs::remove_file(folder.path().join("packed.toml")).unwrap();
+    for name in ["packed.toml", "packed.safetensors"] {
+        std::fs::remove_file(folder.path().join(name)).unwrap();
+    }
     let error = Artifact::read(folder.path()).unwrap_err();
     assert!(matches!(error, ArtifactError::Empty), "{error}");
+}
+
+#[test]
+fn one_of_the_two_files_without_the_other_is_refused_by_name() {
+    for name in ["packed.toml", "packed.safetensors"] {
+        let folder = tempfile::tempdir().unwrap();
+        with(|_| ()).unwrap().write(folder.path()).unwrap();
+        std::fs::remove_file(folder.path().join(name)).unwrap();
+        let error = Artifact::read(folder.path()).unwrap_err();
+        assert!(error.to_string().contains(name), "{error}");
+    }
+}
+
+#[test]
+fn a_part_of_another_length_is_refused_by_name() {
+    type Change = fn(&mut PackedModel);
+    let cases: [(Change, &str); 3] = [
+        (
+            |m| m.analysis.weights.truncate(COEFFICIENTS * 487),
+            "analysis.weight",
+        ),
+        (|m| m.reset_levels.push(0), "levels.reset"),
+        (|m| m.smoother.scales.clear(), "smoother.scale"),
+    ];
+    for (change, expected) in cases {
+        let error = with(change).unwrap_err();
+        let ArtifactError::Shape { ref name, .. } = error else {
+            panic!("{error}")
+        };
+        assert_eq!(name, expected);
+    }
+}
+
+#[test]
+fn a_tensor_that_no_packed_model_has_is_refused_by_name() {
+    let files = packed().to_files().unwrap();
+    // A name of the same length, so that the offsets stay.
+    let mut tensors = files.tensors;
+    let at = tensors
+        .windows(6)
+        .position(|name| name == b"starts")
+        .unwrap();
+    tensors[at..][..6].copy_from_slice(b"startz");
+    let error =
+        PackedModel::parse(&files.description, &tensors, &testing::description()).unwrap_err();
+    assert!(error.to_string().contains("startz"), "{error}");
 }
 
 #[test]
@@ -140,7 +191,7 @@ fn numbers_of_a_code_without_a_network_are_refused() {
 #[test]
 fn a_model_whose_sums_could_leave_their_range_is_refused_by_name() {
     type Change = fn(&mut PackedModel);
-    let cases: [(Change, &str, usize); 7] = [
+    let cases: [(Change, &str, usize); 8] = [
         // The slices of the first seven steps have at most 64 inputs: 33 * 127 * 4095 exceeds 23 bits.
         (
             |m| m.analysis.weights[2 * 488..][..40].fill(127),
@@ -150,6 +201,7 @@ fn a_model_whose_sums_could_leave_their_range_is_refused_by_name() {
         (|m| m.analysis.weights[9] = -128, "analysis", 0),
         (|m| m.prediction.weights[16..].fill(-128), "prediction", 1),
         (|m| m.prediction.factors[4] = -1, "prediction", 4),
+        (|m| m.analysis.factors[3] = i32::MAX, "analysis", 3),
         (|m| m.reset_levels[1] = 64, "levels", COEFFICIENTS + 1),
         (|m| m.starts[1][5][3] = m.starts[1][5][2], "starts", 0),
         (|m| m.smoother.scales[7] = f32::NAN, "smoother.scale", 7),
@@ -177,7 +229,7 @@ fn a_model_whose_sums_could_leave_their_range_is_refused_by_name() {
 #[test]
 fn the_error_of_an_invalid_field_names_it_and_what_it_may_be() {
     type Change = fn(&mut PackedModel);
-    let cases: [(Change, &str); 8] = [
+    let cases: [(Change, &str); 9] = [
         (
             |m| m.description.format = 2,
             "packed.toml: format is 2, but must be 1",
@@ -197,6 +249,10 @@ fn the_error_of_an_invalid_field_names_it_and_what_it_may_be() {
             "unit_uv is 0, but must be above 0",
         ),
         (|m| m.description.misfit_uv2 = f64::NAN, "misfit_uv2 is NaN"),
+        (
+            |m| m.description.misfit_uv2 = 4.2e6,
+            "but must be at most 4192256.25",
+        ),
         (|m| m.description.coefficients = 0, "coefficients is 0"),
     ];
     for (change, expected) in cases {

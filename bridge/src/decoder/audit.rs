@@ -56,7 +56,7 @@ pub struct AuditedWindow {
     /// Planes of the window, oldest first, and the cells of a plane row by row; int8, as the
     /// encoder reads them.
     pub planes: Vec<i8>,
-    /// The device's code, in levels of its format.
+    /// The device's code, in levels of its format; empty if the device has no network.
     pub levels: Vec<i32>,
     /// Difference between neighbouring levels that a value can take: `2^exponent` for codes with an
     /// exponent, 1 for all other codes.
@@ -77,8 +77,11 @@ impl AuditedWindow {
     }
 
     /// Compares the device's code with the code that the float network computes from the same
-    /// planes. Takes several milliseconds.
-    pub fn compare(&self, model: &Model) -> AuditResult {
+    /// planes. Takes several milliseconds. Returns `None` if the device has no network.
+    pub fn compare(&self, model: &Model) -> Option<AuditResult> {
+        if self.levels.is_empty() {
+            return None;
+        }
         let float = self.device.code_levels(&model.encode(&self.planes));
         let (mut squares, mut signal) = (0.0, 0.0);
         let (mut largest, mut value) = (0.0, 0);
@@ -99,7 +102,7 @@ impl AuditedWindow {
             _ => FINE_LEVELS,
         };
         let rounding = f64::from(self.resolution) / 2.0 + fine;
-        AuditResult {
+        Some(AuditResult {
             window: self.window,
             rms,
             rms_limit: rounding + RMS_LIMIT * signal,
@@ -107,7 +110,7 @@ impl AuditedWindow {
             largest_limit: rounding + LARGEST_LIMIT * signal,
             value,
             at_rail: self.is_at_rail(),
-        }
+        })
     }
 
     /// Compares the window's signals, as the device measured them, with those of its packed blocks. Returns `None`

@@ -1,4 +1,4 @@
-//! A model's network in floating point, as encoder and decoder.
+//! A model's network in floating point, as encoder and decoder, and its packed code.
 
 use std::path::Path;
 
@@ -9,7 +9,8 @@ use reconstruction::WindowDecoder;
 
 use crate::device::Device;
 
-/// The float network of one model, and its packed code if it has one. It decodes the codes of devices with that
+/// The float network of one model, and its packed code if it has one. A model without a network has codes without
+/// numbers. It decodes the codes of devices with that
 /// model, and computes the code that a correct device returns for a window.
 #[derive(Clone, Debug)]
 pub struct Model {
@@ -40,7 +41,7 @@ impl Model {
         let tensors: &[u8] = include_bytes!(env!("EMBEDDED_PACKED_TENSORS"));
         Model::new(&Artifact::from_bytes(
             include_str!(concat!(env!("EMBEDDED_MODEL"), "/model.toml")),
-            include_bytes!(concat!(env!("EMBEDDED_MODEL"), "/weights.safetensors")),
+            include_bytes!(env!("EMBEDDED_WEIGHTS")),
             include_bytes!(concat!(env!("EMBEDDED_MODEL"), "/calibration.safetensors")),
             (!toml.is_empty()).then_some((toml, tensors)),
         )?)

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use neuro_ros::{DiagnosticStatus, FrameSink, NeuroFrame};
 
-use crate::decoder::audit::AuditedWindow;
+use crate::decoder::audit::{AuditResult, AuditedWindow};
 use crate::decoder::counts::DecoderCounts;
 use crate::decoder::model::Model;
 use crate::decoder::packed::{PackedReconstruction, TimedPackedBlock};
@@ -267,14 +267,16 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
             Work::Audit(window, model) => {
                 let result = window.compare(&model);
                 progress.audits_waiting.fetch_sub(1, Ordering::Relaxed);
-                if result.is_wrong() {
+                if let Some(result) = result.filter(AuditResult::is_wrong) {
                     tracing::error!("the device's code differs from its model: {result}");
                 }
                 let packed = packed.as_ref();
                 let error = packed.and_then(|packed| window.compare_packed(&model, packed));
                 let counts = progress.audits.lock();
                 let mut counts = counts.unwrap_or_else(PoisonError::into_inner);
-                counts.record(result);
+                if let Some(result) = result {
+                    counts.record(result);
+                }
                 if let Some(error) = error {
                     counts.record_packed(error);
                 }

@@ -41,7 +41,33 @@ impl AuditCounts {
     /// Returns the status `audit`; `None` before the first audit. `skipped` is the number of audits
     /// that were not computed because the queue was full.
     pub(crate) fn status(&self, skipped: u64) -> Option<DiagnosticStatus> {
-        let newest = self.newest?;
+        let state = match (self.newest, self.packed_newest) {
+            (Some(newest), _) => self.state(&newest),
+            (None, Some(error)) => {
+                let message = format!(
+                    "the packed blocks match the device's signals within {:.2} uV RMS",
+                    error.rms_uv
+                );
+                (DiagnosticLevel::Ok, message)
+            }
+            (None, None) => return None,
+        };
+        let mut values = vec![KeyValue::new("windows skipped", &skipped)];
+        values.extend(
+            self.newest
+                .iter()
+                .flat_map(|newest| self.code_values(newest)),
+        );
+        values.extend(
+            self.packed_newest
+                .iter()
+                .flat_map(|error| self.packed_values(error)),
+        );
+        Some(new_status("audit", state, values))
+    }
+
+    /// Returns level and message for a code.
+    fn state(&self, newest: &AuditResult) -> (DiagnosticLevel, String) {
         let AuditResult {
             window,
             rms,
@@ -50,10 +76,10 @@ impl AuditCounts {
             largest_limit,
             value,
             at_rail,
-        } = newest;
-        let state = if newest.is_wrong() {
+        } = *newest;
+        if newest.is_wrong() {
             let message = format!(
-                "the device's code differs from its model: window {window} by {rms:.2} steps RMS \
+                "the device's code differs from its model: window {window} by {rms:.2} levels RMS \
                  (limit {rms_limit:.2}), value z{value:03} by {largest:.2} (limit \
                  {largest_limit:.2}); reset the device, and flash it again if this persists"
             );
@@ -69,34 +95,36 @@ impl AuditCounts {
             let message = "the newest window had cells at the rail and was not judged";
             (DiagnosticLevel::Ok, message.to_owned())
         } else {
-            let message = format!("the device's code matches its model within {rms:.2} steps RMS");
+            let message = format!("the device's code matches its model within {rms:.2} levels RMS");
             (DiagnosticLevel::Ok, message)
-        };
-        let mut values = vec![
+        }
+    }
+
+    fn code_values(&self, newest: &AuditResult) -> [KeyValue; 7] {
+        [
             KeyValue::new("windows compared", &self.compared),
             KeyValue::new("windows wrong", &self.wrong),
             KeyValue::new("windows at the rail, not judged", &self.at_rail),
-            KeyValue::new("windows skipped", &skipped),
-            KeyValue::new("rms steps", &format!("{rms:.3}")),
-            KeyValue::new("rms limit", &format!("{rms_limit:.3}")),
-            KeyValue::new("largest steps", &format!("{largest:.3}")),
-            KeyValue::new("largest limit", &format!("{largest_limit:.3}")),
-        ];
-        if let Some(error) = self.packed_newest {
-            let PackedError {
-                rms_uv,
-                of_variance,
-            } = error;
-            values.extend([
-                KeyValue::new("packed: windows compared", &self.packed_compared),
-                KeyValue::new("packed: error uV RMS", &format!("{rms_uv:.3}")),
-                KeyValue::new(
-                    "packed: error of the variance",
-                    &format!("{of_variance:.5}"),
-                ),
-            ]);
-        }
-        Some(new_status("audit", state, values))
+            KeyValue::new("rms levels", &format!("{:.3}", newest.rms)),
+            KeyValue::new("rms limit", &format!("{:.3}", newest.rms_limit)),
+            KeyValue::new("largest levels", &format!("{:.3}", newest.largest)),
+            KeyValue::new("largest limit", &format!("{:.3}", newest.largest_limit)),
+        ]
+    }
+
+    fn packed_values(&self, error: &PackedError) -> [KeyValue; 3] {
+        let PackedError {
+            rms_uv,
+            of_variance,
+        } = error;
+        [
+            KeyValue::new("packed: windows compared", &self.packed_compared),
+            KeyValue::new("packed: error uV RMS", &format!("{rms_uv:.3}")),
+            KeyValue::new(
+                "packed: error of the variance",
+                &format!("{of_variance:.5}"),
+            ),
+        ]
     }
 }
 

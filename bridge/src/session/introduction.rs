@@ -204,8 +204,11 @@ impl Session {
     ) -> Result<Option<AcquisitionInfo>, ContractError> {
         let model = format!("{} {}", device.board, device.firmware);
         let encoded = device.encoded_frame();
-        Shape::from_frame(&encoded)?;
+        if device.has_network() {
+            Shape::from_frame(&encoded)?;
+        }
         let frame = match self.settings.announced {
+            AnnouncedStream::Encoded if !device.has_network() => return Ok(None),
             AnnouncedStream::Encoded => encoded,
             AnnouncedStream::Reconstructed if !decoding.is_possible => return Ok(None),
             AnnouncedStream::Reconstructed => match decoding.stream {

@@ -29,6 +29,10 @@ use crate::{
     trigger::Trigger,
 };
 
+const _: () = assert!(
+    !<ImageEncoders as device::Encoders>::STREAMS.is_empty(),
+    "the model has none of the encoders of this image: select the feature `network` or `packed` that it has"
+);
 static MEMORY: Memory<ImageEncoders> = Memory::new(ImageEncoders::EMPTY);
 static TEST: StaticCell<SelfTest<CHIPS>> = StaticCell::new();
 static ADC: StaticCell<Adc> = StaticCell::new();
