@@ -20,11 +20,18 @@ fn artifact_folder() -> PathBuf {
     )
 }
 
+/// Returns whether the model is the checked-in one.
+fn is_built_in() -> bool {
+    option_env!("CORTICODE_ARTIFACT").is_none()
+}
+
 /// The reference: a block at a time.
 struct Reference {
     model: PackedModel,
     state: Vec<i16>,
     blocks: usize,
+    /// Whether the newest block was quantised twice, and is not blank.
+    coarser: bool,
 }
 
 /// A block as the reference codes it.
@@ -34,6 +41,7 @@ struct Block {
     clipped: u16,
     is_reset: bool,
     is_blank: bool,
+    is_misfit: bool,
 }
 
 impl Reference {
@@ -51,7 +59,9 @@ impl Reference {
                 clipped += u16::from(value.abs() > limit);
                 i16::try_from(value.clamp(-limit, limit)).expect("limited")
             });
-        let coefficients = self.model.analyse(&values.collect::<Vec<_>>());
+        let values: Vec<i16> = values.collect();
+        let coefficients = self.model.analyse(&values);
+        let is_misfit = self.is_misfit(&values, &coefficients);
         let is_reset = self.blocks.is_multiple_of(64);
         self.state = if is_reset {
             vec![0; coefficients.len()]
@@ -67,8 +77,8 @@ impl Reference {
             self.write(announced, announced, is_reset, Some(&residual));
         let mut rate = announced;
         if bytes.len() > MAX_PACKED_BYTES {
-            let over = (bytes.len() - MAX_PACKED_BYTES).div_ceil(12);
-            rate = announced.coarser(u8::try_from(2 + over).unwrap_or(u8::MAX));
+            let over = (bytes.len() - MAX_PACKED_BYTES).div_ceil(22);
+            rate = announced.coarser(u8::try_from(1 + over).unwrap_or(u8::MAX));
             (bytes, magnitudes) = self.write(rate, announced, is_reset, Some(&residual));
         }
         let is_blank = bytes.len() > MAX_PACKED_BYTES;
@@ -78,12 +88,26 @@ impl Reference {
         }
         packed::update_state(&magnitudes, rate, &mut self.state);
         self.blocks += 1;
+        self.coarser = rate != announced;
         Block {
             bytes,
             clipped,
             is_reset,
             is_blank,
+            is_misfit,
         }
+    }
+
+    /// Returns whether the coefficients lack more energy than the model permits and a sixty-fourth of the block's.
+    fn is_misfit(&self, values: &[i16], coefficients: &[i16]) -> bool {
+        let energy =
+            |numbers: &[i16]| -> f64 { numbers.iter().map(|&n| f64::from(n).powi(2)).sum() };
+        let description = &self.model.description;
+        #[expect(clippy::cast_precision_loss, reason = "a few hundred values")]
+        let permitted = description.misfit_uv2 / description.unit_uv.powi(2) * values.len() as f64;
+        // The limits are integers: a block at the very limit is none.
+        let permitted = permitted.floor() + (energy(values) / 64.0).floor();
+        energy(values) - energy(coefficients) > permitted
     }
 
     /// Quantises and writes a residual, or zeros.
@@ -133,20 +157,31 @@ impl Reference {
     }
 }
 
-/// Asserts that every block of a stream is that of the reference, and every state.
-fn assert_equal_on(steps: &[Step], rate: Rate) {
+/// Numbers of blocks of a stream that took another path than most.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    blank: usize,
+    misfit: usize,
+    /// Quantised twice, and not blank.
+    coarser: usize,
+}
+
+/// Asserts that every block of a stream is that of the reference, and every state. Returns the numbers of unusual ones.
+fn assert_equal_on(steps: &[Step], rate: Rate) -> Seen {
     let artifact = Artifact::read(&artifact_folder()).expect("the artifact is readable");
     let mut encoder = PackedEncoder::new();
     encoder.set_rate(rate);
     let Some(model) = artifact.packed else {
         assert!(steps.iter().all(|step| encoder.encode_step(step).is_none()));
-        return;
+        return Seen::default();
     };
     let mut reference = Reference {
         model,
         state: Vec::new(),
         blocks: 0,
+        coarser: false,
     };
+    let mut seen = Seen::default();
     for (number, hop) in steps.chunks_exact(HOP).enumerate() {
         let codes: Vec<_> = hop.iter().map(|step| encoder.encode_step(step)).collect();
         let (last, earlier) = codes.split_last().expect("a hop");
@@ -157,8 +192,12 @@ fn assert_equal_on(steps: &[Step], rate: Rate) {
             clipped: code.clipped,
             is_reset: code.is_reset,
             is_blank: code.is_blank,
+            is_misfit: code.is_misfit,
         };
         assert_eq!(ours, reference.code(hop, rate), "block {number}");
+        seen.blank += usize::from(ours.is_blank);
+        seen.misfit += usize::from(ours.is_misfit);
+        seen.coarser += usize::from(reference.coarser);
         assert_eq!(
             encoder.state(),
             reference.state,
@@ -166,6 +205,7 @@ fn assert_equal_on(steps: &[Step], rate: Rate) {
         );
         assert_eq!((code.block as usize, code.rate), (number, rate.index()));
     }
+    seen
 }
 
 fn steps(count: usize, value: impl Fn(usize, usize) -> i32) -> Vec<Step> {
@@ -204,6 +244,60 @@ fn silence_rails_impulses_and_slow_waves_have_the_references_blocks() {
     };
     for index in [0, 4, 9, 15] {
         assert_equal_on(&steps(count, wave), Rate::new(index).expect("a rate"));
+    }
+}
+
+/// Pseudo-random numbers up to 2^31 (a linear congruential generator, Numerical Recipes).
+fn noise(seed: u32) -> impl FnMut() -> i32 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        state.cast_signed()
+    }
+}
+
+#[test]
+fn noise_of_any_size_has_the_references_blocks_among_them_coarser_and_blank_ones() {
+    let mut seen = Seen::default();
+    // Full scale of the input is 2^24 counts in Q27.5; 2 mV, where input values are clipped, is about 2^21.5.
+    for shift in [3, 8, 9, 10, 11, 13, 15] {
+        let mut next = noise(shift);
+        let signal: Vec<i32> = (0..20 * HOP * ELECTRODES)
+            .map(|_| next() >> shift)
+            .collect();
+        let steps = steps(20 * HOP, |step, electrode| {
+            signal[step * ELECTRODES + electrode]
+        });
+        for rate in [0, 4] {
+            let of_this = assert_equal_on(&steps, Rate::new(rate).expect("a rate"));
+            seen.blank += of_this.blank;
+            seen.coarser += of_this.coarser;
+        }
+    }
+    // Blocks of a small cap are never too long.
+    if is_built_in() {
+        assert!(seen.coarser > 0 && seen.blank > 0, "{seen:?}");
+    }
+}
+
+#[test]
+fn one_electrode_with_noise_is_a_misfit_from_the_size_that_the_model_permits() {
+    // The coefficients represent white noise of one electrode in part only.
+    let misfits = |shift| {
+        let mut next = noise(5);
+        let signal: Vec<i32> = (0..20 * HOP).map(|_| next() >> shift).collect();
+        let on_one = |step: usize, electrode| if electrode == 1 { signal[step] } else { 0 };
+        assert_equal_on(&steps(20 * HOP, on_one), Rate::MIDDLE).misfit
+    };
+    let by_size: Vec<usize> = (4..20).rev().map(misfits).collect();
+    assert!(by_size.is_sorted(), "{by_size:?}");
+    // A model with as many coefficients as values represents everything.
+    if is_built_in() {
+        assert_eq!((by_size[0], by_size[15]), (0, 20), "{by_size:?}");
+        assert!(
+            by_size.iter().any(|count| (1..20).contains(count)),
+            "{by_size:?}"
+        );
     }
 }
 

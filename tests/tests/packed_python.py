@@ -210,7 +210,7 @@ class Encoder:
         first = attempt(announced)
         if len(first[0]) <= CAP:
             return first
-        coarser = 2 + -(-(len(first[0]) - CAP) // 12)
+        coarser = 1 + -(-(len(first[0]) - CAP) // 22)
         second = attempt(min(15, announced + coarser))
         if len(second[0]) <= CAP:
             return second

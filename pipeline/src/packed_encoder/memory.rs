@@ -7,11 +7,13 @@ use packed::{Context, Header, Magnitude, Rate, Survivors};
 use super::block::{MAX_PACKED_BYTES, PackedCode};
 use crate::step::Step;
 
-/// Blocks from one reset to the next: 4 s. Resets every 4 s cost 0.5 % of the bits.
+/// Blocks from one reset to the next: 4 s with a hop of 8 steps. Resets every 4 s cost 0.5 % of the bits.
 const RESET_BLOCKS: u8 = 64;
 
-/// Bytes by which one rate shortens a block that is too long.
-const BYTES_PER_RATE: usize = 12;
+/// A block that is n bytes too long is quantised again `1 + n / BYTES_PER_RATE` rates coarser, rounded up. Of 28,693 too
+/// long blocks of the default model, from EEG, EEG up to ten times as large, noise and impulses, none was still too
+/// long then, and the rate was 1.4 coarser than necessary on average. With 26 in place of 22, four were too long.
+const BYTES_PER_RATE: usize = 22;
 
 /// A block's unrepresented part may have this part of its energy (a sixty-fourth), because the directions are
 /// rounded.
@@ -154,7 +156,7 @@ impl PackedMemory {
         let mut rate = announced;
         let mut length = self.write(header(rate), announced, packed, &mut buffer);
         if length > MAX_PACKED_BYTES {
-            let coarser = 2 + (length - MAX_PACKED_BYTES).div_ceil(BYTES_PER_RATE);
+            let coarser = 1 + (length - MAX_PACKED_BYTES).div_ceil(BYTES_PER_RATE);
             rate = announced.coarser(u8::try_from(coarser).unwrap_or(u8::MAX));
             length = self.write(header(rate), announced, packed, &mut buffer);
         }
