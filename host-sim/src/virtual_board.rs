@@ -135,12 +135,12 @@ impl VirtualBoard {
     /// Reads bytes from the host and answers the commands that they complete.
     pub fn receive(&mut self, bytes: &[u8], now_us: u64) {
         let counts = self.counts();
-        let mut order = None;
+        let mut orders = Vec::new();
         self.session
-            .receive(bytes, now_us, counts, &mut self.sender, |new| {
-                order = Some(new);
+            .receive(bytes, now_us, counts, &mut self.sender, |order| {
+                orders.push(order);
             });
-        if let Some(order) = order {
+        for order in orders {
             self.execute(order, now_us);
         }
     }
@@ -182,6 +182,7 @@ impl VirtualBoard {
         self.session = session(&self.identity, ResetCause::Software, self.mains);
         self.sender = Sender::new(outbox);
         self.acquisition = Acquisition::new(self.mains);
+        self.producer = Box::new(Producer::new(BothEncoders::EMPTY));
         self.new_run = None;
         (self.samples, self.overruns, self.adc_status_bad) = (0, 0, 0);
         self.clipped_before = 0;

@@ -87,12 +87,14 @@ impl EncoderDevice {
     /// Reads bytes from the host and answers the commands that they complete.
     pub fn receive(&mut self, bytes: &[u8], now_us: u64) {
         let counts = self.counts();
-        let mut order = None;
+        let mut started = None;
         self.session
-            .receive(bytes, now_us, counts, &mut self.sender, |new| {
-                order = Some(new);
+            .receive(bytes, now_us, counts, &mut self.sender, |order| {
+                if let Order::Start(run) = order {
+                    started = Some(run);
+                }
             });
-        if let Some(Order::Start(run)) = order {
+        if let Some(run) = started {
             self.clipped_before = self.clipped_before.wrapping_add(self.acquisition.clipped());
             self.acquisition = Acquisition::new(run.mains);
             self.new_run = Some(run);
