@@ -133,6 +133,37 @@ mod tests {
     use super::*;
 
     #[test]
+    fn audits_of_a_device_without_the_network_state_the_error_of_its_blocks() {
+        let mut counts = AuditCounts::default();
+        assert_eq!(counts.status(0), None);
+        counts.record_packed(PackedError {
+            rms_uv: 4.125,
+            of_variance: 0.0075,
+        });
+        let status = counts.status(0).expect("a status");
+        assert_eq!(status.level, DiagnosticLevel::Ok);
+        assert!(
+            status.message.contains("within 4.12 uV"),
+            "{}",
+            status.message
+        );
+        let keys: Vec<&str> = status
+            .values
+            .iter()
+            .map(|value| value.key.as_str())
+            .collect();
+        assert_eq!(
+            keys,
+            [
+                "windows skipped",
+                "packed: windows compared",
+                "packed: error uV RMS",
+                "packed: error of the variance"
+            ]
+        );
+    }
+
+    #[test]
     fn a_minute_of_audits_at_the_rail_is_a_warning_until_one_is_judged() {
         let result = |at_rail| AuditResult {
             window: 0,

@@ -325,6 +325,9 @@ fn an_audit_measures_the_error_of_the_blocks_in_its_window() {
     let error = window(&device, 2, &measured(2)).compare_packed(&model(), &decoder);
     let error = error.expect("both blocks came");
     assert!((error.rms_uv - 6.0).abs() < 0.1, "{error:?}");
+    // A device without the network sends no code to compare.
+    let without_code = window(&device, 2, &measured(2));
+    assert_eq!(without_code.compare(&model()), None);
     let of_variance = (error.rms_uv / model().sd_uv()).powi(2);
     assert!((error.of_variance / of_variance - 1.0).abs() < 1e-6);
     // Without a difference, the rounding to int8 alone is no error.

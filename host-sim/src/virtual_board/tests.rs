@@ -3,6 +3,7 @@
 use link::{Decoder, Encoder, Flags, MAX_FRAME, Streams, ToDevice, ToHost};
 
 mod compressed;
+mod packed;
 mod streams;
 
 use super::*;

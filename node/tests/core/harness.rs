@@ -51,7 +51,7 @@ impl Effects for Recorder {
     fn publish_event(&mut self, _: &NeuroEvent) {}
 
     fn audit(&mut self, window: AuditedWindow) {
-        let result = window.compare(&Model::embedded().unwrap());
+        let result = window.compare(&Model::embedded().unwrap()).expect("a code");
         assert!(!result.is_wrong(), "{result:?}");
     }
 }
