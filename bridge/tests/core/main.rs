@@ -22,6 +22,7 @@ mod packed_device;
 mod packed_fallback;
 mod packed_interruptions;
 mod packed_rate;
+mod packed_replay;
 mod query;
 mod reconstruction;
 mod recorder;
