@@ -195,7 +195,8 @@ impl Session {
     }
 
     /// Ends the recording of all streams, because the user stopped them.
-    fn end_recording(&mut self) {
+    fn end_recording(&mut self, effects: &mut dyn Effects) {
+        effects.finish_blocks();
         if let Some(codes) = &mut self.codes {
             codes.end_recording();
         }
@@ -287,7 +288,7 @@ impl Session {
             AckEffect::Stopped { by_user } => {
                 tracing::debug!("stopped");
                 if by_user {
-                    self.end_recording();
+                    self.end_recording(effects);
                 } else {
                     self.restart_streams();
                 }

@@ -289,7 +289,10 @@ impl Input<'_> {
                 path: self.path.to_owned(),
                 source,
             })?;
-            let Some(record) = record else { return Ok(()) };
+            let Some(record) = record else {
+                playback.finish();
+                return check(&mut playback.collector.listener);
+            };
             playback.play(record);
             check(&mut playback.collector.listener)?;
         }

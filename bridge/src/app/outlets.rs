@@ -256,6 +256,10 @@ impl Effects for Outlets {
         self.decoder.decode_block(block);
     }
 
+    fn finish_blocks(&mut self) {
+        self.decoder.finish_blocks();
+    }
+
     fn publish_raw(&mut self, frame: &NeuroFrame) {
         if let Some(sink) = &mut self.raw {
             let published = sink.publish(frame);

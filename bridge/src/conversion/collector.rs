@@ -42,6 +42,8 @@ pub(crate) struct Collector<L> {
     device: Option<Arc<Device>>,
     reconstruction: Option<Reconstruction>,
     packed: Option<PackedReconstruction>,
+    /// Run of the newest packed block, whose frame waits for the next one.
+    block_run: u32,
     /// Number of restarts of the device so far.
     pub(crate) run: u32,
     /// Device time in the header of the frame that the core handles, microseconds.
@@ -67,6 +69,7 @@ impl<L: Listener> Collector<L> {
             device: None,
             reconstruction: None,
             packed: None,
+            block_run: 0,
             run: 0,
             frame_us: 0,
             commands: Vec::new(),
@@ -77,9 +80,14 @@ impl<L: Listener> Collector<L> {
         }
     }
 
-    /// Passes a frame on. Its first row happened `delay_us` before the device time in its status
+    /// Passes on a frame of the present run. Its first row happened `delay_us` before the device time in its status
     /// words.
     fn publish(&mut self, stream: Stream, frame: &NeuroFrame, delay_us: i64) {
+        self.publish_of(self.run, stream, frame, delay_us);
+    }
+
+    /// Passes on a frame of the run `run`, as [`Self::publish`] does.
+    fn publish_of(&mut self, run: u32, stream: Stream, frame: &NeuroFrame, delay_us: i64) {
         let word = |index: usize| i64::from(frame.tri.data.get(index).copied().unwrap_or(0));
         let device_us = word(3) | word(4) << 16 | word(5) << 32;
         let number = (word(1) | word(2) << 16).unsigned_abs();
@@ -88,7 +96,7 @@ impl<L: Listener> Collector<L> {
         let block = Block {
             stream,
             frame: frame.clone(),
-            run: self.run,
+            run,
             first_us: device_us - delay_us,
             wall_ns: frame.header.stamp.nanoseconds(),
             index: has_index.then_some(number * rows),
@@ -131,6 +139,14 @@ impl<L: Listener> Collector<L> {
             }
         }
         self.newest[place] = Some(block.clone());
+    }
+
+    /// Returns the time from when a packed block's first step was at the electrodes to the block's device time.
+    fn block_delay_us(&self) -> i64 {
+        self.device.as_ref().map_or(0, |device| {
+            let lookback = u32::from(device.hop_steps) - 1;
+            device.steps_us(lookback) + i64::from(device.group_delay_us)
+        })
     }
 
     /// Returns the time from when a code's first step was at the electrodes to the code's device time.
@@ -185,16 +201,25 @@ impl<L: Listener> Effects for Collector<L> {
     }
 
     fn decode_block(&mut self, block: TimedPackedBlock) {
-        // From the block's first step at the electrodes to the device time in the frame.
-        let delay_us = self.device.as_ref().map_or(0, |device| {
-            let lookback = u32::from(device.hop_steps) - 1;
-            device.steps_us(lookback) + i64::from(device.group_delay_us)
-        });
+        let delay_us = self.block_delay_us();
         let Some(mut packed) = self.packed.take() else {
             return;
         };
+        // The block completes the frame of the block before it, which another run may have made.
+        let run = std::mem::replace(&mut self.block_run, self.run);
         if let Some(frame) = packed.next_frame(&block) {
-            self.publish(Stream::Reconstructed, frame, delay_us);
+            self.publish_of(run, Stream::Reconstructed, frame, delay_us);
+        }
+        self.packed = Some(packed);
+    }
+
+    fn finish_blocks(&mut self) {
+        let delay_us = self.block_delay_us();
+        let Some(mut packed) = self.packed.take() else {
+            return;
+        };
+        if let Some(frame) = packed.finish() {
+            self.publish_of(self.block_run, Stream::Reconstructed, frame, delay_us);
         }
         self.packed = Some(packed);
     }

@@ -9,6 +9,7 @@ use link::{Ack, Decoder, Frame, MAX_FRAME, ToDevice, ToHost};
 use crate::conversion::collector::{Collector, Listener};
 use crate::core::Core;
 use crate::decoder::model::Model;
+use crate::effects::Effects;
 use crate::recording::record::{Record, RecordKind};
 use crate::settings::Settings;
 use crate::time::host_time::HostTime;
@@ -110,6 +111,11 @@ impl<L: Listener> Playback<L> {
             RecordKind::Newer(_) => {}
         }
         self.newest = Some(time);
+    }
+
+    /// Passes on what waits for a record that does not follow. Call this after the last record.
+    pub(crate) fn finish(&mut self) {
+        self.collector.finish_blocks();
     }
 
     fn tick(&mut self) {

@@ -106,6 +106,13 @@ impl PackedReconstruction {
         kept.map(|(_, microvolts)| microvolts.as_slice())
     }
 
+    /// Returns the frame that waits for the next block, without its correction, because no block follows; `None` if
+    /// none waits, or if its block is lost and lost blocks are not filled.
+    pub fn finish(&mut self) -> Option<&NeuroFrame> {
+        let hop = self.overlap.finish()?;
+        self.filled_frame(hop)
+    }
+
     /// Decodes `block` and returns the frame that it completes: that of the block before, with low latency its own.
     /// Returns `None` if there is no such block, or if it is lost and lost blocks are not filled.
     pub fn next_frame(&mut self, block: &TimedPackedBlock) -> Option<&NeuroFrame> {
@@ -121,7 +128,11 @@ impl PackedReconstruction {
         };
         let completed = self.overlap.next_hop(received, label);
         self.keep_newest();
-        let mut hop = completed?;
+        self.filled_frame(completed?)
+    }
+
+    /// Returns the frame of a hop; `None` if its block is lost and lost blocks are not filled.
+    fn filled_frame(&mut self, mut hop: PackedHop<Label>) -> Option<&NeuroFrame> {
         if hop.source == PackedSource::Prediction {
             match self.filler {
                 FillerPolicy::Last => {}

@@ -72,6 +72,8 @@ enum Work {
     Code(TimedCode, Instant),
     /// A packed block, and when it was queued.
     Block(TimedPackedBlock, Instant),
+    /// No packed block follows the newest one.
+    FinishBlocks,
     Audit(Box<AuditedWindow>, Arc<Model>),
 }
 
@@ -120,6 +122,11 @@ impl DecoderThread {
             block.block = None;
         }
         self.prepared.push(Work::Block(block, Instant::now()));
+    }
+
+    /// Queues the frame that waits for another packed block: none follows.
+    pub(crate) fn finish_blocks(&mut self) {
+        self.prepared.push(Work::FinishBlocks);
     }
 
     /// Counts one more item in the queue, or as not decoded if the queue is full.
@@ -264,6 +271,13 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
                 number = known.number();
                 continue;
             }
+            Work::FinishBlocks => {
+                let known = packed.as_deref_mut();
+                if !finish_blocks(known, &mut number, sink.as_mut(), progress) {
+                    return;
+                }
+                continue;
+            }
             Work::Audit(window, model) => {
                 let result = window.compare(&model);
                 progress.audits_waiting.fetch_sub(1, Ordering::Relaxed);
@@ -305,6 +319,24 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
         }
         number = known.number();
     }
+    finish_blocks(packed.as_deref_mut(), &mut number, sink.as_mut(), progress);
+}
+
+/// Publishes the frame that waits for another packed block, with the number after `number`. Returns false if frames
+/// cannot be published any more.
+fn finish_blocks(
+    packed: Option<&mut PackedReconstruction>,
+    number: &mut u32,
+    sink: &mut dyn FrameSink,
+    progress: &Progress,
+) -> bool {
+    let Some(packed) = packed else { return true };
+    packed.set_number(*number);
+    let frame = packed.finish();
+    let can_publish =
+        frame.is_none_or(|frame| !sink.has_receivers() || publish(frame, sink, progress));
+    *number = packed.number();
+    can_publish
 }
 
 /// Decodes a packed block and publishes the frame that it completes. Every block is decoded, because those after it

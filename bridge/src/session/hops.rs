@@ -17,6 +17,9 @@ impl Session {
         effects: &mut dyn Effects,
     ) {
         let is_usable = self.introduced && self.commands.accepts_codes();
+        if is_usable {
+            self.announce_other_decoding(read, effects);
+        }
         let Some(codes) = self.codes.as_mut().filter(|_| is_usable) else {
             self.counts.codes_unused += 1;
             return;
@@ -43,6 +46,9 @@ impl Session {
         effects: &mut dyn Effects,
     ) {
         let is_usable = self.introduced && self.commands.accepts_codes();
+        if is_usable {
+            self.announce_other_decoding(read, effects);
+        }
         let Some(packed) = self.packed.as_mut().filter(|_| is_usable) else {
             self.counts.codes_unused += 1;
             return;

@@ -53,8 +53,11 @@ impl PackedStream {
         self.device = device;
     }
 
-    /// Sets which stream is decoded to `/neurodata_reconstructed`.
+    /// Sets which stream is decoded to `/neurodata_reconstructed`. The time in which another one was is no gap.
     pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
+        if self.decoding.stream != decoding.stream {
+            self.end_recording();
+        }
         self.decoding = decoding;
     }
 
