@@ -100,6 +100,11 @@ impl Core {
         Summary::new(&self.session, self.decoder.counters())
     }
 
+    /// Returns why codes or the signals of the device are not published, worded for the user; `None` if they are.
+    pub(crate) fn objection(&self) -> Option<&str> {
+        self.session.objection.as_deref()
+    }
+
     /// Returns the report for `/diagnostics`. Call this once a second: a loss is a warning only in
     /// the first report after the loss.
     pub fn diagnostics(&mut self, now: HostTime) -> DiagnosticArray {

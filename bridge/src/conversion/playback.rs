@@ -68,6 +68,11 @@ impl<L: Listener> Playback<L> {
         self.core.summary()
     }
 
+    /// Returns the core's objection to the device, which it does not publish; `None` if it has none.
+    pub(crate) fn objection(&self) -> Option<&str> {
+        self.core.objection()
+    }
+
     /// Plays one record.
     pub(crate) fn play(&mut self, record: Record<'_>) {
         let time = record.time;

@@ -8,7 +8,8 @@ use neuro_ros::DiagnosticLevel;
 use reconstruction::HEALING_BLOCKS;
 
 use crate::board::{at, model};
-use crate::packed_device::{PACKED, Packed, block, decode, flags, frames};
+use crate::packed_block::block;
+use crate::packed_device::{PACKED, Packed, decode, flags, frames};
 use crate::recorder::Harness;
 
 #[test]

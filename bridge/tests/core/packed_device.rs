@@ -3,10 +3,11 @@
 use bridge::{AnnouncedStream, PackedReconstruction, Settings};
 use link::{Flags, PackedCode, Streams, ToHost};
 use neuro_ros::NeuroFrame;
-use packed::{Context, Header, Magnitude, Rate, Tables};
+use packed::Rate;
 use reconstruction::PackedDecoder;
 
 use crate::board::{Board, model};
+use crate::packed_block::block;
 use crate::recorder::{Harness, Recorder, SETTINGS};
 
 /// Settings of a bridge that reconstructs from packed blocks and asks for nothing else.
@@ -16,48 +17,6 @@ pub(crate) const PACKED: Settings = Settings {
     low_latency: true,
     ..SETTINGS
 };
-
-/// Blocks from one without prediction to the next.
-const RESET_BLOCKS: u32 = 64;
-
-/// Returns block `index` of a run: pseudo-random magnitudes, which depend on `seed`.
-pub(crate) fn block(index: u32, seed: u32, rate: u8) -> Vec<u8> {
-    let model = model();
-    let packed = model.packed().unwrap();
-    let rate = Rate::new(rate).unwrap();
-    let header = Header {
-        rate,
-        is_reset: index.is_multiple_of(RESET_BLOCKS),
-    };
-    let levels = if header.is_reset {
-        &packed.reset_levels
-    } else {
-        &packed.predicted_levels
-    };
-    let mut contexts = vec![Context::EMPTY; levels.len()];
-    packed::prepare_contexts(levels, rate, &mut contexts);
-    let costs = packed.costs();
-    let tables = Tables {
-        starts: &packed.starts,
-        costs: &costs,
-    };
-    let mut state = index.wrapping_mul(0x9e37_79b9) ^ seed | 1;
-    let magnitudes: Vec<Magnitude> = (0..levels.len())
-        .map(|place| {
-            state ^= state << 13;
-            state ^= state >> 17;
-            state ^= state << 5;
-            let value = if place < 12 { state % 3 } else { 0 };
-            Magnitude {
-                value: u16::try_from(value).unwrap(),
-                is_negative: state & 8 != 0,
-            }
-        })
-        .collect();
-    let mut bytes = [0; 300];
-    let length = packed::write_block(header, rate, &magnitudes, &contexts, &tables, &mut bytes);
-    bytes[..length].to_vec()
-}
 
 /// Returns the frames that the bridge's decoder makes of the blocks that the core has passed to it.
 pub(crate) fn frames(recorder: &Recorder, settings: Settings) -> Vec<NeuroFrame> {

@@ -2,63 +2,25 @@
 
 use std::io::Cursor;
 
-use bridge::{Core, FileHeader, Pace, Recorder, Replayer};
-use link::{
-    Ack, AckResult, Encoder, Flags, MAX_FRAME, PackedCode, Start, Stats, Streams, ToDevice, ToHost,
-};
+use bridge::{Core, Pace, Replayer};
+use link::Streams;
 use neuro_ros::DiagnosticLevel;
 
 use crate::board::{Board, at, model};
-use crate::packed_device::{PACKED, block};
+use crate::packed_device::PACKED;
+use crate::packed_recording::PackedRecording;
 use crate::recorder;
 
 /// Returns a recording of `hops` codes and packed blocks, with the device's `Stats` once a second.
 fn recording(hops: u32) -> Vec<u8> {
-    let both = Streams::CODES | Streams::PACKED;
-    let mut board = Board::new();
-    let mut recorder = Recorder::new(FileHeader {
-        created_ns: 0,
-        streams: both,
-        mains_hz: 0,
-    });
-    recorder.opened(at(0));
-    recorder.received(&board.hello(), at(1000));
-    let mut buffer = [0; MAX_FRAME];
-    let start = ToDevice::Start(Start {
-        streams: both,
-        mains_hz: 0,
-    });
-    let start = Encoder::default().encode(0, &start, &mut buffer);
-    recorder.sent(start.unwrap(), at(2000));
-    let ack = ToHost::Ack(Ack {
-        of: 0,
-        result: AckResult::Done,
-    });
-    recorder.received(&board.frame(0, &ack), at(3000));
+    let mut recording = PackedRecording::new(Board::new(), Streams::CODES | Streams::PACKED);
     for index in 0..hops {
-        let us = 1_000_000 + i64::from(index) * 62_500;
-        let bytes = block(index, 0, 4);
-        let packed = ToHost::PackedCode(PackedCode {
-            block: index,
-            rate: 4,
-            flags: Flags::empty(),
-            clipped: 0,
-            saturated: 0,
-            bytes: &bytes,
-        });
-        recorder.received(&board.frame(us.unsigned_abs(), &packed), at(us));
-        recorder.received(&board.code(us.unsigned_abs(), 1), at(us));
+        recording.hop();
         if index % 16 == 15 {
-            let stats = ToHost::Stats(Stats {
-                streams: both,
-                next_window: index + 1,
-                codes_made: index + 1,
-                ..Stats::default()
-            });
-            recorder.received(&board.frame(us.unsigned_abs(), &stats), at(us));
+            recording.stats();
         }
     }
-    recorder.take()
+    recording.finish()
 }
 
 #[test]
