@@ -321,8 +321,7 @@ impl Session {
              than this bridge",
             words::reason(result)
         );
-        let model = self.model.as_ref().and_then(|model| model.packed());
-        if model.is_some_and(|packed| packed.description.rate == rate) {
+        if self.model_rate == Some(rate) {
             tracing::info!("{text}");
         } else {
             tracing::warn!("{text}");
