@@ -142,7 +142,7 @@ pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, Bridge
         input.play(Survey::default(), "looking for events", |_| Ok(()))
     });
     let (survey, left_out) = survey?;
-    let core = survey.summary();
+    let mut core = survey.summary();
     let unfilled = survey.collector.unfilled;
     let objection = survey.objection().map(str::to_owned);
     let survey = survey.collector.listener;
@@ -167,6 +167,7 @@ pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, Bridge
         Some((stream, source)) => Err(failed(path_of(stream), source)),
         None => Ok(()),
     })?;
+    core.decoder.malformed = played.collector.malformed();
     let writers = played.collector.listener.writers.into_iter().enumerate();
     for (number, writer) in writers {
         if let Some(writer) = writer {

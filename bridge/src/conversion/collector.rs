@@ -80,6 +80,12 @@ impl<L: Listener> Collector<L> {
         }
     }
 
+    /// Number of packed blocks that were malformed.
+    pub(crate) fn malformed(&self) -> u64 {
+        let packed = self.packed.as_ref();
+        packed.map_or(0, PackedReconstruction::malformed)
+    }
+
     /// Passes on a frame of the present run. Its first row happened `delay_us` before the device time in its status
     /// words.
     fn publish(&mut self, stream: Stream, frame: &NeuroFrame, delay_us: i64) {

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use link::Flags;
 use neuro_ros::{NeuroFrame, Stamp};
-use packed::Rate;
 use reconstruction::{PackedHop, PackedOverlap, PackedSource};
 
 use crate::decoder::model::Model;
@@ -19,7 +18,7 @@ const KEPT_BLOCKS: usize = 16;
 /// Input of the decoder: a received block, or a placeholder for a lost one, with its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimedPackedBlock {
-    /// The block; `None` if it was lost or is malformed.
+    /// The block; `None` if it was lost.
     pub block: Option<PackedBytes>,
     /// Whether it is the first block of a recording: it does not follow the block before.
     pub is_first: bool,
@@ -34,8 +33,8 @@ pub struct TimedPackedBlock {
 pub struct PackedBytes {
     /// The bytes of the received message.
     pub bytes: Vec<u8>,
-    /// Rate of the stream.
-    pub rate: Rate,
+    /// Rate of the stream, 0 to 15; a block with any other is malformed.
+    pub rate: u8,
 }
 
 /// Decodes packed blocks to frames of `/neurodata_reconstructed`, one for each block.

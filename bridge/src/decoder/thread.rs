@@ -349,13 +349,12 @@ fn run_block(
 ) -> bool {
     let before = packed.malformed();
     let frame = packed.next_frame(block);
-    if block.block.is_some() {
-        progress.decoded.fetch_add(1, Ordering::Relaxed);
-    }
     let can_publish =
         frame.is_none_or(|frame| !sink.has_receivers() || publish(frame, sink, progress));
     let malformed = packed.malformed() - before;
     progress.malformed.fetch_add(malformed, Ordering::Relaxed);
+    let decoded = u64::from(block.block.is_some()) - malformed;
+    progress.decoded.fetch_add(decoded, Ordering::Relaxed);
     can_publish
 }
 

@@ -23,6 +23,7 @@ mod master;
 mod names;
 #[path = "../core/packed_block.rs"]
 mod packed_block;
+mod packed_lines;
 #[path = "../core/packed_recording.rs"]
 #[expect(dead_code, reason = "the tests of the core use more of it")]
 mod packed_recording;
