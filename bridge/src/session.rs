@@ -324,7 +324,7 @@ impl Session {
         if self.model_rate == Some(rate) {
             tracing::info!("{text}");
         } else {
-            tracing::warn!("{text}");
+            tracing::warn!("{text}; choose no rate, or flash an image whose packed code has rates");
         }
     }
 }

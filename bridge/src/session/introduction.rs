@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use link::{Capabilities, Header, Hello, Substitutes};
+use link::{Capabilities, Header, Hello, Streams, Substitutes};
 use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
 use crate::device::Device;
@@ -105,11 +105,13 @@ impl Session {
         if let Some(objection) = &self.objection {
             tracing::error!("{objection}");
         }
-        tracing::info!(
-            "codes: {} per second, {}",
-            device.codes_per_second(),
-            device.code_format
-        );
+        let (asked, per_second) = (self.commands.streams(), device.codes_per_second());
+        if asked.contains(Streams::CODES) {
+            tracing::info!("codes: {per_second} per second, {}", device.code_format);
+        }
+        if asked.contains(Streams::PACKED) {
+            tracing::info!("packed blocks: {per_second} per second");
+        }
         if let Some(unrecorded) = device.unrecorded() {
             tracing::warn!("electrodes that were not recorded: {unrecorded}");
         }

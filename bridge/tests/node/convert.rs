@@ -361,7 +361,9 @@ fn codes_that_replaced_refused_packed_blocks_are_decoded() {
     let (status, log) = recorder.wait();
     assert!(status.success(), "{log}");
     assert!(
-        log.contains("WARN") && log.contains("refuses the rate 4 of the packed code"),
+        log.contains("WARN")
+            && log.contains("refuses the rate 4 of the packed code")
+            && log.contains("choose no rate"),
         "{log}"
     );
     let (status, log) = convert(&path, "csv");

@@ -50,6 +50,15 @@ fn malformed_blocks_are_an_error_of_the_packed_code_and_do_not_count_as_decoded(
         }
     }
     let (messages, log) = messages(recording);
+    // The log speaks of what streams.
+    assert!(
+        log.contains("packed blocks: 16 per second") && !log.contains("codes: 16 per second"),
+        "{log}"
+    );
+    // A replay refuses every rate; the model's is no warning.
+    let refused = log.lines().find(|line| line.contains("refuses the rate 4"));
+    let refused = refused.unwrap();
+    assert!(refused.contains("INFO"), "{log}");
     assert!(
         log.contains("windows: decoded 23 ") && log.contains("packed blocks malformed 1"),
         "{log}"
