@@ -88,6 +88,21 @@ impl<T: Clone> PackedOverlap<T> {
             source,
             label,
         };
+        self.complete(newest, smoothed)
+    }
+
+    /// Takes `newest` for the hop of the next block, which is not decoded, and returns the hop that it completes. For a
+    /// caller that needs no signals; what is decoded afterwards is wrong.
+    pub fn pass(&mut self, newest: PackedHop<T>) -> Option<PackedHop<T>> {
+        self.complete(newest, None)
+    }
+
+    /// Returns the hop that `newest` completes, with the signals `smoothed` if it corrects the hop before it.
+    fn complete(
+        &mut self,
+        newest: PackedHop<T>,
+        smoothed: Option<Vec<f32>>,
+    ) -> Option<PackedHop<T>> {
         let completed = if self.low_latency {
             self.newest = Some(newest.clone());
             Some(newest)

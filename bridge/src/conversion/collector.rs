@@ -213,7 +213,12 @@ impl<L: Listener> Effects for Collector<L> {
         };
         // The block completes the frame of the block before it, which another run may have made.
         let run = std::mem::replace(&mut self.block_run, self.run);
-        if let Some(frame) = packed.next_frame(&block) {
+        let frame = if L::DECODES {
+            packed.next_frame(&block)
+        } else {
+            packed.next_times(&block)
+        };
+        if let Some(frame) = frame {
             self.publish_of(run, Stream::Reconstructed, frame, delay_us);
         }
         self.packed = Some(packed);
@@ -263,4 +268,79 @@ impl<L: Listener> Effects for Collector<L> {
     }
 
     fn audit(&mut self, _: AuditedWindow) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use link::Streams;
+    use neuro_ros::Stamp;
+
+    use super::{Collector, Listener};
+    use crate::conversion::block::{Block, TimedEvent};
+    use crate::decoder::model::Model;
+    use crate::decoder::packed::{PackedBytes, TimedPackedBlock};
+    use crate::decoder::thread::tests::{SETTINGS, device};
+    use crate::effects::{Announcement, Effects};
+    use crate::settings::Settings;
+    use crate::streams::tri::TriWords;
+
+    /// Keeps the times of rows, and whether they are fillers.
+    #[derive(Default)]
+    struct Times<const DECODES: bool>(Vec<(i64, bool)>);
+
+    impl<const DECODES: bool> Listener for Times<DECODES> {
+        const DECODES: bool = DECODES;
+
+        fn block(&mut self, block: Block) {
+            self.0.push((block.wall_ns, block.is_filler()));
+        }
+
+        fn event(&mut self, _: TimedEvent) {}
+    }
+
+    /// Passes 20 blocks to a collector, of which some are lost and none is one of the model. Returns the times of rows
+    /// and the number of blocks that were found malformed.
+    fn collect<const DECODES: bool>() -> (Vec<(i64, bool)>, u64) {
+        let model = Arc::new(Model::embedded().unwrap());
+        let settings = Settings {
+            streams: Streams::PACKED,
+            ..SETTINGS
+        };
+        let listener = Times::<DECODES>::default();
+        let mut collector = Collector::new(listener, settings, Arc::clone(&model));
+        collector.announce(&Announcement {
+            info: None,
+            device: Arc::new(device(&model)),
+            decodable: true,
+        });
+        for index in 0..20 {
+            let bytes = PackedBytes {
+                bytes: vec![0],
+                rate: 4,
+            };
+            collector.decode_block(TimedPackedBlock {
+                block: (index % 5 > 0).then_some(bytes),
+                is_first: index == 0,
+                stamp: Stamp::from_nanoseconds(index * 62_500_000),
+                words: TriWords::default(),
+            });
+        }
+        collector.finish_blocks();
+        let malformed = collector.malformed();
+        (collector.listener.0, malformed)
+    }
+
+    #[test]
+    fn the_first_pass_decodes_no_block_and_has_the_times_of_the_second() {
+        let (decoded, malformed) = collect::<true>();
+        assert_eq!((decoded.len(), malformed), (20, 16));
+        let (passed, malformed) = collect::<false>();
+        assert_eq!(malformed, 0);
+        assert!(decoded.iter().all(|(_, is_filler)| *is_filler));
+        for (index, (passed, decoded)) in passed.iter().zip(&decoded).enumerate() {
+            assert_eq!(*passed, (decoded.0, index % 5 == 0));
+        }
+    }
 }

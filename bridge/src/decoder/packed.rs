@@ -115,10 +115,7 @@ impl PackedReconstruction {
     /// Decodes `block` and returns the frame that it completes: that of the block before, with low latency its own.
     /// Returns `None` if there is no such block, or if it is lost and lost blocks are not filled.
     pub fn next_frame(&mut self, block: &TimedPackedBlock) -> Option<&NeuroFrame> {
-        if block.is_first {
-            self.overlap.restart();
-            self.kept.clear();
-        }
+        self.start_recording(block.is_first);
         let received = block.block.as_ref();
         let received = received.map(|block| (block.bytes.as_slice(), block.rate));
         let label = Label {
@@ -128,6 +125,33 @@ impl PackedReconstruction {
         let completed = self.overlap.next_hop(received, label);
         self.keep_newest();
         self.filled_frame(completed?)
+    }
+
+    /// Returns the frame that `block` completes as [`Self::next_frame`] does, with zeros for its values: no block is
+    /// decoded. For a caller that needs the times alone.
+    pub(crate) fn next_times(&mut self, block: &TimedPackedBlock) -> Option<&NeuroFrame> {
+        self.start_recording(block.is_first);
+        let source = match block.block {
+            Some(_) => PackedSource::Block,
+            None => PackedSource::Prediction,
+        };
+        let completed = self.overlap.pass(PackedHop {
+            microvolts: vec![0.0; self.frame.eeg.data.len()],
+            source,
+            label: Label {
+                stamp: block.stamp,
+                words: block.words,
+            },
+        });
+        self.filled_frame(completed?)
+    }
+
+    /// Forgets all blocks if the next one is the first of a recording.
+    fn start_recording(&mut self, is_first: bool) {
+        if is_first {
+            self.overlap.restart();
+            self.kept.clear();
+        }
     }
 
     /// Returns the frame of a hop; `None` if its block is lost and lost blocks are not filled.

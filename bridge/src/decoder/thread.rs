@@ -48,7 +48,7 @@ pub(crate) struct DecoderThread {
 /// Lengths of the queues, and what the thread has done.
 #[derive(Debug, Default)]
 struct Progress {
-    /// Number of queued codes; placeholders for lost codes do not count.
+    /// Number of queued codes and packed blocks. Placeholders for lost blocks count, those for lost codes do not.
     waiting: AtomicU64,
     decoded: AtomicU64,
     /// Number of packed blocks that were malformed.
@@ -107,8 +107,8 @@ impl DecoderThread {
     }
 
     /// Queues a code without blocking. If the queue is full, the code is discarded and counted, and
-    /// a filler is published in its place. Fillers need no decoding and keep the number of samples
-    /// correct.
+    /// a filler is published in its place. Fillers of codes need no decoding and keep the number of
+    /// samples correct.
     pub(crate) fn decode(&mut self, mut window: TimedCode) {
         if window.z.is_some() && !self.takes_one_more() {
             window.z = None;
@@ -116,10 +116,14 @@ impl DecoderThread {
         self.prepared.push(Work::Code(window, Instant::now()));
     }
 
-    /// Queues a packed block as [`Self::decode`] does a code.
+    /// Queues a packed block as [`Self::decode`] does a code. Placeholders count among those that wait, because a
+    /// prediction can take as long as a block; a full queue takes them nevertheless.
     pub(crate) fn decode_block(&mut self, mut block: TimedPackedBlock) {
-        if block.block.is_some() && !self.takes_one_more() {
+        if block.block.is_none() {
+            self.progress.waiting.fetch_add(1, Ordering::Relaxed);
+        } else if !self.takes_one_more() {
             block.block = None;
+            self.progress.waiting.fetch_add(1, Ordering::Relaxed);
         }
         self.prepared.push(Work::Block(block, Instant::now()));
     }
@@ -258,9 +262,7 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
                 continue;
             }
             Work::Block(block, queued) => {
-                if block.block.is_some() {
-                    progress.record_start(queued);
-                }
+                progress.record_start(queued);
                 let Some(known) = packed.as_mut() else {
                     continue;
                 };
@@ -369,4 +371,4 @@ fn publish(frame: &NeuroFrame, sink: &mut dyn FrameSink, progress: &Progress) ->
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

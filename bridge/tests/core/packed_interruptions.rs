@@ -80,9 +80,8 @@ fn after_a_stop_all_blocks_have_frames_and_the_next_recording_starts_anew() {
         [&[true][..], &[false; 4], &[true], &[false; 4]].concat()
     );
     // Nothing of the run before is the start of a prediction.
-    let (plain, _) = decode([None, Some(1)].into_iter());
-    assert!(frames[5].eeg.data.iter().all(|uv| *uv == 0.0));
-    assert_eq!(frames[5].eeg.data, plain[0]);
+    let (_, smoothed) = decode([None, Some(1)].into_iter());
+    assert_eq!(Some(&frames[5].eeg.data), smoothed[1].as_ref());
     let filler = flags(&frames).iter().position(|flags| flags & 0x8000 != 0);
     assert_eq!(filler, Some(5));
 }
@@ -124,6 +123,11 @@ fn a_restart_completes_the_frame_that_waits_and_fills_the_time_of_the_outage() {
         device.send(false);
     }
     set_streaming(&mut device, false);
+    let summary = device.harness.core.summary().to_string();
+    assert!(summary.contains("fillers 4 bits"), "{summary}");
+    assert!(summary.contains("; packed blocks: made 10 "), "{summary}");
+    let (_, packed) = summary.split_once("packed blocks").unwrap();
+    assert!(packed.contains("missing between runs 4;"), "{summary}");
     let frames = frames(&device.harness.recorder, SMOOTH);
     assert_eq!(frames.len(), 14);
     assert!(stamps_increase(&frames));
@@ -159,6 +163,40 @@ fn a_gap_longer_than_the_fillers_is_counted_and_ends_at_the_next_block() {
     assert_eq!(
         (packed.received, packed.lost, packed.fillers),
         (2, u64::from(lost), 65_536)
+    );
+}
+
+#[test]
+fn the_predictions_of_a_long_gap_come_to_a_standstill_until_the_next_block() {
+    let mut device = Packed::new(PACKED);
+    for _ in 0..5 {
+        device.send(false);
+    }
+    let gap = 4_000;
+    for _ in 0..gap {
+        device.send(true);
+    }
+    for _ in 0..5 {
+        device.send(false);
+    }
+    let frames = frames(&device.harness.recorder, PACKED);
+    let lost = (0..5 + gap + 5).map(|index| (!(5..5 + gap).contains(&index)).then_some(index));
+    let (expected, _) = decode(lost);
+    assert_eq!(signals(&frames), expected.iter().collect::<Vec<_>>());
+    // They decay first. Rounding leaves half a microvolt.
+    let gap = &frames[5..4_005];
+    let largest = |frame: &NeuroFrame| {
+        frame
+            .eeg
+            .data
+            .iter()
+            .fold(0.0_f32, |max, uv| max.max(uv.abs()))
+    };
+    assert!(largest(&gap[100]) < 0.2 * largest(&frames[4]));
+    assert!(
+        gap[100..]
+            .iter()
+            .all(|frame| frame.eeg.data == gap[100].eeg.data)
     );
 }
 

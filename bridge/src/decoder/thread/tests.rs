@@ -32,7 +32,7 @@ impl Sink<NeuroFrame> for Numbers {
     }
 }
 
-const SETTINGS: Settings = Settings {
+pub(crate) const SETTINGS: Settings = Settings {
     stamp: StampPoint::First,
     mains_hz: 0,
     filler: FillerPolicy::Last,
@@ -43,7 +43,7 @@ const SETTINGS: Settings = Settings {
     event_stamps: EventStamps::Scalp,
 };
 
-fn device(model: &Model) -> Device {
+pub(crate) fn device(model: &Model) -> Device {
     let labels = model.electrodes().join(" ");
     let hello = Hello {
         firmware: "test",
@@ -195,6 +195,20 @@ fn at_the_end_the_frame_that_waits_is_published_without_its_correction() {
     decoder.decode_block(lost_block(7, true));
     decoder.finish(TIMEOUT);
     assert_eq!(*places.lock().unwrap(), [(1, 7)]);
+}
+
+#[test]
+fn placeholders_of_packed_blocks_wait_like_blocks() {
+    let places = Arc::new(Mutex::new(Vec::new()));
+    let mut decoder = DecoderThread::start(Box::new(Places(Arc::clone(&places)))).unwrap();
+    decoder.start_device(reconstruction(), Some(unpacked()));
+    for index in 0..4_096 {
+        decoder.decode_block(lost_block(index, index == 0));
+    }
+    assert_eq!(decoder.counts().waiting, 4_096);
+    let counts = decoder.finish(TIMEOUT);
+    assert_eq!((counts.waiting, counts.not_decoded), (0, 0));
+    assert_eq!((counts.decoded, places.lock().unwrap().len()), (0, 4_096));
 }
 
 #[test]
