@@ -77,6 +77,12 @@ impl Core {
         self.session.commands.set_rate(rate);
     }
 
+    /// Sets the rate of the packed code to that of the device's model, for a core without the model.
+    pub(crate) fn set_model_rate(&mut self, rate: u8) {
+        self.session.model_rate = Some(rate);
+        self.set_packed_rate(rate);
+    }
+
     /// Returns whether no stream is wanted and the device has confirmed that none is running.
     pub fn is_stopped(&self) -> bool {
         self.session.commands.is_stopped()
@@ -98,6 +104,11 @@ impl Core {
     /// Returns the counts of received, lost and filled codes since the core was created.
     pub fn summary(&self) -> Summary {
         Summary::new(&self.session, self.decoder.counters())
+    }
+
+    /// Returns why codes or the signals of the device are not published, worded for the user; `None` if they are.
+    pub(crate) fn objection(&self) -> Option<&str> {
+        self.session.objection.as_deref()
     }
 
     /// Returns the report for `/diagnostics`. Call this once a second: a loss is a warning only in

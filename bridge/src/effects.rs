@@ -37,6 +37,10 @@ pub trait Effects {
     /// signals reconstructed from them, and none from codes.
     fn decode_block(&mut self, block: TimedPackedBlock);
 
+    /// Publishes the signals of the newest packed block, if they wait for the next one: none follows. The default does
+    /// nothing, for an output that does not decode.
+    fn finish_blocks(&mut self) {}
+
     /// Publishes a frame of ADC samples on `/neurodata`.
     fn publish_raw(&mut self, frame: &NeuroFrame);
 

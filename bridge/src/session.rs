@@ -1,12 +1,12 @@
 //! Handling of messages from the device and of commands to the device.
 
+mod hops;
 mod introduction;
 mod reports;
 pub(crate) mod state;
 
 use link::{
-    Ack, AckResult, Frame, FrameError, Header, MAX_FRAME, PackedCode, Stats, Streams, ToDevice,
-    ToHost,
+    Ack, AckResult, Frame, FrameError, Header, MAX_FRAME, Stats, Streams, ToDevice, ToHost,
 };
 
 use crate::diagnostics::converters::ChainReport;
@@ -106,23 +106,7 @@ impl Session {
             ToHost::Capabilities(capabilities) => {
                 self.handle_capabilities(capabilities, read, effects);
             }
-            ToHost::Code(code) => match &mut self.codes {
-                Some(codes) if self.introduced && self.commands.accepts_codes() => {
-                    self.commands.stream_received(read.monotonic_us);
-                    if codes.is_restart(code) {
-                        self.side.restart_events();
-                    }
-                    let trusted = self.clock.observe(header.device_time_us, read);
-                    let device_us = trusted.then_some(header.device_time_us);
-                    let reception = Reception {
-                        read,
-                        clock: &self.clock,
-                        trigger: &self.side.trigger,
-                    };
-                    codes.receive(code, device_us, reception, effects);
-                }
-                _ => self.counts.codes_unused += 1,
-            },
+            ToHost::Code(code) => self.handle_code(code, header.device_time_us, read, effects),
             ToHost::Stats(stats) => self.handle_stats(*stats, header.device_time_us, read, effects),
             ToHost::Ack(ack) => self.handle_ack(*ack, read, effects),
             ToHost::Quality(quality) => self.quality = Some(quality.clone()),
@@ -154,39 +138,6 @@ impl Session {
                 &self.clock,
             ),
         }
-    }
-
-    /// Handles a packed block, whose last step was at device time `device_us`.
-    fn handle_packed(
-        &mut self,
-        code: &PackedCode,
-        device_us: u64,
-        read: HostTime,
-        effects: &mut dyn Effects,
-    ) {
-        let is_usable = self.introduced && self.commands.accepts_codes();
-        let Some(packed) = self.packed.as_mut().filter(|_| is_usable) else {
-            self.counts.codes_unused += 1;
-            return;
-        };
-        self.commands.stream_received(read.monotonic_us);
-        if packed.is_restart(code) {
-            self.side.restart_events();
-        }
-        // The clock is fitted to codes. Packed blocks are used for the fit only until the first code arrives, or
-        // where no codes stream.
-        let has_codes = self.commands.streams().contains(Streams::CODES);
-        let trusted = if has_codes && self.clock.is_known() {
-            self.clock.is_possible(device_us, read)
-        } else {
-            self.clock.observe(device_us, read)
-        };
-        let reception = Reception {
-            read,
-            clock: &self.clock,
-            trigger: &self.side.trigger,
-        };
-        packed.receive(code, trusted.then_some(device_us), reception, effects);
     }
 
     /// Handles a message with samples, filtered steps, an event or an audit; `made_us` is its
@@ -244,7 +195,8 @@ impl Session {
     }
 
     /// Ends the recording of all streams, because the user stopped them.
-    fn end_recording(&mut self) {
+    fn end_recording(&mut self, effects: &mut dyn Effects) {
+        effects.finish_blocks();
         if let Some(codes) = &mut self.codes {
             codes.end_recording();
         }
@@ -299,7 +251,10 @@ impl Session {
             clock: &self.clock,
             trigger: &self.side.trigger,
         };
-        codes.fill_before(stats.next_window, device_us, reception, effects);
+        // The window index is that of codes. A replay also states it to a host that asks for packed blocks alone.
+        if self.commands.streams().contains(Streams::CODES) {
+            codes.fill_before(stats.next_window, device_us, reception, effects);
+        }
         if !streams && self.commands.wants_stream() {
             tracing::warn!("the device stopped streaming by itself; starting it again");
             self.commands.device_stopped();
@@ -333,7 +288,7 @@ impl Session {
             AckEffect::Stopped { by_user } => {
                 tracing::debug!("stopped");
                 if by_user {
-                    self.end_recording();
+                    self.end_recording(effects);
                 } else {
                     self.restart_streams();
                 }
@@ -366,11 +321,10 @@ impl Session {
              than this bridge",
             words::reason(result)
         );
-        let model = self.model.as_ref().and_then(|model| model.packed());
-        if model.is_some_and(|packed| packed.description.rate == rate) {
+        if self.model_rate == Some(rate) {
             tracing::info!("{text}");
         } else {
-            tracing::warn!("{text}");
+            tracing::warn!("{text}; choose no rate, or flash an image whose packed code has rates");
         }
     }
 }

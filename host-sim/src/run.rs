@@ -41,18 +41,26 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
         );
     }
     let progress = progress_bar(total.map(|samples| samples / rate()), options.quiet);
-    let report = session.run(&mut source, &stop, |stats| {
+    let report = session.run(&mut source, &stop, |stats, blocks| {
         progress.inc(1);
-        progress.set_message(format!(
-            "{} codes, {} frames dropped",
-            stats.codes_made, stats.frames_dropped
-        ));
+        let hops = hops(stats.codes_made, blocks, "");
+        progress.set_message(format!("{hops}, {} frames dropped", stats.frames_dropped));
     })?;
     progress.finish_and_clear();
     if !options.quiet {
         eprintln!("{}", summary(&report, &source));
     }
     Ok(())
+}
+
+/// Returns the numbers of codes and of packed blocks that were made, each followed by `made`; those of the streams that
+/// a host asked for.
+fn hops(codes: u32, blocks: u64, made: &str) -> String {
+    match (codes, blocks) {
+        (0, 1..) => format!("{blocks} packed blocks{made}"),
+        (_, 0) => format!("{codes} codes{made}"),
+        _ => format!("{codes} codes{made}, {blocks} packed blocks{made}"),
+    }
 }
 
 fn rate() -> u64 {
@@ -129,12 +137,12 @@ fn summary(report: &Report, source: &Source) -> String {
         return "no host started the stream".to_owned();
     }
     let mut text = format!(
-        "{:.1} s of signal in {:.2} s ({:.1} times real time): {} codes made, {} frames dropped, \
+        "{:.1} s of signal in {:.2} s ({:.1} times real time): {}, {} frames dropped, \
          {} values clipped, {} in codes ({})",
         report.signal_s(),
         report.elapsed.as_secs_f64(),
         report.signal_s() / report.elapsed.as_secs_f64(),
-        stats.codes_made,
+        hops(stats.codes_made, report.packed_blocks, " made"),
         stats.frames_dropped,
         stats.clipped,
         stats.clipped_values,

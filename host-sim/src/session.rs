@@ -115,6 +115,8 @@ impl SessionError {
 pub struct Report {
     /// Counters of the board at the end.
     pub stats: Stats,
+    /// Number of packed blocks that the board has made.
+    pub packed_blocks: u64,
     /// Counters of the converters' driver at the end.
     pub converters: SamplerCounters<CHIPS>,
     /// Fault found when the converters were initialised; `None` if there was none.
@@ -140,7 +142,7 @@ impl Report {
 
 impl Session {
     /// Runs the board until the source ends, the limit is reached or `stop` is set. Calls `on_second`
-    /// after each second of signal.
+    /// after each second of signal, with the board's counters and its number of packed blocks.
     ///
     /// # Errors
     /// The output cannot be opened, a file cannot be written, or the recording cannot be read.
@@ -148,7 +150,7 @@ impl Session {
         &self,
         source: &mut Source,
         stop: &AtomicBool,
-        mut on_second: impl FnMut(&Stats),
+        mut on_second: impl FnMut(&Stats, u64),
     ) -> Result<Report, SessionError> {
         let outbox = Outbox::new(self.when_full());
         let cannot_open = |source| SessionError::Port {
@@ -219,7 +221,7 @@ impl Session {
             samples += 1;
             last_sample = Instant::now();
             if samples.is_multiple_of(model::ADC_RATE_HZ.into()) {
-                on_second(&board.stats());
+                on_second(&board.stats(), board.packed_blocks());
             }
         };
         let elapsed = started.map_or(Duration::ZERO, |started: Instant| started.elapsed());
@@ -240,6 +242,7 @@ impl Session {
         finished?;
         Ok(Report {
             stats: board.stats(),
+            packed_blocks: board.packed_blocks(),
             converters: *board.converters().sampler().counters(),
             failure: board.converters().failure(),
             elapsed,

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use ads1299::SelfTestReport;
 use device::{
     Abilities, AcquiredSample, BothEncoders, CHIPS, CapturedEvent, Counts, FrameQueue, Marks,
-    Order, Output, Producer, Run, Sender, Session,
+    Order, Output, Payload, Producer, Run, Sender, Session,
 };
 use link::{AckResult, EventKind, ResetCause, Start, Stats, Substitutes};
 use pipeline::{Acquisition, Mains, Sample};
@@ -77,6 +77,8 @@ pub struct VirtualBoard {
     samples: u64,
     overruns: u32,
     adc_status_bad: u32,
+    /// Packed blocks since boot.
+    packed_blocks: u64,
     /// Steps since the last `Start`.
     steps: u64,
     /// Number of electrode values clipped to int8 between boot and the last `Start`; wraps.
@@ -107,6 +109,7 @@ impl VirtualBoard {
             samples: 0,
             overruns: 0,
             adc_status_bad: 0,
+            packed_blocks: 0,
             steps: 0,
             clipped_before: 0,
         };
@@ -186,6 +189,7 @@ impl VirtualBoard {
         self.new_run = None;
         (self.samples, self.overruns, self.adc_status_bad) = (0, 0, 0);
         self.clipped_before = 0;
+        self.packed_blocks = 0;
         self.captured.clear();
         self.edges = 0;
         if let Some(trigger) = &mut self.trigger {
@@ -249,8 +253,9 @@ impl VirtualBoard {
         };
         let counts = self.counts();
         let (session, sender) = (&mut self.session, &mut self.sender);
-        let converters = &self.converters;
+        let (converters, blocks) = (&self.converters, &mut self.packed_blocks);
         let mut emit = |output: Output| {
+            *blocks += u64::from(matches!(output.payload, Payload::PackedCode(..)));
             if output.ends_second() {
                 session.send_stats(output.at_us, counts, sender);
                 session.update_converters(converters.message(), output.at_us, sender);
@@ -297,6 +302,11 @@ impl VirtualBoard {
     /// Returns the counters of samples, codes, commands and losses since boot.
     pub fn stats(&self) -> Stats {
         self.session.stats(self.counts(), self.sender.dropped())
+    }
+
+    /// Returns the number of packed blocks made since boot, which [`Self::stats`] lacks.
+    pub const fn packed_blocks(&self) -> u64 {
+        self.packed_blocks
     }
 
     /// Sends the counters, as a board does every second and after `Stop`.

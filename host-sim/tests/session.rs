@@ -45,13 +45,13 @@ fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
 }
 
 fn run(session: &Session, stop: &AtomicBool) -> Result<Report, SessionError> {
-    run_observed(session, stop, |_| ())
+    run_observed(session, stop, |_, _| ())
 }
 
 fn run_observed(
     session: &Session,
     stop: &AtomicBool,
-    on_second: impl FnMut(&link::Stats),
+    on_second: impl FnMut(&link::Stats, u64),
 ) -> Result<Report, SessionError> {
     let spec = SyntheticSpec::new(1, model::LABELS.split(' '));
     let generator = Generator::new(&spec).expect("the default specification");
@@ -71,7 +71,8 @@ impl Running {
         let stop = Arc::new(AtomicBool::new(false));
         let codes = Arc::new(AtomicU32::new(0));
         let (flag, count) = (stop.clone(), codes.clone());
-        let on_second = move |stats: &link::Stats| count.store(stats.codes_made, Ordering::Relaxed);
+        let on_second =
+            move |stats: &link::Stats, _| count.store(stats.codes_made, Ordering::Relaxed);
         let thread = thread::spawn(move || run_observed(&session, &flag, on_second));
         Self {
             stop,

@@ -215,8 +215,8 @@ pub(crate) struct CodeFile<R> {
     unread: std::ops::Range<usize>,
     decoder: Decoder,
     substitutes: Substitutes,
-    /// Model of the device, from its `Hello`.
-    device_model: ModelId,
+    /// Model of the device, from its `Hello`; `None` before it.
+    device_model: Option<ModelId>,
     announcement: Option<Announcement>,
     /// Kind of the codes that are returned; `None` until the first one, which determines it.
     kind: Option<CodeKind>,
@@ -244,7 +244,7 @@ impl<R: Read> CodeFile<R> {
             unread: 0..0,
             decoder: Decoder::new(),
             substitutes: Substitutes::NONE,
-            device_model: model,
+            device_model: None,
             announcement: None,
             kind,
             left_out: 0,
@@ -304,7 +304,7 @@ impl<R: Read> CodeFile<R> {
             match frame.message {
                 // A device states them between its `Hello` and its `Capabilities`.
                 ToHost::Hello(hello) => {
-                    self.device_model = ModelId(hello.model_id);
+                    self.device_model = Some(ModelId(hello.model_id));
                     self.substitutes = Substitutes::NONE;
                 }
                 ToHost::Substitutes(substitutes) => self.substitutes = substitutes,
@@ -334,7 +334,8 @@ impl<R: Read> CodeFile<R> {
                         },
                     };
                     if self.is_wanted(&code) {
-                        self.check(self.device_model, &code)?;
+                        let model = self.device_model.ok_or(CodeFileError::NoIntroduction)?;
+                        self.check(model, &code)?;
                         return Ok(Some(code));
                     }
                 }

@@ -2,7 +2,6 @@
 
 use artifact::{Description, PackedModel};
 use link::Flags;
-use packed::Rate;
 use reconstruction::{PackedHop, PackedOverlap, PackedSource};
 
 use crate::hops::DecodedHop;
@@ -15,8 +14,6 @@ pub(crate) struct PackedHops {
     rows: u64,
     /// Index of the next block.
     next: u32,
-    /// Number of blocks whose rate the packed code does not have.
-    unknown_rates: u64,
 }
 
 /// Index and flags of a block.
@@ -33,7 +30,6 @@ impl PackedHops {
             overlap: PackedOverlap::new(model, false, full_scale_uv),
             rows: description.window.hop as u64,
             next: 0,
-            unknown_rates: 0,
         }
     }
 
@@ -45,15 +41,13 @@ impl PackedHops {
     pub(crate) fn decode<E>(
         &mut self,
         (index, flags): (u32, Flags),
-        (bytes, rate): (&[u8], u8),
+        block: (&[u8], u8),
         mut emit: impl FnMut(DecodedHop) -> Result<(), E>,
     ) -> Result<(), E> {
         while self.next < index {
             self.complete(None, Flags::empty(), &mut emit)?;
         }
-        let block = Rate::new(rate).map(|rate| (bytes, rate));
-        self.unknown_rates += u64::from(block.is_none());
-        self.complete(block, flags, &mut emit)
+        self.complete(Some(block), flags, &mut emit)
     }
 
     /// Passes the hop of the last block to `emit`, and returns the number of blocks that were malformed.
@@ -67,13 +61,13 @@ impl PackedHops {
         if let Some(hop) = self.overlap.finish() {
             self.pass_on(&hop, &mut emit)?;
         }
-        Ok(self.overlap.malformed() + self.unknown_rates)
+        Ok(self.overlap.malformed())
     }
 
     /// Decodes the next block, `None` for a missing one.
     fn complete<E>(
         &mut self,
-        block: Option<(&[u8], Rate)>,
+        block: Option<(&[u8], u8)>,
         flags: Flags,
         emit: &mut impl FnMut(DecodedHop) -> Result<(), E>,
     ) -> Result<(), E> {
@@ -97,7 +91,7 @@ impl PackedHops {
         let flags = match hop.source {
             PackedSource::Block => flags,
             PackedSource::Healing => flags | Flags::HEALING,
-            PackedSource::Prediction => Flags::FILLER,
+            PackedSource::Prediction => flags | Flags::FILLER,
         };
         emit(DecodedHop {
             first_row: u64::from(index) * self.rows,

@@ -6,7 +6,8 @@ use packed::{BlockReader, Context, Magnitude, Malformed, RATES, Rate, Tables};
 use crate::synthesis::Synthesis;
 
 /// Blocks after a lost one, without a block that needs no prediction, until the error is that of a stream without
-/// loss again (measured: within 10 %).
+/// loss again: measured 1.12 to 1.20 times it after 1 to 12 lost blocks, and 1.15 times it when the first block that
+/// arrives is one from the middle of a run.
 pub const HEALING_BLOCKS: usize = 8;
 
 /// Decodes consecutive blocks of the packed code.
@@ -21,6 +22,8 @@ pub struct PackedDecoder {
     /// Smoother of each rate that has occurred, `[coefficient][residual of the next block]`.
     smoothers: Vec<Option<Vec<f32>>>,
     state: Vec<i16>,
+    /// Signals of all further predictions, if those of lost blocks have come to a standstill.
+    standing: Option<Vec<f32>>,
     health: Health,
 }
 
@@ -55,6 +58,7 @@ impl PackedDecoder {
             synthesis: Synthesis::new(model),
             smoothers: vec![None; RATES],
             state: vec![0; model.coefficients()],
+            standing: None,
             health: Health::Unknown,
             model: model.clone(),
         }
@@ -63,6 +67,7 @@ impl PackedDecoder {
     /// Forgets all blocks: waits for a block without prediction again.
     pub fn restart(&mut self) {
         self.state.fill(0);
+        self.standing = None;
         self.health = Health::Unknown;
     }
 
@@ -86,6 +91,7 @@ impl PackedDecoder {
         };
         let mut magnitudes = vec![Magnitude::ZERO; levels.len()];
         reader.read_magnitudes(&contexts, &tables, &mut magnitudes)?;
+        self.standing = None;
         let before = self.state.clone();
         let prediction = self.prediction(header.is_reset);
         self.state.clone_from(&prediction);
@@ -94,10 +100,12 @@ impl PackedDecoder {
         let smoothed = is_continuation.then(|| self.smoothed(&before, &prediction, header.rate));
         self.health = match self.health {
             _ if header.is_reset => Health::Equal,
+            // The block before it is lost.
+            Health::Unknown => Health::Healing { blocks: 1 },
             Health::Healing { blocks } => Health::Healing {
                 blocks: blocks.saturating_add(1),
             },
-            other => other,
+            Health::Equal => Health::Equal,
         };
         Ok(PackedBlock {
             microvolts: self.synthesis.microvolts(&self.state),
@@ -107,12 +115,22 @@ impl PackedDecoder {
     }
 
     /// Passes a lost block: its signals are those of its prediction, which the call returns, microvolts.
+    ///
+    /// # Timing
+    /// As long as decoding, until the prediction is equal to the state. Then, which is after some blocks, nothing is
+    /// left to compute.
     pub fn skip(&mut self) -> Vec<f32> {
-        self.state = self.prediction(false);
-        if self.health != Health::Unknown {
-            self.health = Health::Healing { blocks: 0 };
+        self.health = Health::Healing { blocks: 0 };
+        if let Some(microvolts) = &self.standing {
+            return microvolts.clone();
         }
-        self.synthesis.microvolts(&self.state)
+        let prediction = self.prediction(false);
+        let microvolts = self.synthesis.microvolts(&prediction);
+        if prediction == self.state {
+            self.standing = Some(microvolts.clone());
+        }
+        self.state = prediction;
+        microvolts
     }
 
     /// Returns the state after the newest block, units of a coefficient.

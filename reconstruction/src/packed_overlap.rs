@@ -1,7 +1,7 @@
 //! Consecutive blocks of the packed code to one continuous signal.
 
 use artifact::PackedModel;
-use packed::Rate;
+use packed::{Malformed, Rate};
 
 use crate::packed_decoder::PackedDecoder;
 
@@ -68,9 +68,13 @@ impl<T: Clone> PackedOverlap<T> {
     }
 
     /// Decodes the next block, `None` for a lost one, and returns the hop that it completes; `None` if there is none.
-    /// The block's rate is that of the stream. A malformed block is replaced like a lost one, and counted.
-    pub fn next_hop(&mut self, block: Option<(&[u8], Rate)>, label: T) -> Option<PackedHop<T>> {
-        let received = block.map(|(bytes, rate)| self.decoder.decode(bytes, rate));
+    /// The block's rate is the index of that of the stream, as on the wire. A malformed block, and one whose rate does
+    /// not exist, is replaced like a lost one, and counted.
+    pub fn next_hop(&mut self, block: Option<(&[u8], u8)>, label: T) -> Option<PackedHop<T>> {
+        let received = block.map(|(bytes, rate)| {
+            let rate = Rate::new(rate).ok_or(Malformed)?;
+            self.decoder.decode(bytes, rate)
+        });
         self.malformed += u64::from(matches!(received, Some(Err(_))));
         let (microvolts, smoothed, source) = match received {
             Some(Ok(block)) if block.is_sound => {
@@ -84,6 +88,21 @@ impl<T: Clone> PackedOverlap<T> {
             source,
             label,
         };
+        self.complete(newest, smoothed)
+    }
+
+    /// Takes `newest` for the hop of the next block, which is not decoded, and returns the hop that it completes. For a
+    /// caller that needs no signals; what is decoded afterwards is wrong.
+    pub fn pass(&mut self, newest: PackedHop<T>) -> Option<PackedHop<T>> {
+        self.complete(newest, None)
+    }
+
+    /// Returns the hop that `newest` completes, with the signals `smoothed` if it corrects the hop before it.
+    fn complete(
+        &mut self,
+        newest: PackedHop<T>,
+        smoothed: Option<Vec<f32>>,
+    ) -> Option<PackedHop<T>> {
         let completed = if self.low_latency {
             self.newest = Some(newest.clone());
             Some(newest)

@@ -142,10 +142,11 @@ pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, Bridge
         input.play(Survey::default(), "looking for events", |_| Ok(()))
     });
     let (survey, left_out) = survey?;
-    let core = survey.summary();
+    let mut core = survey.summary();
     let unfilled = survey.collector.unfilled;
+    let objection = survey.objection().map(str::to_owned);
     let survey = survey.collector.listener;
-    let outputs = outputs(options, &survey)?;
+    let outputs = outputs(options, &survey, objection)?;
     let mut rows = Rows::default();
     let mut files = Vec::new();
     let mut new_files = Vec::new();
@@ -166,6 +167,7 @@ pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, Bridge
         Some((stream, source)) => Err(failed(path_of(stream), source)),
         None => Ok(()),
     })?;
+    core.decoder.malformed = played.collector.malformed();
     let writers = played.collector.listener.writers.into_iter().enumerate();
     for (number, writer) in writers {
         if let Some(writer) = writer {
@@ -198,10 +200,11 @@ impl ConvertOptions {
     }
 }
 
-/// Returns the names of the files to write: one for each stream of the recording.
+/// Returns the names of the files to write: one for each stream of the recording. `objection` is the core's.
 fn outputs(
     options: &ConvertOptions,
     survey: &Survey,
+    objection: Option<String>,
 ) -> Result<Vec<(Stream, PathBuf)>, BridgeError> {
     let present = |stream: &Stream| survey.streams[*stream as usize].rows > 0;
     let outputs = Stream::ALL.into_iter().filter(present).map(|stream| {
@@ -211,7 +214,10 @@ fn outputs(
     let outputs: Vec<_> = outputs.collect();
     if outputs.is_empty() {
         let path = options.file.clone();
-        let source = RecordingError::NoDevice;
+        let source = match objection {
+            Some(objection) => RecordingError::NothingUsable { objection },
+            None => RecordingError::NoDevice,
+        };
         return Err(BridgeError::Recording { path, source });
     }
     // All names are checked before the first file is written.
@@ -289,7 +295,10 @@ impl Input<'_> {
                 path: self.path.to_owned(),
                 source,
             })?;
-            let Some(record) = record else { return Ok(()) };
+            let Some(record) = record else {
+                playback.finish();
+                return check(&mut playback.collector.listener);
+            };
             playback.play(record);
             check(&mut playback.collector.listener)?;
         }

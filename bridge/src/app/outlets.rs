@@ -19,6 +19,7 @@ use crate::decoder::model::Model;
 use crate::decoder::packed::{PackedReconstruction, TimedPackedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::decoder::thread::DecoderThread;
+use crate::diagnostics::packed::report_malformed;
 use crate::effects::{Announcement, Effects};
 use crate::settings::Settings;
 use crate::time::host_time::HostTime;
@@ -124,8 +125,12 @@ impl Outlets {
         counts
     }
 
-    /// Publishes the core's report, extended by the status of the outlets and of the audits.
+    /// Publishes the core's report, extended by the status of the outlets and of the audits, and by the decoder's
+    /// findings about packed blocks.
     pub(crate) fn publish_diagnostics(&mut self, mut report: DiagnosticArray) {
+        let malformed = self.decoder.counts().malformed;
+        let before = std::mem::replace(&mut self.reported_malformed, malformed);
+        report_malformed(&mut report, malformed, malformed - before);
         report.status.push(self.status());
         if let Some(mut audits) = self.decoder.audit_status() {
             audits.name.insert_str(0, "corticode: ");
@@ -153,18 +158,10 @@ impl Outlets {
         ];
         let now = figures.iter().filter_map(|(_, figure)| *figure).sum();
         let lost = now > std::mem::replace(&mut self.reported, now);
-        let malformed = decoder.malformed - self.reported_malformed;
-        self.reported_malformed = decoder.malformed;
         let objection = self.topics.as_ref().and_then(|topics| topics.objection());
         let (level, message) = if self.decoder.has_ended() {
             let message = "the decoder has ended; restart this program for reconstructed frames";
             (DiagnosticLevel::Error, message.to_owned())
-        } else if malformed > 0 {
-            let message = format!(
-                "{malformed} packed blocks are no blocks of the model and count as lost; bring firmware and this \
-                 program to the same release"
-            );
-            (DiagnosticLevel::Error, message)
         } else if let Some(objection) = objection {
             objection
         } else if lost {
@@ -183,7 +180,6 @@ impl Outlets {
                 &decoder.longest_wait.as_millis(),
             ),
             KeyValue::new("windows not needed", &decoder.not_needed),
-            KeyValue::new("packed blocks malformed", &decoder.malformed),
         ];
         let topics = self.topics.iter().flat_map(|topics| topics.values());
         DiagnosticStatus {
@@ -254,6 +250,10 @@ impl Effects for Outlets {
                 .record(block.words.device_time_us, read_us);
         }
         self.decoder.decode_block(block);
+    }
+
+    fn finish_blocks(&mut self) {
+        self.decoder.finish_blocks();
     }
 
     fn publish_raw(&mut self, frame: &NeuroFrame) {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use indicatif::{DecimalBytes, FormattedDuration, ProgressBar};
+use link::Streams;
 use neuro_ros::{NeuroEvent, NeuroFrame};
 use new_file::Existing;
 use tokio::time::{MissedTickBehavior, interval};
@@ -14,6 +15,7 @@ use crate::app::recording_file::RecordingFile;
 use crate::app::shutdown::Shutdown;
 use crate::core::Core;
 use crate::decoder::audit::AuditedWindow;
+use crate::decoder::model::Model;
 use crate::decoder::packed::TimedPackedBlock;
 use crate::decoder::reconstruction::TimedCode;
 use crate::diagnostics::summary::Summary;
@@ -77,6 +79,7 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
         streams: settings.streams,
         mains_hz: settings.mains_hz,
     };
+    let model_rate = ModelRate::new(settings)?;
     let mut recording = Recording {
         core: Core::new(settings, None),
         connection: Connection::new(options.at.port, options.at.baud),
@@ -84,7 +87,9 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
             recorder: Recorder::new(header),
             outgoing: Vec::new(),
             now,
+            announced: None,
         },
+        model_rate,
         file: RecordingFile::create(&options.file, Existing::from_force(options.force))?,
         start: Instant::now(),
     };
@@ -104,11 +109,34 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
     written.and(ended).map(|()| summary)
 }
 
+/// Rate of the built-in model's packed code, for devices with this model.
+struct ModelRate {
+    model: [u8; 8],
+    rate: u8,
+}
+
+impl ModelRate {
+    /// Returns the rate, if blocks are to be recorded and nobody has chosen another one.
+    fn new(settings: Settings) -> Result<Option<ModelRate>, BridgeError> {
+        if settings.packed_rate.is_some() || !settings.streams.contains(Streams::PACKED) {
+            return Ok(None);
+        }
+        let model = Model::embedded().map_err(BridgeError::Model)?;
+        let packed = model.packed();
+        Ok(packed.map(|packed| ModelRate {
+            model: model.id(),
+            rate: packed.description.rate,
+        }))
+    }
+}
+
 /// The core with its port and its file.
 struct Recording {
     core: Core,
     connection: Connection,
     port: RecordedPort,
+    /// Rate to set on devices with the built-in model; `None` leaves the choice to the device, or the user chose one.
+    model_rate: Option<ModelRate>,
     file: RecordingFile,
     start: Instant,
 }
@@ -166,6 +194,14 @@ impl Recording {
             Event::Bytes(count) => {
                 self.port.recorder.received(&buffer[..count], now);
                 self.core.receive(&buffer[..count], now, &mut self.port);
+                if let Some(model) = self.port.announced.take()
+                    && let Some(known) = self
+                        .model_rate
+                        .as_ref()
+                        .filter(|known| known.model == model)
+                {
+                    self.core.set_model_rate(known.rate);
+                }
             }
             Event::Closed => self.closed(now),
         }
@@ -207,6 +243,8 @@ struct RecordedPort {
     outgoing: Vec<u8>,
     /// Time of the event that the core handles.
     now: HostTime,
+    /// Model of a device that has introduced itself, until the main loop takes it.
+    announced: Option<[u8; 8]>,
 }
 
 impl RecordedPort {
@@ -222,7 +260,9 @@ impl Effects for RecordedPort {
         self.outgoing.extend_from_slice(frame);
     }
 
-    fn announce(&mut self, _: &Announcement) {}
+    fn announce(&mut self, announcement: &Announcement) {
+        self.announced = Some(announcement.device.model_id);
+    }
 
     fn publish_encoded(&mut self, _: &NeuroFrame) {}
 

@@ -42,6 +42,8 @@ pub(crate) struct Collector<L> {
     device: Option<Arc<Device>>,
     reconstruction: Option<Reconstruction>,
     packed: Option<PackedReconstruction>,
+    /// Run of the newest packed block, whose frame waits for the next one.
+    block_run: u32,
     /// Number of restarts of the device so far.
     pub(crate) run: u32,
     /// Device time in the header of the frame that the core handles, microseconds.
@@ -67,6 +69,7 @@ impl<L: Listener> Collector<L> {
             device: None,
             reconstruction: None,
             packed: None,
+            block_run: 0,
             run: 0,
             frame_us: 0,
             commands: Vec::new(),
@@ -77,9 +80,20 @@ impl<L: Listener> Collector<L> {
         }
     }
 
-    /// Passes a frame on. Its first row happened `delay_us` before the device time in its status
+    /// Number of packed blocks that were malformed.
+    pub(crate) fn malformed(&self) -> u64 {
+        let packed = self.packed.as_ref();
+        packed.map_or(0, PackedReconstruction::malformed)
+    }
+
+    /// Passes on a frame of the present run. Its first row happened `delay_us` before the device time in its status
     /// words.
     fn publish(&mut self, stream: Stream, frame: &NeuroFrame, delay_us: i64) {
+        self.publish_of(self.run, stream, frame, delay_us);
+    }
+
+    /// Passes on a frame of the run `run`, as [`Self::publish`] does.
+    fn publish_of(&mut self, run: u32, stream: Stream, frame: &NeuroFrame, delay_us: i64) {
         let word = |index: usize| i64::from(frame.tri.data.get(index).copied().unwrap_or(0));
         let device_us = word(3) | word(4) << 16 | word(5) << 32;
         let number = (word(1) | word(2) << 16).unsigned_abs();
@@ -88,7 +102,7 @@ impl<L: Listener> Collector<L> {
         let block = Block {
             stream,
             frame: frame.clone(),
-            run: self.run,
+            run,
             first_us: device_us - delay_us,
             wall_ns: frame.header.stamp.nanoseconds(),
             index: has_index.then_some(number * rows),
@@ -131,6 +145,14 @@ impl<L: Listener> Collector<L> {
             }
         }
         self.newest[place] = Some(block.clone());
+    }
+
+    /// Returns the time from when a packed block's first step was at the electrodes to the block's device time.
+    fn block_delay_us(&self) -> i64 {
+        self.device.as_ref().map_or(0, |device| {
+            let lookback = u32::from(device.hop_steps) - 1;
+            device.steps_us(lookback) + i64::from(device.group_delay_us)
+        })
     }
 
     /// Returns the time from when a code's first step was at the electrodes to the code's device time.
@@ -185,16 +207,30 @@ impl<L: Listener> Effects for Collector<L> {
     }
 
     fn decode_block(&mut self, block: TimedPackedBlock) {
-        // From the block's first step at the electrodes to the device time in the frame.
-        let delay_us = self.device.as_ref().map_or(0, |device| {
-            let lookback = u32::from(device.hop_steps) - 1;
-            device.steps_us(lookback) + i64::from(device.group_delay_us)
-        });
+        let delay_us = self.block_delay_us();
         let Some(mut packed) = self.packed.take() else {
             return;
         };
-        if let Some(frame) = packed.next_frame(&block) {
-            self.publish(Stream::Reconstructed, frame, delay_us);
+        // The block completes the frame of the block before it, which another run may have made.
+        let run = std::mem::replace(&mut self.block_run, self.run);
+        let frame = if L::DECODES {
+            packed.next_frame(&block)
+        } else {
+            packed.next_times(&block)
+        };
+        if let Some(frame) = frame {
+            self.publish_of(run, Stream::Reconstructed, frame, delay_us);
+        }
+        self.packed = Some(packed);
+    }
+
+    fn finish_blocks(&mut self) {
+        let delay_us = self.block_delay_us();
+        let Some(mut packed) = self.packed.take() else {
+            return;
+        };
+        if let Some(frame) = packed.finish() {
+            self.publish_of(self.block_run, Stream::Reconstructed, frame, delay_us);
         }
         self.packed = Some(packed);
     }
@@ -232,4 +268,79 @@ impl<L: Listener> Effects for Collector<L> {
     }
 
     fn audit(&mut self, _: AuditedWindow) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use link::Streams;
+    use neuro_ros::Stamp;
+
+    use super::{Collector, Listener};
+    use crate::conversion::block::{Block, TimedEvent};
+    use crate::decoder::model::Model;
+    use crate::decoder::packed::{PackedBytes, TimedPackedBlock};
+    use crate::decoder::thread::tests::{SETTINGS, device};
+    use crate::effects::{Announcement, Effects};
+    use crate::settings::Settings;
+    use crate::streams::tri::TriWords;
+
+    /// Keeps the times of rows, and whether they are fillers.
+    #[derive(Default)]
+    struct Times<const DECODES: bool>(Vec<(i64, bool)>);
+
+    impl<const DECODES: bool> Listener for Times<DECODES> {
+        const DECODES: bool = DECODES;
+
+        fn block(&mut self, block: Block) {
+            self.0.push((block.wall_ns, block.is_filler()));
+        }
+
+        fn event(&mut self, _: TimedEvent) {}
+    }
+
+    /// Passes 20 blocks to a collector, of which some are lost and none is one of the model. Returns the times of rows
+    /// and the number of blocks that were found malformed.
+    fn collect<const DECODES: bool>() -> (Vec<(i64, bool)>, u64) {
+        let model = Arc::new(Model::embedded().unwrap());
+        let settings = Settings {
+            streams: Streams::PACKED,
+            ..SETTINGS
+        };
+        let listener = Times::<DECODES>::default();
+        let mut collector = Collector::new(listener, settings, Arc::clone(&model));
+        collector.announce(&Announcement {
+            info: None,
+            device: Arc::new(device(&model)),
+            decodable: true,
+        });
+        for index in 0..20 {
+            let bytes = PackedBytes {
+                bytes: vec![0],
+                rate: 4,
+            };
+            collector.decode_block(TimedPackedBlock {
+                block: (index % 5 > 0).then_some(bytes),
+                is_first: index == 0,
+                stamp: Stamp::from_nanoseconds(index * 62_500_000),
+                words: TriWords::default(),
+            });
+        }
+        collector.finish_blocks();
+        let malformed = collector.malformed();
+        (collector.listener.0, malformed)
+    }
+
+    #[test]
+    fn the_first_pass_decodes_no_block_and_has_the_times_of_the_second() {
+        let (decoded, malformed) = collect::<true>();
+        assert_eq!((decoded.len(), malformed), (20, 16));
+        let (passed, malformed) = collect::<false>();
+        assert_eq!(malformed, 0);
+        assert!(decoded.iter().all(|(_, is_filler)| *is_filler));
+        for (index, (passed, decoded)) in passed.iter().zip(&decoded).enumerate() {
+            assert_eq!(*passed, (decoded.0, index % 5 == 0));
+        }
+    }
 }

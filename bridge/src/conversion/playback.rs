@@ -9,6 +9,7 @@ use link::{Ack, Decoder, Frame, MAX_FRAME, ToDevice, ToHost};
 use crate::conversion::collector::{Collector, Listener};
 use crate::core::Core;
 use crate::decoder::model::Model;
+use crate::effects::Effects;
 use crate::recording::record::{Record, RecordKind};
 use crate::settings::Settings;
 use crate::time::host_time::HostTime;
@@ -67,6 +68,11 @@ impl<L: Listener> Playback<L> {
         self.core.summary()
     }
 
+    /// Returns the core's objection to the device, which it does not publish; `None` if it has none.
+    pub(crate) fn objection(&self) -> Option<&str> {
+        self.core.objection()
+    }
+
     /// Plays one record.
     pub(crate) fn play(&mut self, record: Record<'_>) {
         let time = record.time;
@@ -110,6 +116,11 @@ impl<L: Listener> Playback<L> {
             RecordKind::Newer(_) => {}
         }
         self.newest = Some(time);
+    }
+
+    /// Passes on what waits for a record that does not follow. Call this after the last record.
+    pub(crate) fn finish(&mut self) {
+        self.collector.finish_blocks();
     }
 
     fn tick(&mut self) {

@@ -92,13 +92,13 @@ impl Model {
         &self.electrodes
     }
 
-    /// Returns the reason why this model cannot decode the device's codes, worded for the user;
+    /// Returns the reason why this model cannot decode the device's codes and packed blocks, worded for the user;
     /// `None` if it can decode them.
     pub fn objection(&self, device: &Device) -> Option<String> {
         if device.model_id != self.id.0 {
             return Some(format!(
-                "the codes are of model {coded} and this program decodes {own}; codes are published, \
-                 their reconstruction is not: start the program again with --model and the folder of \
+                "the device has model {coded} and this program decodes {own}; signals are not \
+                 reconstructed: start the program again with --model and the folder of \
                  model {coded}",
                 coded = ModelId(device.model_id),
                 own = self.id
@@ -111,8 +111,8 @@ impl Model {
             && device.labels == self.electrodes;
         (!same).then(|| {
             format!(
-                "the device reports model {} but another montage or window; codes are published, \
-                 their reconstruction is not: bring the device and this program to the same release",
+                "the device reports model {} but another montage or window; signals are not \
+                 reconstructed: bring the device and this program to the same release",
                 self.id
             )
         })

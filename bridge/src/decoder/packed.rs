@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use link::Flags;
 use neuro_ros::{NeuroFrame, Stamp};
-use packed::Rate;
 use reconstruction::{PackedHop, PackedOverlap, PackedSource};
 
 use crate::decoder::model::Model;
@@ -19,7 +18,7 @@ const KEPT_BLOCKS: usize = 16;
 /// Input of the decoder: a received block, or a placeholder for a lost one, with its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimedPackedBlock {
-    /// The block; `None` if it was lost or is malformed.
+    /// The block; `None` if it was lost.
     pub block: Option<PackedBytes>,
     /// Whether it is the first block of a recording: it does not follow the block before.
     pub is_first: bool,
@@ -34,8 +33,8 @@ pub struct TimedPackedBlock {
 pub struct PackedBytes {
     /// The bytes of the received message.
     pub bytes: Vec<u8>,
-    /// Rate of the stream.
-    pub rate: Rate,
+    /// Rate of the stream, 0 to 15; a block with any other is malformed.
+    pub rate: u8,
 }
 
 /// Decodes packed blocks to frames of `/neurodata_reconstructed`, one for each block.
@@ -106,13 +105,17 @@ impl PackedReconstruction {
         kept.map(|(_, microvolts)| microvolts.as_slice())
     }
 
+    /// Returns the frame that waits for the next block, without its correction, because no block follows; `None` if
+    /// none waits, or if its block is lost and lost blocks are not filled.
+    pub fn finish(&mut self) -> Option<&NeuroFrame> {
+        let hop = self.overlap.finish()?;
+        self.filled_frame(hop)
+    }
+
     /// Decodes `block` and returns the frame that it completes: that of the block before, with low latency its own.
     /// Returns `None` if there is no such block, or if it is lost and lost blocks are not filled.
     pub fn next_frame(&mut self, block: &TimedPackedBlock) -> Option<&NeuroFrame> {
-        if block.is_first {
-            self.overlap.restart();
-            self.kept.clear();
-        }
+        self.start_recording(block.is_first);
         let received = block.block.as_ref();
         let received = received.map(|block| (block.bytes.as_slice(), block.rate));
         let label = Label {
@@ -121,7 +124,38 @@ impl PackedReconstruction {
         };
         let completed = self.overlap.next_hop(received, label);
         self.keep_newest();
-        let mut hop = completed?;
+        self.filled_frame(completed?)
+    }
+
+    /// Returns the frame that `block` completes as [`Self::next_frame`] does, with zeros for its values: no block is
+    /// decoded. For a caller that needs the times alone.
+    pub(crate) fn next_times(&mut self, block: &TimedPackedBlock) -> Option<&NeuroFrame> {
+        self.start_recording(block.is_first);
+        let source = match block.block {
+            Some(_) => PackedSource::Block,
+            None => PackedSource::Prediction,
+        };
+        let completed = self.overlap.pass(PackedHop {
+            microvolts: vec![0.0; self.frame.eeg.data.len()],
+            source,
+            label: Label {
+                stamp: block.stamp,
+                words: block.words,
+            },
+        });
+        self.filled_frame(completed?)
+    }
+
+    /// Forgets all blocks if the next one is the first of a recording.
+    fn start_recording(&mut self, is_first: bool) {
+        if is_first {
+            self.overlap.restart();
+            self.kept.clear();
+        }
+    }
+
+    /// Returns the frame of a hop; `None` if its block is lost and lost blocks are not filled.
+    fn filled_frame(&mut self, mut hop: PackedHop<Label>) -> Option<&NeuroFrame> {
         if hop.source == PackedSource::Prediction {
             match self.filler {
                 FillerPolicy::Last => {}

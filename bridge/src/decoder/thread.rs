@@ -48,7 +48,7 @@ pub(crate) struct DecoderThread {
 /// Lengths of the queues, and what the thread has done.
 #[derive(Debug, Default)]
 struct Progress {
-    /// Number of queued codes; placeholders for lost codes do not count.
+    /// Number of queued codes and packed blocks. Placeholders for lost blocks count, those for lost codes do not.
     waiting: AtomicU64,
     decoded: AtomicU64,
     /// Number of packed blocks that were malformed.
@@ -72,6 +72,8 @@ enum Work {
     Code(TimedCode, Instant),
     /// A packed block, and when it was queued.
     Block(TimedPackedBlock, Instant),
+    /// No packed block follows the newest one.
+    FinishBlocks,
     Audit(Box<AuditedWindow>, Arc<Model>),
 }
 
@@ -105,8 +107,8 @@ impl DecoderThread {
     }
 
     /// Queues a code without blocking. If the queue is full, the code is discarded and counted, and
-    /// a filler is published in its place. Fillers need no decoding and keep the number of samples
-    /// correct.
+    /// a filler is published in its place. Fillers of codes need no decoding and keep the number of
+    /// samples correct.
     pub(crate) fn decode(&mut self, mut window: TimedCode) {
         if window.z.is_some() && !self.takes_one_more() {
             window.z = None;
@@ -114,12 +116,21 @@ impl DecoderThread {
         self.prepared.push(Work::Code(window, Instant::now()));
     }
 
-    /// Queues a packed block as [`Self::decode`] does a code.
+    /// Queues a packed block as [`Self::decode`] does a code. Placeholders count among those that wait, because a
+    /// prediction can take as long as a block; a full queue takes them nevertheless.
     pub(crate) fn decode_block(&mut self, mut block: TimedPackedBlock) {
-        if block.block.is_some() && !self.takes_one_more() {
+        if block.block.is_none() {
+            self.progress.waiting.fetch_add(1, Ordering::Relaxed);
+        } else if !self.takes_one_more() {
             block.block = None;
+            self.progress.waiting.fetch_add(1, Ordering::Relaxed);
         }
         self.prepared.push(Work::Block(block, Instant::now()));
+    }
+
+    /// Queues the frame that waits for another packed block: none follows.
+    pub(crate) fn finish_blocks(&mut self) {
+        self.prepared.push(Work::FinishBlocks);
     }
 
     /// Counts one more item in the queue, or as not decoded if the queue is full.
@@ -251,9 +262,7 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
                 continue;
             }
             Work::Block(block, queued) => {
-                if block.block.is_some() {
-                    progress.record_start(queued);
-                }
+                progress.record_start(queued);
                 let Some(known) = packed.as_mut() else {
                     continue;
                 };
@@ -262,6 +271,13 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
                     return;
                 }
                 number = known.number();
+                continue;
+            }
+            Work::FinishBlocks => {
+                let known = packed.as_deref_mut();
+                if !finish_blocks(known, &mut number, sink.as_mut(), progress) {
+                    return;
+                }
                 continue;
             }
             Work::Audit(window, model) => {
@@ -307,6 +323,24 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
         }
         number = known.number();
     }
+    finish_blocks(packed.as_deref_mut(), &mut number, sink.as_mut(), progress);
+}
+
+/// Publishes the frame that waits for another packed block, with the number after `number`. Returns false if frames
+/// cannot be published any more.
+fn finish_blocks(
+    packed: Option<&mut PackedReconstruction>,
+    number: &mut u32,
+    sink: &mut dyn FrameSink,
+    progress: &Progress,
+) -> bool {
+    let Some(packed) = packed else { return true };
+    packed.set_number(*number);
+    let frame = packed.finish();
+    let can_publish =
+        frame.is_none_or(|frame| !sink.has_receivers() || publish(frame, sink, progress));
+    *number = packed.number();
+    can_publish
 }
 
 /// Decodes a packed block and publishes the frame that it completes. Every block is decoded, because those after it
@@ -319,13 +353,12 @@ fn run_block(
 ) -> bool {
     let before = packed.malformed();
     let frame = packed.next_frame(block);
-    if block.block.is_some() {
-        progress.decoded.fetch_add(1, Ordering::Relaxed);
-    }
     let can_publish =
         frame.is_none_or(|frame| !sink.has_receivers() || publish(frame, sink, progress));
     let malformed = packed.malformed() - before;
     progress.malformed.fetch_add(malformed, Ordering::Relaxed);
+    let decoded = u64::from(block.block.is_some()) - malformed;
+    progress.decoded.fetch_add(decoded, Ordering::Relaxed);
     can_publish
 }
 
@@ -340,4 +373,4 @@ fn publish(frame: &NeuroFrame, sink: &mut dyn FrameSink, progress: &Progress) ->
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

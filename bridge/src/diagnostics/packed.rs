@@ -1,10 +1,29 @@
 //! The packed code, for `/diagnostics`.
 
-use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
+use neuro_ros::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::diagnostics::status::new_status;
 use crate::streams::counts::PackedCounts;
 use crate::streams::packed::PackedStream;
+
+/// Name of the status.
+const NAME: &str = "packed code";
+
+/// Adds the decoder's number of malformed blocks to the status `packed code` of a report, of which `since` are new: the
+/// core passes blocks on and does not decode them.
+pub(crate) fn report_malformed(report: &mut DiagnosticArray, malformed: u64, since: u64) {
+    let statuses = report.status.iter_mut();
+    for status in statuses.filter(|status| status.name.ends_with(NAME)) {
+        status.values.push(KeyValue::new("malformed", &malformed));
+        if since > 0 {
+            status.level = DiagnosticLevel::Error;
+            status.message = format!(
+                "{since} blocks are no blocks of the model and count as lost; bring firmware and this program to \
+                 the same release"
+            );
+        }
+    }
+}
 
 /// Counts of the packed blocks at the last report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -14,7 +33,6 @@ pub(crate) struct PackedReport {
     blocks: u64,
     misfits: u64,
     blanks: u64,
-    malformed: u64,
     missing: u64,
 }
 
@@ -38,7 +56,6 @@ impl PackedReport {
             resets,
             misfits,
             blanks,
-            malformed,
             clipped,
         } = *counts;
         let now = PackedReport {
@@ -47,7 +64,6 @@ impl PackedReport {
             blocks: hops.ledger.received(),
             misfits,
             blanks,
-            malformed,
             missing: hops.missing(),
         };
         let before = std::mem::replace(self, now);
@@ -63,13 +79,7 @@ impl PackedReport {
         };
         let misfits_since = since(misfits, before.misfits);
         let blanks_since = since(blanks, before.blanks);
-        let malformed_since = since(malformed, before.malformed);
-        let state = if malformed_since > 0 {
-            let message = format!(
-                "{malformed_since} blocks cannot be decoded; bring firmware and this program to the same release"
-            );
-            (DiagnosticLevel::Error, message)
-        } else if blanks_since > 0 {
+        let state = if blanks_since > 0 {
             let message = format!(
                 "{blanks_since} of {blocks} blocks were too long and have no content; check the electrodes, or \
                  choose a coarser rate"
@@ -98,11 +108,10 @@ impl PackedReport {
             KeyValue::new("resets", &resets),
             KeyValue::new("misfits", &misfits),
             KeyValue::new("blank", &blanks),
-            KeyValue::new("malformed", &malformed),
             KeyValue::new("values clipped", &clipped),
         ];
         let values = [KeyValue::new("rate", &rate)].into_iter();
         let values = values.chain(bits).chain(counts).collect();
-        Some(new_status("packed code", state, values))
+        Some(new_status(NAME, state, values))
     }
 }

@@ -60,6 +60,8 @@ pub struct PackedSummary {
     pub lost: u64,
     /// Number of placeholders that were decoded in the place of missing blocks.
     pub fillers: u64,
+    /// Number of blocks missing between two runs of the device, which did not make them.
+    pub between_runs: u64,
     /// Number of bits of the blocks that arrived, without those of their frames.
     pub bits: u64,
 }
@@ -72,6 +74,7 @@ impl PackedSummary {
             received: hops.ledger.received(),
             lost: hops.ledger.lost(),
             fillers: hops.fillers,
+            between_runs: hops.between_runs,
             bits: counts.bits,
         }
     }
@@ -149,11 +152,13 @@ impl fmt::Display for Summary {
                 received,
                 lost,
                 fillers,
+                between_runs,
                 bits,
             } = self.packed;
             write!(
                 formatter,
-                "; packed blocks: made {made} received {received} lost {lost} fillers {fillers} bits {bits}"
+                "; packed blocks: made {made} received {received} lost {lost} fillers {fillers} bits {bits} \
+                 missing between runs {between_runs}"
             )?;
         }
         write!(formatter, "; {}", self.decoder)?;

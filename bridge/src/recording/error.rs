@@ -44,6 +44,12 @@ pub enum RecordingError {
         "it holds no codes or samples of a device; record again, and check that the device answers"
     )]
     NoDevice,
+    /// The file holds nothing that this program can publish.
+    #[error("nothing in it can be converted: {objection}")]
+    NothingUsable {
+        /// Why, and what to do.
+        objection: String,
+    },
     /// The operating system cannot read the file.
     #[error("it cannot be read; check the path, the permissions and the disk")]
     Read(#[from] io::Error),

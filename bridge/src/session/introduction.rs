@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use link::{Capabilities, Header, Hello, Substitutes};
+use link::{Capabilities, Header, Hello, Streams, Substitutes};
 use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
 use crate::device::Device;
@@ -105,11 +105,13 @@ impl Session {
         if let Some(objection) = &self.objection {
             tracing::error!("{objection}");
         }
-        tracing::info!(
-            "codes: {} per second, {}",
-            device.codes_per_second(),
-            device.code_format
-        );
+        let (asked, per_second) = (self.commands.streams(), device.codes_per_second());
+        if asked.contains(Streams::CODES) {
+            tracing::info!("codes: {per_second} per second, {}", device.code_format);
+        }
+        if asked.contains(Streams::PACKED) {
+            tracing::info!("packed blocks: {per_second} per second");
+        }
         if let Some(unrecorded) = device.unrecorded() {
             tracing::warn!("electrodes that were not recorded: {unrecorded}");
         }
@@ -140,7 +142,7 @@ impl Session {
                 ));
             }
         }
-        self.set_decoding(decoding);
+        self.set_decoding(decoding, effects);
         effects.announce(&Announcement {
             info,
             device,
@@ -149,7 +151,8 @@ impl Session {
     }
 
     /// Announces the device again if another stream is decoded now than when it was announced last: it refused some
-    /// of the streams, or refuses them no more.
+    /// of the streams, or refuses them no more. Call this when the device has started, and for each code and packed
+    /// block: the acknowledgement of the start can be lost.
     pub(super) fn announce_other_decoding(&mut self, read: HostTime, effects: &mut dyn Effects) {
         let Some(codes) = &self.codes else { return };
         let device = Arc::clone(codes.device());
@@ -158,7 +161,7 @@ impl Session {
         if decoding == self.decoding {
             return;
         }
-        self.set_decoding(decoding);
+        self.set_decoding(decoding, effects);
         match self.acquisition_info(&device, decoding) {
             Ok(info) => effects.announce(&Announcement {
                 info,
@@ -184,7 +187,11 @@ impl Session {
         }
     }
 
-    fn set_decoding(&mut self, decoding: Decoding) {
+    fn set_decoding(&mut self, decoding: Decoding, effects: &mut dyn Effects) {
+        if self.decoding.stream != decoding.stream {
+            // The other stream's frames come after the one that waits.
+            effects.finish_blocks();
+        }
         self.decoding = decoding;
         if let Some(codes) = &mut self.codes {
             codes.set_decoding(decoding);

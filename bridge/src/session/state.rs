@@ -25,6 +25,8 @@ use crate::wire::identity::Identity;
 pub(crate) struct Session {
     pub(crate) settings: Settings,
     pub(super) model: Option<Arc<Model>>,
+    /// Rate of the model's packed code, which nobody needs to have chosen.
+    pub(crate) model_rate: Option<u8>,
     pub(super) encoder: Encoder,
     pub(crate) commands: Commands,
     pub(crate) identity: Option<Identity>,
@@ -94,8 +96,10 @@ impl Session {
             stream: DecodedStream::of(commands.streams()),
             is_possible: false,
         };
+        let packed = model.as_ref().and_then(|model| model.packed());
         Session {
             settings,
+            model_rate: packed.map(|packed| packed.description.rate),
             model,
             encoder: Encoder::default(),
             commands,

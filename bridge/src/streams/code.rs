@@ -30,6 +30,9 @@ pub(crate) struct CodeStream {
     z: Vec<f32>,
     /// Whether `z` holds a code of this recording.
     has_last: bool,
+    /// Whether another stream was decoded until now. What is missing before the first code of this run is then no gap
+    /// in the signals.
+    follows_other: bool,
     timeline: HopTimeline,
     counts: CodeCounts,
     encoded_stamps: MonotoneStamps,
@@ -45,6 +48,7 @@ impl CodeStream {
             z: vec![0.0; device.numbers()],
             device,
             has_last: false,
+            follows_other: false,
             timeline: HopTimeline::new("codes"),
             counts: CodeCounts::default(),
             encoded_stamps: MonotoneStamps::default(),
@@ -63,6 +67,9 @@ impl CodeStream {
 
     /// Sets which stream is decoded to `/neurodata_reconstructed`.
     pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
+        if self.decoding.stream != decoding.stream {
+            self.follows_other = decoding.stream == DecodedStream::Codes;
+        }
         self.decoding = decoding;
     }
 
@@ -238,7 +245,10 @@ impl CodeStream {
             frame.tri.data.copy_from_slice(&words.words());
             effects.publish_encoded(frame);
         }
-        if self.decoding.decodes(DecodedStream::Codes) {
+        if place.is_made {
+            self.follows_other = false;
+        }
+        if self.decoding.decodes(DecodedStream::Codes) && !self.follows_other {
             let lookback = Reconstruction::lookback_steps(&self.device, self.settings.low_latency);
             let time = stamp(lookback, u32::from(self.device.hop_steps));
             let stamp = self.window_stamps.next(time, steps_back);

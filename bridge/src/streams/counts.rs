@@ -37,8 +37,6 @@ pub(crate) struct PackedCounts {
     pub(crate) misfits: u64,
     /// Number of blocks with the flag `BLANK`, after the filters have settled.
     pub(crate) blanks: u64,
-    /// Number of blocks whose head is malformed; the decoder counts others. They count as lost for the decoder.
-    pub(crate) malformed: u64,
     /// Number of electrode values that the device clipped to the range of the inputs.
     pub(crate) clipped: u64,
 }

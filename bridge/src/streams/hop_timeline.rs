@@ -34,6 +34,8 @@ pub(crate) struct HopPlace {
     pub(crate) device_us: i128,
     /// Number of items missing so far.
     pub(crate) missing: u64,
+    /// Whether the device made the item; false for what is missing between two runs.
+    pub(crate) is_made: bool,
 }
 
 /// Durations of a stream.
@@ -162,6 +164,7 @@ impl HopTimeline {
             index,
             device_us: device_us.into(),
             missing: self.counts.missing(),
+            is_made: true,
         };
         Some((fillers, place))
     }
@@ -269,14 +272,16 @@ impl HopTimeline {
         let mut places = Vec::with_capacity(usize::try_from(filled).unwrap_or_default());
         for back in (1..=filled).rev() {
             // The items between two runs have no index of their own; those of the older run go on.
-            self.last_index = match u32::try_from(back) {
-                Ok(back) if back <= gap.lost => index.wrapping_sub(back),
-                _ => self.last_index.wrapping_add(1),
+            let lost = u32::try_from(back).ok().filter(|back| *back <= gap.lost);
+            self.last_index = match lost {
+                Some(back) => index.wrapping_sub(back),
+                None => self.last_index.wrapping_add(1),
             };
             places.push(HopPlace {
                 index: self.last_index,
                 device_us: i128::from(device_us) - hop_us * i128::from(back),
                 missing: self.counts.missing() - back + 1,
+                is_made: lost.is_some(),
             });
         }
         places

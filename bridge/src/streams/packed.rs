@@ -53,8 +53,11 @@ impl PackedStream {
         self.device = device;
     }
 
-    /// Sets which stream is decoded to `/neurodata_reconstructed`.
+    /// Sets which stream is decoded to `/neurodata_reconstructed`. The time in which another one was is no gap.
     pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
+        if self.decoding.stream != decoding.stream {
+            self.end_recording();
+        }
         self.decoding = decoding;
     }
 
@@ -127,12 +130,16 @@ impl PackedStream {
         for place in missing {
             self.pass_on(place, Flags::FILLER, None, reception, effects);
         }
-        let block = self.count(code);
-        self.pass_on(place, code.flags, block, reception, effects);
+        self.count(code);
+        let block = PackedBytes {
+            bytes: code.bytes.to_vec(),
+            rate: code.rate,
+        };
+        self.pass_on(place, code.flags, Some(block), reception, effects);
     }
 
-    /// Counts a block by its status, and returns it if the packed code has it.
-    fn count(&mut self, code: &PackedCode) -> Option<PackedBytes> {
+    /// Counts a block by its status. The decoder counts malformed blocks.
+    fn count(&mut self, code: &PackedCode) {
         self.rate = Some(code.rate);
         let counts = &mut self.counts;
         counts.bits += 8 * code.bytes.len() as u64;
@@ -141,19 +148,8 @@ impl PackedStream {
             counts.misfits += u64::from(code.flags.contains(Flags::MISFIT));
             counts.blanks += u64::from(code.flags.contains(Flags::BLANK));
         }
-        let header = Rate::new(code.rate).and_then(|rate| {
-            let reader = BlockReader::new(code.bytes, rate).ok()?;
-            Some((rate, reader.header().is_reset))
-        });
-        let Some((rate, is_reset)) = header else {
-            counts.malformed += 1;
-            return None;
-        };
-        counts.resets += u64::from(is_reset);
-        Some(PackedBytes {
-            bytes: code.bytes.to_vec(),
-            rate,
-        })
+        let reader = Rate::new(code.rate).and_then(|rate| BlockReader::new(code.bytes, rate).ok());
+        counts.resets += u64::from(reader.is_some_and(|reader| reader.header().is_reset));
     }
 
     fn durations(&self) -> HopDurations {

@@ -18,10 +18,14 @@ mod ledger;
 mod loss;
 mod other_devices;
 mod packed;
+mod packed_block;
 mod packed_device;
 mod packed_fallback;
 mod packed_interruptions;
 mod packed_rate;
+#[expect(dead_code, reason = "the tests of the program use more of it")]
+mod packed_recording;
+mod packed_replay;
 mod query;
 mod reconstruction;
 mod recorder;

@@ -1,11 +1,14 @@
 //! A device that streams packed blocks with the built-in model.
 
-use bridge::{AnnouncedStream, Settings};
+use bridge::{AnnouncedStream, PackedReconstruction, Settings};
 use link::{Flags, PackedCode, Streams, ToHost};
-use packed::{Context, Header, Magnitude, Rate, Tables};
+use neuro_ros::NeuroFrame;
+use packed::Rate;
+use reconstruction::PackedDecoder;
 
 use crate::board::{Board, model};
-use crate::recorder::{Harness, SETTINGS};
+use crate::packed_block::block;
+use crate::recorder::{Harness, Recorder, SETTINGS};
 
 /// Settings of a bridge that reconstructs from packed blocks and asks for nothing else.
 pub(crate) const PACKED: Settings = Settings {
@@ -15,46 +18,43 @@ pub(crate) const PACKED: Settings = Settings {
     ..SETTINGS
 };
 
-/// Blocks from one without prediction to the next.
-const RESET_BLOCKS: u32 = 64;
+/// Returns the frames that the bridge's decoder makes of the blocks that the core has passed to it.
+pub(crate) fn frames(recorder: &Recorder, settings: Settings) -> Vec<NeuroFrame> {
+    let announced = &recorder.announced[0].device;
+    let mut decoder = PackedReconstruction::new(announced, &model(), settings).unwrap();
+    let mut frames = Vec::new();
+    for number in 0..=recorder.blocks.len() {
+        if recorder.finished.contains(&number) {
+            frames.extend(decoder.finish().cloned());
+        }
+        let block = recorder.blocks.get(number);
+        frames.extend(block.and_then(|block| decoder.next_frame(block).cloned()));
+    }
+    frames
+}
 
-/// Returns block `index` of a run: pseudo-random magnitudes, which depend on `seed`.
-pub(crate) fn block(index: u32, seed: u32, rate: u8) -> Vec<u8> {
-    let model = model();
-    let packed = model.packed().unwrap();
-    let rate = Rate::new(rate).unwrap();
-    let header = Header {
-        rate,
-        is_reset: index.is_multiple_of(RESET_BLOCKS),
-    };
-    let levels = if header.is_reset {
-        &packed.reset_levels
-    } else {
-        &packed.predicted_levels
-    };
-    let mut contexts = vec![Context::EMPTY; levels.len()];
-    packed::prepare_contexts(levels, rate, &mut contexts);
-    let costs = packed.costs();
-    let tables = Tables {
-        starts: &packed.starts,
-        costs: &costs,
-    };
-    let mut state = index.wrapping_mul(0x9e37_79b9) ^ seed | 1;
-    let magnitudes: Vec<Magnitude> = (0..levels.len())
-        .map(|place| {
-            state ^= state << 13;
-            state ^= state >> 17;
-            state ^= state << 5;
-            let value = if place < 12 { state % 3 } else { 0 };
-            Magnitude {
-                value: u16::try_from(value).unwrap(),
-                is_negative: state & 8 != 0,
+/// Returns the flags of frames.
+pub(crate) fn flags(frames: &[NeuroFrame]) -> Vec<u16> {
+    let words = frames.iter().map(|frame| frame.tri.data[0]);
+    words.map(|word| u16::try_from(word).unwrap()).collect()
+}
+
+/// Signals of blocks at once, and of the block before each one, corrected by it.
+type Decoded = (Vec<Vec<f32>>, Vec<Option<Vec<f32>>>);
+
+/// Decodes the blocks `received` of a run as the library does: `None` for a lost one.
+pub(crate) fn decode(received: impl Iterator<Item = Option<u32>>) -> Decoded {
+    let mut decoder = PackedDecoder::new(model().packed().unwrap());
+    let rate = Rate::new(4).unwrap();
+    received
+        .map(|index| match index {
+            Some(index) => {
+                let decoded = decoder.decode(&block(index, 0, 4), rate).unwrap();
+                (decoded.microvolts, decoded.smoothed)
             }
+            None => (decoder.skip(), None),
         })
-        .collect();
-    let mut bytes = [0; 300];
-    let length = packed::write_block(header, rate, &magnitudes, &contexts, &tables, &mut bytes);
-    bytes[..length].to_vec()
+        .unzip()
 }
 
 /// A bridge, and a device that streams packed blocks to it.

@@ -4,7 +4,7 @@ use bridge::{Announcement, EventStamps, Settings};
 use link::{Event, EventKind, Streams, ToHost};
 
 use crate::board::{Board, WALL_START_NS};
-use crate::packed_device::{PACKED, Packed};
+use crate::packed_device::{PACKED, Packed, flags, frames};
 use crate::recorder::Harness;
 
 /// Streams of an image without the packed code.
@@ -60,19 +60,10 @@ fn codes_in_the_place_of_blocks_are_announced_and_decoded() {
     harness.code(1, false);
     assert_eq!(harness.recorder.windows.len(), 1);
     // The same device with an image that has the packed code.
-    harness.board.reboot();
-    harness.board.supported = Streams::ALL;
-    let hello = harness.board.hello();
-    harness.receive(&hello);
-    harness.exchange();
+    restart_with(&mut harness, Streams::ALL);
     let origins: Vec<&str> = harness.recorder.announced.iter().map(origin).collect();
     assert_eq!(origins, ["packed code", "autoencoder", "packed code"]);
-    let mut device = Packed {
-        harness,
-        next: 0,
-        rate: 4,
-        flags: link::Flags::empty(),
-    };
+    let mut device = device(harness);
     device.send(false);
     assert_eq!(device.harness.recorder.blocks.len(), 1);
 }
@@ -113,4 +104,126 @@ fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
             "{shifted_us} {expected_us}"
         );
     }
+}
+
+/// Restarts the board with another image. A hop passes: the first window of a run is complete after two.
+fn restart_with(harness: &mut Harness, supported: Streams) {
+    harness.board.reboot();
+    harness.now_us += 62_500;
+    harness.board.supported = supported;
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    harness.exchange();
+}
+
+fn device(harness: Harness) -> Packed {
+    Packed {
+        harness,
+        next: 0,
+        rate: 4,
+        flags: link::Flags::empty(),
+    }
+}
+
+#[test]
+fn the_time_in_which_codes_were_decoded_is_not_filled_when_packed_blocks_return() {
+    let settings = Settings {
+        low_latency: false,
+        ..PACKED
+    };
+    let mut device = Packed::new(settings);
+    for _ in 0..5 {
+        device.send(false);
+    }
+    restart_with(&mut device.harness, NETWORK);
+    // The last block's frame comes before those of codes.
+    assert_eq!(device.harness.recorder.finished, [5]);
+    for _ in 0..160 {
+        device.harness.code(1, false);
+    }
+    restart_with(&mut device.harness, Streams::ALL);
+    device.next = 0;
+    for _ in 0..5 {
+        device.send(false);
+    }
+    let recorder = &device.harness.recorder;
+    assert_eq!(recorder.windows.len(), 160);
+    assert_eq!(
+        (recorder.blocks.len(), recorder.blocks[5].is_first),
+        (10, true)
+    );
+    let frames = frames(recorder, settings);
+    assert_eq!(frames.len(), 9, "the newest block waits");
+    assert!(flags(&frames).iter().all(|flags| *flags == 0));
+    let stamp = |frame: usize| frames[frame].header.stamp.nanoseconds();
+    let newest_code = recorder.windows[159].stamp.nanoseconds();
+    assert!(stamp(4) < recorder.windows[0].stamp.nanoseconds());
+    assert!(newest_code < stamp(5));
+}
+
+#[test]
+fn the_time_in_which_packed_blocks_were_decoded_is_filled_among_codes_alone() {
+    let settings = Settings {
+        streams: Streams::CODES | Streams::PACKED,
+        ..PACKED
+    };
+    let board = Board {
+        supported: NETWORK,
+        ..Board::new()
+    };
+    let mut harness = Harness::new(settings, board);
+    harness.connect();
+    for _ in 0..5 {
+        harness.code(1, false);
+    }
+    // The image without the network.
+    restart_with(&mut harness, Streams::PACKED);
+    let mut device = device(harness);
+    for _ in 0..20 {
+        device.send(false);
+    }
+    let mut harness = device.harness;
+    restart_with(&mut harness, NETWORK);
+    // A code of the new run is lost.
+    harness.code(1, true);
+    for _ in 0..5 {
+        harness.code(1, false);
+    }
+    let fillers = [&[false; 5][..], &[true; 23], &[false; 5]].concat();
+    assert_eq!(harness.fillers(), fillers);
+    let windows = &harness.recorder.windows;
+    let lost: Vec<bool> = windows.iter().map(|window| window.z.is_none()).collect();
+    assert_eq!(lost, [&[false; 5][..], &[true], &[false; 5]].concat());
+}
+
+#[test]
+fn codes_are_decoded_although_the_acknowledgement_of_their_start_was_lost() {
+    let board = Board {
+        supported: NETWORK,
+        ..Board::new()
+    };
+    let mut harness = Harness::new(PACKED, board);
+    harness
+        .core
+        .connected(crate::board::at(harness.now_us), &mut harness.recorder);
+    while !harness.board.streaming {
+        let commands = std::mem::take(&mut harness.recorder.sent);
+        let answers = harness.board.answer(&commands);
+        if !harness.board.streaming {
+            harness.receive(&answers);
+        }
+    }
+    let origins = |harness: &Harness| -> Vec<String> {
+        let announced = harness.recorder.announced.iter();
+        announced
+            .map(|announced| origin(announced).to_owned())
+            .collect()
+    };
+    assert_eq!(origins(&harness), ["packed code"]);
+    for _ in 0..6 {
+        harness.code(1, false);
+    }
+    assert_eq!(origins(&harness), ["packed code", "autoencoder"]);
+    let recorder = &harness.recorder;
+    assert_eq!((recorder.encoded.len(), recorder.windows.len()), (6, 6));
 }

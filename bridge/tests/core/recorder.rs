@@ -28,6 +28,8 @@ pub(crate) struct Recorder {
     pub(crate) encoded: Vec<NeuroFrame>,
     pub(crate) windows: Vec<TimedCode>,
     pub(crate) blocks: Vec<TimedPackedBlock>,
+    /// Numbers of blocks after which none followed.
+    pub(crate) finished: Vec<usize>,
     pub(crate) raw: Vec<NeuroFrame>,
     pub(crate) filtered: Vec<NeuroFrame>,
     pub(crate) events: Vec<NeuroEvent>,
@@ -50,6 +52,10 @@ impl Effects for Recorder {
 
     fn decode_block(&mut self, block: TimedPackedBlock) {
         self.blocks.push(block);
+    }
+
+    fn finish_blocks(&mut self) {
+        self.finished.push(self.blocks.len());
     }
 
     fn decode(&mut self, window: TimedCode) {

@@ -23,19 +23,19 @@ use crate::process::{Bridge, wait_for_bytes};
 use crate::synthetic_recording::{Rig, TICKS_PER_SECOND};
 
 /// Runs `convert` and returns exit status and log.
-fn convert(file: &Path, to: &str) -> (Option<i32>, String) {
+pub(crate) fn convert(file: &Path, to: &str) -> (Option<i32>, String) {
     let (status, log) = Bridge::start(&["convert", file.to_str().unwrap(), "--to", to]).wait();
     (status.code(), log)
 }
 
 /// Columns of a CSV file by name.
-struct Table {
+pub(crate) struct Table {
     columns: HashMap<String, usize>,
-    rows: Vec<Vec<String>>,
+    pub(crate) rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    fn read(path: &Path) -> Table {
+    pub(crate) fn read(path: &Path) -> Table {
         let text = std::fs::read_to_string(path).unwrap();
         let mut lines = text.lines().map(|line| line.split(',').map(str::to_owned));
         let names = lines.next().unwrap();
@@ -49,16 +49,16 @@ impl Table {
         &self.rows[row][self.columns[column]]
     }
 
-    fn number(&self, row: usize, column: &str) -> f64 {
+    pub(crate) fn number(&self, row: usize, column: &str) -> f64 {
         self.text(row, column).parse().unwrap()
     }
 
-    fn is_filler(&self, row: usize) -> bool {
+    pub(crate) fn is_filler(&self, row: usize) -> bool {
         self.number(row, "flags") >= 32_768.0
     }
 
     /// Returns the rows of all events; an event that shares its row counts as often.
-    fn events(&self) -> Vec<usize> {
+    pub(crate) fn events(&self) -> Vec<usize> {
         let rows = (0..self.rows.len()).flat_map(|row| {
             let events = self.text(row, "events");
             let count = if events.is_empty() {
@@ -361,7 +361,9 @@ fn codes_that_replaced_refused_packed_blocks_are_decoded() {
     let (status, log) = recorder.wait();
     assert!(status.success(), "{log}");
     assert!(
-        log.contains("WARN") && log.contains("refuses the rate 4 of the packed code"),
+        log.contains("WARN")
+            && log.contains("refuses the rate 4 of the packed code")
+            && log.contains("choose no rate"),
         "{log}"
     );
     let (status, log) = convert(&path, "csv");

@@ -10,6 +10,7 @@ mod board;
 mod command_line;
 mod config;
 mod convert;
+mod convert_packed;
 mod device;
 mod doctor;
 mod graph;
@@ -20,6 +21,12 @@ mod long_outage;
 mod machine;
 mod master;
 mod names;
+#[path = "../core/packed_block.rs"]
+mod packed_block;
+mod packed_lines;
+#[path = "../core/packed_recording.rs"]
+#[expect(dead_code, reason = "the tests of the core use more of it")]
+mod packed_recording;
 mod process;
 mod query;
 mod record;

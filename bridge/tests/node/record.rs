@@ -9,7 +9,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use bridge::{LeftOut, RecordKind, RecordingReader};
-use link::{Decoder, MAX_FRAME, ToHost};
+use link::{Decoder, MAX_FRAME, Streams, ToDevice, ToHost};
 use rustix::process::Signal;
 
 use crate::board::Board;
@@ -162,4 +162,52 @@ fn a_full_disk_ends_the_recording_and_keeps_what_was_written() {
     assert!(length.is_multiple_of(512) && length >= 16_384, "{length}");
     assert!(content.left_out.at_end < 2_100, "{content:?}");
     assert!(content.windows.len() > 40, "{content:?}");
+}
+
+#[test]
+fn packed_blocks_have_the_models_rate_unless_the_device_has_another_model() {
+    for (model_id, rates) in [(Board::new().model_id, vec![4]), ([9; 8], vec![])] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("recording");
+        let device = Device::tcp(Board {
+            model_id,
+            rate: 9,
+            ..Board::new()
+        });
+        let file = path.to_str().unwrap();
+        let arguments = ["record", file, "--streams=packed", "--port", &device.port];
+        let recorder = Bridge::start(&arguments);
+        wait_for_bytes(&path, 20_000);
+        recorder.signal(Signal::TERM);
+        let (status, log) = recorder.wait();
+        assert!(status.success(), "{log}");
+        let received = device.received();
+        let set = received.iter().filter_map(|command| match command {
+            ToDevice::SetRate { rate } => Some(*rate),
+            _ => None,
+        });
+        assert_eq!(set.collect::<Vec<_>>(), rates, "{log}");
+        // The first start already has it.
+        let start = |command: &ToDevice| matches!(command, ToDevice::Start(start) if start.streams == Streams::PACKED);
+        let start = received.iter().position(start).unwrap();
+        assert_eq!(received[..start].len(), 2 + rates.len(), "{received:?}");
+    }
+}
+
+#[test]
+fn a_device_that_refuses_the_models_rate_is_no_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording");
+    let mut board = Board::new();
+    board.supported = Streams::ALL.without(Streams::PACKED);
+    let device = Device::tcp(board);
+    let file = path.to_str().unwrap();
+    let arguments = ["record", file, "--streams=packed", "--port", &device.port];
+    let recorder = Bridge::start(&arguments);
+    wait_for_bytes(&path, 20_000);
+    recorder.signal(Signal::TERM);
+    let (status, log) = recorder.wait();
+    assert!(status.success(), "{log}");
+    let line = log.lines().find(|line| line.contains("refuses the rate 4"));
+    assert!(line.unwrap().contains("INFO"), "{log}");
 }

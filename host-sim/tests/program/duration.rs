@@ -34,6 +34,46 @@ fn a_run_without_a_host_ends_after_its_duration() {
     }
 }
 
+/// Connects to the program at `address`, which may not listen yet.
+fn connect(address: &str) -> TcpStream {
+    let deadline = Instant::now() + Duration::from_mins(1);
+    loop {
+        match TcpStream::connect(address) {
+            Ok(port) => return port,
+            Err(error) => assert!(Instant::now() < deadline, "{error}"),
+        }
+        thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[test]
+fn the_last_line_counts_what_the_host_asked_for() {
+    let both = Streams::CODES | Streams::PACKED;
+    for (streams, expected) in [
+        (Streams::CODES, ": 15 codes made, 0 frames"),
+        (Streams::PACKED, ": 16 packed blocks made, 0 frames"),
+        (both, ": 15 codes made, 16 packed blocks made, 0 frames"),
+    ] {
+        let address = free_address();
+        let tcp = format!("--output=tcp:{address}");
+        let child = program(&["run", "--input=synthetic", "--duration=1", &tcp, "--fast"]);
+        let child = { child }.spawn().expect("the program starts");
+        let mut port = connect(&address);
+        let start = ToDevice::Start(Start {
+            streams,
+            mains_hz: 0,
+        });
+        let mut buffer = [0; MAX_FRAME];
+        let frame = Encoder::default().encode(0, &start, &mut buffer);
+        port.write_all(frame.expect("it fits")).expect("connected");
+        port.read_to_end(&mut Vec::new()).expect("all frames");
+        // The program waits for it.
+        drop(port);
+        let finished = wait(child);
+        assert!(finished.log.contains(expected), "{finished:?}");
+    }
+}
+
 #[test]
 fn a_run_whose_host_has_left_ends_too() {
     for (pace, command) in [("--realtime", Some(ToDevice::Stop)), ("--fast", None)] {
@@ -41,14 +81,7 @@ fn a_run_whose_host_has_left_ends_too() {
         let tcp = format!("--output=tcp:{address}");
         let child = program(&["run", "-q", "--input=synthetic", "--duration=5", &tcp, pace]);
         let child = { child }.spawn().expect("the program starts");
-        let deadline = Instant::now() + Duration::from_mins(1);
-        let mut port = loop {
-            match TcpStream::connect(&address) {
-                Ok(port) => break port,
-                Err(error) => assert!(Instant::now() < deadline, "{error}"),
-            }
-            thread::sleep(Duration::from_millis(10));
-        };
+        let mut port = connect(&address);
         let start = ToDevice::Start(Start {
             streams: Streams::ALL,
             mains_hz: 0,

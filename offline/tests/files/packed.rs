@@ -2,9 +2,12 @@
 
 use std::fs;
 
-use link::{Decoder, Encoder, MAX_FRAME, ToHost};
+use link::{Decoder, Encoder, Flags, MAX_FRAME, ToHost};
 use offline::report::{self, Entry};
-use offline::{EncodedStream, Encoding, Model, OfflineError, PackedCounts, Progress, SignalFormat};
+use offline::{
+    CodeFileError, EncodedStream, Encoding, Model, OfflineError, PackedCounts, Progress,
+    SignalFormat,
+};
 use pipeline::{Mains, PackedCode, PackedEncoder, Rate, Sample};
 use reconstruction::PackedDecoder;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
@@ -75,6 +78,23 @@ fn expected(blocks: &[Option<&PackedCode>]) -> Vec<f32> {
     hops.concat()
 }
 
+/// Returns the frames of a file of blocks, those for whose message `change` returns true, which may change it.
+fn changed(fixture: &Fixture, mut change: impl for<'m> FnMut(&mut ToHost<'m>) -> bool) -> Vec<u8> {
+    let bytes = fs::read(fixture.codes()).expect("a file of blocks");
+    let mut decoder = Decoder::<MAX_FRAME>::new();
+    let (mut input, mut changed) = (&bytes[..], Vec::new());
+    while let Some(outcome) = decoder.next::<ToHost>(&mut input) {
+        let mut frame = outcome.expect("a whole frame");
+        if change(&mut frame.message) {
+            let mut buffer = [0; MAX_FRAME];
+            let mut encoder = Encoder::starting_at(frame.header.seq);
+            let bytes = encoder.encode(frame.header.device_time_us, &frame.message, &mut buffer);
+            changed.extend_from_slice(bytes.expect("it fits a frame"));
+        }
+    }
+    changed
+}
+
 /// Returns the values of a decoded file in the order row, electrode.
 fn rows(fixture: &Fixture, name: &str) -> Vec<f32> {
     let signals = values(&fixture.path(name));
@@ -107,11 +127,12 @@ fn rows_are_those_of_the_packed_decoder() {
     assert_eq!(decoded.rows, (blocks.len() * model::HOP) as u64);
     assert!(rows(&fixture, "decoded.gdf") == expected(&all));
     assert_eq!(decoded.warnings, [""; 0]);
-    // A fine rate reproduces the filtered recording.
+    // A fine rate reproduces the filtered recording: the error of these waves, which no model is trained on, is 11.5 %
+    // with the checked-in model. A third more leaves room for another fit.
     let comparison = decoded.comparison.expect("compared with the recording");
     assert!(comparison.steps > 0);
     let prd_percent = comparison.total().prd_percent();
-    assert!(prd_percent < 60.0, "{prd_percent} %");
+    assert!(prd_percent < 15.0, "{prd_percent} %");
 }
 
 #[test]
@@ -140,19 +161,11 @@ fn a_report_states_the_size_of_the_blocks() {
 fn a_lost_block_is_predicted_and_counted() {
     let fixture = Fixture::settled();
     encode(&fixture, Some(RATE));
-    let bytes = fs::read(fixture.codes()).expect("a file of blocks");
     let is_lost = |block: u32| (100..103).contains(&block) || block == 150;
-    let mut decoder = Decoder::<MAX_FRAME>::new();
-    let (mut input, mut kept) = (&bytes[..], Vec::new());
-    while let Some(outcome) = decoder.next::<ToHost>(&mut input) {
-        let frame = outcome.expect("a whole frame");
-        if !matches!(&frame.message, ToHost::PackedCode(code) if is_lost(code.block)) {
-            let mut buffer = [0; MAX_FRAME];
-            let mut encoder = Encoder::starting_at(frame.header.seq);
-            let bytes = encoder.encode(frame.header.device_time_us, &frame.message, &mut buffer);
-            kept.extend_from_slice(bytes.expect("it came from a frame"));
-        }
-    }
+    let kept = changed(
+        &fixture,
+        |message| !matches!(message, ToHost::PackedCode(code) if is_lost(code.block)),
+    );
     fs::write(fixture.path("lossy.codes"), kept).expect("written");
     let input = fixture.path("lossy.codes");
     let decoded = fixture.decode(&input, "lossy.gdf", SignalFormat::Gdf, false);
@@ -179,21 +192,15 @@ fn the_models_rate_is_the_default_and_takes_fewer_bits_than_a_finer_one() {
 fn a_malformed_block_is_predicted_and_reported() {
     let fixture = Fixture::settled();
     encode(&fixture, Some(RATE));
-    let bytes = fs::read(fixture.codes()).expect("a file of blocks");
-    let mut decoder = Decoder::<MAX_FRAME>::new();
-    let (mut input, mut changed) = (&bytes[..], Vec::new());
-    while let Some(outcome) = decoder.next::<ToHost>(&mut input) {
-        let mut frame = outcome.expect("a whole frame");
-        if let ToHost::PackedCode(code) = &mut frame.message
+    let changed = changed(&fixture, |message| {
+        if let ToHost::PackedCode(code) = message
             && code.block == 100
         {
             code.bytes = &[0x5a; 200];
+            code.flags = Flags::SATURATED;
         }
-        let mut buffer = [0; MAX_FRAME];
-        let mut encoder = Encoder::starting_at(frame.header.seq);
-        let bytes = encoder.encode(frame.header.device_time_us, &frame.message, &mut buffer);
-        changed.extend_from_slice(bytes.expect("it fits a frame"));
-    }
+        true
+    });
     fs::write(fixture.path("malformed.codes"), changed).expect("written");
     let input = fixture.path("malformed.codes");
     let decoded = fixture.decode(&input, "malformed.gdf", SignalFormat::Gdf, false);
@@ -210,6 +217,40 @@ fn a_malformed_block_is_predicted_and_reported() {
         .map(|(index, block)| (index != 100).then_some(block))
         .collect();
     assert!(rows(&fixture, "malformed.gdf") == expected(&received));
+    // The device's flags of the block stay.
+    fixture
+        .decode(&input, "malformed.csv", SignalFormat::Csv, false)
+        .expect("decoded");
+    let table = fs::read_to_string(fixture.path("malformed.csv")).expect("a table");
+    let hops = table.lines().skip(1).step_by(model::HOP);
+    let flags: Vec<&str> = hops
+        .map(|row| row.split(',').nth(2).expect("flags"))
+        .collect();
+    let filled = Flags::SATURATED | Flags::FILLER;
+    assert_eq!(flags[100], filled.bits().to_string());
+    let healing = Flags::HEALING | Flags::SETTLING;
+    assert_eq!(flags[101], healing.bits().to_string());
+}
+
+#[test]
+fn a_file_without_the_devices_hello_is_refused() {
+    let fixture = Fixture::new();
+    encode(&fixture, None);
+    let changed = changed(&fixture, |message| !matches!(message, ToHost::Hello(_)));
+    fs::write(fixture.path("damaged.codes"), changed).expect("written");
+    let input = fixture.path("damaged.codes");
+    let decoded = fixture.decode(&input, "damaged.gdf", SignalFormat::Gdf, false);
+    let error = decoded.expect_err("nobody knows the model");
+    assert!(
+        matches!(
+            error,
+            OfflineError::Codes {
+                source: CodeFileError::NoIntroduction,
+                ..
+            }
+        ),
+        "{error}"
+    );
 }
 
 #[test]

@@ -32,7 +32,7 @@ impl Sink<NeuroFrame> for Numbers {
     }
 }
 
-const SETTINGS: Settings = Settings {
+pub(crate) const SETTINGS: Settings = Settings {
     stamp: StampPoint::First,
     mains_hz: 0,
     filler: FillerPolicy::Last,
@@ -43,7 +43,7 @@ const SETTINGS: Settings = Settings {
     event_stamps: EventStamps::Scalp,
 };
 
-fn device(model: &Model) -> Device {
+pub(crate) fn device(model: &Model) -> Device {
     let labels = model.electrodes().join(" ");
     let hello = Hello {
         firmware: "test",
@@ -124,48 +124,91 @@ fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_
     assert_eq!(*count.lock().unwrap(), (1..=5000).collect::<Vec<u32>>());
 }
 
+/// Sink that records the sequence number and the stamp of every frame.
+struct Places(Arc<Mutex<Vec<(u32, i64)>>>);
+
+impl Sink<NeuroFrame> for Places {
+    fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
+        let stamp = frame.header.stamp.nanoseconds();
+        let mut places = self.0.lock().unwrap();
+        places.push((frame.neuroheader.seq, stamp));
+        Ok(())
+    }
+
+    fn dropped(&self) -> u64 {
+        0
+    }
+}
+
+/// Returns a lost block whose steps begin `at_ns` nanoseconds after 1970.
+fn lost_block(at_ns: i64, is_first: bool) -> TimedPackedBlock {
+    TimedPackedBlock {
+        block: None,
+        is_first,
+        stamp: Stamp::from_nanoseconds(at_ns),
+        words: TriWords::default(),
+    }
+}
+
 #[test]
-fn frames_from_codes_and_from_packed_blocks_are_numbered_as_one_stream() {
-    let count = Arc::new(Mutex::new(Vec::new()));
-    let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+fn frames_from_codes_and_from_packed_blocks_are_one_stream() {
+    let places = Arc::new(Mutex::new(Vec::new()));
+    let mut decoder = DecoderThread::start(Box::new(Places(Arc::clone(&places)))).unwrap();
     decoder.start_device(reconstruction(), Some(unpacked()));
     for index in 0..60 {
-        let (stamp, words) = (Stamp::default(), TriWords::default());
         if index % 20 < 10 {
-            let z = Some(vec![0.0; 128]);
+            let (z, words) = (Some(vec![0.0; 128]), TriWords::default());
+            let stamp = Stamp::from_nanoseconds(index);
             decoder.decode(TimedCode { z, stamp, words });
         } else {
-            decoder.decode_block(TimedPackedBlock {
-                block: None,
-                is_first: false,
-                stamp,
-                words,
-            });
+            decoder.decode_block(lost_block(index, index % 20 == 10));
+        }
+        if index % 20 == 19 {
+            decoder.finish_blocks();
         }
     }
     assert_eq!(decoder.finish(TIMEOUT).not_decoded, 0);
-    // The first block waits for the one after it.
-    assert_eq!(*count.lock().unwrap(), (1..=59).collect::<Vec<u32>>());
+    let due: Vec<(u32, i64)> = (1..=60).zip(0..).collect();
+    assert_eq!(*places.lock().unwrap(), due);
 }
 
 #[test]
 fn the_frame_that_waits_for_a_correction_is_published_when_another_device_takes_over() {
-    let count = Arc::new(Mutex::new(Vec::new()));
-    let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
-    for _ in 0..2 {
+    let places = Arc::new(Mutex::new(Vec::new()));
+    let mut decoder = DecoderThread::start(Box::new(Places(Arc::clone(&places)))).unwrap();
+    for device in 0..2 {
         decoder.start_device(reconstruction(), Some(unpacked()));
-        for _ in 0..10 {
-            decoder.decode_block(TimedPackedBlock {
-                block: None,
-                is_first: false,
-                stamp: Stamp::default(),
-                words: TriWords::default(),
-            });
+        for index in 0..10 {
+            decoder.decode_block(lost_block(10 * device + index, false));
         }
     }
     assert_eq!(decoder.finish(TIMEOUT).not_decoded, 0);
-    // Only the newest block waits.
-    assert_eq!(*count.lock().unwrap(), (1..=19).collect::<Vec<u32>>());
+    let due: Vec<(u32, i64)> = (1..=20).zip(0..).collect();
+    assert_eq!(*places.lock().unwrap(), due);
+}
+
+#[test]
+fn at_the_end_the_frame_that_waits_is_published_without_its_correction() {
+    let places = Arc::new(Mutex::new(Vec::new()));
+    let mut decoder = DecoderThread::start(Box::new(Places(Arc::clone(&places)))).unwrap();
+    decoder.start_device(reconstruction(), Some(unpacked()));
+    decoder.decode_block(lost_block(7, true));
+    decoder.finish(TIMEOUT);
+    assert_eq!(*places.lock().unwrap(), [(1, 7)]);
+}
+
+#[test]
+fn placeholders_of_packed_blocks_wait_like_blocks() {
+    let places = Arc::new(Mutex::new(Vec::new()));
+    let mut decoder = DecoderThread::start(Box::new(Places(Arc::clone(&places)))).unwrap();
+    decoder.start_device(reconstruction(), Some(unpacked()));
+    for index in 0..4_096 {
+        decoder.decode_block(lost_block(index, index == 0));
+    }
+    assert_eq!(decoder.counts().waiting, 4_096);
+    let counts = decoder.finish(TIMEOUT);
+    assert_eq!((counts.waiting, counts.not_decoded), (0, 0));
+    assert_eq!((counts.decoded, places.lock().unwrap().len()), (0, 4_096));
 }
 
 #[test]
@@ -175,17 +218,14 @@ fn blocks_that_the_model_does_not_have_are_counted() {
     decoder.start_device(reconstruction(), Some(unpacked()));
     for bytes in [vec![], vec![0x5a; 200]] {
         decoder.decode_block(TimedPackedBlock {
-            block: Some(PackedBytes {
-                bytes,
-                rate: packed::Rate::new(4).unwrap(),
-            }),
+            block: Some(PackedBytes { bytes, rate: 4 }),
             is_first: false,
             stamp: Stamp::default(),
             words: TriWords::default(),
         });
     }
     let counts = decoder.finish(TIMEOUT);
-    assert_eq!((counts.decoded, counts.malformed), (2, 1));
+    assert_eq!((counts.decoded, counts.malformed), (1, 1));
     assert!(counts.to_string().ends_with("packed blocks malformed 1"));
 }
 

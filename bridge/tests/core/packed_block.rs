@@ -1,0 +1,47 @@
+//! Blocks of the built-in model's packed code.
+
+use packed::{Context, Header, Magnitude, Rate, Tables};
+
+use crate::board::model;
+
+/// Blocks from one without prediction to the next.
+const RESET_BLOCKS: u32 = 64;
+
+/// Returns block `index` of a run: pseudo-random magnitudes, which depend on `seed`.
+pub(crate) fn block(index: u32, seed: u32, rate: u8) -> Vec<u8> {
+    let model = model();
+    let packed = model.packed().unwrap();
+    let rate = Rate::new(rate).unwrap();
+    let header = Header {
+        rate,
+        is_reset: index.is_multiple_of(RESET_BLOCKS),
+    };
+    let levels = if header.is_reset {
+        &packed.reset_levels
+    } else {
+        &packed.predicted_levels
+    };
+    let mut contexts = vec![Context::EMPTY; levels.len()];
+    packed::prepare_contexts(levels, rate, &mut contexts);
+    let costs = packed.costs();
+    let tables = Tables {
+        starts: &packed.starts,
+        costs: &costs,
+    };
+    let mut state = index.wrapping_mul(0x9e37_79b9) ^ seed | 1;
+    let magnitudes: Vec<Magnitude> = (0..levels.len())
+        .map(|place| {
+            state ^= state << 13;
+            state ^= state >> 17;
+            state ^= state << 5;
+            let value = if place < 12 { state % 3 } else { 0 };
+            Magnitude {
+                value: u16::try_from(value).unwrap(),
+                is_negative: state & 8 != 0,
+            }
+        })
+        .collect();
+    let mut bytes = [0; 300];
+    let length = packed::write_block(header, rate, &magnitudes, &contexts, &tables, &mut bytes);
+    bytes[..length].to_vec()
+}
