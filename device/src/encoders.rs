@@ -29,7 +29,7 @@ pub trait Encoders {
 
 /// Returns the streams of a device with the encoders `E`: those that they feed, and all that need no encoder.
 pub const fn streams_with<E: Encoders>() -> Streams {
-    let need_an_encoder = Streams::CODES.bits() | Streams::PACKED.bits();
+    let need_an_encoder = Streams::CODES.bits() | Streams::AUDIT.bits() | Streams::PACKED.bits();
     let need_none = Streams::ALL.without(Streams::from_bits(need_an_encoder));
     Streams::from_bits(need_none.bits() | E::STREAMS.bits())
 }
@@ -37,7 +37,7 @@ pub const fn streams_with<E: Encoders>() -> Streams {
 /// The network alone.
 impl Encoders for EncoderMemory {
     const STREAMS: Streams = if HAS_NETWORK {
-        Streams::CODES
+        Streams::from_bits(Streams::CODES.bits() | Streams::AUDIT.bits())
     } else {
         Streams::empty()
     };
@@ -60,7 +60,7 @@ impl Encoders for EncoderMemory {
     }
 }
 
-/// The packed code alone.
+/// The packed code alone. It has no audits: with them, the image of the NUCLEO-F446RE would not fit 256 KiB of flash.
 impl Encoders for PackedMemory {
     const STREAMS: Streams = match PACKED {
         Some(_) => Streams::PACKED,
@@ -87,7 +87,7 @@ impl Encoders for PackedMemory {
     }
 }
 
-/// Network and packed code.
+/// Network and packed code. A model with the packed code alone has audits here, without codes.
 #[derive(Clone, Debug)]
 pub struct BothEncoders {
     network: EncoderMemory,
@@ -104,7 +104,9 @@ impl BothEncoders {
 
 impl Encoders for BothEncoders {
     const STREAMS: Streams = Streams::from_bits(
-        EncoderMemory::STREAMS.bits() | <PackedMemory as Encoders>::STREAMS.bits(),
+        EncoderMemory::STREAMS.bits()
+            | <PackedMemory as Encoders>::STREAMS.bits()
+            | Streams::AUDIT.bits(),
     );
 
     fn restart(&mut self) {
@@ -158,18 +160,15 @@ mod tests {
         } else {
             Streams::empty()
         };
-        let others = Streams::RAW
-            | Streams::COMPRESSED_RAW
-            | Streams::FILTERED
-            | Streams::AUDIT
-            | Streams::EVENTS;
+        let others = Streams::RAW | Streams::COMPRESSED_RAW | Streams::FILTERED | Streams::EVENTS;
         let network = if HAS_NETWORK {
-            Streams::CODES
+            Streams::CODES | Streams::AUDIT
         } else {
             Streams::empty()
         };
         assert_eq!(streams_with::<EncoderMemory>(), others | network);
         assert_eq!(streams_with::<PackedMemory>(), others | packed);
-        assert_eq!(streams_with::<BothEncoders>(), others | network | packed);
+        let both = others | network | packed | Streams::AUDIT;
+        assert_eq!(streams_with::<BothEncoders>(), both);
     }
 }

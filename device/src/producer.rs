@@ -161,10 +161,8 @@ impl<E: Encoders> Producer<E> {
         self.windows = WindowMarks::NONE;
         self.since_step = Marks::NONE;
         // Stands for steps that are missing at the start of the run: no signal, and not reliable.
-        self.last = Step {
-            settling: true,
-            ..Step::SILENCE
-        };
+        self.last = Step::SILENCE;
+        self.last.settling = true;
         self.raw.clear();
         self.compressor.restart();
         self.filtered.clear();
@@ -176,12 +174,15 @@ impl<E: Encoders> Producer<E> {
         self.run.streams.contains(stream)
     }
 
+    /// Not inlined, so that an image contains the encoders once, although this is called in two places.
+    #[inline(never)]
     fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output)) {
         if self.wants(Streams::PACKED) {
             self.encode_block(step, drdy_us, emit);
         }
         let marks = self.windows.end_step();
-        let audits = self.wants(Streams::AUDIT);
+        // False at compile time for encoders without audits, so that an image does not contain them.
+        let audits = E::STREAMS.contains(Streams::AUDIT) && self.wants(Streams::AUDIT);
         if audits {
             self.audited.push_plane(&step.plane);
         }

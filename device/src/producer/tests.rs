@@ -256,48 +256,6 @@ fn an_audit_with_the_planes_of_its_code_follows_every_ten_seconds() {
 }
 
 #[test]
-fn an_audit_of_a_device_without_the_network_has_the_planes_and_no_code() {
-    let count = (STEPS + 160 * HOP) as u64 * PER_STEP;
-    let audits = |encoders: &mut dyn FnMut(&AcquiredSample, &mut dyn FnMut(Output))| {
-        let mut audits = Vec::new();
-        for sample in samples(Streams::AUDIT | Streams::PACKED, count, &[]) {
-            encoders(&sample, &mut |output| {
-                if let Payload::Audit(audit) = output.payload {
-                    let mut bytes = [0; CodeValues::MAX_BYTES];
-                    let message = audit.message(&mut bytes);
-                    let format = message.values.format();
-                    let numbers = message.values.levels().count();
-                    audits.push((
-                        output.at_us,
-                        message.window,
-                        message.planes.to_vec(),
-                        format,
-                        numbers,
-                    ));
-                }
-            });
-        }
-        audits
-    };
-    let mut both = Box::new(Producer::new(BothEncoders::EMPTY));
-    let with_code = audits(&mut |sample, emit| both.process(sample, &mut |output| emit(output)));
-    let mut packed = Box::new(Producer::new(pipeline::PackedMemory::EMPTY));
-    let without = audits(&mut |sample, emit| packed.process(sample, &mut |output| emit(output)));
-    assert_eq!((with_code.len(), without.len()), (2, 2));
-    for (with_code, without) in with_code.iter().zip(&without) {
-        assert_eq!(
-            (&with_code.0, &with_code.1, &with_code.2),
-            (&without.0, &without.1, &without.2)
-        );
-        assert_eq!(
-            (with_code.3, with_code.4),
-            (crate::CODE_FORMAT, model::CODE)
-        );
-        assert_eq!((without.3, without.4), (crate::CODE_FORMAT, 0));
-    }
-}
-
-#[test]
 fn a_new_run_keeps_nothing_of_the_previous_one() {
     let streams = Streams::RAW | Streams::CODES;
     let mut input: Vec<AcquiredSample> = samples(streams, 13, &[]).collect();

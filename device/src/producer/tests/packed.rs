@@ -188,7 +188,7 @@ fn an_encoder_alone_makes_its_own_stream_and_no_other() {
     assert_eq!(kinds(EncoderMemory::EMPTY), (true, false));
     assert_eq!(kinds(pipeline::PackedMemory::EMPTY), (false, true));
     assert_eq!(kinds(BothEncoders::EMPTY), (true, true));
-    assert_eq!(EncoderMemory::STREAMS, Streams::CODES);
+    assert_eq!(EncoderMemory::STREAMS, Streams::CODES | Streams::AUDIT);
     assert_eq!(
         <pipeline::PackedMemory as Encoders>::STREAMS,
         Streams::PACKED
