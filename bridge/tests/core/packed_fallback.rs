@@ -3,7 +3,7 @@
 use bridge::{Announcement, EventStamps, Settings};
 use link::{Event, EventKind, Streams, ToHost};
 
-use crate::board::{Board, WALL_START_NS};
+use crate::board::{Board, WALL_START_NS, at};
 use crate::packed_device::{PACKED, Packed, flags, frames};
 use crate::recorder::Harness;
 
@@ -55,14 +55,15 @@ fn codes_in_the_place_of_blocks_are_announced_and_decoded() {
     };
     let mut harness = Harness::new(PACKED, board);
     harness.connect();
-    let origins: Vec<&str> = harness.recorder.announced.iter().map(origin).collect();
-    assert_eq!(origins, ["packed code", "autoencoder"]);
+    assert_eq!(origins(&harness), ["packed code", "autoencoder"]);
     harness.code(1, false);
     assert_eq!(harness.recorder.windows.len(), 1);
     // The same device with an image that has the packed code.
     restart_with(&mut harness, Streams::ALL);
-    let origins: Vec<&str> = harness.recorder.announced.iter().map(origin).collect();
-    assert_eq!(origins, ["packed code", "autoencoder", "packed code"]);
+    assert_eq!(
+        origins(&harness),
+        ["packed code", "autoencoder", "packed code"]
+    );
     let mut device = device(harness);
     device.send(false);
     assert_eq!(device.harness.recorder.blocks.len(), 1);
@@ -196,16 +197,8 @@ fn the_time_in_which_packed_blocks_were_decoded_is_filled_among_codes_alone() {
     assert_eq!(lost, [&[false; 5][..], &[true], &[false; 5]].concat());
 }
 
-#[test]
-fn codes_are_decoded_although_the_acknowledgement_of_their_start_was_lost() {
-    let board = Board {
-        supported: NETWORK,
-        ..Board::new()
-    };
-    let mut harness = Harness::new(PACKED, board);
-    harness
-        .core
-        .connected(crate::board::at(harness.now_us), &mut harness.recorder);
+/// Lets the board answer until it streams. The acknowledgement of its start is lost.
+fn start_unacknowledged(harness: &mut Harness) {
     while !harness.board.streaming {
         let commands = std::mem::take(&mut harness.recorder.sent);
         let answers = harness.board.answer(&commands);
@@ -213,12 +206,22 @@ fn codes_are_decoded_although_the_acknowledgement_of_their_start_was_lost() {
             harness.receive(&answers);
         }
     }
-    let origins = |harness: &Harness| -> Vec<String> {
-        let announced = harness.recorder.announced.iter();
-        announced
-            .map(|announced| origin(announced).to_owned())
-            .collect()
+}
+
+fn origins(harness: &Harness) -> Vec<&str> {
+    harness.recorder.announced.iter().map(origin).collect()
+}
+
+#[test]
+fn signals_are_decoded_although_the_acknowledgement_of_the_start_was_lost() {
+    let board = Board {
+        supported: NETWORK,
+        ..Board::new()
     };
+    let mut harness = Harness::new(PACKED, board);
+    let now = at(harness.now_us);
+    harness.core.connected(now, &mut harness.recorder);
+    start_unacknowledged(&mut harness);
     assert_eq!(origins(&harness), ["packed code"]);
     for _ in 0..6 {
         harness.code(1, false);
@@ -226,4 +229,16 @@ fn codes_are_decoded_although_the_acknowledgement_of_their_start_was_lost() {
     assert_eq!(origins(&harness), ["packed code", "autoencoder"]);
     let recorder = &harness.recorder;
     assert_eq!((recorder.encoded.len(), recorder.windows.len()), (6, 6));
+    // The same after a restart with the packed code.
+    harness.board.reboot();
+    harness.board.supported = Streams::ALL;
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    start_unacknowledged(&mut harness);
+    let mut device = device(harness);
+    for _ in 0..6 {
+        device.send(false);
+    }
+    assert_eq!(origins(&device.harness).len(), 3);
+    assert_eq!(device.harness.recorder.blocks.len(), 6);
 }
