@@ -130,7 +130,7 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     new_status("device", (level, message), values)
 }
 
-/// Returns level and text for a streaming device. Missing raw samples, filtered steps or packed
+/// Returns level and text for a streaming device. Missing codes, raw samples, filtered steps or packed
 /// blocks cause a warning; missing audits or events do not, because older firmware does not support them.
 fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
     let refused = session.commands.refused_streams();
@@ -139,7 +139,8 @@ fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
     }
     let samples = RawForm::any_in(refused) || refused.contains(Streams::FILTERED);
     let packed = refused.contains(Streams::PACKED);
-    let level = if samples || packed {
+    let codes = refused.contains(Streams::CODES);
+    let level = if samples || packed || codes {
         DiagnosticLevel::Warn
     } else {
         DiagnosticLevel::Ok
@@ -151,8 +152,10 @@ fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
         "its port may be too slow; update its firmware, use its USB port, or choose filtered instead"
     } else if packed {
         "its image or its model has no packed code; flash an image that has it, or choose codes"
+    } else if codes {
+        "its image or its model has no network; choose packed without codes, or flash another image"
     } else if refused.contains(Streams::AUDIT) {
-        "its image has no network, or its firmware is older than this program; flash another image"
+        "its image has no audits, or its firmware is older than this program; flash another image"
     } else {
         "update its firmware"
     };

@@ -299,7 +299,8 @@ impl Session {
             AckEffect::Refused(command, result) => {
                 let remedy = match command {
                     ToDevice::Start(_) => {
-                        "choose other --streams or --mains, or update firmware or bridge"
+                        "choose other --streams (a device without a network has packed in the place of codes) \
+                         or --mains, or update firmware or bridge"
                     }
                     _ => "bring firmware and bridge to the same release",
                 };

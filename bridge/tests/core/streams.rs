@@ -115,6 +115,15 @@ fn packed_blocks_are_asked_for_without_the_network_and_codes_in_their_place() {
     let alone = Streams::PACKED | Streams::EVENTS | Streams::FILTERED;
     let with_filtered = harness(wanted | Streams::FILTERED, alone);
     assert_eq!(starts(&with_filtered), [0b101_1100, 0b101_1000, 0b101_0100]);
+    // Codes that it refuses are a warning.
+    let mut without_codes = harness(wanted | Streams::CODES, alone);
+    let status = without_codes.status("device").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Warn);
+    assert!(
+        status.message.contains("has no network; choose packed"),
+        "{}",
+        status.message
+    );
     // An image with the network alone, or older firmware.
     let mut network = harness(wanted, EVERYTHING);
     assert_eq!(starts(&network), [0b101_1000, 0b101_0000, 0b001_1001]);
