@@ -1,8 +1,7 @@
-//! Window and code for an audit: the host computes the code again from the planes of the window, and compares the planes
-//! with the packed blocks.
+//! Window and code for an audit: the host computes the code again from the planes of the window.
 
 use link::Audit;
-use model::{CELLS, HOP, STEP_RATE_HZ, STEPS};
+use model::{CELLS, CODE, HOP, STEP_RATE_HZ, STEPS};
 use pipeline::{CodeValues, Plane};
 
 use crate::message::{self, ValueBytes};
@@ -14,11 +13,11 @@ const PERIOD_S: u32 = 10;
 #[expect(clippy::cast_possible_truncation, reason = "a hop is below 256")]
 const PERIOD_WINDOWS: u32 = PERIOD_S * STEP_RATE_HZ as u32 / HOP as u32;
 
-/// Planes of the newest window, with its index and code once the window is complete. Without a network there is no code.
+/// Planes of the newest window, with its index and code once the window is complete.
 #[derive(Clone, Debug)]
 pub struct AuditedWindow {
     window: u32,
-    values: Option<CodeValues>,
+    values: CodeValues,
     planes: [u8; STEPS * CELLS],
 }
 
@@ -26,7 +25,7 @@ impl AuditedWindow {
     /// State before the first plane: all zeros.
     pub(crate) const EMPTY: Self = Self {
         window: 0,
-        values: None,
+        values: CodeValues::Int8([0; CODE]),
         planes: [0; STEPS * CELLS],
     };
 
@@ -46,9 +45,9 @@ impl AuditedWindow {
     }
 
     /// Stores index and code of the window that consists of the stored planes.
-    pub(crate) fn complete(&mut self, window: u32, values: Option<CodeValues>) -> &Self {
+    pub(crate) fn complete(&mut self, window: u32, values: &CodeValues) -> &Self {
         self.window = window;
-        self.values = values;
+        self.values = *values;
         self
     }
 
@@ -58,10 +57,7 @@ impl AuditedWindow {
             model_id: model::MODEL_ID,
             window: self.window,
             planes: &self.planes,
-            values: match &self.values {
-                Some(values) => message::values(values, bytes),
-                None => message::NO_VALUES,
-            },
+            values: message::values(&self.values, bytes),
         }
     }
 }

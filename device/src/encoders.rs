@@ -60,7 +60,7 @@ impl Encoders for EncoderMemory {
     }
 }
 
-/// The packed code alone. It has no audits: with them, the image of the NUCLEO-F446RE would not fit 256 KiB of flash.
+/// The packed code alone.
 impl Encoders for PackedMemory {
     const STREAMS: Streams = match PACKED {
         Some(_) => Streams::PACKED,
@@ -87,7 +87,7 @@ impl Encoders for PackedMemory {
     }
 }
 
-/// Network and packed code. A model with the packed code alone has audits here, without codes.
+/// Network and packed code.
 #[derive(Clone, Debug)]
 pub struct BothEncoders {
     network: EncoderMemory,
@@ -104,9 +104,7 @@ impl BothEncoders {
 
 impl Encoders for BothEncoders {
     const STREAMS: Streams = Streams::from_bits(
-        EncoderMemory::STREAMS.bits()
-            | <PackedMemory as Encoders>::STREAMS.bits()
-            | Streams::AUDIT.bits(),
+        EncoderMemory::STREAMS.bits() | <PackedMemory as Encoders>::STREAMS.bits(),
     );
 
     fn restart(&mut self) {
@@ -168,7 +166,6 @@ mod tests {
         };
         assert_eq!(streams_with::<EncoderMemory>(), others | network);
         assert_eq!(streams_with::<PackedMemory>(), others | packed);
-        let both = others | network | packed | Streams::AUDIT;
-        assert_eq!(streams_with::<BothEncoders>(), both);
+        assert_eq!(streams_with::<BothEncoders>(), others | network | packed);
     }
 }

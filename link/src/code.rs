@@ -227,10 +227,10 @@ impl From<CodeFormat> for u8 {
     }
 }
 
-/// A window as the encoders read it, with the code of the network; sent every ten seconds if requested.
+/// A window as the encoder read it, with the code it produced; sent every ten seconds if requested.
 ///
-/// A host that has the model recomputes the code and checks that the device computes the same one, and compares the
-/// window with the packed blocks. The header's time is that of the window's [`Code`].
+/// A host that has the model recomputes the code and checks that the device computes the same one.
+/// The header's time is that of the window's [`Code`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Audit<'a> {
     /// First 8 bytes of the SHA-256 over the model.
@@ -240,7 +240,6 @@ pub struct Audit<'a> {
     /// Planes of the window, oldest first; every plane is row-major, one int8 byte per cell.
     #[serde(borrow, serialize_with = "byte_slice::serialize")]
     pub planes: &'a [u8],
-    /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces; none from a device
-    /// without the network.
+    /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces.
     pub values: CodeValues<'a>,
 }
