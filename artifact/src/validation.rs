@@ -152,12 +152,8 @@ fn check_window(d: &Description) -> Result<(), ArtifactError> {
 fn check_numbers(d: &Description) -> Result<(), ArtifactError> {
     let numbers = d.code.numbers;
     if !d.mode.has_network() {
-        return require(
-            numbers == 0,
-            "code.numbers",
-            &numbers,
-            "0, because mode \"packed\" has no network",
-        );
+        let expected = "0, because mode \"packed\" has no network";
+        return require(numbers == 0, "code.numbers", &numbers, expected);
     }
     require(
         NUMBERS.contains(&numbers) && numbers.is_multiple_of(NUMBERS_MULTIPLE),
