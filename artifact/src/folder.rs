@@ -131,9 +131,10 @@ impl Artifact {
         let description = std::fs::read_to_string(&path)
             .map_err(|source| ArtifactError::File { path, source })?;
         let parsed = parse_description(&description)?;
-        let weights = match parsed.mode.has_network() {
-            true => read(WEIGHTS)?,
-            false => Vec::new(),
+        let weights = if parsed.mode.has_network() {
+            read(WEIGHTS)?
+        } else {
+            Vec::new()
         };
         let packed = PackedFiles::read(folder)?;
         let packed = packed.as_ref();
@@ -237,9 +238,10 @@ impl Artifact {
                 .replace("[[\"", "[\n    [\"")
                 .replace("], [", "],\n    [")
                 .replace("\"]]", "\"],\n]"),
-            weights: match self.description.mode.has_network() {
-                true => Some(self.weights.to_bytes()?),
-                false => None,
+            weights: if self.description.mode.has_network() {
+                Some(self.weights.to_bytes()?)
+            } else {
+                None
             },
             calibration: self.calibration.to_bytes()?,
             packed: self

@@ -185,7 +185,7 @@ impl VirtualBoard {
         self.session = session(&self.identity, ResetCause::Software, self.mains);
         self.sender = Sender::new(outbox);
         self.acquisition = Acquisition::new(self.mains);
-        self.producer = Box::new(Producer::new(BothEncoders::EMPTY));
+        *self.producer = Producer::new(BothEncoders::EMPTY);
         self.new_run = None;
         (self.samples, self.overruns, self.adc_status_bad) = (0, 0, 0);
         self.clipped_before = 0;
