@@ -290,9 +290,9 @@ fn one_electrode_with_noise_is_a_misfit_from_the_size_that_the_model_permits() {
         assert_equal_on(&steps(20 * HOP, on_one), Rate::MIDDLE).misfit
     };
     let by_size: Vec<usize> = (4..20).rev().map(misfits).collect();
-    assert!(by_size.is_sorted(), "{by_size:?}");
-    // A model with as many coefficients as values represents everything.
+    // Random models are tested with the reference alone.
     if is_built_in() {
+        assert!(by_size.is_sorted(), "{by_size:?}");
         assert_eq!((by_size[0], by_size[15]), (0, 20), "{by_size:?}");
         assert!(
             by_size.iter().any(|count| (1..20).contains(count)),
