@@ -174,7 +174,9 @@ fn diff_finds_a_packed_model_that_is_missing_or_differs() {
         json(r#"[{"field": "packed.rate", "values": ["4", "5"]}]"#)
     );
     assert_eq!(rate["packed_differ"], false);
-    fs::remove_file(path).expect("a file");
+    for file in [path, folder.path().join("packed.safetensors")] {
+        fs::remove_file(file).expect("a file");
+    }
     let [missing, _] = run(&["diff", BUILT_IN, text(folder.path())], 1);
     assert!(missing.contains("packed models differ"), "{missing}");
 }
