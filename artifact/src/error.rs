@@ -135,7 +135,7 @@ pub enum ArtifactError {
     NotDecodable,
     /// The model has mode `packed`, but no packed model.
     #[error(
-        "the model has mode `packed`, but no packed.toml and packed.safetensors; `trainer train --mode packed` writes them"
+        "the model has mode `packed`, but no packed.toml and packed.safetensors; `trainer packed --montage` writes them"
     )]
     Empty,
 }

@@ -10,7 +10,7 @@ use crate::track::settling_steps;
 use artifact::{Artifact, CodeFormat, Mode, MontageFile, Padding};
 use std::path::PathBuf;
 
-/// Number of time steps that `model.toml` states for a window, in which devices send audits.
+/// Number of time steps that `model.toml` states for a window, which only a network reads.
 const STEPS: usize = 16;
 
 /// Options of `trainer packed` for a model without a network.
