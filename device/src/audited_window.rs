@@ -1,7 +1,8 @@
-//! Window and code for an audit: the host computes the code again from the planes of the window.
+//! Window and code for an audit: the host computes the code again from the planes of the window, and compares the planes
+//! with the packed blocks.
 
 use link::Audit;
-use model::{CELLS, CODE, HOP, STEP_RATE_HZ, STEPS};
+use model::{CELLS, HOP, STEP_RATE_HZ, STEPS};
 use pipeline::{CodeValues, Plane};
 
 use crate::message::{self, ValueBytes};
@@ -13,11 +14,11 @@ const PERIOD_S: u32 = 10;
 #[expect(clippy::cast_possible_truncation, reason = "a hop is below 256")]
 const PERIOD_WINDOWS: u32 = PERIOD_S * STEP_RATE_HZ as u32 / HOP as u32;
 
-/// Planes of the newest window, with its index and code once the window is complete.
+/// Planes of the newest window, with its index and code once the window is complete. Without a network there is no code.
 #[derive(Clone, Debug)]
 pub struct AuditedWindow {
     window: u32,
-    values: CodeValues,
+    values: Option<CodeValues>,
     planes: [u8; STEPS * CELLS],
 }
 
@@ -25,7 +26,7 @@ impl AuditedWindow {
     /// State before the first plane: all zeros.
     pub(crate) const EMPTY: Self = Self {
         window: 0,
-        values: CodeValues::Int8([0; CODE]),
+        values: None,
         planes: [0; STEPS * CELLS],
     };
 
@@ -45,9 +46,9 @@ impl AuditedWindow {
     }
 
     /// Stores index and code of the window that consists of the stored planes.
-    pub(crate) fn complete(&mut self, window: u32, values: &CodeValues) -> &Self {
+    pub(crate) fn complete(&mut self, window: u32, values: Option<CodeValues>) -> &Self {
         self.window = window;
-        self.values = *values;
+        self.values = values;
         self
     }
 
@@ -57,7 +58,10 @@ impl AuditedWindow {
             model_id: model::MODEL_ID,
             window: self.window,
             planes: &self.planes,
-            values: message::values(&self.values, bytes),
+            values: match &self.values {
+                Some(values) => message::values(values, bytes),
+                None => message::NO_VALUES,
+            },
         }
     }
 }

@@ -60,7 +60,7 @@ impl Encoders for EncoderMemory {
     }
 }
 
-/// The packed code alone.
+/// The packed code alone. It has no audits: with them, the image of the NUCLEO-F446RE would not fit 256 KiB of flash.
 impl Encoders for PackedMemory {
     const STREAMS: Streams = match PACKED {
         Some(_) => Streams::PACKED,
@@ -87,7 +87,7 @@ impl Encoders for PackedMemory {
     }
 }
 
-/// Network and packed code.
+/// Network and packed code. A model with the packed code alone has audits here, without codes.
 #[derive(Clone, Debug)]
 pub struct BothEncoders {
     network: EncoderMemory,
@@ -104,7 +104,9 @@ impl BothEncoders {
 
 impl Encoders for BothEncoders {
     const STREAMS: Streams = Streams::from_bits(
-        EncoderMemory::STREAMS.bits() | <PackedMemory as Encoders>::STREAMS.bits(),
+        EncoderMemory::STREAMS.bits()
+            | <PackedMemory as Encoders>::STREAMS.bits()
+            | Streams::AUDIT.bits(),
     );
 
     fn restart(&mut self) {
@@ -166,6 +168,7 @@ mod tests {
         };
         assert_eq!(streams_with::<EncoderMemory>(), others | network);
         assert_eq!(streams_with::<PackedMemory>(), others | packed);
-        assert_eq!(streams_with::<BothEncoders>(), others | network | packed);
+        let both = others | network | packed | Streams::AUDIT;
+        assert_eq!(streams_with::<BothEncoders>(), both);
     }
 }

@@ -82,6 +82,15 @@ impl WindowMarks {
         window
     }
 
+    /// Returns the index of the window that ends with the newest step; `None` if no window does. The index wraps.
+    #[expect(clippy::cast_possible_truncation, reason = "the index wraps")]
+    pub(crate) const fn complete_window(&self) -> Option<u32> {
+        match self.steps.checked_sub(STEPS as u64) {
+            Some(before) if before.is_multiple_of(HOP as u64) => Some((before / HOP as u64) as u32),
+            _ => None,
+        }
+    }
+
     pub(crate) const fn steps(&self) -> u64 {
         self.steps
     }
@@ -108,9 +117,11 @@ mod tests {
                     windows.mark(OVERRUN);
                 }
                 let marks = windows.end_step();
-                if step + 1 >= STEPS && (step + 1 - STEPS).is_multiple_of(HOP) && marks.overrun {
-                    found.push((step + 1 - STEPS) / HOP);
-                }
+                let ends = step + 1 >= STEPS && (step + 1 - STEPS).is_multiple_of(HOP);
+                let window = ends.then(|| (step + 1 - STEPS) / HOP);
+                let complete = windows.complete_window().map(|window| window as usize);
+                assert_eq!(complete, window, "step {step}");
+                found.extend(window.filter(|_| marks.overrun));
             }
             let containing = (0..10).filter(|window| {
                 let first = window * HOP;

@@ -106,6 +106,13 @@ fn with_flags<const N: usize>(marks: Marks, conditions: [(bool, Flags); N]) -> F
         .fold(marks.flags(), |flags, (_, flag)| flags | flag)
 }
 
+/// Values of a code of a device without a network: none, in the model's format.
+pub(crate) const NO_VALUES: CodeValues<'static> = match CODE_FORMAT {
+    CodeFormat::Int8Exponent => CodeValues::int8_exponent(0, &[]),
+    CodeFormat::Int16 => CodeValues::int16(&[]),
+    _ => CodeValues::int8(&[]),
+};
+
 pub(crate) fn values<'b>(
     values: &pipeline::CodeValues,
     bytes: &'b mut ValueBytes,

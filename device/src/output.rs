@@ -53,8 +53,8 @@ pub enum Payload {
     CompressedRaw(CompressedChunk),
     /// Filtered steps. [`Output::at_us`] is the time of the last step.
     Filtered(FilteredChunk),
-    /// The planes of a window, with its code. [`Output::at_us`] is the time of the window's last
-    /// step.
+    /// The planes of a window, with its code if the device has the network. [`Output::at_us`] is
+    /// the time of the window's last step.
     Audit(AuditedWindow),
     /// An edge at the trigger input. [`Output::at_us`] is the time of the edge.
     Event(Event),

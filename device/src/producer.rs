@@ -1,6 +1,7 @@
 //! Computes codes and the other requested streams from samples and steps.
 
 use link::{Event, EventKind, Streams};
+use model::STEP_RATE_HZ;
 use pipeline::{Code, CodeValues, PackedCode, PackedEncoder, Quality, Rate, SignalQuality, Step};
 
 use crate::acquired_sample::AcquiredSample;
@@ -15,9 +16,9 @@ use crate::raw_chunk::RawChunk;
 
 /// Produces codes, and the other streams that the host requested, from acquired samples.
 ///
-/// If a step is missing because a queue was full, the producer encodes the previous step again. The
-/// index of a window or block therefore still determines its time. Codes and blocks that contain a repeated
-/// step are marked with an overrun.
+/// If a step is missing because a queue was full, the producer encodes the previous step again, with the time that the
+/// missing one would have. The index of a window or block therefore still determines its time. Codes and blocks that
+/// contain a repeated step are marked with an overrun.
 ///
 /// An [`Output`] takes 2 KB whatever its payload. The functions that build an output are never
 /// inlined, so that a task's stack frame does not hold several outputs at once.
@@ -89,20 +90,15 @@ impl<E: Encoders> Producer<E> {
         if let Some(run) = acquired.new_run {
             self.start_run(run, acquired.drdy_us);
         }
+        if let Some((index, _)) = acquired.step {
+            self.repeat_missing_steps(index, acquired.drdy_us, emit);
+        }
         self.windows.mark(acquired.marks);
         self.since_step = self.since_step.union(acquired.marks);
         if self.wants(Streams::RAW) || self.wants(Streams::COMPRESSED_RAW) {
             self.collect_raw(acquired, emit);
         }
         if let Some((index, step)) = &acquired.step {
-            while self.windows.steps() < *index {
-                let substitute = self.last;
-                self.windows.mark(Marks {
-                    overrun: true,
-                    ..Marks::NONE
-                });
-                self.encode(&substitute, acquired.drdy_us, emit);
-            }
             self.last = *step;
             let marks = core::mem::take(&mut self.since_step);
             if self.wants(Streams::FILTERED) {
@@ -113,6 +109,19 @@ impl<E: Encoders> Producer<E> {
         let step = acquired.step.as_ref().map(|(_, step)| step);
         if let Some(quality) = self.quality.observe(&acquired.sample, step) {
             self.emit_quality(acquired.drdy_us, &quality, emit);
+        }
+    }
+
+    /// Encodes the newest step again for each missing one before step `index`, whose sample has the time `drdy_us`.
+    fn repeat_missing_steps(&mut self, index: u64, drdy_us: u64, emit: &mut impl FnMut(Output)) {
+        while self.windows.steps() < index {
+            let missing_us = (index - self.windows.steps()) * 1_000_000 / u64::from(STEP_RATE_HZ);
+            let substitute = self.last;
+            self.windows.mark(Marks {
+                overrun: true,
+                ..Marks::NONE
+            });
+            self.encode(&substitute, drdy_us.saturating_sub(missing_us), emit);
         }
     }
 
@@ -151,6 +160,9 @@ impl<E: Encoders> Producer<E> {
         self.quality.restart(run.mains);
         self.windows = WindowMarks::NONE;
         self.since_step = Marks::NONE;
+        // Stands for steps that are missing at the start of the run: no signal, and not reliable.
+        self.last = Step::SILENCE;
+        self.last.settling = true;
         self.raw.clear();
         self.compressor.restart();
         self.filtered.clear();
@@ -162,28 +174,34 @@ impl<E: Encoders> Producer<E> {
         self.run.streams.contains(stream)
     }
 
+    /// Not inlined, so that an image contains the encoders once, although this is called in two places.
+    #[inline(never)]
     fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output)) {
         if self.wants(Streams::PACKED) {
             self.encode_block(step, drdy_us, emit);
         }
         let marks = self.windows.end_step();
-        let audits = self.wants(Streams::AUDIT);
+        // False at compile time for encoders without audits, so that an image does not contain them.
+        let audits = E::STREAMS.contains(Streams::AUDIT) && self.wants(Streams::AUDIT);
         if audits {
             self.audited.push_plane(&step.plane);
         }
-        if !audits && !self.wants(Streams::CODES) {
-            return;
+        let mut values = None;
+        if (audits || self.wants(Streams::CODES))
+            && let Some(code) = self.encoders.encode_window(step)
+        {
+            values = Some(code.values);
+            if self.wants(Streams::CODES) {
+                let at_us = drdy_us + u64::from(code.offset_us);
+                self.emit_code(at_us, &code, marks, emit);
+            }
         }
-        let Some(code) = self.encoders.encode_window(step) else {
-            return;
-        };
-        let at_us = drdy_us + u64::from(code.offset_us);
-        let (window, values) = (code.window, code.values);
-        if self.wants(Streams::CODES) {
-            self.emit_code(at_us, &code, marks, emit);
-        }
-        if audits && AuditedWindow::is_due(window) {
-            self.emit_audit((at_us, window), &values, emit);
+        if audits
+            && let Some(window) = self.windows.complete_window()
+            && AuditedWindow::is_due(window)
+        {
+            let at_us = drdy_us + u64::from(step.offset_us);
+            self.emit_audit((at_us, window), values, emit);
         }
     }
 
@@ -261,7 +279,7 @@ impl<E: Encoders> Producer<E> {
     fn emit_audit(
         &mut self,
         (at_us, window): (u64, u32),
-        values: &CodeValues,
+        values: Option<CodeValues>,
         emit: &mut impl FnMut(Output),
     ) {
         let audited = self.audited.complete(window, values).clone();

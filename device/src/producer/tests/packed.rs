@@ -68,6 +68,90 @@ fn exactly_the_blocks_with_a_lost_sample_are_marked_and_their_number_stays_right
     assert_eq!(marked, [1, 2, 3, 4]);
 }
 
+/// Returns the samples of [`signals`] at the times of the ADC's rate.
+fn timed(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = AcquiredSample> {
+    signals(streams, count, lost).map(|mut acquired| {
+        acquired.drdy_us = drdy_us(acquired.index);
+        acquired
+    })
+}
+
+fn drdy_us(sample: u64) -> u64 {
+    sample * 1_000_000 / u64::from(model::ADC_RATE_HZ)
+}
+
+#[test]
+fn a_block_of_repeated_steps_has_its_own_time() {
+    let lost: Vec<u64> = (2 * PER_BLOCK + 2 * PER_STEP..4 * PER_BLOCK + PER_STEP).collect();
+    let made = blocks(&outputs_of(timed(Streams::PACKED, 6 * PER_BLOCK, &lost)));
+    assert_eq!(made.len(), 6);
+    for (code, at_us, _) in &made {
+        let due = drdy_us(u64::from(code.block + 1) * PER_BLOCK - 1);
+        assert!(
+            at_us.abs_diff(due) <= 1,
+            "block {}: {at_us} {due}",
+            code.block
+        );
+    }
+}
+
+#[test]
+fn a_fault_of_the_sample_after_a_gap_is_in_its_own_block() {
+    // Three steps of block 1 are lost, to its end; the sample of the first step of block 2 has a bad status word.
+    let first = 2 * PER_BLOCK;
+    let after = first + PER_STEP - 1;
+    let lost: Vec<u64> = (first - 3 * PER_STEP..after).collect();
+    let input = signals(Streams::PACKED, 4 * PER_BLOCK, &lost).map(|mut acquired| {
+        acquired.marks.adc_status_bad = acquired.index == after;
+        acquired
+    });
+    let bad: Vec<u32> = blocks(&outputs_of(input))
+        .iter()
+        .filter(|(_, _, marks)| marks.adc_status_bad)
+        .map(|(code, ..)| code.block)
+        .collect();
+    assert_eq!(bad, [2]);
+}
+
+#[test]
+fn steps_missing_at_the_start_of_a_run_are_silent_and_not_settled() {
+    let mut input: Vec<AcquiredSample> = timed(Streams::PACKED, 3 * PER_BLOCK, &[]).collect();
+    for acquired in &mut input {
+        if let Some((_, step)) = &mut acquired.step {
+            step.saturated = 1 << 5;
+        }
+    }
+    let lost: Vec<u64> = (0..2 * PER_BLOCK).collect();
+    input.extend(
+        timed(Streams::PACKED, 4 * PER_BLOCK, &lost).map(|mut acquired| {
+            acquired.new_run = acquired.new_run.map(|_| run(2, Streams::PACKED));
+            acquired
+        }),
+    );
+    let mut outputs = outputs_of(input);
+    outputs.retain(|output| output.run == 2);
+    let found: Vec<(u32, bool, u64, usize)> = blocks(&outputs)
+        .iter()
+        .map(|(code, ..)| {
+            (
+                code.block,
+                code.settling,
+                code.saturated,
+                code.bytes().len(),
+            )
+        })
+        .collect();
+    let [
+        (0, true, 0, 2..6),
+        (1, true, 0, 0),
+        (2, false, 0, 1..),
+        (3, false, 0, 1..),
+    ] = found[..]
+    else {
+        panic!("{found:?}")
+    };
+}
+
 #[test]
 fn a_rate_applies_from_the_next_block_on_and_outlives_the_run() {
     let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
