@@ -25,16 +25,23 @@ pub struct Recordings {
 pub struct Checked {
     /// Id of the model.
     pub model: String,
-    /// Bits of an integer code.
-    pub bits_per_window: usize,
     /// Number of electrodes that were recorded in training.
     pub real_electrodes: usize,
-    /// Number of golden windows.
-    pub golden: usize,
-    /// Golden windows whose stored code is not that of the integer encoder.
-    pub wrong: Vec<usize>,
+    /// The golden codes; `None` if the model has no network.
+    pub codes: Option<CheckedCodes>,
     /// Error on recordings.
     pub comparison: Option<Comparison>,
+}
+
+/// The golden codes of a network.
+#[derive(Clone, Debug)]
+pub struct CheckedCodes {
+    /// Bits of an integer code.
+    pub bits_per_window: usize,
+    /// Number of golden windows.
+    pub windows: usize,
+    /// Golden windows whose stored code is not that of the integer encoder.
+    pub wrong: Vec<usize>,
 }
 
 /// Reads a model, turns it into integers, which proves that no sum overflows, compares its golden codes, and measures
@@ -42,7 +49,7 @@ pub struct Checked {
 ///
 /// # Errors
 /// If a file cannot be read, the model cannot be turned into integers, or a recording cannot be used. Golden codes
-/// that differ are no error: [`Checked::wrong`] has them.
+/// that differ are no error: [`CheckedCodes::wrong`] has them.
 pub fn check(
     folder: &Path,
     recordings: Option<&Recordings>,
@@ -53,7 +60,11 @@ pub fn check(
         source: Box::new(source),
     };
     let model = Artifact::read(folder).map_err(unusable)?;
-    let golden = Golden::read(folder).map_err(unusable)?;
+    let golden = if model.description.mode.has_network() {
+        Some(Golden::read(folder).map_err(unusable)?)
+    } else {
+        None
+    };
     let integers = DeviceModel::new(&model)
         .map_err(|source| ToolError::Integers {
             folder: folder.to_owned(),
@@ -72,12 +83,15 @@ pub fn check(
         ),
     };
     let code = &model.description.code;
+    let codes = golden.map(|golden| CheckedCodes {
+        bits_per_window: code.format.bits(code.numbers),
+        windows: golden.windows.len(),
+        wrong: wrong_windows(&integers, &golden),
+    });
     Ok(Checked {
         model: model.id.to_string(),
-        bits_per_window: code.format.bits(code.numbers),
         real_electrodes: model.description.training.real_electrodes,
-        golden: golden.windows.len(),
-        wrong: wrong_windows(&integers, &golden),
+        codes,
         comparison,
     })
 }
@@ -96,24 +110,31 @@ fn wrong_windows(integers: &IntegerModel, golden: &Golden) -> Vec<usize> {
 }
 
 impl Checked {
-    /// Returns whether all golden codes are right.
+    /// Returns whether all golden codes are right, if the model has a network.
     pub fn is_good(&self) -> bool {
-        self.wrong.is_empty() && self.golden > 0
+        let codes = self.codes.as_ref();
+        codes.is_none_or(|codes| codes.wrong.is_empty() && codes.windows > 0)
     }
 
     /// Returns what was found as a JSON object. On recordings it has the keys of `trainer evaluate --json`, and
-    /// `real_electrodes` counts those of the recordings.
+    /// `real_electrodes` counts those of the recordings. A model without a network has no key of its codes.
     pub fn to_json(&self) -> Json {
         let mut object = json!({
             "model": self.model,
-            "bits_per_window": self.bits_per_window,
             "real_electrodes": self.real_electrodes,
-            "golden_windows": self.golden,
-            "golden_wrong": self.wrong,
+        });
+        let codes = self.codes.as_ref().map(|codes| {
+            json!({
+                "bits_per_window": codes.bits_per_window,
+                "golden_windows": codes.windows,
+                "golden_wrong": codes.wrong,
+            })
         });
         let figures = self.comparison.as_ref().map(Comparison::to_json);
-        if let (Json::Object(object), Some(Json::Object(figures))) = (&mut object, figures) {
-            object.extend(figures);
+        for part in [codes, figures].into_iter().flatten() {
+            if let (Json::Object(object), Json::Object(part)) = (&mut object, part) {
+                object.extend(part);
+            }
         }
         object
     }
@@ -126,27 +147,31 @@ impl fmt::Display for Checked {
             "model {}: files, ranges and filters are valid",
             self.model
         )?;
-        match self.wrong.as_slice() {
-            [] if self.golden == 0 => {
-                writeln!(f, "golden.safetensors has no window, so it checks nothing")?;
-            }
-            [] => writeln!(
-                f,
-                "{} golden codes equal the integer encoder's",
-                self.golden
-            )?,
-            wrong => writeln!(
-                f,
-                "{} of {} golden codes differ from the integer encoder's, the first is that of window {}: \
-                 golden.safetensors belongs to another model",
-                wrong.len(),
-                self.golden,
-                wrong[0]
-            )?,
+        match &self.codes {
+            Some(codes) => write!(f, "{codes}")?,
+            None => writeln!(f, "the model has no network, so it has no golden codes")?,
         }
         match &self.comparison {
             Some(comparison) => write!(f, "{comparison}"),
             None => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for CheckedCodes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { windows, wrong, .. } = self;
+        match wrong.as_slice() {
+            [] if *windows == 0 => {
+                writeln!(f, "golden.safetensors has no window, so it checks nothing")
+            }
+            [] => writeln!(f, "{windows} golden codes equal the integer encoder's"),
+            [first, ..] => writeln!(
+                f,
+                "{} of {windows} golden codes differ from the integer encoder's, the first is that of window {first}: \
+                 golden.safetensors belongs to another model",
+                wrong.len(),
+            ),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What a model is, for people and for programs.
 
 use crate::error::ToolError;
-use artifact::{Artifact, Figures, Mode};
+use artifact::{Artifact, Figures, Mode, PackedDescription};
 use model_gen::{DeviceModel, manifest, memory};
 use serde_json::{Value as Json, json};
 use std::fmt;
@@ -68,20 +68,35 @@ impl fmt::Display for Shown {
         let Self { artifact, device } = self;
         let description = &artifact.description;
         let (window, card) = (&description.window, &description.training);
-        let decodable = if is_decodable(description.mode) {
-            "decoded from the code alone"
-        } else {
-            "cannot be decoded: the pool indices are not sent"
+        let decodable = match description.mode {
+            Mode::Packed => "no network",
+            mode if is_decodable(mode) => "decoded from the code alone",
+            _ => "cannot be decoded: the pool indices are not sent",
         };
         writeln!(f, "{} mode, {decodable}", description.mode)?;
+        let hop_ms = 1e3 * f64::from(u32::try_from(window.hop).unwrap_or(u32::MAX))
+            / f64::from(window.rate_hz);
+        let code = &description.code;
+        let codes = description
+            .mode
+            .has_network()
+            .then(|| format!("a code of {} numbers ({})", code.numbers, code.format));
+        let blocks = artifact.packed.as_ref().map(|packed| {
+            let PackedDescription { rate, training, .. } = &packed.description;
+            let figures = training.figures.iter();
+            match figures.clone().find(|figures| figures.rate == *rate) {
+                Some(figures) => {
+                    format!("a packed block of {:.0} bits (rate {rate})", figures.bits)
+                }
+                None => format!("a packed block (rate {rate})"),
+            }
+        });
+        let made: Vec<String> = codes.into_iter().chain(blocks).collect();
         writeln!(
             f,
-            "{} electrodes, a code of {} numbers ({}) every {:.1} ms",
+            "{} electrodes, {} every {hop_ms:.1} ms",
             description.montage.electrodes.len(),
-            description.code.numbers,
-            description.code.format,
-            1e3 * f64::from(u32::try_from(window.hop).unwrap_or(u32::MAX))
-                / f64::from(window.rate_hz),
+            made.join(" and "),
         )?;
         writeln!(f)?;
         for row in &description.grid.cells {

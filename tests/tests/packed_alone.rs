@@ -7,8 +7,8 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use acceptance::{other_model, workspace};
-use any_model::{any_artifact_for, any_packed};
-use artifact::{Artifact, Mode, MontageFile};
+use any_model::any_packed_alone;
+use artifact::{Artifact, MontageFile};
 use recordings::{FileToWrite, GdfWriter, SignalToWrite};
 
 const SEED: u32 = 7;
@@ -17,13 +17,7 @@ const SECONDS: u32 = 6;
 /// Returns a model of `montages/cyton-8.toml` with random integers.
 fn model() -> Artifact {
     let montage = MontageFile::read(&workspace::root().join("montages/cyton-8.toml"));
-    let montage = montage.expect("the montage");
-    let with_network = any_artifact_for(SEED, &montage, Mode::Pca, 16).expect("a model");
-    let mut description = with_network.description;
-    description.mode = Mode::Packed;
-    description.code.numbers = 0;
-    let packed = any_packed(SEED, &description);
-    Artifact::without_network(description, 500.0, packed).expect("a model")
+    any_packed_alone(SEED, &montage.expect("the montage")).expect("a model")
 }
 
 /// Writes a recording of the model's electrodes at the rate of its ADC: noise of 20 uV.

@@ -1,6 +1,8 @@
 //! `show`, `diff` and `check`.
 
 use super::{BUILT_IN, PAPER, run, skip, text};
+use any_model::{MONTAGES, any_packed_alone};
+use artifact::MontageFile;
 use serde_json::Value as Json;
 use std::fs;
 use std::path::Path;
@@ -22,7 +24,7 @@ fn show_prints_grid_card_and_integers() {
     let [printed, _] = run(&["show", BUILT_IN], 0);
     for words in [
         "shortcut mode, decoded from the code alone",
-        "a code of 128 numbers",
+        "a code of 128 numbers (int8-exponent) and a packed block of 194 bits (rate 4) every 62.5 ms",
         "  F7   F5   F3",
         "61 recorded, 0 interpolated",
         "worst accumulator",
@@ -179,4 +181,23 @@ fn diff_finds_a_packed_model_that_is_missing_or_differs() {
     }
     let [missing, _] = run(&["diff", BUILT_IN, text(folder.path())], 1);
     assert!(missing.contains("packed models differ"), "{missing}");
+}
+
+#[test]
+fn a_model_without_a_network_is_shown_and_sound_without_golden_codes() {
+    let montage = MontageFile::read(&Path::new(MONTAGES).join("cyton-8.toml"));
+    let model = any_packed_alone(1, &montage.expect("a montage")).expect("a model");
+    let folder = tempfile::tempdir().expect("a folder");
+    model.write(folder.path()).expect("a folder to write to");
+    let [shown, _] = run(&["show", text(folder.path())], 0);
+    assert!(
+        shown.starts_with(
+            "packed mode, no network\n8 electrodes, a packed block (rate 4) every 62.5 ms"
+        ),
+        "{shown}"
+    );
+    let [sound, _] = run(&["check", text(folder.path())], 0);
+    assert!(sound.contains("no golden codes"), "{sound}");
+    let [object, _] = run(&["check", text(folder.path()), "--json"], 0);
+    assert_eq!(json(&object).get("golden_windows"), None, "{object}");
 }

@@ -36,7 +36,7 @@ use artifact::{
 use model_gen::IntegerModel;
 
 use noise::Noise;
-pub use packed::any_packed;
+pub use packed::{any_packed, any_packed_alone};
 
 /// Folder of the built-in model, whose description the random models start from.
 const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../model/artifact");
