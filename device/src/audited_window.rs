@@ -46,9 +46,9 @@ impl AuditedWindow {
     }
 
     /// Stores index and code of the window that consists of the stored planes.
-    pub(crate) fn complete(&mut self, window: u32, values: Option<CodeValues>) -> &Self {
+    pub(crate) fn complete(&mut self, window: u32, values: Option<&CodeValues>) -> &Self {
         self.window = window;
-        self.values = values;
+        self.values = values.copied();
         self
     }
 

@@ -201,7 +201,7 @@ impl<E: Encoders> Producer<E> {
             && AuditedWindow::is_due(window)
         {
             let at_us = drdy_us + u64::from(step.offset_us);
-            self.emit_audit((at_us, window), values, emit);
+            self.emit_audit((at_us, window), values.as_ref(), emit);
         }
     }
 
@@ -279,7 +279,7 @@ impl<E: Encoders> Producer<E> {
     fn emit_audit(
         &mut self,
         (at_us, window): (u64, u32),
-        values: Option<CodeValues>,
+        values: Option<&CodeValues>,
         emit: &mut impl FnMut(Output),
     ) {
         let audited = self.audited.complete(window, values).clone();
