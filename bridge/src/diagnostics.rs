@@ -77,7 +77,10 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
                 .to_owned(),
         ),
         (None, true) if session.commands.is_streaming() => streaming_state(session),
-        (None, true) => (DiagnosticLevel::Ok, "not streaming".to_owned()),
+        (None, true) => match session.commands.start_refusal() {
+            Some(refusal) => (DiagnosticLevel::Error, refusal),
+            None => (DiagnosticLevel::Ok, "not streaming".to_owned()),
+        },
     };
     let mut values = vec![
         KeyValue::new("connections", &session.counts.connections),

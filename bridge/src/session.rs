@@ -280,7 +280,7 @@ impl Session {
                         StreamKind::names(refused)
                     );
                 }
-                self.announce_other_decoding(read, effects);
+                self.announce_other_streams(read, effects);
                 if let Some(codes) = &mut self.codes {
                     codes.mark_running();
                 }
@@ -297,18 +297,7 @@ impl Session {
                 self.report_refused_rate(rate, result);
             }
             AckEffect::Refused(command, result) => {
-                let remedy = match command {
-                    ToDevice::Start(_) => {
-                        "choose other --streams (a device without a network has packed in the place of codes) \
-                         or --mains, or update firmware or bridge"
-                    }
-                    _ => "bring firmware and bridge to the same release",
-                };
-                tracing::error!(
-                    "the device refuses {}: {}; {remedy}",
-                    words::command(&command),
-                    words::reason(result)
-                );
+                tracing::error!("{}", words::refusal(&command, result));
             }
         }
     }

@@ -9,6 +9,7 @@ pub(crate) mod identity;
 pub(crate) mod opener;
 pub(crate) mod pending;
 pub(crate) mod port;
+pub(crate) mod refused_start;
 pub(crate) mod wanted_rate;
 pub(crate) mod wanted_streams;
 pub(crate) mod words;

@@ -115,7 +115,8 @@ impl<'a> CodeValues<'a> {
         self.bytes.len() / self.width()
     }
 
-    /// Returns true if there are no values; a frame without values is malformed.
+    /// Returns true if there are no values. A code without values is malformed; an audit of a device without a
+    /// network has none.
     pub const fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
@@ -144,11 +145,11 @@ impl<'a> CodeValues<'a> {
     }
 
     /// Returns these values with the bytes that follow the fields of a message; `None` if they are
-    /// no whole values, none or too many.
-    pub(crate) fn with_bytes(self, bytes: &'a [u8]) -> Option<CodeValues<'a>> {
+    /// no whole values, fewer than `least` or too many.
+    pub(crate) fn with_bytes(self, bytes: &'a [u8], least: usize) -> Option<CodeValues<'a>> {
         let values = CodeValues { bytes, ..self };
         let whole = bytes.len().is_multiple_of(values.width());
-        (whole && (1..=MAX_NUMBERS).contains(&values.len())).then_some(values)
+        (whole && (least..=MAX_NUMBERS).contains(&values.len())).then_some(values)
     }
 
     /// Returns the number of bytes of a value.
@@ -240,6 +241,7 @@ pub struct Audit<'a> {
     /// Planes of the window, oldest first; every plane is row-major, one int8 byte per cell.
     #[serde(borrow, serialize_with = "byte_slice::serialize")]
     pub planes: &'a [u8],
-    /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces.
+    /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces; none from a device
+    /// without a network.
     pub values: CodeValues<'a>,
 }

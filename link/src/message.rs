@@ -103,16 +103,17 @@ impl<'a> Message<'a> for ToHost<'a> {
     }
 
     fn with_tail(mut self, tail: &'a [u8]) -> Option<Self> {
-        let values = match &mut self {
-            ToHost::Code(code) => &mut code.values,
-            ToHost::Audit(audit) => &mut audit.values,
+        let (values, least) = match &mut self {
+            ToHost::Code(code) => (&mut code.values, 1),
+            // A device without a network audits its windows without codes.
+            ToHost::Audit(audit) => (&mut audit.values, 0),
             ToHost::PackedCode(code) => {
                 code.bytes = tail;
                 return Some(self);
             }
             _ => return tail.is_empty().then_some(self),
         };
-        *values = values.with_bytes(tail)?;
+        *values = values.with_bytes(tail, least)?;
         Some(self)
     }
 }

@@ -277,3 +277,23 @@ fn unknown_reasons_keep_their_number() {
     }
     assert_eq!(AckResult::from(200), AckResult::Newer(200));
 }
+
+#[test]
+fn an_audit_has_0_to_256_values() {
+    let bytes = [7; link::MAX_NUMBERS + 1];
+    for (length, fits) in [(0, true), (1, true), (256, true), (257, false)] {
+        let audit = ToHost::Audit(link::Audit {
+            model_id: [1; 8],
+            window: 0,
+            planes: &[1, 2, 3],
+            values: link::CodeValues::int8(&bytes[..length]),
+        });
+        let mut buffer = [0; MAX_FRAME];
+        let mut frame = Encoder::default().encode(1, &audit, &mut buffer).unwrap();
+        let mut host = Decoder::<MAX_FRAME>::new();
+        match host.next::<ToHost>(&mut frame).unwrap() {
+            Ok(frame) => assert!(fits && frame.message == audit),
+            Err(error) => assert!(!fits && error == FrameError::Malformed),
+        }
+    }
+}

@@ -215,8 +215,11 @@ impl Effects for Outlets {
         };
         let Some(info) = &announcement.info else {
             tracing::error!(
-                "nothing is announced, because --announce names a stream that is not published"
+                "get_info has no answer, because the device does not stream what --announce names; name a stream \
+                 that is published"
             );
+            self.announced = None;
+            announcements.send_replace(None);
             return;
         };
         if self.announced.as_ref() != Some(info) {

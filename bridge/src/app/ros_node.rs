@@ -73,7 +73,10 @@ impl RosNode {
         tokio::spawn(async move {
             let on_info = move || {
                 let info = announced.borrow().clone();
-                info.ok_or_else(|| "no device has introduced itself yet; try again".to_owned())
+                info.ok_or_else(|| {
+                    "no device has introduced itself yet, or it does not stream what --announce names; try again"
+                        .to_owned()
+                })
             };
             let on_command = move |command| {
                 tracing::info!("{} was called", command_name(command));

@@ -16,10 +16,7 @@ impl Session {
         read: HostTime,
         effects: &mut dyn Effects,
     ) {
-        let is_usable = self.introduced && self.commands.accepts_codes();
-        if is_usable {
-            self.announce_other_decoding(read, effects);
-        }
+        let is_usable = self.expects_hops(read, effects);
         let Some(codes) = self.codes.as_mut().filter(|_| is_usable) else {
             self.counts.codes_unused += 1;
             return;
@@ -45,10 +42,7 @@ impl Session {
         read: HostTime,
         effects: &mut dyn Effects,
     ) {
-        let is_usable = self.introduced && self.commands.accepts_codes();
-        if is_usable {
-            self.announce_other_decoding(read, effects);
-        }
+        let is_usable = self.expects_hops(read, effects);
         let Some(packed) = self.packed.as_mut().filter(|_| is_usable) else {
             self.counts.codes_unused += 1;
             return;
@@ -71,5 +65,15 @@ impl Session {
             trigger: &self.side.trigger,
         };
         packed.receive(code, trusted.then_some(device_us), reception, effects);
+    }
+
+    /// Returns whether codes and packed blocks of this device are published. Its stream may have started without
+    /// an acknowledgement.
+    fn expects_hops(&mut self, read: HostTime, effects: &mut dyn Effects) -> bool {
+        let is_usable = self.introduced && self.commands.accepts_codes();
+        if is_usable {
+            self.announce_other_streams(read, effects);
+        }
+        is_usable
     }
 }

@@ -143,6 +143,7 @@ impl Session {
             }
         }
         self.set_decoding(decoding, effects);
+        self.is_described_asked = self.asks_for_described();
         effects.announce(&Announcement {
             info,
             device,
@@ -150,18 +151,21 @@ impl Session {
         });
     }
 
-    /// Announces the device again if another stream is decoded now than when it was announced last: it refused some
-    /// of the streams, or refuses them no more. Call this when the device has started, and for each code and packed
-    /// block: the acknowledgement of the start can be lost.
-    pub(super) fn announce_other_decoding(&mut self, read: HostTime, effects: &mut dyn Effects) {
+    /// Announces the device again if another stream is decoded now than when it was announced last, or if the stream
+    /// that `/acquisition/get_info` describes is no longer asked for, or is again: the device refused some of the
+    /// streams, or refuses them no more. Call this when the device has started, and for each code and packed block:
+    /// the acknowledgement of the start can be lost.
+    pub(super) fn announce_other_streams(&mut self, read: HostTime, effects: &mut dyn Effects) {
         let Some(codes) = &self.codes else { return };
         let device = Arc::clone(codes.device());
         let decodable = self.model.is_some() && self.objection.is_none();
         let decoding = self.decoding(decodable);
-        if decoding == self.decoding {
+        let is_described_asked = self.asks_for_described();
+        if decoding == self.decoding && is_described_asked == self.is_described_asked {
             return;
         }
         self.set_decoding(decoding, effects);
+        self.is_described_asked = is_described_asked;
         match self.acquisition_info(&device, decoding) {
             Ok(info) => effects.announce(&Announcement {
                 info,
@@ -174,6 +178,11 @@ impl Session {
                 effects,
             ),
         }
+    }
+
+    /// Returns whether the device is asked for the stream that `/acquisition/get_info` describes.
+    fn asks_for_described(&self) -> bool {
+        self.settings.announced.is_in(self.commands.streams())
     }
 
     /// Returns the stream to decode, of those that the device is asked for. `decodable` is true if the bridge's model
@@ -203,7 +212,7 @@ impl Session {
     }
 
     /// Returns the answer to `/acquisition/get_info`; `None` if the selected stream is not
-    /// published.
+    /// published, because the device refused it or the model cannot decode it.
     fn acquisition_info(
         &self,
         device: &Device,
@@ -213,6 +222,9 @@ impl Session {
         let encoded = device.encoded_frame();
         if device.has_network() {
             Shape::from_frame(&encoded)?;
+        }
+        if !self.asks_for_described() {
+            return Ok(None);
         }
         let frame = match self.settings.announced {
             AnnouncedStream::Encoded if !device.has_network() => return Ok(None),

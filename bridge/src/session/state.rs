@@ -41,6 +41,8 @@ pub(crate) struct Session {
     pub(super) announced: Option<Arc<Device>>,
     /// Stream that `/neurodata_reconstructed` is decoded from, as it was announced last.
     pub(crate) decoding: Decoding,
+    /// Whether the device was asked for the stream that `/acquisition/get_info` describes, when it was announced last.
+    pub(super) is_described_asked: bool,
     pub(crate) clock: Clock,
     pub(crate) round_trips: RoundTrips,
     pub(crate) frames: Ledger,
@@ -110,6 +112,7 @@ impl Session {
             side: SideStreams::new(settings),
             announced: None,
             decoding,
+            is_described_asked: false,
             clock: Clock::default(),
             round_trips: RoundTrips::default(),
             frames: Ledger::default(),

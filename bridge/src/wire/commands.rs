@@ -4,11 +4,10 @@ use link::{AckResult, Start, Streams, ToDevice};
 
 use crate::wire::clock_query::ClockQuery;
 use crate::wire::pending::{PendingCommand, RETRY_US};
+use crate::wire::refused_start::RefusedStart;
 use crate::wire::wanted_rate::WantedRate;
 use crate::wire::wanted_streams::WantedStreams;
 
-/// Delay before a refused `Start` is sent again, microseconds.
-const REFUSED_RETRY_US: i64 = 10_000_000;
 /// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
 const PING_AFTER_US: i64 = 2_000_000;
 /// Time without a code, packed block or `Stats` after which a streaming device must identify itself again,
@@ -18,6 +17,7 @@ const STARVED_AFTER_US: i64 = 2_000_000;
 /// suspended or this program stopped. Messages that the device sent during that time are still
 /// unread, so the silence timeouts restart.
 const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
+
 /// Decides which command is due for the device: first `Identify`, then `Stop` if a stream runs that
 /// this bridge did not start, then `Start`. Every command is repeated until it is acknowledged.
 #[derive(Clone, Debug)]
@@ -34,8 +34,8 @@ pub(crate) struct Commands {
     stream: StreamState,
     pending: Option<PendingCommand>,
     connected: bool,
-    /// Earliest host time of the next `Start` after the device refused one, microseconds.
-    start_not_before_us: i64,
+    /// The newest `Start`, if the device refused it for every choice of streams.
+    refused_start: Option<RefusedStart>,
     last_frame_us: i64,
     /// Host time of the newest code, packed block or `Stats`, or of the stream's start, microseconds;
     /// `None` while none of them is expected.
@@ -91,7 +91,7 @@ impl Commands {
             stream: StreamState::Stopped,
             pending: None,
             connected: false,
-            start_not_before_us: 0,
+            refused_start: None,
             last_frame_us: 0,
             last_stream_us: None,
             last_identify_us: 0,
@@ -108,7 +108,7 @@ impl Commands {
         self.pending = None;
         self.mark_rate_unsent();
         self.connected = true;
-        self.start_not_before_us = now_us;
+        self.refused_start = None;
         self.last_frame_us = now_us;
         self.last_stream_us = None;
     }
@@ -154,7 +154,7 @@ impl Commands {
         self.mark_rate_unsent();
         self.stream = StreamState::Unconfirmed;
         self.pending = None;
-        self.start_not_before_us = 0;
+        self.refused_start = None;
         self.last_stream_us = None;
         self.clock_query = ClockQuery::default();
     }
@@ -199,6 +199,13 @@ impl Commands {
     /// Streams that the user wants and the device refused.
     pub(crate) fn refused_streams(&self) -> Streams {
         self.streams.refused()
+    }
+
+    /// Returns why the device refuses to stream, whatever streams it is asked for, and what to do; `None` if it streams
+    /// or was not asked.
+    pub(crate) fn start_refusal(&self) -> Option<String> {
+        let refused = self.refused_start.filter(|_| self.streaming_wanted)?;
+        Some(refused.reason())
     }
 
     /// Host time of the newest clock query, microseconds.
@@ -274,7 +281,9 @@ impl Commands {
             return Some(ToDevice::Identify);
         }
         let since_identify_us = now_us - self.last_identify_us;
-        let refused = now_us < self.start_not_before_us;
+        let refused = self
+            .refused_start
+            .is_some_and(|refused| refused.is_recent(now_us));
         match (self.wants_stream(), self.stream) {
             (true, StreamState::Stopped | StreamState::Unconfirmed) if !self.owns_stream => {
                 Some(ToDevice::Stop)
@@ -331,6 +340,7 @@ impl Commands {
             (ToDevice::Start(_), AckResult::Done) => {
                 self.pending = None;
                 self.stream = StreamState::Running;
+                self.refused_start = None;
                 self.last_stream_us.get_or_insert(now_us);
                 self.clock_query.start(now_us);
                 return AckEffect::Started;
@@ -351,7 +361,7 @@ impl Commands {
                 if result == AckResult::BadArgument && self.streams.ask_for_fewer() {
                     return AckEffect::NoChange;
                 }
-                self.start_not_before_us = now_us + REFUSED_RETRY_US;
+                self.refused_start = Some(RefusedStart::new(pending.command, result, now_us));
             }
             (ToDevice::SetRate { rate }, _) => {
                 self.rate

@@ -29,6 +29,22 @@ pub(crate) fn reason(result: AckResult) -> String {
     }
 }
 
+/// Returns why the device refuses a command, and what to do.
+pub(crate) fn refusal(refused: &ToDevice, result: AckResult) -> String {
+    let remedy = match refused {
+        ToDevice::Start(_) => {
+            "choose other --streams (a device without a network has packed in the place of codes) or --mains, or \
+             update firmware or bridge"
+        }
+        _ => "bring firmware and bridge to the same release",
+    };
+    format!(
+        "the device refuses {}: {}; {remedy}",
+        command(refused),
+        reason(result)
+    )
+}
+
 /// Returns the cause of a start, after "started by".
 pub(crate) fn reset_cause(cause: ResetCause) -> String {
     match cause {

@@ -44,6 +44,8 @@ pub(crate) struct Board {
     /// Electrodes that the board does not measure.
     pub(crate) substitutes: Substitutes,
     pub(crate) code_format: CodeFormat,
+    /// Whether the board's model has a network. Without one, its codes have 0 numbers.
+    pub(crate) has_network: bool,
     pub(crate) code_scale: [f32; NUMBERS],
     /// Zero points of int8 codes. In the other formats all zero points are 0.
     pub(crate) code_zero_point: [i8; NUMBERS],
@@ -83,6 +85,7 @@ impl Board {
             hop_steps: 8,
             substitutes: Substitutes::NONE,
             code_format: CodeFormat::Int8,
+            has_network: true,
             code_scale: [0.5; NUMBERS],
             code_zero_point: [1; NUMBERS],
             step_rate_hz: 128,
@@ -153,6 +156,7 @@ impl Board {
             _ => [0; NUMBERS],
         };
         let code_scale = self.code_scale;
+        let numbers = if self.has_network { NUMBERS } else { 0 };
         bytes.extend(self.frame(
             0,
             &ToHost::Capabilities(Capabilities {
@@ -167,8 +171,8 @@ impl Board {
                 labels: &labels,
                 filters: "none",
                 code_format: self.code_format,
-                code_scale: code_scale.into_iter().collect(),
-                code_zero_point: zero_point.into_iter().collect(),
+                code_scale: code_scale.into_iter().take(numbers).collect(),
+                code_zero_point: zero_point.into_iter().take(numbers).collect(),
             }),
         ));
         bytes

@@ -18,6 +18,7 @@ mod ledger;
 mod loss;
 mod other_devices;
 mod packed;
+mod packed_alone;
 mod packed_block;
 mod packed_device;
 mod packed_fallback;

@@ -1,6 +1,6 @@
 //! A device that refuses packed blocks and streams codes in their place: what is announced and reconstructed.
 
-use bridge::{Announcement, EventStamps, Settings};
+use bridge::{AnnouncedStream, Announcement, EventStamps, Settings};
 use link::{Event, EventKind, Streams, ToHost};
 
 use crate::board::{Board, WALL_START_NS, at};
@@ -241,4 +241,28 @@ fn signals_are_decoded_although_the_acknowledgement_of_the_start_was_lost() {
     }
     assert_eq!(origins(&device.harness).len(), 3);
     assert_eq!(device.harness.recorder.blocks.len(), 6);
+}
+
+#[test]
+fn codes_that_a_device_refuses_are_not_described_until_it_streams_them() {
+    let settings = Settings {
+        streams: Streams::CODES | Streams::PACKED,
+        announced: AnnouncedStream::Encoded,
+        ..PACKED
+    };
+    let board = Board {
+        supported: Streams::PACKED,
+        ..Board::new()
+    };
+    let mut harness = Harness::new(settings, board);
+    harness.connect();
+    let described = |harness: &Harness| -> Vec<bool> {
+        let announced = harness.recorder.announced.iter();
+        announced
+            .map(|announced| announced.info.is_some())
+            .collect()
+    };
+    assert_eq!(described(&harness), [true, false]);
+    restart_with(&mut harness, Streams::ALL);
+    assert_eq!(described(&harness), [true, false, true]);
 }

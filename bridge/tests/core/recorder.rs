@@ -1,7 +1,9 @@
 //! A core with a simulated board, and a recorder of the core's effects.
 
+use std::sync::Arc;
+
 use bridge::{
-    AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FillerPolicy,
+    AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FillerPolicy, Model,
     Settings, StampPoint, TimedCode, TimedPackedBlock,
 };
 use link::{CodeValues, Streams, ToDevice, ToHost};
@@ -121,9 +123,13 @@ impl Harness {
     }
 
     pub(crate) fn new(settings: Settings, board: Board) -> Harness {
-        let core = Core::new(settings, Some(model()));
+        Harness::with_model(settings, model(), board)
+    }
+
+    /// Creates a harness whose bridge has `model`.
+    pub(crate) fn with_model(settings: Settings, model: Arc<Model>, board: Board) -> Harness {
         Harness {
-            core,
+            core: Core::new(settings, Some(model)),
             board,
             recorder: Recorder::default(),
             now_us: 1_000_000,

@@ -93,11 +93,14 @@ fn filtered_frames_are_the_steps_that_the_encoder_reads() {
     assert_eq!(together, expected);
 }
 
+/// Also with a model without a network, for which `tests/tests/packed_alone.rs` builds this test.
 #[test]
-fn an_audit_contains_the_planes_of_its_code() {
-    // 162 hops contain windows 0 to 160. Every 160th window has an audit, so windows 0 and 160 have
-    // one.
-    let samples = samples(32 * 162);
+fn an_audit_contains_the_planes_of_its_window_and_the_code_that_a_network_computes_from_them() {
+    // Every ten seconds a window has an audit: here windows 0 and `period`.
+    let period = 10 * usize::from(model::STEP_RATE_HZ) / model::HOP;
+    let steps = period * model::HOP + model::STEPS;
+    let samples =
+        samples((steps * model::ADC_RATE_HZ as usize).div_ceil(usize::from(model::STEP_RATE_HZ)));
     let seen = streamed(Streams::AUDIT, &samples, |message| match message {
         ToHost::Audit(audit) => {
             let levels: Vec<i32> = audit.values.levels().collect();
@@ -106,8 +109,13 @@ fn an_audit_contains_the_planes_of_its_code() {
         _ => None,
     });
     let windows: Vec<u32> = seen.iter().map(|(window, ..)| *window).collect();
-    assert_eq!(windows, [0, 160]);
+    assert_eq!(windows, [0, u32::try_from(period).expect("small")]);
     for (_, planes, values) in seen {
+        assert_eq!(planes.len(), model::STEPS * model::CELLS);
+        if !model::HAS_NETWORK {
+            assert!(values.is_empty());
+            continue;
+        }
         let mut encoder = pipeline::Encoder::new();
         let code = planes
             .chunks_exact(model::CELLS)

@@ -1,0 +1,109 @@
+//! A device whose model has the packed code alone: what is asked for, announced and reconstructed.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use artifact::{Artifact, Mode};
+use bridge::{Model, Settings};
+use link::{Audit, CodeValues, Streams, ToHost};
+use neuro_ros::DiagnosticLevel;
+
+use crate::board::Board;
+use crate::packed_device::{PACKED, Packed, flags, frames};
+use crate::recorder::{Harness, SETTINGS};
+
+/// Streams of a device whose model has no network.
+const SUPPORTED: Streams = Streams::ALL.without(Streams::CODES);
+
+/// Returns the packed code of the built-in model as a model of its own.
+fn model() -> Arc<Model> {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../model/artifact");
+    let built_in = Artifact::read(Path::new(folder)).unwrap();
+    let mut description = built_in.description;
+    description.mode = Mode::Packed;
+    description.code.numbers = 0;
+    let packed = built_in.packed.unwrap();
+    let alone = Artifact::without_network(description, 640.0, packed).unwrap();
+    Arc::new(Model::new(&alone).unwrap())
+}
+
+fn connected(settings: Settings) -> Harness {
+    let model = model();
+    let board = Board {
+        model_id: model.id(),
+        has_network: false,
+        supported: SUPPORTED,
+        ..Board::new()
+    };
+    let mut harness = Harness::with_model(settings, model, board);
+    harness.connect();
+    harness
+}
+
+fn device(settings: Settings) -> Packed {
+    Packed {
+        harness: connected(settings),
+        next: 0,
+        rate: 4,
+        flags: link::Flags::empty(),
+    }
+}
+
+#[test]
+fn its_blocks_are_announced_and_reconstructed() {
+    let mut device = device(PACKED);
+    for lost in [false, false, true, false] {
+        device.send(lost);
+    }
+    let recorder = &device.harness.recorder;
+    let announced = &recorder.announced[0];
+    assert!(announced.decodable && announced.info.is_some());
+    assert!(recorder.encoded.is_empty());
+    let is_flagged = flags(&frames(recorder, PACKED))
+        .into_iter()
+        .map(|flags| flags != 0);
+    assert_eq!(is_flagged.collect::<Vec<_>>(), [false, false, true, true]);
+}
+
+#[test]
+fn it_refuses_codes_and_the_status_says_what_to_ask_for() {
+    let mut harness = connected(SETTINGS);
+    assert!(harness.recorder.announced[0].info.is_none());
+    assert!(!harness.board.streaming);
+    let status = harness.status("device").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Error);
+    let remedy =
+        "choose other --streams (a device without a network has packed in the place of codes)";
+    assert!(status.message.contains(remedy), "{}", status.message);
+    // Another image.
+    harness.board.reboot();
+    harness.board.supported = Streams::ALL;
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    harness.exchange();
+    assert_eq!(harness.status("device").unwrap().level, DiagnosticLevel::Ok);
+}
+
+#[test]
+fn its_audits_have_no_code_and_reach_the_decoder() {
+    let settings = Settings {
+        streams: Streams::PACKED | Streams::AUDIT,
+        ..PACKED
+    };
+    let mut device = device(settings);
+    for _ in 0..2 {
+        device.send(false);
+    }
+    let harness = &mut device.harness;
+    assert_eq!(harness.board.streams, Streams::PACKED | Streams::AUDIT);
+    let planes = vec![0; 16 * 90];
+    let audit = ToHost::Audit(Audit {
+        model_id: harness.board.model_id,
+        window: 0,
+        planes: &planes,
+        values: CodeValues::int8(&[]),
+    });
+    harness.send(harness.now_us.unsigned_abs(), &audit);
+    assert_eq!(harness.recorder.audits.len(), 1);
+    assert!(harness.recorder.audits[0].levels.is_empty());
+}
