@@ -73,7 +73,7 @@ fn a_model_without_a_network_encodes_and_decodes_recordings() {
     for (package, test) in [
         ("pipeline", "packed_equals_batch"),
         ("device", "a_device_offers"),
-        ("host-sim", "an_audit_contains"),
+        ("device", "audits_reach_the_host"),
     ] {
         let mut cargo = other_model::cargo(&artifact);
         cargo.args(["test", "--package", package]);

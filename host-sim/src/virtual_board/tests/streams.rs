@@ -93,9 +93,8 @@ fn filtered_frames_are_the_steps_that_the_encoder_reads() {
     assert_eq!(together, expected);
 }
 
-/// Also with a model without a network, for which `tests/tests/packed_alone.rs` builds this test.
 #[test]
-fn an_audit_contains_the_planes_of_its_window_and_the_code_that_a_network_computes_from_them() {
+fn an_audit_contains_the_planes_of_its_code() {
     // Every ten seconds a window has an audit: here windows 0 and `period`.
     let period = 10 * usize::from(model::STEP_RATE_HZ) / model::HOP;
     let steps = period * model::HOP + model::STEPS;
@@ -111,11 +110,6 @@ fn an_audit_contains_the_planes_of_its_window_and_the_code_that_a_network_comput
     let windows: Vec<u32> = seen.iter().map(|(window, ..)| *window).collect();
     assert_eq!(windows, [0, u32::try_from(period).expect("small")]);
     for (_, planes, values) in seen {
-        assert_eq!(planes.len(), model::STEPS * model::CELLS);
-        if !model::HAS_NETWORK {
-            assert!(values.is_empty());
-            continue;
-        }
         let mut encoder = pipeline::Encoder::new();
         let code = planes
             .chunks_exact(model::CELLS)
