@@ -157,8 +157,6 @@ fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
         "its image or its model has no packed code; flash an image that has it, or choose codes"
     } else if codes {
         "its image or its model has no network; choose packed without codes, or flash another image"
-    } else if refused.contains(Streams::AUDIT) {
-        "its image has no audits, or its firmware is older than this program; flash another image"
     } else {
         "update its firmware"
     };

@@ -2,7 +2,7 @@
 //! with the packed blocks.
 
 use link::Audit;
-use model::{CELLS, HOP, STEP_RATE_HZ, STEPS};
+use model::{CELLS, CODE, HOP, STEP_RATE_HZ, STEPS};
 use pipeline::{CodeValues, Plane};
 
 use crate::message::{self, ValueBytes};
@@ -14,19 +14,21 @@ const PERIOD_S: u32 = 10;
 #[expect(clippy::cast_possible_truncation, reason = "a hop is below 256")]
 const PERIOD_WINDOWS: u32 = PERIOD_S * STEP_RATE_HZ as u32 / HOP as u32;
 
-/// Planes of the newest window, with its index and code once the window is complete. Without a network there is no code.
+/// Planes of the newest window, with its index once the window is complete, and its code if the device has the network.
 #[derive(Clone, Debug)]
 pub struct AuditedWindow {
     window: u32,
-    values: Option<CodeValues>,
+    has_code: bool,
+    values: CodeValues,
     planes: [u8; STEPS * CELLS],
 }
 
 impl AuditedWindow {
-    /// State before the first plane: all zeros.
+    /// State before the first plane: all zeros, so that it takes no flash.
     pub(crate) const EMPTY: Self = Self {
         window: 0,
-        values: None,
+        has_code: false,
+        values: CodeValues::Int8([0; CODE]),
         planes: [0; STEPS * CELLS],
     };
 
@@ -48,7 +50,10 @@ impl AuditedWindow {
     /// Stores index and code of the window that consists of the stored planes.
     pub(crate) fn complete(&mut self, window: u32, values: Option<&CodeValues>) -> &Self {
         self.window = window;
-        self.values = values.copied();
+        self.has_code = values.is_some();
+        if let Some(values) = values {
+            self.values = *values;
+        }
         self
     }
 
@@ -58,9 +63,10 @@ impl AuditedWindow {
             model_id: model::MODEL_ID,
             window: self.window,
             planes: &self.planes,
-            values: match &self.values {
-                Some(values) => message::values(values, bytes),
-                None => message::NO_VALUES,
+            values: if self.has_code {
+                message::values(&self.values, bytes)
+            } else {
+                message::NO_VALUES
             },
         }
     }

@@ -106,7 +106,7 @@ impl Session {
             tracing::error!("{objection}");
         }
         let (asked, per_second) = (self.commands.streams(), device.codes_per_second());
-        if asked.contains(Streams::CODES) {
+        if asked.contains(Streams::CODES) && device.has_network() {
             tracing::info!("codes: {per_second} per second, {}", device.code_format);
         }
         if asked.contains(Streams::PACKED) {

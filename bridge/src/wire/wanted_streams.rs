@@ -70,16 +70,15 @@ fn choices(wanted: Streams) -> Vec<Streams> {
     choices
 }
 
-/// Returns `wanted` with the encoders that a device may have: all; the packed code alone, so without codes and without
-/// audits, which need the network; the network alone, so with codes in place of packed blocks.
+/// Returns `wanted` with the encoders that a device may have: all; the packed code alone, so without codes; the network
+/// alone, so with codes in place of packed blocks.
 fn encoder_choices(wanted: Streams) -> Vec<Streams> {
     if !wanted.contains(Streams::PACKED) {
         return vec![wanted];
     }
-    let needs_network = Streams::CODES | Streams::AUDIT;
     vec![
         wanted,
-        wanted.without(needs_network),
+        wanted.without(Streams::CODES),
         wanted.without(Streams::PACKED) | Streams::CODES,
     ]
 }

@@ -55,6 +55,11 @@ pub enum Kind {
     Raw {
         first_sample: u64,
     },
+    /// `values` is the number of values of the code.
+    Audit {
+        window: u32,
+        values: usize,
+    },
     /// Any message that is not listed above.
     Other,
 }
@@ -144,6 +149,10 @@ impl Kind {
             ToHost::SelfTest(test) => Self::SelfTest(Box::new(test.clone())),
             ToHost::Raw(raw) => Self::Raw {
                 first_sample: raw.first_sample,
+            },
+            ToHost::Audit(audit) => Self::Audit {
+                window: audit.window,
+                values: audit.values.len(),
             },
             _ => Self::Other,
         }

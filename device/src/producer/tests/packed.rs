@@ -191,7 +191,7 @@ fn an_encoder_alone_makes_its_own_stream_and_no_other() {
     assert_eq!(EncoderMemory::STREAMS, Streams::CODES | Streams::AUDIT);
     assert_eq!(
         <pipeline::PackedMemory as Encoders>::STREAMS,
-        Streams::PACKED
+        Streams::PACKED | Streams::AUDIT
     );
     assert!(BothEncoders::model_is_sound());
 }
@@ -228,35 +228,43 @@ fn the_message_carries_the_blocks_status_and_its_bytes() {
     assert!(message.bytes == code.bytes() && message.bytes.len() <= MAX_PACKED_BYTES);
 }
 
-/// Also with a model without a network, of which `tests/tests/packed_alone.rs` builds this test.
-#[test]
-fn audits_reach_the_host_without_a_code_from_a_device_without_a_network() {
+/// Returns the windows that a device with these encoders audits, and the number of values in each audit.
+fn audits_at_the_host(encoders: impl Encoders) -> Vec<(u32, usize)> {
     let windows = 161;
     let count = (STEPS + (windows - 1) * HOP) as u64 * PER_STEP;
-    let outputs = outputs_of(signals(Streams::AUDIT, count, &[]));
-    let mut audited = Vec::new();
-    for output in &outputs {
-        let Payload::Audit(audit) = &output.payload else {
-            continue;
-        };
-        let mut values = [0; CodeValues::MAX_BYTES];
-        let message = link::ToHost::Audit(audit.message(&mut values));
-        let mut frame = [0; link::MAX_FRAME];
-        let mut frame = link::Encoder::default()
-            .encode(output.at_us, &message, &mut frame)
-            .expect("an audit fits a frame");
-        let mut host = link::Decoder::<{ link::MAX_FRAME }>::new();
-        let received = host.next::<link::ToHost>(&mut frame).expect("a frame");
-        let link::ToHost::Audit(audit) = received.expect("a valid frame").message else {
-            panic!("another message");
-        };
-        let numbers = if model::HAS_NETWORK { model::CODE } else { 0 };
-        assert_eq!(audit.values.len(), numbers);
-        assert_eq!(audit.planes.len(), STEPS * CELLS);
-        let last_us =
-            1_000 * ((STEPS as u64 + u64::from(audit.window) * HOP as u64) * PER_STEP - 1);
-        assert_eq!(output.at_us, last_us);
-        audited.push(audit.window);
+    let mut producer = Box::new(Producer::new(encoders));
+    let mut audits = Vec::new();
+    for acquired in signals(Streams::AUDIT, count, &[]) {
+        producer.process(&acquired, &mut |output| {
+            let Payload::Audit(audit) = &output.payload else {
+                return;
+            };
+            let mut values = [0; CodeValues::MAX_BYTES];
+            let message = link::ToHost::Audit(audit.message(&mut values));
+            let mut frame = [0; link::MAX_FRAME];
+            let mut frame = link::Encoder::default()
+                .encode(output.at_us, &message, &mut frame)
+                .expect("an audit fits a frame");
+            let mut host = link::Decoder::<{ link::MAX_FRAME }>::new();
+            let received = host.next::<link::ToHost>(&mut frame).expect("a frame");
+            let link::ToHost::Audit(audit) = received.expect("a valid frame").message else {
+                panic!("another message");
+            };
+            assert_eq!(audit.planes.len(), STEPS * CELLS);
+            let steps = STEPS as u64 + u64::from(audit.window) * HOP as u64;
+            assert_eq!(output.at_us, 1_000 * (steps * PER_STEP - 1));
+            audits.push((audit.window, audit.values.len()));
+        });
     }
-    assert_eq!(audited, [0, 160]);
+    audits
+}
+
+/// Also with a model without a network, of which `tests/tests/packed_alone.rs` builds this test.
+#[test]
+fn audits_reach_the_host_and_have_a_code_if_the_device_has_the_network() {
+    let numbers = if model::HAS_NETWORK { model::CODE } else { 0 };
+    let both = audits_at_the_host(BothEncoders::EMPTY);
+    assert_eq!(both, [(0, numbers), (160, numbers)]);
+    let packed = audits_at_the_host(pipeline::PackedMemory::EMPTY);
+    assert_eq!(packed, [(0, 0), (160, 0)]);
 }

@@ -68,10 +68,10 @@ pub(crate) fn everything_at_once_is_in_time(subject: Subject) -> Result<(), Boar
     assert_sound(&mut board)
 }
 
-/// An image without the network refuses codes and audits.
+/// An image without the network refuses codes, and audits windows without a code.
 pub(crate) fn codes_are_refused(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
-    for streams in [Streams::CODES, Streams::PACKED | Streams::AUDIT] {
+    for streams in [Streams::CODES, Streams::PACKED | Streams::CODES] {
         start(&mut board, streams)?;
         let acks = board.inbox().frames().iter().rev();
         let mut results = acks.filter_map(|frame| match frame.kind {
@@ -80,6 +80,14 @@ pub(crate) fn codes_are_refused(subject: Subject) -> Result<(), BoardError> {
         });
         assert_eq!(results.next(), Some(AckResult::BadArgument));
     }
+    start(&mut board, Streams::PACKED | Streams::AUDIT)?;
+    let audit = Kind::Audit {
+        window: 0,
+        values: 0,
+    };
+    board.run_until("an audit", 300_000, |frames| {
+        frames.iter().any(|frame| frame.kind == audit)
+    })?;
     assert_sound(&mut board)
 }
 
