@@ -15,5 +15,5 @@ pub(crate) use file::PackedFiles;
 pub(crate) use file_names::{DESCRIPTION as PACKED_DESCRIPTION, TENSORS as PACKED_TENSORS};
 pub use integer_matrix::IntegerMatrix;
 pub use model::{PackedModel, rounded_state};
-pub use ranges::{LARGEST_STATE, SUM_LIMIT, slice_ends};
+pub use ranges::{INPUTS_PER_ROUND, LARGEST_STATE, SUM_LIMIT, slice_ends};
 pub use smoother::Smoother;

@@ -1,14 +1,11 @@
 //! The packed model in the layout of the device.
 
-use artifact::{Description, IntegerMatrix, PackedModel, slice_ends};
+use artifact::{Description, INPUTS_PER_ROUND, IntegerMatrix, PackedModel, slice_ends};
 use int8_nn::{Linear, Pair};
 
 use crate::error::ModelGenError;
 use crate::headroom::GUARD_BITS;
 use crate::rounding::to_i32;
-
-/// Number of inputs that the kernel takes at a time.
-const ROUND: usize = 16;
 
 /// The packed model with the numbers that the device adds to it.
 #[derive(Clone, Debug)]
@@ -69,7 +66,11 @@ impl PackedIntegers {
 
     /// Returns the number of pairs of inputs of a block, zeros at its end included.
     pub fn input_pairs(&self) -> usize {
-        self.model.analysis.inputs().next_multiple_of(ROUND) / 2
+        self.model
+            .analysis
+            .inputs()
+            .next_multiple_of(INPUTS_PER_ROUND)
+            / 2
     }
 }
 
@@ -83,7 +84,7 @@ fn packed(matrix: &IntegerMatrix, inputs: std::ops::Range<usize>) -> Vec<Pair> {
             column.copied()
         })
         .collect();
-    let pairs = inputs.len().next_multiple_of(ROUND) / 2;
+    let pairs = inputs.len().next_multiple_of(INPUTS_PER_ROUND) / 2;
     let mut packed = vec![Pair::ZERO; pairs * outputs / 2];
     Linear::pack_weights(pairs, outputs, &weights, &mut packed);
     packed

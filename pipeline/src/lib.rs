@@ -14,7 +14,8 @@
 //!
 //! The crate is pure and synchronous. The path to the code uses integers only, so the same samples
 //! yield the same codes on every machine. It does not allocate, wait, log or branch on the signal, and
-//! it counts every value that it clips.
+//! it counts every value that it clips. The range coder of the packed code is the exception: its time depends on
+//! the block, within a bound that `docs/figures.md` states.
 //!
 //! ```
 //! use pipeline::{Mains, Pipeline, Sample};

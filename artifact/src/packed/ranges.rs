@@ -12,13 +12,13 @@ pub const SUM_LIMIT: i64 = (1 << 23) - 1;
 /// Largest magnitude of a coefficient of the state as the prediction reads it.
 pub const LARGEST_STATE: i16 = 4096;
 
-/// The kernels take inputs 16 at a time.
-const ROUND: usize = 16;
+/// Number of inputs that the kernel of the encoder's matrices takes at a time.
+pub const INPUTS_PER_ROUND: usize = 16;
 
 /// Returns where the inputs of a block end that the encoder adds to its sums at each step: after step `t`, all
 /// whole rounds of 16 values that have arrived; after the last step, all.
 pub fn slice_ends(electrodes: usize, steps: usize) -> Vec<usize> {
-    let ends = (1..steps).map(|steps| steps * electrodes / ROUND * ROUND);
+    let ends = (1..steps).map(|steps| steps * electrodes / INPUTS_PER_ROUND * INPUTS_PER_ROUND);
     ends.chain([steps * electrodes]).collect()
 }
 
@@ -95,8 +95,9 @@ fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactE
     if description.format != 1 {
         return field("format", &description.format, "1".to_owned());
     }
-    if count == 0 || !count.is_multiple_of(ROUND) || count > MAX_COEFFICIENTS.min(values) {
-        let most = MAX_COEFFICIENTS.min(values) / ROUND * ROUND;
+    if count == 0 || !count.is_multiple_of(INPUTS_PER_ROUND) || count > MAX_COEFFICIENTS.min(values)
+    {
+        let most = MAX_COEFFICIENTS.min(values) / INPUTS_PER_ROUND * INPUTS_PER_ROUND;
         return field(
             "coefficients",
             &count,

@@ -15,8 +15,8 @@ use crate::progress::ProgressObserver;
 use crate::selection::{self, file_name};
 use crate::track::{Track, read_tracks};
 use artifact::{
-    Description, IntegerMatrix, PackedDescription, PackedModel, PackedTraining, Smoother,
-    slice_ends,
+    Description, INPUTS_PER_ROUND, IntegerMatrix, PackedDescription, PackedModel, PackedTraining,
+    Smoother, slice_ends,
 };
 use packed::{LEVELS, MAGNITUDES, MAX_COEFFICIENTS, RATES, Rate};
 use std::path::PathBuf;
@@ -30,9 +30,6 @@ const MISFIT: f64 = 0.01;
 
 /// Number of coefficients that represents EEG of 61 electrodes within 0.3 % of its variance.
 const COEFFICIENTS: usize = 176;
-
-/// A number of coefficients is a multiple of this, as many inputs as the kernels take at a time.
-const ROUND: usize = 16;
 
 /// Rounds of coding the training blocks and counting magnitudes.
 const ROUNDS: usize = 4;
@@ -110,9 +107,9 @@ pub(super) fn coefficients(
     description: &Description,
 ) -> Result<usize, TrainerError> {
     let values = description.montage.electrodes.len() * description.window.hop;
-    let most = MAX_COEFFICIENTS.min(values) / ROUND * ROUND;
+    let most = MAX_COEFFICIENTS.min(values) / INPUTS_PER_ROUND * INPUTS_PER_ROUND;
     let count = wanted.unwrap_or(COEFFICIENTS.min(most));
-    if count == 0 || count > most || !count.is_multiple_of(ROUND) {
+    if count == 0 || count > most || !count.is_multiple_of(INPUTS_PER_ROUND) {
         return Err(TrainerError::Coefficients { count, most });
     }
     Ok(count)
