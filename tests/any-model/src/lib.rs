@@ -36,7 +36,7 @@ use artifact::{
 use model_gen::IntegerModel;
 
 use noise::Noise;
-pub use packed::{any_packed, any_packed_alone};
+pub use packed::any_packed;
 
 /// Folder of the built-in model, whose description the random models start from.
 const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../model/artifact");
@@ -48,6 +48,12 @@ pub type Window = Vec<f32>;
 
 /// Number of windows with which each network is calibrated.
 const CALIBRATION: usize = 16;
+
+/// Largest magnitude in the training data of a model without a network, uV.
+const LARGEST_UV: f32 = 500.0;
+
+/// Numbers of the code of the network whose description a model without a network takes.
+const NUMBERS: usize = 16;
 
 /// Returns every tested combination of mode, padding and pool. Mode `paper` occurs once per padding, because
 /// it has the same encoder as `paper-code-only`.
@@ -225,6 +231,19 @@ pub fn any_artifact_for(
         description.code.numbers = numbers;
         apply_montage(montage, description);
     })
+}
+
+/// Returns a model for a montage that has the packed code of [`any_packed`] and no network.
+///
+/// # Errors
+/// When the built-in model cannot be read, or no model has this montage.
+pub fn any_packed_alone(seed: u32, montage: &MontageFile) -> Result<Artifact, ArtifactError> {
+    let with_network = any_artifact_for(seed, montage, Mode::Pca, NUMBERS)?;
+    let mut description = with_network.description;
+    description.mode = Mode::Packed;
+    description.code.numbers = 0;
+    let packed = any_packed(seed, &description);
+    Artifact::without_network(description, LARGEST_UV, packed)
 }
 
 /// Writes the grid, the electrodes and the converters of a montage into a description, with the decimation that

@@ -2,33 +2,14 @@
 
 use ::packed::{LEVELS, MAGNITUDES, RATES, Starts};
 use artifact::{
-    Artifact, ArtifactError, Description, IntegerMatrix, LARGEST_STATE, Mode, MontageFile,
-    PackedDescription, PackedModel, PackedTraining, SUM_LIMIT, Smoother, slice_ends,
+    Description, IntegerMatrix, LARGEST_STATE, PackedDescription, PackedModel, PackedTraining,
+    SUM_LIMIT, Smoother, slice_ends,
 };
 
 use crate::noise::Noise;
 
 /// Largest magnitude of an input value.
 const INPUT_LIMIT: i16 = 4095;
-
-/// Largest magnitude in the training data of a model without a network, uV.
-const LARGEST_UV: f32 = 500.0;
-
-/// Numbers of the code of the network whose description a model without a network takes.
-const NUMBERS: usize = 16;
-
-/// Returns a model for a montage that has the packed code of [`any_packed`] and no network.
-///
-/// # Errors
-/// When the built-in model cannot be read, or no model has this montage.
-pub fn any_packed_alone(seed: u32, montage: &MontageFile) -> Result<Artifact, ArtifactError> {
-    let with_network = crate::any_artifact_for(seed, montage, Mode::Pca, NUMBERS)?;
-    let mut description = with_network.description;
-    description.mode = Mode::Packed;
-    description.code.numbers = 0;
-    let packed = any_packed(seed, &description);
-    Artifact::without_network(description, LARGEST_UV, packed)
-}
 
 /// Returns a packed model of a description with as many coefficients as it can have, with dense random matrices and
 /// frequencies. The prediction is a tenth of the state, so that a stream settles.
