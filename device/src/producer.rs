@@ -1,7 +1,6 @@
 //! Computes codes and the other requested streams from samples and steps.
 
 use link::{Event, EventKind, Streams};
-use model::STEP_RATE_HZ;
 use pipeline::{Code, CodeValues, PackedCode, PackedEncoder, Quality, Rate, SignalQuality, Step};
 
 use crate::acquired_sample::AcquiredSample;
@@ -90,38 +89,44 @@ impl<E: Encoders> Producer<E> {
         if let Some(run) = acquired.new_run {
             self.start_run(run, acquired.drdy_us);
         }
-        if let Some((index, _)) = acquired.step {
-            self.repeat_missing_steps(index, acquired.drdy_us, emit);
-        }
-        self.windows.mark(acquired.marks);
-        self.since_step = self.since_step.union(acquired.marks);
+        self.windows.mark(acquired.lost);
+        self.repeat_missing_steps(acquired, emit);
+        let marks = acquired.marks.union(acquired.lost);
+        self.windows.mark(marks);
+        self.since_step = self.since_step.union(marks);
         if self.wants(Streams::RAW) || self.wants(Streams::COMPRESSED_RAW) {
-            self.collect_raw(acquired, emit);
+            self.collect_raw(acquired, marks, emit);
         }
-        if let Some((index, step)) = &acquired.step {
+        if let Some(step) = &acquired.step {
             self.last = *step;
             let marks = core::mem::take(&mut self.since_step);
             if self.wants(Streams::FILTERED) {
-                self.collect_filtered((*index, step), marks, acquired.drdy_us, emit);
+                let index = acquired.step_index;
+                self.collect_filtered((index, step), marks, acquired.drdy_us, emit);
             }
             self.encode(step, acquired.drdy_us, emit);
         }
-        let step = acquired.step.as_ref().map(|(_, step)| step);
-        if let Some(quality) = self.quality.observe(&acquired.sample, step) {
+        let quality = (self.quality).observe(&acquired.sample, acquired.step.as_ref());
+        if let Some(quality) = quality {
             self.emit_quality(acquired.drdy_us, &quality, emit);
         }
     }
 
-    /// Encodes the newest step again for each missing one before step `index`, whose sample has the time `drdy_us`.
-    fn repeat_missing_steps(&mut self, index: u64, drdy_us: u64, emit: &mut impl FnMut(Output)) {
-        while self.windows.steps() < index {
-            let missing_us = (index - self.windows.steps()) * 1_000_000 / u64::from(STEP_RATE_HZ);
-            let substitute = self.last;
+    /// Encodes the newest step again for each missing one before that of `acquired`. The faults of the lost samples
+    /// may be in any of these steps.
+    fn repeat_missing_steps(&mut self, acquired: &AcquiredSample, emit: &mut impl FnMut(Output)) {
+        while self.windows.steps() < acquired.step_index {
+            let (sample, at_us) = acquired.place_of_step(self.windows.steps());
+            let substitute = Step {
+                sample,
+                offset_us: 0,
+                ..self.last
+            };
             self.windows.mark(Marks {
                 overrun: true,
-                ..Marks::NONE
+                ..acquired.lost
             });
-            self.encode(&substitute, drdy_us.saturating_sub(missing_us), emit);
+            self.encode(&substitute, at_us, emit);
         }
     }
 
@@ -212,18 +217,22 @@ impl<E: Encoders> Producer<E> {
         }
     }
 
-    fn collect_raw(&mut self, acquired: &AcquiredSample, emit: &mut impl FnMut(Output)) {
+    fn collect_raw(
+        &mut self,
+        acquired: &AcquiredSample,
+        marks: Marks,
+        emit: &mut impl FnMut(Output),
+    ) {
         if !self.raw.is_empty() && !self.raw.continues_with(acquired.index) {
             self.emit_samples(emit);
         }
         let AcquiredSample {
             sample,
             index,
-            marks,
             drdy_us,
             ..
         } = acquired;
-        self.raw.append(sample, *index, *marks, *drdy_us);
+        self.raw.append(sample, *index, marks, *drdy_us);
         if self.raw.is_full() {
             self.emit_samples(emit);
         }

@@ -57,9 +57,6 @@ pub async fn acquire(
             if conversion.status_bad {
                 shared.count_adc_status_bad();
             }
-            running.marks.overrun |= conversion.missed > 0;
-            running.marks.adc_status_bad |= conversion.status_bad;
-            running.marks.lead_off |= conversion.lead_off;
             let step = filter(acquisition, &sample);
             running.hand_over(&sample, step.as_ref(), &conversion, shared, &mut samples);
             shared.timing.record(Stage::Acquire, conversion.drdy_ticks);
@@ -102,8 +99,8 @@ struct Running {
     samples: u64,
     /// Steps produced in the run.
     steps: u64,
-    /// Faults since the last queued sample; the next queued sample carries them.
-    marks: Marks,
+    /// Faults of the samples that found no room after the last queued one; the next queued sample carries them.
+    lost: Marks,
 }
 
 impl Running {
@@ -112,7 +109,7 @@ impl Running {
             start: Some(run),
             samples: 0,
             steps: 0,
-            marks: Marks::NONE,
+            lost: Marks::NONE,
         }
     }
 
@@ -128,6 +125,11 @@ impl Running {
         if let Some(step) = step {
             shared.count_clipped(step.clipped);
         }
+        let marks = Marks {
+            overrun: conversion.missed > 0,
+            adc_status_bad: conversion.status_bad,
+            lead_off: conversion.lead_off,
+        };
         let (index, step_index) = (self.samples, self.steps);
         self.samples += 1;
         self.steps += u64::from(step.is_some());
@@ -136,16 +138,19 @@ impl Running {
         shared.progress.mark_handed_over();
         let Some(slot) = samples.try_send() else {
             shared.count_overruns(1);
-            self.marks.overrun = true;
+            self.lost = self.lost.union(marks);
+            self.lost.overrun = true;
             return;
         };
         let place = &mut slot.acquired;
         place.new_run = self.start.take();
         place.sample = *sample;
         place.index = index;
-        place.step = step.map(|step| (step_index, *step));
+        place.step_index = step_index;
+        place.step = step.copied();
         place.drdy_us = conversion.drdy_us;
-        place.marks = core::mem::take(&mut self.marks);
+        place.marks = marks;
+        place.lost = core::mem::take(&mut self.lost);
         slot.drdy_ticks = conversion.drdy_ticks;
         samples.send_done();
     }

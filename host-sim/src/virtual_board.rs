@@ -239,17 +239,18 @@ impl VirtualBoard {
             .adc_status_bad
             .wrapping_add(marks.adc_status_bad.into());
         let index = self.acquisition.samples();
-        let step = self.acquisition.process_sample(sample).map(|step| {
-            self.steps += 1;
-            (self.steps - 1, step)
-        });
+        let step_index = self.steps;
+        let step = self.acquisition.process_sample(sample);
+        self.steps += u64::from(step.is_some());
         let acquired = AcquiredSample {
             new_run: self.new_run.take(),
             sample: *sample,
             index,
+            step_index,
             step,
             drdy_us: now_us,
             marks,
+            lost: Marks::NONE,
         };
         let counts = self.counts();
         let (session, sender) = (&mut self.session, &mut self.sender);

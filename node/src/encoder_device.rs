@@ -116,10 +116,9 @@ impl EncoderDevice {
         self.counts.samples += 1;
         self.counts.overruns = self.counts.overruns.wrapping_add(is_lost.into());
         let index = self.acquisition.samples();
-        let step = self.acquisition.process_sample(sample).map(|step| {
-            self.steps += 1;
-            (self.steps - 1, step)
-        });
+        let step_index = self.steps;
+        let step = self.acquisition.process_sample(sample);
+        self.steps += u64::from(step.is_some());
         let marks = Marks {
             overrun: is_lost,
             ..Marks::NONE
@@ -128,9 +127,11 @@ impl EncoderDevice {
             new_run: self.new_run.take(),
             sample: *sample,
             index,
+            step_index,
             step,
             drdy_us: at_us,
             marks,
+            lost: Marks::NONE,
         };
         let counts = self.counts();
         let (session, sender) = (&mut self.session, &mut self.sender);

@@ -74,6 +74,7 @@ fn a_model_without_a_network_encodes_and_decodes_recordings() {
         ("pipeline", "packed_equals_batch"),
         ("device", "a_device_offers"),
         ("device", "audits_reach_the_host"),
+        ("device", "blocks_of_repeated_steps"),
     ] {
         let mut cargo = other_model::cargo(&artifact);
         cargo.args(["test", "--package", package]);

@@ -26,26 +26,43 @@ fn run(number: u32, streams: Streams) -> Run {
     }
 }
 
-/// Sample `index` of a run at 1,000 us per sample, with its step if one is due.
+/// Returns the index of the sample that carries step `step` of a run.
+fn sample_of(step: u64) -> u64 {
+    step * u64::from(model::ADC_RATE_HZ) / u64::from(model::STEP_RATE_HZ)
+}
+
+/// Returns the device time of sample `index` of a run that starts at 0.
+fn drdy_us(index: u64) -> u64 {
+    index * 1_000_000 / u64::from(model::ADC_RATE_HZ)
+}
+
+/// Returns the device time of step `step` of a run that starts at 0.
+fn step_us(step: u64) -> u64 {
+    step * 1_000_000 / u64::from(model::STEP_RATE_HZ)
+}
+
+/// Sample `index` of a run, with its step if one is due.
 fn acquired(index: u64) -> AcquiredSample {
+    let (adc_hz, step_hz) = (model::ADC_RATE_HZ, model::STEP_RATE_HZ);
+    let number = (index * u64::from(step_hz)).div_ceil(u64::from(adc_hz));
     let mut acquired = AcquiredSample {
         index,
-        drdy_us: 1_000 * index,
+        step_index: number,
+        drdy_us: drdy_us(index),
         ..AcquiredSample::default()
     };
     acquired.sample.counts[5] = i32::try_from(index).expect("few");
-    if (index + 1).is_multiple_of(PER_STEP) {
-        let number = index / PER_STEP;
+    if sample_of(number) == index {
         let plane = core::array::from_fn(|cell| {
             let [value, ..] = (number * 37 + cell as u64 * 11).to_le_bytes();
             value.cast_signed()
         });
-        let step = Step {
+        acquired.step = Some(Step {
             sample: index,
+            offset_us: u16::try_from(step_us(number) - drdy_us(index)).expect("short"),
             plane,
             ..Step::SILENCE
-        };
-        acquired.step = Some((number, step));
+        });
     }
     acquired
 }
@@ -61,14 +78,14 @@ fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output> 
 }
 
 /// Returns the samples of a run without the `lost` ones. The first remaining sample starts the run;
-/// a sample directly after a lost one is marked with an overrun.
+/// a sample directly after a lost one states the loss.
 fn samples(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = AcquiredSample> {
     let remaining = (0..count).filter(move |index| !lost.contains(index));
     remaining
         .enumerate()
         .map(move |(place, index)| AcquiredSample {
             new_run: (place == 0).then(|| run(1, streams)),
-            marks: if index > 0 && lost.contains(&(index - 1)) {
+            lost: if index > 0 && lost.contains(&(index - 1)) {
                 OVERRUN
             } else {
                 Marks::NONE
@@ -161,7 +178,7 @@ fn a_raw_frame_ends_before_a_lost_sample_and_the_next_one_starts_after_it() {
     let times: Vec<u64> = outputs.iter().map(|output| output.at_us).collect();
     assert_eq!(
         times,
-        [7_000, 10_000, 20_000, 28_000],
+        [7, 10, 20, 28].map(drdy_us),
         "the time of each frame's last sample"
     );
 }
@@ -169,10 +186,9 @@ fn a_raw_frame_ends_before_a_lost_sample_and_the_next_one_starts_after_it() {
 #[test]
 fn a_filtered_frame_ends_before_a_lost_step_and_has_the_flags_of_all_its_samples() {
     // The sample that carries step 5 is lost; a sample between steps 8 and 9 has a bad status word.
-    let mut input: Vec<AcquiredSample> =
-        samples(Streams::FILTERED, 64, &[5 * PER_STEP + 3]).collect();
+    let mut input: Vec<AcquiredSample> = samples(Streams::FILTERED, 64, &[sample_of(5)]).collect();
     for acquired in &mut input {
-        acquired.marks.adc_status_bad = acquired.index == 9 * PER_STEP + 1;
+        acquired.marks.adc_status_bad = acquired.index == sample_of(8) + 1;
     }
     let found = outputs_of(input);
     let filtered = found.iter().filter_map(|output| match &output.payload {
@@ -200,7 +216,7 @@ fn a_filtered_frame_ends_before_a_lost_step_and_has_the_flags_of_all_its_samples
 #[test]
 fn lost_steps_shift_no_window_and_mark_the_codes_that_contain_them() {
     // Steps 20 and 21 are lost.
-    let lost = [20 * PER_STEP + 3, 21 * PER_STEP + 3];
+    let lost = [20, 21].map(sample_of);
     let count = (STEPS + 4 * HOP) as u64 * PER_STEP;
     let codes: Vec<(u32, u64, bool)> = outputs_of(samples(Streams::CODES, count, &lost))
         .iter()
@@ -209,7 +225,7 @@ fn lost_steps_shift_no_window_and_mark_the_codes_that_contain_them() {
             _ => None,
         })
         .collect();
-    let end = |window: u64| 1_000 * ((window * HOP as u64 + STEPS as u64) * PER_STEP - 1);
+    let end = |window: u64| step_us(window * HOP as u64 + STEPS as u64 - 1);
     let steps = |window: u64| window * HOP as u64..window * HOP as u64 + STEPS as u64;
     let due: Vec<(u32, u64, bool)> = (0..5)
         .map(|window| {
@@ -287,7 +303,7 @@ fn a_new_run_keeps_nothing_of_the_previous_one() {
     assert_eq!(codes(&fresh, 1).len(), 1);
 }
 
-/// Returns time and sample index of the emitted events. `captured` holds the time of each edge and
+/// Returns time and sample index of the emitted events, of samples every 1,000 us. `captured` holds the time of each edge and
 /// the index of the sample from which on the producer can see the edge.
 fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
     let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
@@ -296,6 +312,7 @@ fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
     for index in 0..6 {
         let mut sample = acquired(index);
         sample.new_run = (index == 0).then(|| run(1, streams));
+        sample.drdy_us = 1_000 * index;
         producer.process(&sample, &mut |output| outputs.push(output));
         let next = || {
             let (at_us, _) = captured.next_if(|(_, found_at)| *found_at <= index)?;

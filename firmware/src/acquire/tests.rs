@@ -8,6 +8,7 @@ use core::{
 };
 use std::{boxed::Box, vec, vec::Vec};
 
+use device::AcquiredSample;
 use embassy_sync::zerocopy_channel::Channel;
 use link::Streams;
 use pipeline::Mains;
@@ -98,7 +99,8 @@ fn handed_over(
         while let Some(slot) = receiver.try_receive() {
             let acquired = &slot.acquired;
             let run = acquired.new_run.map(|run| run.number);
-            queued.push((run, acquired.index, acquired.marks.overrun));
+            let marks = acquired.marks.union(acquired.lost);
+            queued.push((run, acquired.index, marks.overrun));
             receiver.receive_done();
         }
         found.push(queued);
@@ -169,10 +171,10 @@ fn samples_that_find_the_queue_full_are_counted_and_marked_and_the_start_of_a_ru
     let _ = task.as_mut().poll(&mut context);
     let slot = receiver.try_receive().expect("there is room again");
     assert_eq!(slot.acquired.new_run.map(|run| run.number), Some(2));
-    assert_eq!(
-        (slot.acquired.index, slot.acquired.marks.overrun),
-        (2, true)
-    );
+    let AcquiredSample {
+        index, marks, lost, ..
+    } = &slot.acquired;
+    assert_eq!((*index, marks.overrun, lost.overrun), (2, false, true));
     assert_eq!(shared.counts().overruns, 4);
 }
 

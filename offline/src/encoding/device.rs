@@ -97,17 +97,18 @@ impl Device {
     /// Processes one sample of the ADC.
     pub(super) fn process(&mut self, sample: Sample) {
         let drdy_us = self.samples * 1_000_000 / u64::from(model::ADC_RATE_HZ);
-        let step = self.acquisition.process_sample(&sample).map(|step| {
-            self.steps += 1;
-            (self.steps - 1, step)
-        });
+        let step_index = self.steps;
+        let step = self.acquisition.process_sample(&sample);
+        self.steps += u64::from(step.is_some());
         let acquired = AcquiredSample {
             new_run: self.new_run.take(),
             sample,
             index: self.samples,
+            step_index,
             step,
             drdy_us,
             marks: Marks::NONE,
+            lost: Marks::NONE,
         };
         self.samples += 1;
         let counts = self.counts();

@@ -9,9 +9,9 @@ const PER_BLOCK: u64 = PER_STEP * HOP as u64;
 /// Returns the samples of a run with signals at the electrodes, without the `lost` samples.
 fn signals(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = AcquiredSample> {
     samples(streams, count, lost).map(|mut acquired| {
-        if let Some((number, step)) = &mut acquired.step {
+        if let Some(step) = &mut acquired.step {
             for (electrode, value) in (0_i32..).zip(&mut step.electrodes) {
-                let phase = i32::try_from(*number % 40).expect("few") - 20;
+                let phase = i32::try_from(acquired.step_index % 40).expect("few") - 20;
                 *value = (phase * (electrode % 7 - 3)) << 14;
             }
         }
@@ -35,14 +35,14 @@ fn a_run_makes_the_blocks_of_the_packed_encoder_at_the_time_of_their_last_steps(
     let mut encoder = Box::new(PackedEncoder::new());
     let steps = signals(Streams::PACKED, count, &[]).filter_map(|acquired| acquired.step);
     let expected: Vec<PackedCode> = steps
-        .filter_map(|(_, step)| encoder.encode_step(&step))
+        .filter_map(|step| encoder.encode_step(&step))
         .collect();
     assert_eq!(made.len(), 70);
     for ((code, at_us, marks), expected) in made.iter().zip(&expected) {
         assert_eq!(code, expected);
         assert_eq!(
             *at_us,
-            1_000 * (u64::from(code.block + 1) * PER_BLOCK - 1),
+            step_us(u64::from(code.block + 1) * HOP as u64 - 1),
             "the last step's sample"
         );
         assert_eq!(*marks, Marks::NONE);
@@ -68,62 +68,88 @@ fn exactly_the_blocks_with_a_lost_sample_are_marked_and_their_number_stays_right
     assert_eq!(marked, [1, 2, 3, 4]);
 }
 
-/// Returns the samples of [`signals`] at the times of the ADC's rate.
-fn timed(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = AcquiredSample> {
-    signals(streams, count, lost).map(|mut acquired| {
-        acquired.drdy_us = drdy_us(acquired.index);
-        acquired
-    })
-}
-
-fn drdy_us(sample: u64) -> u64 {
-    sample * 1_000_000 / u64::from(model::ADC_RATE_HZ)
-}
-
+/// Also with a model whose ADC's rate is no multiple of the step rate, of which `tests/tests/packed_alone.rs` builds
+/// this test.
 #[test]
-fn a_block_of_repeated_steps_has_its_own_time() {
-    let lost: Vec<u64> = (2 * PER_BLOCK + 2 * PER_STEP..4 * PER_BLOCK + PER_STEP).collect();
-    let made = blocks(&outputs_of(timed(Streams::PACKED, 6 * PER_BLOCK, &lost)));
+fn blocks_of_repeated_steps_have_their_own_times() {
+    let hop = HOP as u64;
+    let lost: Vec<u64> = (sample_of(2 * hop + 3)..sample_of(4 * hop + 2)).collect();
+    let made = blocks(&outputs_of(signals(
+        Streams::PACKED,
+        sample_of(6 * hop),
+        &lost,
+    )));
     assert_eq!(made.len(), 6);
     for (code, at_us, _) in &made {
-        let due = drdy_us(u64::from(code.block + 1) * PER_BLOCK - 1);
+        let due_us = step_us(u64::from(code.block + 1) * hop - 1);
+        let block = code.block;
         assert!(
-            at_us.abs_diff(due) <= 1,
-            "block {}: {at_us} {due}",
-            code.block
+            at_us.abs_diff(due_us) <= 2,
+            "block {block}: {at_us} {due_us}"
         );
     }
 }
 
 #[test]
-fn a_fault_of_the_sample_after_a_gap_is_in_its_own_block() {
-    // Three steps of block 1 are lost, to its end; the sample of the first step of block 2 has a bad status word.
-    let first = 2 * PER_BLOCK;
-    let after = first + PER_STEP - 1;
-    let lost: Vec<u64> = (first - 3 * PER_STEP..after).collect();
-    let input = signals(Streams::PACKED, 4 * PER_BLOCK, &lost).map(|mut acquired| {
-        acquired.marks.adc_status_bad = acquired.index == after;
+fn a_window_of_repeated_steps_states_the_sample_of_its_first_step() {
+    let lost: Vec<u64> = (sample_of(20)..sample_of(44)).collect();
+    let count = sample_of((STEPS + 6 * HOP) as u64);
+    let outputs = outputs_of(samples(Streams::CODES, count, &lost));
+    let codes = outputs.iter().filter_map(|output| match &output.payload {
+        Payload::Code(code, _) => Some((code.window, code.first_sample)),
+        _ => None,
+    });
+    let due = (0..7).map(|window| (window, sample_of(u64::from(window) * HOP as u64)));
+    assert!(codes.eq(due));
+}
+
+#[test]
+fn faults_of_the_samples_after_a_gap_are_in_their_own_blocks() {
+    // The last sample of block 0 is lost, or the last two steps of it are. The next three samples belong to the first
+    // step of block 1, and are ahead of it; the fourth carries it.
+    let last = sample_of(HOP as u64 - 1);
+    for first_lost in [last, last - 2 * PER_STEP] {
+        let lost: Vec<u64> = (first_lost..=last).collect();
+        for after in 1..=PER_STEP {
+            let input = signals(Streams::PACKED, 3 * PER_BLOCK, &lost).map(|mut acquired| {
+                acquired.marks.adc_status_bad = acquired.index == last + after;
+                acquired
+            });
+            let made = blocks(&outputs_of(input));
+            let faults = |fault: fn(&Marks) -> bool| -> Vec<u32> {
+                let faulty = made.iter().filter(|(_, _, marks)| fault(marks));
+                faulty.map(|(code, ..)| code.block).collect()
+            };
+            assert_eq!(faults(|marks| marks.adc_status_bad), [1]);
+            assert_eq!(faults(|marks| marks.overrun), [0, 1]);
+        }
+    }
+}
+
+#[test]
+fn faults_of_lost_samples_are_in_every_block_of_the_gap() {
+    let lost: Vec<u64> = (PER_BLOCK + 5..3 * PER_BLOCK).collect();
+    let input = signals(Streams::PACKED, 5 * PER_BLOCK, &lost).map(|mut acquired| {
+        acquired.lost.lead_off = acquired.lost.overrun;
         acquired
     });
-    let bad: Vec<u32> = blocks(&outputs_of(input))
-        .iter()
-        .filter(|(_, _, marks)| marks.adc_status_bad)
-        .map(|(code, ..)| code.block)
-        .collect();
-    assert_eq!(bad, [2]);
+    let made = blocks(&outputs_of(input));
+    let faulty = made.iter().filter(|(_, _, marks)| marks.lead_off);
+    let faulty: Vec<u32> = faulty.map(|(code, ..)| code.block).collect();
+    assert_eq!(faulty, [1, 2, 3]);
 }
 
 #[test]
 fn steps_missing_at_the_start_of_a_run_are_silent_and_not_settled() {
-    let mut input: Vec<AcquiredSample> = timed(Streams::PACKED, 3 * PER_BLOCK, &[]).collect();
+    let mut input: Vec<AcquiredSample> = signals(Streams::PACKED, 3 * PER_BLOCK, &[]).collect();
     for acquired in &mut input {
-        if let Some((_, step)) = &mut acquired.step {
+        if let Some(step) = &mut acquired.step {
             step.saturated = 1 << 5;
         }
     }
     let lost: Vec<u64> = (0..2 * PER_BLOCK).collect();
     input.extend(
-        timed(Streams::PACKED, 4 * PER_BLOCK, &lost).map(|mut acquired| {
+        signals(Streams::PACKED, 4 * PER_BLOCK, &lost).map(|mut acquired| {
             acquired.new_run = acquired.new_run.map(|_| run(2, Streams::PACKED));
             acquired
         }),
@@ -200,7 +226,7 @@ fn an_encoder_alone_makes_its_own_stream_and_no_other() {
 fn the_message_carries_the_blocks_status_and_its_bytes() {
     let mut input: Vec<AcquiredSample> = signals(Streams::PACKED, PER_BLOCK, &[]).collect();
     for acquired in &mut input {
-        if let Some((_, step)) = &mut acquired.step {
+        if let Some(step) = &mut acquired.step {
             step.electrodes = [i32::MAX; model::ELECTRODES];
             step.saturated = 1 << 9;
             step.settling = true;
@@ -230,8 +256,7 @@ fn the_message_carries_the_blocks_status_and_its_bytes() {
 
 /// Returns the windows that a device with these encoders audits, and the number of values in each audit.
 fn audits_at_the_host(encoders: impl Encoders) -> Vec<(u32, usize)> {
-    let windows = 161;
-    let count = (STEPS + (windows - 1) * HOP) as u64 * PER_STEP;
+    let count = sample_of((STEPS + 160 * HOP) as u64);
     let mut producer = Box::new(Producer::new(encoders));
     let mut audits = Vec::new();
     for acquired in signals(Streams::AUDIT, count, &[]) {
@@ -252,7 +277,7 @@ fn audits_at_the_host(encoders: impl Encoders) -> Vec<(u32, usize)> {
             };
             assert_eq!(audit.planes.len(), STEPS * CELLS);
             let steps = STEPS as u64 + u64::from(audit.window) * HOP as u64;
-            assert_eq!(output.at_us, 1_000 * (steps * PER_STEP - 1));
+            assert_eq!(output.at_us, step_us(steps - 1));
             audits.push((audit.window, audit.values.len()));
         });
     }
