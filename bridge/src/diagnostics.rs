@@ -67,8 +67,13 @@ pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) ->
 
 fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     let usable = session.commands.accepts_codes();
+    let refusal = session.commands.start_refusal();
     let (level, message) = match (&session.objection, session.introduced) {
         (_, false) => (DiagnosticLevel::Stale, "no device answers".to_owned()),
+        (objection, true) if let Some(refusal) = refusal => {
+            let reasons: Vec<String> = objection.iter().cloned().chain([refusal]).collect();
+            (DiagnosticLevel::Error, reasons.join("; "))
+        }
         (Some(objection), _) if usable => (DiagnosticLevel::Warn, objection.clone()),
         (Some(objection), _) => (DiagnosticLevel::Error, objection.clone()),
         (None, true) if session.commands.is_starved(now.monotonic_us) => (
@@ -77,10 +82,7 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
                 .to_owned(),
         ),
         (None, true) if session.commands.is_streaming() => streaming_state(session),
-        (None, true) => match session.commands.start_refusal() {
-            Some(refusal) => (DiagnosticLevel::Error, refusal),
-            None => (DiagnosticLevel::Ok, "not streaming".to_owned()),
-        },
+        (None, true) => (DiagnosticLevel::Ok, "not streaming".to_owned()),
     };
     let mut values = vec![
         KeyValue::new("connections", &session.counts.connections),

@@ -298,6 +298,9 @@ impl Session {
             }
             AckEffect::Refused(command, result) => {
                 tracing::error!("{}", words::refusal(&command, result));
+                if matches!(command, ToDevice::Start(_)) {
+                    self.announce_other_streams(read, effects);
+                }
             }
         }
     }

@@ -86,8 +86,8 @@ pub enum StreamKind {
     Raw,
     /// `/neurodata_corticode`: every filtered step that the encoder reads, 33 kB/s.
     Filtered,
-    /// A window with its code every 10 s; the bridge computes the code again and reports the
-    /// difference on /diagnostics.
+    /// A window every 10 s, with its code; the bridge computes the code again, compares packed
+    /// blocks with the window, and reports the differences on /diagnostics.
     Audit,
     /// `/events/bus`: edges of the trigger input.
     Events,

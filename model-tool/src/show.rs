@@ -31,8 +31,9 @@ impl Shown {
         Ok(Self { artifact, device })
     }
 
-    /// Returns the model as a JSON object: the description, the tensors' shapes, and flash and RAM of each part of
-    /// the encoder in bytes.
+    /// Returns the model as a JSON object: the descriptions of the model and of its packed code, the tensors' shapes,
+    /// and flash and RAM of each part of the encoder in bytes. `decodable` is null without a network, `packed` without
+    /// a packed code.
     pub fn to_json(&self) -> Json {
         let Self { artifact, device } = self;
         let description = &artifact.description;
@@ -48,9 +49,10 @@ impl Shown {
         });
         json!({
             "model": artifact.id.to_string(),
-            "decodable": is_decodable(description.mode),
+            "decodable": description.mode.has_network().then(|| is_decodable(description.mode)),
             "input_scale_uv": device.integers.input_scale_uv,
             "description": description,
+            "packed": artifact.packed.as_ref().map(|packed| &packed.description),
             "weights": tensors(&artifact.weights),
             "calibration": tensors(&artifact.calibration),
             "encoder": parts.collect::<Vec<_>>(),

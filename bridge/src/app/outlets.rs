@@ -215,8 +215,8 @@ impl Effects for Outlets {
         };
         let Some(info) = &announcement.info else {
             tracing::error!(
-                "get_info has no answer, because the device does not stream what --announce names; name a stream \
-                 that is published"
+                "get_info has no answer, because what --announce names is not published: the device refuses it, or \
+                 this program's model cannot decode it; name a stream that is published"
             );
             self.announced = None;
             announcements.send_replace(None);

@@ -74,7 +74,8 @@ impl RosNode {
             let on_info = move || {
                 let info = announced.borrow().clone();
                 info.ok_or_else(|| {
-                    "no device has introduced itself yet, or it does not stream what --announce names; try again"
+                    "no device has introduced itself yet, or what --announce names is not published; see the log of \
+                     the bridge, and try again"
                         .to_owned()
                 })
             };

@@ -282,7 +282,6 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
             }
             Work::Audit(window, model) => {
                 let result = window.compare(&model);
-                progress.audits_waiting.fetch_sub(1, Ordering::Relaxed);
                 if let Some(result) = result.filter(AuditResult::is_wrong) {
                     tracing::error!("the device's code differs from its model: {result}");
                 }
@@ -293,9 +292,11 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
                 if let Some(result) = result {
                     counts.record(result);
                 }
-                if let Some(error) = error {
+                // Codes alone have no blocks to compare.
+                if result.is_none() || error.is_some() {
                     counts.record_packed(error);
                 }
+                progress.audits_waiting.fetch_sub(1, Ordering::Relaxed);
                 continue;
             }
             Work::Code(window, queued) => (window, queued),

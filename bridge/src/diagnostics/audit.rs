@@ -21,6 +21,10 @@ pub(crate) struct AuditCounts {
     pub(crate) newest: Option<AuditResult>,
     /// Number of windows that were compared with packed blocks.
     packed_compared: u64,
+    /// Number of windows that were to be compared with packed blocks and were not.
+    packed_skipped: u64,
+    /// Number of windows that were not compared with packed blocks since the last one that was.
+    packed_unjudged: u64,
     packed_newest: Option<PackedError>,
 }
 
@@ -33,24 +37,25 @@ impl AuditCounts {
         self.newest = Some(result);
     }
 
-    pub(crate) fn record_packed(&mut self, error: PackedError) {
-        self.packed_compared += 1;
-        self.packed_newest = Some(error);
+    /// Records the comparison of a window with its packed blocks; `None` if it had a cell at the rail or a block was
+    /// lost.
+    pub(crate) fn record_packed(&mut self, error: Option<PackedError>) {
+        if error.is_some() {
+            self.packed_compared += 1;
+            self.packed_unjudged = 0;
+            self.packed_newest = error;
+        } else {
+            self.packed_skipped += 1;
+            self.packed_unjudged += 1;
+        }
     }
 
     /// Returns the status `audit`; `None` before the first audit. `skipped` is the number of audits
     /// that were not computed because the queue was full.
     pub(crate) fn status(&self, skipped: u64) -> Option<DiagnosticStatus> {
-        let state = match (self.newest, self.packed_newest) {
-            (Some(newest), _) => self.state(&newest),
-            (None, Some(error)) => {
-                let message = format!(
-                    "the packed blocks match the device's signals within {:.2} uV RMS",
-                    error.rms_uv
-                );
-                (DiagnosticLevel::Ok, message)
-            }
-            (None, None) => return None,
+        let state = match self.newest {
+            Some(newest) => self.state(&newest),
+            None => self.packed_state()?,
         };
         let mut values = vec![KeyValue::new("windows skipped", &skipped)];
         values.extend(
@@ -58,11 +63,7 @@ impl AuditCounts {
                 .iter()
                 .flat_map(|newest| self.code_values(newest)),
         );
-        values.extend(
-            self.packed_newest
-                .iter()
-                .flat_map(|error| self.packed_values(error)),
-        );
+        values.extend(self.packed_values());
         Some(new_status("audit", state, values))
     }
 
@@ -112,19 +113,49 @@ impl AuditCounts {
         ]
     }
 
-    fn packed_values(&self, error: &PackedError) -> [KeyValue; 3] {
-        let PackedError {
+    /// Returns level and message for a device that sends no codes; `None` before the first audit.
+    fn packed_state(&self) -> Option<(DiagnosticLevel, String)> {
+        if self.packed_unjudged >= UNJUDGED_BEFORE_WARNING {
+            let message = format!(
+                "the last {} windows had cells at the rail or lost packed blocks and were not compared; see `signal \
+                 quality` and `loss`",
+                self.packed_unjudged
+            );
+            return Some((DiagnosticLevel::Warn, message));
+        }
+        let message = match self.packed_newest {
+            Some(PackedError { rms_uv, .. }) if self.packed_unjudged == 0 => {
+                format!("the packed blocks match the device's signals within {rms_uv:.2} uV RMS")
+            }
+            None if self.packed_unjudged == 0 => return None,
+            _ => "the newest window had a cell at the rail or a lost packed block and was not compared"
+                .to_owned(),
+        };
+        Some((DiagnosticLevel::Ok, message))
+    }
+
+    fn packed_values(&self) -> Vec<KeyValue> {
+        if self.packed_compared + self.packed_skipped == 0 {
+            return Vec::new();
+        }
+        let mut values = vec![
+            KeyValue::new("packed: windows compared", &self.packed_compared),
+            KeyValue::new("packed: windows not compared", &self.packed_skipped),
+        ];
+        if let Some(PackedError {
             rms_uv,
             of_variance,
-        } = error;
-        [
-            KeyValue::new("packed: windows compared", &self.packed_compared),
-            KeyValue::new("packed: error uV RMS", &format!("{rms_uv:.3}")),
-            KeyValue::new(
-                "packed: error of the variance",
-                &format!("{of_variance:.5}"),
-            ),
-        ]
+        }) = self.packed_newest
+        {
+            values.extend([
+                KeyValue::new("packed: error uV RMS", &format!("{rms_uv:.3}")),
+                KeyValue::new(
+                    "packed: error of the variance",
+                    &format!("{of_variance:.5}"),
+                ),
+            ]);
+        }
+        values
     }
 }
 
@@ -136,10 +167,11 @@ mod tests {
     fn audits_of_a_device_without_the_network_state_the_error_of_its_blocks() {
         let mut counts = AuditCounts::default();
         assert_eq!(counts.status(0), None);
-        counts.record_packed(PackedError {
+        let error = PackedError {
             rms_uv: 4.125,
             of_variance: 0.0075,
-        });
+        };
+        counts.record_packed(Some(error));
         let status = counts.status(0).expect("a status");
         assert_eq!(status.level, DiagnosticLevel::Ok);
         assert!(
@@ -157,10 +189,36 @@ mod tests {
             [
                 "windows skipped",
                 "packed: windows compared",
+                "packed: windows not compared",
                 "packed: error uV RMS",
                 "packed: error of the variance"
             ]
         );
+    }
+
+    #[test]
+    fn a_minute_without_a_window_to_compare_with_its_blocks_is_a_warning_until_one_is_compared() {
+        let mut counts = AuditCounts::default();
+        let mut state = |error| {
+            counts.record_packed(error);
+            let status = counts.status(0).expect("a status");
+            (status.level, status.message)
+        };
+        for _ in 1..UNJUDGED_BEFORE_WARNING {
+            let (level, message) = state(None);
+            assert_eq!(level, DiagnosticLevel::Ok);
+            assert!(message.contains("was not compared"), "{message}");
+        }
+        assert_eq!(state(None).0, DiagnosticLevel::Warn);
+        let error = PackedError {
+            rms_uv: 1.0,
+            of_variance: 0.001,
+        };
+        let (level, message) = state(Some(error));
+        assert_eq!(level, DiagnosticLevel::Ok);
+        assert!(message.contains("within 1.00 uV"), "{message}");
+        // The error of an older window is not that of this one.
+        assert!(state(None).1.contains("was not compared"));
     }
 
     #[test]

@@ -41,7 +41,8 @@ pub(crate) struct Session {
     pub(super) announced: Option<Arc<Device>>,
     /// Stream that `/neurodata_reconstructed` is decoded from, as it was announced last.
     pub(crate) decoding: Decoding,
-    /// Whether the device was asked for the stream that `/acquisition/get_info` describes, when it was announced last.
+    /// Whether the device was asked for the stream that `/acquisition/get_info` describes, and did not refuse to stream,
+    /// when it was announced last.
     pub(super) is_described_asked: bool,
     pub(crate) clock: Clock,
     pub(crate) round_trips: RoundTrips,

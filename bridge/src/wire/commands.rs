@@ -34,7 +34,7 @@ pub(crate) struct Commands {
     stream: StreamState,
     pending: Option<PendingCommand>,
     connected: bool,
-    /// The newest `Start`, if the device refused it for every choice of streams.
+    /// The newest `Start` that the device refused, if no choice of fewer streams is left to try.
     refused_start: Option<RefusedStart>,
     last_frame_us: i64,
     /// Host time of the newest code, packed block or `Stats`, or of the stream's start, microseconds;
@@ -201,8 +201,8 @@ impl Commands {
         self.streams.refused()
     }
 
-    /// Returns why the device refuses to stream, whatever streams it is asked for, and what to do; `None` if it streams
-    /// or was not asked.
+    /// Returns why the device refuses to stream, also with fewer streams if that can help, and what to do; `None` if it
+    /// streams or was not asked.
     pub(crate) fn start_refusal(&self) -> Option<String> {
         let refused = self.refused_start.filter(|_| self.streaming_wanted)?;
         Some(refused.reason())

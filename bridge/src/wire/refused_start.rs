@@ -7,7 +7,7 @@ use crate::wire::words;
 /// Delay before a refused `Start` is sent again, microseconds.
 const RETRY_US: i64 = 10_000_000;
 
-/// A `Start` that the device refused, whatever streams it asked for.
+/// A refused `Start` after which no choice of fewer streams is left to try.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RefusedStart {
     command: ToDevice,

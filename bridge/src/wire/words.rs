@@ -31,8 +31,11 @@ pub(crate) fn reason(result: AckResult) -> String {
 
 /// Returns why the device refuses a command, and what to do.
 pub(crate) fn refusal(refused: &ToDevice, result: AckResult) -> String {
-    let remedy = match refused {
-        ToDevice::Start(_) => {
+    let remedy = match (refused, result) {
+        (ToDevice::Start(_), AckResult::NotSupported) => {
+            "its model may be damaged: see the fault that it reported in the log, and flash it again"
+        }
+        (ToDevice::Start(_), _) => {
             "choose other --streams (a device without a network has packed in the place of codes) or --mains, or \
              update firmware or bridge"
         }
@@ -56,5 +59,26 @@ pub(crate) fn reset_cause(cause: ResetCause) -> String {
         ResetCause::Software => "a command".to_owned(),
         ResetCause::Fault => "a fault".to_owned(),
         ResetCause::Newer(number) => format!("cause {number}, newer than this bridge"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use link::{Start, Streams};
+
+    use super::*;
+
+    #[test]
+    fn the_remedy_depends_on_the_reason() {
+        let start = ToDevice::Start(Start {
+            streams: Streams::CODES,
+            mains_hz: 50,
+        });
+        let damaged = refusal(&start, AckResult::NotSupported);
+        assert!(damaged.contains("flash it again"), "{damaged}");
+        let streams = refusal(&start, AckResult::BadArgument);
+        assert!(streams.contains("choose other --streams"), "{streams}");
+        let older = refusal(&ToDevice::SelfTest, AckResult::UnknownCommand);
+        assert!(older.contains("to the same release"), "{older}");
     }
 }

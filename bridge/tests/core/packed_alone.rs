@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use artifact::{Artifact, Mode};
-use bridge::{Model, Settings};
+use bridge::{Model, PackedReconstruction, Settings};
 use link::{Audit, CodeValues, Streams, ToHost};
 use neuro_ros::DiagnosticLevel;
 
@@ -59,10 +59,57 @@ fn its_blocks_are_announced_and_reconstructed() {
     let announced = &recorder.announced[0];
     assert!(announced.decodable && announced.info.is_some());
     assert!(recorder.encoded.is_empty());
+    // The built-in model has the same packed code.
+    let mut decoder = PackedReconstruction::new(&announced.device, &model(), PACKED).unwrap();
+    for (block, expected) in recorder.blocks.iter().zip(frames(recorder, PACKED)) {
+        assert_eq!(decoder.next_frame(block).unwrap().eeg, expected.eeg);
+    }
     let is_flagged = flags(&frames(recorder, PACKED))
         .into_iter()
         .map(|flags| flags != 0);
     assert_eq!(is_flagged.collect::<Vec<_>>(), [false, false, true, true]);
+}
+
+/// The same where the image lacks the network, and the model has it.
+#[test]
+fn what_is_announced_is_withdrawn_while_the_device_refuses_to_stream() {
+    let board = Board {
+        supported: SUPPORTED,
+        ..Board::new()
+    };
+    let mut harness = Harness::new(SETTINGS, board);
+    harness.connect();
+    let described = |harness: &Harness| -> Vec<bool> {
+        let announced = harness.recorder.announced.iter();
+        announced
+            .map(|announced| announced.info.is_some())
+            .collect()
+    };
+    assert_eq!(described(&harness), [true, false]);
+    // Another image.
+    harness.board.reboot();
+    harness.board.supported = Streams::ALL;
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    harness.exchange();
+    assert_eq!(described(&harness), [true, false, true]);
+}
+
+#[test]
+fn a_refusal_is_in_the_status_beside_a_model_that_the_bridge_does_not_have() {
+    let board = Board {
+        model_id: [9; 8],
+        has_network: false,
+        supported: SUPPORTED,
+        ..Board::new()
+    };
+    let mut harness = Harness::new(SETTINGS, board);
+    harness.connect();
+    let status = harness.status("device").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Error);
+    for words in ["--model", "choose other --streams"] {
+        assert!(status.message.contains(words), "{}", status.message);
+    }
 }
 
 #[test]

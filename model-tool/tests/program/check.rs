@@ -196,6 +196,9 @@ fn a_model_without_a_network_is_shown_and_sound_without_golden_codes() {
         ),
         "{shown}"
     );
+    let [object, _] = run(&["show", text(folder.path()), "--json"], 0);
+    assert_eq!(json(&object)["decodable"], Json::Null);
+    assert_eq!(json(&object)["packed"]["rate"], 4);
     let [sound, _] = run(&["check", text(folder.path())], 0);
     assert!(sound.contains("no golden codes"), "{sound}");
     let [object, _] = run(&["check", text(folder.path()), "--json"], 0);

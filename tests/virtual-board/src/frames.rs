@@ -58,6 +58,7 @@ pub enum Kind {
     /// `values` is the number of values of the code.
     Audit {
         window: u32,
+        planes: Vec<u8>,
         values: usize,
     },
     /// Any message that is not listed above.
@@ -152,6 +153,7 @@ impl Kind {
             },
             ToHost::Audit(audit) => Self::Audit {
                 window: audit.window,
+                planes: audit.planes.to_vec(),
                 values: audit.values.len(),
             },
             _ => Self::Other,

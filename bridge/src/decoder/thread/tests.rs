@@ -8,6 +8,7 @@ use link::{Capabilities, Hello, ResetCause};
 use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp};
 
 use super::{DecoderThread, Ordering, QUEUE_WINDOWS};
+use crate::decoder::audit::AuditedWindow;
 use crate::decoder::model::Model;
 use crate::decoder::packed::{PackedBytes, PackedReconstruction, TimedPackedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
@@ -227,6 +228,47 @@ fn blocks_that_the_model_does_not_have_are_counted() {
     let counts = decoder.finish(TIMEOUT);
     assert_eq!((counts.decoded, counts.malformed), (1, 1));
     assert!(counts.to_string().ends_with("packed blocks malformed 1"));
+}
+
+#[test]
+fn an_audit_without_a_code_measures_the_error_of_its_blocks() {
+    let model = Arc::new(Model::embedded().unwrap());
+    let count = Arc::new(Mutex::new(Vec::new()));
+    let mut decoder = DecoderThread::start(Box::new(Numbers(count))).unwrap();
+    decoder.start_device(reconstruction(), Some(unpacked()));
+    // Blocks without bytes are silence at the start of a run.
+    for window in 0..2 {
+        decoder.decode_block(TimedPackedBlock {
+            block: Some(PackedBytes {
+                bytes: vec![],
+                rate: 4,
+            }),
+            is_first: window == 0,
+            stamp: Stamp::default(),
+            words: TriWords {
+                window,
+                ..TriWords::default()
+            },
+        });
+    }
+    let mut audited = |cell| {
+        let window = AuditedWindow {
+            device: Arc::new(device(&model)),
+            window: 0,
+            planes: vec![cell; model.window_cells()],
+            levels: Vec::new(),
+            resolution: 1,
+        };
+        decoder.audit(window, Arc::clone(&model));
+        decoder.start_work();
+        while decoder.progress.audits_waiting.load(Ordering::Relaxed) > 0 {
+            std::thread::yield_now();
+        }
+        decoder.audit_status().unwrap().message
+    };
+    let expected = "the packed blocks match the device's signals within 0.00 uV RMS";
+    assert_eq!(audited(0), expected);
+    assert!(audited(127).contains("was not compared"));
 }
 
 #[test]

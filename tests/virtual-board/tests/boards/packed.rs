@@ -11,24 +11,32 @@ use crate::simulation::{HOP, simulated};
 /// Number of blocks to compare: more than from one block without prediction to the next.
 const BLOCKS: usize = 70;
 
+/// Seconds of all streams at once.
+const SECONDS: u64 = 3;
+
 /// Rate that the host asks for; the model has another one.
 const RATE: ToDevice = ToDevice::SetRate { rate: 6 };
 
-/// Packed blocks at a rate that the host chooses equal those of host-sim bit for bit, and nothing is late or lost.
+/// Streams that are compared with host-sim's.
+const COMPARED: Streams =
+    Streams::from_bits(Streams::PACKED.bits() | Streams::AUDIT.bits());
+
+/// Packed blocks at a rate that the host chooses, and the planes of an audit, equal those of host-sim bit for bit, and
+/// nothing is late or lost.
 pub(crate) fn packed_blocks_equal_those_of_host_sim(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     let answered = acks(board.inbox().frames());
     board.send(&RATE);
     board.run_until("an answer", 100_000, |frames| acks(frames) > answered)?;
     let before = board.converters().samples_delivered();
-    start(&mut board, Streams::PACKED)?;
+    start(&mut board, COMPARED)?;
     let after = board.converters().samples_delivered();
     let limit_us = BLOCKS as u64 * 62_500 + 300_000;
     let what = format!("{BLOCKS} blocks");
     board.run_until(&what, limit_us, |frames| blocks(frames).count() >= BLOCKS)?;
 
     let made: Vec<&ReceivedCode> = blocks(board.inbox().frames()).collect();
-    let simulated = |first, samples| simulated(Streams::PACKED, &[RATE], first, samples);
+    let simulated = |first, samples| simulated(COMPARED, &[RATE], first, samples);
     let equals = |sample: u64| {
         let inbox: Inbox = simulated(sample, 2 * HOP);
         blocks(inbox.frames()).next() == made.first().copied()
@@ -42,6 +50,7 @@ pub(crate) fn packed_blocks_equal_those_of_host_sim(subject: Subject) -> Result<
         equal.filter(|(image, host)| *image == host).count(),
         made.len()
     );
+    assert_eq!(audits(board.inbox().frames()), audits(inbox.frames()));
     let timing = in_time(&board);
     record(subject, "blocks", made.len());
     record(
@@ -68,7 +77,7 @@ pub(crate) fn everything_at_once_is_in_time(subject: Subject) -> Result<(), Boar
     assert_sound(&mut board)
 }
 
-/// An image without the network refuses codes, and audits windows without a code.
+/// An image without the network refuses codes, audits windows without a code, and is in time with all other streams.
 pub(crate) fn codes_are_refused(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     for streams in [Streams::CODES, Streams::PACKED | Streams::CODES] {
@@ -80,15 +89,27 @@ pub(crate) fn codes_are_refused(subject: Subject) -> Result<(), BoardError> {
         });
         assert_eq!(results.next(), Some(AckResult::BadArgument));
     }
-    start(&mut board, Streams::PACKED | Streams::AUDIT)?;
-    let audit = Kind::Audit {
-        window: 0,
-        values: 0,
-    };
-    board.run_until("an audit", 300_000, |frames| {
-        frames.iter().any(|frame| frame.kind == audit)
-    })?;
+    // All else that its port carries, at once.
+    start(
+        &mut board,
+        Streams::ALL.without(Streams::CODES | Streams::RAW),
+    )?;
+    let limit_us = SECONDS * 1_000_000 + 300_000;
+    let count = usize::try_from(SECONDS * 16).unwrap_or(usize::MAX);
+    board.run_until("blocks", limit_us, |frames| blocks(frames).count() >= count)?;
+    let is_code_less = |frame: &Frame| matches!(frame.kind, Kind::Audit { values: 0, .. });
+    assert!(board.inbox().frames().iter().any(is_code_less));
+    in_time(&board);
     assert_sound(&mut board)
+}
+
+/// Returns index and planes of each audited window.
+fn audits(frames: &[Frame]) -> Vec<(u32, &[u8])> {
+    let audits = frames.iter().filter_map(|frame| match &frame.kind {
+        Kind::Audit { window, planes, .. } => Some((*window, &planes[..])),
+        _ => None,
+    });
+    audits.collect()
 }
 
 fn blocks(frames: &[Frame]) -> impl Iterator<Item = &ReceivedCode> {
