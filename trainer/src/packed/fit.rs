@@ -286,6 +286,7 @@ fn refitted_prediction(
         let last = states.ncols().saturating_sub(1);
         ridge.add(states.columns(0, last), coefficients.columns(1, last));
     }
-    let prediction = ridge.solve(penalty(coded.len()))?;
+    let largest = integers::largest_prediction(scale.count);
+    let prediction = ridge.solve_within(penalty(coded.len()), largest)?;
     Ok(integers::prediction(&prediction))
 }

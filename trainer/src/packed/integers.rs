@@ -14,6 +14,9 @@ pub(super) const UNIT_UV: f64 = 0.5;
 /// below 2^23.
 pub(super) const INPUT_LIMIT: i16 = 4095;
 
+/// Sum of magnitudes that stands for a smaller one.
+const SMALLEST_SUM: f64 = 1e-12;
+
 /// Units of the state in one unit of a rounded one.
 const STATE_UNIT: f64 = 8.0;
 
@@ -30,6 +33,12 @@ pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix
         });
         slices.fold(f64::INFINITY, f64::min)
     })
+}
+
+/// Returns the largest sum of magnitudes that the `count` weights of a coefficient's prediction can have: with a larger
+/// one, the weights would need a factor of 1/2 or more, so that no sum leaves its range.
+pub(super) fn largest_prediction(count: usize) -> f64 {
+    scale_for(&vec![0.0; count], LARGEST_STATE) * SMALLEST_SUM / (2.0 * STATE_UNIT)
 }
 
 /// Returns the prediction in integers.
@@ -49,7 +58,7 @@ fn scale_for(weights: &[f64], limit: i16) -> f64 {
         0.5 * weights.len() as f64,
     );
     let sum: f64 = weights.iter().map(|weight| weight.abs()).sum();
-    (most - rounding) / sum.max(1e-12)
+    (most - rounding) / sum.max(SMALLEST_SUM)
 }
 
 /// Returns the coefficients of all blocks, block by block.

@@ -36,6 +36,26 @@ impl Ridge {
         self.products.gemm(1.0, &inputs, &outputs.transpose(), 1.0);
     }
 
+    /// Returns the matrix of [`Self::solve`] with the smallest penalty of `penalty` times a power of two for which the
+    /// magnitudes of each output's weights sum to at most `largest_sum`. Little data allows large weights.
+    ///
+    /// # Errors
+    /// As [`Self::solve`].
+    pub(super) fn solve_within(
+        &self,
+        mut penalty: f64,
+        largest_sum: f64,
+    ) -> Result<DMatrix<f64>, TrainerError> {
+        loop {
+            let matrix = self.clone().solve(penalty)?;
+            let sums = matrix.row_iter().map(|weights| weights.abs().sum());
+            if sums.fold(0.0, f64::max) <= largest_sum {
+                return Ok(matrix);
+            }
+            penalty *= 2.0;
+        }
+    }
+
     /// Returns the matrix `[output, input]` with the least sum of squared errors plus `penalty` times its own
     /// squares.
     ///
@@ -53,6 +73,21 @@ impl Ridge {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_penalty_grows_until_every_output_is_within_the_limit() {
+        // y = 2 a - b.
+        let inputs = DMatrix::from_row_slice(2, 3, &[1.0, 0.0, 2.0, 0.0, 1.0, 1.0]);
+        let outputs = DMatrix::from_row_slice(1, 3, &[2.0, -1.0, 3.0]);
+        let mut ridge = Ridge::new(2, 1);
+        ridge.add(inputs.columns(0, 3), outputs.columns(0, 3));
+        let sum = |limit| {
+            let matrix = ridge.clone().solve_within(0.1, limit).unwrap();
+            matrix.abs().sum()
+        };
+        assert!((2.5..3.0).contains(&sum(3.0)), "{}", sum(3.0));
+        assert!((0.5..=1.0).contains(&sum(1.0)), "{}", sum(1.0));
+    }
 
     #[test]
     fn a_linear_map_is_found_and_a_penalty_shrinks_it() {
