@@ -16,7 +16,9 @@ pub enum ArtifactError {
         source: std::io::Error,
     },
     /// `model.toml` is not TOML, or a field is missing, misspelt or of the wrong type.
-    #[error("model.toml cannot be understood; correct the line that is named")]
+    #[error(
+        "model.toml cannot be understood; correct what is named, or restore the file if it is cut short"
+    )]
     Toml(#[from] toml::de::Error),
     /// The TOML library cannot serialise the description.
     #[error("the description cannot be written as TOML")]
@@ -39,8 +41,22 @@ pub enum ArtifactError {
         /// Valid values, in words.
         expected: String,
     },
+    /// One of the two files of a packed model is missing.
+    #[error(
+        "{} is missing, which {} needs; restore it, or delete the other one too and run `trainer packed`",
+        missing.display(),
+        other
+    )]
+    PackedHalf {
+        /// Path of the missing file.
+        missing: PathBuf,
+        /// Name of the file that is there.
+        other: &'static str,
+    },
     /// `packed.toml` is not TOML, or a field is missing, misspelt or of the wrong type.
-    #[error("packed.toml cannot be understood; correct the line that is named")]
+    #[error(
+        "packed.toml cannot be understood; correct what is named, or restore the file if it is cut short"
+    )]
     PackedToml(#[source] toml::de::Error),
     /// A field of `packed.toml` has an invalid value.
     #[error("packed.toml: {field} is {found}, but must be {expected}")]

@@ -46,7 +46,7 @@ pub enum BridgeError {
     },
     /// `--model` names no valid model, or a model whose codes cannot be decoded.
     #[error(
-        "the model cannot be read; --model takes a folder with model.toml, weights.safetensors and calibration.safetensors"
+        "the model cannot be read; --model takes the folder of an artifact, which `trainer train` and `trainer packed` write"
     )]
     Model(#[source] ArtifactError),
     /// `--announce` needs a stream that is not in `--streams`.

@@ -80,7 +80,8 @@ impl AnnouncedStream {
 pub enum StreamKind {
     /// `/encoded`, and without packed `/neurodata_reconstructed`; on unless packed is named.
     Codes,
-    /// `/neurodata_reconstructed` from packed blocks: 0.8 kB/s at rate 4, where codes take 2.7.
+    /// `/neurodata_reconstructed` from packed blocks: 0.8 kB/s at rate 4, where codes take 2.7. Reports take another 1 kB/s
+    /// with either.
     Packed,
     /// `/neurodata`: every ADC sample, 101 kB/s, or 47 kB/s compressed.
     Raw,

@@ -142,6 +142,8 @@ pub struct FileRules {
 
 struct Pty {
     link: PathBuf,
+    /// Path of the terminal, to which the link points.
+    name: PathBuf,
     /// File descriptor that stays open, so that a host can close the terminal and open it again.
     terminal: OwnedFd,
 }
@@ -259,7 +261,10 @@ impl Port {
 
 impl Drop for Port {
     fn drop(&mut self) {
-        if let Some(pty) = &self.pty {
+        // Another program may have taken over the link.
+        if let Some(pty) = &self.pty
+            && fs::read_link(&pty.link).is_ok_and(|target| target == pty.name)
+        {
             // An error means that the link is already gone.
             let _ = fs::remove_file(&pty.link);
         }
@@ -308,6 +313,7 @@ fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
         File::from(controller),
         Pty {
             link: link.to_owned(),
+            name: name.into(),
             terminal,
         },
     ))

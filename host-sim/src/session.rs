@@ -166,10 +166,14 @@ impl Session {
         let mut recorded_edges = self.recorded_edges.clone();
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into());
         if let Output::File(_) = self.output {
-            // A file has no host that could send a `Start`, so start the codes here.
+            // A file has no host that could send a `Start`, so the board starts here.
             board.start(
                 Start {
-                    streams: Streams::CODES,
+                    streams: if model::HAS_NETWORK {
+                        Streams::CODES
+                    } else {
+                        Streams::PACKED
+                    },
                     mains_hz: 0,
                 },
                 clock.now_us(),

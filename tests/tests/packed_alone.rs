@@ -91,6 +91,9 @@ fn a_model_without_a_network_encodes_and_decodes_recordings() {
         program.current_dir(folder.path()).args(arguments);
         program
     };
+    let run = "run --input synthetic --output file:run.bin --duration 2";
+    let made = succeed(&mut host_sim(&run.split(' ').collect::<Vec<_>>()));
+    assert!(made.contains("packed blocks made"), "{made}");
     let refused = host_sim(&["encode", "in.gdf", "out.codes", "--stream=codes"]).output();
     let refused = refused.expect("host-sim starts");
     let stderr = String::from_utf8_lossy(&refused.stderr);

@@ -32,6 +32,8 @@ pub struct Comparison {
     pub codes: Option<CodeComparison>,
     /// Bits and error of the packed model at each rate, finest first; empty if the artifact has none.
     pub packed: Vec<RateFigures>,
+    /// Rate that a device starts with; `None` without a packed model.
+    pub packed_rate: Option<u8>,
     /// Figures of the Karhunen-Loeve transform of a block, coded alike but without prediction, from the packed model's
     /// card; empty if its test recordings are others.
     pub without_prediction: Vec<PackedFigures>,
@@ -77,6 +79,7 @@ impl Comparison {
                 Some(packed) => evaluate_packed(packed, tracks, description)?,
                 None => Vec::new(),
             },
+            packed_rate: model.packed.as_ref().map(|packed| packed.description.rate),
             without_prediction: without_prediction(model, tracks),
             hop: description.window.hop,
             sd_uv: description.input.sd_uv,

@@ -54,7 +54,14 @@ pub enum TrainerError {
         folder: PathBuf,
     },
     /// A name on the command line matches no recording.
-    #[error("no recording in {} ends with {name}; the folder has: {}", folder.display(), found.join(" "))]
+    #[error(
+        "no recording in {} ends with {name}; {}",
+        folder.display(),
+        match found.as_slice() {
+            [] => "the folder has none: name the folder of the recordings with --data".to_owned(),
+            found => format!("the folder has: {}", found.join(" ")),
+        }
+    )]
     NothingFound {
         /// Name on the command line.
         name: String,

@@ -34,10 +34,23 @@ pub(crate) struct PackedFiles {
 
 impl PackedFiles {
     /// Reads the two files of a folder; `None` if it has neither.
+    ///
+    /// # Errors
+    /// If one of them is missing, or cannot be read.
     pub(crate) fn read(folder: &Path) -> Result<Option<Self>, ArtifactError> {
         let [description, tensors] = [DESCRIPTION, TENSORS].map(|name| folder.join(name));
         if !description.exists() && !tensors.exists() {
             return Ok(None);
+        }
+        let half = |missing: &Path, other| ArtifactError::PackedHalf {
+            missing: missing.to_owned(),
+            other,
+        };
+        if !description.exists() {
+            return Err(half(&description, TENSORS));
+        }
+        if !tensors.exists() {
+            return Err(half(&tensors, DESCRIPTION));
         }
         let error = |path| move |source| ArtifactError::File { path, source };
         Ok(Some(Self {

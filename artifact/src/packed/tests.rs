@@ -306,3 +306,18 @@ fn every_round_of_inputs_is_added_as_soon_as_it_is_complete() {
     );
     assert_eq!(super::slice_ends(8, 4), [0, 16, 16, 32]);
 }
+
+#[test]
+fn one_of_the_two_files_alone_is_refused_with_the_remedy() {
+    for (removed, other) in [
+        ("packed.toml", "packed.safetensors"),
+        ("packed.safetensors", "packed.toml"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        alone().unwrap().write(folder.path()).unwrap();
+        std::fs::remove_file(folder.path().join(removed)).unwrap();
+        let error = Artifact::read(folder.path()).unwrap_err().to_string();
+        let parts = [removed, other, "is missing", "trainer packed"];
+        assert!(parts.iter().all(|part| error.contains(part)), "{error}");
+    }
+}

@@ -33,6 +33,7 @@ pub(crate) struct PackedReport {
     blocks: u64,
     misfits: u64,
     blanks: u64,
+    coarser: u64,
     missing: u64,
 }
 
@@ -56,6 +57,7 @@ impl PackedReport {
             resets,
             misfits,
             blanks,
+            coarser,
             clipped,
         } = *counts;
         let now = PackedReport {
@@ -64,6 +66,7 @@ impl PackedReport {
             blocks: hops.ledger.received(),
             misfits,
             blanks,
+            coarser,
             missing: hops.missing(),
         };
         let before = std::mem::replace(self, now);
@@ -94,7 +97,11 @@ impl PackedReport {
         } else {
             let bits = bits_per_second.as_ref();
             let bits = bits.map_or_else(String::new, |bits| format!(", {bits} bits per second"));
-            (DiagnosticLevel::Ok, format!("rate {rate}{bits}"))
+            let coarser = match since(coarser, before.coarser) {
+                0 => String::new(),
+                count => format!(", {count} of {blocks} blocks too long and coarser"),
+            };
+            (DiagnosticLevel::Ok, format!("rate {rate}{bits}{coarser}"))
         };
         let bits = bits_per_second.map(|bits| KeyValue::new("bits per second", &bits));
         let counts = [
@@ -105,9 +112,10 @@ impl PackedReport {
             KeyValue::new("longest burst", &hops.ledger.longest_burst()),
             KeyValue::new("fillers", &hops.fillers),
             KeyValue::new("lost and not filled", &hops.unfilled),
-            KeyValue::new("resets", &resets),
+            KeyValue::new("without prediction", &resets),
             KeyValue::new("misfits", &misfits),
-            KeyValue::new("blank", &blanks),
+            KeyValue::new("too long, coarser", &coarser),
+            KeyValue::new("too long, no content", &blanks),
             KeyValue::new("values clipped", &clipped),
         ];
         let values = [KeyValue::new("rate", &rate)].into_iter();

@@ -37,6 +37,8 @@ pub(crate) struct PackedCounts {
     pub(crate) misfits: u64,
     /// Number of blocks with the flag `BLANK`, after the filters have settled.
     pub(crate) blanks: u64,
+    /// Number of blocks that the device quantised more coarsely than its rate, because they were too long.
+    pub(crate) coarser: u64,
     /// Number of electrode values that the device clipped to the range of the inputs.
     pub(crate) clipped: u64,
 }

@@ -149,7 +149,10 @@ impl PackedStream {
             counts.blanks += u64::from(code.flags.contains(Flags::BLANK));
         }
         let reader = Rate::new(code.rate).and_then(|rate| BlockReader::new(code.bytes, rate).ok());
-        counts.resets += u64::from(reader.is_some_and(|reader| reader.header().is_reset));
+        if let Some(header) = reader.map(|reader| reader.header()) {
+            counts.resets += u64::from(header.is_reset);
+            counts.coarser += u64::from(header.rate.index() > code.rate);
+        }
     }
 
     fn durations(&self) -> HopDurations {

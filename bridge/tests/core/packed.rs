@@ -8,7 +8,7 @@ use neuro_ros::DiagnosticLevel;
 use reconstruction::HEALING_BLOCKS;
 
 use crate::board::{at, model};
-use crate::packed_block::block;
+use crate::packed_block::{block, coarser_block};
 use crate::packed_device::{PACKED, Packed, decode, flags, frames};
 use crate::recorder::Harness;
 
@@ -196,7 +196,8 @@ fn the_report_states_rate_bits_and_what_does_not_fit_the_model() {
         found.unwrap().value.clone()
     };
     assert_eq!(value(&status, "received"), "17");
-    assert_eq!(value(&status, "resets"), "1");
+    assert_eq!(value(&status, "without prediction"), "1");
+    assert_eq!(value(&status, "too long, coarser"), "0");
     assert_eq!(
         device.harness.status("device").unwrap().message,
         "streaming"
@@ -215,6 +216,20 @@ fn the_report_states_rate_bits_and_what_does_not_fit_the_model() {
     device.send(false);
     let status = device.harness.status("packed code").unwrap();
     assert!(status.message.starts_with("1 of 1 blocks were too long"));
+
+    // The stream has rate 4; the device quantised a block at rate 7.
+    device.flags = Flags::empty();
+    let coarser = coarser_block(device.next, 0, [4, 7]);
+    device.send_bytes(&coarser, false);
+    let status = device.harness.status("packed code").unwrap();
+    assert!(
+        status
+            .message
+            .ends_with("1 of 1 blocks too long and coarser"),
+        "{}",
+        status.message
+    );
+    assert_eq!(value(&status, "too long, coarser"), "1");
 
     // The head names a rate that does not exist in this release.
     device.flags = Flags::empty();

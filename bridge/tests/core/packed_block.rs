@@ -9,9 +9,14 @@ const RESET_BLOCKS: u32 = 64;
 
 /// Returns block `index` of a run: pseudo-random magnitudes, which depend on `seed`.
 pub(crate) fn block(index: u32, seed: u32, rate: u8) -> Vec<u8> {
+    coarser_block(index, seed, [rate, rate])
+}
+
+/// Returns a block as [`block`] does, in a stream of rate `announced`, at another `rate`.
+pub(crate) fn coarser_block(index: u32, seed: u32, [announced, rate]: [u8; 2]) -> Vec<u8> {
     let model = model();
     let packed = model.packed().unwrap();
-    let rate = Rate::new(rate).unwrap();
+    let [announced, rate] = [announced, rate].map(|rate| Rate::new(rate).unwrap());
     let header = Header {
         rate,
         is_reset: index.is_multiple_of(RESET_BLOCKS),
@@ -42,6 +47,13 @@ pub(crate) fn block(index: u32, seed: u32, rate: u8) -> Vec<u8> {
         })
         .collect();
     let mut bytes = [0; 300];
-    let length = packed::write_block(header, rate, &magnitudes, &contexts, &tables, &mut bytes);
+    let length = packed::write_block(
+        header,
+        announced,
+        &magnitudes,
+        &contexts,
+        &tables,
+        &mut bytes,
+    );
     bytes[..length].to_vec()
 }

@@ -21,9 +21,13 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
         Some(codes) => format!("{} windows of ", codes.network.windows),
         None => String::new(),
     };
+    let prd = match &comparison.codes {
+        Some(_) => "; PRD = 100 sqrt(sum of squared difference / sum of squared original)",
+        None => "",
+    };
     report.page.push_text(&format!(
         "Model {}, mode {}, on {windows}{}. {} of {} electrodes were recorded. MSE is in units of the training data's \
-         standard deviation ({:.2} uV) squared; PRD = 100 sqrt(sum of squared difference / sum of squared original).",
+         standard deviation ({:.2} uV) squared{prd}.",
         comparison.model,
         comparison.mode,
         comparison.recordings.join(", "),

@@ -7,7 +7,7 @@ use crate::error::TrainerError;
 use crate::packed::RateFigures;
 use crate::truncation::TruncationError;
 use picture::axis::{Axis, Scale};
-use picture::canvas::{INK, RESULT, SOURCE};
+use picture::canvas::{INK, REFERENCE, RESULT, SOURCE};
 use picture::lines::{Lines, Mark, Series};
 use std::fmt::Write as _;
 
@@ -15,13 +15,21 @@ use std::fmt::Write as _;
 pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), TrainerError> {
     report.page.push_table(&table(&comparison.packed));
     let lines = lines(comparison);
+    let klt = if comparison.without_prediction.is_empty() {
+        " These are not the recordings of the model's card, so the KLT of the card is not drawn."
+    } else {
+        " KLT is the same transform code without prediction, from the model's card."
+    };
+    let codes = match comparison.codes {
+        Some(_) => " Codes of network and PCA are sent once a hop.",
+        None => "",
+    };
     report.add_picture(
         "packed",
         |path| lines.draw(path),
         &format!(
-            "Error by bits of a hop of {} steps. The packed model has one point for each rate; one block later, the \
-             next block has corrected it. KLT is the same transform code without prediction, on the recordings of the packed \
-             model's card. Codes of network and PCA are sent once a hop.",
+            "Error at once by bits of a hop of {} steps. The packed code has a dot for each rate, from 15 on the left to 0 \
+             on the right.{klt}{codes}",
             comparison.hop
         ),
         &csv(comparison),
@@ -55,15 +63,12 @@ fn table(packed: &[RateFigures]) -> Vec<Vec<String>> {
 }
 
 fn lines(comparison: &Comparison) -> Lines {
-    let packed = |label: &str, mark, error: fn(&RateFigures) -> f64| Series {
+    let point = |figures: &RateFigures| (figures.bits, figures.mse);
+    let packed = |label: &str, mark| Series {
         label: label.to_owned(),
         color: SOURCE,
         mark,
-        points: comparison
-            .packed
-            .iter()
-            .map(|figures| (figures.bits, error(figures)))
-            .collect(),
+        points: comparison.packed.iter().map(point).collect(),
         sd: Vec::new(),
     };
     let codes = comparison.codes.as_ref();
@@ -71,7 +76,7 @@ fn lines(comparison: &Comparison) -> Lines {
     if !comparison.without_prediction.is_empty() {
         series.push(Series {
             label: "KLT, entropy-coded".to_owned(),
-            color: INK,
+            color: REFERENCE,
             mark: Mark::ThinLine,
             points: comparison
                 .without_prediction
@@ -81,12 +86,22 @@ fn lines(comparison: &Comparison) -> Lines {
             sd: Vec::new(),
         });
     }
-    series.push(packed("packed, at once", Mark::Line, |figures| figures.mse));
-    series.push(packed(
-        "packed, one block later",
-        Mark::ThinLine,
-        |figures| figures.mse_smoothed,
-    ));
+    series.push(packed("packed code", Mark::Line));
+    series.push(packed("", Mark::Dots));
+    let rate = comparison.packed_rate;
+    let of_rate = comparison.packed.iter();
+    series.extend(rate.map(|rate| {
+        Series {
+            label: format!("packed code at the model's rate, {rate}"),
+            color: INK,
+            mark: Mark::Rings,
+            points: of_rate
+                .filter(|figures| figures.rate == rate)
+                .map(point)
+                .collect(),
+            sd: Vec::new(),
+        }
+    }));
     series.extend(codes.map(|codes| Series {
         label: format!("network, {} codes", codes.network.format),
         color: INK,
@@ -112,9 +127,9 @@ fn pca(codes: &CodeComparison) -> Vec<Series> {
     if codes.pca_by_numbers.is_empty() {
         return Vec::new();
     }
-    let curve = |label: String, mark, error: fn(&TruncationError) -> f64| Series {
+    let curve = |label: String, (color, mark), error: fn(&TruncationError) -> f64| Series {
         label,
-        color: RESULT,
+        color,
         mark,
         points: codes
             .pca_by_numbers
@@ -125,8 +140,10 @@ fn pca(codes: &CodeComparison) -> Vec<Series> {
     };
     let format = codes.network.format;
     vec![
-        curve(format!("PCA, {format} codes"), Mark::Line, |at| at.mse_int8),
-        curve("PCA, float codes".to_owned(), Mark::ThinLine, |at| {
+        curve(format!("PCA, {format} codes"), (RESULT, Mark::Line), |at| {
+            at.mse_int8
+        }),
+        curve("PCA, float codes".to_owned(), (INK, Mark::ThinLine), |at| {
             at.mse_float
         }),
     ]
