@@ -105,8 +105,13 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
             values.push(KeyValue::new("electrodes not recorded", &unrecorded));
         }
         values.push(KeyValue::new("mains Hz", &device.mains_hz));
-        values.push(KeyValue::new("code format", &device.code_format));
-        for (topic, stream) in AnnouncedStream::TOPICS {
+        if device.has_network() {
+            values.push(KeyValue::new("code format", &device.code_format));
+        }
+        let has_frames =
+            |stream: &AnnouncedStream| *stream != AnnouncedStream::Encoded || device.has_network();
+        let topics = AnnouncedStream::TOPICS.into_iter();
+        for (topic, stream) in topics.filter(|(_, stream)| has_frames(stream)) {
             let shift_us =
                 device.recorder_shift_us(stream, session.decoding.stream, &session.settings);
             values.push(KeyValue::new(

@@ -153,7 +153,11 @@ impl fmt::Display for Comparison {
         if self.packed.is_empty() {
             return Ok(());
         }
-        writeln!(f, "\npacked code, a block every {} steps", self.hop)?;
+        writeln!(
+            f,
+            "\npacked code, a block every {} steps; MSE in units of ({:.2} uV)^2",
+            self.hop, self.sd_uv
+        )?;
         write!(f, "{}", RateTable(&self.packed))?;
         if self.without_prediction.is_empty() {
             return Ok(());

@@ -361,6 +361,7 @@ impl Commands {
                 if result == AckResult::BadArgument && self.streams.ask_for_fewer() {
                     return AckEffect::NoChange;
                 }
+                self.streams.ask_for_all();
                 self.refused_start = Some(RefusedStart::new(pending.command, result, now_us));
             }
             (ToDevice::SetRate { rate }, _) => {

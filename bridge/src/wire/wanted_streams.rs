@@ -56,7 +56,8 @@ impl WantedStreams {
 }
 
 /// Returns the choices of the streams to ask for, best first: all sets of samples with the best encoders, then with
-/// the next ones, and last codes alone, which firmware before 0.2 is limited to.
+/// the next ones, and then codes alone, which firmware before 0.2 is limited to. Last come packed blocks in place of
+/// codes, for a device without the network.
 fn choices(wanted: Streams) -> Vec<Streams> {
     let mut choices = Vec::new();
     for streams in encoder_choices(wanted).into_iter().flat_map(sample_choices) {
@@ -64,8 +65,12 @@ fn choices(wanted: Streams) -> Vec<Streams> {
             choices.push(streams);
         }
     }
-    if !choices.contains(&Streams::CODES) {
-        choices.push(Streams::CODES);
+    let codes_alone = [Streams::CODES];
+    let without_network = sample_choices(wanted.without(Streams::CODES) | Streams::PACKED);
+    for streams in codes_alone.into_iter().chain(without_network) {
+        if !choices.contains(&streams) {
+            choices.push(streams);
+        }
     }
     choices
 }

@@ -70,9 +70,9 @@ fn its_blocks_are_announced_and_reconstructed() {
     assert_eq!(is_flagged.collect::<Vec<_>>(), [false, false, true, true]);
 }
 
-/// The same where the image lacks the network, and the model has it.
+/// The image lacks the network, and the model has it.
 #[test]
-fn what_is_announced_is_withdrawn_while_the_device_refuses_to_stream() {
+fn what_is_announced_is_withdrawn_while_the_device_refuses_it() {
     let board = Board {
         supported: SUPPORTED,
         ..Board::new()
@@ -96,11 +96,32 @@ fn what_is_announced_is_withdrawn_while_the_device_refuses_to_stream() {
 }
 
 #[test]
+fn a_device_that_refuses_all_streams_has_no_announcement_until_another_image_runs() {
+    let board = Board {
+        supported: Streams::EVENTS,
+        ..Board::new()
+    };
+    let mut harness = Harness::new(SETTINGS, board);
+    harness.connect();
+    let last = |harness: &Harness| harness.recorder.announced.last().unwrap().info.is_some();
+    assert!(!last(&harness));
+    let status = harness.status("device").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Error);
+    harness.board.reboot();
+    harness.board.supported = Streams::ALL;
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    harness.exchange();
+    assert!(last(&harness));
+    let status = harness.status("device").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Ok);
+}
+
+#[test]
 fn a_refusal_is_in_the_status_beside_a_model_that_the_bridge_does_not_have() {
     let board = Board {
         model_id: [9; 8],
-        has_network: false,
-        supported: SUPPORTED,
+        supported: Streams::EVENTS,
         ..Board::new()
     };
     let mut harness = Harness::new(SETTINGS, board);
@@ -113,22 +134,22 @@ fn a_refusal_is_in_the_status_beside_a_model_that_the_bridge_does_not_have() {
 }
 
 #[test]
-fn it_refuses_codes_and_the_status_says_what_to_ask_for() {
-    let mut harness = connected(SETTINGS);
-    assert!(harness.recorder.announced[0].info.is_none());
-    assert!(!harness.board.streaming);
-    let status = harness.status("device").unwrap();
-    assert_eq!(status.level, DiagnosticLevel::Error);
-    let remedy =
-        "choose other --streams (a device without a network has packed in the place of codes)";
+fn its_blocks_stream_in_the_place_of_codes_with_a_warning() {
+    let mut device = device(SETTINGS);
+    assert_eq!(device.harness.board.streams, Streams::PACKED);
+    assert!(device.harness.recorder.announced[0].info.is_none());
+    device.send(false);
+    assert_eq!(device.harness.recorder.blocks.len(), 1);
+    let status = device.harness.status("device").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Warn);
+    let remedy = "choose packed without codes";
     assert!(status.message.contains(remedy), "{}", status.message);
-    // Another image.
-    harness.board.reboot();
-    harness.board.supported = Streams::ALL;
-    let hello = harness.board.hello();
-    harness.receive(&hello);
-    harness.exchange();
-    assert_eq!(harness.status("device").unwrap().level, DiagnosticLevel::Ok);
+    let keys: Vec<&str> = status
+        .values
+        .iter()
+        .map(|value| value.key.as_str())
+        .collect();
+    assert!(!keys.contains(&"code format") && !keys.contains(&"recorder shift us /encoded"));
 }
 
 #[test]

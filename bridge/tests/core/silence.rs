@@ -80,7 +80,10 @@ fn a_refused_start_is_not_repeated_for_ten_seconds() {
         .iter()
         .filter(|name| **name == "start")
         .count();
-    assert_eq!(starts, 1, "6 s, and a refusal holds for 10 s");
+    assert_eq!(
+        starts, 2,
+        "codes, packed blocks in their place, and then nothing for 10 s"
+    );
     harness.core.set_streaming(false);
     harness.core.tick(at(harness.now_us), &mut harness.recorder);
     harness.exchange();

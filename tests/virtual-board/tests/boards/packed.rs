@@ -18,8 +18,7 @@ const SECONDS: u64 = 3;
 const RATE: ToDevice = ToDevice::SetRate { rate: 6 };
 
 /// Streams that are compared with host-sim's.
-const COMPARED: Streams =
-    Streams::from_bits(Streams::PACKED.bits() | Streams::AUDIT.bits());
+const COMPARED: Streams = Streams::from_bits(Streams::PACKED.bits() | Streams::AUDIT.bits());
 
 /// Packed blocks at a rate that the host chooses, and the planes of an audit, equal those of host-sim bit for bit, and
 /// nothing is late or lost.
