@@ -30,7 +30,7 @@ pub(crate) struct ElectrodeSums {
 }
 
 impl ElectrodeSums {
-    /// Creates sums over no windows.
+    /// Creates sums of 0, before the first window.
     pub(crate) fn new(electrodes: usize) -> Self {
         Self {
             squares: vec![[0.0; 2]; electrodes],

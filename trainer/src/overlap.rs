@@ -14,7 +14,7 @@ pub(crate) struct OverlapMean<'d> {
 }
 
 impl<'d> OverlapMean<'d> {
-    /// Creates sums over no windows.
+    /// Creates sums of 0, before the first window.
     pub(crate) fn new(dataset: &'d Dataset, hop: usize) -> Self {
         let dimensions = dataset.dimensions();
         let covered = |segment: &[f32]| {

@@ -10,9 +10,8 @@ pub struct IntegerMatrix {
 }
 
 impl IntegerMatrix {
-    /// Quantises a matrix `[output][input]`: the weights of each output are as large as 8 bits allow, and as
-    /// `largest_scale` allows, which returns the largest permitted scale for the weights of an output. The result
-    /// equals `matrix * gain`. A factor of 1/2 or more saturates; an artifact with such a factor is refused.
+    /// Quantises a matrix `[output][input]`. The weights of each output are scaled to 8 bits, but by no more than
+    /// `largest_scale` returns for them; the factors undo the scale, so that the result equals `matrix * gain`. A factor of 1/2 or more saturates; an artifact with such a factor is refused.
     pub fn quantised(
         matrix: &[f64],
         inputs: usize,

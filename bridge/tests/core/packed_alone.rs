@@ -10,6 +10,7 @@ use neuro_ros::DiagnosticLevel;
 
 use crate::board::Board;
 use crate::packed_device::{PACKED, Packed, flags, frames};
+use crate::packed_fallback::restart_with;
 use crate::recorder::{Harness, SETTINGS};
 
 /// Streams of a device whose model has no network.
@@ -79,20 +80,10 @@ fn what_is_announced_is_withdrawn_while_the_device_refuses_it() {
     };
     let mut harness = Harness::new(SETTINGS, board);
     harness.connect();
-    let described = |harness: &Harness| -> Vec<bool> {
-        let announced = harness.recorder.announced.iter();
-        announced
-            .map(|announced| announced.info.is_some())
-            .collect()
-    };
-    assert_eq!(described(&harness), [true, false]);
+    assert_eq!(harness.described(), [true, false]);
     // Another image.
-    harness.board.reboot();
-    harness.board.supported = Streams::ALL;
-    let hello = harness.board.hello();
-    harness.receive(&hello);
-    harness.exchange();
-    assert_eq!(described(&harness), [true, false, true]);
+    restart_with(&mut harness, Streams::ALL);
+    assert_eq!(harness.described(), [true, false, true]);
 }
 
 #[test]
@@ -107,11 +98,7 @@ fn a_device_that_refuses_all_streams_has_no_announcement_until_another_image_run
     assert!(!last(&harness));
     let status = harness.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Error);
-    harness.board.reboot();
-    harness.board.supported = Streams::ALL;
-    let hello = harness.board.hello();
-    harness.receive(&hello);
-    harness.exchange();
+    restart_with(&mut harness, Streams::ALL);
     assert!(last(&harness));
     let status = harness.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Ok);

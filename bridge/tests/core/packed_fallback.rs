@@ -108,7 +108,7 @@ fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
 }
 
 /// Restarts the board with another image. A hop passes: the first window of a run is complete after two.
-fn restart_with(harness: &mut Harness, supported: Streams) {
+pub(crate) fn restart_with(harness: &mut Harness, supported: Streams) {
     harness.board.reboot();
     harness.now_us += 62_500;
     harness.board.supported = supported;
@@ -256,13 +256,7 @@ fn codes_that_a_device_refuses_are_not_described_until_it_streams_them() {
     };
     let mut harness = Harness::new(settings, board);
     harness.connect();
-    let described = |harness: &Harness| -> Vec<bool> {
-        let announced = harness.recorder.announced.iter();
-        announced
-            .map(|announced| announced.info.is_some())
-            .collect()
-    };
-    assert_eq!(described(&harness), [true, false]);
+    assert_eq!(harness.described(), [true, false]);
     restart_with(&mut harness, Streams::ALL);
-    assert_eq!(described(&harness), [true, false, true]);
+    assert_eq!(harness.described(), [true, false, true]);
 }

@@ -189,6 +189,14 @@ impl Harness {
         statuses.into_iter().find(|status| status.name == name)
     }
 
+    /// Returns, for each announcement from the oldest on, whether it describes a stream.
+    pub(crate) fn described(&self) -> Vec<bool> {
+        let announced = self.recorder.announced.iter();
+        announced
+            .map(|announced| announced.info.is_some())
+            .collect()
+    }
+
     /// Returns, for each frame on `/encoded` from the oldest on, whether the frame is a filler.
     pub(crate) fn fillers(&self) -> Vec<bool> {
         self.recorder

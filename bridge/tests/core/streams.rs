@@ -115,7 +115,7 @@ fn packed_blocks_are_asked_for_without_the_network_and_codes_in_their_place() {
     let alone = wanted | Streams::FILTERED;
     let with_filtered = harness(alone | Streams::CODES, alone);
     assert_eq!(starts(&with_filtered), [0b101_1101, 0b101_1001, 0b101_1100]);
-    // Codes that it refuses are a warning.
+    // The refusal of codes is a warning.
     let mut without_codes = harness(wanted | Streams::CODES, alone);
     let status = without_codes.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);

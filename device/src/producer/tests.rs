@@ -41,7 +41,7 @@ fn step_us(step: u64) -> u64 {
     step * 1_000_000 / u64::from(model::STEP_RATE_HZ)
 }
 
-/// Sample `index` of a run, with its step if one is due.
+/// Returns sample `index` of a run, with its step if one is due.
 fn acquired(index: u64) -> AcquiredSample {
     let (adc_hz, step_hz) = (model::ADC_RATE_HZ, model::STEP_RATE_HZ);
     let number = (index * u64::from(step_hz)).div_ceil(u64::from(adc_hz));

@@ -20,7 +20,7 @@ pub struct AloneOptions {
     pub montage: MontageFile,
     /// Time steps of a block: 4, 8 or 16.
     pub hop: usize,
-    /// Recordings and settings.
+    /// Recordings to train on and to test with, and settings of the fit.
     pub fit: FitOptions,
     /// Origin and licence of the recordings, for the training card.
     pub dataset: String,

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 pub struct PackedOptions {
     /// Folder of the artifact that the packed model joins.
     pub artifact: PathBuf,
-    /// Recordings and settings.
+    /// Recordings to train on and to test with, and settings of the fit.
     pub fit: FitOptions,
     /// True to replace a packed model.
     pub force: bool,

@@ -11,7 +11,7 @@ use crate::simulation::{HOP, simulated};
 /// Number of blocks to compare: more than from one block without prediction to the next.
 const BLOCKS: usize = 70;
 
-/// Seconds of all streams at once.
+/// Time for which all streams run at once, seconds.
 const SECONDS: u64 = 3;
 
 /// Rate that the host asks for; the model has another one.
