@@ -8,7 +8,7 @@
 //! an electrode do not depend on the other electrodes.
 //!
 //! A dipole's potential is that on a sphere of brain, skull and scalp (`head`), against the mean of both
-//! ear lobes. Compared with a recording of the same 61 electrodes (`montages/ten-ten-61.toml`) against
+//! ear lobes. Compared with a recording of the same 61 electrodes (`files/montages/ten-ten-61.toml`) against
 //! the same reference, both within 0.5-60 Hz, with alpha and blinks, seeds 1, 2, 3 and 7 over 120 s:
 //!
 //! | | Generator | EEGMMIDB S001 |

@@ -1,7 +1,7 @@
 //! Turns a trained artifact into integers in Rust: designs the filters, quantises the encoder, proves
 //! the ranges and writes the constants.
 //!
-//! `model/build.rs` calls [`generate`]. The trainer uses [`quantise`] for the golden codes and the int8
+//! `signal/model/build.rs` calls [`generate`]. The trainer uses [`quantise`] for the golden codes and the int8
 //! figures, and [`filter_cascade`] for the filters of its training data.
 //!
 //! ```text
@@ -17,7 +17,7 @@
 //! use model_gen::{DeviceModel, manifest};
 //! use std::path::Path;
 //!
-//! let artifact = Artifact::read(Path::new("../model/artifact"))?;
+//! let artifact = Artifact::read(Path::new("../signal/model/artifact"))?;
 //! let model = DeviceModel::new(&artifact)?;
 //! // The largest gain to any node of the filters, for full-scale input, stays below 8.
 //! let gains = model.filters.iter().flat_map(|filter| &filter.gains);

@@ -1,4 +1,4 @@
-//! Writes the summary of a model for human readers, `model/manifest.txt`.
+//! Writes the summary of a model for human readers, `signal/model/manifest.txt`.
 
 use std::fmt::Write as _;
 

@@ -6,7 +6,7 @@ use artifact::{Artifact, CodeFormat, FloatEncoder, Golden};
 use model_gen::{IntegerModel, integer_code, quantise};
 
 fn folder() -> std::path::PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../signal/model/artifact")
 }
 
 /// Returns the built-in model with codes in `format`.

@@ -6,7 +6,7 @@ use artifact::{Artifact, Decimation, Description};
 use model_gen::{DeviceModel, MAINS_HZ, ModelGenError, manifest, rust_files};
 
 fn model(change: impl Fn(&mut Description)) -> Result<DeviceModel, ModelGenError> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/artifact");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../signal/model/artifact");
     let mut artifact = Artifact::read(&folder)?;
     change(&mut artifact.description);
     DeviceModel::new(&artifact)

@@ -22,11 +22,11 @@ mod kernels;
 mod signal;
 
 /// Environment variable that names the folder of a model to use instead of the checked-in one, as in
-/// `model/build.rs`.
+/// `signal/model/build.rs`.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 /// File with the filter outputs that scipy computes; `scipy_rates.py` in the same folder writes it.
-const SCIPY: &str = "../../pipeline/tests/front_end/scipy_rates.csv";
-/// Document that shows frames as hex dumps; `link/tests/wire_format/` compares the dumps with the output of
+const SCIPY: &str = "../../signal/pipeline/tests/front_end/scipy_rates.csv";
+/// Document that shows frames as hex dumps; `signal/link/tests/wire_format/` compares the dumps with the output of
 /// the encoder.
 const WIRE_FORMAT: &str = "../../docs/wire-format.md";
 /// Largest number of golden windows whose codes are compared.
@@ -77,7 +77,7 @@ fn filters(golden: &mut String) -> Result<(), Box<dyn Error>> {
         let mut words = key.split(',');
         let mut number = || words.next().unwrap_or_default().parse::<u32>();
         let (rate_hz, mains_hz) = (number()?, number()?);
-        // The same specification as in `pipeline/tests/front_end/at_rate.rs`.
+        // The same specification as in `signal/pipeline/tests/front_end/at_rate.rs`.
         let sections = model_gen::cascade(&FilterSpec {
             rate_hz: rate_hz.into(),
             mains_hz: mains_hz.into(),
@@ -137,7 +137,7 @@ fn filtered<const PHASES: usize, const TAPS: usize>(
 /// which model-gen's batch reference has computed.
 fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-env-changed={ARTIFACT}");
-    let folder = env::var_os(ARTIFACT).map_or("../../model/artifact".into(), PathBuf::from);
+    let folder = env::var_os(ARTIFACT).map_or("../../signal/model/artifact".into(), PathBuf::from);
     println!("cargo::rerun-if-changed={}", folder.display());
     let all = Golden::read(&folder)?;
     let every = all.windows.len().div_ceil(WINDOWS).max(1);

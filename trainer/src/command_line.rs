@@ -40,7 +40,7 @@ enum Verb {
     Merge(MergeArgs),
     /// Train a packed model: as few bits as the wanted error allows.
     Packed(PackedArgs),
-    /// Work with montage files, such as those in `montages/`.
+    /// Work with montage files, such as those in `files/montages/`.
     #[command(subcommand)]
     Montage(MontageVerb),
 }

@@ -70,7 +70,7 @@ pub(crate) fn artifact(parameters: &Parameters) -> Artifact {
 
 /// Returns the paper's montage.
 pub(crate) fn montage() -> MontageFile {
-    let text = include_str!("../../montages/paper-61.toml");
+    let text = include_str!("../../files/montages/paper-61.toml");
     MontageFile::parse(Path::new("paper-61.toml"), text).unwrap()
 }
 

@@ -1,4 +1,4 @@
-//! Every file in `montages/`: its check, and a PCA model fitted to a synthetic recording.
+//! Every file in `files/montages/`: its check, and a PCA model fitted to a synthetic recording.
 
 use artifact::{Artifact, CodeFormat, Mode, MontageFile, Padding};
 use rand::{RngExt, SeedableRng};
@@ -31,7 +31,7 @@ impl ProgressObserver for Silent {
 }
 
 fn montage(name: &str) -> MontageFile {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../montages");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../files/montages");
     MontageFile::read(&folder.join(name)).expect("a montage")
 }
 
@@ -113,7 +113,7 @@ fn fit(montage: MontageFile, folder: &Path) -> Comparison {
         .expect("a test recording")
 }
 
-/// Fits a model for the montage of a file in `montages/` and checks it.
+/// Fits a model for the montage of a file in `files/montages/` and checks it.
 fn check(name: &str) {
     let montage = montage(name);
     assert_eq!(MontageCheck::new(&montage).mistakes, []);
@@ -158,7 +158,7 @@ fn the_montage_of_one_cyton_becomes_a_device_s_model() {
 
 #[test]
 fn every_file_in_the_folder_has_a_test() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../montages");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../files/montages");
     let tests = include_str!("montages.rs");
     for entry in std::fs::read_dir(folder).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
@@ -183,7 +183,7 @@ fn a_recording_is_compared_by_electrode_not_by_spelling() {
 
 #[test]
 fn shapes_that_do_not_fit_are_refused_before_recordings_are_read() {
-    let montage = Path::new(env!("CARGO_MANIFEST_DIR")).join("../montages/cyton-8.toml");
+    let montage = Path::new(env!("CARGO_MANIFEST_DIR")).join("../files/montages/cyton-8.toml");
     for (options, expected) in [
         (&["--mode", "pca", "--numbers", "132"][..], "at most 128"),
         (&["--mode", "shortcut"], "choose network.padding"),

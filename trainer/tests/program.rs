@@ -23,7 +23,7 @@ use std::fs::File;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Electrodes of `montages/cyton-8.toml`.
+/// Electrodes of `files/montages/cyton-8.toml`.
 const LABELS: [&str; 8] = ["Fp1", "Fp2", "C3", "C4", "P7", "P8", "O1", "O2"];
 
 /// Writes a GDF file of these electrodes at 250 Hz: three low-pass-filtered sources and noise.
@@ -69,7 +69,10 @@ fn write_runs(folder: &Path, runs: u64, seconds: u32) {
 
 /// Returns the program with the montage and a small model of a mode.
 fn trainer(verb: &str, mode: &str, folder: &Path) -> Command {
-    let montage = concat!(env!("CARGO_MANIFEST_DIR"), "/../montages/cyton-8.toml");
+    let montage = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../files/montages/cyton-8.toml"
+    );
     let mut command = Command::new(env!("CARGO_BIN_EXE_trainer"));
     command
         .args([verb, "--mains=50", "--numbers=16", "--padding=space"])

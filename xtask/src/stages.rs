@@ -4,7 +4,7 @@ use std::process::Command;
 use std::time::Instant;
 
 use crate::command::{
-    AFTER_A_BUILD, AFTER_A_TEST, BOARD_TARGET, Failure, cargo, run, succeeds, target_folder,
+    AFTER_A_BUILD, AFTER_A_TEST, BOARD_TARGET, Failure, cargo, run, target_folder,
 };
 use crate::images::{self, Board};
 use crate::{board, docs, figures, install, programs, qemu};
@@ -32,7 +32,6 @@ const FAST: &[Stage] = &[
     ("lints", || lints("--all-targets --workspace")),
     ("lints for the microcontrollers", lints_for_microcontrollers),
     ("tests", fast_tests),
-    ("cargo-deny, where it is installed", deny_where_installed),
 ];
 
 /// Stages of `test`, in the order in which they run.
@@ -49,7 +48,6 @@ const FULL: &[Stage] = &[
     ("virtual boards: models", board::models),
     ("virtual boards: images that are flashed", || board::test(&Board::ALL, false)),
     ("figures of docs/figures.md", docs::check),
-    ("cargo-deny, where it is installed", deny_where_installed),
 ];
 
 /// Runs the stages and stops at the first that fails.
@@ -119,9 +117,9 @@ fn lints_for_boards() -> Result<(), Failure> {
     lint(F446_WITH_BOTH_ENCODERS)
 }
 
-/// Tests the default members of the workspace, except for models of other shapes and yanked dependencies.
+/// Tests the default members of the workspace, except for models of other shapes.
 fn fast_tests() -> Result<(), Failure> {
-    let skip = "--skip any_model_streams_as_it_batches --skip yanked";
+    let skip = "--skip any_model_streams_as_it_batches";
     tests("", &mut cargo(&format!("test -- {skip}")))
 }
 
@@ -160,17 +158,6 @@ fn images_for_boards() -> Result<(), Failure> {
     let mut budget = Command::new(target_folder().join("debug/budget"));
     docs::attach(&mut budget, "budget")?;
     run(budget.arg(images::folder()), "see the message above")
-}
-
-/// Runs cargo-deny where it is installed. Only the advisories need it: tests/tests/licences.rs and sources.rs
-/// check the other rules of deny.toml.
-fn deny_where_installed() -> Result<(), Failure> {
-    let is_installed = succeeds(&mut cargo("deny --version"));
-    if is_installed {
-        programs::deny()
-    } else {
-        Ok(())
-    }
 }
 
 fn time_since(start: Instant) -> String {

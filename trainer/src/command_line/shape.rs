@@ -7,7 +7,7 @@ use trainer::card::Shape;
 use trainer::error::TrainerError;
 
 /// The default montage.
-const PAPER: &str = include_str!("../../../montages/paper-61.toml");
+const PAPER: &str = include_str!("../../../files/montages/paper-61.toml");
 
 /// Layers of the network.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -47,7 +47,7 @@ enum FormatArg {
 /// Montage, and what can be chosen of a model.
 #[derive(Args, Debug)]
 pub(crate) struct ShapeArgs {
-    /// Montage file: grid, order of the ADC's channels, ADC [default: montages/paper-61.toml].
+    /// Montage file: grid, order of the ADC's channels, ADC [default: files/montages/paper-61.toml].
     #[arg(long)]
     montage: Option<PathBuf>,
     /// Sampling rate of the ADC, Hz [default: that of the montage].
@@ -78,7 +78,7 @@ impl ShapeArgs {
     pub(crate) fn montage(&self) -> Result<MontageFile, TrainerError> {
         let mut montage = match &self.montage {
             Some(path) => MontageFile::read(path)?,
-            None => MontageFile::parse(Path::new("montages/paper-61.toml"), PAPER)?,
+            None => MontageFile::parse(Path::new("files/montages/paper-61.toml"), PAPER)?,
         };
         montage.adc.rate_hz = self.rate.unwrap_or(montage.adc.rate_hz);
         Ok(montage)

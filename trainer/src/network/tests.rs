@@ -199,7 +199,7 @@ fn running_statistics_move_a_tenth_towards_the_batch() {
 
 #[test]
 fn networks_of_other_shapes_equal_the_artifacts_float_encoder_and_decoder() {
-    let text = include_str!("../../../montages/cyton-16.toml");
+    let text = include_str!("../../../files/montages/cyton-16.toml");
     let montage = MontageFile::parse(Path::new("cyton-16.toml"), text).unwrap();
     for (mode, padding, steps) in [
         (Mode::PaperCodeOnly, Padding::Space, 16),

@@ -101,7 +101,10 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
 
 /// Returns `trainer packed` for a new model without a network, in the folder `alone`.
 fn packed_alone(folder: &Path) -> Command {
-    let montage = concat!(env!("CARGO_MANIFEST_DIR"), "/../montages/cyton-8.toml");
+    let montage = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../files/montages/cyton-8.toml"
+    );
     let mut command = Command::new(env!("CARGO_BIN_EXE_trainer"));
     command
         .args(["packed", "--montage", montage, "--out=alone", "--mains=50"])

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use super::*;
 
 /// Montage file with 61 electrodes from Fp1 to O2.
-const MONTAGE: &str = include_str!("../../../../montages/ten-ten-61.toml");
+const MONTAGE: &str = include_str!("../../../../files/montages/ten-ten-61.toml");
 /// Electrodes of the 10-20 system.
 const TEN_TWENTY: &str = "Fp1 Fp2 F7 F3 Fz F4 F8 T7 C3 Cz C4 T8 P7 P3 Pz P4 P8 O1 O2";
 

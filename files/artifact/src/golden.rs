@@ -1,0 +1,268 @@
+//! Golden windows: inputs with the codes that every integer encoder must produce.
+
+use crate::description::CodeFormat;
+use crate::error::ArtifactError;
+use crate::integer_code::IntegerCode;
+use safetensors::SafeTensors;
+use safetensors::tensor::{Dtype, TensorView};
+use std::path::Path;
+
+/// Name of the file with the golden windows.
+pub(crate) const GOLDEN: &str = "golden.safetensors";
+
+/// Name of the tensor of exponents, which only format `Int8Exponent` has.
+const EXPONENTS: &str = "exponents";
+
+/// Quantised windows, and the codes that the integer encoder of this model returns for them.
+///
+/// `trainer` writes them from model-gen's integer reference; every other integer encoder must return
+/// the same bytes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Golden {
+    /// Format of the codes. The file holds `codes` `[n, numbers]` as int8 or int16, and for
+    /// `Int8Exponent` also `exponents` `[n]` as uint8.
+    pub format: CodeFormat,
+    /// Numbers of time steps in a window and of cells in a plane of the scalp grid.
+    pub window_shape: [usize; 2],
+    /// Int8 windows on the scalp grid, each in the order step, row, column (the last fastest).
+    pub windows: Vec<Vec<i8>>,
+    /// Code that the integer encoder must return for each window, in the same order.
+    pub codes: Vec<IntegerCode>,
+}
+
+impl Golden {
+    /// Reads `golden.safetensors` from an artifact's folder.
+    ///
+    /// # Errors
+    /// If the file cannot be read or does not hold windows `[n, steps, cells]` and codes
+    /// `[n, numbers]`.
+    pub fn read(folder: &Path) -> Result<Self, ArtifactError> {
+        let path = folder.join(GOLDEN);
+        let bytes = std::fs::read(&path).map_err(|source| ArtifactError::File { path, source })?;
+        Self::from_bytes(&bytes)
+    }
+
+    /// Parses the contents of `golden.safetensors`.
+    ///
+    /// # Errors
+    /// If the contents are not windows `[n, steps, cells]` and codes `[n, numbers]`.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, ArtifactError> {
+        let file =
+            SafeTensors::deserialize(bytes).map_err(|source| ArtifactError::Safetensors {
+                file: GOLDEN,
+                source,
+            })?;
+        let [count, steps, cells] = shape(&file, "windows")?;
+        let windows = contents(&file, "windows", Dtype::I8, &[count, steps, cells])?;
+        let windows: Vec<i8> = windows.iter().map(|byte| byte.cast_signed()).collect();
+        let windows = windows.chunks_exact((steps * cells).max(1));
+
+        let is_wide = |view: TensorView<'_>| view.dtype() == Dtype::I16;
+        let format = if file.tensor(EXPONENTS).is_ok() {
+            CodeFormat::Int8Exponent
+        } else if file.tensor("codes").is_ok_and(is_wide) {
+            CodeFormat::Int16
+        } else {
+            CodeFormat::Int8
+        };
+        let [_, numbers] = shape(&file, "codes")?;
+        let values = contents(&file, "codes", element_type(format), &[count, numbers])?;
+        let values: Vec<i16> = match format {
+            CodeFormat::Int8 | CodeFormat::Int8Exponent => {
+                let values = values.iter().map(|byte| byte.cast_signed());
+                values.map(i16::from).collect()
+            }
+            CodeFormat::Int16 => {
+                let (values, _) = values.as_chunks::<2>();
+                values.iter().map(|&b| i16::from_le_bytes(b)).collect()
+            }
+        };
+        let exponents = match format {
+            CodeFormat::Int8Exponent => contents(&file, EXPONENTS, Dtype::U8, &[count])?.to_vec(),
+            CodeFormat::Int8 | CodeFormat::Int16 => vec![0; count],
+        };
+        let codes = exponents
+            .into_iter()
+            .zip(values.chunks_exact(numbers.max(1)));
+        Ok(Self {
+            format,
+            window_shape: [steps, cells],
+            windows: windows.map(<[i8]>::to_vec).collect(),
+            codes: codes
+                .map(|(exponent, values)| IntegerCode {
+                    exponent,
+                    values: values.to_vec(),
+                })
+                .collect(),
+        })
+    }
+
+    /// Writes `golden.safetensors` into an artifact's folder.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    ///
+    /// # Panics
+    /// If the numbers of codes and windows differ.
+    pub fn write(&self, folder: &Path) -> Result<(), ArtifactError> {
+        let path = folder.join(GOLDEN);
+        std::fs::write(&path, self.to_bytes()?)
+            .map_err(|source| ArtifactError::File { path, source })
+    }
+
+    fn to_bytes(&self) -> Result<Vec<u8>, ArtifactError> {
+        let count = self.windows.len();
+        assert_eq!(count, self.codes.len(), "every window has a code");
+        let error = |source| ArtifactError::Safetensors {
+            file: GOLDEN,
+            source,
+        };
+        let [steps, cells] = self.window_shape;
+        let numbers = self.codes.first().map_or(0, |code| code.values.len());
+        let windows = self.windows.iter().flatten();
+        let windows: Vec<u8> = windows.map(|q| q.cast_unsigned()).collect();
+        let values = self.codes.iter().flat_map(|code| &code.values);
+        let width = element_type(self.format).bitsize() / 8;
+        let values: Vec<u8> = values
+            .flat_map(|value| value.to_le_bytes().into_iter().take(width))
+            .collect();
+        let exponents: Vec<u8> = self.codes.iter().map(|code| code.exponent).collect();
+        let view = |dtype, shape: &[usize], bytes| {
+            TensorView::new(dtype, shape.to_vec(), bytes).map_err(error)
+        };
+        let mut views = vec![
+            (
+                "codes",
+                view(element_type(self.format), &[count, numbers], &values)?,
+            ),
+            (
+                "windows",
+                view(Dtype::I8, &[count, steps, cells], &windows)?,
+            ),
+        ];
+        if self.format == CodeFormat::Int8Exponent {
+            views.push((EXPONENTS, view(Dtype::U8, &[count], &exponents)?));
+        }
+        safetensors::serialize(views, None).map_err(error)
+    }
+}
+
+/// Returns the element type of the tensor `codes`.
+fn element_type(format: CodeFormat) -> Dtype {
+    match format {
+        CodeFormat::Int8 | CodeFormat::Int8Exponent => Dtype::I8,
+        CodeFormat::Int16 => Dtype::I16,
+    }
+}
+
+/// Returns the shape of a tensor with `N` dimensions; 0 for a dimension that the tensor lacks, which no
+/// contents have.
+fn shape<const N: usize>(file: &SafeTensors, name: &str) -> Result<[usize; N], ArtifactError> {
+    let view = tensor(file, name)?;
+    let lengths = view.shape();
+    Ok(std::array::from_fn(|axis| {
+        lengths.get(axis).copied().unwrap_or(0)
+    }))
+}
+
+fn tensor<'f>(file: &'f SafeTensors, name: &str) -> Result<TensorView<'f>, ArtifactError> {
+    file.tensor(name).map_err(|_| ArtifactError::MissingTensor {
+        file: GOLDEN,
+        name: name.to_owned(),
+    })
+}
+
+/// Returns the bytes of a tensor, little-endian, or an error if its type or shape differs.
+fn contents<'f>(
+    file: &'f SafeTensors,
+    name: &str,
+    dtype: Dtype,
+    shape: &[usize],
+) -> Result<&'f [u8], ArtifactError> {
+    let view = tensor(file, name)?;
+    if view.dtype() != dtype {
+        return Err(ArtifactError::ElementType {
+            file: GOLDEN,
+            name: name.to_owned(),
+            found: view.dtype().to_string(),
+            expected: match dtype {
+                Dtype::U8 => "U8",
+                Dtype::I16 => "I16",
+                _ => "I8",
+            },
+        });
+    }
+    if view.shape() != shape {
+        return Err(ArtifactError::Shape {
+            file: GOLDEN,
+            name: name.to_owned(),
+            found: view.shape().to_vec(),
+            expected: shape.to_vec(),
+        });
+    }
+    Ok(view.data())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn golden(format: CodeFormat) -> Golden {
+        let windows = [-128, 0, 127].map(|value| vec![value; 16 * 90]).to_vec();
+        let [least, greatest] = format.range();
+        let codes = [least, -1, greatest].map(|value| IntegerCode {
+            exponent: format.largest_exponent(),
+            values: vec![value; 128],
+        });
+        Golden {
+            format,
+            window_shape: [16, 90],
+            windows,
+            codes: codes.to_vec(),
+        }
+    }
+
+    #[test]
+    fn written_golden_windows_read_back_in_every_format() {
+        for format in [
+            CodeFormat::Int8,
+            CodeFormat::Int8Exponent,
+            CodeFormat::Int16,
+        ] {
+            let folder = tempfile::tempdir().unwrap();
+            golden(format).write(folder.path()).unwrap();
+            assert_eq!(Golden::read(folder.path()).unwrap(), golden(format));
+        }
+    }
+
+    #[test]
+    fn writing_the_checked_in_file_reproduces_its_bytes() {
+        let bytes = include_bytes!("../../../signal/model/artifact/golden.safetensors");
+        let golden = Golden::from_bytes(bytes).unwrap();
+        assert!(golden.to_bytes().unwrap() == bytes);
+    }
+
+    #[test]
+    fn a_number_of_codes_other_than_that_of_windows_is_refused() {
+        let codes = [0; 2 * 128];
+        let windows = [0; 16 * 90];
+        let bytes = safetensors::serialize(
+            [
+                (
+                    "codes",
+                    TensorView::new(Dtype::I8, vec![2, 128], &codes).unwrap(),
+                ),
+                (
+                    "windows",
+                    TensorView::new(Dtype::I8, vec![1, 16, 90], &windows).unwrap(),
+                ),
+            ],
+            None,
+        )
+        .unwrap();
+        assert!(matches!(
+            Golden::from_bytes(&bytes),
+            Err(ArtifactError::Shape { .. })
+        ));
+    }
+}

@@ -1,0 +1,138 @@
+//! Montage files: the scalp grid, the order of the ADC channels and the ADC, as text for people.
+
+use crate::description::{Adc, Grid, Montage};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// Internal reference of an ADS1299, V (datasheet SBAS499, section 7.5).
+const VREF_V: f64 = 4.5;
+
+/// A montage file, such as `files/montages/paper-61.toml`; an unknown field is an error.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MontageFile {
+    /// Name of the montage.
+    pub name: String,
+    /// One line for each row of the grid, front to back: labels or `_`, separated by blanks.
+    grid: String,
+    /// Electrodes in the order of the ADC's channels; `None` for the row-major order of the grid.
+    pub order: Option<Vec<String>>,
+    /// The ADC.
+    pub adc: MontageAdc,
+}
+
+/// The ADC of a montage: a chain of ADS1299.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MontageAdc {
+    /// Number of channels, 8 for each converter.
+    pub channels: usize,
+    /// Gain of the programmable-gain amplifier.
+    pub gain: u32,
+    /// Sampling rate of each channel, Hz.
+    pub rate_hz: u32,
+}
+
+/// Why a montage file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum MontageFileError {
+    /// The file cannot be read.
+    #[error("cannot read the montage {}", path.display())]
+    File {
+        /// Path of the file.
+        path: PathBuf,
+        /// Error from the operating system.
+        source: std::io::Error,
+    },
+    /// The text has no montage: it is not TOML, or a field is missing, misspelt or of the wrong type.
+    #[error("{} is no montage; files/montages/paper-61.toml is an example", path.display())]
+    Toml {
+        /// Path of the file.
+        path: PathBuf,
+        /// Place and kind of the error.
+        source: toml::de::Error,
+    },
+}
+
+impl MontageFile {
+    /// Reads a montage from a file.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is no montage. Whether the montage is valid is not checked.
+    pub fn read(path: &Path) -> Result<Self, MontageFileError> {
+        let text = std::fs::read_to_string(path).map_err(|source| MontageFileError::File {
+            path: path.to_owned(),
+            source,
+        })?;
+        Self::parse(path, &text)
+    }
+
+    /// Parses the text of a montage file; `path` is for the error.
+    ///
+    /// # Errors
+    /// If the text is no montage. Whether the montage is valid is not checked.
+    pub fn parse(path: &Path, text: &str) -> Result<Self, MontageFileError> {
+        toml::from_str(text).map_err(|source| MontageFileError::Toml {
+            path: path.to_owned(),
+            source,
+        })
+    }
+
+    /// Returns the scalp grid; its rows can have different lengths in an invalid montage.
+    pub fn grid(&self) -> Grid {
+        let lines = self.grid.lines().map(str::trim);
+        let cells = lines
+            .filter(|line| !line.is_empty())
+            .map(|line| line.split_whitespace().map(str::to_owned).collect());
+        Grid::new(cells.collect())
+    }
+
+    /// Returns the electrodes in the order of the ADC's channels.
+    pub fn montage(&self) -> Montage {
+        let electrodes = match &self.order {
+            Some(order) => order.clone(),
+            None => self.grid().electrodes(),
+        };
+        Montage { electrodes }
+    }
+
+    /// Returns the ADC for a description.
+    pub fn adc(&self) -> Adc {
+        Adc {
+            rate_hz: self.adc.rate_hz,
+            vref_v: VREF_V,
+            gain: self.adc.gain,
+            channels: self.adc.channels,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TWO: &str = "name = \"two\"\ngrid = \"\"\"\nC3 _ C4\n\nP3 _ P4\n\"\"\"\n\
+        [adc]\nchannels = 8\ngain = 24\nrate_hz = 250\n";
+
+    #[test]
+    fn rows_are_lines_and_channels_follow_the_grid_without_an_order() {
+        let file = MontageFile::parse(Path::new("two.toml"), TWO).unwrap();
+        assert_eq!((file.grid().rows, file.grid().columns), (2, 3));
+        assert_eq!(file.montage().electrodes, ["C3", "C4", "P3", "P4"]);
+        let ordered = TWO.replace("[adc]", "order = [\"P4\", \"C3\"]\n[adc]");
+        let file = MontageFile::parse(Path::new("two.toml"), &ordered).unwrap();
+        assert_eq!(file.montage().electrodes, ["P4", "C3"]);
+    }
+
+    #[test]
+    fn unknown_fields_are_refused_by_name() {
+        for (from, to) in [("gain", "gian"), ("name", "nmae")] {
+            let error =
+                MontageFile::parse(Path::new("x.toml"), &TWO.replace(from, to)).unwrap_err();
+            let MontageFileError::Toml { source, .. } = error else {
+                panic!("{error}")
+            };
+            assert!(source.to_string().contains(to), "{source}");
+        }
+    }
+}

@@ -1,0 +1,295 @@
+//! The program `corticode-bridge`: tasks, log and exit status.
+
+pub(crate) mod bridge;
+mod check_options;
+mod claim;
+pub(crate) mod command_line;
+mod completions;
+mod config_file;
+mod convert;
+mod doctor;
+mod given_options;
+pub(crate) mod log;
+mod man;
+mod master;
+pub(crate) mod namespace;
+mod node_command;
+mod outlets;
+pub(crate) mod parameters;
+mod port_options;
+mod ports;
+mod record;
+mod recording_file;
+mod replay;
+mod replay_port;
+mod ros_node;
+mod ros_topics;
+mod rosout;
+mod shutdown;
+mod silence_log;
+mod sink_kind;
+mod sinks;
+mod stream_options;
+mod whole_lines;
+
+use std::error::Error;
+use std::fmt;
+use std::io::{ErrorKind, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use neuro_ros::Log;
+use neuro_ros::ros1::NodeOptions;
+use serde::Serialize;
+use tokio::sync::mpsc::Receiver;
+
+use crate::app::check_options::{DoctorOptions, PortsOptions};
+use crate::app::command_line::{Options, RecordOptions, Task, command};
+use crate::app::config_file::ConfigFile;
+use crate::app::convert::ConvertOptions;
+use crate::app::given_options::GivenOptions;
+use crate::app::master::MasterOptions;
+use crate::app::port_options::PortOptions;
+use crate::app::ports::PortList;
+use crate::app::replay::ReplayOptions;
+use crate::error::BridgeError;
+use crate::ports::system_root::SystemRoot;
+use crate::query::protocol::{Answer, Request};
+use crate::query::query_port;
+
+/// udev's rule for boards on USB.
+const UDEV_RULE: &str = include_str!("../../../packaging/60-corticode.rules");
+
+/// Runs `corticode-bridge` with the arguments and environment of this process and returns its exit
+/// status.
+///
+/// Status 0 means success, 1 a failed check, 2 wrong usage, 3 that the device or ROS is not
+/// reachable, and 4 that the device refuses the request. Without a subcommand the bridge streams
+/// until a signal or ROS ends it. `selftest` and `reset` send the device one request and print its
+/// answer. `record` writes everything on the wire to a file, which `replay` and `convert` read.
+/// `ports` and `doctor` print the state of this machine. `master` runs a ROS master until a signal
+/// ends it; `completions` and `man` print.
+pub fn run() -> ExitCode {
+    let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
+    let done = read_task(&ros, arguments).and_then(|(task, config)| match task {
+        Task::Bridge(options) => stream(*options, ros, config).map(|()| ExitCode::SUCCESS),
+        Task::SelfTest(options) => send_request(&options.at, Request::SelfTest, options.json),
+        Task::Reset(options) => send_request(&options.at, Request::Reset(options.target()), false),
+        Task::Record(options) => record(options, &ros, config).map(|()| ExitCode::SUCCESS),
+        Task::Replay(options) => replay(&options, &ros).map(|()| ExitCode::SUCCESS),
+        Task::Ports(options) => list_ports(&options),
+        Task::Doctor(options) => examine(&options, &ros),
+        Task::Convert(options) => convert(&options, &ros, config).map(|()| ExitCode::SUCCESS),
+        Task::Master(options) => run_master(&options, &ros).map(|()| ExitCode::SUCCESS),
+        Task::Completions(options) => {
+            let script = completions::script(&options, command());
+            print(script.as_bytes()).map(|()| ExitCode::SUCCESS)
+        }
+        Task::Man(options) => print(&man::pages(&options, command())?).map(|()| ExitCode::SUCCESS),
+    });
+    match done {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("corticode-bridge: {error}");
+            let mut source = error.source();
+            while let Some(cause) = source {
+                eprintln!("  because {cause}");
+                source = cause.source();
+            }
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+/// Reads the options from command line, environment, parameter server and configuration file, in this
+/// order of precedence. Wrong usage and requests for help end the process. Also returns the path of
+/// the file, for the log, if it has options.
+fn read_task(
+    ros: &NodeOptions,
+    arguments: Vec<String>,
+) -> Result<(Task, Option<PathBuf>), BridgeError> {
+    let arguments = parameters::to_flags(arguments, &Options::parameter_names())?;
+    let parse = |arguments: &[String]| {
+        GivenOptions::parse_from(arguments).unwrap_or_else(|error| error.exit())
+    };
+    let given = parse(&arguments);
+    let (mut path, mut others) = (None, Vec::new());
+    if given.reads_config()
+        && let Some(file) = ConfigFile::read(given.config(), |name| std::env::var_os(name))?
+    {
+        path = Some(file.path).filter(|_| !file.options.is_empty());
+        others = file.options;
+        others.retain(|(name, _)| given.knows(name) && !given.is_set(name));
+        if names_master() {
+            others.retain(|(name, _)| name != "ros_master_uri");
+        }
+    }
+    let values = |others: &[(String, String)]| {
+        let values = others.iter().map(|(_, argument)| argument.clone());
+        given.extend(&arguments, values)
+    };
+    let with_file = parse(&values(&others));
+    if with_file.is_ros_bridge() {
+        let master_uri = with_file.ros_master_uri().unwrap_or(&ros.master_uri);
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()?;
+        let names = Options::parameter_names();
+        let parameters = runtime.block_on(parameters::read(ros, master_uri, &names));
+        // A name that does not resolve would hold the runtime's end for as long as the resolver tries.
+        runtime.shutdown_background();
+        for (name, argument) in parameters? {
+            if !given.is_set(&name) {
+                others.retain(|(known, _)| *known != name);
+                others.push((name, argument));
+            }
+        }
+    }
+    let task = Task::parse_from(values(&others).into_iter().map(Into::into));
+    let task = task.unwrap_or_else(|error| error.exit());
+    if let (Task::SelfTest(_) | Task::Reset(_), Some(path)) = (&task, &path) {
+        // These tasks have no log.
+        eprintln!("corticode-bridge: options from {}", path.display());
+    }
+    Ok((task, path))
+}
+
+/// Returns whether `__master:=` or `ROS_MASTER_URI` names the ROS master. They override the
+/// configuration file.
+fn names_master() -> bool {
+    let variable = std::env::var_os("ROS_MASTER_URI");
+    let mut arguments = std::env::args_os();
+    variable.is_some_and(|uri| !uri.is_empty())
+        || arguments.any(|argument| argument.to_string_lossy().starts_with("__master:="))
+}
+
+fn stream(options: Options, ros: NodeOptions, config: Option<PathBuf>) -> Result<(), BridgeError> {
+    let lines = init_log(&ros, config)?;
+    // One thread reads the port and writes the sockets: passing a code to another thread would delay
+    // it by the time in which that thread wakes up.
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let summary = runtime.block_on(bridge::stream(options, ros, lines))?;
+    eprintln!("corticode-bridge: {summary}");
+    Ok(())
+}
+
+fn record(
+    options: RecordOptions,
+    ros: &NodeOptions,
+    config: Option<PathBuf>,
+) -> Result<(), BridgeError> {
+    init_log(ros, config)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()?;
+    let summary = runtime.block_on(record::record(options))?;
+    eprintln!("corticode-bridge: {summary}");
+    Ok(())
+}
+
+fn replay(options: &ReplayOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
+    init_log(ros, None)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()?;
+    let summary = runtime.block_on(replay::replay(options))?;
+    eprintln!("corticode-bridge: {summary}");
+    Ok(())
+}
+
+fn convert(
+    options: &ConvertOptions,
+    ros: &NodeOptions,
+    config: Option<PathBuf>,
+) -> Result<(), BridgeError> {
+    init_log(ros, config)?;
+    let summary = convert::convert(options)?;
+    eprintln!("corticode-bridge: {summary}");
+    Ok(())
+}
+
+fn run_master(options: &MasterOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
+    init_log(ros, None)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()?;
+    runtime.block_on(master::run(options))
+}
+
+/// Sends one request to the device and prints the answer. The exit status is 1 if a self-test
+/// failed.
+fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCode, BridgeError> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let (text, passed) = match runtime.block_on(query_port(&at.port, at.baud, request))? {
+        Answer::SelfTest(report) if json => {
+            let json = serde_json::to_string_pretty(&report).map_err(std::io::Error::from)?;
+            (json, report.passed)
+        }
+        Answer::SelfTest(report) => (report.to_string(), report.passed),
+        Answer::Restarted(device) => (device.to_string(), true),
+        Answer::InBootloader(device) => (
+            format!(
+                "{} starts its bootloader; flash it over USB, for example with dfu-util",
+                device.board
+            ),
+            true,
+        ),
+    };
+    print(format!("{text}\n").as_bytes())?;
+    Ok(ExitCode::from(u8::from(!passed)))
+}
+
+fn list_ports(options: &PortsOptions) -> Result<ExitCode, BridgeError> {
+    if options.udev_rule {
+        print(UDEV_RULE.as_bytes())?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let ports = PortList::read(&SystemRoot::machine());
+    print_report(&ports, options.json)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Checks this machine and prints the findings. The exit status is 1 if one is an error.
+fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, BridgeError> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    let report = runtime.block_on(doctor::examine(options, ros));
+    // A name that does not resolve would hold the runtime's end for as long as the resolver tries.
+    runtime.shutdown_background();
+    print_report(&report, options.json)?;
+    Ok(ExitCode::from(u8::from(report.errors > 0)))
+}
+
+/// Prints a report as text or as JSON.
+fn print_report(report: &(impl Serialize + fmt::Display), json: bool) -> Result<(), BridgeError> {
+    let text = if json {
+        serde_json::to_string_pretty(report).map_err(std::io::Error::from)?
+    } else {
+        report.to_string()
+    };
+    print(format!("{text}\n").as_bytes())
+}
+
+/// Writes text to stdout.
+fn print(text: &[u8]) -> Result<(), BridgeError> {
+    match std::io::stdout().write_all(text) {
+        // The process that reads the output, such as `head`, has closed the pipe, which is not an
+        // error.
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => Ok(written?),
+    }
+}
+
+/// Starts the log. `config` is the configuration file that was read.
+fn init_log(ros: &NodeOptions, config: Option<PathBuf>) -> Result<Receiver<Log>, BridgeError> {
+    let lines = log::start(ros, "info")?;
+    if let Some(path) = config {
+        tracing::info!("options from {}", path.display());
+    }
+    Ok(lines)
+}

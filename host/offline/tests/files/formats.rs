@@ -1,0 +1,194 @@
+//! Each format holds the microvolts of the model's decoder, and the events of the recording.
+
+use std::fs;
+
+use new_file::Existing;
+use offline::{Decoding, Model, Progress, SignalFormat};
+use pipeline::{Mains, Pipeline, Sample};
+use reconstruction::{WindowDecoder, dequantise};
+use recordings::{AdcSpec, EventLabel, Missing, MontageMap, Recording, VirtualAdc};
+
+use crate::recording::{ENCODING, EVENTS, Fixture, labels, values};
+
+/// Rounding of a 16-bit and of a 24-bit file, and of float32, uV.
+const ROUNDING_UV: [(SignalFormat, f64); 3] = [
+    (SignalFormat::Edf, 0.050_01),
+    (SignalFormat::Bdf, 0.011_2),
+    (SignalFormat::Gdf, 0.0),
+];
+
+#[test]
+fn rows_are_the_means_of_all_windows_that_contain_them() {
+    let fixture = Fixture::new();
+    let encoded = fixture.encode();
+    let expected = expected(&fixture);
+    let rows = expected.len();
+    assert_eq!(
+        rows,
+        (usize::try_from(encoded.stats.codes_made).expect("few") - 1) * model::HOP + model::STEPS
+    );
+    for (format, tolerance) in ROUNDING_UV {
+        let name = format!("decoded.{}", format.extension());
+        let decoded = fixture.decode(&fixture.codes(), &name, format, true);
+        let decoded = decoded.expect("decoded");
+        assert_eq!(decoded.rows, rows as u64);
+        assert_eq!(
+            (decoded.missing, decoded.damaged, decoded.limited),
+            (0, 0, 0)
+        );
+        let written = values(&fixture.path(&name));
+        for (electrode, written) in written.iter().enumerate() {
+            assert_eq!(written.len(), rows, "{format:?}");
+            for (row, value) in written.iter().enumerate() {
+                let difference = (value - f64::from(expected[row][electrode])).abs();
+                assert!(
+                    difference <= tolerance,
+                    "{format:?}, row {row}: {difference}"
+                );
+            }
+        }
+        let recording = Recording::open(fixture.path(&name)).expect("a recording");
+        assert_eq!(recording.labels()[..labels().len()], labels());
+        assert!(recording.warnings().is_empty(), "{format:?}");
+    }
+}
+
+#[test]
+fn events_stand_at_the_rows_that_show_them() {
+    let fixture = Fixture::new();
+    fixture.encode();
+    for format in [SignalFormat::Edf, SignalFormat::Bdf, SignalFormat::Gdf] {
+        let name = format!("decoded.{}", format.extension());
+        let decoded = fixture.decode(&fixture.codes(), &name, format, true);
+        decoded.expect("decoded");
+        let mut recording = Recording::open(fixture.path(&name)).expect("a recording");
+        let events = recording.events().expect("events");
+        assert_eq!(events.len(), EVENTS.len(), "{format:?}");
+        for (event, (row, kind)) in events.iter().zip(EVENTS) {
+            let delay_s = f64::from(Mains::Hz50.filter().group_delay_us) / 1e6;
+            #[expect(clippy::cast_precision_loss, reason = "small whole numbers")]
+            let expected_s = row as f64 / f64::from(model::ADC_RATE_HZ) + delay_s;
+            let difference = (event.onset_s - expected_s).abs();
+            assert!(
+                difference <= 0.5 / 128.0 + 1e-6,
+                "{format:?}: {difference} s"
+            );
+            let label = match format {
+                SignalFormat::Gdf => EventLabel::Type(kind),
+                _ => EventLabel::Text(format!("{kind:#06x}")),
+            };
+            assert_eq!(event.label, label);
+        }
+    }
+}
+
+#[test]
+fn texts_of_events_get_types_in_a_gdf_file() {
+    let fixture = Fixture::new();
+    fixture.encode();
+    let texts = fixture.decode(&fixture.codes(), "texts.edf", SignalFormat::Edf, true);
+    texts.expect("decoded");
+    let (texts, codes) = (fixture.path("texts.edf"), fixture.path("texts.codes"));
+    ENCODING
+        .encode(&texts, &codes, &Progress::default())
+        .expect("encoded");
+    let model = Model::embedded().expect("a model");
+    let decoding = Decoding {
+        model: &model,
+        format: SignalFormat::Gdf,
+        kind: None,
+        existing: Existing::Refuse,
+    };
+    let output = fixture.path("types.gdf");
+    let decoded = decoding.decode(&codes, &output, Some(&texts), &Progress::default());
+    let types = decoded.expect("decoded").event_types;
+    assert_eq!(types, [("0x0301".to_owned(), 1), ("0x0302".to_owned(), 2)]);
+    let mut recording = Recording::open(output).expect("a recording");
+    let labels = recording
+        .events()
+        .expect("events")
+        .into_iter()
+        .map(|event| event.label);
+    let labels: Vec<EventLabel> = labels.collect();
+    assert_eq!(labels, [1, 2, 1].map(EventLabel::Type));
+}
+
+#[test]
+fn a_line_of_csv_has_row_time_flags_events_and_microvolts() {
+    let fixture = Fixture::new();
+    fixture.encode();
+    let decoded = fixture.decode(&fixture.codes(), "decoded.csv", SignalFormat::Csv, true);
+    decoded.expect("decoded");
+    let text = fs::read_to_string(fixture.path("decoded.csv")).expect("text");
+    let mut lines = text.lines();
+    let header = format!("row,time_s,flags,events,{}", labels().join(","));
+    assert_eq!(lines.next(), Some(&*header));
+    let expected = expected(&fixture);
+    let mut events = Vec::new();
+    for (row, line) in lines.enumerate() {
+        let fields: Vec<&str> = line.split(',').collect();
+        assert_eq!(fields[0], row.to_string());
+        events.extend(fields[3].split('|').filter(|event| !event.is_empty()));
+        let written: Vec<f32> = fields[4..]
+            .iter()
+            .map(|x| x.parse().expect("a number"))
+            .collect();
+        assert_eq!(written, expected[row]);
+        let is_settling = row < model::HOP;
+        assert!(!is_settling || fields[2] == "8", "row {row}: {}", fields[2]);
+    }
+    assert_eq!(events, ["0x0301", "0x0302", "0x0301"]);
+    let delay_s = f64::from(Mains::Hz50.filter().group_delay_us) / 1e6;
+    let second = text.lines().nth(129).expect("row 128");
+    assert!(
+        second.starts_with(&format!("128,{:.6},", 1.0 - delay_s)),
+        "{second}"
+    );
+}
+
+/// Returns the decoded signal, computed window by window: the electrodes of each row, uV.
+fn expected(fixture: &Fixture) -> Vec<Vec<f32>> {
+    let recording = Recording::open(fixture.recording()).expect("a recording");
+    let map = MontageMap::new(&recording.labels(), &labels(), Missing::Refuse).expect("a map");
+    let spec = AdcSpec {
+        rate_hz: model::ADC_RATE_HZ.into(),
+        lsb_uv: f64::from(model::LSB_NV) / 1000.0,
+    };
+    let adc = VirtualAdc::new(recording, &map, spec).expect("an ADC");
+    let mut pipeline = Pipeline::new(Mains::Hz50);
+    let folder =
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../signal/model/artifact");
+    let artifact = artifact::Artifact::read(&folder).expect("the checked-in model");
+    let decoder = WindowDecoder::new(&artifact).expect("a decoder");
+    let electrodes = labels().len();
+    let mut rows: Vec<Vec<Vec<f32>>> = Vec::new();
+    for counts in adc {
+        let counts = counts.expect("a sample");
+        let sample = Sample {
+            counts: std::array::from_fn(|channel| counts[channel]),
+        };
+        let Some(code) = pipeline.encode_sample(&sample) else {
+            continue;
+        };
+        let levels = code.values.levels().into_iter();
+        let numbers = model::CODE_SCALE.iter().zip(&model::CODE_ZERO_POINT);
+        let z = levels
+            .zip(numbers)
+            .map(|(level, (scale, zero))| dequantise(level, *scale, *zero));
+        let window = decoder.decode(&z.collect::<Vec<f32>>());
+        let first = usize::try_from(code.window).expect("few windows") * model::HOP;
+        for (step, values) in window.chunks_exact(electrodes).enumerate() {
+            rows.resize_with(rows.len().max(first + step + 1), Vec::new);
+            rows[first + step].push(values.to_vec());
+        }
+    }
+    let mean = |windows: Vec<Vec<f32>>| -> Vec<f32> {
+        #[expect(clippy::cast_precision_loss, reason = "a few windows")]
+        let share = 1.0 / windows.len() as f32;
+        let sum = |electrode: usize| windows.iter().map(|window| window[electrode]).sum::<f32>();
+        (0..electrodes)
+            .map(|electrode| sum(electrode) * share)
+            .collect()
+    };
+    rows.into_iter().map(mean).collect()
+}

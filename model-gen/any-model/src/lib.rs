@@ -1,0 +1,360 @@
+//! Random models of every mode, padding, pool, size and montage, calibrated like a trained model.
+//!
+//! Tests and benchmarks need models of other shapes than the checked-in one, but no training: neither the codes'
+//! agreement nor their cost depends on what the weights are good for.
+//!
+//! ```text
+//! signal/model/artifact/model.toml ── change ──> Description ──┐
+//! montages/*.toml ───────────────────────────^          ├─> Artifact
+//! seed ──> dense random weights ──> ranges of the codes ┘
+//! ```
+//!
+//! ```
+//! use any_model::{MONTAGES, any_artifact_for};
+//! use artifact::{Mode, MontageFile};
+//! use std::path::Path;
+//!
+//! let cyton = MontageFile::read(&Path::new(MONTAGES).join("cyton-8.toml"))?;
+//! let model = any_artifact_for(1, &cyton, Mode::Pca, 16)?;
+//! assert_eq!(model.description.dimensions().electrodes, 8);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+#![forbid(unsafe_code)]
+
+mod noise;
+mod packed;
+
+use std::{
+    fmt, fs,
+    path::{Path, PathBuf},
+};
+
+use artifact::{
+    Artifact, ArtifactError, Decimation, Description, FloatEncoder, Geometry, Grid, Mode,
+    MontageFile, MontageFileError, NetworkShape, Padding, ScalpGrid, Tensors, TracedCode,
+};
+use model_gen::IntegerModel;
+
+use noise::Noise;
+pub use packed::any_packed;
+
+/// Folder of the built-in model, whose description the random models start from.
+const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/artifact");
+/// Folder of the montage files.
+pub const MONTAGES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../files/montages");
+
+/// A window on the scalp grid, indexed by step, row and column, in units of the input's standard deviation.
+pub type Window = Vec<f32>;
+
+/// Number of windows with which each network is calibrated.
+const CALIBRATION: usize = 16;
+
+/// Largest magnitude in the training data of a model without a network, uV.
+const LARGEST_UV: f32 = 500.0;
+
+/// Numbers of the code of the network whose description a model without a network takes.
+const NUMBERS: usize = 16;
+
+/// Returns every tested combination of mode, padding and pool. Mode `paper` occurs once per padding, because
+/// it has the same encoder as `paper-code-only`.
+pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
+    let mut variants = vec![(Mode::Pca, Padding::None, [2, 2, 2])];
+    for padding in [Padding::None, Padding::Space, Padding::All] {
+        variants.push((Mode::Paper, padding, [2, 2, 2]));
+        for pool in [
+            [2, 2, 2],
+            [1, 2, 2],
+            [2, 3, 3],
+            [4, 2, 2],
+            [2, 1, 1],
+            [2, 2, 1],
+        ] {
+            // A pool of four steps does not fit a window that is padded in time.
+            if !(padding.pads_time() && pool[0] == 4) {
+                variants.push((Mode::PaperCodeOnly, padding, pool));
+                variants.push((Mode::Shortcut, padding, pool));
+            }
+        }
+    }
+    variants
+}
+
+/// Returns a network in which every weight matters: dense random tensors, and batch norms with negative, zero
+/// and positive factors and different offsets. The rest of the description is that of the built-in model. The
+/// network is calibrated with windows that [`windows`] draws from another seed, so that most values of later
+/// codes are neither clipped nor zero.
+///
+/// # Errors
+/// When the built-in model cannot be read, or a model cannot have this shape.
+pub fn any_artifact(
+    seed: u32,
+    mode: Mode,
+    padding: Padding,
+    pool: [usize; 3],
+    hop: usize,
+) -> Result<Artifact, ArtifactError> {
+    any_artifact_with(seed, |description| {
+        description.mode = mode;
+        description.network = NetworkShape { padding, pool };
+        description.window.hop = hop;
+    })
+}
+
+/// Returns a network as [`any_artifact`] does, of the built-in model's description after `change`.
+///
+/// # Errors
+/// When the built-in model cannot be read, or the description is none that a model can have.
+pub fn any_artifact_with(
+    seed: u32,
+    change: impl FnOnce(&mut Description),
+) -> Result<Artifact, ArtifactError> {
+    let mut artifact = Artifact::read(Path::new(BUILT_IN))?;
+    change(&mut artifact.description);
+    let mut noise = Noise(seed);
+    let geometry = Geometry::new(&artifact.description);
+    artifact.weights = dense_weights(&mut noise, artifact.description.mode, &geometry);
+    let windows = windows(!seed, &artifact, CALIBRATION);
+    let encoder = FloatEncoder::new(&artifact)?;
+    let traced: Vec<TracedCode> = windows.iter().map(|w| encoder.encode_traced(w)).collect();
+    let calibration = calibration(&artifact, &windows, &traced);
+    Artifact::new(artifact.description, artifact.weights, calibration)
+}
+
+/// Size of a model: its grid, electrodes, window and code.
+#[derive(Clone, Copy, Debug)]
+pub struct Size {
+    /// Rows and columns of the scalp grid.
+    pub grid: [usize; 2],
+    /// Number of electrodes, evenly distributed over the cells of the grid.
+    pub electrodes: usize,
+    /// Number of time steps in a window.
+    pub steps: usize,
+    /// Number of time steps from the start of one window to the start of the next.
+    pub hop: usize,
+    /// Number of numbers in a code.
+    pub numbers: usize,
+}
+
+impl Size {
+    /// Returns the paper's size, with another hop.
+    pub const fn paper(hop: usize) -> Self {
+        Self {
+            grid: [10, 9],
+            electrodes: 61,
+            steps: 16,
+            hop,
+            numbers: 128,
+        }
+    }
+
+    /// Writes this size into a description, whose electrodes become E1, E2 and so on.
+    pub fn apply(&self, description: &mut Description) {
+        let [rows, columns] = self.grid;
+        let cells = rows * columns;
+        let is_electrode = |cell: usize| {
+            // Cell k has an electrode where k * electrodes / cells reaches the next integer.
+            (cell + 1) * self.electrodes / cells > cell * self.electrodes / cells
+        };
+        let label = |cell: usize| {
+            if is_electrode(cell) {
+                format!("E{}", cell * self.electrodes / cells + 1)
+            } else {
+                "_".to_owned()
+            }
+        };
+        let row = |row: usize| {
+            (0..columns)
+                .map(|column| label(row * columns + column))
+                .collect()
+        };
+        description.grid = Grid::new((0..rows).map(row).collect());
+        description.montage.electrodes = description.grid.electrodes();
+        (description.window.steps, description.window.hop) = (self.steps, self.hop);
+        description.code.numbers = self.numbers;
+        description.adc.channels = self.electrodes.next_multiple_of(8);
+        let card = &mut description.training;
+        (card.real_electrodes, card.interpolated_electrodes) = (self.electrodes, 0);
+        card.interpolated.clear();
+    }
+}
+
+impl fmt::Display for Size {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (
+            [rows, columns],
+            Self {
+                electrodes,
+                steps,
+                hop,
+                numbers,
+                ..
+            },
+        ) = (self.grid, self);
+        write!(
+            formatter,
+            "{electrodes} electrodes on {rows} x {columns} cells, windows of {steps} steps, hop {hop}, \
+             {numbers} numbers"
+        )
+    }
+}
+
+/// Returns the montage files of the folder [`MONTAGES`], by name.
+///
+/// # Errors
+/// When the folder or a file cannot be read, or a file is no montage.
+pub fn montages() -> Result<Vec<MontageFile>, MontageFileError> {
+    let folder = Path::new(MONTAGES);
+    let files = fs::read_dir(folder).and_then(|files| {
+        let paths = files.map(|file| file.map(|file| file.path()));
+        paths.collect::<Result<Vec<PathBuf>, _>>()
+    });
+    let mut paths = files.map_err(|source| MontageFileError::File {
+        path: folder.to_owned(),
+        source,
+    })?;
+    paths.sort();
+    paths.iter().map(|path| MontageFile::read(path)).collect()
+}
+
+/// Returns a network as [`any_artifact_with`] does, for a montage, with codes of `numbers` numbers.
+///
+/// # Errors
+/// When the built-in model cannot be read, or no model of this mode has this montage and code.
+pub fn any_artifact_for(
+    seed: u32,
+    montage: &MontageFile,
+    mode: Mode,
+    numbers: usize,
+) -> Result<Artifact, ArtifactError> {
+    any_artifact_with(seed, |description| {
+        description.mode = mode;
+        description.code.numbers = numbers;
+        apply_montage(montage, description);
+    })
+}
+
+/// Returns a model for a montage that has the packed code of [`any_packed`] and no network.
+///
+/// # Errors
+/// When the built-in model cannot be read, or no model has this montage.
+pub fn any_packed_alone(seed: u32, montage: &MontageFile) -> Result<Artifact, ArtifactError> {
+    let with_network = any_artifact_for(seed, montage, Mode::Pca, NUMBERS)?;
+    let mut description = with_network.description;
+    description.mode = Mode::Packed;
+    description.code.numbers = 0;
+    let packed = any_packed(seed, &description);
+    Artifact::without_network(description, LARGEST_UV, packed)
+}
+
+/// Writes the grid, the electrodes and the converters of a montage into a description, with the decimation that
+/// `trainer` chooses for the rate of the ADC.
+fn apply_montage(montage: &MontageFile, description: &mut Description) {
+    description.grid = montage.grid();
+    description.montage = montage.montage();
+    description.adc = montage.adc();
+    let steps_hz = description.window.rate_hz;
+    description.filters.decimation = if description.adc.rate_hz.is_multiple_of(steps_hz) {
+        Decimation::Literal
+    } else {
+        Decimation::Fir
+    };
+    let card = &mut description.training;
+    (card.real_electrodes, card.interpolated_electrodes) =
+        (description.montage.electrodes.len(), 0);
+    card.interpolated.clear();
+}
+
+/// Returns `count` random windows of a model's electrodes, smooth over time.
+pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
+    let grid = ScalpGrid::new(&artifact.description);
+    let dimensions = artifact.description.dimensions();
+    // Use another seed than for the weights: with the same random numbers, each window would match a filter
+    // exactly.
+    let mut noise = Noise(seed ^ 0x9e37_79b9);
+    let mut window = || {
+        let mut last = vec![0.0_f32; dimensions.electrodes];
+        let mut window = vec![0.0; dimensions.window_electrodes()];
+        for step in window.chunks_exact_mut(dimensions.electrodes) {
+            for (value, last) in step.iter_mut().zip(&mut last) {
+                *last = 0.8 * *last + 0.9 * noise.next();
+                *value = *last;
+            }
+        }
+        grid.scatter(&window)
+    };
+    (0..count).map(|_| window()).collect()
+}
+
+/// Returns the cells of a window, quantised with the model's input scale and clamped to int8.
+pub fn quantised(artifact: &Artifact, model: &IntegerModel, window: &Window) -> Vec<i8> {
+    let sd_uv = artifact.description.input.sd_uv;
+    let quantise = |x: &f32| {
+        let level = f64::from(*x) * sd_uv / f64::from(model.input_scale_uv);
+        #[expect(clippy::cast_possible_truncation, reason = "clamped to 8 bits")]
+        let clamped = level.round().clamp(-128.0, 127.0) as i8;
+        clamped
+    };
+    window.iter().map(quantise).collect()
+}
+
+fn dense_weights(noise: &mut Noise, mode: Mode, geometry: &Geometry) -> Tensors {
+    let mut weights = Tensors::for_weights();
+    for (name, shape) in artifact::weight_shapes(mode, geometry) {
+        let length = shape.iter().product();
+        let inputs: usize = shape[1..].iter().product();
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "layers have a few thousand inputs"
+        )]
+        let scale = match name {
+            _ if name.ends_with("running_var") => 0.4,
+            _ if name.contains("norm") => 1.0,
+            _ if name.ends_with("bias") => 0.3,
+            _ => 1.7 / (inputs as f32).sqrt(),
+        };
+        let mut values = noise.fill(length, scale);
+        if name.ends_with("running_var") {
+            for value in &mut values {
+                *value += 0.7;
+            }
+        }
+        if name.contains("norm") && name.ends_with(".weight") {
+            // For every seed, the first three factors have both signs and zero.
+            (values[0], values[1], values[2]) = (-0.7, 0.0, 0.7);
+        }
+        weights.insert(name, &shape, values);
+    }
+    weights
+}
+
+fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -> Tensors {
+    let largest = |values: &mut dyn Iterator<Item = f32>| vec![values.fold(0.0, f32::max)];
+    let mut calibration = Tensors::for_calibration();
+    #[expect(clippy::cast_possible_truncation, reason = "calibration is f32")]
+    let sd_uv = artifact.description.input.sd_uv as f32;
+    let inputs = &mut windows
+        .iter()
+        .flat_map(|w| w.iter().map(|x| x.abs() * sd_uv));
+    calibration.insert("input.max_abs", &[1], largest(inputs));
+    if artifact.description.mode.has_convolutions() {
+        let first = largest(&mut traced.iter().map(|t| t.activation1_max));
+        let second = largest(&mut traced.iter().map(|t| t.activation2_max));
+        calibration.insert("activation1.max", &[1], first);
+        calibration.insert("activation2.max", &[1], second);
+    }
+    let numbers = artifact.description.code.numbers;
+    // Widen the range of each dimension by half its width on either side: a range over a few windows is about
+    // half of the range over many.
+    let (low, high): (Vec<f32>, Vec<f32>) = (0..numbers)
+        .map(|j| {
+            let of =
+                |f: fn(f32, f32) -> f32, start| traced.iter().fold(start, |m, t| f(m, t.code[j]));
+            let (low, high) = (of(f32::min, f32::INFINITY), of(f32::max, f32::NEG_INFINITY));
+            let further = (high - low) / 2.0;
+            (low - further, high + further)
+        })
+        .unzip();
+    calibration.insert("code.min", &[numbers], low);
+    calibration.insert("code.max", &[numbers], high);
+    calibration
+}

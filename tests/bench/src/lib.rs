@@ -1,0 +1,50 @@
+//! Benchmarks of filters and encoder: images that count their own instructions on an emulated microcontroller,
+//! and the program `report` that runs them.
+//!
+//! An image reads `inputs.bin` through semihosting, counts the instructions of the code under test on these
+//! inputs, prints the counts and writes the code's outputs to `outputs.bin`. On the PC the program runs the
+//! same code on the same inputs, compares the outputs bit for bit, and checks all figures against
+//! `tests/bench/limits.toml`.
+//!
+//! ```text
+//!            inputs.bin              counts as TOML ─────┐
+//! report ──────────────> image, QEMU ────────────────────┤
+//!   │                                outputs.bin ──────┐ │
+//!   └── same inputs ──> same code on the PC ── equal? ─┴─┴─> table or JSON, limits.toml
+//! ```
+//!
+//! `filters` passes every [`Block`](block::Block) through every [`Contender`](contender::Contender);
+//! `encoder` takes one [`Plane`](pipeline::Plane) per time step and counts each time step of a [`hop`];
+//! `lossless` compresses the [blocks of samples](compression).
+//!
+//! ```
+//! use bench::{contenders::with_contenders, block::SILENCE};
+//!
+//! // Our filters keep silence silent: their rounding has no offset.
+//! with_contenders(|contenders| {
+//!     let blocks = &mut *contenders[0];
+//!     blocks.load(&SILENCE);
+//!     blocks.run();
+//!     assert_eq!(blocks.output(), SILENCE);
+//! });
+//! ```
+#![cfg_attr(target_os = "none", no_std)]
+#![deny(unsafe_code)]
+
+pub mod any_network;
+pub mod any_sections;
+pub mod block;
+pub mod compression;
+pub mod contender;
+pub mod contenders;
+pub mod hop;
+pub mod idsp_cascade;
+pub mod kernel;
+#[cfg(target_os = "none")]
+pub mod machine;
+mod random;
+#[cfg(not(target_os = "none"))]
+pub mod report;
+#[cfg(not(target_os = "none"))]
+pub mod stress;
+pub mod tally;

@@ -1,0 +1,171 @@
+//! The program `report`: runs a benchmark, prints its figures, and checks them against `tests/bench/limits.toml`.
+
+mod bridge;
+mod checked_in;
+mod cost;
+mod encoder;
+mod figures;
+mod filters;
+mod flash;
+mod host;
+mod images;
+mod inputs;
+mod lossless;
+mod model;
+mod montages;
+mod node;
+mod offline;
+mod packed;
+mod packed_error;
+mod python_model;
+mod table;
+mod tools;
+mod training;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use emulator::EmulatorError;
+
+use self::cost::Parts;
+
+/// Environment variable with the path of a file to which the JSON object is written, with or without
+/// `--json`.
+const OBJECT: &str = "CORTICODE_OBJECT";
+
+#[derive(Debug, Parser)]
+#[command(
+    name = "report",
+    about = "Runs a benchmark and checks its figures against tests/bench/limits.toml"
+)]
+struct Options {
+    #[command(subcommand)]
+    benchmark: Benchmark,
+    /// Print one JSON object instead of tables.
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Debug, Clone, Subcommand)]
+enum Benchmark {
+    /// Filters: instructions on emulated microcontrollers, noise, response.
+    Filters,
+    /// Encoder: instructions of each time step and kernel on emulated microcontrollers, memory, cycles.
+    Encoder {
+        /// Number of windows that are encoded and compared, over all inputs.
+        #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(100..=100_000))]
+        windows: u32,
+    },
+    /// Packed code: instructions of each hop on emulated microcontrollers, memory, bytes compared with this PC's, bits
+    /// and error on recordings.
+    Packed {
+        /// Number of hops of each input.
+        #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(65..=1_500))]
+        hops: u32,
+    },
+    /// Lossless compression of samples: bits, and instructions on emulated microcontrollers.
+    Lossless,
+    /// Cost of a model: instructions of each time step on emulated microcontrollers, flash and RAM of the boards'
+    /// images. Fails when a code is not that of the batch reference, or an image does not fit.
+    Model {
+        /// Folder of the model, as `trainer train` writes it.
+        folder: PathBuf,
+        /// Number of windows that are encoded and compared, over all inputs.
+        #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
+        windows: u32,
+    },
+    /// The same for a model of each file in `files/montages/`, with random weights.
+    Montages {
+        /// Measure only the montage of this name.
+        #[arg(long)]
+        montage: Option<String>,
+        /// Leave out flash and RAM of the boards' images, whose builds take most of the time.
+        #[arg(long)]
+        without_boards: bool,
+        /// Number of windows of each model that are encoded and compared, over all inputs.
+        #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
+        windows: u32,
+    },
+    /// Encoder on this PC: codes per second on one core, and PyTorch's where it is installed.
+    Host,
+    /// Recordings to codes and back on one core of this PC, in multiples of real time, beside scipy and PyTorch
+    /// where they are installed.
+    Offline {
+        /// Seconds of signal.
+        #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u32).range(20..=86_400))]
+        seconds: u32,
+    },
+    /// Training on one thread of this PC: windows per second, beside PyTorch where it is installed.
+    Training,
+    /// Bridge on this PC: intervals and latency of codes at a subscriber, processor time and memory, beside a
+    /// node in rospy where it is installed.
+    Bridge {
+        /// Seconds of each of the two parts: codes alone, and codes with the reconstructed signals.
+        #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=86_400))]
+        seconds: u32,
+    },
+    /// Node for other amplifiers on this PC: intervals and latency of codes at a subscriber, beside a node in
+    /// rospy, which encodes nothing, where it is installed.
+    Node {
+        /// Seconds that are measured.
+        #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=86_400))]
+        seconds: u32,
+    },
+}
+
+/// Runs the program; returns 1 when a check failed and 2 when something must be installed.
+pub fn main() -> ExitCode {
+    let Err(error) = run(&Options::parse()) else {
+        return ExitCode::SUCCESS;
+    };
+    eprintln!("\nerror: {error}");
+    error
+        .chain()
+        .skip(1)
+        .for_each(|why| eprintln!("  why: {why}"));
+    let emulator = error.downcast_ref::<EmulatorError>();
+    let is_missing = emulator.is_some_and(EmulatorError::is_missing);
+    ExitCode::from(if is_missing { 2 } else { 1 })
+}
+
+fn run(options: &Options) -> anyhow::Result<()> {
+    let report = match &options.benchmark {
+        Benchmark::Filters => filters::measure()?,
+        Benchmark::Encoder { windows } => encoder::measure(*windows as usize)?,
+        Benchmark::Packed { hops } => packed::measure(*hops as usize)?,
+        Benchmark::Lossless => lossless::measure()?,
+        Benchmark::Model { folder, windows } => model::measure(folder, *windows as usize)?,
+        Benchmark::Montages {
+            montage,
+            without_boards,
+            windows,
+        } => {
+            let parts = if *without_boards {
+                Parts::Encoder
+            } else {
+                Parts::EncoderAndBoards
+            };
+            montages::measure(montage.as_deref(), *windows as usize, parts)?
+        }
+        Benchmark::Host => host::measure()?,
+        Benchmark::Offline { seconds } => offline::measure(*seconds)?,
+        Benchmark::Training => training::measure()?,
+        Benchmark::Bridge { seconds } => bridge::measure(*seconds)?,
+        Benchmark::Node { seconds } => node::measure(*seconds)?,
+    };
+    if let Some(file) = std::env::var_os(OBJECT) {
+        let file = Path::new(&file);
+        let folder = file.parent().unwrap_or(Path::new("."));
+        let written =
+            fs::create_dir_all(folder).and_then(|()| fs::write(file, report.object.to_string()));
+        written.map_err(EmulatorError::file(file))?;
+    }
+    if options.json {
+        println!("{}", report.object);
+    } else {
+        print!("{report}");
+    }
+    report.outcome()
+}

@@ -1,0 +1,242 @@
+//! Noise that the arithmetic adds to the signal: fixed-point filters minus their float64 twin.
+
+use std::f64::consts::PI;
+
+use dsp_process::SplitProcess;
+use fixed_dsp::{CascadeState, Filter};
+use idsp::iir::{DirectForm1Dither, DirectForm1Wide};
+use model::GUARD_BITS;
+use picture::canvas::{FAINT, REFERENCE, RESULT, SOURCE};
+use picture::curves::{Curve, Curves, Mark};
+use pipeline::Mains;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use realfft::{RealFftPlanner, num_complex::Complex64};
+use serde::Serialize;
+
+use super::spectrum::{Spectrum, real};
+use crate::idsp_cascade::{IdspCascade, Section29};
+use demo::response::{BAND_HZ, MAINS_HZ, Twin};
+
+/// Time for the filters to settle before the measurement, s. The slowest poles decay at 0.97 / s: by e^-31 in
+/// this time.
+const SETTLING_S: usize = 32;
+/// Duration of the measurement, s.
+const MEASURED_S: usize = 64;
+/// Number of electrodes, each with a different signal; their powers are averaged.
+const ELECTRODES: u64 = 8;
+
+/// Amplitudes of a test signal, uV: electrode offset, mains at 50 Hz (peak), and pink noise from 0.5 Hz
+/// upwards (rms). The offset's sign alternates from electrode to electrode.
+type Amplitudes = [f64; 3];
+const EEG: Amplitudes = [20_000.0, 100.0, 30.0];
+const MAINS: Amplitudes = [0.0, 100.0, 0.0];
+const SILENCE: Amplitudes = [0.0; 3];
+
+/// Noise of our filters, and of idsp's two low-noise forms `DirectForm1Dither` and `DirectForm1Wide`.
+#[derive(Debug, Default, Serialize)]
+pub(crate) struct Noise {
+    pub(crate) ours: Measured,
+    idsp_dither: Measured,
+    idsp_wide: Measured,
+}
+
+/// Noise of one filter between 0.5 and 60 Hz with each test signal, nV rms.
+#[derive(Debug, Default, Serialize)]
+pub(crate) struct Measured {
+    pub(crate) eeg: f64,
+    mains: f64,
+    silence: f64,
+    /// Noise density with [`EEG`]: frequency in Hz, density in nV per root Hz.
+    #[serde(skip)]
+    density: Vec<(f64, f64)>,
+}
+
+impl Noise {
+    pub(crate) fn measure(twin: &Twin) -> Self {
+        let ours = || {
+            let mut state = CascadeState::REST;
+            move |x| Mains::Hz50.apply(&mut state, x)
+        };
+        Self {
+            ours: measure(twin, ours),
+            idsp_dither: measure(twin, peer::<DirectForm1Dither>),
+            idsp_wide: measure(twin, peer::<DirectForm1Wide>),
+        }
+    }
+
+    /// Returns the chart of the noise densities.
+    pub(crate) fn chart(&self) -> Curves {
+        let filters = [
+            ("idsp dither", RESULT, &self.idsp_dither),
+            ("idsp wide", REFERENCE, &self.idsp_wide),
+            ("ours", SOURCE, &self.ours),
+        ];
+        let line = |(label, color, measured): (&str, _, &Measured)| Curve {
+            label: format!("{label}: {:.1} nV rms", measured.eeg),
+            color,
+            mark: Mark::Line,
+            points: measured.density.iter().copied().skip(1).collect(),
+        };
+        let nyquist_hz = f64::from(model::ADC_RATE_HZ) / 2.0;
+        // Rounding to whole counts in the ADC adds noise of power LSB^2 / 12, spread evenly from 0 to
+        // `nyquist_hz`.
+        let adc = f64::from(model::LSB_NV) / (12.0 * nyquist_hz).sqrt();
+        let adc_in_band = adc * (BAND_HZ[1] - BAND_HZ[0]).sqrt();
+        let rounding = Curve {
+            label: format!("rounding in the ADC: {adc_in_band:.1} nV rms"),
+            color: FAINT,
+            mark: Mark::Line,
+            points: vec![(0.25, adc), (nyquist_hz, adc)],
+        };
+        let densities = filters
+            .iter()
+            .flat_map(|(_, _, measured)| &measured.density);
+        let highest = densities
+            .filter(|(hz, _)| *hz >= 0.25)
+            .fold(adc, |highest, (_, density)| highest.max(*density));
+        Curves {
+            title: "What integer arithmetic adds to the EEG, beside what rounding in the ADC adds",
+            subtitle:
+                "output minus that of a float64 twin, on 20 mV offset, 100 µV mains and 30 µV EEG; \
+                       the lower the quieter; rms over 0.5 to 60 Hz"
+                    .to_owned(),
+            x_hz: [0.25, nyquist_hz],
+            y: [0.0, 1.2 * highest],
+            y_label: "density (nV per √Hz)",
+            band_hz: BAND_HZ,
+            mains_hz: MAINS_HZ,
+            curves: filters.into_iter().map(line).chain([rounding]).collect(),
+        }
+    }
+}
+
+fn peer<S: Default>() -> impl FnMut(i32) -> i32
+where
+    Section29: SplitProcess<i32, i32, S>,
+{
+    let mut cascade = IdspCascade::<S>::default();
+    move |x| cascade.apply(0, x)
+}
+
+/// Measures the noise of a filter with each test signal. `at_rest` returns the filter in its initial state;
+/// it is called for each signal and electrode.
+fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measured {
+    let spectrum = |amplitudes| {
+        let spectra = (0..ELECTRODES).map(|electrode| {
+            let counts = counts(amplitudes, electrode);
+            let error = error_nv(&counts, twin.clone(), at_rest());
+            Spectrum::new(&error, model::ADC_RATE_HZ.into())
+        });
+        Spectrum::mean(&spectra.collect::<Vec<_>>())
+    };
+    let eeg = spectrum(EEG);
+    let density = eeg.points().map(|(hz, power)| (hz, power.sqrt()));
+    Measured {
+        eeg: eeg.rms(BAND_HZ),
+        mains: spectrum(MAINS).rms(BAND_HZ),
+        silence: spectrum(SILENCE).rms(BAND_HZ),
+        density: density.collect(),
+    }
+}
+
+/// Returns the output of `filter` minus that of `twin` for the same counts, nV, without the settling time.
+fn error_nv(counts: &[i32], mut twin: Twin, mut filter: impl FnMut(i32) -> i32) -> Vec<f64> {
+    let nv = f64::from(model::LSB_NV) / f64::from(1 << GUARD_BITS);
+    let errors = counts.iter().map(|count| {
+        let x = count << GUARD_BITS;
+        (f64::from(filter(x)) - twin.apply(x.into())) * nv
+    });
+    errors.skip(SETTLING_S * rate()).collect()
+}
+
+/// Returns the ADC's counts of a test signal at one electrode.
+fn counts([offset, mains, eeg]: Amplitudes, electrode: u64) -> Vec<i32> {
+    let mut random = ChaCha8Rng::seed_from_u64(electrode);
+    let samples = (SETTLING_S + MEASURED_S) * rate();
+    let pink = pink(&mut random, samples);
+    let phase = random.random_range(0.0..2.0 * PI);
+    let is_even = electrode.is_multiple_of(2);
+    let sign = if is_even { 1.0 } else { -1.0 };
+    let uv = pink.iter().enumerate().map(|(n, pink)| {
+        let angle = phase + 2.0 * PI * MAINS_HZ * real(n) / real(rate());
+        sign * offset + mains * angle.sin() + eeg * pink
+    });
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "below 21 mV, a ninth of full scale"
+    )]
+    uv.map(|uv| (uv * 1000.0 / f64::from(model::LSB_NV)).round() as i32)
+        .collect()
+}
+
+/// Returns noise of power 1/f from 0.5 Hz upwards, with random phases and rms 1.
+fn pink(random: &mut ChaCha8Rng, samples: usize) -> Vec<f64> {
+    let transform = RealFftPlanner::<f64>::new().plan_fft_inverse(samples);
+    let mut bins = transform.make_input_vec();
+    let last = bins.len() - 1;
+    for (bin, value) in bins.iter_mut().enumerate().take(last).skip(1) {
+        let hz = real(bin) * real(rate()) / real(samples);
+        if hz >= BAND_HZ[0] {
+            *value = Complex64::from_polar(hz.powf(-0.5), random.random_range(0.0..2.0 * PI));
+        }
+    }
+    let mut signal = transform.make_output_vec();
+    // Fails only if a length differs from the plan's; the signal would then be zeros.
+    let _ = transform.process(&mut bins, &mut signal);
+    let rms = (signal.iter().map(|x| x * x).sum::<f64>() / real(samples)).sqrt();
+    signal.iter().map(|x| x / rms).collect()
+}
+
+fn rate() -> usize {
+    model::ADC_RATE_HZ.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::checked_in;
+
+    #[test]
+    fn rounding_every_output_to_a_count_measures_as_the_noise_of_rounding() {
+        // The twin itself, rounded to whole counts: a filter whose noise is known.
+        let artifact = checked_in::artifact().expect("the artifact");
+        let twin = Twin::new(&artifact.description.filters);
+        let mut exact = twin.clone();
+        #[expect(clippy::cast_possible_truncation, reason = "an EEG of 20 mV at most")]
+        let filter = move |x| {
+            let levels_per_count = 1 << GUARD_BITS;
+            let counts = exact.apply(f64::from(x)) / f64::from(levels_per_count);
+            counts.round() as i32 * levels_per_count
+        };
+        let error = error_nv(&counts(EEG, 0), twin, filter);
+        let rms = Spectrum::new(&error, model::ADC_RATE_HZ.into()).rms(BAND_HZ);
+        // LSB / sqrt(12) rms is spread over all frequencies, up to half the rate.
+        let width = (BAND_HZ[1] - BAND_HZ[0]) / (f64::from(model::ADC_RATE_HZ) / 2.0);
+        let expected = f64::from(model::LSB_NV) / 12.0_f64.sqrt() * width.sqrt();
+        // The two values were measured 1 % apart. In this band, the rms of 64 s of white noise has a standard
+        // error of about 0.9 %.
+        assert!(
+            (rms / expected - 1.0).abs() < 0.05,
+            "{rms} instead of {expected}"
+        );
+    }
+
+    #[test]
+    fn the_test_signal_has_its_offset_mains_and_eeg() {
+        let nv = f64::from(model::LSB_NV);
+        let uv: Vec<f64> = counts(EEG, 1)
+            .iter()
+            .map(|count| f64::from(*count) * nv / 1000.0)
+            .collect();
+        let mean = uv.iter().sum::<f64>() / real(uv.len());
+        assert!((mean + 20_000.0).abs() < 1.0, "{mean}");
+        let spectrum = Spectrum::new(&uv, model::ADC_RATE_HZ.into());
+        let mains = spectrum.rms([49.5, 50.5]);
+        assert!((mains - 100.0 / 2.0_f64.sqrt()).abs() < 1.0, "{mains}");
+        let eeg = spectrum
+            .rms([0.25, 49.0])
+            .hypot(spectrum.rms([51.0, 256.0]));
+        assert!((eeg - 30.0).abs() < 1.0, "{eeg}");
+    }
+}
