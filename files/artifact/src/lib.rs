@@ -60,6 +60,7 @@ mod model_id;
 mod montage_file;
 mod packed;
 mod pca;
+pub mod reconstruction;
 mod scalp_grid;
 mod shapes;
 mod tensors;

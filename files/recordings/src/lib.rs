@@ -49,6 +49,7 @@ mod gdf;
 mod header;
 mod header_reader;
 pub mod montage_map;
+pub mod npz;
 mod onsets;
 pub mod position;
 mod ratio;

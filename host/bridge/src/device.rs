@@ -1,7 +1,7 @@
 //! Properties of the connected device, from its `Hello` and `Capabilities`.
 
+use artifact::reconstruction::dequantise;
 use link::{Capabilities, CodeFormat, CodeValues, Hello, Substitutes};
-use reconstruction::dequantise;
 use thiserror::Error;
 
 /// Properties of a device, which are needed to interpret its codes, samples and steps.

@@ -1,8 +1,8 @@
 //! Codes, decoded to one continuous signal.
 
 use artifact::Description;
+use artifact::reconstruction::{HopLayout, Overlap, Source, Window, WindowDecoder, dequantise};
 use link::Flags;
-use reconstruction::{HopLayout, Overlap, Source, Window, WindowDecoder, dequantise};
 
 use crate::code_file::Announcement;
 

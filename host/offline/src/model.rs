@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use ::model::artifact_files::{CALIBRATION, MODEL_TOML, PACKED, WEIGHTS};
+use artifact::reconstruction::WindowDecoder;
 use artifact::{Artifact, ArtifactError, Description, ModelId, PackedModel};
-use reconstruction::WindowDecoder;
 
 use crate::error::OfflineError;
 

@@ -1,8 +1,8 @@
 //! Packed blocks, decoded to one continuous signal.
 
+use artifact::reconstruction::{PackedHop, PackedOverlap, PackedSource};
 use artifact::{Description, PackedModel};
 use link::Flags;
-use reconstruction::{PackedHop, PackedOverlap, PackedSource};
 
 use crate::hops::DecodedHop;
 

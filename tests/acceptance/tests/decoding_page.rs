@@ -6,8 +6,8 @@ use std::process::Command;
 
 use acceptance::{numpy_reference, workspace};
 use any_model::{Size, any_artifact_with, every_variant};
+use artifact::reconstruction::WindowDecoder;
 use artifact::{Artifact, Mode, NetworkShape, Padding};
-use reconstruction::WindowDecoder;
 
 /// Reads codes `z.f32` beside the model in the folder that is the argument, and writes their windows.
 const MAIN: &str = r#"

@@ -14,11 +14,11 @@ use acceptance::process::Process;
 use acceptance::programs::programs;
 use acceptance::ros;
 use artifact::Artifact;
+use artifact::reconstruction::{PackedBlock, PackedDecoder};
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
 use model::{ADC_RATE_HZ, ELECTRODES, HOP, STEP_RATE_HZ};
 use pipeline::{Acquisition, Mains, PackedEncoder, Rate, Sample};
-use reconstruction::{PackedBlock, PackedDecoder};
 use rustix::process::Signal;
 use serde_json::Value;
 

@@ -3,11 +3,11 @@
 #![expect(clippy::cast_precision_loss, reason = "a few thousand blocks")]
 
 use acceptance::{real_data, workspace};
+use artifact::reconstruction::{HEALING_BLOCKS, PackedDecoder};
 use artifact::{Artifact, PackedModel};
 use model::{ELECTRODES, GUARD_BITS, HOP, LABELS, LSB_NV};
 use packed::Rate;
 use pipeline::{Acquisition, Mains, PackedEncoder, PackedMemory, Step};
-use reconstruction::{HEALING_BLOCKS, PackedDecoder};
 
 /// Blocks from one without prediction to the next.
 const RESET_BLOCKS: usize = 64;

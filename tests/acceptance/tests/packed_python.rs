@@ -10,12 +10,12 @@ use std::process::Command;
 
 use acceptance::{real_data, workspace};
 use artifact::Artifact;
+use artifact::reconstruction::PackedDecoder;
 use emulator::skip::skip_unless_required;
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::{CHANNELS, HOP, LABELS};
 use packed::Rate;
 use pipeline::{Acquisition, Mains, PackedEncoder, Sample, Step};
-use reconstruction::PackedDecoder;
 
 /// Debian's Python, 3.11 or later.
 const PYTHON: &str = "/usr/bin/python3";

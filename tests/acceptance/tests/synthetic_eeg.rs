@@ -3,9 +3,9 @@
 
 use acceptance::workspace;
 use artifact::Artifact;
+use artifact::reconstruction::WindowDecoder;
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use pipeline::{FrontEnd, Mains, Plane, Sample, quantise};
-use reconstruction::WindowDecoder;
 
 /// Time until the filters have settled on offsets of 20 mV, steps: 9.5 s.
 const SETTLING: usize = 19 * model::STEP_RATE_HZ as usize / 2;

@@ -2,7 +2,7 @@
 
 use std::io::{self, Seek, Write};
 
-use npz::NpzWriter;
+use recordings::npz::NpzWriter;
 
 use crate::conversion::block::{Block, TimedEvent};
 use crate::conversion::rows::{RowWriter, StreamFile};

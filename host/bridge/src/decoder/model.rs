@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use artifact::reconstruction::WindowDecoder;
 use artifact::{
     Artifact, ArtifactError, Dimensions, FloatEncoder, ModelId, PackedModel, ScalpGrid,
 };
-use reconstruction::WindowDecoder;
 
 use crate::device::Device;
 

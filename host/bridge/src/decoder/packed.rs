@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use artifact::reconstruction::{PackedHop, PackedOverlap, PackedSource};
 use link::Flags;
 use neuro_ros::{NeuroFrame, Stamp};
-use reconstruction::{PackedHop, PackedOverlap, PackedSource};
 
 use crate::decoder::model::Model;
 use crate::device::Device;

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
+use artifact::reconstruction::{HopLayout, Overlap, Source, Window};
 use link::Flags;
 use neuro_ros::{NeuroFrame, Stamp};
-use reconstruction::{HopLayout, Overlap, Source, Window};
 
 use crate::decoder::model::Model;
 use crate::device::Device;

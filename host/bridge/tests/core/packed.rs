@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
+use artifact::reconstruction::HEALING_BLOCKS;
 use bridge::{AuditedWindow, FillerPolicy, PackedReconstruction, Settings};
 use link::{Flags, Streams};
 use neuro_ros::DiagnosticLevel;
-use reconstruction::HEALING_BLOCKS;
 
 use crate::board::{at, model};
 use crate::packed_block::{block, coarser_block};

@@ -1,10 +1,10 @@
 //! A device that streams packed blocks with the built-in model.
 
+use artifact::reconstruction::PackedDecoder;
 use bridge::{AnnouncedStream, PackedReconstruction, Settings};
 use link::{Flags, PackedCode, Streams, ToHost};
 use neuro_ros::NeuroFrame;
 use packed::Rate;
-use reconstruction::PackedDecoder;
 
 use crate::board::{Board, model};
 use crate::packed_block::block;

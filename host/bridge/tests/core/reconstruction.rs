@@ -4,9 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use artifact::Artifact;
+use artifact::reconstruction::{HopLayout, Overlap, Window, WindowDecoder};
 use bridge::{Device, FillerPolicy, Reconstruction, Settings, TimedCode, TriWords};
 use neuro_ros::{Shape, Stamp};
-use reconstruction::{HopLayout, Overlap, Window, WindowDecoder};
 
 use crate::board::{Board, electrode, model};
 use crate::recorder::{Harness, SETTINGS};

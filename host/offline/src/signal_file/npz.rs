@@ -5,8 +5,8 @@ use std::{
     io::{self, Write as _},
 };
 
-use ::npz::NpzWriter;
 use link::Flags;
+use recordings::npz::NpzWriter;
 
 use super::signal::{Signal, SignalFile};
 

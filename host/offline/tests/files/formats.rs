@@ -2,10 +2,10 @@
 
 use std::fs;
 
+use artifact::reconstruction::{WindowDecoder, dequantise};
 use new_file::Existing;
 use offline::{Decoding, Model, Progress, SignalFormat};
 use pipeline::{Mains, Pipeline, Sample};
-use reconstruction::{WindowDecoder, dequantise};
 use recordings::{AdcSpec, EventLabel, Missing, MontageMap, Recording, VirtualAdc};
 
 use crate::recording::{ENCODING, EVENTS, Fixture, labels, values};

@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use artifact::reconstruction::PackedDecoder;
 use link::{Decoder, Encoder, Flags, MAX_FRAME, ToHost};
 use offline::report::{self, Entry};
 use offline::{
@@ -9,7 +10,6 @@ use offline::{
     SignalFormat,
 };
 use pipeline::{Mains, PackedCode, PackedEncoder, Rate, Sample};
-use reconstruction::PackedDecoder;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 
 use crate::recording::{ENCODING, Fixture, labels, values};

@@ -1,10 +1,10 @@
 //! The benchmark `packed`: instructions, memory, bits and error of the packed code.
 
 use anyhow::{Context, ensure};
+use artifact::reconstruction::PackedDecoder;
 use emulator::{Image, MACHINES, Machine};
 use model::HOP;
 use pipeline::{PackedEncoder, Step};
-use reconstruction::PackedDecoder;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 

@@ -1,6 +1,6 @@
 //! Decodes one code to the electrode signals of its window.
 
-use artifact::{Artifact, ArtifactError, FloatDecoder};
+use crate::{Artifact, ArtifactError, FloatDecoder};
 
 /// The float decoder of one model, with the scale of its output.
 #[derive(Clone, Debug)]

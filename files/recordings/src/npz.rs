@@ -6,7 +6,7 @@
 //! ```
 //! use std::io::{Cursor, Write as _};
 //!
-//! use npz::NpzWriter;
+//! use recordings::npz::NpzWriter;
 //!
 //! let mut file = NpzWriter::new(Cursor::new(Vec::new()));
 //! file.texts("labels", &["Cz", "Pz"])?;
@@ -18,7 +18,6 @@
 //! assert!(bytes.starts_with(b"PK"));
 //! # Ok::<(), std::io::Error>(())
 //! ```
-#![forbid(unsafe_code)]
 
 use std::io::{self, BufWriter, Seek, Write};
 

@@ -1,9 +1,9 @@
 //! Consecutive blocks of the packed code to one continuous signal.
 
-use artifact::PackedModel;
+use crate::PackedModel;
 use packed::{Malformed, Rate};
 
-use crate::packed_decoder::PackedDecoder;
+use super::packed_decoder::PackedDecoder;
 
 /// Decodes blocks to hops, one for each block: with low latency that of the block itself, otherwise that of the block
 /// before, corrected by what the newer block says about it.

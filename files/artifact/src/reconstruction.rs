@@ -12,7 +12,7 @@
 //! ```
 //!
 //! ```
-//! use reconstruction::{HopLayout, Overlap, Source, Window};
+//! use artifact::reconstruction::{HopLayout, Overlap, Source, Window};
 //!
 //! let layout = HopLayout { steps: 2, electrodes: 1, low_latency: false, full_scale_uv: 100.0 };
 //! let mut overlap = Overlap::new(layout);
@@ -24,7 +24,6 @@
 //! let second = overlap.next_hop(window(1, [5.0, 6.0, 7.0, 8.0]), &mut hop);
 //! assert_eq!((second.source, hop), (Source::Average, [4.0, 5.0]));
 //! ```
-#![forbid(unsafe_code)]
 
 mod dequantise;
 mod overlap;

@@ -1,6 +1,6 @@
 //! From the coefficients of a block to its signals.
 
-use artifact::PackedModel;
+use crate::PackedModel;
 
 /// The pseudoinverse of a packed model's analysis.
 #[derive(Clone, Debug)]

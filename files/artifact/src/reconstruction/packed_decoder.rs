@@ -1,9 +1,9 @@
 //! Blocks of the packed code back to microvolts.
 
-use artifact::PackedModel;
+use crate::PackedModel;
 use packed::{BlockReader, Context, Magnitude, Malformed, RATES, Rate, Tables};
 
-use crate::synthesis::Synthesis;
+use super::synthesis::Synthesis;
 
 /// Blocks after a lost one, without a block that needs no prediction, until the error is that of a stream without
 /// loss again: measured 1.12 to 1.20 times it after 1 to 12 lost blocks, and 1.15 times it when the first block that
