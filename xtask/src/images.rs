@@ -25,6 +25,16 @@ impl Board {
         ["h743", "f446"][self as usize]
     }
 
+    /// Name of the board as ST sells it.
+    pub(crate) const fn name(self) -> &'static str {
+        ["NUCLEO-H743ZI2", "NUCLEO-F446RE"][self as usize]
+    }
+
+    /// Name of the board's microcontroller for probe-rs.
+    pub(crate) const fn chip(self) -> &'static str {
+        ["STM32H743ZITx", "STM32F446RETx"][self as usize]
+    }
+
     /// Names of the board's images, each with the arguments for cargo that select it: the image with the other
     /// port first, the default image last.
     pub(crate) const fn images(self) -> &'static [[&'static str; 2]] {

@@ -7,6 +7,7 @@ mod deb;
 mod docs;
 mod figures;
 mod figures_page;
+mod flash;
 mod images;
 mod install;
 mod programs;
@@ -120,6 +121,10 @@ enum Verb {
         #[arg(long)]
         measured: Option<PathBuf>,
     },
+    /// Build the image of a board, and print for which model and converters; the same as `cargo fw`
+    Fw(flash::Options),
+    /// Build the image of a board and flash it with probe-rs; the same as `cargo flash`
+    Flash(flash::Options),
     /// Install what `test` needs: Debian packages, Rust's targets and toolchains
     Install,
 }
@@ -146,6 +151,8 @@ fn main() -> ExitCode {
         Verb::Deb { check, program } => deb::deb(program, check),
         Verb::Deny => programs::deny(),
         Verb::Docs { measured } => docs::docs(measured.as_deref()),
+        Verb::Fw(options) => flash::image(&options, false),
+        Verb::Flash(options) => flash::image(&options, true),
         Verb::Install => install::install(),
     };
     match result {

@@ -51,8 +51,7 @@ pub(crate) fn hil(board: Option<Board>) -> Result<(), Failure> {
         let test = "test --package emulated --test golden_vectors -- --nocapture";
         return replace(&mut cargo(test));
     };
-    let install = "`cargo install probe-rs-tools --version 0.32.0 --locked`";
-    require("probe-rs", &mut Command::new("probe-rs"), install)?;
+    require_probe_rs()?;
     link_vectors(board)?;
     let image = target_folder()
         .join(BOARD_TARGET)
@@ -92,6 +91,12 @@ pub(crate) fn deny() -> Result<(), Failure> {
         .map(|manifest| format!("deny --manifest-path {manifest} check"))
         .iter()
         .try_for_each(|check| run(&mut cargo(check), next))
+}
+
+/// Returns an error with the command that installs probe-rs if it does not run.
+pub(crate) fn require_probe_rs() -> Result<(), Failure> {
+    let install = "`cargo install probe-rs-tools --version 0.32.0 --locked`";
+    require("probe-rs", &mut Command::new("probe-rs"), install)
 }
 
 fn require(name: &str, program: &mut Command, install: &str) -> Result<(), Failure> {

@@ -1,0 +1,140 @@
+//! `cargo fw` and `cargo flash`: build the image of a board, state for which model and converters, and
+//! flash it.
+
+use std::env;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use crate::command::{BOARD_TARGET, Failure, OrFail, cargo, replace, root};
+use crate::images::Board;
+use crate::{install, programs};
+
+/// Variable with the folder of another model than the default one.
+const ARTIFACT: &str = "CORTICODE_ARTIFACT";
+
+/// Channels of an ADS1299.
+const CHANNELS_PER_CHIP: u32 = 8;
+
+/// The fields of `model.toml` that a board's wiring depends on.
+#[derive(Debug, Deserialize)]
+struct Model {
+    montage: Montage,
+    adc: Adc,
+}
+
+#[derive(Debug, Deserialize)]
+struct Montage {
+    electrodes: Vec<String>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Adc {
+    rate_hz: u32,
+    gain: u32,
+    channels: u32,
+}
+
+/// Options of `cargo fw` and `cargo flash`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Options {
+    /// Board
+    #[arg(long, value_enum, default_value_t = Board::H743)]
+    board: Board,
+    /// Features of the board's crate, separated by commas, such as `uart`
+    #[arg(long)]
+    features: Option<String>,
+    /// Build without the default features of the board's crate
+    #[arg(long)]
+    no_default_features: bool,
+    /// Options of `probe-rs run`, after `--`
+    #[arg(last = true)]
+    runner: Vec<String>,
+}
+
+/// Prints what the image is built for, then builds it and, with `flash`, runs it on the board.
+pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
+    install::board_target()?;
+    let board = options.board;
+    let folder = env::var_os(ARTIFACT).map(PathBuf::from);
+    let folder = folder.unwrap_or_else(|| root().join("signal/model/artifact"));
+    eprintln!("image for {}\n{}", board.name(), summary(&folder)?);
+    let verb = if flash { "run" } else { "build" };
+    if flash {
+        programs::require_probe_rs()?;
+    }
+    let key = board.key();
+    let words = format!("{verb} --package=board-{key} --profile=firmware --target={BOARD_TARGET}");
+    let mut command = cargo(&words);
+    if options.no_default_features {
+        command.arg("--no-default-features");
+    }
+    if let Some(features) = &options.features {
+        command.args(["--features", features]);
+    }
+    if flash {
+        let runner = format!("probe-rs run --chip {}", board.chip());
+        command.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_RUNNER", runner);
+        command.arg("--").args(&options.runner);
+    }
+    replace(&mut command)
+}
+
+/// Returns what the model in `folder` expects of the converters, in three lines.
+fn summary(folder: &Path) -> Result<String, Failure> {
+    let path = folder.join("model.toml");
+    let next = "set CORTICODE_ARTIFACT to the absolute path of a folder that `trainer` has written, or \
+                unset it for the default model";
+    let text =
+        std::fs::read_to_string(&path).or_fail(format!("reading {}", path.display()), next)?;
+    let model: Model =
+        toml::from_str(&text).or_fail(format!("reading {}", path.display()), next)?;
+    let packed = if folder.join("packed.toml").exists() {
+        " (with the packed code)"
+    } else {
+        ""
+    };
+    Ok(format!(
+        "  model       {}{packed}\n  electrodes  {}\n  converters  {} ADS1299 at {} Hz, gain {}, \
+         clock of {} MHz",
+        folder.display(),
+        model.montage.electrodes.len(),
+        model.adc.channels.div_ceil(CHANNELS_PER_CHIP),
+        model.adc.rate_hz,
+        model.adc.gain,
+        clock_mhz(model.adc.rate_hz),
+    ))
+}
+
+/// Returns the frequency in MHz of the external clock with which an ADS1299 samples at `rate_hz`:
+/// 2^21 Hz for powers of two, otherwise 2.048 MHz (data sheet section 9.6.1.2).
+const fn clock_mhz(rate_hz: u32) -> f64 {
+    if rate_hz.is_power_of_two() {
+        2.097_152
+    } else {
+        2.048
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_model_needs_eight_chips_and_a_clock_of_2_21_hz() {
+        let summary = summary(&root().join("signal/model/artifact")).expect("the default model");
+        let expected = "8 ADS1299 at 512 Hz, gain 24, clock of 2.097152 MHz";
+        assert!(summary.contains(expected), "{summary}");
+        assert!(summary.contains("electrodes  61"), "{summary}");
+        assert!(clock_mhz(250) < 2.05 && clock_mhz(1024) > 2.05);
+    }
+
+    #[test]
+    fn a_folder_without_a_model_is_named_with_the_remedy() {
+        let failure = summary(Path::new("/nowhere")).expect_err("no model");
+        assert_eq!(failure.status, 1);
+        let message = failure.message;
+        assert!(message.contains("/nowhere/model.toml"), "{message}");
+        assert!(message.contains(ARTIFACT), "{message}");
+    }
+}
