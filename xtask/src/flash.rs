@@ -58,6 +58,7 @@ pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     let board = options.board;
     let folder = env::var_os(ARTIFACT).map(PathBuf::from);
     let folder = folder.unwrap_or_else(|| root().join("signal/model/artifact"));
+    let folder = folder.canonicalize().unwrap_or(folder);
     eprintln!("image for {}\n{}", board.name(), summary(&folder)?);
     let verb = if flash { "run" } else { "build" };
     if flash {
