@@ -1,5 +1,4 @@
 //! Bits per sample of real recordings, at their own counts.
-#![forbid(unsafe_code)]
 
 use std::fs;
 use std::io::{Write as _, stderr};
@@ -10,8 +9,8 @@ use lossless::{Decoder, Encoder, EncoderState, MAX_SAMPLES};
 /// Number of channels of a recording that are compressed together.
 const CHANNELS: usize = 16;
 
-/// Reads the first channels of an EDF or BDF file (`bytes` is 2 or 3 for each count) whose signals all
-/// have the same rate. Returns the counts of each sample.
+/// Reads the first channels of an EDF or BDF file (`bytes` is 2 or 3 for each count) whose signals
+/// all have the same rate. Returns the counts of each sample.
 fn read(path: &Path, bytes: usize) -> Vec<[i32; CHANNELS]> {
     let file = fs::read(path).expect("a recording");
     let number = |from: usize, length: usize| -> usize {

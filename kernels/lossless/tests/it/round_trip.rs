@@ -1,5 +1,4 @@
 //! Every signal comes back bit for bit, and no block is longer than its counts.
-#![forbid(unsafe_code)]
 
 mod python;
 mod signal;

@@ -1,14 +1,16 @@
-//! A range encoder with a range of 32 bits.
+//! A range coder with a range of 32 bits: its encoder and its decoder.
 
-use crate::tables::Frequencies;
+use crate::tables::{FREQUENCY_BITS, Frequencies, MAGNITUDES};
 
 /// The range is at least this large between two symbols.
 const LEAST_RANGE: u32 = 1 << 24;
 
-/// Writes symbols as one number of as many bytes as needed (Martin 1979), most significant byte first.
+/// Writes symbols as one number of as many bytes as needed (Martin 1979), most significant byte
+/// first.
 ///
-/// The number so far is `bytes` followed by `low`. A carry out of `low` is added to the bytes at once. Bytes
-/// that do not fit the buffer are counted and not kept; the count is the same as with a larger buffer.
+/// The number so far is `bytes` followed by `low`. A carry out of `low` is added to the bytes at
+/// once. Bytes that do not fit the buffer are counted and not kept; the count is the same as with a
+/// larger buffer.
 #[derive(Debug)]
 pub(crate) struct RangeEncoder<'b> {
     low: u32,
@@ -57,8 +59,9 @@ impl<'b> RangeEncoder<'b> {
         self.put(Frequencies { start, count: 1 }, 1);
     }
 
-    /// Ends the number: of all numbers that mean the symbols, the smallest with the most zero bytes at its end,
-    /// which are not written. A decoder reads zeros there. So a block of likely zeros has no byte at all.
+    /// Ends the number: of all numbers that mean the symbols, the smallest with the most zero bytes
+    /// at its end, which are not written. A decoder reads zeros there. So a block of likely zeros
+    /// has no byte at all.
     ///
     /// Returns the number of bytes. It is larger than the buffer if they did not fit.
     pub(crate) fn finish(mut self) -> usize {
@@ -67,7 +70,8 @@ impl<'b> RangeEncoder<'b> {
             u64::from(self.low) + u64::from(self.range),
         );
         let rounded_up = |zeros: u32| (low + (1 << zeros) - 1) >> zeros << zeros;
-        // Four zero bytes fit one block in five; three always fit, because the range is at least 2^24.
+        // Four zero bytes fit one block in five; three always fit, because the range is at least
+        // 2^24.
         let number = if rounded_up(32) < end {
             rounded_up(32)
         } else {
@@ -107,8 +111,8 @@ impl<'b> RangeEncoder<'b> {
         self.low <<= 8;
     }
 
-    /// Adds 1 to the bytes. No carry reaches the byte that this one ends in: the range stays within what was
-    /// left of it.
+    /// Adds 1 to the bytes. No carry reaches the byte that this one ends in: the range stays within
+    /// what was left of it.
     fn carry(&mut self) {
         self.significant = self.length - self.trailing_ones;
         self.trailing_ones = 0;
@@ -123,17 +127,86 @@ impl<'b> RangeEncoder<'b> {
     }
 }
 
+/// Reads the symbols that [`RangeEncoder`] wrote. It reads zeros after the last byte.
+#[derive(Clone, Debug)]
+pub(crate) struct RangeDecoder<'b> {
+    /// The number so far, minus the first number of the range.
+    offset: u32,
+    range: u32,
+    bytes: &'b [u8],
+    /// Number of bytes read, zeros after the last byte included.
+    read: usize,
+}
+
+impl<'b> RangeDecoder<'b> {
+    pub(crate) fn new(bytes: &'b [u8]) -> Self {
+        let mut decoder = Self {
+            offset: 0,
+            range: u32::MAX,
+            bytes,
+            read: 0,
+        };
+        for _ in 0..4 {
+            decoder.pull_byte();
+        }
+        decoder
+    }
+
+    /// Returns the symbol whose frequencies contain the number: `starts` are the first frequencies
+    /// of the symbols, ascending from 0; the last symbol's end at 2^15.
+    pub(crate) fn symbol(&mut self, starts: &[u16; MAGNITUDES]) -> usize {
+        let unit = self.range >> FREQUENCY_BITS;
+        let frequency = (self.offset / unit).min((1 << FREQUENCY_BITS) - 1);
+        let symbol = starts.partition_point(|&start| u32::from(start) <= frequency);
+        let symbol = symbol.saturating_sub(1);
+        self.consume(unit, Frequencies::of_magnitude(starts, symbol));
+        symbol
+    }
+
+    /// Reads a bit that is as likely as not.
+    pub(crate) fn bit(&mut self) -> bool {
+        let unit = self.range >> 1;
+        let bit = self.offset >= unit;
+        let start = bit.into();
+        self.consume(unit, Frequencies { start, count: 1 });
+        bit
+    }
+
+    /// Returns true if bytes are left that no symbol has read.
+    pub(crate) fn has_unread_bytes(&self) -> bool {
+        self.read < self.bytes.len()
+    }
+
+    fn consume(&mut self, unit: u32, frequencies: Frequencies) {
+        // Bytes that no encoder writes can leave the offset beyond the range: it wraps.
+        self.offset = self
+            .offset
+            .wrapping_sub(unit.wrapping_mul(frequencies.start));
+        self.range = unit.wrapping_mul(frequencies.count);
+        while self.range < LEAST_RANGE {
+            self.pull_byte();
+            self.range <<= 8;
+        }
+    }
+
+    fn pull_byte(&mut self) {
+        let byte = self.bytes.get(self.read).copied().unwrap_or(0);
+        self.offset = self.offset << 8 | u32::from(byte);
+        self.read += 1;
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::RangeEncoder;
-    use crate::tables::{FREQUENCY_BITS, Frequencies};
+    use super::*;
 
-    /// Writes symbols whose ranges all contain one half, so that the bytes are 0x7f, 0xff, 0xff .., and then one
-    /// above it, whose carry makes them 0x80, 0, 0 ... Returns the length.
+    /// Writes symbols whose ranges all contain one half, so that the bytes are 0x7f, 0xff, 0xff ..,
+    /// and then one above it, whose carry makes them 0x80, 0, 0 ... Returns the length.
     fn write_one_half(symbols: usize, bytes: &mut [u8]) -> usize {
         let mut encoder = RangeEncoder::new(bytes);
         for _ in 0..symbols {
-            // One half is the top bit of the first byte. Behind that byte, it is one past the largest number.
+            // One half is the top bit of the first byte. After that byte, it is one above the
+            // largest number.
             let half = if encoder.length == 0 { 1_u32 << 31 } else { 0 };
             let to_half = half.wrapping_sub(encoder.low);
             let unit = encoder.range >> FREQUENCY_BITS;

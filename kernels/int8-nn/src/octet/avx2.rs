@@ -13,7 +13,7 @@ use core::arch::x86_64::{
 };
 
 use crate::{
-    dot::layout::{OUTPUTS, POSITIONS},
+    dot::{OUTPUTS, POSITIONS},
     octet::{INPUTS, Kernel, Octet, WEIGHTS},
     pair::Pair,
 };

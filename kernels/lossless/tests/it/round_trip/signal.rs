@@ -3,18 +3,18 @@
 use proptest::prelude::*;
 
 /// Channels of every signal.
-pub(crate) const CHANNELS: usize = 5;
+pub(super) const CHANNELS: usize = 5;
 
 /// One sample: a count for each channel.
-pub(crate) type Row = [i32; CHANNELS];
+pub(super) type Row = [i32; CHANNELS];
 
 /// Largest count.
 const MAX: i32 = (1 << 23) - 1;
 
 /// Kind of signal; the number is that of its bits.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Shape {
-    /// Uniform noise of so many bits.
+pub(super) enum Shape {
+    /// Uniform noise with this number of bits.
     Noise(u32),
     /// Sum of such noise, reflected at the rails.
     Walk(u32),
@@ -28,7 +28,7 @@ pub(crate) enum Shape {
 
 impl Shape {
     /// One of each, and noise of several sizes.
-    pub(crate) const SOME: [Self; 8] = [
+    pub(super) const SOME: [Self; 8] = [
         Self::Noise(0),
         Self::Noise(3),
         Self::Noise(22),
@@ -40,7 +40,7 @@ impl Shape {
     ];
 
     /// Returns `samples` samples, the same for the same `seed`.
-    pub(crate) fn rows(self, seed: u64, samples: usize) -> Vec<Row> {
+    pub(super) fn rows(self, seed: u64, samples: usize) -> Vec<Row> {
         let mut random = seed;
         let mut value = [0_i64; CHANNELS];
         let mut slope = [0_i64; CHANNELS];
@@ -72,7 +72,7 @@ impl Shape {
 }
 
 /// Signals of all shapes; each channel's noise differs.
-pub(crate) fn rows(samples: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Row>> {
+pub(super) fn rows(samples: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Row>> {
     let shape = prop_oneof![
         (0..=24_u32).prop_map(Shape::Noise),
         (0..=24_u32).prop_map(Shape::Walk),
@@ -84,7 +84,7 @@ pub(crate) fn rows(samples: std::ops::Range<usize>) -> impl Strategy<Value = Vec
 }
 
 /// Returns a count as an encoder takes it.
-pub(crate) fn to_bytes(count: i32) -> [u8; 3] {
+pub(super) fn to_bytes(count: i32) -> [u8; 3] {
     let [low, middle, high, _] = count.to_le_bytes();
     [low, middle, high]
 }

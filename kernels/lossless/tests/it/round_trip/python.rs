@@ -1,14 +1,14 @@
-//! The same format in Python, `tests/reference.py`.
+//! The format of the blocks in Python, `tests/reference.py`.
 
 use std::fmt::Write as _;
 use std::io::{Write as _, stderr};
 use std::process::{Command, Stdio};
 
-use crate::signal::{CHANNELS, Row};
+use super::signal::{CHANNELS, Row};
 
-/// Encodes stretches of samples in blocks of 8, and decodes them again. Returns the kind and the bytes
-/// of each block; `None` without Python.
-pub(crate) fn encode(stretches: &[Vec<Row>], key_blocks: u16) -> Option<Vec<(u8, Vec<u8>)>> {
+/// Encodes stretches of samples in blocks of 8, and decodes them again. Returns the kind and the
+/// bytes of each block; `None` without Python.
+pub(super) fn encode(stretches: &[Vec<Row>], key_blocks: u16) -> Option<Vec<(u8, Vec<u8>)>> {
     let mut input = format!("{CHANNELS} {key_blocks}\n");
     for stretch in stretches {
         input += "\n";
