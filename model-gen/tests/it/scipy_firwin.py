@@ -1,4 +1,4 @@
-"""Prints tests/scipy_firwin.csv: python3 tests/scipy_firwin.py > tests/scipy_firwin.csv"""
+"""Prints tests/it/scipy_firwin.csv: python3 tests/it/scipy_firwin.py > tests/it/scipy_firwin.csv"""
 from math import ceil, gcd
 
 import scipy

@@ -16,8 +16,8 @@ fn model(format: CodeFormat) -> IntegerModel {
     quantise(&artifact).expect("quantisable in every format")
 }
 
-/// Returns the golden windows: 10 extreme windows, then three windows of noise for each amplitude from
-/// 0.01 to 1.5 of the input's range.
+/// Returns the golden windows: 10 extreme windows, then three windows of noise for each amplitude
+/// from 0.01 to 1.5 of the input's range.
 fn windows() -> Vec<Vec<i8>> {
     let golden = Golden::read(&folder()).expect("the checked-in golden is readable");
     assert_eq!(golden.windows.len(), 28);

@@ -1,4 +1,4 @@
-"""Prints tests/scipy_response.csv: python3 tests/scipy_response.py > tests/scipy_response.csv"""
+"""Prints tests/it/scipy_response.csv: python3 tests/it/scipy_response.py > tests/it/scipy_response.csv"""
 import numpy as np
 import scipy
 from scipy import signal
