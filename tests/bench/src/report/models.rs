@@ -1,7 +1,8 @@
-//! The benchmark `montages`: cost of a model for each file in `files/montages/`, with random weights: neither the
-//! instructions nor the memory of an encoder depends on the values of its weights.
+//! The benchmarks `model` and `montages`: cost of the model in a folder, and of a model with random
+//! weights for each file in `files/montages/`. Neither the instructions nor the memory of an
+//! encoder depends on the values of its weights.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use any_model::any_artifact_for;
 use anyhow::{Context, ensure};
@@ -11,20 +12,37 @@ use serde_json::{Map, Value as Json, json};
 use super::cost::{self, Parts};
 use super::figures::Report;
 
-/// Montage that also gets a model with convolutions: the largest one whose convolutions differ from those of
-/// the checked-in model.
+/// Encodes at least `windows` windows with the model in `folder` on each emulated machine, and
+/// builds the boards' images with it.
+///
+/// # Errors
+/// The folder has no model, the model does not fit a board, or QEMU or the target is missing.
+pub(crate) fn measure_folder(folder: &Path, windows: usize) -> anyhow::Result<Report> {
+    let name = folder.file_name().unwrap_or_default().to_string_lossy();
+    let figures = cost::measure(&name, folder, windows, Parts::EncoderAndBoards)?;
+    let next =
+        "`cargo test --package pipeline --test streaming_equals_batch` with CORTICODE_ARTIFACT";
+    Report::new("model", Json::Object(figures), next)
+}
+
+/// Montage that also gets a model with convolutions: the largest one whose convolutions differ from
+/// those of the checked-in model.
 const CONVOLUTIONS: &str = "ten-twenty-32";
 
 /// Seed of the random weights.
 const SEED: u32 = 1;
 
-/// Returns the report on the models of all montages, or of `only` one. For each model, at least `windows` windows
-/// are encoded on each emulated machine.
+/// Returns the report on the models of all montages, or of `only` one. For each model, at least
+/// `windows` windows are encoded on each emulated machine.
 ///
 /// # Errors
-/// No montage has the name, a montage file cannot be read, QEMU or the target is missing, or an image does not
-/// build or run.
-pub(crate) fn measure(only: Option<&str>, windows: usize, parts: Parts) -> anyhow::Result<Report> {
+/// No montage has the name, a montage file cannot be read, QEMU or the target is missing, or an
+/// image does not build or run.
+pub(crate) fn measure_montages(
+    only: Option<&str>,
+    windows: usize,
+    parts: Parts,
+) -> anyhow::Result<Report> {
     let mut rows = Vec::new();
     for montage in selected(any_model::montages()?, only)? {
         for mode in modes(&montage) {
@@ -67,13 +85,14 @@ fn modes(montage: &MontageFile) -> Vec<Mode> {
     modes
 }
 
-/// Returns the numbers in a code: two for each electrode, in multiples of 8. 61 electrodes have the paper's 128.
+/// Returns the numbers in a code: two for each electrode, in multiples of 8. 61 electrodes have the
+/// paper's 128.
 fn numbers(electrodes: usize) -> usize {
     (2 * electrodes).next_multiple_of(8)
 }
 
-/// Writes a model to a folder of its own and returns the folder. Leaves the files as they are if they hold this
-/// model already, so that cargo does not build its images again.
+/// Writes a model to a folder of its own and returns the folder. Leaves the files as they are if
+/// they hold this model already, so that cargo does not build its images again.
 fn write(artifact: &Artifact, name: &str) -> anyhow::Result<PathBuf> {
     let folder = cost::builds()?.join("models").join(name.replace(", ", "-"));
     let is_written = Artifact::read(&folder).is_ok_and(|written| written.id == artifact.id);
@@ -141,7 +160,7 @@ mod tests {
         if !installed::available("codes of another montage on emulated microcontrollers") {
             return;
         }
-        let report = measure(Some(SMALL), 50, Parts::Encoder).expect("a report");
+        let report = measure_montages(Some(SMALL), 50, Parts::Encoder).expect("a report");
         assert_eq!(report.faults(), [""; 0]);
         let row = &report.object["montages"][0];
         assert_eq!(row["electrodes"], 8);

@@ -1,4 +1,4 @@
-//! A subscriber that notes when each code arrives.
+//! A subscriber that records the time at which each code arrives.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -10,14 +10,14 @@ use ros1::Node;
 use tokio::task::JoinHandle;
 use tokio::time::{sleep, timeout};
 
-use super::node_figures::Times;
+use super::figures::Times;
 
 /// Number of messages that wait in the subscriber.
 const QUEUE: usize = 256;
 
 /// Subscription to a topic of NeuroFrames. Dropping the value ends it.
 #[derive(Debug)]
-pub(in crate::report) struct Subscriber {
+pub(super) struct Subscriber {
     topic: &'static str,
     arrived: Arc<Mutex<Times>>,
     task: JoinHandle<()>,
@@ -28,7 +28,7 @@ impl Subscriber {
     ///
     /// # Errors
     /// The node has shut down.
-    pub(in crate::report) async fn start(node: &Node, topic: &'static str) -> anyhow::Result<Self> {
+    pub(super) async fn start(node: &Node, topic: &'static str) -> anyhow::Result<Self> {
         let mut subscription = node.subscribe(topic, NeuroFrame::TYPE, QUEUE).await?;
         let arrived = Arc::<Mutex<Times>>::default();
         let times = Arc::clone(&arrived);
@@ -53,7 +53,7 @@ impl Subscriber {
     ///
     /// # Errors
     /// None arrives within `limit`.
-    pub(in crate::report) async fn wait_for_code(&self, limit: Duration) -> anyhow::Result<()> {
+    pub(super) async fn wait_for_code(&self, limit: Duration) -> anyhow::Result<()> {
         let arrived = async {
             while self.times().is_empty() {
                 sleep(Duration::from_millis(10)).await;
@@ -70,7 +70,7 @@ impl Subscriber {
     }
 
     /// Returns the times of arrival so far, by the index of the window. Fillers do not count.
-    pub(in crate::report) fn times(&self) -> Times {
+    pub(super) fn times(&self) -> Times {
         let times = self.arrived.lock();
         times.unwrap_or_else(PoisonError::into_inner).clone()
     }

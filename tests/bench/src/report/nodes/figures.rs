@@ -1,52 +1,53 @@
-//! Figures of one node: intervals, latency and loss of the codes that it passed on.
+//! Figures of one node: intervals, latency and loss of the codes that it passed on, and what its
+//! process used.
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::time::{Duration, Instant};
 
+use anyhow::Context;
 use picture::spread::Spread;
 use serde::Serialize;
-
-use super::usage::Usage;
 
 /// Device time from one code to the next, ms.
 #[expect(clippy::cast_precision_loss, reason = "some steps")]
 const HOP_MS: f64 = 1_000.0 * model::HOP as f64 / model::STEP_RATE_HZ as f64;
 
 /// Times by the index of the code's window.
-pub(in crate::report) type Times = BTreeMap<u64, Instant>;
+pub(super) type Times = BTreeMap<u64, Instant>;
 
 /// Figures of one node over a span of time. Times are in milliseconds of this PC's monotonic clock.
 #[derive(Debug, Clone, Serialize)]
-pub(in crate::report) struct Figures {
+pub(super) struct Figures {
     /// Number of codes that arrived.
-    pub(in crate::report) codes: u32,
+    pub(super) codes: u32,
     /// Number of codes that were sent and did not arrive.
-    pub(in crate::report) lost: u32,
+    pub(super) lost: u32,
     /// Standard deviation of the intervals with which the codes were sent to the node.
     sent_sd_ms: f64,
-    pub(in crate::report) interval_mean_ms: f64,
+    pub(super) interval_mean_ms: f64,
     /// Standard deviation of the intervals between arrivals.
-    pub(in crate::report) interval_sd_ms: f64,
+    pub(super) interval_sd_ms: f64,
     interval_p99_ms: f64,
     interval_max_ms: f64,
     /// 99th percentile of the intervals' distance from [`HOP_MS`].
-    pub(in crate::report) deviation_p99_ms: f64,
+    pub(super) deviation_p99_ms: f64,
     /// Median of the time from the sending of a code to its arrival.
-    pub(in crate::report) latency_median_ms: f64,
-    pub(in crate::report) latency_p99_ms: f64,
+    pub(super) latency_median_ms: f64,
+    pub(super) latency_p99_ms: f64,
     /// Processor time of the node relative to the time that passed.
-    pub(in crate::report) cpu_percent: f64,
+    pub(super) cpu_percent: f64,
     /// Resident memory of the node at the end, 10^6 bytes.
-    pub(in crate::report) rss_mb: f64,
+    pub(super) rss_mb: f64,
     #[serde(skip)]
-    pub(in crate::report) intervals_ms: Vec<f64>,
+    pub(super) intervals_ms: Vec<f64>,
     #[serde(skip)]
-    pub(in crate::report) sent_intervals_ms: Vec<f64>,
+    pub(super) sent_intervals_ms: Vec<f64>,
 }
 
 impl Figures {
     /// Computes the figures of the codes that were sent between `start` and `end`.
-    pub(in crate::report) fn new(
+    pub(super) fn new(
         sent: &Times,
         arrived: &Times,
         [start, end]: [Instant; 2],
@@ -88,7 +89,8 @@ impl Figures {
     }
 }
 
-/// Returns the times between the codes of successive windows. No interval begins or ends at a lost code.
+/// Returns the times between the codes of successive windows. No interval begins or ends at a lost
+/// code.
 fn intervals(times: &Times) -> Vec<f64> {
     let pairs = times.iter().zip(times.iter().skip(1));
     let pairs = pairs.filter(|((window, _), (next, _))| *window + 1 == **next);
@@ -101,8 +103,8 @@ fn ms(duration: Duration) -> f64 {
     duration.as_secs_f64() * 1000.0
 }
 
-/// Returns the smallest value that at least the fraction `part` of the values does not exceed; NaN without
-/// values.
+/// Returns the smallest value that at least the fraction `part` of the values does not exceed; NaN
+/// without values.
 fn quantile(values: &[f64], part: f64) -> f64 {
     let mut values = values.to_vec();
     values.sort_by(f64::total_cmp);
@@ -111,6 +113,59 @@ fn quantile(values: &[f64], part: f64) -> f64 {
         count(index + 1) >= part * count(values.len())
     });
     below.map_or(f64::NAN, |(_, value)| *value)
+}
+
+/// Clock ticks per second of the times in `/proc`. Linux reports this value on every architecture.
+const TICKS_PER_SECOND: u32 = 100;
+
+/// Processor time and memory of a process.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Usage {
+    /// Time in user mode and in the kernel, of all threads.
+    pub(super) processor: Duration,
+    /// Resident memory, 10^6 bytes.
+    pub(super) resident_mb: f64,
+}
+
+impl Usage {
+    /// Reads the usage of the process `pid` since its start.
+    ///
+    /// # Errors
+    /// The process has ended.
+    pub(super) fn of(pid: u32) -> anyhow::Result<Self> {
+        let read = |name| {
+            let path = format!("/proc/{pid}/{name}");
+            fs::read_to_string(&path).context(path)
+        };
+        Self::parse(&read("stat")?, &read("status")?).context("an unknown format of /proc")
+    }
+
+    /// Returns the usage since `before`; the memory is that at the end.
+    pub(super) fn since(self, before: &Self) -> Self {
+        Self {
+            processor: self.processor.saturating_sub(before.processor),
+            ..self
+        }
+    }
+
+    fn parse(stat: &str, status: &str) -> Option<Self> {
+        // The second field, in parentheses, can contain any character. `utime` and `stime` are
+        // fields 14 and 15.
+        let fields = stat.rsplit_once(')')?.1.split_whitespace();
+        let ticks = fields
+            .skip(11)
+            .take(2)
+            .map(|field| field.parse::<u32>().ok());
+        let ticks: u32 = ticks.sum::<Option<u32>>()?;
+        let resident = status
+            .lines()
+            .find_map(|line| line.strip_prefix("VmRSS:"))?;
+        let kib: u32 = resident.trim().strip_suffix(" kB")?.trim().parse().ok()?;
+        Some(Self {
+            processor: Duration::from_secs(1) * ticks / TICKS_PER_SECOND,
+            resident_mb: f64::from(kib) * 1024.0 / 1e6,
+        })
+    }
 }
 
 #[cfg(test)]
@@ -167,5 +222,28 @@ mod tests {
         let quantiles = [0.0, 0.5, 0.99, 1.0].map(|part| quantile(&values, part).to_string());
         assert_eq!(quantiles, ["1", "50", "99", "100"]);
         assert!(quantile(&[], 0.5).is_nan());
+    }
+
+    #[test]
+    fn a_name_with_spaces_and_parentheses_moves_no_field() {
+        let stat = "7 (a) b (c) S 1 7 7 0 -1 4 5 6 7 8 250 50 0 0 20 0 3 0";
+        let status = "Name:\ta\nVmHWM:\t 9000 kB\nVmRSS:\t    2000 kB\n";
+        let usage = Usage::parse(stat, status).expect("both files are complete");
+        assert_eq!(usage.processor, Duration::from_secs(3));
+        assert!((usage.resident_mb - 2.048).abs() < 1e-9);
+        assert!(Usage::parse("7 (a", status).is_none());
+    }
+
+    #[test]
+    fn this_process_has_used_the_processor_and_memory() {
+        let before = Usage::of(std::process::id()).expect("this process runs");
+        let start = std::time::Instant::now();
+        while start.elapsed() < Duration::from_millis(100) {
+            std::hint::spin_loop();
+        }
+        let used = Usage::of(std::process::id()).expect("this process runs");
+        assert!(used.since(&before).processor >= Duration::from_millis(10));
+        assert!(used.resident_mb > 1.0);
+        assert!(Usage::of(0).is_err());
     }
 }

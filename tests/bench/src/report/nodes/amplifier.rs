@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 use neuro_ros::{Header, NeuroDataFloat, NeuroDataInfo, NeuroFrame, NeuroHeader, Stamp, Wire};
 use ros1::Publisher;
 
-use crate::report::bridge::node_figures::Times;
+use super::figures::Times;
+use super::wait_until;
 
 /// Samples per step of the encoder.
 const SAMPLES_PER_STEP: usize = (model::ADC_RATE_HZ / model::STEP_RATE_HZ) as usize;
@@ -20,8 +21,6 @@ pub(super) const FIRST: u32 = ((model::STEPS - 1) * SAMPLES_PER_STEP / SAMPLES) 
 /// Time from one frame to the next.
 const PERIOD: Duration =
     Duration::from_nanos(1_000_000_000 * SAMPLES as u64 / model::ADC_RATE_HZ as u64);
-/// Time before a frame is due in which the thread spins: a sleeping thread wakes up late.
-const BUSY: Duration = Duration::from_millis(2);
 
 /// A thread that publishes the same numbers on two topics, on the second one half a period later.
 #[derive(Debug)]
@@ -78,14 +77,6 @@ impl Drop for Amplifier {
             // Fails if the thread has panicked, which has been printed.
             let _ = thread.join();
         }
-    }
-}
-
-/// Sleeps, and at the end spins, until `due`.
-fn wait_until(due: Instant) {
-    thread::sleep(due.saturating_duration_since(Instant::now() + BUSY));
-    while Instant::now() < due {
-        std::hint::spin_loop();
     }
 }
 

@@ -1,5 +1,6 @@
-//! Passes the bytes of the source to the bridge, and the codes among them to the node in rospy, and notes when.
-//! Codes leave one hop apart to some microseconds, so that the jitter at a subscriber is that of the node.
+//! Forwards the bytes of the source to the bridge, and the codes among them to the node in rospy, and
+//! records the times. Codes leave one hop apart to some microseconds, so that the jitter at a
+//! subscriber is that of the node.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -11,17 +12,17 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use link::{Decoder, ToHost};
 
-use super::node_figures::Times;
+use super::figures::Times;
+use super::wait_until;
 
 /// Time from one code to the next.
 const HOP: Duration =
     Duration::from_micros(model::HOP as u64 * 1_000_000 / model::STEP_RATE_HZ as u64);
 /// Time by which the node in rospy gets a code later than the bridge.
 const OFFSET: Duration = HOP.checked_div(2).unwrap();
-/// Delay of every code in the relay, so that a code that the source sends late still leaves on time.
+/// Delay of every code in the relay, so that a code that the source sends late still leaves on
+/// time.
 const RESERVE: Duration = Duration::from_millis(15);
-/// Last part of a wait, in which the thread does not sleep: a sleep ends up to this much later.
-const BUSY: Duration = Duration::from_millis(2);
 /// Longest time in which the source opens its port, and in which each node connects.
 const START: Duration = Duration::from_secs(20);
 /// Time between two attempts to connect.
@@ -45,8 +46,8 @@ struct Sent {
 pub(super) struct Relay(Arc<Sent>);
 
 impl Relay {
-    /// Connects to the source at `port` of 127.0.0.1, accepts the bridge at `bridge` and the node in rospy at
-    /// `rospy`, and starts to pass on bytes.
+    /// Connects to the source at `port` of 127.0.0.1, accepts the bridge at `bridge` and the node
+    /// in rospy at `rospy`, and starts to pass on bytes.
     ///
     /// # Errors
     /// A connection fails.
@@ -72,7 +73,8 @@ impl Relay {
         Ok(Self(sent))
     }
 
-    /// Returns when each code was sent to the bridge and to the node in rospy, by the index of its window.
+    /// Returns when each code was sent to the bridge and to the node in rospy, by the index of its
+    /// window.
     pub(super) fn times(&self) -> [Times; 2] {
         [&self.0.to_bridge, &self.0.to_rospy]
             .map(|times| times.lock().unwrap_or_else(PoisonError::into_inner).clone())
@@ -106,8 +108,8 @@ fn accept(listener: &TcpListener) -> io::Result<TcpStream> {
     }
 }
 
-/// Passes all bytes of the source on, and the codes among them to `codes`. Bytes with a code wait until it is
-/// due.
+/// Passes all bytes of the source on, and the codes among them to `codes`. Bytes with a code wait
+/// until it is due.
 fn forward(
     mut source: TcpStream,
     mut bridge: TcpStream,
@@ -143,15 +145,8 @@ fn forward(
     }
 }
 
-/// Sleeps, and at the end spins, until `due`.
-fn wait_until(due: Instant) {
-    thread::sleep(due.saturating_duration_since(Instant::now() + BUSY));
-    while Instant::now() < due {
-        std::hint::spin_loop();
-    }
-}
-
-/// Sends each code to the node in rospy after [`OFFSET`]: index of the window, then the levels as float32.
+/// Sends each code to the node in rospy after [`OFFSET`]: index of the window, then the levels as
+/// float32.
 fn delay(
     codes: &Receiver<(Instant, Levels)>,
     mut rospy: TcpStream,
