@@ -1,4 +1,5 @@
-//! Sets `cfg(smlad)` for targets with the DSP extension of ARMv7E-M; stable Rust has no `cfg` for it.
+//! Sets `cfg(smlad)` for targets with the DSP extension of ARMv7E-M; stable Rust has no `cfg` for
+//! it.
 
 fn main() {
     println!("cargo::rustc-check-cfg=cfg(smlad)");

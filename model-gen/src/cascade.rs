@@ -1,5 +1,7 @@
 //! Designs the quantised sections of a filter specification.
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use fixed_dsp::{Coefficient, MAX_SECTIONS, Section};
 use num_complex::Complex64;
 
@@ -15,8 +17,8 @@ pub struct FilterSpec {
     pub rate_hz: f64,
     /// Mains frequency in Hz, removed by a notch.
     pub mains_hz: f64,
-    /// Quality factor of every notch: its frequency divided by its -3 dB width. Harmonics have the same
-    /// factor: if the mains frequency deviates, its k-th harmonic deviates k times as far.
+    /// Quality factor of every notch: its frequency divided by its -3 dB width. Harmonics have the
+    /// same factor: if the mains frequency deviates, its k-th harmonic deviates k times as far.
     pub notch_q: f64,
     /// Number of notches at harmonics: at 2, 3, .. times the mains frequency.
     pub harmonics: u32,
@@ -27,19 +29,19 @@ pub struct FilterSpec {
 }
 
 /// Highest order per edge; at higher orders, poles are too close together for quantised sections.
-const MAX_ORDER: usize = 8;
+pub(crate) const MAX_ORDER: usize = 8;
 
 /// Designs the cascade of a specification: notches, high-pass sections (low Q first), one band-pass
 /// section if the order is odd, low-pass sections (low Q first), each with gain 1 in its pass band.
 ///
-/// This order keeps the signal large and the rounding noise small at every node. scipy's order, whose
-/// first section has the whole gain of 0.0024, doubles the noise.
+/// This order keeps the signal large and the rounding noise small at every node. scipy's order,
+/// whose first section has the whole gain of 0.0024, doubles the noise.
 ///
 /// # Errors
-/// If a frequency is not below half of the sampling rate, another number is out of range, there are more
-/// than [`MAX_SECTIONS`] sections, or one is unstable after quantisation.
+/// If a frequency is not below half of the sampling rate, another number is out of range, there are
+/// more than [`MAX_SECTIONS`] sections, or one is unstable after quantisation.
 pub fn cascade(spec: &FilterSpec) -> Result<Vec<Section>, FilterError> {
-    check(spec)?;
+    spec.check()?;
     let [low, high] = spec.band_hz;
     let mut sections: Vec<Section> = (0..=spec.harmonics)
         .map(|index| spec.mains_hz * (f64::from(index) + 1.0))
@@ -48,78 +50,61 @@ pub fn cascade(spec: &FilterSpec) -> Result<Vec<Section>, FilterError> {
     let filter = butterworth_band_pass(spec.order, low, high, spec.rate_hz);
     let pairs = pole_pairs(&filter.poles);
     if pairs.len() != spec.order {
-        return Err(FilterError::Poles {
-            low_hz: low,
-            high_hz: high,
-        });
+        return Err(FilterError::Poles(*spec));
     }
     sections.extend(band_sections(&filter, &pairs));
-    for (index, section) in sections.iter().enumerate() {
-        if !is_stable(section) {
-            return Err(FilterError::Unstable {
-                index,
-                section: *section,
-            });
-        }
+    match sections.iter().position(|section| !is_stable(section)) {
+        Some(index) => Err(FilterError::Unstable(index)),
+        None => Ok(sections),
     }
-    Ok(sections)
 }
 
-/// Returns an error if a number of the specification is out of range.
-fn check(spec: &FilterSpec) -> Result<(), FilterError> {
-    let nyquist_hz = spec.rate_hz / 2.0;
-    let inside = |hz: f64| hz > 0.0 && hz < nyquist_hz;
-    for (name, hz) in [
-        ("mains frequency", spec.mains_hz),
-        ("lower band edge", spec.band_hz[0]),
-        ("upper band edge", spec.band_hz[1]),
-    ] {
-        if !inside(hz) {
-            return Err(FilterError::OutsideNyquist {
-                name,
-                hz,
-                nyquist_hz,
-            });
+impl FilterSpec {
+    /// Returns half of the sampling rate, Hz: the upper limit of every frequency.
+    pub(crate) fn nyquist_hz(&self) -> f64 {
+        self.rate_hz / 2.0
+    }
+
+    /// Returns the frequency of the highest notch, Hz.
+    pub(crate) fn highest_notch_hz(&self) -> f64 {
+        self.mains_hz * (f64::from(self.harmonics) + 1.0)
+    }
+
+    /// Returns the number of sections of the cascade.
+    pub(crate) fn sections(&self) -> usize {
+        let harmonics = usize::try_from(self.harmonics).unwrap_or(usize::MAX);
+        harmonics.saturating_add(1).saturating_add(self.order)
+    }
+
+    /// Returns an error if a number is out of range.
+    fn check(&self) -> Result<(), FilterError> {
+        let inside = |hz: f64| hz > 0.0 && hz < self.nyquist_hz();
+        for (name, hz) in [
+            ("mains frequency", self.mains_hz),
+            ("lower band edge", self.band_hz[0]),
+            ("upper band edge", self.band_hz[1]),
+        ] {
+            if !inside(hz) {
+                return Err(FilterError::OutsideNyquist(name, hz, *self));
+            }
+        }
+        // This is half the width of the widest notch, in radians. It must be below pi / 2, where
+        // the tangent in the design changes sign.
+        let half_width = PI * self.highest_notch_hz() / self.rate_hz / self.notch_q;
+        if !inside(self.highest_notch_hz()) {
+            Err(FilterError::Harmonic(*self))
+        } else if self.band_hz[0] >= self.band_hz[1] {
+            Err(FilterError::EmptyBand(*self))
+        } else if !(1..=MAX_ORDER).contains(&self.order) {
+            Err(FilterError::Order(*self))
+        } else if self.sections() > MAX_SECTIONS {
+            Err(FilterError::Sections(*self))
+        } else if !(half_width > 0.0 && half_width < FRAC_PI_2) {
+            Err(FilterError::NotchQuality(*self))
+        } else {
+            Ok(())
         }
     }
-    let highest_notch_hz = spec.mains_hz * (f64::from(spec.harmonics) + 1.0);
-    if !inside(highest_notch_hz) {
-        return Err(FilterError::Harmonic {
-            hz: highest_notch_hz,
-            harmonics: spec.harmonics,
-            mains_hz: spec.mains_hz,
-            nyquist_hz,
-        });
-    }
-    if spec.band_hz[0] >= spec.band_hz[1] {
-        return Err(FilterError::EmptyBand {
-            low_hz: spec.band_hz[0],
-            high_hz: spec.band_hz[1],
-        });
-    }
-    if !(1..=MAX_ORDER).contains(&spec.order) {
-        return Err(FilterError::Order {
-            order: spec.order,
-            highest: MAX_ORDER,
-        });
-    }
-    let notches = usize::try_from(spec.harmonics).map_or(usize::MAX, |more| more.saturating_add(1));
-    let sections = notches.saturating_add(spec.order);
-    if sections > MAX_SECTIONS {
-        return Err(FilterError::Sections {
-            harmonics: spec.harmonics,
-            order: spec.order,
-            sections,
-            longest: MAX_SECTIONS,
-        });
-    }
-    // This is half the width of the widest notch, in radians. It must be below pi / 2, where the tangent
-    // in the design changes sign.
-    let half_width = std::f64::consts::PI * highest_notch_hz / spec.rate_hz / spec.notch_q;
-    if !(half_width > 0.0 && half_width < std::f64::consts::FRAC_PI_2) {
-        return Err(FilterError::NotchQuality { q: spec.notch_q });
-    }
-    Ok(())
 }
 
 fn notch_section(notch: Notch) -> Section {
@@ -145,7 +130,8 @@ impl Feedback {
     }
 }
 
-/// Returns the sections of the band-pass `filter`; `pairs` are its pole pairs in order of frequency.
+/// Returns the sections of the band-pass `filter`; `pairs` are its pole pairs in order of
+/// frequency.
 fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
     let half = filter.order / 2;
     let by_radius = |range: &[[Complex64; 2]]| {
@@ -192,8 +178,8 @@ fn band_sections(filter: &BandPass, pairs: &[[Complex64; 2]]) -> Vec<Section> {
     high.chain(middle).chain(low).collect()
 }
 
-/// Returns the poles in conjugate pairs, in order of frequency. The two real poles of a wide band form
-/// the middle pair, which goes to the band-pass section.
+/// Returns the poles in conjugate pairs, in order of frequency. The two real poles of a wide band
+/// form the middle pair, which goes to the band-pass section.
 fn pole_pairs(poles: &[Complex64]) -> Vec<[Complex64; 2]> {
     /// Largest imaginary part of a pole that counts as real; it comes from rounding.
     const REAL_POLE: f64 = 1e-9;
@@ -218,8 +204,8 @@ fn is_stable(section: &Section) -> bool {
     d2.abs() < 1.0 && d1.abs() < 1.0 + d2
 }
 
-/// Returns `d1` and `d2` of the quantised denominator `1 + d1 z^-1 + d2 z^-2`: the negatives of `a1` and
-/// `a2` of [`Section`].
+/// Returns `d1` and `d2` of the quantised denominator `1 + d1 z^-1 + d2 z^-2`: the negatives of
+/// `a1` and `a2` of [`Section`].
 pub(crate) fn denominator(section: &Section) -> (f64, f64) {
     match *section {
         Section::Notch { a1, one_minus_b0 } => (-value(a1), 1.0 - 2.0 * value(one_minus_b0)),

@@ -17,8 +17,8 @@ pub struct Chain<'a> {
 }
 
 impl Chain<'_> {
-    /// Returns the complex gain at `frequency_hz`. A tone above half of the step rate has this gain at
-    /// the frequency onto which it aliases.
+    /// Returns the complex gain at `frequency_hz`. A tone above half of the step rate has this gain
+    /// at the frequency onto which it aliases.
     pub fn frequency_response(&self, frequency_hz: f64) -> Complex64 {
         let rate_hz = f64::from(self.rate_hz);
         response::frequency_response(self.sections, frequency_hz, rate_hz)
@@ -30,8 +30,8 @@ impl Chain<'_> {
         response::group_delay_s(|hz| self.frequency_response(hz), frequency_hz)
     }
 
-    /// Returns the largest output for inputs of magnitude 1: the largest L1 norm, over all phases, of
-    /// the impulse response from the ADC's samples to the outputs.
+    /// Returns the largest output for inputs of magnitude 1: the largest L1 norm, over all phases,
+    /// of the impulse response from the ADC's samples to the outputs.
     ///
     /// # Errors
     /// If the cascade's response decays too slowly ([`response::decay_samples`]).
@@ -62,8 +62,8 @@ impl Chain<'_> {
                 .iter()
                 .any(|phase| phase_output(phase, &step, *n).abs() >= threshold)
         };
-        // The magnitudes of the taps sum to less than 2, so inputs below half the threshold yield an
-        // output below the threshold.
+        // The magnitudes of the taps sum to less than 2, so inputs below half the threshold yield
+        // an output below the threshold.
         let quiet = step
             .iter()
             .rposition(|y| y.abs() >= threshold / 2.0)
@@ -71,15 +71,16 @@ impl Chain<'_> {
         Ok((0..=quiet).rfind(unsettled).map_or(0, |last| last + 1))
     }
 
-    /// Returns the output of the cascade for `input`, for as many samples as its impulse response takes
-    /// to decay.
+    /// Returns the output of the cascade for `input`, for as many samples as its impulse response
+    /// takes to decay.
     fn cascade_response(&self, input: impl Iterator<Item = f64>) -> Result<Vec<f64>, FilterError> {
         let samples = response::decay_samples(self.sections)?;
         Ok(response::filter(self.sections, input.take(samples)).collect())
     }
 }
 
-/// Returns the output of a phase at sample `n` of `signal`, which is 0 before its start and after its end.
+/// Returns the output of a phase at sample `n` of `signal`, which is 0 before its start and after
+/// its end.
 fn phase_output(phase: &[f64], signal: &[f64], n: usize) -> f64 {
     let first = (n + 1).saturating_sub(signal.len());
     phase

@@ -17,7 +17,8 @@ pub struct BandPass {
     pub order: usize,
 }
 
-/// Designs a Butterworth band-pass of `order` (per edge) between `low_hz` and `high_hz` at `rate_hz`.
+/// Designs a Butterworth band-pass of `order` (per edge) between `low_hz` and `high_hz` at
+/// `rate_hz`.
 ///
 /// The analogue low-pass prototype becomes a band-pass, and the bilinear transform with both edges
 /// pre-warped makes it digital. The result is the transfer function of scipy's
@@ -57,8 +58,8 @@ pub struct Notch {
     pub cosine: f64,
 }
 
-/// Designs a notch at `frequency_hz` with quality factor `q` (frequency divided by -3 dB width), like
-/// scipy's `iirnotch(frequency, q, fs=rate)`.
+/// Designs a notch at `frequency_hz` with quality factor `q` (frequency divided by -3 dB width),
+/// like scipy's `iirnotch(frequency, q, fs=rate)`.
 ///
 /// Expects `0 < frequency_hz < rate_hz / 2` and `q > 0`.
 pub fn notch(frequency_hz: f64, q: f64, rate_hz: f64) -> Notch {

@@ -9,10 +9,10 @@ use crate::{
     error::{FilterError, ModelGenError},
     headroom::{self, GUARD_BITS, NodeGain},
     integer_model::IntegerModel,
+    layer::to_i32,
     packed::PackedIntegers,
     quantise::quantise,
     resampler::{CUTOFF_HZ, ResamplerTable},
-    rounding::to_i32,
 };
 
 /// Mains frequencies for which filters are generated, Hz; the device selects one of them at start.
@@ -21,12 +21,12 @@ pub const MAINS_HZ: [u32; 2] = [50, 60];
 /// Frequency at which the group delay is stated, Hz: the middle of the alpha band.
 const DELAY_AT_HZ: f64 = 10.0;
 
-/// Fraction of a step at the input below which the output must stay for the filters to count as settled:
-/// 1 uV for an electrode offset of 10 mV.
+/// Fraction of a step at the input below which the output must stay for the filters to count as
+/// settled: 1 uV for an electrode offset of 10 mV.
 const SETTLED: f64 = 1e-4;
 
-/// Smallest permitted input multiplier, Q0.32. Its rounding error of at most 0.5 then changes the scale
-/// by at most 2^-9.
+/// Smallest permitted input multiplier, Q0.32. Its rounding error of at most 0.5 then changes the
+/// scale by at most 2^-9.
 const MIN_INPUT_MULTIPLIER: i32 = 256;
 
 /// Filters for one mains frequency.
@@ -43,8 +43,8 @@ pub struct MainsFilter {
     /// Time from when the middle of a window was at the electrodes to the time stamp of its
     /// code, microseconds.
     pub scalp_delay_us: u32,
-    /// Number of ADC samples until the response to a step at the input has decayed to 1e-4 at the output
-    /// of the resampler.
+    /// Number of ADC samples until the response to a step at the input has decayed to 1e-4 at the
+    /// output of the resampler.
     pub settling_samples: u32,
     /// Description of the filters in words, which recordings store in their `prefiltering` fields.
     pub description: String,
@@ -95,7 +95,7 @@ impl DeviceModel {
         let factor = unit_uv / f64::from(integers.input_scale_uv);
         let input_multiplier = to_i32(factor * 4_294_967_296.0)
             .filter(|multiplier| *multiplier >= MIN_INPUT_MULTIPLIER)
-            .ok_or(ModelGenError::InputScale { factor })?;
+            .ok_or(ModelGenError::InputScale(factor))?;
         Ok(Self {
             id: artifact.id,
             description,
@@ -155,24 +155,19 @@ pub fn filter_cascade(
     })
 }
 
-/// Returns the number of ADC samples after which the response of the filters and the resampler to a step stays
-/// below 1e-4: for so long the device sets its flag `settling`.
+/// Returns the number of ADC samples after which the response of the filters and the resampler to a
+/// step stays below 1e-4: for so long the device sets its flag `settling`.
 ///
 /// # Errors
 /// If the filters cannot be realised.
 pub fn settling_samples(description: &Description, mains_hz: u32) -> Result<usize, ModelGenError> {
-    let (filters, rate_hz) = (&description.filters, description.adc.rate_hz);
-    let failed = |source| ModelGenError::Filter {
+    let resampler = resampler_table(description)?;
+    let filter = mains_filter(description, &resampler, mains_hz);
+    let filter = filter.map_err(|source| ModelGenError::Filter {
         mains_hz: mains_hz.into(),
         source,
-    };
-    let sections = filter_cascade(filters, rate_hz, mains_hz).map_err(failed)?;
-    let chain = Chain {
-        sections: &sections,
-        resampler: &resampler_table(description)?,
-        rate_hz,
-    };
-    chain.settling_samples(SETTLED).map_err(failed)
+    })?;
+    Ok(filter.settling_samples as usize)
 }
 
 fn resampler_table(description: &Description) -> Result<ResamplerTable, ModelGenError> {

@@ -2,28 +2,30 @@
 
 mod chain;
 mod encoder;
-mod number;
 mod packed;
 mod source;
 
-use artifact::{CONV1_CHANNELS, CONV2_CHANNELS};
+use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Description, Padding};
 
-use crate::{device_model::DeviceModel, headroom::GUARD_BITS};
-use number::{float, separated};
-use source::Source;
+use crate::{
+    device_model::DeviceModel,
+    headroom::GUARD_BITS,
+    pack::{self, ConvKernel},
+    packed::PackedIntegers,
+};
+use source::{Source, float, separated};
 
 /// Returns the generated files of the `model` crate: names and Rust sources.
 ///
 /// The constants in the first file use no type of `model`, so that the types of `model` can use
 /// these constants.
 pub fn rust_files(model: &DeviceModel) -> [(&'static str, String); 2] {
-    let mut constants = Source::default();
-    constants.constants(model);
-    constants.dimensions(model);
-    constants.shape(model);
-    constants.packed_shape(model);
     let mut statics = Source::default();
-    statics.grid_cells(model);
+    statics.array(
+        "Cell of the scalp grid, `row * COLUMNS + column`, of each electrode.",
+        "pub static GRID_CELL: [u8; ELECTRODES]",
+        &model.integers.cells,
+    );
     statics.resampler(&model.resampler);
     for filter in &model.filters {
         statics.mains_filter(filter);
@@ -34,139 +36,163 @@ pub fn rust_files(model: &DeviceModel) -> [(&'static str, String); 2] {
     statics.network(model);
     statics.packed(model);
     [
-        ("constants.rs", constants.text),
+        ("constants.rs", constants(model)),
         ("statics.rs", statics.text),
     ]
 }
 
-impl Source {
-    fn constants(&mut self, model: &DeviceModel) {
-        let description = &model.description;
-        self.item(
-            "Id of the model: first 8 bytes of the SHA-256 over the artifact.",
-            format_args!("pub const MODEL_ID: [u8; 8] = {:?};", model.id.0),
-        );
-        self.item(
-            "Sampling rate of the ADC, Hz.",
-            format_args!("pub const ADC_RATE_HZ: u16 = {};", description.adc.rate_hz),
-        );
-        self.item(
-            "Channels of the ADC chain; a sample has one count for each.",
-            format_args!("pub const CHANNELS: usize = {};", description.adc.channels),
-        );
-        self.item(
-            "Gain of the amplifier before the ADC.",
-            format_args!("pub const GAIN: u32 = {};", description.adc.gain),
-        );
-        self.item(
-            "Nanovolts of one ADC count: 2 * reference / gain / 2^24.",
-            format_args!("pub const LSB_NV: f32 = {};", float(model.lsb_nv())),
-        );
-        self.item(
-            "Rate of the encoder's time steps, Hz.",
-            format_args!(
-                "pub const STEP_RATE_HZ: u16 = {};",
-                description.window.rate_hz
-            ),
-        );
-        self.item(
-            "Time steps from the start of one window to the start of the next.",
-            format_args!("pub const HOP: usize = {};", description.window.hop),
-        );
-        self.item(
-            "Time from the middle of a window to its last step, microseconds.",
-            format_args!(
-                "pub const WINDOW_CENTRE_US: u32 = {};",
-                separated(model.window_centre_us())
-            ),
-        );
-        self.item(
-            "Fraction bits of a filtered sample, below one ADC count.",
-            format_args!("pub const GUARD_BITS: u32 = {GUARD_BITS};"),
-        );
-        self.item(
-            "Factor from a filtered sample (counts, Q27.5) to a level of the int8 input, Q0.32.",
-            format_args!(
-                "pub const INPUT_MULTIPLIER: i32 = {};",
-                separated(model.input_multiplier)
-            ),
-        );
-        self.item(
-            "Microvolts of one level of the int8 input.",
-            format_args!(
-                "pub const INPUT_SCALE_UV: f32 = {};",
-                float(model.integers.input_scale_uv)
-            ),
-        );
-        self.item(
-            "Number of sections of each filter cascade.",
-            format_args!(
-                "pub const SECTIONS: usize = {};",
-                model.filters[0].sections.len()
-            ),
-        );
-        self.item(
-            "Phases of the resampler: outputs for every `RESAMPLER.down` samples.",
-            format_args!("pub const PHASES: usize = {};", model.resampler.phases()),
-        );
-        self.item(
-            "Taps of each phase: samples from which an output is computed.",
-            format_args!(
-                "pub const TAPS: usize = {};",
-                model.resampler.taps_per_phase()
-            ),
-        );
-        let labels = description.montage.electrodes.join(" ");
-        self.item(
-            "Electrode labels, separated by blanks; the index is the ADC channel.",
-            format_args!("pub const LABELS: &str = {labels:?};"),
-        );
-    }
+fn constants(model: &DeviceModel) -> String {
+    let Description {
+        adc,
+        window,
+        montage,
+        grid,
+        mode,
+        network,
+        ..
+    } = &model.description;
+    let (resampler, packed) = (&model.resampler, model.packed.as_ref());
+    // A network without convolutions has neither padding nor pool, whatever its description states.
+    let (padding, pool) = if mode.has_convolutions() {
+        (network.padding, network.pool)
+    } else {
+        (Padding::None, [1, 1, 1])
+    };
+    let (kernel, fields) = match ConvKernel::select(&model.integers) {
+        ConvKernel::Winograd => (
+            "Winograd",
+            "tile_rows: pooled.rows, outputs: pooled.channels",
+        ),
+        ConvKernel::Direct => ("Direct", "pool: [POOL[1], POOL[2]], pooled"),
+    };
+    format!(
+        "\
+/// Id of the model: first 8 bytes of the SHA-256 over the artifact.
+pub const MODEL_ID: [u8; 8] = {id:?};
 
-    fn dimensions(&mut self, model: &DeviceModel) {
-        let description = &model.description;
-        for (doc, name, value) in [
-            (
-                "Electrodes of the montage; electrode `e` is wired to ADC channel `e`.",
-                "ELECTRODES",
-                description.montage.electrodes.len(),
-            ),
-            (
-                "Rows of the scalp grid, front to back.",
-                "ROWS",
-                description.grid.rows,
-            ),
-            (
-                "Columns of the scalp grid, left to right.",
-                "COLUMNS",
-                description.grid.columns,
-            ),
-            ("Time steps of a window.", "STEPS", description.window.steps),
-            (
-                "Numbers in a code; 0 in a model without a network.",
-                "CODE",
-                model.integers.code_scale.len(),
-            ),
-            (
-                "Output channels of the first convolution.",
-                "CONV1_CHANNELS",
-                CONV1_CHANNELS,
-            ),
-            (
-                "Output channels of the second convolution.",
-                "CONV2_CHANNELS",
-                CONV2_CHANNELS,
-            ),
-        ] {
-            self.item(doc, format_args!("pub const {name}: usize = {value};"));
-        }
-    }
+/// Sampling rate of the ADC, Hz.
+pub const ADC_RATE_HZ: u16 = {rate_hz};
 
-    fn grid_cells(&mut self, model: &DeviceModel) {
-        self.array(
-            "Cell of the scalp grid, `row * COLUMNS + column`, of each electrode.",
-            "pub static GRID_CELL: [u8; ELECTRODES]",
-            &model.integers.cells,
-        );
-    }
+/// Channels of the ADC chain; a sample has one count for each.
+pub const CHANNELS: usize = {channels};
+
+/// Gain of the amplifier before the ADC.
+pub const GAIN: u32 = {gain};
+
+/// Nanovolts of one ADC count: 2 * reference / gain / 2^24.
+pub const LSB_NV: f32 = {lsb_nv};
+
+/// Rate of the encoder's time steps, Hz.
+pub const STEP_RATE_HZ: u16 = {step_rate_hz};
+
+/// Time steps from the start of one window to the start of the next.
+pub const HOP: usize = {hop};
+
+/// Time from the middle of a window to its last step, microseconds.
+pub const WINDOW_CENTRE_US: u32 = {window_centre_us};
+
+/// Fraction bits of a filtered sample, below one ADC count.
+pub const GUARD_BITS: u32 = {GUARD_BITS};
+
+/// Factor from a filtered sample (counts, Q27.5) to a level of the int8 input, Q0.32.
+pub const INPUT_MULTIPLIER: i32 = {input_multiplier};
+
+/// Microvolts of one level of the int8 input.
+pub const INPUT_SCALE_UV: f32 = {input_scale_uv};
+
+/// Number of sections of each filter cascade.
+pub const SECTIONS: usize = {sections};
+
+/// Phases of the resampler: outputs for every `RESAMPLER.down` samples.
+pub const PHASES: usize = {phases};
+
+/// Taps of each phase: samples from which an output is computed.
+pub const TAPS: usize = {taps};
+
+/// Electrode labels, separated by blanks; the index is the ADC channel.
+pub const LABELS: &str = {labels:?};
+
+/// Electrodes of the montage; electrode `e` is wired to ADC channel `e`.
+pub const ELECTRODES: usize = {electrodes};
+
+/// Rows of the scalp grid, front to back.
+pub const ROWS: usize = {rows};
+
+/// Columns of the scalp grid, left to right.
+pub const COLUMNS: usize = {columns};
+
+/// Time steps of a window.
+pub const STEPS: usize = {steps};
+
+/// Numbers in a code; 0 in a model without a network.
+pub const CODE: usize = {code};
+
+/// Output channels of the first convolution.
+pub const CONV1_CHANNELS: usize = {CONV1_CHANNELS};
+
+/// Output channels of the second convolution.
+pub const CONV2_CHANNELS: usize = {CONV2_CHANNELS};
+
+/// Whether the network has convolutions.
+pub const HAS_CONVOLUTIONS: bool = {has_convolutions};
+
+/// Whether the network has a linear shortcut.
+pub const HAS_SHORTCUT: bool = {has_shortcut};
+
+/// Whether the convolutions pad rows and columns.
+pub const PADS_SPACE: bool = {pads_space};
+
+/// Whether the convolutions pad steps.
+pub const PADS_TIME: bool = {pads_time};
+
+/// Steps, rows and columns of the max-pool.
+pub const POOL: [usize; 3] = {pool:?};
+
+/// Matrices of the fully connected layer for each pooled plane.
+pub const FC_PIECES: usize = {fc_pieces};
+
+/// Kernel of the second convolution, for pairs of input channels and columns of the input.
+pub type ConvKernel<'w, const PAIRS: usize, const COLUMNS: usize> = int8_nn::{kernel}<'w, PAIRS, COLUMNS>;
+
+/// Returns the second convolution, with the shape of a pooled plane.
+pub(crate) const fn conv_kernel<const PAIRS: usize, const COLUMNS: usize>(
+    pooled: PlaneShape,
+    weights: &[Pair],
+) -> ConvKernel<'_, PAIRS, COLUMNS> {{
+    int8_nn::{kernel} {{ {fields}, weights }}
+}}
+/// Coefficients of a packed block; 0 if the model has no packed model.
+pub const PACKED_COEFFICIENTS: usize = {packed_coefficients};
+
+/// Pairs of input values of a packed block, zeros at its end included.
+pub const PACKED_INPUT_PAIRS: usize = {packed_input_pairs};
+
+",
+        id = model.id.0,
+        rate_hz = adc.rate_hz,
+        channels = adc.channels,
+        gain = adc.gain,
+        lsb_nv = float(model.lsb_nv()),
+        step_rate_hz = window.rate_hz,
+        hop = window.hop,
+        window_centre_us = separated(model.window_centre_us()),
+        input_multiplier = separated(model.input_multiplier),
+        input_scale_uv = float(model.integers.input_scale_uv),
+        sections = model.filters[0].sections.len(),
+        phases = resampler.phases(),
+        taps = resampler.taps_per_phase(),
+        labels = montage.electrodes.join(" "),
+        electrodes = montage.electrodes.len(),
+        rows = grid.rows,
+        columns = grid.columns,
+        steps = window.steps,
+        code = model.integers.code_scale.len(),
+        has_convolutions = mode.has_convolutions(),
+        has_shortcut = mode.has_shortcut(),
+        pads_space = padding.pads_space(),
+        pads_time = padding.pads_time(),
+        fc_pieces = pack::fc_pieces(&model.integers),
+        packed_coefficients = packed.map_or(0, |packed| packed.model.coefficients()),
+        packed_input_pairs = packed.map_or(0, PackedIntegers::input_pairs),
+    )
 }

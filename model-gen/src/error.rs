@@ -1,97 +1,64 @@
 //! Errors of filter design and of turning an artifact into integers.
 
-use fixed_dsp::Section;
+use fixed_dsp::MAX_SECTIONS;
+
+use crate::cascade::{FilterSpec, MAX_ORDER};
+use crate::resampler::LARGEST_BYTES;
 
 /// Why filters or a resampler cannot be realised.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FilterError {
-    /// A frequency is not positive, or not below half of the sampling rate.
+    /// A frequency, with its name, is not positive, or not below half of the sampling rate.
     #[error(
-        "the {name} of {hz} Hz cannot exist: it must be between 0 and {nyquist_hz} Hz, half of \
-         the sampling rate; change it in [filters] of model.toml, or raise [adc] rate_hz"
+        "the {0} of {1} Hz cannot exist: it must be between 0 and {limit} Hz, half of \
+         the sampling rate; change it in [filters] of model.toml, or raise [adc] rate_hz",
+        limit = .2.nyquist_hz()
     )]
-    OutsideNyquist {
-        /// Name of the frequency in the specification.
-        name: &'static str,
-        /// Requested frequency, Hz.
-        hz: f64,
-        /// Half of the sampling rate, Hz: the upper limit of every frequency.
-        nyquist_hz: f64,
-    },
+    OutsideNyquist(&'static str, f64, FilterSpec),
     /// A harmonic of the mains frequency is not below half of the sampling rate.
     #[error(
-        "with {harmonics} harmonics of {mains_hz} Hz mains the last notch is at {hz} Hz, but it \
-         must be below {nyquist_hz} Hz, half of the sampling rate: lower [filters] harmonics in \
-         model.toml, or raise [adc] rate_hz"
+        "with {} harmonics of {} Hz mains the last notch is at {} Hz, but it \
+         must be below {} Hz, half of the sampling rate: lower [filters] harmonics in \
+         model.toml, or raise [adc] rate_hz",
+        .0.harmonics, .0.mains_hz, .0.highest_notch_hz(), .0.nyquist_hz()
     )]
-    Harmonic {
-        /// Frequency of the highest notch, Hz.
-        hz: f64,
-        /// Requested number of harmonics.
-        harmonics: u32,
-        /// Mains frequency of these filters, Hz.
-        mains_hz: f64,
-        /// Half of the sampling rate, Hz: the upper limit of every frequency.
-        nyquist_hz: f64,
-    },
+    Harmonic(FilterSpec),
     /// The lower edge of the band is not below the upper one.
     #[error(
-        "the band from {low_hz} to {high_hz} Hz is empty: write [filters] band_hz of model.toml \
-         as [lower edge, upper edge]"
+        "the band from {} to {} Hz is empty: write [filters] band_hz of model.toml \
+         as [lower edge, upper edge]",
+        .0.band_hz[0], .0.band_hz[1]
     )]
-    EmptyBand {
-        /// Lower edge of the requested band, Hz.
-        low_hz: f64,
-        /// Upper edge of the requested band, Hz.
-        high_hz: f64,
-    },
+    EmptyBand(FilterSpec),
     /// The order of the band-pass is out of range.
     #[error(
-        "a band-pass of order {order} is out of range: [filters] order of model.toml must be \
-         between 1 and {highest}"
+        "a band-pass of order {} is out of range: [filters] order of model.toml must be \
+         between 1 and {MAX_ORDER}",
+        .0.order
     )]
-    Order {
-        /// Requested order of the band-pass per edge.
-        order: usize,
-        /// Largest supported order.
-        highest: usize,
-    },
+    Order(FilterSpec),
     /// The filters need more sections than a cascade can have.
     #[error(
-        "with {harmonics} harmonics and a band-pass of order {order} the filters have {sections} \
-         sections, at most {longest} are possible: lower [filters] harmonics or order in model.toml"
+        "with {} harmonics and a band-pass of order {} the filters have {} \
+         sections, at most {MAX_SECTIONS} are possible: lower [filters] harmonics or order in model.toml",
+        .0.harmonics, .0.order, .0.sections()
     )]
-    Sections {
-        /// Requested number of harmonics.
-        harmonics: u32,
-        /// Requested order of the band-pass per edge.
-        order: usize,
-        /// Number of sections that these filters need.
-        sections: usize,
-        /// Largest possible number of sections.
-        longest: usize,
-    },
-    /// The quality factor of the notch is not positive, or so low that the notch is wider than half of
-    /// the sampling rate.
+    Sections(FilterSpec),
+    /// The quality factor of the notch is not positive, or so low that the notch is wider than half
+    /// of the sampling rate.
     #[error(
-        "a notch of quality {q} cannot be made: [filters] notch_q of model.toml must be large \
-         enough for the notch to be narrower than half the sampling rate"
+        "a notch of quality {} cannot be made: [filters] notch_q of model.toml must be large \
+         enough for the notch to be narrower than half the sampling rate",
+        .0.notch_q
     )]
-    NotchQuality {
-        /// Requested quality factor.
-        q: f64,
-    },
-    /// Rounding the coefficients moved a pole out of the unit circle.
+    NotchQuality(FilterSpec),
+    /// Rounding the coefficients of a section moved a pole out of the unit circle; the sections
+    /// count from 0.
     #[error(
-        "section {index} is unstable after quantisation: its pole is closer to \
+        "section {0} is unstable after quantisation: its pole is closer to \
          the unit circle than 2^-33; raise the lower band edge or lower notch_q in model.toml"
     )]
-    Unstable {
-        /// Position in the cascade, from 0.
-        index: usize,
-        /// Section after quantisation.
-        section: Section,
-    },
+    Unstable(usize),
     /// A pole is so close to the unit circle that the response decays too slowly.
     #[error(
         "the response of the filters decays over {samples:.0} samples (pole radius {radius}), more than \
@@ -108,55 +75,37 @@ pub enum FilterError {
     },
     /// The poles cannot be paired into sections.
     #[error(
-        "a band from {low_hz} to {high_hz} Hz has poles too close to the real axis to be \
-         paired: raise the lower edge of [filters] band_hz in model.toml"
+        "a band from {} to {} Hz has poles too close to the real axis to be \
+         paired: raise the lower edge of [filters] band_hz in model.toml",
+        .0.band_hz[0], .0.band_hz[1]
     )]
-    Poles {
-        /// Lower edge of the requested band, Hz.
-        low_hz: f64,
-        /// Upper edge of the requested band, Hz.
-        high_hz: f64,
-    },
+    Poles(FilterSpec),
     /// The step rate is higher than the sampling rate.
     #[error(
-        "{rate_hz} samples a second cannot be resampled to {step_rate_hz} steps a second: [adc] rate_hz of \
-         model.toml must be at least {step_rate_hz}"
+        "{adc} samples a second cannot be resampled to {step} steps a second: [adc] rate_hz of \
+         model.toml must be at least {step}",
+        adc = .0.adc, step = .0.step
     )]
-    BelowStepRate {
-        /// Sampling rate of the ADC, Hz.
-        rate_hz: u32,
-        /// Rate of the encoder's time steps in Hz.
-        step_rate_hz: u32,
-    },
+    BelowStepRate(RatesHz),
     /// Literal decimation was requested at a sampling rate that is not a multiple of the step rate.
     #[error(
-        "literal decimation keeps every n-th sample, but {rate_hz} Hz is not a multiple of \
-         {step_rate_hz} Hz: write [filters] decimation = \"fir\" in model.toml, which takes any \
-         rate, or sample at {nearest_hz} Hz"
+        "literal decimation keeps every n-th sample, but {} Hz is not a multiple of \
+         {} Hz: write [filters] decimation = \"fir\" in model.toml, which takes any \
+         rate, or sample at {} Hz",
+        .0.adc, .0.step, .0.nearest_multiple()
     )]
-    LiteralRate {
-        /// Sampling rate of the ADC, Hz.
-        rate_hz: u32,
-        /// Rate of the encoder's time steps in Hz.
-        step_rate_hz: u32,
-        /// Nearest multiple of the step rate in Hz.
-        nearest_hz: u32,
-    },
+    LiteralRate(RatesHz),
     /// The numerator of sampling rate / step rate, in lowest terms, does not fit 16 bits.
     #[error(
-        "the ratio of {rate_hz} Hz to {step_rate_hz} Hz in lowest terms is not below 65536: lower [adc] rate_hz \
-         in model.toml"
+        "the ratio of {} Hz to {} Hz in lowest terms is not below 65536: lower [adc] rate_hz \
+         in model.toml",
+        .0.adc, .0.step
     )]
-    RateTerms {
-        /// Sampling rate of the ADC, Hz.
-        rate_hz: u32,
-        /// Rate of the encoder's time steps in Hz.
-        step_rate_hz: u32,
-    },
+    RateTerms(RatesHz),
     /// The delay line or the table of taps of the resampler takes more memory than permitted.
     #[error(
         "at {rate_hz} Hz the resampler has {phases} phases of {taps} taps, and {what} takes \
-         {bytes} B, more than {largest}: lower [adc] rate_hz in model.toml to 2144 Hz at most, or \
+         {bytes} B, more than {LARGEST_BYTES}: lower [adc] rate_hz in model.toml to 2144 Hz at most, or \
          choose one that has a larger divisor in common with the steps' rate"
     )]
     ResamplerSize {
@@ -170,8 +119,6 @@ pub enum FilterError {
         taps: usize,
         /// Size of the part in bytes.
         bytes: usize,
-        /// Largest permitted size in bytes.
-        largest: usize,
     },
     /// The taps could overflow the resampler's accumulator.
     #[error(
@@ -197,6 +144,20 @@ pub enum FilterError {
         /// Upper limit of the gain.
         limit: f64,
     },
+}
+
+/// Sampling rate of the ADC and rate of the encoder's time steps, Hz.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RatesHz {
+    pub(crate) adc: u32,
+    pub(crate) step: u32,
+}
+
+impl RatesHz {
+    /// Returns the multiple of the step rate that is nearest to the sampling rate.
+    fn nearest_multiple(self) -> u32 {
+        (self.adc + self.step / 2) / self.step * self.step
+    }
 }
 
 /// Why an artifact cannot be turned into integers.
@@ -231,16 +192,14 @@ pub enum ModelGenError {
         /// Requantisation factor that this output needs.
         factor: f64,
     },
-    /// The factor from filtered samples to levels of the int8 input is too small or too large for Q0.32.
+    /// The factor from filtered samples to levels of the int8 input is too small or too large for
+    /// Q0.32.
     #[error(
-        "one unit of a filtered sample is {factor:e} levels of the int8 input: the ADC's scale \
+        "one unit of a filtered sample is {0:e} levels of the int8 input: the ADC's scale \
          ([adc] vref_v and gain of model.toml) and the calibrated input range do not belong \
          together"
     )]
-    InputScale {
-        /// Levels of the input for one unit of a filtered sample.
-        factor: f64,
-    },
+    InputScale(f64),
     /// An accumulator could overflow 32 bits.
     #[error(
         "an accumulator of {layer} (output {output}) can reach {worst}, beyond 2^31: the bias is \

@@ -4,19 +4,20 @@ use fixed_dsp::Section;
 
 use crate::{chain::Chain, error::FilterError, response};
 
-/// Number of fraction bits of a filtered sample below one count: format Q27.5. Each further bit halves
-/// both the rounding noise and the head room; with five bits, the noise in the band is below the ADC's
-/// rounding noise.
+/// Number of fraction bits of a filtered sample below one count: format Q27.5. Each further bit
+/// halves both the rounding noise and the head room; with five bits, the noise in the band is below
+/// the ADC's rounding noise.
 pub const GUARD_BITS: u32 = 5;
 
 /// An ADC count is a 24-bit two's-complement number: |count| <= 2^23.
 const ADC_BITS: u32 = 24;
 
-/// Limit of every worst-case gain: full scale of 32 bits divided by full scale of a filtered sample.
+/// Limit of every worst-case gain: full scale of 32 bits divided by full scale of a filtered
+/// sample.
 pub(crate) const GAIN_LIMIT: u32 = 1 << (32 - ADC_BITS - GUARD_BITS);
 
-/// Bound of the rounding noise of the whole cascade at a node, as a fraction of full scale: 2^-17, which
-/// is 2^11 units of Q27.5. The noise measured on EEG is a few units rms (docs/figures.md).
+/// Bound of the rounding noise of the whole cascade at a node, as a fraction of full scale: 2^-17,
+/// which is 2^11 units of Q27.5. The noise measured on EEG is a few units rms (docs/figures.md).
 const NOISE: f64 = 1.0 / 131_072.0;
 
 /// Worst-case gain from the input to one node of the filter chain.
@@ -30,8 +31,9 @@ pub struct NodeGain {
 
 /// Returns the worst-case gain of every signal in a cascade that must fit 32 bits.
 ///
-/// These signals are the outputs of all sections, the numerators of the sections that scale them, and the
-/// change (output minus input) and balance (`2 y2 - x0 - x2`) of a notch. Intermediate sums may wrap.
+/// These signals are the outputs of all sections, the numerators of the sections that scale them,
+/// and the change (output minus input) and balance (`2 y2 - x0 - x2`) of a notch. Intermediate sums
+/// may wrap.
 ///
 /// # Errors
 /// If a full-scale input (2^23 counts with [`GUARD_BITS`]) could take one of these signals to 2^31.
@@ -59,7 +61,8 @@ pub fn prove_chain_output(chain: &Chain) -> Result<NodeGain, FilterError> {
     checked_gain("output of the resampler".to_owned(), chain.worst_gain()?)
 }
 
-/// Returns the node with its gain, or an error if a full-scale input could overflow 32 bits at the node.
+/// Returns the node with its gain, or an error if a full-scale input could overflow 32 bits at the
+/// node.
 fn checked_gain(node: String, gain: f64) -> Result<NodeGain, FilterError> {
     let limit = f64::from(GAIN_LIMIT) - NOISE;
     if gain < limit {

@@ -5,8 +5,9 @@ use artifact::{CodeFormat, IntegerCode};
 /// Returns the code of the given levels, which are multiples of the code's scale. Computed in plain
 /// loops: the reference for every format.
 ///
-/// The exponent is the smallest with which every `round(level / 2^exponent)`, half up, is within the
-/// format's range; if no exponent is large enough, it is the largest, and values out of range saturate.
+/// The exponent is the smallest with which every `round(level / 2^exponent)`, half up, is within
+/// the format's range; if no exponent is large enough, it is the largest, and values out of range
+/// saturate.
 pub fn integer_code(format: CodeFormat, levels: &[i64]) -> IntegerCode {
     let [least, greatest] = format.range().map(i64::from);
     let rounded = |level: i64, exponent: u8| {

@@ -11,8 +11,8 @@ pub struct IntegerConv {
     pub weights: Vec<i8>,
     /// Bias of each output channel, in units of the accumulator.
     pub bias: Vec<i32>,
-    /// Requantisation factor of each output channel, Q0.32. The factor is negative where the weights of
-    /// the channel are negated, because its batch norm has a negative factor.
+    /// Requantisation factor of each output channel, Q0.32. The factor is negative where the
+    /// weights of the channel are negated, because its batch norm has a negative factor.
     pub multipliers: Vec<i32>,
 }
 
@@ -26,7 +26,8 @@ pub struct IntegerLinear {
 }
 
 impl IntegerLinear {
-    /// Returns the contribution of this layer to an output of the code, Q32; 0 if the layer is empty.
+    /// Returns the contribution of this layer to an output of the code, Q32; 0 if the layer is
+    /// empty.
     fn contribution(&self, output: usize, features: &[i64], bias: i32) -> i64 {
         let Some(&multiplier) = self.multipliers.get(output) else {
             return 0;
@@ -55,8 +56,8 @@ pub struct IntegerModel {
     pub cells: Vec<u8>,
     /// First convolution, padded with 0.
     pub conv1: IntegerConv,
-    /// Padding of each input channel of the second convolution: the integer that the first batch norm
-    /// turns into 0. All 0 if the model has no padding.
+    /// Padding of each input channel of the second convolution: the integer that the first batch
+    /// norm turns into 0. All 0 if the model has no padding.
     pub hidden_padding: [i16; CONV1_CHANNELS],
     /// Second convolution, padded with `hidden_padding`.
     pub conv2: IntegerConv,
@@ -69,15 +70,15 @@ pub struct IntegerModel {
 }
 
 impl IntegerModel {
-    /// Returns the largest magnitude of an input of the second convolution: 255, or the magnitude of a
-    /// padding value if that is larger.
+    /// Returns the largest magnitude of an input of the second convolution: 255, or the magnitude
+    /// of a padding value if that is larger.
     pub fn largest_hidden(&self) -> i32 {
         largest_hidden(&self.hidden_padding)
     }
 
     /// Returns the code of one window of quantised input, in the order step, row, column (the last
-    /// fastest). Computed in plain loops: the reference that the streaming encoder must equal bit for
-    /// bit.
+    /// fastest). Computed in plain loops: the reference that the streaming encoder must equal bit
+    /// for bit.
     ///
     /// # Panics
     /// If the window's length is not that of the model's window.
@@ -150,8 +151,8 @@ impl Volume {
         &self.values[((channel * times + time) * rows + row) * columns..][..columns]
     }
 
-    /// Returns a copy with `pads` values added on both sides of the time, row and column axes; `padding`
-    /// holds the added value of each channel.
+    /// Returns a copy with `pads` values added on both sides of the time, row and column axes;
+    /// `padding` holds the added value of each channel.
     fn padded(&self, pads: [usize; 3], padding: &[i16]) -> Self {
         let [channels, times, rows, columns] = self.shape;
         let shape = [

@@ -1,8 +1,8 @@
-//! Turns a trained artifact into integers in Rust: designs the filters, quantises the encoder, proves
-//! the ranges and writes the constants.
+//! Turns a trained artifact into integers in Rust: designs the filters, quantises the encoder,
+//! proves the ranges and writes the constants.
 //!
-//! `signal/model/build.rs` calls [`generate`]. The trainer uses [`quantise`] for the golden codes and the int8
-//! figures, and [`filter_cascade`] for the filters of its training data.
+//! `signal/model/build.rs` calls [`generate`]. The trainer uses [`quantise`] for the golden codes
+//! and the int8 figures, and [`filter_cascade`] for the filters of its training data.
 //!
 //! ```text
 //!             [filters] --> design, fir --> cascade, ResamplerTable --> headroom: no overflow
@@ -37,6 +37,7 @@ pub mod fir;
 pub mod headroom;
 mod integer_code;
 mod integer_model;
+mod layer;
 mod manifest;
 pub mod memory;
 pub mod pack;
@@ -44,8 +45,6 @@ mod packed;
 mod quantise;
 pub mod resampler;
 pub mod response;
-mod rounding;
-mod rows;
 
 use std::path::Path;
 
@@ -53,7 +52,7 @@ pub use cascade::{FilterSpec, cascade};
 pub use chain::Chain;
 pub use device_model::{DeviceModel, MAINS_HZ, MainsFilter, filter_cascade, settling_samples};
 pub use emit::rust_files;
-pub use error::{FilterError, ModelGenError};
+pub use error::{FilterError, ModelGenError, RatesHz};
 pub use integer_code::integer_code;
 pub use integer_model::{IntegerConv, IntegerLinear, IntegerModel};
 pub use manifest::manifest;
@@ -61,7 +60,8 @@ pub use packed::PackedIntegers;
 pub use quantise::quantise;
 pub use resampler::ResamplerTable;
 
-/// Reads the artifact in `artifact_dir`, and writes the [`rust_files`] and `manifest.txt` to `out_dir`.
+/// Reads the artifact in `artifact_dir`, and writes the [`rust_files`] and `manifest.txt` to
+/// `out_dir`.
 ///
 /// # Errors
 /// If the artifact cannot be read or turned into integers, or a file cannot be written.

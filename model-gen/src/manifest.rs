@@ -23,40 +23,33 @@ pub fn manifest(model: &DeviceModel) -> String {
 }
 
 fn describe(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
-    let description = &model.description;
-    writeln!(out, "model id              {}", model.id)?;
-    writeln!(out, "mode                  {}", description.mode)?;
+    let (description, resampler) = (&model.description, &model.resampler);
+    let (window, adc) = (&description.window, &description.adc);
     writeln!(
         out,
-        "window                {} steps at {} Hz, hop {}",
-        description.window.steps, description.window.rate_hz, description.window.hop
-    )?;
-    writeln!(
-        out,
-        "adc                   {} channels at {} Hz, {:.6} nV per count",
-        description.adc.channels,
-        description.adc.rate_hz,
-        model.lsb_nv()
-    )?;
-    writeln!(
-        out,
-        "input                 {:.6} uV per level, int8, multiplier {} / 2^32",
-        model.integers.input_scale_uv, model.input_multiplier
-    )?;
-    let resampler = &model.resampler;
-    writeln!(
-        out,
-        "resampler             {} x {} taps, {}/{} of the ADC's rate, accumulator {:.4} of 2^63",
-        resampler.phases(),
+        "\
+model id              {}
+mode                  {}
+window                {} steps at {} Hz, hop {}
+adc                   {} channels at {} Hz, {:.6} nV per count
+input                 {:.6} uV per level, int8, multiplier {} / 2^32
+resampler             {phases} x {} taps, {phases}/{} of the ADC's rate, accumulator {:.4} of 2^63
+window's middle       {} us before its last step",
+        model.id,
+        description.mode,
+        window.steps,
+        window.rate_hz,
+        window.hop,
+        adc.channels,
+        adc.rate_hz,
+        model.lsb_nv(),
+        model.integers.input_scale_uv,
+        model.input_multiplier,
         resampler.taps_per_phase(),
-        resampler.phases(),
         resampler.down,
-        resampler.largest_accumulator()
-    )?;
-    writeln!(
-        out,
-        "window's middle       {} us before its last step",
-        model.window_centre_us()
+        resampler.largest_accumulator(),
+        model.window_centre_us(),
+        phases = resampler.phases(),
     )?;
     for filter in &model.filters {
         mains_filter(out, filter)?;
@@ -95,24 +88,22 @@ fn network(out: &mut String, model: &DeviceModel) -> std::fmt::Result {
 /// Writes dimensions, units and flash of the packed model.
 fn packed_model(out: &mut String, packed: &PackedIntegers) -> std::fmt::Result {
     let description = &packed.model.description;
-    let values = packed.model.analysis.inputs();
+    let analysis = packed.analysis();
+    let pairs: usize = analysis.iter().map(|(_, weights)| weights.len()).sum();
     writeln!(
         out,
-        "\npacked code           {} coefficients of {values} values, rate {}",
-        description.coefficients, description.rate
-    )?;
-    writeln!(
-        out,
-        "  input               {} uV per unit, up to +-{}, multiplier {} / 2^32",
-        description.unit_uv, description.input_limit, packed.input_multiplier
-    )?;
-    let pairs: usize = packed
-        .analysis()
-        .iter()
-        .map(|(_, weights)| weights.len())
-        .sum();
-    let matrices = size_of::<Pair>() * (pairs + packed.prediction().len());
-    writeln!(out, "  matrices            {matrices} B")
+        "
+packed code           {} coefficients of {} values, rate {}
+  input               {} uV per unit, up to +-{}, multiplier {} / 2^32
+  matrices            {} B",
+        description.coefficients,
+        packed.model.analysis.inputs(),
+        description.rate,
+        description.unit_uv,
+        description.input_limit,
+        packed.input_multiplier,
+        size_of::<Pair>() * (pairs + packed.prediction().len()),
+    )
 }
 
 /// Writes flash and RAM of each part, and their sums.
@@ -135,27 +126,21 @@ fn memory(out: &mut String, parts: &[Part]) -> std::fmt::Result {
 }
 
 fn mains_filter(out: &mut String, filter: &MainsFilter) -> std::fmt::Result {
-    writeln!(out, "\nfilters for {} Hz mains", filter.mains_hz)?;
-    writeln!(out, "  chain               {}", filter.description)?;
-    writeln!(
-        out,
-        "  group delay         {} us at 10 Hz",
-        filter.group_delay_us
-    )?;
-    writeln!(
-        out,
-        "  scalp delay         {} us, from the middle of a window to the code's time",
-        filter.scalp_delay_us
-    )?;
-    writeln!(
-        out,
-        "  settling            {} samples to 1e-4",
-        filter.settling_samples
-    )?;
     let integer_bits = 32 - GUARD_BITS;
     writeln!(
         out,
-        "  worst-case gains (below {GAIN_LIMIT} for full scale in Q{integer_bits}.{GUARD_BITS})"
+        "
+filters for {} Hz mains
+  chain               {}
+  group delay         {} us at 10 Hz
+  scalp delay         {} us, from the middle of a window to the code's time
+  settling            {} samples to 1e-4
+  worst-case gains (below {GAIN_LIMIT} for full scale in Q{integer_bits}.{GUARD_BITS})",
+        filter.mains_hz,
+        filter.description,
+        filter.group_delay_us,
+        filter.scalp_delay_us,
+        filter.settling_samples,
     )?;
     for node in &filter.gains {
         writeln!(out, "    {:<24}{:>8.4}", node.node, node.gain)?;

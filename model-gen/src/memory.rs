@@ -94,8 +94,8 @@ fn convolutions(model: &IntegerModel) -> [Part; 3] {
     let (name, transformed) = match ConvKernel::select(model) {
         ConvKernel::Winograd => (
             "conv2, pool: Winograd F(2x4, 3x3)",
-            // A tile of 2x4 outputs holds two adjacent pools. The length depends only on the number of
-            // tiles, so all tiles are placed in one column here.
+            // A tile of 2x4 outputs holds two adjacent pools. The length depends only on the number
+            // of tiles, so all tiles are placed in one column here.
             Winograd::<{ CONV1_CHANNELS / 2 }, 6> {
                 tile_rows: rows * columns / 2,
                 outputs: CONV2_CHANNELS,

@@ -83,8 +83,8 @@ fn by_tap(conv: &IntegerConv) -> Vec<i8> {
 }
 
 /// Packs the fully connected layer: the pieces of each pooled plane, with inputs in the order
-/// `[position][channel]`. PyTorch's order is `[out][channel][plane][position]`. Returns an empty list
-/// for a model without convolutions.
+/// `[position][channel]`. PyTorch's order is `[out][channel][plane][position]`. Returns an empty
+/// list for a model without convolutions.
 pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
     if !model.mode.has_convolutions() {
         return Vec::new();
@@ -113,7 +113,8 @@ pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
 }
 
 /// Returns the number of matrices into which the weights of a pooled plane are split: the smallest
-/// number of equal matrices that [`Linear`] supports, each with a multiple of eight pairs of inputs.
+/// number of equal matrices that [`Linear`] supports, each with a multiple of eight pairs of
+/// inputs.
 ///
 /// Returns 1 for a model without convolutions.
 pub fn fc_pieces(model: &IntegerModel) -> usize {
@@ -149,7 +150,8 @@ pub fn shortcut(model: &IntegerModel) -> Vec<Vec<Pair>> {
     matrices(&weights, numbers, steps, pairs)
 }
 
-/// Splits weights `[input][output]` into equal parts, and packs each part for `pairs` pairs of inputs.
+/// Splits weights `[input][output]` into equal parts, and packs each part for `pairs` pairs of
+/// inputs.
 fn matrices(weights: &[i8], outputs: usize, parts: usize, pairs: usize) -> Vec<Vec<Pair>> {
     weights
         .chunks_exact(weights.len() / parts)
@@ -163,8 +165,8 @@ fn matrices(weights: &[i8], outputs: usize, parts: usize, pairs: usize) -> Vec<V
 
 /// Padding and bias of the second convolution after its inputs are made non-negative.
 ///
-/// The kernels require non-negative inputs, but a padding value can be negative. So each input channel
-/// gets an offset, and the bias subtracts the contribution of the offsets.
+/// The kernels require non-negative inputs, but a padding value can be negative. So each input
+/// channel gets an offset, and the bias subtracts the contribution of the offsets.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnsignedInput {
     /// Offset added to all inputs of each channel, padding included; >= 0.

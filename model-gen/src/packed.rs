@@ -5,7 +5,7 @@ use int8_nn::{Linear, Pair};
 
 use crate::error::ModelGenError;
 use crate::headroom::GUARD_BITS;
-use crate::rounding::to_i32;
+use crate::layer::to_i32;
 
 /// The packed model with the numbers that the device adds to it.
 #[derive(Clone, Debug)]
@@ -14,8 +14,8 @@ pub struct PackedIntegers {
     pub model: PackedModel,
     /// Factor from a filtered sample (counts, Q27.5) to an input value, Q0.32.
     pub input_multiplier: i32,
-    /// Sum over a block of the squares of its unrepresented part above which the block is a misfit, input
-    /// values squared.
+    /// Sum over a block of the squares of its unrepresented part above which the block is a misfit,
+    /// input values squared.
     pub misfit_energy: i64,
     /// Ends of the inputs that are added to the analysis at each step.
     slices: Vec<usize>,
@@ -30,7 +30,7 @@ impl PackedIntegers {
         let factor = description.adc.lsb_uv() / f64::from(1_u32 << GUARD_BITS) / unit_uv;
         let input_multiplier = to_i32(factor * 2_f64.powi(32))
             .filter(|&multiplier| multiplier > 0)
-            .ok_or(ModelGenError::InputScale { factor })?;
+            .ok_or(ModelGenError::InputScale(factor))?;
         let electrodes = description.montage.electrodes.len();
         #[expect(
             clippy::cast_precision_loss,
@@ -47,8 +47,9 @@ impl PackedIntegers {
         })
     }
 
-    /// Returns the analysis in slices: for each step, the index of the first pair of inputs, and the packed weights
-    /// of the inputs that are complete after the step. Zeros fill up the last one.
+    /// Returns the analysis in slices: for each step, the index of the first pair of inputs, and
+    /// the packed weights of the inputs that are complete after the step. Zeros fill up the last
+    /// one.
     pub fn analysis(&self) -> Vec<(usize, Vec<Pair>)> {
         let mut start = 0;
         let slices = self.slices.iter().map(|&end| {

@@ -1,18 +1,19 @@
 //! Quantises the float encoder to integers.
 //!
-//! Every value is `integer * scale`. Weights have one scale for each output channel. Activations have
-//! one scale for each tensor, derived from the calibrated range.
+//! Every value is `integer * scale`. Weights have one scale for each output channel. Activations
+//! have one scale for each tensor, derived from the calibrated range.
 //!
 //! Batch norm follows the ReLU, so it cannot be folded into the convolution before it. With
-//! `g = weight / sqrt(variance + eps)` and `b = bias - g * mean`, the next layer reads `g * relu + b`.
+//! `g = weight / sqrt(variance + eps)` and `b = bias - g * mean`, the next layer reads
+//! `g * relu + b`.
 //! |g| is folded into the requantisation factor of the convolution, the sign of g into the weights of
-//! the next layer, and b times these weights into the bias of the next layer; without padding this is
-//! exact. Before the max-pool, a negative g would turn the maximum into a minimum. So the weights and
-//! the bias of such a channel are negated, and its requantisation factor is negative.
+//! the next layer, and b times these weights into the bias of the next layer; without padding this
+//! is exact. Before the max-pool, a negative g would turn the maximum into a minimum. So the
+//! weights and the bias of such a channel are negated, and its requantisation factor is negative.
 //!
-//! With padding, the second convolution must read zeros after the first batch norm. Its bias contains b
-//! times all its weights, so a padded cell must cancel b. The cell holds the integer x that the norm
-//! turns into 0: `x = -sign(g) * b / scale`.
+//! With padding, the second convolution must read zeros after the first batch norm. Its bias
+//! contains b times all its weights, so a padded cell must cancel b. The cell holds the integer x
+//! that the norm turns into 0: `x = -sign(g) * b / scale`.
 
 use artifact::{
     Artifact, CONV1_CHANNELS, CONV2_CHANNELS, CodeFormat, Geometry, HEAD_ROOM, KERNEL,
@@ -22,29 +23,29 @@ use artifact::{
 use crate::{
     error::ModelGenError,
     integer_model::{IntegerConv, IntegerLinear, IntegerModel, largest_hidden},
-    rounding::{saturating_i8, to_i32},
-    rows::{FloatLayer, IntegerLayer, LayerInput},
+    layer::{Layer, LayerInput, saturating_i8, to_i32},
 };
 
-/// Ratio of the range of an 8-bit code to the range in calibration: one bit. A blink or a jaw clench
-/// that is not in the calibration set drives few dimensions far beyond their range, and clipping a code
-/// costs more than all rounding.
+/// Ratio of the range of an 8-bit code to the range in calibration: one bit. A blink or a jaw
+/// clench that is not in the calibration set drives few dimensions far beyond their range, and
+/// clipping a code costs more than all rounding.
 const CODE_HEAD_ROOM: f64 = 2.0;
 
-/// Ratio of the range of a code of 16 bits, or with an exponent, to the range in calibration: four bits.
-/// The resolution of the other 12 bits is still finer than that of the int8 input. With an exponent,
-/// windows that do not need the whole range have a finer resolution.
+/// Ratio of the range of a code of 16 bits, or with an exponent, to the range in calibration: four
+/// bits. The resolution of the other 12 bits is still finer than that of the int8 input. With an
+/// exponent, windows that do not need the whole range have a finer resolution.
 const WIDE_CODE_HEAD_ROOM: f64 = 16.0;
 
-/// Largest magnitude of a padding value. The kernels add the magnitude of a negative padding value to
-/// all inputs of the channel, which are at most 255, and the sum must fit 16 bits.
+/// Largest magnitude of a padding value. The kernels add the magnitude of a negative padding value
+/// to all inputs of the channel, which are at most 255, and the sum must fit 16 bits.
 const LARGEST_PADDING: u16 = 32_767 - 255;
 
-/// Quantises the encoder of an artifact. Without a network, the integers are the input's scale and the grid's cells.
+/// Quantises the encoder of an artifact. Without a network, the integers are the input's scale and
+/// the grid's cells.
 ///
 /// # Errors
-/// If a tensor is missing, a calibrated range is not positive, a factor does not fit Q0.32, a padding
-/// does not fit 16 bits, or an accumulator could overflow 32 bits.
+/// If a tensor is missing, a calibrated range is not positive, a factor does not fit Q0.32, a
+/// padding does not fit 16 bits, or an accumulator could overflow 32 bits.
 pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
     let mode = artifact.description.mode;
     let dimensions = artifact.description.dimensions();
@@ -78,7 +79,7 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
         };
         layer.quantise("shortcut", &code_gain, input)?
     } else {
-        IntegerLayer::default()
+        IntegerConv::default()
     };
 
     let grid = ScalpGrid::new(&artifact.description);
@@ -107,9 +108,9 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
         code_scale: codes.scale.iter().map(|&scale| scale as f32).collect(),
         code_zero_point: codes.zero_point,
         cells: cells.collect(),
-        conv1: convolution(conv1),
+        conv1,
         hidden_padding,
-        conv2: convolution(conv2),
+        conv2,
         fc: IntegerLinear {
             weights: fc.weights,
             multipliers: fc.multipliers,
@@ -126,9 +127,9 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
 #[derive(Default)]
 struct Convolutions {
     hidden_padding: [i16; CONV1_CHANNELS],
-    conv1: IntegerLayer,
-    conv2: IntegerLayer,
-    fc: IntegerLayer,
+    conv1: IntegerConv,
+    conv2: IntegerConv,
+    fc: IntegerConv,
 }
 
 impl Convolutions {
@@ -176,7 +177,8 @@ impl Convolutions {
         )?;
         conv2.absorb(&norm1, KERNEL.pow(3));
         conv2.negate_outputs(&norm2);
-        // A channel with negated weights keeps its negative factor, so that the product has the right sign.
+        // A channel with negated weights keeps its negative factor, so that the product has the
+        // right sign.
         let gain2: Vec<f64> = norm2.factor.iter().map(|g| g / pooled.scale).collect();
         let conv2 = conv2.quantise("conv2", &gain2, hidden)?;
 
@@ -192,19 +194,6 @@ impl Convolutions {
             conv2,
             fc: fc.quantise("fc", code_gain, pooled)?,
         })
-    }
-}
-
-fn convolution(layer: IntegerLayer) -> IntegerConv {
-    let IntegerLayer {
-        weights,
-        bias,
-        multipliers,
-    } = layer;
-    IntegerConv {
-        weights,
-        bias,
-        multipliers,
     }
 }
 
@@ -249,8 +238,8 @@ impl Norm {
         Ok(Self { factor, offset })
     }
 
-    /// Returns, for each channel, the integer that the norm turns into 0. `scale` is the size of one
-    /// level, before the sign of the norm's factor is applied.
+    /// Returns, for each channel, the integer that the norm turns into 0. `scale` is the size of
+    /// one level, before the sign of the norm's factor is applied.
     fn padding(&self, scale: f64) -> Result<[i16; CONV1_CHANNELS], ModelGenError> {
         let mut padding = [0; CONV1_CHANNELS];
         let norm = self.factor.iter().zip(&self.offset);
@@ -266,12 +255,6 @@ impl Norm {
     }
 }
 
-/// Float weights `[output][input]...` and biases of a layer.
-struct Layer {
-    weights: Vec<f64>,
-    bias: Vec<f64>,
-}
-
 impl Layer {
     fn read(artifact: &Artifact, name: &str, shape: &[usize]) -> Result<Self, ModelGenError> {
         Ok(Self {
@@ -280,8 +263,8 @@ impl Layer {
         })
     }
 
-    /// Folds sign and offset of the preceding norm into this layer; each channel of the norm has `taps`
-    /// consecutive weights.
+    /// Folds sign and offset of the preceding norm into this layer; each channel of the norm has
+    /// `taps` consecutive weights.
     fn absorb(&mut self, norm: &Norm, taps: usize) {
         let channels = norm.factor.len();
         let rows = self.weights.chunks_exact_mut(channels * taps);
@@ -295,8 +278,8 @@ impl Layer {
         }
     }
 
-    /// Negates the outputs that the norm multiplies by a negative factor, so that the max-pool before
-    /// the norm stays a maximum.
+    /// Negates the outputs that the norm multiplies by a negative factor, so that the max-pool
+    /// before the norm stays a maximum.
     fn negate_outputs(&mut self, norm: &Norm) {
         let inputs = self.weights.len() / self.bias.len();
         let rows = self.weights.chunks_exact_mut(inputs);
@@ -307,21 +290,6 @@ impl Layer {
             }
         }
     }
-
-    fn quantise(
-        &self,
-        name: &'static str,
-        gain: &[f64],
-        input: LayerInput,
-    ) -> Result<IntegerLayer, ModelGenError> {
-        FloatLayer {
-            name,
-            weights: &self.weights,
-            bias: &self.bias,
-            gain,
-        }
-        .quantise(input)
-    }
 }
 
 fn negate(weights: &mut [f64]) {
@@ -330,9 +298,9 @@ fn negate(weights: &mut [f64]) {
     }
 }
 
-/// Scale and zero point of each code dimension. Only the `int8` format has a zero point, which gains up
-/// to one bit of resolution. `int16` does not need this bit; in `int8-exponent` the zero point would
-/// have to change with the exponent. Empty without a network.
+/// Scale and zero point of each code dimension. Only the `int8` format has a zero point, which
+/// gains up to one bit of resolution. `int16` does not need this bit; in `int8-exponent` the zero
+/// point would have to change with the exponent. Empty without a network.
 #[derive(Default)]
 struct CodeScales {
     scale: Vec<f64>,

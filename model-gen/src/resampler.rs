@@ -6,37 +6,42 @@ use artifact::Decimation;
 use fixed_dsp::Resampler;
 use num_complex::Complex64;
 
-use crate::{error::FilterError, fir::kaiser_low_pass};
+use crate::{
+    error::{FilterError, RatesHz},
+    fir::kaiser_low_pass,
+};
 
 /// Value of a tap of 1.0, Q2.30.
 pub const UNITY: i32 = Resampler::<1, 1>::UNITY;
 
-/// -6 dB point of the low-pass, Hz. With [`KAISER_BETA`], the low-pass attenuates by at most 0.1 dB up
-/// to 50 Hz, and by at least 54 dB from 78 Hz, which aliases onto 50 Hz. Chosen from the table in
-/// docs/decisions/0007-alias-free-decimation.md.
+/// -6 dB point of the low-pass, Hz. With [`KAISER_BETA`], the low-pass attenuates by at most 0.1 dB
+/// up to 50 Hz, and by at least 54 dB from 78 Hz, which aliases onto 50 Hz. Chosen from the table
+/// in docs/decisions/0007-alias-free-decimation.md.
 pub const CUTOFF_HZ: f64 = 62.0;
 /// Shape of the Kaiser window of the low-pass, chosen with [`CUTOFF_HZ`].
 pub const KAISER_BETA: f64 = 5.0;
 
-/// Lengths of the low-pass per second: its impulse response lasts 1/8 s, rounded up to a multiple of
-/// [`TAPS_MULTIPLE`] samples.
+/// Lengths of the low-pass per second: its impulse response lasts 1/8 s, rounded up to a multiple
+/// of [`TAPS_MULTIPLE`] samples.
 const SPANS_PER_SECOND: u32 = 8;
 /// The number of taps of each phase is a multiple of this number.
 const TAPS_MULTIPLE: u32 = 4;
 
-/// Limit of the size of the electrodes' delay line, and of the table of taps, bytes. It is half of the RAM
-/// (128 KiB) and an eighth of the flash (512 KiB) of the smallest board (STM32F446, datasheet DS10693).
-const LARGEST_BYTES: usize = 65_536;
+/// Limit of the size of the electrodes' delay line, and of the table of taps, bytes. It is half of
+/// the RAM (128 KiB) and an eighth of the flash (512 KiB) of the smallest board (STM32F446,
+/// datasheet DS10693).
+pub(crate) const LARGEST_BYTES: usize = 65_536;
 
 /// A quantised resampler: output rate = input rate * phases / `down`, in lowest terms.
 ///
-/// It holds the same data as [`Resampler`], but has sizes that are known only after the artifact is read.
+/// It holds the same data as [`Resampler`], but has sizes that are known only after the artifact is
+/// read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResamplerTable {
     /// Number of input samples for every [`phases`](Self::phases) outputs.
     pub down: u16,
-    /// Impulse response, Q2.30, `[phase][age]`; age 0 is the newest input sample. Every phase sums to
-    /// exactly [`UNITY`], so that a constant passes each phase unchanged.
+    /// Impulse response, Q2.30, `[phase][age]`; age 0 is the newest input sample. Every phase sums
+    /// to exactly [`UNITY`], so that a constant passes each phase unchanged.
     pub taps: Vec<Vec<i32>>,
 }
 
@@ -52,26 +57,18 @@ impl ResamplerTable {
         electrodes: usize,
     ) -> Result<Self, FilterError> {
         let common = greatest_common_divisor(rate_hz, step_rate_hz);
+        let rates = RatesHz {
+            adc: rate_hz,
+            step: step_rate_hz,
+        };
         if step_rate_hz == 0 || rate_hz < step_rate_hz {
-            return Err(FilterError::BelowStepRate {
-                rate_hz,
-                step_rate_hz,
-            });
+            return Err(FilterError::BelowStepRate(rates));
         }
-        let down = u16::try_from(rate_hz / common).map_err(|_| FilterError::RateTerms {
-            rate_hz,
-            step_rate_hz,
-        })?;
+        let down = u16::try_from(rate_hz / common).map_err(|_| FilterError::RateTerms(rates))?;
         let phases = step_rate_hz / common;
         let taps = match decimation {
             Decimation::Literal if phases == 1 => vec![vec![UNITY]],
-            Decimation::Literal => {
-                return Err(FilterError::LiteralRate {
-                    rate_hz,
-                    step_rate_hz,
-                    nearest_hz: (rate_hz + step_rate_hz / 2) / step_rate_hz * step_rate_hz,
-                });
-            }
+            Decimation::Literal => return Err(FilterError::LiteralRate(rates)),
             Decimation::Fir => low_pass(rate_hz, phases as usize, electrodes)?,
         };
         let table = Self { down, taps };
@@ -89,16 +86,16 @@ impl ResamplerTable {
         self.taps[0].len()
     }
 
-    /// Returns the largest magnitude of the accumulator for 32-bit samples, including the addend for
-    /// rounding, as a fraction of 2^63.
+    /// Returns the largest magnitude of the accumulator for 32-bit samples, including the addend
+    /// for rounding, as a fraction of 2^63.
     pub fn largest_accumulator(&self) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "a magnitude has 31 bits")]
         let sum = self.largest_magnitude() as f64 * 2.0_f64.powi(31);
         (sum + f64::from(UNITY / 2)) / 2.0_f64.powi(63)
     }
 
-    /// Returns the largest sum of the tap magnitudes of a phase, Q2.30. The sum is below 2^31, so the
-    /// 64-bit accumulator uses at most half of its range.
+    /// Returns the largest sum of the tap magnitudes of a phase, Q2.30. The sum is below 2^31, so
+    /// the 64-bit accumulator uses at most half of its range.
     pub fn largest_magnitude(&self) -> u64 {
         let magnitude =
             |taps: &Vec<i32>| -> u64 { taps.iter().map(|tap| u64::from(tap.unsigned_abs())).sum() };
@@ -122,12 +119,12 @@ impl ResamplerTable {
             .collect()
     }
 
-    /// Returns the complex gain at `frequency_hz` for samples at `rate_hz`; its delay is relative to the
-    /// time of an output. The gain is that of the prototype: the mean over all phases.
+    /// Returns the complex gain at `frequency_hz` for samples at `rate_hz`; its delay is relative
+    /// to the time of an output. The gain is that of the prototype: the mean over all phases.
     ///
-    /// A tone above half of the output rate has this gain at its alias frequency. If the input rate is
-    /// not a multiple of the output rate, the gain at `k * rate_hz - f` is that of the image of a tone
-    /// at `f`.
+    /// A tone above half of the output rate has this gain at its alias frequency. If the input rate
+    /// is not a multiple of the output rate, the gain at `k * rate_hz - f` is that of the image of
+    /// a tone at `f`.
     pub fn frequency_response(&self, frequency_hz: f64, rate_hz: f64) -> Complex64 {
         let radians = -2.0 * PI * frequency_hz / (rate_hz * real(self.phases()));
         self.prototype()
@@ -147,8 +144,8 @@ impl ResamplerTable {
     }
 }
 
-/// Designs the anti-aliasing low-pass in polyphase form. Returns the taps of each phase, normalised to a
-/// gain of 1 at DC and quantised.
+/// Designs the anti-aliasing low-pass in polyphase form. Returns the taps of each phase, normalised
+/// to a gain of 1 at DC and quantised.
 fn low_pass(rate_hz: u32, phases: usize, electrodes: usize) -> Result<Vec<Vec<i32>>, FilterError> {
     let taps = rate_hz
         .div_ceil(SPANS_PER_SECOND)
@@ -168,7 +165,6 @@ fn low_pass(rate_hz: u32, phases: usize, electrodes: usize) -> Result<Vec<Vec<i3
                 phases,
                 taps,
                 bytes,
-                largest: LARGEST_BYTES,
             });
         }
     }
@@ -183,8 +179,8 @@ fn low_pass(rate_hz: u32, phases: usize, electrodes: usize) -> Result<Vec<Vec<i3
         .collect())
 }
 
-/// Quantises the taps of a phase to Q2.30 with the sum [`UNITY`]; the rounding error of the sum is added
-/// to the largest tap.
+/// Quantises the taps of a phase to Q2.30 with the sum [`UNITY`]; the rounding error of the sum is
+/// added to the largest tap.
 fn quantise<'a>(taps: impl Iterator<Item = &'a f64> + Clone) -> Vec<i32> {
     let scale = f64::from(UNITY) / taps.clone().sum::<f64>();
     #[expect(

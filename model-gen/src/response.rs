@@ -23,15 +23,16 @@ pub fn frequency_response(sections: &[Section], frequency_hz: f64, rate_hz: f64)
         .product()
 }
 
-/// Returns the group delay at `frequency_hz` in seconds: -d(phase)/d(angular frequency), as a central
-/// difference over 0.02 Hz. `response` returns the complex gain at a frequency in Hz.
+/// Returns the group delay at `frequency_hz` in seconds: -d(phase)/d(angular frequency), as a
+/// central difference over 0.02 Hz. `response` returns the complex gain at a frequency in Hz.
 pub fn group_delay_s(response: impl Fn(f64) -> Complex64, frequency_hz: f64) -> f64 {
     const STEP_HZ: f64 = 0.01;
     let phase = (response(frequency_hz + STEP_HZ) / response(frequency_hz - STEP_HZ)).arg();
     -phase / (2.0 * PI * 2.0 * STEP_HZ)
 }
 
-/// Filters `input` in f64 with the quantised coefficients of a cascade; the signal is not quantised.
+/// Filters `input` in f64 with the quantised coefficients of a cascade; the signal is not
+/// quantised.
 pub fn filter(sections: &[Section], input: impl Iterator<Item = f64>) -> impl Iterator<Item = f64> {
     let mut states = vec![[0.0_f64; 4]; sections.len()];
     input.map(move |x| {
@@ -50,8 +51,9 @@ pub fn filter(sections: &[Section], input: impl Iterator<Item = f64>) -> impl It
 /// Longest impulse response that is computed, samples: 32 MiB as f64, 68 minutes at 1024 Hz.
 const MAX_SAMPLES: f64 = 4_194_304.0;
 
-/// Returns the number of samples after which the impulse response has decayed: the n with `r^n` equal to
-/// 1e-15, where r is the radius of the slowest pole, plus a third for the products with other poles.
+/// Returns the number of samples after which the impulse response has decayed: the n with `r^n`
+/// equal to 1e-15, where r is the radius of the slowest pole, plus a third for the products with
+/// other poles.
 ///
 /// # Errors
 /// If the number is above 2^22.

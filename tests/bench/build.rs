@@ -10,7 +10,8 @@ fn main() {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    // memory.x in the workspace's root includes board.x, and cortex-m-rt's link.x includes memory.x.
+    // memory.x in the workspace's root includes board.x, and cortex-m-rt's link.x includes
+    // memory.x.
     fs::copy("mps2.x", out.join("board.x")).expect("OUT_DIR is writable");
     println!("cargo::rustc-link-search={}", out.display());
     println!("cargo::rustc-link-arg-bins=-Tlink.x");

@@ -19,7 +19,7 @@ import torch
 from scipy import signal
 from torch import nn
 from torch.nn import functional
-from torch_encoder import Encoder, tensors
+from torch_encoder import Encoder, load, tensors
 
 # Windows in one call of the network: the fastest number on the machine on which this was written.
 BATCH = 256
@@ -38,15 +38,7 @@ class Decoder(nn.Module):
         self.norm1 = nn.BatchNorm3d(16)
         self.conv2 = nn.ConvTranspose3d(16, 1, 3)
         self.shortcut = nn.Linear(request["numbers"], self.size[0] * len(request["cells"]), bias=False)
-        own = {
-            name.removeprefix("decoder."): tensor
-            for name, tensor in weights.items()
-            if name.startswith("decoder.")
-        }
-        missing, unknown = self.load_state_dict(own, strict=False)
-        left = [name for name in missing if not name.endswith("num_batches_tracked")]
-        if left or unknown:
-            sys.exit(f"the weights do not fit this network: {left} missing, {unknown} unknown")
+        load(self, weights, "decoder.")
 
     def forward(self, z):
         x = self.fc(z).reshape(-1, 32, *self.pooled)

@@ -6,47 +6,30 @@ Subscribes to the NeuroFrames of an acquisition on INPUT, and publishes a NeuroF
 LENGTH values at RATE codes per second, on OUTPUT for each frame from number FIRST on: the windows that these
 frames complete. With MODEL, the request of offline_torch.py, it filters with scipy and encodes with PyTorch on one
 thread. Without MODEL it encodes nothing, so that its times are those of rospy alone. DEFINITION is the full
-definition of the message. The publisher is the fastest that rospy has: it writes the socket itself, without a queue
-and without Nagle's algorithm.
+definition of the message.
 """
 
 import json
 import sys
-import warnings
 
 import rospy
-from genpy.dynamic import generate_dynamic
-
-WORDS = ["flags", "seq_lo", "seq_hi", "t_us_0", "t_us_1", "t_us_2", "lost", "trigger"]
+from rospy_code import Codes
 
 
 def main():
     source, topic = sys.argv[1:3]
     first, length, rate = (int(number) for number in sys.argv[3:6])
     encode = encoder(json.loads(sys.argv[6])) if len(sys.argv) > 6 else None
-    NeuroFrame = generate_dynamic("rosneuro_msgs/NeuroFrame", sys.stdin.read())["rosneuro_msgs/NeuroFrame"]
-    rospy.init_node("rospy_node", disable_signals=True)
-    # rospy warns of a publisher without a queue, because a slow subscriber delays it.
-    warnings.simplefilter("ignore", SyntaxWarning)
-    publisher = rospy.Publisher(topic, NeuroFrame, queue_size=None, tcp_nodelay=True)
-    code = NeuroFrame()
-    code.sr = rate
-    describe(code.eeg.info, ["z%03d" % index for index in range(length)])
-    describe(code.tri.info, WORDS)
+    codes = Codes("rospy_node", topic, length, rate)
 
     def handle(frame):
         # Every frame passes the filters, also those before the first window.
         values = encode(frame) if encode else frame.eeg.data[:length]
         window = frame.neuroheader.seq - first
-        if window < 0:
-            return
-        code.header.stamp = rospy.Time.now()
-        code.neuroheader.seq = window + 1
-        code.eeg.data = values
-        code.tri.data = [0, window & 0xFFFF, window >> 16, 0, 0, 0, 0, 0]
-        publisher.publish(code)
+        if window >= 0:
+            codes.publish(window + 1, window, values)
 
-    rospy.Subscriber(source, NeuroFrame, handle, queue_size=16, tcp_nodelay=True)
+    rospy.Subscriber(source, codes.NeuroFrame, handle, queue_size=16, tcp_nodelay=True)
     rospy.spin()
 
 
@@ -82,12 +65,6 @@ def encoder(request):
     with torch.no_grad():
         network(torch.zeros(shape))
     return encode
-
-
-def describe(info, labels):
-    info.nsamples, info.nchannels, info.stride = 1, len(labels), 4 * len(labels)
-    info.labels = labels
-    info.minmax = [-1.0, 1.0]
 
 
 if __name__ == "__main__":

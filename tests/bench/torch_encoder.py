@@ -15,7 +15,7 @@ import time
 import torch
 from torch import nn
 
-# Shortest duration of a measurement; tests/bench/src/report/host/ours.rs has the same.
+# Shortest duration of a measurement; tests/bench/src/report/host.rs has the same.
 TURN_S = 0.2
 
 
@@ -38,6 +38,19 @@ def tensors(path):
     }
 
 
+def load(network, weights, prefix):
+    """Loads the weights whose names start with `prefix`."""
+    own = {
+        name.removeprefix(prefix): tensor
+        for name, tensor in weights.items()
+        if name.startswith(prefix)
+    }
+    missing, unknown = network.load_state_dict(own, strict=False)
+    left = [name for name in missing if not name.endswith("num_batches_tracked")]
+    if left or unknown:
+        sys.exit(f"the weights do not fit this network: {left} missing, {unknown} unknown")
+
+
 class Encoder(nn.Module):
     def __init__(self, weights, cells):
         super().__init__()
@@ -49,15 +62,7 @@ class Encoder(nn.Module):
         self.fc = nn.Linear(1152, 128)
         self.shortcut = nn.Linear(16 * len(cells), 128, bias=False)
         self.cells = torch.tensor(cells)
-        own = {
-            name.removeprefix("encoder."): tensor
-            for name, tensor in weights.items()
-            if name.startswith("encoder.")
-        }
-        missing, unknown = self.load_state_dict(own, strict=False)
-        left = [name for name in missing if not name.endswith("num_batches_tracked")]
-        if left or unknown:
-            sys.exit(f"the weights do not fit this network: {left} missing, {unknown} unknown")
+        load(self, weights, "encoder.")
 
     def forward(self, windows):
         x = windows.unsqueeze(1)

@@ -1,7 +1,7 @@
 //! Three-dimensional convolution, ReLU and batch norm in plain loops.
 
-use crate::dimensions::KERNEL;
 use crate::error::ArtifactError;
+use crate::geometry::KERNEL;
 use crate::shapes::NORM_EPSILON;
 use crate::tensors::Tensors;
 
@@ -103,8 +103,8 @@ impl Volume {
     }
 }
 
-/// An unpadded convolution with a 3x3x3 kernel. For padding, apply [`Volume::padded`] to the input; for
-/// padding of a transposed convolution, apply [`Volume::cropped`] to the output.
+/// An unpadded convolution with a 3x3x3 kernel. For padding, apply [`Volume::padded`] to the input;
+/// for padding of a transposed convolution, apply [`Volume::cropped`] to the output.
 ///
 /// Weights are `[out][in][step][row][column]`; those of the decoder's transposed convolution are
 /// `[in][out][step][row][column]`, as in PyTorch.
@@ -136,11 +136,12 @@ impl Convolution {
         })
     }
 
-    /// Convolves: y[o][t][r][c] = bias[o] + sum over i, kt, kr, kc of w[o][i][kt][kr][kc] x[i][t+kt][r+kr][c+kc].
+    /// Convolves: y[o][t][r][c] = bias[o] + sum over i, kt, kr, kc of w[o][i][kt][kr][kc]
+    /// x[i][t+kt][r+kr][c+kc].
     pub(crate) fn forward(&self, x: &Volume) -> Volume {
         let size = x.size.map(|length| length - (KERNEL - 1));
-        // The output has the input's row length, so that a tap is one product of long slices. `part`
-        // removes the positions beyond the output's own rows.
+        // The output has the input's row length, so that a tap is one product of long slices.
+        // `part` removes the positions beyond the output's own rows.
         let mut wide = Volume::filled(x.size, &self.bias);
         let count = x.row_start(0, size[0] - 1, size[1] - 1) + size[2];
         let tap_rows = tap_rows(x);
@@ -161,14 +162,16 @@ impl Convolution {
         wide.part([0; 3], size)
     }
 
-    /// Convolves, transposed: y[o][t+kt][r+kr][c+kc] = bias[o] + sum over i, kt, kr, kc of w[i][o][kt][kr][kc] x[i][t][r][c].
+    /// Convolves, transposed: y[o][t+kt][r+kr][c+kc] = bias[o] + sum over i, kt, kr, kc of
+    /// w[i][o][kt][kr][kc] x[i][t][r][c].
     pub(crate) fn forward_transposed(&self, x: &Volume) -> Volume {
         let size = x.size.map(|length| length + (KERNEL - 1));
         let mut y = Volume::filled(size, &self.bias);
         let length = y.row_start(0, x.size[0] - 1, x.size[1] - 1) + x.size[2];
         let tap_rows = tap_rows(&y);
         let mut weights = self.weight.as_chunks::<KERNEL>().0.iter();
-        // The input with the output's row length, and zeros before and behind it for the taps of a row.
+        // The input with the output's row length, and zeros before and after it for the taps
+        // of a row.
         let mut wide = vec![0.0; length + 2 * (KERNEL - 1)];
         for input in 0..self.inputs {
             for step in 0..x.size[0] {
@@ -189,12 +192,14 @@ impl Convolution {
     }
 }
 
-/// Returns, for each row of taps of the kernel, its distance in a channel of `volume` from the first row.
+/// Returns, for each row of taps of the kernel, its distance in a channel of `volume` from the
+/// first row.
 fn tap_rows(volume: &Volume) -> [usize; KERNEL * KERNEL] {
     std::array::from_fn(|index| volume.row_start(0, index / KERNEL, index % KERNEL))
 }
 
-/// Adds a row of taps to `y`: the product of each weight with its slice of x, in the order of the weights.
+/// Adds a row of taps to `y`: the product of each weight with its slice of x, in the order of the
+/// weights.
 fn add_taps(y: &mut [f32], weights: &[f32; KERNEL], x: [&[f32]; KERNEL]) {
     let [first, second, third] = x.map(|x| &x[..y.len()]);
     for (((y, a), b), c) in y.iter_mut().zip(first).zip(second).zip(third) {

@@ -1,7 +1,6 @@
 //! The contents of `model.toml`.
 
-use crate::dimensions::Dimensions;
-use crate::training_card::TrainingCard;
+use crate::geometry::Dimensions;
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Display, Formatter};
 
@@ -55,7 +54,8 @@ impl Description {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
-    /// The paper's network. Its decoder unpools with pool indices, so the code alone cannot be decoded.
+    /// The paper's network. Its decoder unpools with pool indices, so the code alone cannot be
+    /// decoded.
     Paper,
     /// The paper's network, but with nearest-neighbour unpooling, so the code alone can be decoded.
     PaperCodeOnly,
@@ -126,7 +126,8 @@ pub enum Padding {
     None,
     /// One row and one column of zeros on each side.
     Space,
-    /// One row and one column of zeros on each side, and one step of zeros before and after the window.
+    /// One row and one column of zeros on each side, and one step of zeros before and after the
+    /// window.
     All,
 }
 
@@ -272,8 +273,8 @@ pub struct Filters {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Decimation {
-    /// Keeps every n-th sample, as in the paper: signals above half of the step rate alias. The ADC's
-    /// rate must be a multiple of the step rate.
+    /// Keeps every n-th sample, as in the paper: signals above half of the step rate alias. The
+    /// ADC's rate must be a multiple of the step rate.
     Literal,
     /// Applies a low-pass FIR first; works with any ADC rate.
     Fir,
@@ -283,9 +284,65 @@ pub enum Decimation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
-    /// Standard deviation of the filtered training set, uV. The input of the float network is in units
-    /// of this value.
+    /// Standard deviation of the filtered training set, uV. The input of the float network is in
+    /// units of this value.
     pub sd_uv: f64,
+}
+
+/// Training data, training settings and test figures of a model: the table `[training]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainingCard {
+    /// Origin and licence of the recordings.
+    pub dataset: String,
+    /// References to cite when the model is used.
+    pub citation: String,
+    /// Number of electrodes that were recorded.
+    pub real_electrodes: usize,
+    /// Number of electrodes that were interpolated from recorded ones.
+    pub interpolated_electrodes: usize,
+    /// Labels of the interpolated electrodes.
+    pub interpolated: Vec<String>,
+    /// Caveats about the test figures.
+    pub note: String,
+    /// Names of the training files.
+    pub train_files: Vec<String>,
+    /// Names of the test files, which were not used for training or validation.
+    pub test_files: Vec<String>,
+    /// Data on which the best epoch was chosen, in words.
+    pub validation: String,
+    /// Mains frequency of the recordings, Hz.
+    pub mains_hz: u32,
+    /// Seed of all random numbers in training.
+    pub seed: u64,
+    /// Number of epochs in the training run.
+    pub epochs: u32,
+    /// Epoch whose weights were kept; 0 means the initial weights (PCA in mode `shortcut`).
+    pub best_epoch: u32,
+    /// Training windows per epoch.
+    pub windows: u64,
+    /// Optimiser, learning-rate schedule and batch size, in words.
+    pub optimiser: String,
+    /// Mean squared error over all electrodes of the test files, in units of `input.sd_uv` squared;
+    /// absent if not measured.
+    pub mse: Option<Figures>,
+    /// Percent root-mean-square difference on the test files: the root of the summed squared error,
+    /// divided by the root of the summed squared signal; absent if not measured.
+    pub prd_percent: Option<Figures>,
+}
+
+/// One kind of reconstruction error: of the model, and of PCA for comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Figures {
+    /// Error of the autoencoder with float encoder and float decoder.
+    pub autoencoder_float: f64,
+    /// Error of the autoencoder with integer encoder and float decoder.
+    pub autoencoder_int8: f64,
+    /// Error of PCA in float, with one component for each number of a code.
+    pub pca_float: f64,
+    /// Error of PCA with integer encoder and float decoder.
+    pub pca_int8: f64,
 }
 
 #[cfg(test)]

@@ -1,8 +1,7 @@
 //! Errors of reading, writing and using an artifact.
 
+use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
-
-use crate::list::List;
 
 /// Reason why an artifact cannot be read, written or used.
 #[derive(Debug, thiserror::Error)]
@@ -68,7 +67,8 @@ pub enum ArtifactError {
         /// Valid values, in words.
         expected: String,
     },
-    /// An electrode label is malformed, occurs twice, or is only on the grid or only in the montage.
+    /// An electrode label is malformed, occurs twice, or is only on the grid or only in the
+    /// montage.
     #[error(
         "model.toml: electrode {label}: {problem}; grid.cells and montage.electrodes must hold the same labels, each once"
     )]
@@ -78,71 +78,15 @@ pub enum ArtifactError {
         /// Problem in words, which continue a sentence that begins with the label.
         problem: &'static str,
     },
-    /// A tensor that the model's mode requires is missing.
-    #[error("{file}: tensor {name} is missing; a model of this mode needs it")]
-    MissingTensor {
+    /// A tensor is missing, unknown, or not as the model requires.
+    #[error("{file}: tensor {name}{problem}")]
+    Tensor {
         /// Name of the file in the artifact's folder.
         file: &'static str,
         /// Name of the tensor, as in the file.
         name: String,
-    },
-    /// The file holds a tensor that no model of this mode has; its name may be misspelt.
-    #[error("{file}: tensor {name} is not part of a model of this mode; rename or remove it")]
-    UnknownTensor {
-        /// Name of the file in the artifact's folder.
-        file: &'static str,
-        /// Name of the tensor, as in the file.
-        name: String,
-    },
-    /// A tensor has another shape than mode, padding and pool of the model require.
-    #[error("{file}: tensor {name} has shape {}, expected {}", List(.found), List(.expected))]
-    Shape {
-        /// Name of the file in the artifact's folder.
-        file: &'static str,
-        /// Name of the tensor, as in the file.
-        name: String,
-        /// Shape of the tensor in the file.
-        found: Vec<usize>,
-        /// Shape that mode, padding and pool of the model require.
-        expected: Vec<usize>,
-    },
-    /// A tensor has another element type than the format requires.
-    #[error(
-        "{file}: tensor {name} has elements of type {found}, expected {expected}; convert it before writing"
-    )]
-    ElementType {
-        /// Name of the file in the artifact's folder.
-        file: &'static str,
-        /// Name of the tensor, as in the file.
-        name: String,
-        /// Element type of the tensor in the file.
-        found: String,
-        /// Element type that the format requires.
-        expected: &'static str,
-    },
-    /// An element is infinite or NaN, probably because training diverged.
-    #[error("{file}: tensor {name}, element {index}, is {value}; train again with a lower rate")]
-    NotFinite {
-        /// Name of the file in the artifact's folder.
-        file: &'static str,
-        /// Name of the tensor, as in the file.
-        name: String,
-        /// Index of the first offending element, last dimension fastest.
-        index: usize,
-        /// Value of the offending element, infinite or NaN.
-        value: f32,
-    },
-    /// A calibrated range is empty or a variance is negative.
-    #[error("{file}: tensor {name}, element {index}: {problem}; calibrate or train again")]
-    Range {
-        /// Name of the file in the artifact's folder.
-        file: &'static str,
-        /// Name of the tensor, as in the file.
-        name: String,
-        /// Index of the first offending element, last dimension fastest.
-        index: usize,
-        /// Problem in words, for the message.
-        problem: &'static str,
+        /// Difference from what the model requires.
+        problem: TensorProblem,
     },
     /// The model has mode `paper`, whose decoder needs pool indices, which are not in the code.
     #[error(
@@ -154,4 +98,66 @@ pub enum ArtifactError {
         "the model has mode `packed`, but no packed.toml and packed.safetensors; `trainer packed --montage` writes them"
     )]
     Empty,
+}
+
+/// Difference of a tensor from what mode, padding and pool of the model require.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TensorProblem {
+    /// The file does not hold the tensor.
+    #[error(" is missing; a model of this mode needs it")]
+    Missing,
+    /// No model of this mode has the tensor; its name may be misspelt.
+    #[error(" is not part of a model of this mode; rename or remove it")]
+    Unknown,
+    /// The tensor has the first shape, but should have the second.
+    #[error(" has shape {}, expected {}", List(.0), List(.1))]
+    Shape(Vec<usize>, Vec<usize>),
+    /// The tensor has elements of the first type, but should have the second.
+    #[error(" has elements of type {0}, expected {1}; convert it before writing")]
+    ElementType(String, String),
+    /// An element is infinite or NaN, probably because training diverged: its index, last dimension
+    /// fastest, and its value.
+    #[error(", element {0}, is {1}; train again with a lower rate")]
+    NotFinite(usize, f32),
+    /// A calibrated range is empty, a variance is negative, or a sum could overflow: the index of
+    /// the first such element, last dimension fastest, and the problem in words.
+    #[error(", element {0}: {1}; calibrate or train again")]
+    Range(usize, &'static str),
+}
+
+impl TensorProblem {
+    pub(crate) fn of(self, file: &'static str, name: &str) -> ArtifactError {
+        ArtifactError::Tensor {
+            file,
+            name: name.to_owned(),
+            problem: self,
+        }
+    }
+}
+
+/// Displays elements as TOML writes them: `[2, 2, 1]`.
+#[derive(Clone, Copy, Debug)]
+pub struct List<'e, T>(pub &'e [T]);
+
+impl<T: Display> Display for List<'_, T> {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        formatter.write_str("[")?;
+        for (index, element) in self.0.iter().enumerate() {
+            let separator = if index > 0 { ", " } else { "" };
+            write!(formatter, "{separator}{element}")?;
+        }
+        formatter.write_str("]")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::List;
+
+    #[test]
+    fn a_list_is_displayed_as_in_toml() {
+        assert_eq!(List(&[2, 12, 1]).to_string(), "[2, 12, 1]");
+        assert_eq!(List(&[0.5, 60.0]).to_string(), "[0.5, 60]");
+        assert_eq!(List::<u8>(&[]).to_string(), "[]");
+    }
 }

@@ -2,16 +2,16 @@
 
 use crate::convolution::{Convolution, Norm, add_product};
 use crate::description::Mode;
-use crate::dimensions::{CONV1_CHANNELS, CONV2_CHANNELS};
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
-use crate::geometry::Geometry;
+use crate::geometry::{CONV1_CHANNELS, CONV2_CHANNELS, Geometry};
 use crate::scalp_grid::ScalpGrid;
 use crate::unpooled_convolution::UnpooledConvolution;
 
-/// The decoder in f32: a fully connected layer, nearest-neighbour unpooling, a transposed convolution
-/// with ReLU and batch norm, and a second transposed convolution. The linear shortcut is added to their
-/// output. The only input is the code. In mode `packed`, which has no codes, every window is 0.
+/// The decoder in f32: a fully connected layer, nearest-neighbour unpooling, a transposed
+/// convolution with ReLU and batch norm, and a second transposed convolution. The linear shortcut
+/// is added to their output. The only input is the code. In mode `packed`, which has no codes,
+/// every window is 0.
 #[derive(Clone, Debug)]
 pub struct FloatDecoder {
     geometry: Geometry,
@@ -35,8 +35,8 @@ impl FloatDecoder {
     /// Builds the decoder of an artifact.
     ///
     /// # Errors
-    /// If the mode is `paper`, whose codes alone cannot be decoded; or if the artifact's tensors do not
-    /// fit its mode, which is impossible after [`Artifact::read`].
+    /// If the mode is `paper`, whose codes alone cannot be decoded; or if the artifact's tensors do
+    /// not fit its mode, which is impossible after [`Artifact::read`].
     pub fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
         let (mode, weights) = (artifact.description.mode, &artifact.weights);
         if mode == Mode::Paper {
@@ -135,14 +135,15 @@ mod tests {
 
     #[test]
     fn a_code_decodes_to_the_window_worked_out_by_hand() {
-        // testing::shortcut_with sets only these weights: decoder.fc passes number 0 of the code to output
-        // 0; tap (0,0,0) of conv1 (channel 0 to channel 0) is 1; the norm has gain 2 and offset 0.25; tap
-        // (2,2,2) of conv2 (from channel 0) is 1, and its bias is -0.5. Pooled position 0 is unpooled to
-        // a region at the origin. The convolutions are transposed. On an unpadded axis, conv1 leaves the
-        // region in place and conv2 moves it by +2. On a padded axis, conv1 moves it by -1, which loses
-        // what leaves the volume, and conv2 by +1. Inside the region, a value is gain * code + offset +
-        // bias. Outside, it is offset + bias from the first position that conv2's tap reaches, and the
-        // bias alone before that position. Each case ends with the region and this first position.
+        // testing::shortcut_with sets only these weights: decoder.fc passes number 0 of the code to
+        // output 0; tap (0,0,0) of conv1 (channel 0 to channel 0) is 1; the norm has gain 2 and
+        // offset 0.25; tap (2,2,2) of conv2 (from channel 0) is 1, and its bias is -0.5. Pooled
+        // position 0 is unpooled to a region at the origin. The convolutions are transposed. On an
+        // unpadded axis, conv1 leaves the region in place and conv2 moves it by +2. On a padded
+        // axis, conv1 moves it by -1, which loses what leaves the volume, and conv2 by +1. Inside
+        // the region, a value is gain * code + offset + bias. Outside, it is offset + bias from the
+        // first position that conv2's tap reaches, and the bias alone before that position. Each
+        // case ends with the region and this first position.
         let cases = [
             (Padding::None, [2, 2, 2], [2..4, 2..4, 2..5], [2, 2, 2]),
             (Padding::None, [4, 3, 5], [2..6, 2..5, 2..7], [2, 2, 2]),

@@ -1,15 +1,14 @@
 //! The encoder in f32, from a window on the scalp grid to a code.
 
 use crate::convolution::{Convolution, Norm, Volume, add_product};
-use crate::dimensions::{CONV1_CHANNELS, CONV2_CHANNELS};
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
-use crate::geometry::Geometry;
+use crate::geometry::{CONV1_CHANNELS, CONV2_CHANNELS, Geometry};
 use crate::scalp_grid::ScalpGrid;
 
-/// The encoder in f32: two convolutions, each with ReLU and batch norm, a max-pool and a fully connected
-/// layer. The linear shortcut is added to their output. In mode `packed`, which has neither, codes have no numbers.
-/// Reference for the integer encoder's quantisation error.
+/// The encoder in f32: two convolutions, each with ReLU and batch norm, a max-pool and a fully
+/// connected layer. The linear shortcut is added to their output. In mode `packed`, which has
+/// neither, codes have no numbers. Reference for the integer encoder's quantisation error.
 #[derive(Clone, Debug)]
 pub struct FloatEncoder {
     geometry: Geometry,
@@ -213,8 +212,8 @@ mod tests {
         };
         let pooled = max_pool(&x, &geometry);
         assert_eq!(pooled.len(), CONV2_CHANNELS * 12 * 3 * 4);
-        // Channel 1, step 2, pool row 1, pool column 2: the values increase, so the maximum is in the
-        // last row and column of the pool.
+        // Channel 1, step 2, pool row 1, pool column 2: the values increase, so the maximum is in
+        // the last row and column of the pool.
         let last = ((steps + 2) * rows + 5) * columns + 5;
         assert_eq!(pooled[((12 + 2) * 3 + 1) * 4 + 2], last as f32);
     }
@@ -252,9 +251,9 @@ mod tests {
 
     #[test]
     fn a_padded_corner_has_the_code_worked_out_by_hand() {
-        // With testing::shortcut_with, output 0 of fc = 1 + pooled value 0, the corner of the feature
-        // map. There conv2's centre tap reads the corner of conv1's output, which sums the cells inside
-        // the window: 8 of 27 with padded steps, 12 without.
+        // With testing::shortcut_with, output 0 of fc = 1 + pooled value 0, the corner of the
+        // feature map. There conv2's centre tap reads the corner of conv1's output, which sums the
+        // cells inside the window: 8 of 27 with padded steps, 12 without.
         for (padding, inside) in [(Padding::Space, 12.0), (Padding::All, 8.0)] {
             let mut description = testing::description();
             description.network = NetworkShape {

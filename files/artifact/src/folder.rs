@@ -4,7 +4,7 @@ use crate::description::Description;
 use crate::error::ArtifactError;
 use crate::golden::GOLDEN;
 use crate::model_id::ModelId;
-use crate::packed::{PACKED_DESCRIPTION, PACKED_TENSORS, PackedFiles, PackedModel};
+use crate::packed::{PACKED_DESCRIPTION, PACKED_TENSORS, PackedFiles, PackedModel, check_packed};
 use crate::shapes::INPUT_RANGE;
 use crate::tensors::{CALIBRATION, PCA, Tensors, WEIGHTS};
 use crate::validation;
@@ -13,14 +13,16 @@ use std::path::Path;
 /// Name of the file that holds the description.
 const DESCRIPTION: &str = "model.toml";
 
-/// Factor by which the range of the quantised input and activations exceeds the range in calibration.
-/// Clipping costs far more accuracy than a coarser resolution.
+/// Factor by which the range of the quantised input and activations exceeds the range in
+/// calibration. Clipping costs far more accuracy than a coarser resolution.
 pub const HEAD_ROOM: f64 = 1.25;
 
-/// A trained model: description, weights and calibration that belong together, a packed model, or both.
+/// A trained model: description, weights and calibration that belong together, a packed model, or
+/// both.
 ///
-/// Every constructor validates the parts: all tensors of the mode have the right shapes, all numbers
-/// are finite, and the montage fits the grid. A model of mode `packed` has no network, and so no weights.
+/// Every constructor validates the parts: all tensors of the mode have the right shapes, all
+/// numbers are finite, and the montage fits the grid. A model of mode `packed` has no network, and
+/// so no weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Artifact {
     /// Everything that training decided except the weights.
@@ -29,7 +31,8 @@ pub struct Artifact {
     pub weights: Tensors,
     /// Calibrated ranges, f32, from which model-gen derives the int8 scales.
     pub calibration: Tensors,
-    /// Predictive transform code of the same montage and hop, if the model has one. Mode `packed` needs one.
+    /// Predictive transform code of the same montage and hop, if the model has one. Mode `packed`
+    /// needs one.
     pub packed: Option<PackedModel>,
     /// Hash over the files of all these parts; identifies the model.
     pub id: ModelId,
@@ -59,7 +62,8 @@ impl FileBytes {
 }
 
 impl Artifact {
-    /// Creates a model with a network from its parts. Its id is that of the files that [`Artifact::write`] writes.
+    /// Creates a model with a network from its parts. Its id is that of the files that
+    /// [`Artifact::write`] writes.
     ///
     /// # Errors
     /// If the parts are not a valid model.
@@ -71,8 +75,9 @@ impl Artifact {
         Self::from_parts(description, weights, calibration, None)
     }
 
-    /// Creates a model of mode `packed`, which has no network. `largest_uv` is the largest magnitude in the training
-    /// data, microvolts. The id is that of the files that [`Artifact::write`] writes.
+    /// Creates a model of mode `packed`, which has no network. `largest_uv` is the largest
+    /// magnitude in the training data, microvolts. The id is that of the files that
+    /// [`Artifact::write`] writes.
     ///
     /// # Errors
     /// If the parts are not a valid model.
@@ -146,8 +151,9 @@ impl Artifact {
         )
     }
 
-    /// Parses a model from the contents of its files, for programs that embed them. `weights` is not read in mode
-    /// `packed`, which has no such file. `packed` is the text of `packed.toml` and the bytes of `packed.safetensors`.
+    /// Parses a model from the contents of its files, for programs that embed them. `weights` is
+    /// not read in mode `packed`, which has no such file. `packed` is the text of `packed.toml` and
+    /// the bytes of `packed.safetensors`.
     ///
     /// # Errors
     /// If the contents are not a valid model.
@@ -184,8 +190,9 @@ impl Artifact {
     }
 
     /// Writes the files that the model id covers into a folder, creates it if necessary, and
-    /// returns the id of the written files. Files of another model that this one does not have are removed. This id equals `self.id`, unless a part was changed after
-    /// the model was created, or the model was read from a hand-written `model.toml`.
+    /// returns the id of the written files. Files of another model that this one does not have are
+    /// removed. This id equals `self.id`, unless a part was changed after the model was created, or
+    /// the model was read from a hand-written `model.toml`.
     ///
     /// # Errors
     /// If the parts are not a valid model or a file cannot be written.
@@ -210,7 +217,8 @@ impl Artifact {
         Ok(ModelId::from_files(&bytes.named()))
     }
 
-    /// Returns the microvolts of one level of the encoder's int8 input; the input's zero point is 0.
+    /// Returns the microvolts of one level of the encoder's int8 input; the input's zero point is
+    /// 0.
     ///
     /// # Errors
     /// If the calibration has no `input.max_abs`; impossible after [`Artifact::read`].
@@ -224,7 +232,7 @@ impl Artifact {
         validation::check_weights(&self.description, &self.weights)?;
         validation::check_calibration(&self.description, &self.calibration)?;
         match &self.packed {
-            Some(packed) => packed.check(&self.description),
+            Some(packed) => check_packed(packed, &self.description),
             None if self.description.mode.has_network() => Ok(()),
             None => Err(ArtifactError::Empty),
         }

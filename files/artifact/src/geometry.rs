@@ -1,10 +1,51 @@
-//! Sizes of the volumes between the layers.
+//! Dimensions of window and code, and sizes of the volumes between the layers.
 
 use crate::description::{Description, NetworkShape, Padding};
-use crate::dimensions::{CONV2_CHANNELS, Dimensions, KERNEL};
 
-/// Sizes of the volumes between the layers, each in steps, rows, columns. For the paper's windows of
-/// 16 x 10 x 9:
+/// Number of output channels of the first convolution.
+pub const CONV1_CHANNELS: usize = 16;
+/// Number of output channels of the second convolution.
+pub const CONV2_CHANNELS: usize = 32;
+/// Edge length of every convolution kernel in steps, rows and columns.
+pub const KERNEL: usize = 3;
+
+/// Dimensions of a model, from its description.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dimensions {
+    /// Number of time steps in a window.
+    pub steps: usize,
+    /// Number of rows of the scalp grid, front to back.
+    pub rows: usize,
+    /// Number of columns of the scalp grid, left to right.
+    pub columns: usize,
+    /// Number of electrodes of the montage; each has one cell of the scalp grid.
+    pub electrodes: usize,
+    /// Number of numbers in a code.
+    pub numbers: usize,
+}
+
+impl Dimensions {
+    /// Returns the number of cells in one plane of the scalp grid; a cell without an electrode
+    /// holds 0.
+    pub const fn cells(&self) -> usize {
+        self.rows * self.columns
+    }
+
+    /// Returns the number of values in a window on the scalp grid, in the order step, row, column
+    /// (the last fastest).
+    pub const fn window_cells(&self) -> usize {
+        self.steps * self.cells()
+    }
+
+    /// Returns the number of values in a window of electrodes, in the order step, electrode (the
+    /// last fastest).
+    pub const fn window_electrodes(&self) -> usize {
+        self.steps * self.electrodes
+    }
+}
+
+/// Sizes of the volumes between the layers, each in steps, rows, columns. For the paper's windows
+/// of 16 x 10 x 9:
 ///
 /// | Padding | after conv1 | after conv2 |
 /// | --- | --- | --- |
@@ -34,8 +75,8 @@ impl Geometry {
     /// Returns the sizes that follow from window, grid, padding and pool.
     ///
     /// # Panics
-    /// If a dimension of the pool is 0. Reading or creating an [`Artifact`](crate::Artifact) refuses
-    /// such a description.
+    /// If a dimension of the pool is 0. Reading or creating an [`Artifact`](crate::Artifact)
+    /// refuses such a description.
     pub const fn new(description: &Description) -> Self {
         let dimensions = description.dimensions();
         let NetworkShape { padding, pool } = description.network;
@@ -61,8 +102,8 @@ impl Geometry {
         }
     }
 
-    /// Returns the number of inputs of the fully connected layer, which are in the order channel, step,
-    /// row, column (the last fastest).
+    /// Returns the number of inputs of the fully connected layer, which are in the order channel,
+    /// step, row, column (the last fastest).
     pub const fn flat(&self) -> usize {
         CONV2_CHANNELS * self.pooled[0] * self.pooled[1] * self.pooled[2]
     }

@@ -3,7 +3,7 @@
 use crate::description::CodeFormat;
 use crate::error::ArtifactError;
 use crate::integer_code::IntegerCode;
-use safetensors::SafeTensors;
+use crate::tensor_file::{self, NamedTensor, TensorFile};
 use safetensors::tensor::{Dtype, TensorView};
 use std::path::Path;
 
@@ -15,8 +15,8 @@ const EXPONENTS: &str = "exponents";
 
 /// Quantised windows, and the codes that the integer encoder of this model returns for them.
 ///
-/// `trainer` writes them from model-gen's integer reference; every other integer encoder must return
-/// the same bytes.
+/// `trainer` writes them from model-gen's integer reference; every other integer encoder must
+/// return the same bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Golden {
     /// Format of the codes. The file holds `codes` `[n, numbers]` as int8 or int16, and for
@@ -47,13 +47,9 @@ impl Golden {
     /// # Errors
     /// If the contents are not windows `[n, steps, cells]` and codes `[n, numbers]`.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ArtifactError> {
-        let file =
-            SafeTensors::deserialize(bytes).map_err(|source| ArtifactError::Safetensors {
-                file: GOLDEN,
-                source,
-            })?;
+        let file = TensorFile::parse(GOLDEN, bytes)?;
         let [count, steps, cells] = shape(&file, "windows")?;
-        let windows = contents(&file, "windows", Dtype::I8, &[count, steps, cells])?;
+        let windows = file.elements("windows", Dtype::I8, &[count, steps, cells])?;
         let windows: Vec<i8> = windows.iter().map(|byte| byte.cast_signed()).collect();
         let windows = windows.chunks_exact((steps * cells).max(1));
 
@@ -66,7 +62,7 @@ impl Golden {
             CodeFormat::Int8
         };
         let [_, numbers] = shape(&file, "codes")?;
-        let values = contents(&file, "codes", element_type(format), &[count, numbers])?;
+        let values = file.elements("codes", element_type(format), &[count, numbers])?;
         let values: Vec<i16> = match format {
             CodeFormat::Int8 | CodeFormat::Int8Exponent => {
                 let values = values.iter().map(|byte| byte.cast_signed());
@@ -78,7 +74,7 @@ impl Golden {
             }
         };
         let exponents = match format {
-            CodeFormat::Int8Exponent => contents(&file, EXPONENTS, Dtype::U8, &[count])?.to_vec(),
+            CodeFormat::Int8Exponent => file.elements(EXPONENTS, Dtype::U8, &[count])?.to_vec(),
             CodeFormat::Int8 | CodeFormat::Int16 => vec![0; count],
         };
         let codes = exponents
@@ -113,10 +109,6 @@ impl Golden {
     fn to_bytes(&self) -> Result<Vec<u8>, ArtifactError> {
         let count = self.windows.len();
         assert_eq!(count, self.codes.len(), "every window has a code");
-        let error = |source| ArtifactError::Safetensors {
-            file: GOLDEN,
-            source,
-        };
         let [steps, cells] = self.window_shape;
         let numbers = self.codes.first().map_or(0, |code| code.values.len());
         let windows = self.windows.iter().flatten();
@@ -127,23 +119,15 @@ impl Golden {
             .flat_map(|value| value.to_le_bytes().into_iter().take(width))
             .collect();
         let exponents: Vec<u8> = self.codes.iter().map(|code| code.exponent).collect();
-        let view = |dtype, shape: &[usize], bytes| {
-            TensorView::new(dtype, shape.to_vec(), bytes).map_err(error)
-        };
-        let mut views = vec![
-            (
-                "codes",
-                view(element_type(self.format), &[count, numbers], &values)?,
-            ),
-            (
-                "windows",
-                view(Dtype::I8, &[count, steps, cells], &windows)?,
-            ),
+        let kind = element_type(self.format);
+        let mut tensors: Vec<NamedTensor> = vec![
+            ("codes", kind, vec![count, numbers], values),
+            ("windows", Dtype::I8, vec![count, steps, cells], windows),
         ];
         if self.format == CodeFormat::Int8Exponent {
-            views.push((EXPONENTS, view(Dtype::U8, &[count], &exponents)?));
+            tensors.push((EXPONENTS, Dtype::U8, vec![count], exponents));
         }
-        safetensors::serialize(views, None).map_err(error)
+        tensor_file::to_bytes(GOLDEN, &tensors)
     }
 }
 
@@ -155,57 +139,20 @@ fn element_type(format: CodeFormat) -> Dtype {
     }
 }
 
-/// Returns the shape of a tensor with `N` dimensions; 0 for a dimension that the tensor lacks, which no
-/// contents have.
-fn shape<const N: usize>(file: &SafeTensors, name: &str) -> Result<[usize; N], ArtifactError> {
-    let view = tensor(file, name)?;
+/// Returns the shape of a tensor with `N` dimensions; 0 for a dimension that the tensor lacks,
+/// which no contents have.
+fn shape<const N: usize>(file: &TensorFile, name: &str) -> Result<[usize; N], ArtifactError> {
+    let view = file.tensor(name)?;
     let lengths = view.shape();
     Ok(std::array::from_fn(|axis| {
         lengths.get(axis).copied().unwrap_or(0)
     }))
 }
 
-fn tensor<'f>(file: &'f SafeTensors, name: &str) -> Result<TensorView<'f>, ArtifactError> {
-    file.tensor(name).map_err(|_| ArtifactError::MissingTensor {
-        file: GOLDEN,
-        name: name.to_owned(),
-    })
-}
-
-/// Returns the bytes of a tensor, little-endian, or an error if its type or shape differs.
-fn contents<'f>(
-    file: &'f SafeTensors,
-    name: &str,
-    dtype: Dtype,
-    shape: &[usize],
-) -> Result<&'f [u8], ArtifactError> {
-    let view = tensor(file, name)?;
-    if view.dtype() != dtype {
-        return Err(ArtifactError::ElementType {
-            file: GOLDEN,
-            name: name.to_owned(),
-            found: view.dtype().to_string(),
-            expected: match dtype {
-                Dtype::U8 => "U8",
-                Dtype::I16 => "I16",
-                _ => "I8",
-            },
-        });
-    }
-    if view.shape() != shape {
-        return Err(ArtifactError::Shape {
-            file: GOLDEN,
-            name: name.to_owned(),
-            found: view.shape().to_vec(),
-            expected: shape.to_vec(),
-        });
-    }
-    Ok(view.data())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::TensorProblem;
 
     fn golden(format: CodeFormat) -> Golden {
         let windows = [-128, 0, 127].map(|value| vec![value; 16 * 90]).to_vec();
@@ -244,25 +191,17 @@ mod tests {
 
     #[test]
     fn a_number_of_codes_other_than_that_of_windows_is_refused() {
-        let codes = [0; 2 * 128];
-        let windows = [0; 16 * 90];
-        let bytes = safetensors::serialize(
-            [
-                (
-                    "codes",
-                    TensorView::new(Dtype::I8, vec![2, 128], &codes).unwrap(),
-                ),
-                (
-                    "windows",
-                    TensorView::new(Dtype::I8, vec![1, 16, 90], &windows).unwrap(),
-                ),
-            ],
-            None,
-        )
-        .unwrap();
+        let tensors = [
+            ("codes", Dtype::I8, vec![2, 128], vec![0; 2 * 128]),
+            ("windows", Dtype::I8, vec![1, 16, 90], vec![0; 16 * 90]),
+        ];
+        let bytes = tensor_file::to_bytes(GOLDEN, &tensors).unwrap();
         assert!(matches!(
             Golden::from_bytes(&bytes),
-            Err(ArtifactError::Shape { .. })
+            Err(ArtifactError::Tensor {
+                problem: TensorProblem::Shape(..),
+                ..
+            })
         ));
     }
 }

@@ -1,7 +1,7 @@
 //! The trained artifact on disk, and the float network that it describes.
 //!
-//! One folder holds everything that training decided: the weights, and also the filters, the montage
-//! and the scale of the input, so that no other file repeats them.
+//! One folder holds everything that training decided: the weights, and also the filters, the
+//! montage and the scale of the input, so that no other file repeats them.
 //!
 //! ```text
 //! trainer --> folder --Artifact::read--> Artifact --> model-gen: integers for the device
@@ -18,8 +18,8 @@
 //! | `golden.safetensors` | int8 windows and their codes ([`Golden`]); not in mode `packed` | no: it tests the model |
 //! | `pca.safetensors` | PCA of the training windows ([`Pca`]); optional | no: the model is compared with it |
 //!
-//! [`FloatEncoder`] and [`FloatDecoder`] run the network in f32 with plain loops. The encoder is the
-//! reference for the integer encoder; the bridge uses the decoder.
+//! [`FloatEncoder`] and [`FloatDecoder`] run the network in f32 with plain loops. The encoder is
+//! the reference for the integer encoder; the bridge uses the decoder.
 //!
 //! ```
 //! use artifact::{Artifact, FloatDecoder, FloatEncoder};
@@ -47,7 +47,6 @@
 
 mod convolution;
 mod description;
-mod dimensions;
 mod error;
 mod float_decoder;
 mod float_encoder;
@@ -55,7 +54,6 @@ mod folder;
 mod geometry;
 mod golden;
 mod integer_code;
-mod list;
 mod model_id;
 mod montage_file;
 mod packed;
@@ -63,8 +61,8 @@ mod pca;
 pub mod reconstruction;
 mod scalp_grid;
 mod shapes;
+mod tensor_file;
 mod tensors;
-mod training_card;
 mod unpooled_convolution;
 mod validation;
 
@@ -72,18 +70,16 @@ mod validation;
 mod testing;
 
 pub use description::{
-    Adc, CodeFormat, CodeQuantisation, Decimation, Description, EMPTY, Filters, Grid, Input, Mode,
-    Montage, NetworkShape, Padding, Window,
+    Adc, CodeFormat, CodeQuantisation, Decimation, Description, EMPTY, Figures, Filters, Grid,
+    Input, Mode, Montage, NetworkShape, Padding, TrainingCard, Window,
 };
-pub use dimensions::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, KERNEL};
-pub use error::ArtifactError;
+pub use error::{ArtifactError, List, TensorProblem};
 pub use float_decoder::FloatDecoder;
 pub use float_encoder::{FloatEncoder, TracedCode};
 pub use folder::{Artifact, HEAD_ROOM};
-pub use geometry::Geometry;
+pub use geometry::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, Geometry, KERNEL};
 pub use golden::Golden;
 pub use integer_code::IntegerCode;
-pub use list::List;
 pub use model_id::ModelId;
 pub use montage_file::{MontageAdc, MontageFile, MontageFileError};
 pub use packed::{
@@ -94,7 +90,6 @@ pub use pca::Pca;
 pub use scalp_grid::ScalpGrid;
 pub use shapes::{NORM_EPSILON, NamedShape, calibration_shapes, weight_shapes};
 pub use tensors::Tensors;
-pub use training_card::{Figures, TrainingCard};
 pub use validation::{
     ADC_RATES_HZ, CHIP_CHANNELS, ELECTRODES, GAINS, LARGEST_CHAIN, LARGEST_SIDE, check_description,
 };

@@ -3,11 +3,13 @@
 use sha2::{Digest, Sha256};
 use std::fmt;
 
-/// Identifies a model. Every frame carries the id, and the bridge decodes only frames of its own model.
+/// Identifies a model. Every frame carries the id, and the bridge decodes only frames of its own
+/// model.
 ///
-/// The id is the first 8 bytes of the SHA-256 over `model.toml`, `weights.safetensors`, `calibration.safetensors`,
-/// `packed.toml` and `packed.safetensors`, in this order, of those that the model has. Of each file the hash covers the
-/// name, the length as little-endian u64, and the contents.
+/// The id is the first 8 bytes of the SHA-256 over `model.toml`, `weights.safetensors`,
+/// `calibration.safetensors`, `packed.toml` and `packed.safetensors`, in this order, of those that
+/// the model has. Of each file the hash covers the name, the length as little-endian u64, and the
+/// contents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ModelId(pub [u8; 8]);
 

@@ -44,7 +44,8 @@ pub enum MontageFileError {
         /// Error from the operating system.
         source: std::io::Error,
     },
-    /// The text has no montage: it is not TOML, or a field is missing, misspelt or of the wrong type.
+    /// The text has no montage: it is not TOML, or a field is missing, misspelt or of the wrong
+    /// type.
     #[error("{} is no montage; files/montages/paper-61.toml is an example", path.display())]
     Toml {
         /// Path of the file.

@@ -1,7 +1,7 @@
 //! The map between electrodes and cells of the scalp grid.
 
 use crate::description::Description;
-use crate::dimensions::Dimensions;
+use crate::geometry::Dimensions;
 
 /// The map between electrodes (in ADC channel order) and cells of the scalp grid (row-major).
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,8 +35,8 @@ impl ScalpGrid {
         &self.cell_of_electrode
     }
 
-    /// Converts a window of electrodes (step, electrode) to the grid (step, row, column); cells without
-    /// an electrode become 0.
+    /// Converts a window of electrodes (step, electrode) to the grid (step, row, column); cells
+    /// without an electrode become 0.
     ///
     /// # Panics
     /// If `electrodes` has fewer values than a window.
@@ -56,8 +56,8 @@ impl ScalpGrid {
         self.places().map(|(at_cell, _)| cells[at_cell]).collect()
     }
 
-    /// Iterates over the values of a window in the order step, electrode: the index of each value on
-    /// the grid, and its index among the electrodes.
+    /// Iterates over the values of a window in the order step, electrode: the index of each value
+    /// on the grid, and its index among the electrodes.
     fn places(&self) -> impl Iterator<Item = (usize, usize)> {
         let steps = 0..self.dimensions.steps;
         let cells = steps.flat_map(|step| {

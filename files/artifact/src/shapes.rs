@@ -1,8 +1,7 @@
 //! Names and shapes of the tensors of a model.
 
 use crate::description::Mode;
-use crate::dimensions::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, KERNEL};
-use crate::geometry::Geometry;
+use crate::geometry::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, Geometry, KERNEL};
 
 /// Number added to a variance before its square root is taken; PyTorch's default.
 pub const NORM_EPSILON: f32 = 1e-5;
@@ -66,8 +65,8 @@ pub fn weight_shapes(mode: Mode, geometry: &Geometry) -> Vec<NamedShape> {
     shapes
 }
 
-/// Returns name and shape of each tensor in `calibration.safetensors`, for a mode and the dimensions of
-/// a model.
+/// Returns name and shape of each tensor in `calibration.safetensors`, for a mode and the
+/// dimensions of a model.
 pub fn calibration_shapes(mode: Mode, dimensions: &Dimensions) -> Vec<NamedShape> {
     let mut shapes = vec![(INPUT_RANGE, vec![1])];
     if mode.has_network() {

@@ -1,9 +1,9 @@
 //! The tensors of one file.
 
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, TensorProblem};
 use crate::shapes::NamedShape;
-use safetensors::SafeTensors;
-use safetensors::tensor::{Dtype, TensorView};
+use crate::tensor_file::{self, TensorFile};
+use safetensors::tensor::Dtype;
 use std::collections::BTreeMap;
 
 /// Name of the file that holds the weights.
@@ -62,20 +62,10 @@ impl Tensors {
     /// # Errors
     /// If there is no tensor of this name, or its shape differs.
     pub fn tensor(&self, name: &str, shape: &[usize]) -> Result<&[f32], ArtifactError> {
-        let (found, values) =
-            self.tensors
-                .get(name)
-                .ok_or_else(|| ArtifactError::MissingTensor {
-                    file: self.file,
-                    name: name.to_owned(),
-                })?;
+        let tensor = self.tensors.get(name);
+        let (found, values) = tensor.ok_or_else(|| TensorProblem::Missing.of(self.file, name))?;
         if found != shape {
-            return Err(ArtifactError::Shape {
-                file: self.file,
-                name: name.to_owned(),
-                found: found.clone(),
-                expected: shape.to_vec(),
-            });
+            return Err(TensorProblem::Shape(found.clone(), shape.to_vec()).of(self.file, name));
         }
         Ok(values)
     }
@@ -87,29 +77,19 @@ impl Tensors {
             .map(|(name, (shape, _))| (name.as_str(), shape.as_slice()))
     }
 
-    /// Returns an error if a tensor is missing, unknown or of another shape, or a number is not finite.
+    /// Returns an error if a tensor is missing, unknown or of another shape, or a number is not
+    /// finite.
     pub(crate) fn check(&self, expected: &[NamedShape]) -> Result<(), ArtifactError> {
         for (name, shape) in expected {
             let values = self.tensor(name, shape)?;
             if let Some(index) = values.iter().position(|value| !value.is_finite()) {
-                return Err(ArtifactError::NotFinite {
-                    file: self.file,
-                    name: (*name).to_owned(),
-                    index,
-                    value: values[index],
-                });
+                return Err(TensorProblem::NotFinite(index, values[index]).of(self.file, name));
             }
         }
-        match self
-            .tensors
-            .keys()
-            .find(|name| !expected.iter().any(|(known, _)| known == name))
-        {
+        let is_unknown = |name: &&String| !expected.iter().any(|(known, _)| known == name);
+        match self.tensors.keys().find(is_unknown) {
             None => Ok(()),
-            Some(name) => Err(ArtifactError::UnknownTensor {
-                file: self.file,
-                name: name.clone(),
-            }),
+            Some(name) => Err(TensorProblem::Unknown.of(self.file, name)),
         }
     }
 
@@ -119,57 +99,26 @@ impl Tensors {
         index: usize,
         problem: &'static str,
     ) -> ArtifactError {
-        ArtifactError::Range {
-            file: self.file,
-            name: name.to_owned(),
-            index,
-            problem,
-        }
+        TensorProblem::Range(index, problem).of(self.file, name)
     }
 
     pub(crate) fn from_bytes(file: &'static str, bytes: &[u8]) -> Result<Self, ArtifactError> {
-        let read = SafeTensors::deserialize(bytes)
-            .map_err(|source| ArtifactError::Safetensors { file, source })?;
+        let read = TensorFile::parse(file, bytes)?;
         let mut tensors = Self::new(file);
-        for (name, view) in read.iter() {
-            if view.dtype() != Dtype::F32 {
-                return Err(ArtifactError::ElementType {
-                    file,
-                    name: name.to_owned(),
-                    found: view.dtype().to_string(),
-                    expected: "F32",
-                });
-            }
-            let (words, _) = view.data().as_chunks();
+        for name in read.names() {
+            let (words, _) = read.bytes(name, Dtype::F32)?.as_chunks();
             let values = words.iter().map(|word| f32::from_le_bytes(*word)).collect();
-            tensors.insert(name, view.shape(), values);
+            tensors.insert(name, read.tensor(name)?.shape(), values);
         }
         Ok(tensors)
     }
 
     pub(crate) fn to_bytes(&self) -> Result<Vec<u8>, ArtifactError> {
-        let error = |source| ArtifactError::Safetensors {
-            file: self.file,
-            source,
-        };
-        let bytes: Vec<Vec<u8>> = self
-            .tensors
-            .values()
-            .map(|(_, values)| {
-                values
-                    .iter()
-                    .flat_map(|value| value.to_le_bytes())
-                    .collect()
-            })
-            .collect();
-        let mut views = Vec::with_capacity(bytes.len());
-        for ((name, (shape, _)), bytes) in self.tensors.iter().zip(&bytes) {
-            views.push((
-                name,
-                TensorView::new(Dtype::F32, shape.clone(), bytes).map_err(error)?,
-            ));
-        }
-        safetensors::serialize(views, None).map_err(error)
+        let tensors = self.tensors.iter().map(|(name, (shape, values))| {
+            let bytes = values.iter().flat_map(|value| value.to_le_bytes());
+            (name.as_str(), Dtype::F32, shape.clone(), bytes.collect())
+        });
+        tensor_file::to_bytes(self.file, &tensors.collect::<Vec<_>>())
     }
 }
 
@@ -190,15 +139,31 @@ mod tests {
         assert_eq!(Tensors::from_bytes(WEIGHTS, &bytes).unwrap(), tensors);
     }
 
+    /// Asserts that an error is this problem of the tensor `name`.
+    fn assert_problem<T: std::fmt::Debug>(
+        result: Result<T, ArtifactError>,
+        name: &str,
+        expected: &TensorProblem,
+    ) {
+        let error = result.unwrap_err();
+        let text = error.to_string();
+        let ArtifactError::Tensor {
+            name: found,
+            problem,
+            ..
+        } = error
+        else {
+            panic!("{text}")
+        };
+        assert_eq!((found.as_str(), &problem), (name, expected));
+    }
+
     #[test]
     fn the_error_of_a_wrong_element_type_names_the_tensor() {
-        let bytes = safetensors::serialize(
-            [("a", TensorView::new(Dtype::I8, vec![2], &[1, 2]).unwrap())],
-            None,
-        )
-        .unwrap();
-        let error = Tensors::from_bytes(WEIGHTS, &bytes).unwrap_err();
-        assert!(matches!(error, ArtifactError::ElementType { ref name, .. } if name == "a"));
+        let tensors = [("a", Dtype::I8, vec![2], vec![1, 2])];
+        let bytes = tensor_file::to_bytes(WEIGHTS, &tensors).unwrap();
+        let expected = TensorProblem::ElementType("I8".to_owned(), "F32".to_owned());
+        assert_problem(Tensors::from_bytes(WEIGHTS, &bytes), "a", &expected);
     }
 
     #[test]
@@ -215,26 +180,18 @@ mod tests {
     fn missing_unknown_misshapen_and_not_finite_tensors_are_refused() {
         let mut tensors = Tensors::for_calibration();
         let expected: &[NamedShape] = &[("a", vec![2])];
-        assert!(matches!(
-            tensors.check(expected),
-            Err(ArtifactError::MissingTensor { ref name, .. }) if name == "a"
-        ));
+        assert_problem(tensors.check(expected), "a", &TensorProblem::Missing);
         tensors.insert("a", &[3], vec![0.0; 3]);
-        assert!(matches!(
-            tensors.check(expected),
-            Err(ArtifactError::Shape { .. })
-        ));
+        let shape = TensorProblem::Shape(vec![3], vec![2]);
+        assert_problem(tensors.check(expected), "a", &shape);
+        tensors.insert("a", &[2], vec![0.0, f32::INFINITY]);
+        let infinite = TensorProblem::NotFinite(1, f32::INFINITY);
+        assert_problem(tensors.check(expected), "a", &infinite);
         tensors.insert("a", &[2], vec![0.0, f32::NAN]);
-        assert!(matches!(
-            tensors.check(expected),
-            Err(ArtifactError::NotFinite { index: 1, .. })
-        ));
+        assert!(tensors.check(expected).is_err());
         tensors.insert("a", &[2], vec![0.0, 1.0]);
         tensors.check(expected).unwrap();
         tensors.insert("typo", &[1], vec![0.0]);
-        assert!(matches!(
-            tensors.check(expected),
-            Err(ArtifactError::UnknownTensor { ref name, .. }) if name == "typo"
-        ));
+        assert_problem(tensors.check(expected), "typo", &TensorProblem::Unknown);
     }
 }

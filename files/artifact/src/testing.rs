@@ -1,5 +1,6 @@
 //! Small hand-made models for the tests of this crate.
 
+use crate::description::TrainingCard;
 use crate::description::{
     CodeFormat, CodeQuantisation, Decimation, Description, Filters, Input, Mode, NetworkShape,
     Padding, Window,
@@ -9,7 +10,6 @@ use crate::geometry::Geometry;
 use crate::montage_file::MontageFile;
 use crate::shapes::{NORM_EPSILON, calibration_shapes, weight_shapes};
 use crate::tensors::Tensors;
-use crate::training_card::TrainingCard;
 use std::path::Path;
 
 pub(crate) fn description() -> Description {

@@ -1,8 +1,7 @@
 //! The decoder's first convolution, together with the unpooling before it.
 
 use crate::convolution::{Convolution, Volume};
-use crate::dimensions::{CONV1_CHANNELS, CONV2_CHANNELS, KERNEL};
-use crate::geometry::Geometry;
+use crate::geometry::{CONV1_CHANNELS, CONV2_CHANNELS, Geometry, KERNEL};
 
 /// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
 const TAPS: usize = KERNEL * KERNEL * KERNEL;
@@ -10,8 +9,8 @@ const TAPS: usize = KERNEL * KERNEL * KERNEL;
 /// One value of each output channel.
 type Outputs = [f32; CONV1_CHANNELS];
 
-/// Nearest-neighbour unpooling followed by a transposed convolution, cropped to the size of the first
-/// convolution's output in the encoder.
+/// Nearest-neighbour unpooling followed by a transposed convolution, cropped to the size of the
+/// first convolution's output in the encoder.
 ///
 /// Unpooling repeats each pooled value, for example 10 times: each product of a pooled value and a
 /// weight is computed once and added to all outputs that it belongs to. The output channels are
@@ -19,9 +18,9 @@ type Outputs = [f32; CONV1_CHANNELS];
 /// instead of 0.75 ms with the two layers one after the other (x86-64 with SSE2, 7.3 million
 /// instructions instead of 11.6 million).
 ///
-/// Each sum starts with its bias. The products are added in the order input channel, tap (step, row,
-/// column of the kernel), so that the result is that of the two layers one after the other, bit for
-/// bit, except for the sign of a zero.
+/// Each sum starts with its bias. The products are added in the order input channel, tap (step,
+/// row, column of the kernel), so that the result is that of the two layers one after the other,
+/// bit for bit, except for the sign of a zero.
 #[derive(Clone, Debug)]
 pub(crate) struct UnpooledConvolution {
     /// Weights `[input][tap][output]`.
@@ -76,7 +75,8 @@ impl UnpooledConvolution {
             multiply(weights, values, &mut products);
             let mut start = 0;
             for (sums, &end) in sums.iter_mut().zip(&self.ends) {
-                // A copy in registers, because the compiler cannot prove that the products do not alias.
+                // A copy in registers, because the compiler cannot prove that the products do not
+                // alias.
                 let mut outputs = *sums;
                 for &product in &self.products[start..end] {
                     for (output, product) in outputs.iter_mut().zip(&products[product]) {
@@ -109,10 +109,10 @@ fn multiply(weights: &[Outputs; TAPS], values: &[f32], products: &mut [Outputs])
 
 /// Returns the indices `tap * cells + cell` of the products that the output at `position` sums.
 ///
-/// Output position p of the uncropped volume sums tap k times the unpooled value at p - k, if there is
-/// one. Unpooled position p of n repeats pooled position floor(p * m / n), where m is the pooled size,
-/// as in PyTorch's `interpolate`. For example, the first three of five columns repeat pooled column 0 of
-/// two.
+/// Output position p of the uncropped volume sums tap k times the unpooled value at p - k, if there
+/// is one. Unpooled position p of n repeats pooled position floor(p * m / n), where m is the pooled
+/// size, as in PyTorch's `interpolate`. For example, the first three of five columns repeat pooled
+/// column 0 of two.
 fn products_of(position: [usize; 3], geometry: &Geometry) -> impl Iterator<Item = usize> {
     let (pooled, unpooled) = (geometry.pooled, geometry.feature_map);
     let pads = geometry.padding.pads();
@@ -143,7 +143,8 @@ mod tests {
         Geometry::new(&description)
     }
 
-    /// Returns numbers in -1.0..1.0 whose sums round, so that another order of a sum has other bits.
+    /// Returns numbers in -1.0..1.0 whose sums round, so that another order of a sum has other
+    /// bits.
     fn numbers(count: usize, seed: u32) -> Vec<f32> {
         let next = |state: &u32| Some(state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
         std::iter::successors(Some(seed), next)

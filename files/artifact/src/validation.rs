@@ -2,8 +2,8 @@
 
 use crate::description::{Decimation, Description, EMPTY, NetworkShape};
 use crate::error::ArtifactError;
+use crate::error::List;
 use crate::geometry::Geometry;
-use crate::list::List;
 use crate::shapes::{calibration_shapes, weight_shapes};
 use crate::tensors::Tensors;
 use std::collections::BTreeSet;
@@ -24,14 +24,14 @@ pub const LARGEST_SIDE: usize = 12;
 pub const ELECTRODES: RangeInclusive<usize> = 4..=64;
 /// Permitted numbers of numbers in a code.
 const NUMBERS: RangeInclusive<usize> = 8..=256;
-/// The number of numbers in a code must be a multiple of this number: the kernels of the linear layers
-/// compute several outputs at a time.
+/// The number of numbers in a code must be a multiple of this number: the kernels of the linear
+/// layers compute several outputs at a time.
 const NUMBERS_MULTIPLE: usize = 4;
-/// The pools of a row must cover this number of columns: the kernels of the convolutions compute several
-/// columns at a time.
+/// The pools of a row must cover this number of columns: the kernels of the convolutions compute
+/// several columns at a time.
 const COLUMNS_AT_A_TIME: usize = 3;
-/// Sampling rates of an ADS1299, Hz: its master clock of 2.048 MHz or 2.097152 MHz over powers of two
-/// (datasheet SBAS499, section 9.6.1.2).
+/// Sampling rates of an ADS1299, Hz: its master clock of 2.048 MHz or 2.097152 MHz over powers of
+/// two (datasheet SBAS499, section 9.6.1.2).
 pub const ADC_RATES_HZ: [u32; 6] = [250, 256, 500, 512, 1000, 1024];
 /// Gains of the programmable-gain amplifier of an ADS1299 (section 9.6.1.6).
 pub const GAINS: [u32; 7] = [1, 2, 4, 6, 8, 12, 24];
@@ -42,21 +42,21 @@ pub const CHIP_CHANNELS: usize = 8;
 /// Largest number of converters in a chain.
 pub const LARGEST_CHAIN: usize = 8;
 
-/// Returns an error that names `field`, its value and the `expected` values unless `holds`.
-fn require(
-    holds: bool,
-    field: &'static str,
-    found: &dyn Display,
-    expected: &str,
-) -> Result<(), ArtifactError> {
-    if holds {
-        return Ok(());
+/// A field of the description with its value.
+struct Field<'d>(&'static str, &'d dyn Display);
+
+impl Field<'_> {
+    /// Returns an error that names the field, its value and the `expected` values unless `holds`.
+    fn must(self, holds: bool, expected: impl Into<String>) -> Result<(), ArtifactError> {
+        if holds {
+            return Ok(());
+        }
+        Err(ArtifactError::Field {
+            field: self.0,
+            found: self.1.to_string(),
+            expected: expected.into(),
+        })
     }
-    Err(ArtifactError::Field {
-        field,
-        found: found.to_string(),
-        expected: expected.to_owned(),
-    })
 }
 
 /// Checks every field of a description, before work starts on its model.
@@ -64,55 +64,37 @@ fn require(
 /// # Errors
 /// If a field has a value that no model can have.
 pub fn check_description(d: &Description) -> Result<(), ArtifactError> {
-    require(
-        d.format == FORMAT,
-        "format",
-        &d.format,
-        "1 (a newer format needs newer tools)",
-    )?;
+    let expected = "1 (a newer format needs newer tools)";
+    Field("format", &d.format).must(d.format == FORMAT, expected)?;
     check_window(d)?;
     check_numbers(d)?;
     check_grid(d)?;
     let count = d.montage.electrodes.len();
-    require(
-        ELECTRODES.contains(&count),
-        "montage.electrodes",
-        &count,
-        &format!("{} to {} labels", ELECTRODES.start(), ELECTRODES.end()),
-    )?;
+    let expected = format!("{} to {} labels", ELECTRODES.start(), ELECTRODES.end());
+    Field("montage.electrodes", &count).must(ELECTRODES.contains(&count), expected)?;
     check_labels(d)?;
     let pool = d.network.pool;
-    require(
-        pool.iter().all(|length| *length > 0),
-        "network.pool",
-        &List(&pool),
-        "at least 1 in steps, rows and columns; [1, 1, 1] means no pool",
-    )?;
+    let expected = "at least 1 in steps, rows and columns; [1, 1, 1] means no pool";
+    Field("network.pool", &List(&pool)).must(pool.iter().all(|length| *length > 0), expected)?;
     if d.mode.has_convolutions() {
         check_convolutions(d)?;
     }
     check_adc(d)?;
     check_filters(d)?;
     let sd = d.input.sd_uv;
-    require(
-        sd.is_finite() && sd > 0.0,
-        "input.sd_uv",
-        &sd,
-        "a positive number of uV",
-    )?;
+    Field("input.sd_uv", &sd).must(sd.is_finite() && sd > 0.0, "a positive number of uV")?;
     let card = &d.training;
     let electrodes = card.real_electrodes + card.interpolated_electrodes;
-    require(
-        electrodes <= count,
+    let expected = format!("at most {count}, the number of electrodes");
+    Field(
         "training.real_electrodes plus training.interpolated_electrodes",
         &electrodes,
-        &format!("at most {count}, the number of electrodes"),
-    )?;
-    require(
+    )
+    .must(electrodes <= count, expected)?;
+    let expected = "one label for each of training.interpolated_electrodes";
+    Field("training.interpolated", &card.interpolated.len()).must(
         card.interpolated.len() == card.interpolated_electrodes,
-        "training.interpolated",
-        &card.interpolated.len(),
-        "one label for each of training.interpolated_electrodes",
+        expected,
     )?;
     match card
         .interpolated
@@ -129,61 +111,39 @@ pub fn check_description(d: &Description) -> Result<(), ArtifactError> {
 
 fn check_window(d: &Description) -> Result<(), ArtifactError> {
     let window = &d.window;
-    require(
-        STEPS.contains(&window.steps),
-        "window.steps",
-        &window.steps,
-        "16 or 32",
-    )?;
-    require(
-        HOPS.contains(&window.hop),
-        "window.hop",
-        &window.hop,
-        "4, 8 or 16",
-    )?;
-    require(
-        window.rate_hz == RATE_HZ,
-        "window.rate_hz",
-        &window.rate_hz,
-        &RATE_HZ.to_string(),
-    )
+    Field("window.steps", &window.steps).must(STEPS.contains(&window.steps), "16 or 32")?;
+    Field("window.hop", &window.hop).must(HOPS.contains(&window.hop), "4, 8 or 16")?;
+    Field("window.rate_hz", &window.rate_hz).must(window.rate_hz == RATE_HZ, RATE_HZ.to_string())
 }
 
 fn check_numbers(d: &Description) -> Result<(), ArtifactError> {
     let numbers = d.code.numbers;
     if !d.mode.has_network() {
         let expected = "0, because mode \"packed\" has no network";
-        return require(numbers == 0, "code.numbers", &numbers, expected);
+        return Field("code.numbers", &numbers).must(numbers == 0, expected);
     }
-    require(
+    let expected = format!(
+        "{} to {}, and a multiple of {NUMBERS_MULTIPLE}",
+        NUMBERS.start(),
+        NUMBERS.end()
+    );
+    Field("code.numbers", &numbers).must(
         NUMBERS.contains(&numbers) && numbers.is_multiple_of(NUMBERS_MULTIPLE),
-        "code.numbers",
-        &numbers,
-        &format!(
-            "{} to {}, and a multiple of {NUMBERS_MULTIPLE}",
-            NUMBERS.start(),
-            NUMBERS.end()
-        ),
+        expected,
     )
 }
 
 fn check_grid(d: &Description) -> Result<(), ArtifactError> {
     let grid = &d.grid;
     for (field, length) in [("grid.rows", grid.rows), ("grid.columns", grid.columns)] {
-        require(
+        Field(field, &length).must(
             (1..=LARGEST_SIDE).contains(&length),
-            field,
-            &length,
-            &format!("1 to {LARGEST_SIDE}"),
+            format!("1 to {LARGEST_SIDE}"),
         )?;
     }
     let lengths: Vec<usize> = grid.cells.iter().map(Vec::len).collect();
-    require(
-        lengths == vec![grid.columns; grid.rows],
-        "grid.cells",
-        &List(&lengths),
-        &format!("{} rows of {} cells each", grid.rows, grid.columns),
-    )
+    let expected = format!("{} rows of {} cells each", grid.rows, grid.columns);
+    Field("grid.cells", &List(&lengths)).must(lengths == vec![grid.columns; grid.rows], expected)
 }
 
 fn label_error(label: &str, problem: &'static str) -> ArtifactError {
@@ -232,129 +192,92 @@ fn check_labels(d: &Description) -> Result<(), ArtifactError> {
 fn check_convolutions(d: &Description) -> Result<(), ArtifactError> {
     let NetworkShape { padding, pool } = d.network;
     let map = Geometry::new(d).feature_map;
-    require(
-        map.iter().all(|length| *length > 0),
+    let expected = "at least 5 x 5 cells for convolutions without padding; choose network.padding \"space\", or mode \"pca\", \
+         which has no convolutions";
+    Field(
         "grid",
         &format_args!("{} x {} cells", d.grid.rows, d.grid.columns),
-        "at least 5 x 5 cells for convolutions without padding; choose network.padding \"space\", or mode \"pca\", \
-         which has no convolutions",
-    )?;
-    require(
+    )
+    .must(map.iter().all(|length| *length > 0), expected)?;
+    let expected = format!(
+        "at most {}, the feature map; make it smaller or pad the convolutions",
+        List(&map)
+    );
+    Field("network.pool", &List(&pool)).must(
         pool.iter().zip(map).all(|(pool, map)| *pool <= map),
-        "network.pool",
-        &List(&pool),
-        &format!(
-            "at most {}, the feature map; make it smaller or pad the convolutions",
-            List(&map)
-        ),
+        expected,
     )?;
-    require(
-        map[2] / pool[2] * pool[2] >= COLUMNS_AT_A_TIME,
-        "network.pool",
-        &List(&pool),
-        &format!(
-            "such that the pools of a row cover at least {COLUMNS_AT_A_TIME} of the feature map's {} columns",
-            map[2]
-        ),
-    )?;
-    // The steps of a pool divide the hop, so that overlapping windows share pools. With padded steps,
-    // windows cannot share the first and the last pool; of the four pools of four steps, that would be
-    // half.
+    let expected = format!(
+        "such that the pools of a row cover at least {COLUMNS_AT_A_TIME} of the feature map's {} columns",
+        map[2]
+    );
+    Field("network.pool", &List(&pool))
+        .must(map[2] / pool[2] * pool[2] >= COLUMNS_AT_A_TIME, expected)?;
+    // The steps of a pool divide the hop, so that overlapping windows share pools. With padded
+    // steps, windows cannot share the first and the last pool; of the four pools of four steps,
+    // that would be half.
     let (steps, expected) = if padding.pads_time() {
         (&[1, 2][..], "of 1 or 2 steps with padding \"all\"")
     } else {
         (&[1, 2, 4][..], "of 1, 2 or 4 steps, which divide the hop")
     };
-    require(
-        steps.contains(&pool[0]),
-        "network.pool",
-        &List(&pool),
-        expected,
-    )
+    Field("network.pool", &List(&pool)).must(steps.contains(&pool[0]), expected)
 }
 
 fn check_adc(d: &Description) -> Result<(), ArtifactError> {
     let adc = &d.adc;
-    require(
-        ADC_RATES_HZ.contains(&adc.rate_hz),
-        "adc.rate_hz",
-        &adc.rate_hz,
-        "250, 256, 500, 512, 1000 or 1024, the rates of an ADS1299 with a clock of 2.048 or 2.097152 MHz",
-    )?;
-    require(
+    let expected = "250, 256, 500, 512, 1000 or 1024, the rates of an ADS1299 with a clock of 2.048 or 2.097152 MHz";
+    Field("adc.rate_hz", &adc.rate_hz).must(ADC_RATES_HZ.contains(&adc.rate_hz), expected)?;
+    let expected = format!(
+        "a multiple of {RATE_HZ} when filters.decimation is \"literal\"; \"fir\" takes any rate"
+    );
+    Field("adc.rate_hz", &adc.rate_hz).must(
         d.filters.decimation == Decimation::Fir || adc.rate_hz.is_multiple_of(RATE_HZ),
-        "adc.rate_hz",
-        &adc.rate_hz,
-        &format!(
-            "a multiple of {RATE_HZ} when filters.decimation is \"literal\"; \"fir\" takes any rate"
-        ),
+        expected,
     )?;
-    require(
-        adc.vref_v.to_bits() == VREF_V.to_bits(),
-        "adc.vref_v",
-        &adc.vref_v,
-        "4.5, the internal reference of an ADS1299",
-    )?;
-    require(
-        GAINS.contains(&adc.gain),
-        "adc.gain",
-        &adc.gain,
-        "1, 2, 4, 6, 8, 12 or 24, the gains of an ADS1299",
-    )?;
+    let expected = "4.5, the internal reference of an ADS1299";
+    Field("adc.vref_v", &adc.vref_v).must(adc.vref_v.to_bits() == VREF_V.to_bits(), expected)?;
+    let expected = "1, 2, 4, 6, 8, 12 or 24, the gains of an ADS1299";
+    Field("adc.gain", &adc.gain).must(GAINS.contains(&adc.gain), expected)?;
     let electrodes = d.montage.electrodes.len();
     let least = electrodes.next_multiple_of(CHIP_CHANNELS);
     let most = CHIP_CHANNELS * LARGEST_CHAIN;
-    require(
-        adc.channels.is_multiple_of(CHIP_CHANNELS) && (least..=most).contains(&adc.channels),
-        "adc.channels",
-        &adc.channels,
-        &format!(
-            "a multiple of {CHIP_CHANNELS} from {least} to {most}: {CHIP_CHANNELS} for each ADS1299, and one \
+    let expected = format!(
+        "a multiple of {CHIP_CHANNELS} from {least} to {most}: {CHIP_CHANNELS} for each ADS1299, and one \
              for each of {electrodes} electrodes"
-        ),
+    );
+    Field("adc.channels", &adc.channels).must(
+        adc.channels.is_multiple_of(CHIP_CHANNELS) && (least..=most).contains(&adc.channels),
+        expected,
     )
 }
 
 fn check_filters(d: &Description) -> Result<(), ArtifactError> {
     let filters = &d.filters;
     let nyquist = f64::from(d.adc.rate_hz) / 2.0;
-    require(
+    let expected = "one or more frequencies below half of adc.rate_hz";
+    Field("filters.mains_hz", &List(&filters.mains_hz)).must(
         !filters.mains_hz.is_empty()
             && filters
                 .mains_hz
                 .iter()
                 .all(|&hz| hz > 0 && f64::from(hz) < nyquist),
-        "filters.mains_hz",
-        &List(&filters.mains_hz),
-        "one or more frequencies below half of adc.rate_hz",
+        expected,
     )?;
     let highest_mains = filters.mains_hz.iter().copied().max().unwrap_or(0);
     let highest_notch = (f64::from(filters.harmonics) + 1.0) * f64::from(highest_mains);
-    require(
-        highest_notch < nyquist,
-        "filters.harmonics",
-        &filters.harmonics,
-        "small enough that (1 + harmonics) times the mains frequency is below half of adc.rate_hz",
-    )?;
-    require(
+    let expected =
+        "small enough that (1 + harmonics) times the mains frequency is below half of adc.rate_hz";
+    Field("filters.harmonics", &filters.harmonics).must(highest_notch < nyquist, expected)?;
+    Field("filters.notch_q", &filters.notch_q).must(
         filters.notch_q.is_finite() && filters.notch_q > 0.0,
-        "filters.notch_q",
-        &filters.notch_q,
         "a positive number",
     )?;
     let [low, high] = filters.band_hz;
-    require(
-        0.0 < low && low < high && high < nyquist,
-        "filters.band_hz",
-        &List(&filters.band_hz),
-        "two increasing frequencies between 0 and half of adc.rate_hz",
-    )?;
-    require(
-        (1..=8).contains(&filters.order),
-        "filters.order",
-        &filters.order,
-        "1 to 8",
-    )
+    let expected = "two increasing frequencies between 0 and half of adc.rate_hz";
+    Field("filters.band_hz", &List(&filters.band_hz))
+        .must(0.0 < low && low < high && high < nyquist, expected)?;
+    Field("filters.order", &filters.order).must((1..=8).contains(&filters.order), "1 to 8")
 }
 
 /// Returns an error if the weights are not those of the description's mode and shape.

@@ -39,7 +39,8 @@ pub(crate) enum Destination {
 }
 
 impl Destination {
-    /// Checks a name against the files that the program reads, and against what has the name already.
+    /// Checks a name against the files that the program reads, and against what has the name
+    /// already.
     pub(crate) fn check(
         path: &Path,
         existing: Existing,
@@ -79,8 +80,8 @@ impl Destination {
     }
 }
 
-/// Follows the symbolic links of a name, so that a file is replaced and not a link to it. The last link
-/// can lead to a file that does not exist.
+/// Follows the symbolic links of a name, so that a file is replaced and not a link to it. The last
+/// link can lead to a file that does not exist.
 pub(crate) fn follow_links(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..=MAX_LINKS {

@@ -50,8 +50,8 @@ pub enum NewFileError {
         /// Error from the operating system.
         source: io::Error,
     },
-    /// The complete file cannot be moved to its name, or its bytes may not have reached the disk. The file
-    /// keeps its temporary name.
+    /// The complete file cannot be moved to its name, or its bytes may not have reached the disk.
+    /// The file keeps its temporary name.
     #[error(
         "{} cannot be completed; what was written is in {}: check the disk and rename that file",
         path.display(),

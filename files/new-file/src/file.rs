@@ -18,7 +18,8 @@ use crate::{
 /// Permissions of a new file before the user's mask applies. Temporary files have fewer by default.
 const MODE: u32 = 0o666;
 
-/// A file to write, which [`NewFile::finish`] moves to its name. Dropping it deletes what was written.
+/// A file to write, which [`NewFile::finish`] moves to its name. Dropping it deletes what was
+/// written.
 #[derive(Debug)]
 pub struct NewFile {
     /// Name from the user.
@@ -37,12 +38,12 @@ enum Bytes {
 }
 
 impl NewFile {
-    /// Creates a file for the name `path`, in the same folder. `inputs` are the files that the program
-    /// reads.
+    /// Creates a file for the name `path`, in the same folder. `inputs` are the files that the
+    /// program reads.
     ///
     /// # Errors
-    /// [`NewFileError`] if the name is that of an input, of a folder, or, with [`Existing::Refuse`], of
-    /// any file; or if the file cannot be created.
+    /// [`NewFileError`] if the name is that of an input, of a folder, or, with
+    /// [`Existing::Refuse`], of any file; or if the file cannot be created.
     pub fn create(
         path: &Path,
         existing: Existing,
@@ -80,9 +81,9 @@ impl NewFile {
     /// Moves the complete file to its name. A device or a pipe has its bytes already.
     ///
     /// # Errors
-    /// [`NewFileError::Finish`] if the bytes did not reach the disk, the file cannot be renamed, or, with
-    /// [`Existing::Refuse`], another program has created a file with this name meanwhile. What was
-    /// written then stays under the temporary name, which the error states.
+    /// [`NewFileError::Finish`] if the bytes did not reach the disk, the file cannot be renamed,
+    /// or, with [`Existing::Refuse`], another program has created a file with this name meanwhile.
+    /// What was written then stays under the temporary name, which the error states.
     pub fn finish(self) -> Result<(), NewFileError> {
         let Bytes::Temporary(mut file) = self.bytes else {
             return Ok(());
@@ -204,7 +205,8 @@ mod tests {
         for existing in [Existing::Refuse, Existing::Replace] {
             let mut file = NewFile::create(&path, existing, &[]).expect("writable");
             file.write_all(b"new").expect("the disk has room");
-            // Neither is replaced: another program's file without, a folder not even with `Replace`.
+            // Neither is replaced: another program's file without, a folder not even with
+            // `Replace`.
             match existing {
                 Existing::Refuse => fs::write(&path, b"other").expect("writable"),
                 Existing::Replace => fs::create_dir(&path).expect("writable"),

@@ -1,5 +1,5 @@
-//! The 64-bit accumulator of a section: one multiply-accumulate instruction (SMLAL) per product on a
-//! Cortex-M.
+//! The 64-bit accumulator of a section: one multiply-accumulate instruction (SMLAL) per product on
+//! a Cortex-M.
 
 /// 64-bit sum in Q32. At the end, the high word is the section's output and the low word its
 /// rounding error.
@@ -41,8 +41,9 @@ impl Accumulator {
 
     /// Adds `fraction * x` on machines without SMLAL, with the same bits as the assembly.
     ///
-    /// `cargo xtask bench filters` compares the two on an emulated Cortex-M4 and M7: with the model's
-    /// coefficients, and with random coefficients and samples (contender `ours-any-sections`).
+    /// `cargo xtask bench filters` compares the two on an emulated Cortex-M4 and M7: with the
+    /// model's coefficients, and with random coefficients and samples (contender
+    /// `ours-any-sections`).
     #[cfg(not(all(target_arch = "arm", target_has_atomic = "32")))]
     #[inline(always)]
     pub(crate) fn multiply_add(self, fraction: i32, x: i32) -> Self {

@@ -32,7 +32,8 @@ impl<const CHANNELS: usize, const TAPS: usize> DelayLine<CHANNELS, TAPS> {
         self.newest.min(TAPS - 1)
     }
 
-    /// Returns the weighted sum of each channel's samples; `weights[0]` belongs to the newest sample.
+    /// Returns the weighted sum of each channel's samples; `weights[0]` belongs to the newest
+    /// sample.
     ///
     /// The sum is exact in 64 bits if the magnitudes of the weights sum to less than 2^32.
     #[inline]

@@ -10,8 +10,8 @@ use crate::{accumulator::Accumulator, coefficient::Coefficient};
 /// of each output is added to the next output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Section {
-    /// `y0 = x0 + x2 - y2 + a1 (y1 - x1) + (1 - b0) (2 y2 - x0 - x2)`: zeros on the unit circle, and
-    /// gain exactly 1 at DC. Here `b1 = -a1`, `b2 = b0` and `a2 = 1 - 2 b0`.
+    /// `y0 = x0 + x2 - y2 + a1 (y1 - x1) + (1 - b0) (2 y2 - x0 - x2)`: zeros on the unit circle,
+    /// and gain exactly 1 at DC. Here `b1 = -a1`, `b2 = b0` and `a2 = 1 - 2 b0`.
     Notch {
         /// `2 b0 cos(w0)`: sets the notch frequency `w0`.
         a1: Coefficient,
@@ -75,8 +75,8 @@ impl Default for SectionState {
     }
 }
 
-/// Fractions of a section's coefficients, Q0.32, in the order of the fields of [`Section`]'s variant;
-/// a variant with two coefficients leaves the third 0.
+/// Fractions of a section's coefficients, Q0.32, in the order of the fields of [`Section`]'s
+/// variant; a variant with two coefficients leaves the third 0.
 pub(crate) type Fractions = [i32; 3];
 
 impl Section {

@@ -3,14 +3,10 @@
 #[cfg(not(smlad))]
 use crate::octet::Kernel;
 use crate::{
-    dot::{
-        dots,
-        layout::{self, OUTPUTS, POSITIONS},
-    },
-    octet::Octet,
+    dot::{self, OUTPUTS, POSITIONS, dots},
+    octet::{self, Octet},
     pair::Pair,
     plane::PlaneShape,
-    processor,
 };
 
 /// Number of weights for each input and output channel: 3 steps x 3 rows x 3 columns.
@@ -27,8 +23,8 @@ const MAX_OUTPUTS: usize = 65_536;
 ///
 /// Ranges: inputs of 16 bits; every sum of 27 products per input channel must fit 32 bits.
 ///
-/// `PAIRS` is the number of pairs of input channels, an even number; there is an assembler kernel for 8
-/// pairs. `COLUMNS` is the number of columns of the input.
+/// `PAIRS` is the number of pairs of input channels, an even number; there is an assembler kernel
+/// for 8 pairs. `COLUMNS` is the number of columns of the input.
 #[derive(Clone, Copy, Debug)]
 pub struct Direct<'w, const PAIRS: usize, const COLUMNS: usize> {
     /// Rows and columns of the max-pool.
@@ -60,8 +56,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         outputs * TAPS * PAIRS
     }
 
-    /// Returns true if this convolution turns planes of shape `input` into planes of shape `pooled` and
-    /// has the right number of weights. Assert it in a `const` context.
+    /// Returns true if this convolution turns planes of shape `input` into planes of shape `pooled`
+    /// and has the right number of weights. Assert it in a `const` context.
     pub const fn is_consistent(&self, input: PlaneShape, pooled: PlaneShape) -> bool {
         self.input().equals(input)
             && self.pooled.equals(pooled)
@@ -74,8 +70,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
             && self.weights.len() == Self::weights_len(pooled.channels)
     }
 
-    /// Reorders an input plane of shape [`Self::input`] from `[pair of channels][row][column]` to the
-    /// order in which the products read it, `[row][column][pair of channels]`.
+    /// Reorders an input plane of shape [`Self::input`] from `[pair of channels][row][column]` to
+    /// the order in which the products read it, `[row][column][pair of channels]`.
     ///
     /// # Panics
     /// If a slice is shorter than its shape requires.
@@ -95,8 +91,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
     /// Convolves three planes, transformed by [`Self::transform`], oldest first, into one plane of
     /// outputs, and max-pools it into `largest`, of shape [`Self::pooled`].
     ///
-    /// `largest[i]` becomes the maximum of its previous value and the outputs of pool window `i`, so
-    /// that consecutive calls also pool over time. No bias is added.
+    /// `largest[i]` becomes the maximum of its previous value and the outputs of pool window `i`,
+    /// so that consecutive calls also pool over time. No bias is added.
     ///
     /// # Panics
     /// If a slice is shorter than its shape requires, or [`Self::is_consistent`] is false.
@@ -107,24 +103,20 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         );
         let largest = &mut largest[..self.pooled.len()];
         #[cfg(smlad)]
-        self.convolve_max_pool_with::<processor::Quads>(transformed, largest);
+        self.convolve_max_pool_with::<octet::Plain>(transformed, largest);
         #[cfg(not(smlad))]
-        processor::run(MaxPool {
-            conv: self,
-            transformed,
-            largest,
-        });
+        octet::run((self, transformed, largest));
     }
 
     /// Computes [`Self::convolve_max_pool`] with octets of type `O`.
     #[inline(always)]
     fn convolve_max_pool_with<O: Octet>(&self, transformed: [&[Pair]; 3], largest: &mut [i32]) {
         let (rows, columns) = (self.pooled.rows * self.pool[0], COLUMNS - 2);
-        let weights = self.weights.chunks_exact(layout::weights_len(TAPS * PAIRS));
+        let weights = self.weights.chunks_exact(dot::weights_len(TAPS * PAIRS));
         for row in 0..rows {
             for group in 0..columns.div_ceil(POSITIONS) {
-                // The last group is moved back so that it is full. The outputs that it computes again
-                // do not change the maxima.
+                // The last group is moved back so that it is full. The outputs that it computes
+                // again do not change the maxima.
                 let column = (group * POSITIONS).min(columns - POSITIONS);
                 for (pair, weights) in weights.clone().enumerate() {
                     let sums = Self::dots::<O>(transformed, [row, column], weights);
@@ -134,8 +126,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
         }
     }
 
-    /// Returns the sums of a pair of outputs at three adjacent positions of a row; the first is (row,
-    /// column).
+    /// Returns the sums of a pair of outputs at three adjacent positions of a row; the first is
+    /// (row, column).
     #[inline(always)]
     fn dots<O: Octet>(
         transformed: [&[Pair]; 3],
@@ -196,29 +188,24 @@ impl<const PAIRS: usize, const COLUMNS: usize> Direct<'_, PAIRS, COLUMNS> {
             TAPS * channels * outputs,
             "27 weights for each input and output"
         );
-        let step = layout::weights_len(TAPS * PAIRS);
+        let step = dot::weights_len(TAPS * PAIRS);
         for (at, &weight) in weights.iter().enumerate() {
             let (input, output) = (at / outputs, at % outputs);
-            let place = layout::weight_index(output % OUTPUTS, input / 2);
+            let place = dot::weight_index(output % OUTPUTS, input / 2);
             let pair = &mut packed[output / OUTPUTS * step + place];
             *pair = pair.with(input % 2, weight.into());
         }
     }
 }
 
-/// The arguments of [`Direct::convolve_max_pool`].
+/// Computes [`Direct::convolve_max_pool`].
 #[cfg(not(smlad))]
-struct MaxPool<'a, const PAIRS: usize, const COLUMNS: usize> {
-    conv: &'a Direct<'a, PAIRS, COLUMNS>,
-    transformed: [&'a [Pair]; 3],
-    largest: &'a mut [i32],
-}
-
-#[cfg(not(smlad))]
-impl<const PAIRS: usize, const COLUMNS: usize> Kernel for MaxPool<'_, PAIRS, COLUMNS> {
+impl<const PAIRS: usize, const COLUMNS: usize> Kernel
+    for (&Direct<'_, PAIRS, COLUMNS>, [&[Pair]; 3], &mut [i32])
+{
     #[inline(always)]
     fn run<O: Octet>(self) {
-        self.conv
-            .convolve_max_pool_with::<O>(self.transformed, self.largest);
+        let (conv, transformed, largest) = self;
+        conv.convolve_max_pool_with::<O>(transformed, largest);
     }
 }

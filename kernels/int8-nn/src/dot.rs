@@ -2,23 +2,40 @@
 
 #[cfg(smlad)]
 mod cortex_m;
-pub(crate) mod layout;
 
 use crate::{
     octet::{INPUTS, Octet, WEIGHTS},
     pair::Pair,
 };
-use layout::{OUTPUTS, POSITIONS, ROUND, weights_len};
+
+/// Number of positions multiplied together with [`OUTPUTS`] outputs. Six accumulators, four
+/// weights, two inputs and two pointers fill the 14 usable registers of a Cortex-M.
+pub(crate) const POSITIONS: usize = 3;
+/// Number of outputs computed together at [`POSITIONS`] positions.
+pub(crate) const OUTPUTS: usize = 2;
+/// Number of input pairs multiplied in one unrolled round.
+pub(crate) const ROUND: usize = 2;
+
+/// Returns the number of weight pairs of one block, for a position with `inputs` pairs of inputs.
+pub(crate) const fn weights_len(inputs: usize) -> usize {
+    OUTPUTS * inputs
+}
+
+/// Returns the index, within the weights of a block, of the weights of input pair `input` for
+/// `output` (0..[`OUTPUTS`]). The order is by rounds; within a round the first output's pairs come
+/// first.
+pub(crate) const fn weight_index(output: usize, input: usize) -> usize {
+    (input / ROUND * OUTPUTS + output) * ROUND + input % ROUND
+}
 
 /// Computes, for each block of `sums`, the dot products of [`POSITIONS`] positions and [`OUTPUTS`]
 /// outputs:
-/// `sums[block][position][output] = sum over segment, k of
-/// inputs[segment][(block * POSITIONS + position) * STRIDE + k] . weights[block][segment][k][output]`,
+/// `sums[block][position][output] = sum over segment, k of inputs[segment][(block * POSITIONS + position) * STRIDE + k] . weights[block][segment][k][output]`,
 /// wrapping.
 ///
-/// The inputs of a position are `WIDTH` consecutive pairs in each of the `SEGMENTS` slices; those of
-/// the next position start `STRIDE` pairs later. If `weights` holds the weights of one block only, all
-/// blocks use them. Order of the weights within a block: [`layout::weight_index`].
+/// The inputs of a position are `WIDTH` consecutive pairs in each of the `SEGMENTS` slices; those
+/// of the next position start `STRIDE` pairs later. If `weights` holds the weights of one block
+/// only, all blocks use them. Order of the weights within a block: [`weight_index`].
 ///
 /// # Panics
 /// If a slice is shorter than the formula requires.

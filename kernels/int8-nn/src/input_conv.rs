@@ -3,14 +3,10 @@
 #[cfg(not(smlad))]
 use crate::octet::Kernel;
 use crate::{
-    dot::{
-        dots,
-        layout::{self, OUTPUTS, POSITIONS},
-    },
-    octet::Octet,
+    dot::{self, OUTPUTS, POSITIONS, dots},
+    octet::{self, Octet},
     pair::Pair,
     plane::PlaneShape,
-    processor,
     requantise::{requantise, saturate_u8},
 };
 
@@ -26,15 +22,15 @@ const GROUP: usize = POSITIONS * WIDTH;
 /// A 3x3x3 convolution of one channel over (time, row, column), stride 1, unpadded, with ReLU, one
 /// plane per call.
 ///
-/// The 27 inputs of each position are first copied side by side (im2col), so that the products use the
-/// same loop as the other layers. `COLUMNS` is the number of columns of the input, a constant so that
-/// the offsets from row to row are constants as well.
+/// The 27 inputs of each position are first copied side by side (im2col), so that the products use
+/// the same loop as the other layers. `COLUMNS` is the number of columns of the input, a constant
+/// so that the offsets from row to row are constants as well.
 #[derive(Clone, Copy, Debug)]
 pub struct InputConv<'w, const COLUMNS: usize> {
     /// Rows of an input plane, at least 3.
     pub rows: usize,
-    /// Shape of an output plane: at least two rows and two columns smaller than the input, and smaller
-    /// still if later layers do not read the last rows or columns.
+    /// Shape of an output plane: at least two rows and two columns smaller than the input, and
+    /// smaller still if later layers do not read the last rows or columns.
     pub output: PlaneShape,
     /// Weights as packed by [`Self::pack_weights`], [`Self::weights_len`] pairs.
     pub weights: &'w [Pair],
@@ -69,8 +65,8 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         self.groups() * POSITIONS * OUTPUTS
     }
 
-    /// Returns true if this convolution turns planes of shape `input` into planes of shape `output` and
-    /// has the right numbers of weights, biases and factors. Assert it in a `const` context.
+    /// Returns true if this convolution turns planes of shape `input` into planes of shape `output`
+    /// and has the right numbers of weights, biases and factors. Assert it in a `const` context.
     pub const fn is_consistent(&self, input: PlaneShape, output: PlaneShape) -> bool {
         self.input().equals(input)
             && self.output.equals(output)
@@ -83,16 +79,17 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
             && self.multipliers.len() == output.channels
     }
 
-    /// Returns the number of groups of [`POSITIONS`] positions, rounded up to whole iterations of the
-    /// assembler loop. The sums of surplus positions are not read.
+    /// Returns the number of groups of [`POSITIONS`] positions, rounded up to whole iterations of
+    /// the assembler loop. The sums of surplus positions are not read.
     const fn groups(&self) -> usize {
         (self.output.rows * self.output.columns)
             .div_ceil(POSITIONS)
             .next_multiple_of(GROUPS_PER_ITERATION)
     }
 
-    /// Convolves three input planes, paired by [`Self::pair_up`], oldest first, and writes the output
-    /// plane, values 0..=255, `[pair of channels][row][column]`. `patches` and `sums` are scratch.
+    /// Convolves three input planes, paired by [`Self::pair_up`], oldest first, and writes the
+    /// output plane, values 0..=255, `[pair of channels][row][column]`. `patches` and `sums` are
+    /// scratch.
     ///
     /// # Panics
     /// If a slice is shorter than its shape requires, or [`Self::is_consistent`] is false.
@@ -111,15 +108,9 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         let sums = &mut sums[..self.sums_len()];
         let output = &mut output[..self.output.len() / OUTPUTS];
         #[cfg(smlad)]
-        self.convolve_with::<processor::Quads>(planes, patches, sums, output);
+        self.convolve_with::<octet::Plain>(planes, patches, sums, output);
         #[cfg(not(smlad))]
-        processor::run(Convolve {
-            conv: self,
-            planes,
-            patches,
-            sums,
-            output,
-        });
+        octet::run((self, planes, [patches, output], sums));
     }
 
     /// Computes [`Self::convolve`] with octets of type `O`.
@@ -156,8 +147,8 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         }
     }
 
-    /// Pairs every input of a plane with the next input in memory, which is its right neighbour within
-    /// a row; the last input is paired with 0.
+    /// Pairs every input of a plane with the next input in memory, which is its right neighbour
+    /// within a row; the last input is paired with 0.
     ///
     /// # Panics
     /// If a slice is shorter than the input plane.
@@ -172,8 +163,8 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         }
     }
 
-    /// Copies the inputs of each position side by side (im2col): the first two columns of each (time,
-    /// row) as pairs, then the third columns, two rows in a pair, and a zero.
+    /// Copies the inputs of each position side by side (im2col): the first two columns of each
+    /// (time, row) as pairs, then the third columns, two rows in a pair, and a zero.
     fn gather_patches(&self, planes: [&[Pair]; 3], patches: &mut [Pair]) {
         /// Returns the number of inputs from a position's first to its last, both included.
         const fn reach(columns: usize) -> usize {
@@ -192,7 +183,7 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
                 let [a, b, c] = [a, b, c].map(|window| {
                     [0, COLUMNS, 2 * COLUMNS].map(|row| [window[row], window[row + 2]])
                 });
-                // The same without `map`, which LLVM does not inline on a PC.
+                // Without `map`, which LLVM does not inline on a PC.
                 #[cfg(not(smlad))]
                 let rows = |window: &[Pair]| {
                     [
@@ -223,7 +214,8 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         }
     }
 
-    /// Packs weights `[time][row][column][output]` of an even number of outputs for [`Self::weights`].
+    /// Packs weights `[time][row][column][output]` of an even number of outputs for
+    /// [`Self::weights`].
     ///
     /// # Panics
     /// If `weights` does not have 27 * `outputs` numbers, or `packed` has fewer than
@@ -233,34 +225,33 @@ impl<const COLUMNS: usize> InputConv<'_, COLUMNS> {
         packed.fill(Pair::ZERO);
         for (at, &weight) in weights.iter().enumerate() {
             let (tap, output) = (at / outputs, at % outputs);
-            let step = output / OUTPUTS * layout::weights_len(WIDTH);
+            let step = output / OUTPUTS * dot::weights_len(WIDTH);
             let place = place(tap);
-            let pair = &mut packed[step + layout::weight_index(output % OUTPUTS, place / 2)];
+            let pair = &mut packed[step + dot::weight_index(output % OUTPUTS, place / 2)];
             *pair = pair.with(place % 2, weight.into());
         }
     }
 }
 
-/// The arguments of [`InputConv::convolve`].
+/// Computes [`InputConv::convolve`].
 #[cfg(not(smlad))]
-struct Convolve<'a, const COLUMNS: usize> {
-    conv: &'a InputConv<'a, COLUMNS>,
-    planes: [&'a [Pair]; 3],
-    patches: &'a mut [Pair],
-    sums: &'a mut [i32],
-    output: &'a mut [Pair],
-}
-
-#[cfg(not(smlad))]
-impl<const COLUMNS: usize> Kernel for Convolve<'_, COLUMNS> {
+impl<const COLUMNS: usize> Kernel
+    for (
+        &InputConv<'_, COLUMNS>,
+        [&[Pair]; 3],
+        [&mut [Pair]; 2],
+        &mut [i32],
+    )
+{
     #[inline(always)]
     fn run<O: Octet>(self) {
-        self.conv
-            .convolve_with::<O>(self.planes, self.patches, self.sums, self.output);
+        let (conv, planes, [patches, output], sums) = self;
+        conv.convolve_with::<O>(planes, patches, sums, output);
     }
 }
 
-/// Returns the index of tap `(time * 3 + row) * 3 + column` among the gathered inputs of a position.
+/// Returns the index of tap `(time * 3 + row) * 3 + column` among the gathered inputs of a
+/// position.
 const fn place(tap: usize) -> usize {
     let (row, column) = (tap / 3, tap % 3);
     if column < 2 {

@@ -1,8 +1,8 @@
 //! Int8 neural-network kernels for Cortex-M4 and M7; nothing about one particular network.
 //!
-//! A three-dimensional convolution over (time, row, column) is computed one time step ("plane") at a
-//! time. In a stream, each plane is thus computed once, and little work is left after the last plane of
-//! a window. The kernels allocate nothing and use no floating point.
+//! A three-dimensional convolution over (time, row, column) is computed one time step ("plane") at
+//! a time. In a stream, each plane is thus computed once, and little work is left after the last
+//! plane of a window. The kernels allocate nothing and use no floating point.
 //!
 //! ```text
 //! i8 plane --> InputConv --> 0..=255 plane --> Winograd (or Direct), max-pool --> i32 sums
@@ -13,19 +13,20 @@
 //! [`Direct`] replaces [`Winograd`] where the shape of the pool or the ranges require it.
 //!
 //! Conventions of all kernels:
-//! * Planes are flat slices of [`Pair`]s, two channels in one word of 2 x 16 bits, the operand of SMLAD.
-//!   Between the convolutions their order is `[pair of channels][row][column]`.
+//! * Planes are flat slices of [`Pair`]s, two channels in one word of 2 x 16 bits, the operand of
+//!   SMLAD. Between the convolutions their order is `[pair of channels][row][column]`.
 //! * Weights are 8 bits, -127..=127, and packed or transformed by the kernel that reads them.
 //!   Accumulators and biases are `i32`.
 //! * Accumulators wrap. The code that builds the network must prove from the weights that no
 //!   accumulator overflows; model-gen does so at build time.
-//! * Requantisation multiplies by a Q0.32 factor, rounds once, half up ([`requantise`]), and saturates.
+//! * Requantisation multiplies by a Q0.32 factor, rounds once, half up ([`requantise`]), and
+//!   saturates.
 //! * No branch depends on data, so a kernel takes the same number of instructions for any input.
 //!
 //! On a Cortex-M4 or M7 the inner loops are assembler (`dot/cortex_m/`, `linear/cortex_m.rs`,
-//! `winograd/cortex_m.rs`), each with a portable equivalent. `cargo xtask bench encoder` checks that
-//! both produce the same codes. On a PC, the same kernels are compiled for AVX2 and for SSE2 or plain
-//! Rust, and `processor.rs` selects one at run time.
+//! `winograd/cortex_m.rs`), each with a portable equivalent. `cargo xtask bench encoder` checks
+//! that both produce the same codes. On a PC, the same kernels are compiled for AVX2 and for any
+//! processor, and `octet.rs` selects one at run time.
 //!
 //! ```
 //! use int8_nn::{Linear, Pair, requantise, saturate_i8};
@@ -60,8 +61,6 @@ mod linear;
 mod octet;
 mod pair;
 mod plane;
-mod processor;
-mod quad;
 mod requantise;
 mod ring;
 mod winograd;

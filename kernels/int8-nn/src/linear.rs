@@ -2,15 +2,25 @@
 
 #[cfg(smlad)]
 mod cortex_m;
-mod layout;
 
-use crate::pair::Pair;
 #[cfg(not(smlad))]
-use crate::{
-    octet::{self, Kernel, Octet},
-    processor,
-};
-use layout::{INPUTS, OUTPUTS, weight_index};
+use crate::octet::{self, Kernel, Octet};
+use crate::pair::Pair;
+
+/// Number of outputs computed together: two pairs.
+const OUTPUTS: usize = 4;
+/// Number of input pairs multiplied in one unrolled round.
+const ROUND: usize = 2;
+/// Number of input pairs in one iteration of the assembler loop; the rounds of an iteration are
+/// unrolled.
+const INPUTS: usize = 8;
+
+/// Returns the index of the pair that holds the weight of input pair `pair` for `output`, in a
+/// matrix with `inputs` pairs of inputs.
+const fn weight_index(inputs: usize, pair: usize, output: usize) -> usize {
+    let round = output / OUTPUTS * (inputs / ROUND) + pair / ROUND;
+    (round * 2 + output % OUTPUTS / 2) * ROUND + pair % ROUND
+}
 
 /// Largest number of outputs, with which byte offsets of the weights fit 32 bits.
 const MAX_OUTPUTS: usize = 65_536;
@@ -20,10 +30,10 @@ const MAX_OUTPUTS: usize = 65_536;
 /// A fully connected layer over a window is one `Linear` per plane: the accumulators start at the
 /// bias, and the product of each plane is added when the plane arrives.
 ///
-/// Two 8-bit weights share a 16-bit number, `256 * odd + even`: those of an odd output and of the even
-/// output before it. Products with the whole number sum to `256 * odd sum + even sum`, and products
-/// with its low byte to the even sum; the odd sum follows by subtraction. So the odd weights need no
-/// instruction to unpack them, and each weight takes 8 bits of memory.
+/// Two 8-bit weights share a 16-bit number, `256 * odd + even`: those of an odd output and of the
+/// even output before it. Products with the whole number sum to `256 * odd sum + even sum`, and
+/// products with its low byte to the even sum; the odd sum follows by subtraction. So the odd
+/// weights need no instruction to unpack them, and each weight takes 8 bits of memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Linear<'w> {
     /// Number of pairs of inputs: a multiple of 8, at most [`Self::MAX_INPUTS`]. Callers fill up
@@ -36,8 +46,8 @@ pub struct Linear<'w> {
 }
 
 impl Linear<'_> {
-    /// Largest number of pairs of inputs. 256 products of at most 255 * 127 sum to less than 2^23, so
-    /// that 256 times an odd sum fits 32 bits. Larger inputs need a proof of their own.
+    /// Largest number of pairs of inputs. 256 products of at most 255 * 127 sum to less than 2^23,
+    /// so that 256 times an odd sum fits 32 bits. Larger inputs need a proof of their own.
     pub const MAX_INPUTS: usize = 128;
 
     /// Returns the number of pairs in the packed weights.
@@ -45,8 +55,8 @@ impl Linear<'_> {
         self.inputs * self.outputs / 2
     }
 
-    /// Returns true if this is a matrix from `inputs` pairs of inputs to `outputs` outputs with the right
-    /// number of weights. Assert it in a `const` context.
+    /// Returns true if this is a matrix from `inputs` pairs of inputs to `outputs` outputs with the
+    /// right number of weights. Assert it in a `const` context.
     pub const fn is_consistent(&self, inputs: usize, outputs: usize) -> bool {
         self.inputs == inputs
             && self.outputs == outputs
@@ -72,8 +82,8 @@ impl Linear<'_> {
         );
     }
 
-    /// Does what [`Self::accumulate`] does. Where that panics, it returns false and changes nothing, for
-    /// callers whose matrix is not known at compile time.
+    /// Does what [`Self::accumulate`] does. Where that panics, it returns false and changes
+    /// nothing, for callers whose matrix is not known at compile time.
     #[inline]
     pub fn try_accumulate(&self, inputs: &[Pair], accumulators: &mut [i32]) -> bool {
         let (Some(inputs), Some(accumulators)) = (
@@ -88,16 +98,12 @@ impl Linear<'_> {
         #[cfg(smlad)]
         cortex_m::accumulate(inputs, self.weights, accumulators);
         #[cfg(not(smlad))]
-        processor::run(Accumulate {
-            inputs,
-            weights: self.weights,
-            accumulators,
-        });
+        octet::run((inputs, self.weights, accumulators));
         true
     }
 
-    /// Packs weights `[input][output]` for [`Self::weights`], with `inputs` pairs of inputs; missing
-    /// weights are 0.
+    /// Packs weights `[input][output]` for [`Self::weights`], with `inputs` pairs of inputs;
+    /// missing weights are 0.
     ///
     /// # Panics
     /// If there are more weights than the matrix holds, or a weight is -128, with which
@@ -119,23 +125,20 @@ impl Linear<'_> {
     }
 }
 
-/// The arguments of [`Linear::accumulate`].
+/// Inputs, weights and accumulators of [`Linear::accumulate`].
 #[cfg(not(smlad))]
-struct Accumulate<'a> {
-    inputs: &'a [Pair],
-    weights: &'a [Pair],
-    accumulators: &'a mut [i32],
-}
+type Accumulate<'a> = (&'a [Pair], &'a [Pair], &'a mut [i32]);
 
 #[cfg(not(smlad))]
 impl Kernel for Accumulate<'_> {
-    /// Adds `weights * inputs` to the accumulators: the portable equivalent of the assembler. The two
-    /// outputs of an octet are two pairs of outputs here.
+    /// Adds `weights * inputs` to the accumulators: the portable equivalent of the assembler. The
+    /// two outputs of an octet are two pairs of outputs here.
     #[inline(always)]
     fn run<O: Octet>(self) {
-        let inputs = self.inputs.as_chunks::<{ octet::INPUTS }>().0;
-        let quads = self.weights.chunks_exact(self.inputs.len() * OUTPUTS / 2);
-        for (weights, outputs) in quads.zip(self.accumulators.as_chunks_mut::<OUTPUTS>().0) {
+        let (inputs, weights, accumulators) = self;
+        let quads = weights.chunks_exact(inputs.len() * OUTPUTS / 2);
+        let inputs = inputs.as_chunks::<{ octet::INPUTS }>().0;
+        for (weights, outputs) in quads.zip(accumulators.as_chunks_mut::<OUTPUTS>().0) {
             let (mut both, mut even) = (O::zeros(), O::zeros());
             let weights = weights.as_chunks::<{ octet::WEIGHTS }>().0;
             for (inputs, weights) in inputs.iter().zip(weights) {
@@ -151,47 +154,6 @@ impl Kernel for Accumulate<'_> {
                     outputs[1].wrapping_add(odd),
                 ];
             }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::{vec, vec::Vec};
-
-    use super::*;
-
-    #[test]
-    fn a_linear_layer_adds_a_matrix_product_to_its_accumulators() {
-        let (inputs, outputs) = (8, 8);
-        // Weights and inputs at the ends of their ranges. The weights of the last three of the 16
-        // inputs are missing, and count as 0.
-        let weights: Vec<i8> = (0..13 * outputs)
-            .map(|at| [127, -127, 1, -1, 0, 100][at * 7 % 6])
-            .collect();
-        let x: Vec<i16> = (0..2 * inputs)
-            .map(|at| [255, -128, 0, 77][at % 4])
-            .collect();
-        let mut packed = vec![Pair::ZERO; inputs * outputs / 2];
-        Linear::pack_weights(inputs, outputs, &weights, &mut packed);
-        let layer = Linear {
-            inputs,
-            outputs,
-            weights: &packed,
-        };
-        assert!(layer.is_consistent(inputs, outputs));
-        let mut sums: Vec<i32> = (0..8).collect();
-        let pairs: Vec<Pair> = x
-            .as_chunks()
-            .0
-            .iter()
-            .map(|&pair| Pair::new(pair))
-            .collect();
-        layer.accumulate(&pairs, &mut sums);
-        for (output, (sum, before)) in sums.iter().zip(0..).enumerate() {
-            let product =
-                |input: usize| i32::from(x[input]) * i32::from(weights[input * outputs + output]);
-            assert_eq!(*sum, before + (0..13).map(product).sum::<i32>());
         }
     }
 }

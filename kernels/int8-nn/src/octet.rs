@@ -1,7 +1,10 @@
-//! Eight words that a PC processes together.
+//! Eight words that a PC processes together, in plain Rust or in an AVX2 register.
+
+#[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+mod avx2;
 
 use crate::{
-    dot::layout::{OUTPUTS, POSITIONS, ROUND},
+    dot::{OUTPUTS, POSITIONS, ROUND},
     pair::Pair,
 };
 
@@ -10,8 +13,8 @@ pub(crate) const INPUTS: usize = 2 * ROUND;
 /// Number of pairs in two rounds of the weights of two outputs.
 pub(crate) const WEIGHTS: usize = INPUTS * OUTPUTS;
 
-/// Two rounds of inputs or weights, or the sums of their products: four words for each of two outputs,
-/// in the order of the implementation.
+/// Two rounds of inputs or weights, or the sums of their products: four words for each of two
+/// outputs, in the order of the implementation.
 pub(crate) trait Octet: Copy {
     /// Returns eight zeros.
     fn zeros() -> Self;
@@ -43,10 +46,152 @@ pub(crate) trait Octet: Copy {
     }
 }
 
-/// A computation that [`run`](crate::processor::run) compiles for each implementation of octets.
+/// A computation that [`run`] compiles for each implementation of octets.
 #[cfg(not(smlad))]
 pub(crate) trait Kernel {
-    /// Runs the computation. Everything between this function and the octets must be `inline(always)`,
-    /// because only inlined code is compiled for the processor of the implementation.
+    /// Runs the computation. Everything between this function and the octets must be
+    /// `inline(always)`, because only inlined code is compiled for the processor of the
+    /// implementation.
     fn run<O: Octet>(self);
+}
+
+/// Runs a kernel with the fastest octets of this processor, which are chosen at run time.
+#[cfg(not(smlad))]
+#[inline(always)]
+pub(crate) fn run(kernel: impl Kernel) {
+    #[cfg(all(target_arch = "x86_64", target_feature = "sse2"))]
+    let Some(kernel) = avx2::run_if_available(kernel) else {
+        return;
+    };
+    kernel.run::<Plain>();
+}
+
+/// Octets in plain Rust, for every processor: `[round][output][pair]`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plain([Pair; WEIGHTS]);
+
+impl Octet for Plain {
+    #[inline(always)]
+    fn zeros() -> Self {
+        Self([Pair::ZERO; WEIGHTS])
+    }
+
+    #[inline(always)]
+    fn inputs(&[a, b, c, d]: &[Pair; INPUTS]) -> Self {
+        Self([a, b, a, b, c, d, c, d])
+    }
+
+    #[inline(always)]
+    fn weights(pairs: &[Pair; WEIGHTS]) -> Self {
+        Self(*pairs)
+    }
+
+    #[cfg(not(smlad))]
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "the low byte")]
+    fn low_bytes(self) -> Self {
+        let low_byte = |number: i16| i16::from(number as i8);
+        Self(self.0.map(|pair| Pair::new(pair.get().map(low_byte))))
+    }
+
+    #[inline(always)]
+    fn multiply_add(self, other: Self, sums: Self) -> Self {
+        Self(core::array::from_fn(|at| {
+            let [a, b] = self.0[at].get().map(i32::from);
+            let [c, d] = other.0[at].get().map(i32::from);
+            let sum = sums.0[at].0.cast_signed();
+            Pair(sum.wrapping_add(a * c).wrapping_add(b * d).cast_unsigned())
+        }))
+    }
+
+    #[inline(always)]
+    fn output_sums(self) -> [i32; OUTPUTS] {
+        core::array::from_fn(|output| {
+            let words = [0, 1, INPUTS, INPUTS + 1].map(|at| self.0[output * ROUND + at]);
+            words
+                .iter()
+                .fold(0, |sum: i32, word| sum.wrapping_add(word.0.cast_signed()))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use super::*;
+
+    /// Sums of one step: those of three positions, and those of the weights' low bytes.
+    type Sums = ([i32; POSITIONS * OUTPUTS], [i32; OUTPUTS]);
+
+    /// Number of steps. Each multiplies other numbers.
+    const STEPS: usize = 1_000;
+
+    /// Records the sums of every step, on numbers at the ends of every range.
+    struct Operations<'r>(&'r mut Vec<Sums>);
+
+    impl Kernel for Operations<'_> {
+        #[inline(always)]
+        fn run<O: Octet>(self) {
+            let (mut sums, mut low_sums) = ([O::zeros(); POSITIONS], O::zeros());
+            for step in 0..STEPS {
+                let weights = O::weights(&pairs(7 * step + 1));
+                for (position, sums) in sums.iter_mut().enumerate() {
+                    let inputs = O::inputs(&pairs(step + 31 * position));
+                    *sums = inputs.multiply_add(weights, *sums);
+                }
+                let inputs = O::inputs(&pairs(step));
+                low_sums = inputs.multiply_add(weights.low_bytes(), low_sums);
+                self.0
+                    .push((O::position_sums(sums), low_sums.output_sums()));
+            }
+        }
+    }
+
+    fn pairs<const N: usize>(step: usize) -> [Pair; N] {
+        let numbers = [0, 1, -1, 127, -128, 255, 4080, 9144, i16::MAX, i16::MIN];
+        let number = |at: usize| numbers[step * (at + 1) / 3 % numbers.len()];
+        core::array::from_fn(|at| Pair::new([number(2 * at), number(2 * at + 1)]))
+    }
+
+    /// Returns the dot product of two rounds of inputs with the weights of one output.
+    fn product(inputs: &[Pair; INPUTS], weights: &[Pair; WEIGHTS], output: usize) -> i32 {
+        let products = inputs.iter().enumerate().map(|(at, input)| {
+            let weight = weights[(at / ROUND * OUTPUTS + output) * ROUND + at % ROUND];
+            let ([a, b], [c, d]) = (input.get().map(i32::from), weight.get().map(i32::from));
+            (a * c).wrapping_add(b * d)
+        });
+        products.fold(0, i32::wrapping_add)
+    }
+
+    /// Returns the sums of every step, product by product.
+    fn expected() -> Vec<Sums> {
+        let (mut sums, mut low_sums) = ([0_i32; POSITIONS * OUTPUTS], [0_i32; OUTPUTS]);
+        let low_byte = |number: i16| i16::from(number.to_le_bytes()[0].cast_signed());
+        let steps = (0..STEPS).map(|step| {
+            let weights = pairs(7 * step + 1);
+            let low_bytes = weights.map(|pair: Pair| Pair::new(pair.get().map(low_byte)));
+            for (at, sum) in sums.iter_mut().enumerate() {
+                let inputs = pairs(step + 31 * (at / OUTPUTS));
+                *sum = sum.wrapping_add(product(&inputs, &weights, at % OUTPUTS));
+            }
+            for (output, sum) in low_sums.iter_mut().enumerate() {
+                *sum = sum.wrapping_add(product(&pairs(step), &low_bytes, output));
+            }
+            (sums, low_sums)
+        });
+        steps.collect()
+    }
+
+    #[test]
+    fn octets_return_the_sums_of_single_products_at_the_ends_of_every_range() {
+        let expected = expected();
+        let mut sums = Vec::new();
+        Operations(&mut sums).run::<Plain>();
+        assert_eq!(sums, expected);
+        sums.clear();
+        // With AVX2, where this processor has it.
+        run(Operations(&mut sums));
+        assert_eq!(sums, expected);
+    }
 }

@@ -2,8 +2,8 @@
 
 /// Two `i16` in a word, the first in its low half.
 ///
-/// One SIMD instruction of a Cortex-M4 or M7 adds or multiplies both numbers. Planes and weights are
-/// slices of pairs: each pair holds two channels, or two inputs.
+/// One SIMD instruction of a Cortex-M4 or M7 adds or multiplies both numbers. Planes and weights
+/// are slices of pairs: each pair holds two channels, or two inputs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pair(pub u32);
 
@@ -25,8 +25,8 @@ impl Pair {
         [self.0 as i16, (self.0 >> 16) as i16]
     }
 
-    /// Packs `numbers` into `pairs`, two into each. An odd last number is paired with 0; pairs beyond
-    /// the numbers are unchanged.
+    /// Packs `numbers` into `pairs`, two into each. An odd last number is paired with 0; pairs
+    /// beyond the numbers are unchanged.
     #[inline]
     pub fn fill(pairs: &mut [Self], mut numbers: impl Iterator<Item = i16>) {
         for pair in pairs {
@@ -58,6 +58,14 @@ impl Pair {
         );
         Self(self.0 << 2)
     }
+
+    /// Returns the pair with the results of `operation` on both first and on both second numbers.
+    #[cfg(not(smlad))]
+    #[inline(always)]
+    fn map2(self, other: Self, operation: impl Fn(i16, i16) -> i16) -> Self {
+        let ([a, b], [c, d]) = (self.get(), other.get());
+        Self::new([operation(a, c), operation(b, d)])
+    }
 }
 
 /// Executes the SIMD instruction `$name` on two pairs.
@@ -65,8 +73,8 @@ impl Pair {
 macro_rules! lane_wise {
     ($name:literal, $a:expr, $b:expr) => {{
         let result;
-        // SAFETY: SADD16 and SSUB16 (ARMv7-M ARM, A7.7, DSP extension) read two registers, and write
-        // one register and the GE flags of the APSR, which no other code here reads.
+        // SAFETY: SADD16 and SSUB16 (ARMv7-M ARM, A7.7, DSP extension) read two registers, and
+        // write one register and the GE flags of the APSR, which no other code here reads.
         #[expect(unsafe_code, reason = "the instruction has no safe name in Rust")]
         unsafe {
             core::arch::asm!(
@@ -81,49 +89,29 @@ macro_rules! lane_wise {
     }};
 }
 
-#[cfg(smlad)]
 impl core::ops::Add for Pair {
     type Output = Self;
 
     /// Adds each lane separately, wrapping.
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        lane_wise!("sadd16", self, other)
+        #[cfg(smlad)]
+        return lane_wise!("sadd16", self, other);
+        #[cfg(not(smlad))]
+        self.map2(other, i16::wrapping_add)
     }
 }
 
-#[cfg(smlad)]
 impl core::ops::Sub for Pair {
     type Output = Self;
 
     /// Subtracts each lane separately, wrapping.
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        lane_wise!("ssub16", self, other)
-    }
-}
-
-#[cfg(not(smlad))]
-impl core::ops::Add for Pair {
-    type Output = Self;
-
-    /// Adds each lane separately, wrapping.
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        let ([a, b], [c, d]) = (self.get(), other.get());
-        Self::new([a.wrapping_add(c), b.wrapping_add(d)])
-    }
-}
-
-#[cfg(not(smlad))]
-impl core::ops::Sub for Pair {
-    type Output = Self;
-
-    /// Subtracts each lane separately, wrapping.
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        let ([a, b], [c, d]) = (self.get(), other.get());
-        Self::new([a.wrapping_sub(c), b.wrapping_sub(d)])
+        #[cfg(smlad)]
+        return lane_wise!("ssub16", self, other);
+        #[cfg(not(smlad))]
+        self.map2(other, i16::wrapping_sub)
     }
 }
 

@@ -2,8 +2,8 @@
 
 /// Returns `accumulator * multiplier / 2^32`, rounded half up, as `SMMULR` does.
 ///
-/// The multiplier is Q0.32 in [-0.5, 0.5), so |result| is at most half of |accumulator|. The product is
-/// rounded once and not shifted again (CMSIS-NN: "single rounding").
+/// The multiplier is Q0.32 in [-0.5, 0.5), so |result| is at most half of |accumulator|. The
+/// product is rounded once and not shifted again (CMSIS-NN: "single rounding").
 #[inline]
 pub fn requantise(accumulator: i32, multiplier: i32) -> i32 {
     high_word(i64::from(accumulator) * i64::from(multiplier))

@@ -9,14 +9,10 @@ mod tile;
 #[cfg(not(smlad))]
 use crate::octet::Kernel;
 use crate::{
-    dot::{
-        dots,
-        layout::{self, OUTPUTS, POSITIONS},
-    },
-    octet::Octet,
+    dot::{self, OUTPUTS, POSITIONS, dots},
+    octet::{self, Octet},
     pair::Pair,
     plane::PlaneShape,
-    processor,
 };
 #[cfg(smlad)]
 use cortex_m::keep_largest;
@@ -35,23 +31,25 @@ const MAX_OUTPUTS: usize = 65_536;
 
 /// A 3x3x3 convolution over (time, row, column), stride 1, unpadded, followed by a 2x2x2 max-pool.
 ///
-/// A plane is computed in tiles of 2x4 outputs with Winograd's F(2x4, 3x3), and directly in time: 72
-/// products instead of 216 per tile and pair of channels. All numbers are integers, and the result
-/// equals the direct convolution bit for bit: the transformed weights are 48 times the usual fractions,
-/// and the sum, 48 times too large, is divided by 48 without remainder.
+/// A plane is computed in tiles of 2x4 outputs with Winograd's F(2x4, 3x3), and directly in time:
+/// 72 products instead of 216 per tile and pair of channels. All numbers are integers, and the
+/// result equals the direct convolution bit for bit: the transformed weights are 48 times the usual
+/// fractions, and the sum, 48 times too large, is divided by 48 without remainder.
 ///
-/// In the columns, with inputs d, weights g and the points 0, 1, -1, 2, -2 and infinity of Lavin and
-/// Gray (arXiv 1509.09308): `V = (4 d0 - 5 d2 + d4, p + q, p - q, r + 2 s, r - 2 s, 4 d1 - 5 d3 + d5)`
-/// with `p = d4 - 4 d2, q = d3 - 4 d1, r = d4 - d2, s = d3 - d1`, and `U = (6 g0, -4 (g0 + g1 + g2),
-/// -4 (g0 - g1 + g2), g0 + 2 g1 + 4 g2, g0 - 2 g1 + 4 g2, 24 g2)`. In the rows `V = (d0 - d2, d1 + d2,
-/// d2 - d1, d1 - d3)` and `U = (2 g0, g0 + g1 + g2, g0 - g1 + g2, 2 g2)`.
+/// In the columns, with inputs d, weights g and the points 0, 1, -1, 2, -2 and infinity of Lavin
+/// and Gray (arXiv 1509.09308):
+/// `V = (4 d0 - 5 d2 + d4, p + q, p - q, r + 2 s, r - 2 s, 4 d1 - 5 d3 + d5)` with
+/// `p = d4 - 4 d2, q = d3 - 4 d1, r = d4 - d2, s = d3 - d1`, and
+/// `U = (6 g0, -4 (g0 + g1 + g2), -4 (g0 - g1 + g2), g0 + 2 g1 + 4 g2, g0 - 2 g1 + 4 g2, 24 g2)`.
+/// In the rows `V = (d0 - d2, d1 + d2, d2 - d1, d1 - d3)` and
+/// `U = (2 g0, g0 + g1 + g2, g0 - g1 + g2, 2 g2)`.
 ///
-/// Ranges: with weights -127..=127, |U| <= 9144, which fits `i16`. With inputs 0..=x, |V| <= 16 x must
-/// fit 16 bits, and 48 times a sum 32 bits: the two limits determine [`Winograd::LARGEST_INPUT`], 815
-/// for 16 channels.
+/// Ranges: with weights -127..=127, |U| <= 9144, which fits `i16`. With inputs 0..=x, |V| <= 16 x
+/// must fit 16 bits, and 48 times a sum 32 bits: the two limits determine
+/// [`Winograd::LARGEST_INPUT`], 815 for 16 channels.
 ///
-/// `PAIRS` is the number of pairs of input channels; `COLUMNS` is the number of columns of the input, a
-/// multiple of four plus two.
+/// `PAIRS` is the number of pairs of input channels; `COLUMNS` is the number of columns of the
+/// input, a multiple of four plus two.
 #[derive(Clone, Copy, Debug)]
 pub struct Winograd<'w, const PAIRS: usize, const COLUMNS: usize> {
     /// Number of rows of tiles; each has two rows of outputs.
@@ -63,8 +61,8 @@ pub struct Winograd<'w, const PAIRS: usize, const COLUMNS: usize> {
 }
 
 impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
-    /// Largest permitted input. With it, 48 times a sum of 27 products per channel (weights up to 127)
-    /// stays below 2^31, and transformed inputs (up to 16 times an input) stay below 2^15.
+    /// Largest permitted input. With it, 48 times a sum of 27 products per channel (weights up to
+    /// 127) stays below 2^31, and transformed inputs (up to 16 times an input) stay below 2^15.
     pub const LARGEST_INPUT: usize = {
         let by_sum = ((1 << 31) - 1) / (SCALE * TAPS * 2 * PAIRS * 127);
         let by_input = ((1 << 15) - 1) / 16;
@@ -74,8 +72,8 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// Number of columns of tiles; each has four columns of outputs.
     const TILE_COLUMNS: usize = (COLUMNS - 2) / TILE[1];
 
-    /// Returns the shape of an input plane: the outputs of all tiles, plus the two rows and two columns
-    /// by which an unpadded convolution shrinks a plane.
+    /// Returns the shape of an input plane: the outputs of all tiles, plus the two rows and two
+    /// columns by which an unpadded convolution shrinks a plane.
     pub const fn input(&self) -> PlaneShape {
         PlaneShape {
             rows: TILE[0] * self.tile_rows + 2,
@@ -99,14 +97,14 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         self.groups() * Self::GROUP
     }
 
-    /// Returns the number of pairs in the transformed weights of `outputs` output channels. Their order
-    /// is `[pair of outputs][product]`, and within a product that of the dot products.
+    /// Returns the number of pairs in the transformed weights of `outputs` output channels. Their
+    /// order is `[pair of outputs][product]`, and within a product that of the dot products.
     pub const fn weights_len(outputs: usize) -> usize {
         outputs * 3 * PRODUCTS * PAIRS
     }
 
-    /// Returns true if this convolution turns planes of shape `input` into planes of shape `pooled` and
-    /// has the right number of weights. Assert it in a `const` context.
+    /// Returns true if this convolution turns planes of shape `input` into planes of shape `pooled`
+    /// and has the right number of weights. Assert it in a `const` context.
     pub const fn is_consistent(&self, input: PlaneShape, pooled: PlaneShape) -> bool {
         const { assert!(Self::LARGEST_INPUT >= 255, "8-bit inputs must be allowed") };
         const { assert!(COLUMNS > 2 && (COLUMNS - 2).is_multiple_of(TILE[1])) };
@@ -122,14 +120,14 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// Number of pairs in a group of tiles in a transformed plane.
     const GROUP: usize = PRODUCTS * POSITIONS * PAIRS;
 
-    /// Returns the number of groups of [`POSITIONS`] tiles that are multiplied together; the last group
-    /// can be incomplete.
+    /// Returns the number of groups of [`POSITIONS`] tiles that are multiplied together; the last
+    /// group can be incomplete.
     const fn groups(&self) -> usize {
         (self.tile_rows * Self::TILE_COLUMNS).div_ceil(POSITIONS)
     }
 
-    /// Transforms an input plane of shape [`Self::input`], values 0..=[`Self::LARGEST_INPUT`], `[pair of
-    /// channels][row][column]`.
+    /// Transforms an input plane of shape [`Self::input`], values 0..=[`Self::LARGEST_INPUT`],
+    /// `[pair of channels][row][column]`.
     ///
     /// # Panics
     /// If a slice is shorter than its shape requires.
@@ -137,11 +135,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         let positions = self.input().rows * COLUMNS;
         let plane = &plane[..PAIRS * positions];
         #[cfg(not(smlad))]
-        processor::run(Transform {
-            conv: self,
-            plane,
-            transformed,
-        });
+        octet::run((self, plane, transformed));
         #[cfg(smlad)]
         for (pair, plane) in plane.chunks_exact(positions).enumerate() {
             for tile in 0..self.tile_rows * Self::TILE_COLUMNS {
@@ -158,9 +152,9 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     /// Convolves three planes, transformed by [`Self::transform`], oldest first, into one plane of
     /// outputs, and max-pools it into `largest`, of shape [`Self::pooled`].
     ///
-    /// `largest[i]` becomes the maximum of its previous value and the outputs of pool window `i`, so
-    /// that two calls also pool over time. No bias is added, and all sums are 48 times too large;
-    /// [`Self::unscaled`] divides by 48.
+    /// `largest[i]` becomes the maximum of its previous value and the outputs of pool window `i`,
+    /// so that two calls also pool over time. No bias is added, and all sums are 48 times too
+    /// large; [`Self::unscaled`] divides by 48.
     ///
     /// # Panics
     /// If a slice is shorter than its shape requires, or [`Self::is_consistent`] is false.
@@ -171,19 +165,15 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
         );
         let largest = &mut largest[..self.pooled().len()];
         #[cfg(smlad)]
-        self.convolve_max_pool_with::<processor::Quads>(transformed, largest);
+        self.convolve_max_pool_with::<octet::Plain>(transformed, largest);
         #[cfg(not(smlad))]
-        processor::run(MaxPool {
-            conv: self,
-            transformed,
-            largest,
-        });
+        octet::run((self, transformed, largest));
     }
 
     /// Computes [`Self::convolve_max_pool`] with octets of type `O`.
     #[inline(always)]
     fn convolve_max_pool_with<O: Octet>(&self, transformed: [&[Pair]; 3], largest: &mut [i32]) {
-        let weights_of_pair = layout::weights_len(3 * PAIRS) * PRODUCTS;
+        let weights_of_pair = dot::weights_len(3 * PAIRS) * PRODUCTS;
         let tiles = self.tile_rows * Self::TILE_COLUMNS;
         let mut sums = [[0; POSITIONS * OUTPUTS]; PRODUCTS];
         for group in 0..self.groups() {
@@ -220,7 +210,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
             "27 weights for each input and output"
         );
         assert!(!weights.contains(&i8::MIN), "weights are -127..=127");
-        let per_product = layout::weights_len(3 * PAIRS);
+        let per_product = dot::weights_len(3 * PAIRS);
         for output in 0..outputs {
             for time in 0..3 {
                 for channel in 0..channels {
@@ -228,7 +218,7 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
                         let tap = (time * 3 + row) * 3 + column;
                         weights[(tap * channels + channel) * outputs + output].into()
                     };
-                    let at = layout::weight_index(output % OUTPUTS, time * PAIRS + channel / 2);
+                    let at = dot::weight_index(output % OUTPUTS, time * PAIRS + channel / 2);
                     for (product, value) in transform_taps(tap).into_iter().enumerate() {
                         let step = output / OUTPUTS * PRODUCTS + product;
                         let pair = &mut transformed[step * per_product + at];
@@ -240,35 +230,30 @@ impl<const PAIRS: usize, const COLUMNS: usize> Winograd<'_, PAIRS, COLUMNS> {
     }
 }
 
-/// The arguments of [`Winograd::transform`].
+/// Computes [`Winograd::transform`].
 #[cfg(not(smlad))]
-struct Transform<'a, const PAIRS: usize, const COLUMNS: usize> {
-    conv: &'a Winograd<'a, PAIRS, COLUMNS>,
-    plane: &'a [Pair],
-    transformed: &'a mut [Pair],
-}
-
-#[cfg(not(smlad))]
-impl<const PAIRS: usize, const COLUMNS: usize> Kernel for Transform<'_, PAIRS, COLUMNS> {
+impl<const PAIRS: usize, const COLUMNS: usize> Kernel
+    for (&Winograd<'_, PAIRS, COLUMNS>, &[Pair], &mut [Pair])
+{
     #[inline(always)]
     fn run<O: Octet>(self) {
-        let positions = self.plane.len() / PAIRS;
+        let (conv, plane, transformed) = self;
+        let positions = plane.len() / PAIRS;
         let tile_columns = Winograd::<PAIRS, COLUMNS>::TILE_COLUMNS;
-        for tile in 0..self.conv.tile_rows * tile_columns {
+        for tile in 0..conv.tile_rows * tile_columns {
             let row = tile / tile_columns * TILE[0];
             let column = tile % tile_columns * TILE[1];
             let corner = row * COLUMNS + column;
             let mut window = [[Channels::<PAIRS>::ZERO; TRANSFORMED_TILE[1]]; TRANSFORMED_TILE[0]];
             for (y, window) in window.iter_mut().enumerate() {
                 for (x, channels) in window.iter_mut().enumerate() {
-                    let plane = &self.plane[corner + y * COLUMNS + x..];
-                    *channels = Channels::gather(plane, positions);
+                    *channels = Channels::gather(&plane[corner + y * COLUMNS + x..], positions);
                 }
             }
             let group = Winograd::<PAIRS, COLUMNS>::GROUP;
             let first = tile / POSITIONS * group + tile % POSITIONS * PAIRS;
             let reach = group - (POSITIONS - 1) * PAIRS;
-            let products = self.transformed[first..first + reach].chunks_mut(POSITIONS * PAIRS);
+            let products = transformed[first..first + reach].chunks_mut(POSITIONS * PAIRS);
             let window = transform_tile(window);
             for (channels, product) in window.as_flattened().iter().zip(products) {
                 channels.store(product);
@@ -277,20 +262,15 @@ impl<const PAIRS: usize, const COLUMNS: usize> Kernel for Transform<'_, PAIRS, C
     }
 }
 
-/// The arguments of [`Winograd::convolve_max_pool`].
+/// Computes [`Winograd::convolve_max_pool`].
 #[cfg(not(smlad))]
-struct MaxPool<'a, const PAIRS: usize, const COLUMNS: usize> {
-    conv: &'a Winograd<'a, PAIRS, COLUMNS>,
-    transformed: [&'a [Pair]; 3],
-    largest: &'a mut [i32],
-}
-
-#[cfg(not(smlad))]
-impl<const PAIRS: usize, const COLUMNS: usize> Kernel for MaxPool<'_, PAIRS, COLUMNS> {
+impl<const PAIRS: usize, const COLUMNS: usize> Kernel
+    for (&Winograd<'_, PAIRS, COLUMNS>, [&[Pair]; 3], &mut [i32])
+{
     #[inline(always)]
     fn run<O: Octet>(self) {
-        self.conv
-            .convolve_max_pool_with::<O>(self.transformed, self.largest);
+        let (conv, transformed, largest) = self;
+        conv.convolve_max_pool_with::<O>(transformed, largest);
     }
 }
 

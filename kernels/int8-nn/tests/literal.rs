@@ -6,8 +6,8 @@ use proptest::prelude::*;
 
 const PAIRS: usize = 8;
 
-/// Returns the largest input of Winograd's convolution. It exceeds 255, because inputs can exceed 255
-/// by the offset that makes all padding non-negative.
+/// Returns the largest input of Winograd's convolution. It exceeds 255, because inputs can exceed
+/// 255 by the offset that makes all padding non-negative.
 fn largest_input() -> i16 {
     i16::try_from(Winograd::<PAIRS, 6>::LARGEST_INPUT).expect("16 bits")
 }
@@ -145,7 +145,8 @@ struct DirectCase {
     planes: [Vec<i16>; 3],
 }
 
-/// Cases with any pool whose width divides the number of output columns, and with inputs beyond 8 bits.
+/// Cases with any pool whose width divides the number of output columns, and with inputs beyond 8
+/// bits.
 fn direct_case(pairs: usize, columns: usize) -> impl Strategy<Value = DirectCase> {
     let widths: Vec<usize> = (1..=columns - 2)
         .filter(|width| (columns - 2).is_multiple_of(*width))

@@ -9,8 +9,8 @@ pub type Count = [u8; 3];
 /// What a decoder needs in order to decode a block, and how the block holds its counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kind {
-    /// The counts themselves, sample by sample and channel by channel. Needs no past; the next block
-    /// needs none either.
+    /// The counts themselves, sample by sample and channel by channel. Needs no past; the next
+    /// block needs none either.
     #[default]
     Verbatim,
     /// Compressed, without a past: the first count of each channel is contained.
@@ -33,8 +33,8 @@ pub struct Block<'b> {
 /// Bytes of the sum at the start of a compressed block.
 pub(crate) const SUM_BYTES: usize = 2;
 
-/// Adds up the newest counts of all channels, modulo 2^16. At the end of a block encoder and decoder
-/// must have the same sum, which is at the start of the block.
+/// Adds up the newest counts of all channels, modulo 2^16. At the end of a block encoder and
+/// decoder must have the same sum, which is at the start of the block.
 pub(crate) fn sum(newest: impl Iterator<Item = i32>) -> [u8; SUM_BYTES] {
     let [low, high, ..] = newest.fold(0, i32::wrapping_add).to_le_bytes();
     [low, high]

@@ -1,6 +1,5 @@
 //! The past of one channel, the same in encoder and decoder.
 
-use crate::order::Order;
 use crate::rice;
 
 /// The newest count of a channel with its differences, and the mean length of its codes.
@@ -45,11 +44,12 @@ impl Channel {
         self.mean = 24 << k;
     }
 
-    /// Adds the sum of a block's `codes` folded differences to the mean; `codes` is at most 8, the sum
-    /// at most 2^30.
+    /// Adds the sum of a block's `codes` folded differences to the mean; `codes` is at most 8, the
+    /// sum at most 2^30.
     #[inline]
     pub(crate) fn observe(&mut self, sum: u32, codes: u32) {
-        // The mean stays below 2^32: it is at most 2 * 2^30 after 8 codes, and below 16 * 2^27 always.
+        // The mean stays below 2^32: it is at most 2 * 2^30 after 8 codes, and below 16 * 2^27
+        // always.
         self.mean = self.mean.wrapping_sub((self.mean >> 4).wrapping_mul(codes));
         self.mean = self.mean.saturating_add(sum);
     }
@@ -80,5 +80,36 @@ impl Past {
             Order::Two => x.wrapping_add(d1),
             Order::Three => x.wrapping_add(d1).wrapping_add(d2),
         }
+    }
+}
+
+/// Number of successive differences between a count and its code: 0 is the count itself, 1 its
+/// difference from the previous count, 2 the difference of those, 3 once more.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Order {
+    Zero,
+    #[default]
+    One,
+    Two,
+    Three,
+}
+
+impl Order {
+    /// Orders in the order of their numbers.
+    pub(crate) const ALL: [Self; 4] = [Self::Zero, Self::One, Self::Two, Self::Three];
+
+    /// Returns the order with the number in the two lowest bits of `bits`.
+    pub(crate) fn from_bits(bits: u32) -> Self {
+        match bits & 3 {
+            0 => Self::Zero,
+            1 => Self::One,
+            2 => Self::Two,
+            _ => Self::Three,
+        }
+    }
+
+    /// Returns the number of the order, 0 to 3.
+    pub(crate) const fn bits(self) -> u32 {
+        self as u32
     }
 }

@@ -1,10 +1,9 @@
 //! Decodes blocks of samples.
 
-use crate::bit_reader::BitReader;
+use core::fmt;
+
 use crate::block::{Block, Count, Kind, MAX_SAMPLES, SUM_BYTES, number, sum};
-use crate::channel::Channel;
-use crate::decode_error::DecodeError;
-use crate::order::Order;
+use crate::channel::{Channel, Order};
 use crate::rice;
 
 /// Decodes the blocks of up to `CHANNELS` channels.
@@ -34,12 +33,12 @@ impl<const CHANNELS: usize> Decoder<CHANNELS> {
         self.known > 0
     }
 
-    /// Returns the counts of a block of `channels` channels: all counts of the first sample, then those
-    /// of the next sample.
+    /// Returns the counts of a block of `channels` channels: all counts of the first sample, then
+    /// those of the next sample.
     ///
     /// # Errors
-    /// If the block is damaged, or continues from blocks that this decoder does not know. The past is
-    /// forgotten then.
+    /// If the block is damaged, or continues from blocks that this decoder does not know. The past
+    /// is forgotten then.
     pub fn decode(&mut self, channels: usize, block: &Block) -> Result<&[Count], DecodeError> {
         let known = core::mem::take(&mut self.known);
         if !(1..=MAX_SAMPLES).contains(&block.samples) {
@@ -108,7 +107,8 @@ fn decompress(
     Ok(())
 }
 
-/// Reads what a key block states of a channel, and returns its first count.
+/// Reads the start of a channel in a key block: first count, order and parameter k. Returns the
+/// first count.
 fn start_key(channel: &mut Channel, reader: &mut BitReader) -> Result<Count, DecodeError> {
     let mut take = |bits| reader.take(bits).ok_or(DecodeError::TooShort);
     let [low, middle, high, _] = take(rice::COUNT_BITS)?.to_le_bytes();
@@ -158,4 +158,108 @@ fn decode_channel<'c>(
     }
     channel.observe(sum, codes);
     Ok(())
+}
+
+/// Reason why a block was refused. After any of them the decoder needs a block without a past.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DecodeError {
+    /// The block has no samples, or more than [`MAX_SAMPLES`].
+    Samples(usize),
+    /// The block has no channels, or more than the decoder.
+    Channels(usize),
+    /// The block continues from blocks that were not decoded, or from blocks with another number of
+    /// channels.
+    NoKey,
+    /// The block ends too early.
+    TooShort,
+    /// The block goes on after its last count.
+    TooLong,
+    /// The parameter k of a channel is too large.
+    Parameter(u32),
+    /// A count has more than 24 bits.
+    Range(i32),
+    /// The counts do not add up to the block's sum: the block is damaged, or it does not continue
+    /// from the previous one.
+    Sum,
+}
+
+impl fmt::Display for DecodeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Samples(samples) => {
+                write!(f, "{samples} samples; 1 to {MAX_SAMPLES} are allowed")
+            }
+            Self::Channels(channels) => write!(f, "unexpected number of channels, {channels}"),
+            Self::NoKey => f.write_str("the blocks that this one continues from are missing"),
+            Self::TooShort => f.write_str("the block ends before its last count"),
+            Self::TooLong => f.write_str("the block goes on after its last count"),
+            Self::Parameter(k) => write!(f, "the parameter of a channel's codes is {k}, above 24"),
+            Self::Range(count) => write!(f, "the count {count} has more than 24 bits"),
+            Self::Sum => f.write_str("the counts do not add up to the block's sum"),
+        }
+    }
+}
+
+impl core::error::Error for DecodeError {}
+
+/// Reads bits from bytes, most significant bit first.
+#[derive(Debug)]
+struct BitReader<'b> {
+    bytes: &'b [u8],
+    /// Bits that are not read yet, at the top.
+    pending: u64,
+    /// Number of bits in `pending`.
+    held: u32,
+}
+
+impl<'b> BitReader<'b> {
+    const fn new(bytes: &'b [u8]) -> Self {
+        Self {
+            bytes,
+            pending: 0,
+            held: 0,
+        }
+    }
+
+    /// Takes the next `width` bits, 0 to 32; `None` if there are fewer.
+    fn take(&mut self, width: u32) -> Option<u32> {
+        self.fill();
+        self.held = self.held.checked_sub(width)?;
+        // In two steps, because `width` can be 0.
+        let bits = (self.pending >> 1) >> (63 - width);
+        self.pending <<= width;
+        u32::try_from(bits).ok()
+    }
+
+    /// Takes the zeros up to the next one, and that one; returns their number. Takes at most `most`
+    /// zeros, without a one after them. `None` if the bits end before.
+    fn take_zeros(&mut self, most: u32) -> Option<u32> {
+        self.fill();
+        let zeros = self.pending.leading_zeros();
+        let (zeros, width) = if zeros < most {
+            (zeros, zeros + 1)
+        } else {
+            (most, most)
+        };
+        self.take(width)?;
+        Some(zeros)
+    }
+
+    /// Returns true if fewer than 8 bits are left and these are 0.
+    fn ends(mut self) -> bool {
+        self.fill();
+        self.held < 8 && self.pending == 0
+    }
+
+    /// Reads bytes until at least 57 bits are held, or none are left.
+    fn fill(&mut self) {
+        while self.held <= 56 {
+            let Some((&byte, rest)) = self.bytes.split_first() else {
+                return;
+            };
+            self.bytes = rest;
+            self.pending |= u64::from(byte) << (56 - self.held);
+            self.held += 8;
+        }
+    }
 }

@@ -1,9 +1,7 @@
 //! Compresses blocks of samples.
 
-use crate::bit_writer::BitWriter;
 use crate::block::{Block, Count, Kind, MAX_SAMPLES, SUM_BYTES, number, sum};
-use crate::channel::{Channel, Past};
-use crate::order::Order;
+use crate::channel::{Channel, Order, Past};
 use crate::rice;
 
 /// Samples after the first of a key block that do not count for the choice of the order: their
@@ -13,8 +11,8 @@ const WARM_UP: usize = 2;
 /// Configuration of an encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Encoder {
-    /// A key block follows after this many blocks, counted from the key block before it. Every block is
-    /// a key block with 1 or less.
+    /// A key block follows after this many blocks, counted from the key block before it. Every
+    /// block is a key block with 1 or less.
     pub key_blocks: u16,
 }
 
@@ -44,11 +42,12 @@ impl<const CHANNELS: usize> EncoderState<CHANNELS> {
 }
 
 impl Encoder {
-    /// Compresses samples to a block in `room`. Samples after the first [`MAX_SAMPLES`] are ignored.
+    /// Compresses samples to a block in `room`. Samples after the first [`MAX_SAMPLES`] are
+    /// ignored.
     ///
     /// # Timing
-    /// Bounded: one pass over the counts, a second one in a key block, and a copy of the samples where
-    /// they do not get shorter.
+    /// Bounded: one pass over the counts, a second one in a key block, and a copy of the samples
+    /// where they do not get shorter.
     pub fn encode<'r, const CHANNELS: usize>(
         self,
         state: &mut EncoderState<CHANNELS>,
@@ -145,8 +144,8 @@ fn put_codes<const ORDER: usize>(
     sum
 }
 
-/// Chooses the order of a key block's differences and the parameter k of its codes. `sizes` keeps what
-/// the previous key blocks have shown.
+/// Chooses the order of a key block's differences and the parameter k of its codes. `sizes` keeps
+/// what the previous key blocks have shown.
 fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) -> (Order, u32) {
     let mut past = Past::after(first);
     let mut block = [0_u32; 4];
@@ -173,4 +172,68 @@ fn choose(sizes: &mut [u32; 4], first: i32, after: impl Iterator<Item = Count>) 
     let sum = block[best as usize];
     let mean = (sum >> 2) + (sum >> 5);
     (best, (mean | 1).ilog2().min(rice::MAX_K))
+}
+
+/// Writes bits to bytes, most significant bit first.
+///
+/// Bits without room are discarded: [`finish`](Self::finish) then returns `None`.
+#[derive(Debug)]
+struct BitWriter<'b> {
+    room: core::slice::IterMut<'b, [u8; 4]>,
+    /// Bits that are not written yet, at the top.
+    pending: u32,
+    /// Unused bits of `pending`, 1 to 32.
+    free: u32,
+    /// Number of whole words that `room` had at first.
+    capacity: usize,
+    /// True if bits were discarded.
+    is_full: bool,
+}
+
+impl<'b> BitWriter<'b> {
+    /// Creates a writer into the whole words of `room`.
+    #[inline]
+    fn new(room: &'b mut [u8]) -> Self {
+        let (words, _) = room.as_chunks_mut();
+        Self {
+            capacity: words.len(),
+            room: words.iter_mut(),
+            pending: 0,
+            free: 32,
+            is_full: false,
+        }
+    }
+
+    /// Appends the lowest `width` bits of `bits`, whose other bits must be 0; `width` is 1 to 32.
+    #[inline]
+    fn put(&mut self, bits: u32, width: u32) {
+        if width < self.free {
+            self.free -= width;
+            self.pending |= bits << self.free;
+        } else {
+            let spilled = width - self.free;
+            self.write(self.pending | (bits >> spilled));
+            self.free = 32 - spilled;
+            // In two steps, because `free` can be 32.
+            self.pending = (bits << (self.free - 1)) << 1;
+        }
+    }
+
+    #[inline]
+    fn write(&mut self, word: u32) {
+        match self.room.next() {
+            Some(place) => *place = word.to_be_bytes(),
+            None => self.is_full = true,
+        }
+    }
+
+    /// Writes the remaining bits and returns the number of bytes; `None` if the bits did not fit.
+    fn finish(mut self) -> Option<usize> {
+        let whole = self.capacity - self.room.len();
+        let rest = (32 - self.free).div_ceil(8);
+        if rest > 0 {
+            self.write(self.pending);
+        }
+        (!self.is_full).then_some(whole * 4 + rest as usize)
+    }
 }

@@ -6,14 +6,14 @@
 //!             per channel     the channel's past
 //! ```
 //!
-//! A [`Kind::Key`] block needs no past. A [`Kind::Continuing`] block needs every block since the key
-//! block before it. A block that would take more bytes than its counts becomes [`Kind::Verbatim`], the
-//! counts themselves: no block is longer than its counts. `docs/wire-format.md` has the format bit by
-//! bit.
+//! A [`Kind::Key`] block needs no past. A [`Kind::Continuing`] block needs every block since the
+//! key block before it. A block that would take more bytes than its counts becomes
+//! [`Kind::Verbatim`], the counts themselves: no block is longer than its counts.
+//! `docs/wire-format.md` has the format bit by bit.
 //!
-//! Each channel costs a bounded number of instructions whatever the counts. [`Encoder::encode`] does
-//! not allocate, divide or panic. [`Decoder::decode`] refuses a damaged block, or one whose past it
-//! lacks, and never panics.
+//! Each channel costs a bounded number of instructions whatever the counts. [`Encoder::encode`]
+//! does not allocate, divide or panic. [`Decoder::decode`] refuses a damaged block, or one whose
+//! past it lacks, and never panics.
 //!
 //! ```
 //! use lossless::{Decoder, Encoder, EncoderState, MAX_SAMPLES};
@@ -34,17 +34,12 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-mod bit_reader;
-mod bit_writer;
 mod block;
 mod channel;
-mod decode_error;
 mod decoder;
 mod encoder;
-mod order;
 mod rice;
 
 pub use block::{Block, Count, Kind, MAX_SAMPLES};
-pub use decode_error::DecodeError;
-pub use decoder::Decoder;
+pub use decoder::{DecodeError, Decoder};
 pub use encoder::{Encoder, EncoderState};

@@ -1,8 +1,9 @@
 //! Rice codes whose length is bounded.
 //!
-//! A difference is folded to a natural number. Its part above the lowest k bits is written as so many
-//! zeros and a one, then the lowest k bits follow. Where that part is [`ESCAPE`] or more, `ESCAPE`
-//! zeros and the count itself follow instead. So no code is longer than 32 bits.
+//! A difference is folded to a natural number. The part above its lowest k bits is written in
+//! unary: that number of zeros, then a one. The lowest k bits follow. If the part is [`ESCAPE`] or
+//! more, `ESCAPE` zeros and the count itself are written instead. So no code is longer than 32
+//! bits.
 
 /// Number of zeros that precede a count instead of a code.
 pub(crate) const ESCAPE: u32 = 8;
@@ -24,8 +25,8 @@ pub(crate) const fn unfold(folded: u32) -> i32 {
     (folded >> 1).cast_signed() ^ -(folded & 1).cast_signed()
 }
 
-/// Returns the code of a folded difference, its bits and their number, 1 to 32. `count` is written where
-/// the code would be too long.
+/// Returns the code of a folded difference, its bits and their number, 1 to 32. `count` is written
+/// where the code would be too long.
 #[inline]
 pub(crate) const fn code(folded: u32, k: u32, count: i32) -> (u32, u32) {
     let zeros = folded >> k;

@@ -1,18 +1,17 @@
 //! One block as bytes: its kind and rate, then its magnitudes.
 
-use crate::context::Context;
+use crate::context::{Context, Place, symbols};
 use crate::quantiser::Magnitude;
-use crate::range_decoder::RangeDecoder;
-use crate::range_encoder::RangeEncoder;
+use crate::range_coder::{RangeDecoder, RangeEncoder};
 use crate::rate::Rate;
-use crate::symbol::{Place, symbols};
 use crate::tables::{ESCAPE, FREQUENCY_BITS, Frequencies, MAGNITUDES, Tables};
 
 /// Largest number of leading ones of an Elias gamma code; magnitudes stay below 2^16.
 const MAX_GAMMA_BITS: u32 = 15;
 
-/// First frequencies of a block's first symbol: announced rate and predicted; announced rate and reset;
-/// another rate, which follows in four bits, and one bit for a reset. The other symbols do not occur.
+/// First frequencies of a block's first symbol: announced rate and predicted; announced rate and
+/// reset; another rate, which follows in four bits, and one bit for a reset. The other symbols do
+/// not occur.
 const START_SYMBOLS: [u16; 4] = [0, 30_720, 32_256, 32_768];
 
 /// What a block is coded with, besides its contexts.
@@ -24,14 +23,15 @@ pub struct Header {
     pub is_reset: bool,
 }
 
-/// Writes a block. `announced` is the rate that the decoder expects; at another rate a block takes 10 bits more.
+/// Writes a block. `announced` is the rate that the decoder expects; at another rate a block takes
+/// 10 bits more.
 ///
-/// Returns the number of bytes. If it is larger than `bytes`, the block did not fit, and the content of
-/// `bytes` is useless.
+/// Returns the number of bytes. If it is larger than `bytes`, the block did not fit, and the
+/// content of `bytes` is useless.
 ///
 /// # Timing
-/// Depends on the magnitudes: about 100 instructions for a magnitude of 0 and 70 more for each byte, on
-/// a Cortex-M4.
+/// Depends on the magnitudes: about 100 instructions for a magnitude of 0 and 70 more for each
+/// byte, on a Cortex-M4.
 pub fn write_block(
     header: Header,
     announced: Rate,
@@ -86,7 +86,8 @@ fn write_magnitude(
     }
 }
 
-/// Writes a number of at least 1: as many ones as it has bits after the leading one, a zero, these bits.
+/// Writes a number of at least 1: as many ones as it has bits after the leading one, a zero, these
+/// bits.
 #[cold]
 fn write_gamma(number: u32, encoder: &mut RangeEncoder<'_>) {
     let bits = number.ilog2();

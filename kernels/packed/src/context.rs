@@ -1,5 +1,7 @@
-//! The probability model's context of a coefficient: how large a magnitude is expected.
+//! The probability model's context of a coefficient: how large a magnitude is expected, and which
+//! table codes it.
 
+use crate::quantiser::{Magnitude, State};
 use crate::rate::Rate;
 use crate::tables::{ESCAPE, LEVELS};
 
@@ -13,7 +15,8 @@ const ONE: u32 = 1024;
 const DECAY_BITS: u32 = 5;
 
 /// What the magnitudes of a block's earlier coefficients sum to, with exponential forgetting; below
-/// 2^19. It compares with the sum that is expected, so that a loud block uses tables of larger magnitudes.
+/// 2^19. It compares with the sum that is expected, so that a loud block uses tables of larger
+/// magnitudes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Activity(u32);
 
@@ -44,8 +47,8 @@ impl Context {
         inverse: 0,
     };
 
-    /// Returns the level of the table to use, 0..[`LEVELS`]: the expected level, moved by the ratio of
-    /// the activity to the expected one.
+    /// Returns the level of the table to use, 0..[`LEVELS`]: the expected level, moved by the ratio
+    /// of the activity to the expected one.
     #[inline(always)]
     pub(crate) fn table_level(self, activity: Activity) -> usize {
         let eighths = (u64::from(activity.0) * u64::from(self.inverse)) >> 32;
@@ -57,8 +60,8 @@ impl Context {
 
 /// Writes the contexts of a block's coefficients at a rate.
 ///
-/// `levels` are the levels of the mean magnitudes at rate 4, 0..[`LEVELS`], as trained. If the slices differ in
-/// length, the rest is unchanged.
+/// `levels` are the levels of the mean magnitudes at rate 4, 0..[`LEVELS`], as trained. If the
+/// slices differ in length, the rest is unchanged.
 pub fn prepare(levels: &[u8], rate: Rate, contexts: &mut [Context]) {
     // 1/16 of the unit of an activity.
     let mut expected = Activity::START.0 << 4;
@@ -75,7 +78,8 @@ pub fn prepare(levels: &[u8], rate: Rate, contexts: &mut [Context]) {
     }
 }
 
-/// Returns `2^39 / expected` from a table of its leading 8 bits: within 0.5 %. `expected` is 2^8..2^23.
+/// Returns `2^39 / expected` from a table of its leading 8 bits: within 0.5 %. `expected` is
+/// 2^8..2^23.
 fn inverse(expected: u32) -> u32 {
     let zeros = expected.leading_zeros().clamp(9, 23);
     let leading = (expected << zeros) >> 24;
@@ -95,8 +99,9 @@ const RECIPROCALS: [u16; 128] = {
     reciprocals
 };
 
-/// Levels by which a ratio of activities moves the expected level: `round(0.55 * ln((i + 1/2) / 8) / LR)`,
-/// where `i` is eight times the ratio, rounded down, and `LR = ln(8000) / 55`.
+/// Levels by which a ratio of activities moves the expected level:
+/// `round(0.55 * ln((i + 1/2) / 8) / LR)`, where `i` is eight times the ratio, rounded down, and
+/// `LR = ln(8000) / 55`.
 const LEVEL_OF_RATIO: [i8; 64] = [
     -9, -6, -4, -3, -2, -1, -1, 0, 0, 1, 1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 4, 4, 4, 4, 4, 4,
     4, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 7, 7, 7, 7, 7, 7,
@@ -104,8 +109,8 @@ const LEVEL_OF_RATIO: [i8; 64] = [
 ];
 
 /// What a coefficient of each level is expected to add to the activity, 1/16 of its unit:
-/// `round(1024 * 16 * mean)` with the level's mean magnitude `0.0015 * exp(LR * level)`, at most 15, and
-/// `LR = ln(8000) / 55`. The mean of level 55 is 12.
+/// `round(1024 * 16 * mean)` with the level's mean magnitude `0.0015 * exp(LR * level)`, at most
+/// 15, and `LR = ln(8000) / 55`. The mean of level 55 is 12.
 const EXPECTED_STEP: [u32; LEVELS] = [
     25, 29, 34, 40, 47, 56, 66, 77, 91, 107, 126, 148, 175, 206, 242, 285, 336, 395, 465, 548, 645,
     760, 895, 1054, 1241, 1461, 1720, 2026, 2385, 2809, 3307, 3894, 4586, 5400, 6358, 7487, 8816,
@@ -115,6 +120,72 @@ const EXPECTED_STEP: [u32; LEVELS] = [
 ];
 
 const _: () = assert!(LAST_LEVEL as usize + 1 == LEVELS);
+
+/// Which table a magnitude is coded with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Symbol {
+    /// Quantiser, 0 or 1.
+    pub quantiser: usize,
+    /// Level of the expected magnitude, 0..64.
+    pub level: usize,
+    /// The magnitude.
+    pub magnitude: Magnitude,
+}
+
+/// Iterates over a block's magnitudes with the tables that each is coded with, for the training of
+/// the tables.
+pub fn symbols<'b>(
+    magnitudes: &'b [Magnitude],
+    contexts: &'b [Context],
+) -> impl Iterator<Item = Symbol> + 'b {
+    let mut place = Place::START;
+    magnitudes
+        .iter()
+        .zip(contexts)
+        .map(move |(&magnitude, context)| {
+            let symbol = Symbol {
+                quantiser: place.quantiser(),
+                level: place.level(*context),
+                magnitude,
+            };
+            place.advance(magnitude);
+            symbol
+        })
+}
+
+/// What the coder of a block knows from the magnitudes so far.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    state: State,
+    activity: Activity,
+}
+
+impl Place {
+    /// Before the first coefficient.
+    pub(crate) const START: Self = Self {
+        state: State::START,
+        activity: Activity::START,
+    };
+
+    /// Returns the quantiser of the next coefficient, 0 or 1.
+    #[inline(always)]
+    pub(crate) fn quantiser(self) -> usize {
+        self.state.quantiser() % 2
+    }
+
+    /// Returns the level of the next coefficient's table.
+    #[inline(always)]
+    pub(crate) fn level(self, context: Context) -> usize {
+        context.table_level(self.activity)
+    }
+
+    /// Passes a coefficient.
+    #[inline(always)]
+    pub(crate) fn advance(&mut self, magnitude: Magnitude) {
+        self.activity = self.activity.after(magnitude.value.into());
+        self.state = self.state.after(magnitude.value);
+    }
+}
 
 #[cfg(test)]
 mod tests {
@@ -150,7 +221,8 @@ mod tests {
             (most, least) = (most.after(u32::MAX), least.after(0));
         }
         assert!(most.0 < 1 << 19 && least.0 < ONE / 16, "{most:?} {least:?}");
-        // The expected activity, in 1/16: at least that of level 0, at most that of magnitudes of 15.
+        // The expected activity, in 1/16: at least that of level 0, at most that of magnitudes of
+        // 15.
         assert!(32 * EXPECTED_STEP[0] > 256 && 32 * EXPECTED_STEP[LEVELS - 1] < 1 << 23);
     }
 

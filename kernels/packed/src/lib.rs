@@ -1,10 +1,10 @@
 //! Blocks of predicted transform coefficients in few bits, in integers only.
 //!
-//! A linear transform turns a block of a signal into coefficients, and a linear predictor computes what the
-//! previous block says about them. This crate codes the difference: it chooses the magnitudes
-//! ([`quantise`]), writes and reads them ([`write_block`], [`BlockReader`]), and computes the state from which
-//! both sides predict the next block ([`update_state`]). The matrices of transform and predictor belong to
-//! the caller.
+//! A linear transform turns a block of a signal into coefficients, and a linear predictor computes
+//! what the previous block says about them. This crate codes the difference: it chooses the
+//! magnitudes ([`quantise`]), writes and reads them ([`write_block`], [`BlockReader`]), and
+//! computes the state from which both sides predict the next block ([`update_state`]). The matrices
+//! of transform and predictor belong to the caller.
 //!
 //! ```text
 //! coefficients --> - --> quantise --> magnitudes --> write_block --> bytes --> BlockReader --> magnitudes
@@ -12,8 +12,8 @@
 //!             prediction <-- update_state +                            prediction <-- update_state
 //! ```
 //!
-//! The coder of a block knows nothing of earlier blocks, so that each block parses alone. One set of tables
-//! serves every [`Rate`]. docs/packed.md has the format.
+//! The coder of a block knows nothing of earlier blocks, so that each block parses alone. One set
+//! of tables serves every [`Rate`]. docs/packed.md has the format.
 //!
 //! ```
 //! use packed::{BlockReader, Context, Header, Magnitude, Malformed, Rate, Tables};
@@ -56,18 +56,15 @@
 mod block;
 mod context;
 mod quantiser;
-mod range_decoder;
-mod range_encoder;
+mod range_coder;
 mod rate;
-mod symbol;
 mod tables;
 mod trellis;
 
 pub use block::{BlockReader, Header, Malformed, write_block};
-pub use context::{Context, prepare as prepare_contexts};
+pub use context::{Context, Symbol, prepare as prepare_contexts, symbols};
 pub use quantiser::{Magnitude, update_state};
 pub use rate::{RATES, Rate};
-pub use symbol::{Symbol, symbols};
 pub use tables::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, Starts, Tables};
 pub use trellis::{MAX_COEFFICIENTS, Survivors, quantise};
 

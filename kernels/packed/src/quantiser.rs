@@ -4,10 +4,11 @@ use crate::rate::Rate;
 
 /// State of the quantiser before a coefficient, 0..4; 0 before the first one of a block.
 ///
-/// Two quantisers take turns: points of quantiser 0 are even multiples of the step, those of quantiser 1
-/// are odd multiples and 0. The states 0 and 1 use quantiser 0, the states 2 and 3 quantiser 1. The parity
-/// of a magnitude chooses the next state. So the points are as dense as with one step, and each
-/// coefficient's bits say which of two steps it has ("dependent quantisation" of H.266, 7.4.11.2).
+/// Two quantisers take turns: points of quantiser 0 are even multiples of the step, those of
+/// quantiser 1 are odd multiples and 0. The states 0 and 1 use quantiser 0, the states 2 and 3
+/// quantiser 1. The parity of a magnitude chooses the next state. So the points are as dense as
+/// with one step, and each coefficient's bits say which of two steps it has ("dependent
+/// quantisation" of H.266, 7.4.11.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct State(u8);
 
@@ -46,7 +47,8 @@ impl Magnitude {
     };
 }
 
-/// Adds a block's dequantised coefficients to their prediction, saturating: the new state of both sides.
+/// Adds a block's dequantised coefficients to their prediction, saturating: the new state of both
+/// sides.
 ///
 /// `state` holds the prediction before, and the state after the call. All slices have the number of
 /// coefficients; if they differ, the rest is unchanged.

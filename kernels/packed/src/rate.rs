@@ -3,8 +3,8 @@
 /// Number of rates.
 pub const RATES: usize = 16;
 
-/// Index of the quantiser's step, 0 (finest) to 15 (coarsest). The step grows by 3 dB from one rate to
-/// the next: `round(32 * 2^((rate - 4) / 2))` units of a coefficient.
+/// Index of the quantiser's step, 0 (finest) to 15 (coarsest). The step grows by 3 dB from one rate
+/// to the next: `round(32 * 2^((rate - 4) / 2))` units of a coefficient.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Rate(u8);
 
@@ -33,8 +33,9 @@ impl Rate {
         reciprocals
     };
 
-    /// Number of levels by which a rate shifts the mean magnitudes: `round(ln(2) / 2 / LR * (4 - rate))`
-    /// with the ratio of neighbouring levels `exp(LR)`, `LR = ln(8000) / 55`.
+    /// Number of levels by which a rate shifts the mean magnitudes:
+    /// `round(ln(2) / 2 / LR * (4 - rate))` with the ratio of neighbouring levels `exp(LR)`,
+    /// `LR = ln(8000) / 55`.
     const LEVEL_SHIFTS: [i8; RATES] = [
         8, 6, 4, 2, 0, -2, -4, -6, -8, -11, -13, -15, -17, -19, -21, -23,
     ];

@@ -12,7 +12,8 @@ pub(crate) const ESCAPE: u16 = 15;
 /// Bits of a probability: all frequencies of a table sum to 2^15.
 pub const FREQUENCY_BITS: u32 = 15;
 
-/// Cost of 1/16 bit in the trellis, 1/65536 of the squared step: the weight of a bit, 0.3 squared steps.
+/// Cost of 1/16 bit in the trellis, 1/65536 of the squared step: the weight of a bit, 0.3 squared
+/// steps.
 pub(crate) const BIT_COST: i32 = 1229;
 
 /// First frequency of each magnitude, for each level, for each of the two quantisers.
@@ -24,15 +25,18 @@ pub type Costs = [[[u8; MAGNITUDES]; LEVELS]; 2];
 /// Probabilities of the magnitudes, and what their bits cost in the trellis.
 #[derive(Clone, Copy, Debug)]
 pub struct Tables<'t> {
-    /// First of the frequencies of each magnitude, ascending from 0; a magnitude's frequencies end where
-    /// those of the next begin, those of the last at 2^15. No magnitude is without a frequency.
+    /// First of the frequencies of each magnitude, ascending from 0; a magnitude's frequencies end
+    /// where those of the next begin, those of the last at 2^15. No magnitude is without a
+    /// frequency.
     pub starts: &'t Starts,
-    /// Bits of each magnitude, 1/16 bit: its sign included, the Elias gamma code of large magnitudes excluded.
+    /// Bits of each magnitude, 1/16 bit: its sign included, the Elias gamma code of large
+    /// magnitudes excluded.
     pub costs: &'t Costs,
 }
 
 impl Tables<'_> {
-    /// Returns true if every magnitude has a frequency, so that every magnitude can be written and read.
+    /// Returns true if every magnitude has a frequency, so that every magnitude can be written and
+    /// read.
     pub const fn is_consistent(&self) -> bool {
         let mut row = 0;
         while row < 2 * LEVELS {

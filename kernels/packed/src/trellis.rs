@@ -14,18 +14,19 @@ const UNREACHED: i32 = 1 << 29;
 /// Largest number of coefficients of a block: the costs of a path sum to less than [`UNREACHED`].
 pub const MAX_COEFFICIENTS: usize = 256;
 
-/// Which path survived in each state after a coefficient, two bits for each state: bit 0 is set if it came
-/// from the second of the two states before it, bit 1 if it chose magnitude 0 over a larger even one.
+/// Which path survived in each state after a coefficient, two bits for each state: bit 0 is set if
+/// it came from the second of the two states before it, bit 1 if it chose magnitude 0 over a larger
+/// even one.
 pub type Survivors = u8;
 
 /// Chooses the magnitudes of a block by the Viterbi algorithm: those with the least sum, over the
 /// coefficients, of squared error and 0.3 squared steps for each bit.
 ///
-/// For each coefficient, the candidates of a quantiser are its points on both sides of the value, and 0
-/// where the lower one has magnitude 1. The Elias gamma code of magnitudes from 15 on is nearly the same for all
-/// candidates, and is left out. `residual` is coefficient minus prediction, |x| < 2^17;
-/// `survivors` is scratch memory. All slices have the same length, at most [`MAX_COEFFICIENTS`]; the
-/// shortest counts.
+/// For each coefficient, the candidates of a quantiser are its points on both sides of the value,
+/// and 0 where the lower one has magnitude 1. The Elias gamma code of magnitudes from 15 on is
+/// nearly the same for all candidates, and is left out. `residual` is coefficient minus prediction,
+/// |x| < 2^17; `survivors` is scratch memory. All slices have the same length, at most
+/// [`MAX_COEFFICIENTS`]; the shortest counts.
 ///
 /// # Timing
 /// Every coefficient takes the same work, whatever its value.
@@ -67,13 +68,15 @@ pub fn quantise(
     }
 }
 
-/// Returns the magnitude of a quantiser's largest point that is not above a value, in 1/256 of a step.
+/// Returns the magnitude of a quantiser's largest point that is not above a value, in 1/256 of a
+/// step.
 #[inline(always)]
 fn lower_magnitude(value: i32, quantiser: i32) -> i32 {
     ((value >> 8) + quantiser) >> 1
 }
 
-/// The candidates of one quantiser for a coefficient: an even magnitude, 0 in its place, and an odd one.
+/// The candidates of one quantiser for a coefficient: an even magnitude, 0 in its place, and an odd
+/// one.
 #[derive(Clone, Copy, Debug)]
 struct Candidates {
     even: Candidate,
@@ -161,7 +164,8 @@ struct Way {
     cost: i32,
     /// At most 15.
     symbol: u32,
-    /// Survivor bits: 2 if magnitude 0 won over a larger even one, 1 if the way came from the second state.
+    /// Survivor bits: 2 if magnitude 0 won over a larger even one, 1 if the way came from the
+    /// second state.
     survivor: u8,
     /// Activity before the coefficient.
     activity: Activity,
@@ -189,10 +193,12 @@ impl Paths {
         activities: [Activity::START; STATES],
     };
 
-    /// Extends the paths by a coefficient, whose value is in 1/256 of a step, and returns the survivors.
+    /// Extends the paths by a coefficient, whose value is in 1/256 of a step, and returns the
+    /// survivors.
     #[inline(always)]
     fn extend(&mut self, value: i32, context: Context, tables: &Tables<'_>) -> Survivors {
-        // Quantiser 0 leads from the states 0 and 1 to 0 and 2, quantiser 1 from 2 and 3 to 1 and 3.
+        // Quantiser 0 leads from the states 0 and 1 to 0 and 2, quantiser 1 from 2 and 3 to 1 and
+        // 3.
         let [zero, two] = self.extend_quantiser::<0>(value, context, tables);
         let [one, three] = self.extend_quantiser::<1>(value, context, tables);
         let ways = [zero, one, two, three];
@@ -202,8 +208,8 @@ impl Paths {
         zero | one << 2 | two << 4 | three << 6
     }
 
-    /// Returns the best way with an even sum of magnitude and state, and that with an odd one, from the two
-    /// states of a quantiser.
+    /// Returns the best way with an even sum of magnitude and state, and that with an odd one, from
+    /// the two states of a quantiser.
     #[inline(always)]
     fn extend_quantiser<const QUANTISER: usize>(
         &self,

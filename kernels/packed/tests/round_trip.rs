@@ -78,7 +78,7 @@ proptest! {
         let mut read = vec![Magnitude::default(); levels.len()];
         reader.read_magnitudes(&contexts, &tables, &mut read).expect("magnitudes");
         prop_assert_eq!(read, magnitudes.clone());
-        // A buffer that is too short changes neither the length nor a byte behind it.
+        // A buffer that is too short changes neither the length nor a byte after it.
         let cut = length / 2;
         bytes[cut..].fill(0xaa);
         let again = packed::write_block(header, announced, &magnitudes, &contexts, &tables, &mut bytes[..cut]);

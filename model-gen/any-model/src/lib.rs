@@ -1,7 +1,8 @@
-//! Random models of every mode, padding, pool, size and montage, calibrated like a trained model.
+//! Random models of every mode, padding, pool, size and montage, calibrated like a trained model,
+//! and inputs that are more extreme than any EEG.
 //!
-//! Tests and benchmarks need models of other shapes than the checked-in one, but no training: neither the codes'
-//! agreement nor their cost depends on what the weights are good for.
+//! Tests and benchmarks need models of other shapes than the checked-in one, but no training:
+//! neither the codes' agreement nor their cost depends on what the weights are good for.
 //!
 //! ```text
 //! signal/model/artifact/model.toml ── change ──> Description ──┐
@@ -23,6 +24,7 @@
 
 mod noise;
 mod packed;
+mod stress;
 
 use std::{
     fmt, fs,
@@ -37,13 +39,15 @@ use model_gen::IntegerModel;
 
 use noise::Noise;
 pub use packed::any_packed;
+pub use stress::Stress;
 
 /// Folder of the built-in model, whose description the random models start from.
 const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/artifact");
 /// Folder of the montage files.
 pub const MONTAGES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../files/montages");
 
-/// A window on the scalp grid, indexed by step, row and column, in units of the input's standard deviation.
+/// A window on the scalp grid, indexed by step, row and column, in units of the input's standard
+/// deviation.
 pub type Window = Vec<f32>;
 
 /// Number of windows with which each network is calibrated.
@@ -55,8 +59,8 @@ const LARGEST_UV: f32 = 500.0;
 /// Numbers of the code of the network whose description a model without a network takes.
 const NUMBERS: usize = 16;
 
-/// Returns every tested combination of mode, padding and pool. Mode `paper` occurs once per padding, because
-/// it has the same encoder as `paper-code-only`.
+/// Returns every tested combination of mode, padding and pool. Mode `paper` occurs once per
+/// padding, because it has the same encoder as `paper-code-only`.
 pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
     let mut variants = vec![(Mode::Pca, Padding::None, [2, 2, 2])];
     for padding in [Padding::None, Padding::Space, Padding::All] {
@@ -79,10 +83,10 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
     variants
 }
 
-/// Returns a network in which every weight matters: dense random tensors, and batch norms with negative, zero
-/// and positive factors and different offsets. The rest of the description is that of the built-in model. The
-/// network is calibrated with windows that [`windows`] draws from another seed, so that most values of later
-/// codes are neither clipped nor zero.
+/// Returns a network in which every weight matters: dense random tensors, and batch norms with
+/// negative, zero and positive factors and different offsets. The rest of the description is that
+/// of the built-in model. The network is calibrated with windows that [`windows`] draws from
+/// another seed, so that most values of later codes are neither clipped nor zero.
 ///
 /// # Errors
 /// When the built-in model cannot be read, or a model cannot have this shape.
@@ -246,8 +250,8 @@ pub fn any_packed_alone(seed: u32, montage: &MontageFile) -> Result<Artifact, Ar
     Artifact::without_network(description, LARGEST_UV, packed)
 }
 
-/// Writes the grid, the electrodes and the converters of a montage into a description, with the decimation that
-/// `trainer` chooses for the rate of the ADC.
+/// Writes the grid, the electrodes and the converters of a montage into a description, with the
+/// decimation that `trainer` chooses for the rate of the ADC.
 fn apply_montage(montage: &MontageFile, description: &mut Description) {
     description.grid = montage.grid();
     description.montage = montage.montage();
@@ -268,8 +272,8 @@ fn apply_montage(montage: &MontageFile, description: &mut Description) {
 pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     let grid = ScalpGrid::new(&artifact.description);
     let dimensions = artifact.description.dimensions();
-    // Use another seed than for the weights: with the same random numbers, each window would match a filter
-    // exactly.
+    // Use another seed than for the weights: with the same random numbers, each window would match
+    // a filter exactly.
     let mut noise = Noise(seed ^ 0x9e37_79b9);
     let mut window = || {
         let mut last = vec![0.0_f32; dimensions.electrodes];
@@ -343,8 +347,8 @@ fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -
         calibration.insert("activation2.max", &[1], second);
     }
     let numbers = artifact.description.code.numbers;
-    // Widen the range of each dimension by half its width on either side: a range over a few windows is about
-    // half of the range over many.
+    // Widen the range of each dimension by half its width on either side: a range over a few
+    // windows is about half of the range over many.
     let (low, high): (Vec<f32>, Vec<f32>) = (0..numbers)
         .map(|j| {
             let of =

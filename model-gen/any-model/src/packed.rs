@@ -11,8 +11,9 @@ use crate::noise::Noise;
 /// Largest magnitude of an input value.
 const INPUT_LIMIT: i16 = 4095;
 
-/// Returns a packed model of a description with as many coefficients as it can have, with dense random matrices and
-/// frequencies. The prediction is a tenth of the state, so that a stream settles.
+/// Returns a packed model of a description with as many coefficients as it can have, with dense
+/// random matrices and frequencies. The prediction is a tenth of the state, so that a stream
+/// settles.
 pub fn any_packed(seed: u32, description: &Description) -> PackedModel {
     let mut noise = Noise(seed);
     let (electrodes, hop) = (description.montage.electrodes.len(), description.window.hop);
@@ -60,7 +61,8 @@ pub fn any_packed(seed: u32, description: &Description) -> PackedModel {
     }
 }
 
-/// Returns the largest scale with which rounded weights times inputs up to `limit` cannot leave their range.
+/// Returns the largest scale with which rounded weights times inputs up to `limit` cannot leave
+/// their range.
 fn scale(weights: &[f64], limit: i16) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "below 2^24")]
     let most = (SUM_LIMIT / i64::from(limit)) as f64 - 0.5 * weights.len() as f64;

@@ -2,74 +2,71 @@
 
 use fixed_dsp::{Coefficient, Section};
 
-use super::{number::separated, source::Source};
+use super::source::{Source, separated};
 use crate::{device_model::MainsFilter, headroom::GAIN_LIMIT, resampler::ResamplerTable};
 
 impl Source {
     pub(super) fn resampler(&mut self, table: &ResamplerTable) {
-        self.line("/// Resampler from the ADC's rate to the step rate, after any of the filters.");
-        self.line("pub static RESAMPLER: Resampler<PHASES, TAPS> = Resampler {");
-        self.line(format_args!("    down: {},", table.down));
-        self.line("    taps: [");
+        self.line(format_args!(
+            "\
+/// Resampler from the ADC's rate to the step rate, after any of the filters.
+pub static RESAMPLER: Resampler<PHASES, TAPS> = Resampler {{
+    down: {},
+    taps: [",
+            table.down
+        ));
         for phase in &table.taps {
             let taps: Vec<String> = phase.iter().map(separated).collect();
             self.line("        [");
             self.wrapped(&taps);
             self.line("        ],");
         }
-        self.line("    ],");
-        self.line("};");
-        self.line("");
+        self.line("    ],\n};\n");
     }
 
     pub(super) fn mains_filter(&mut self, filter: &MainsFilter) {
         let hz = filter.mains_hz;
-        for doc in [
-            format!("The filters for {hz} Hz mains as a compile-time constant."),
-            String::new(),
-            format!("Worst-case gain (L1 norm) of every node; the limit is {GAIN_LIMIT}:"),
-        ] {
-            self.line(format_args!("/// {doc}").to_string().trim_end());
-        }
+        self.line(format_args!(
+            "\
+/// The filters for {hz} Hz mains as a compile-time constant.
+///
+/// Worst-case gain (L1 norm) of every node; the limit is {GAIN_LIMIT}:"
+        ));
         for node in &filter.gains {
             self.line(format_args!("/// * {}: {:.3}", node.node, node.gain));
         }
-        self.line("#[derive(Clone, Copy, Debug, Default)]");
-        self.line(format_args!("pub struct Mains{hz};"));
-        self.line("");
-        self.line(format_args!("impl Design<SECTIONS> for Mains{hz} {{"));
-        self.line("    const CASCADE: Cascade<SECTIONS> = Cascade {");
-        self.line("        sections: [");
+        self.line(format_args!(
+            "\
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Mains{hz};
+
+impl Design<SECTIONS> for Mains{hz} {{
+    const CASCADE: Cascade<SECTIONS> = Cascade {{
+        sections: ["
+        ));
         for section in &filter.sections {
             self.section(section);
         }
-        self.line("        ],");
-        self.line("    };");
-        self.line("}");
-        self.line("");
         self.line(format_args!(
-            "/// Filters for {hz} Hz mains, with their delays."
+            "        ],
+    }};
+}}
+
+/// Filters for {hz} Hz mains, with their delays.
+pub static MAINS_{hz}: MainsFilter = MainsFilter {{
+    mains_hz: {hz},
+    cascade: Mains{hz}::CASCADE,
+    group_delay_us: {},
+    scalp_delay_us: {},
+    settling_samples: {},
+    description: {:?},
+}};
+",
+            separated(filter.group_delay_us),
+            separated(filter.scalp_delay_us),
+            separated(filter.settling_samples),
+            filter.description
         ));
-        self.line(format_args!(
-            "pub static MAINS_{hz}: MainsFilter = MainsFilter {{"
-        ));
-        self.line(format_args!("    mains_hz: {hz},"));
-        self.line(format_args!("    cascade: Mains{hz}::CASCADE,"));
-        self.line(format_args!(
-            "    group_delay_us: {},",
-            separated(filter.group_delay_us)
-        ));
-        self.line(format_args!(
-            "    scalp_delay_us: {},",
-            separated(filter.scalp_delay_us)
-        ));
-        self.line(format_args!(
-            "    settling_samples: {},",
-            separated(filter.settling_samples)
-        ));
-        self.line(format_args!("    description: {:?},", filter.description));
-        self.line("};");
-        self.line("");
     }
 
     fn section(&mut self, section: &Section) {

@@ -1,16 +1,13 @@
 //! Writes the encoder as Rust constants: weights, factors and the network that refers to them.
 
-use artifact::{CodeFormat, Description, Padding};
+use artifact::CodeFormat;
 use int8_nn::Pair;
 
-use super::{
-    number::{float, separated},
-    source::Source,
-};
+use super::source::{Source, float, separated};
 use crate::{
     device_model::DeviceModel,
     integer_model::{IntegerConv, IntegerModel},
-    pack::{self, ConvKernel, UnsignedInput},
+    pack::{self, UnsignedInput},
 };
 
 impl Source {
@@ -91,88 +88,24 @@ impl Source {
         );
     }
 
-    /// Writes the constants from which `model` derives the lengths of the network's arrays, and its
-    /// convolution kernel.
-    pub(super) fn shape(&mut self, model: &DeviceModel) {
-        let Description { mode, network, .. } = &model.description;
-        // A network without convolutions has neither padding nor pool, whatever its description states.
-        let (padding, pool) = if mode.has_convolutions() {
-            (network.padding, network.pool)
-        } else {
-            (Padding::None, [1, 1, 1])
-        };
-        for (doc, name, value) in [
-            (
-                "Whether the network has convolutions.",
-                "HAS_CONVOLUTIONS",
-                mode.has_convolutions(),
-            ),
-            (
-                "Whether the network has a linear shortcut.",
-                "HAS_SHORTCUT",
-                mode.has_shortcut(),
-            ),
-            (
-                "Whether the convolutions pad rows and columns.",
-                "PADS_SPACE",
-                padding.pads_space(),
-            ),
-            (
-                "Whether the convolutions pad steps.",
-                "PADS_TIME",
-                padding.pads_time(),
-            ),
-        ] {
-            self.item(doc, format_args!("pub const {name}: bool = {value};"));
-        }
-        self.item(
-            "Steps, rows and columns of the max-pool.",
-            format_args!("pub const POOL: [usize; 3] = {pool:?};"),
-        );
-        self.item(
-            "Matrices of the fully connected layer for each pooled plane.",
-            format_args!(
-                "pub const FC_PIECES: usize = {};",
-                pack::fc_pieces(&model.integers)
-            ),
-        );
-        let (kernel, fields) = match ConvKernel::select(&model.integers) {
-            ConvKernel::Winograd => (
-                "Winograd",
-                "tile_rows: pooled.rows, outputs: pooled.channels",
-            ),
-            ConvKernel::Direct => ("Direct", "pool: [POOL[1], POOL[2]], pooled"),
-        };
-        let columns = "const PAIRS: usize, const COLUMNS: usize";
-        self.item(
-            "Kernel of the second convolution, for pairs of input channels and columns of the input.",
-            format_args!(
-                "pub type ConvKernel<'w, {columns}> = int8_nn::{kernel}<'w, PAIRS, COLUMNS>;"
-            ),
-        );
-        self.line("/// Returns the second convolution, with the shape of a pooled plane.");
-        self.line(format_args!("pub(crate) const fn conv_kernel<{columns}>("));
-        self.line("    pooled: PlaneShape,");
-        self.line("    weights: &[Pair],");
-        self.line(") -> ConvKernel<'_, PAIRS, COLUMNS> {");
-        self.line(format_args!(
-            "    int8_nn::{kernel} {{ {fields}, weights }}"
-        ));
-        self.line("}");
-    }
-
     pub(super) fn network(&mut self, model: &DeviceModel) {
+        self.line(
+            "\
+/// Network of the encoder.
+pub static NETWORK: Network<'static> = Network {
+    hop: HOP,
+    conv1: ConvWeights {
+        weights: &CONV1_WEIGHTS,
+        bias: &CONV1_BIAS,
+        multipliers: &CONV1_MULTIPLIERS,
+    },
+    conv2: ConvWeights {
+        weights: &CONV2_WEIGHTS,
+        bias: &CONV2_BIAS,
+        multipliers: &CONV2_MULTIPLIERS,
+    },",
+        );
         let unsigned = UnsignedInput::from_model(&model.integers);
-        self.line("/// Network of the encoder.");
-        self.line("pub static NETWORK: Network<'static> = Network {");
-        self.line("    hop: HOP,");
-        for (field, name) in [("conv1", "CONV1"), ("conv2", "CONV2")] {
-            self.line(format_args!("    {field}: ConvWeights {{"));
-            self.line(format_args!("        weights: &{name}_WEIGHTS,"));
-            self.line(format_args!("        bias: &{name}_BIAS,"));
-            self.line(format_args!("        multipliers: &{name}_MULTIPLIERS,"));
-            self.line("    },");
-        }
         for (field, channels) in [
             ("hidden_padding", unsigned.padding),
             ("hidden_offset", unsigned.offset),
@@ -189,17 +122,21 @@ impl Source {
                 .collect();
             self.line(format_args!("        [{}],", matrices.join(", ")));
         }
-        self.line("    ],");
-        self.line("    fc_bias: &FC_BIAS,");
-        self.line("    fc_multipliers: &FC_MULTIPLIERS,");
-        self.line("    shortcut: [");
+        self.line(
+            "    ],
+    fc_bias: &FC_BIAS,
+    fc_multipliers: &FC_MULTIPLIERS,
+    shortcut: [",
+        );
         for step in 0..pack::shortcut(&model.integers).len() {
             self.line(format_args!("        &SHORTCUT_{step}_WEIGHTS,"));
         }
-        self.line("    ],");
-        self.line("    shortcut_multipliers: &SHORTCUT_MULTIPLIERS,");
-        self.line("    code_zero_point: &CODE_ZERO_POINT,");
-        self.line("};");
+        self.line(
+            "    ],
+    shortcut_multipliers: &SHORTCUT_MULTIPLIERS,
+    code_zero_point: &CODE_ZERO_POINT,
+};",
+        );
     }
 
     pub(super) fn weights(&mut self, doc: &str, name: &str, weights: &[Pair]) {
@@ -221,8 +158,8 @@ fn words(pairs: &[Pair]) -> Vec<String> {
         .collect()
 }
 
-/// Returns the factors of a layer, one for each number of a code, or zeros if the network does not have
-/// the layer.
+/// Returns the factors of a layer, one for each number of a code, or zeros if the network does not
+/// have the layer.
 fn filled(multipliers: &[i32], numbers: usize) -> Vec<i32> {
     let mut filled = multipliers.to_vec();
     filled.resize(numbers, 0);

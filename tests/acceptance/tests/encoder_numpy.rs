@@ -6,11 +6,11 @@
 #![forbid(unsafe_code)]
 
 use acceptance::{numpy_reference, real_data, workspace};
+use any_model::Stress;
 use artifact::{Artifact, CodeFormat, IntegerCode};
-use bench::{hop, stress::Stress};
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use model::{HOP, STEPS};
-use pipeline::{Acquisition, Encoder, Mains, Plane, Sample, Step};
+use pipeline::{Acquisition, CELLS, Encoder, Mains, Plane, Sample, Step};
 
 /// Number of windows over all inputs, unless `CORTICODE_WINDOWS` sets another number.
 const WINDOWS: usize = 1_000;
@@ -98,10 +98,14 @@ fn inputs(test: &str) -> Vec<Vec<Plane>> {
     let windows = requested.map_or(WINDOWS, |text| text.parse().expect("a number of windows"));
     let real = real_data::path(test, real_data::EDF_R12);
     let count = Stress::ALL.len() + 1 + usize::from(real.is_some());
-    let steps = hop::steps(windows.div_ceil(count));
+    let steps = STEPS + HOP * (windows.div_ceil(count) - 1);
 
     let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
-    let stress = Stress::ALL.map(|stress| stress.planes().take(steps).collect());
+    let stress = Stress::ALL.map(|stress| {
+        let planes = stress.planes(CELLS).take(steps);
+        let planes = planes.map(|plane| std::array::from_fn(|cell| plane[cell]));
+        planes.collect()
+    });
     let mut inputs: Vec<Vec<Plane>> = stress.to_vec();
     let generator = Generator::new(&SyntheticSpec::new(5, electrodes.iter().copied()));
     let synthetic = generator

@@ -1,5 +1,5 @@
-//! Random weights, inputs and shapes for the encoder's kernels, to compare the assembler kernels on the
-//! microcontroller with the portable ones on the PC.
+//! Random weights, inputs and shapes for the encoder's kernels, to compare the assembler kernels on
+//! the microcontroller with the portable ones on the PC.
 
 use int8_nn::{Direct, InputConv, Linear, Pair, PlaneShape, Winograd};
 
@@ -68,8 +68,8 @@ impl Draw {
         1 + self.0.next() as usize % most
     }
 
-    /// Draws a weight from -127 to 127. With a probability of 1/8 the weight is 127, and with the same
-    /// probability -127; otherwise it is uniform.
+    /// Draws a weight from -127 to 127. With a probability of 1/8 the weight is 127, and with the
+    /// same probability -127; otherwise it is uniform.
     fn weight(&mut self) -> i8 {
         let [any, choice, ..] = self.0.next().to_le_bytes();
         match choice % 8 {
@@ -148,7 +148,8 @@ impl Draw {
         hash.add(largest.iter().map(|sum| sum.cast_unsigned()));
     }
 
-    /// Runs the direct convolution with inputs of both signs, and with a pool of 1 x 8, 2 x 4 or 4 x 2.
+    /// Runs the direct convolution with inputs of both signs, and with a pool of 1 x 8, 2 x 4 or 4
+    /// x 2.
     fn direct(&mut self, hash: &mut Hash) {
         const ROWS: usize = 4;
         const INPUT: usize = (ROWS + 2) * HIDDEN_COLUMNS * HIDDEN_PAIRS;

@@ -5,7 +5,7 @@ use model::{ELECTRODES, SECTIONS};
 
 use crate::{
     block::{Block, SILENCE},
-    contender::Contender,
+    contenders::Contender,
     random::Random,
 };
 
@@ -115,8 +115,8 @@ mod tests {
         // deviations below the average.
         assert!(shapes.iter().all(|times| *times > 300), "{shapes:?}");
         assert!(integers.iter().all(|times| *times > 220), "{integers:?}");
-        // The smallest and the largest of at least 1,024 random values are within 1 % of the ends of
-        // the range.
+        // The smallest and the largest of at least 1,024 random values are within 1 % of the ends
+        // of the range.
         assert!(lowest.iter().all(|value| *value < i32::MIN / 100 * 99));
         assert!(highest.iter().all(|value| *value > i32::MAX / 100 * 99));
     }

@@ -3,8 +3,8 @@
 use fixed_dsp::BLOCK;
 use model::ELECTRODES;
 
-/// Four consecutive samples of each electrode: counts x 2^5 (Q27.5). In the input of a contender, the
-/// magnitude is at most 2^28.
+/// Four consecutive samples of each electrode: counts x 2^5 (Q27.5). In the input of a contender,
+/// the magnitude is at most 2^28.
 pub type Block = [[i32; BLOCK]; ELECTRODES];
 
 /// A block of zeros.
@@ -14,16 +14,16 @@ pub const SILENCE: Block = [[0; BLOCK]; ELECTRODES];
 /// each, little endian.
 pub const BYTES: usize = 4 * BLOCK * ELECTRODES;
 
-/// Number of blocks in one input: 256 blocks are 2 s at 512 Hz. The states of all contenders are zero
-/// at the start of each input.
+/// Number of blocks in one input: 256 blocks are 2 s at 512 Hz. The states of all contenders are
+/// zero at the start of each input.
 pub const BLOCKS: usize = 256;
 
 /// Name of the file that an image reads. For the image `filters` it holds [`BLOCKS`] blocks of each
 /// input.
 pub const INPUTS: &str = "inputs.bin";
 
-/// Name of the file that an image writes. For the image `filters` it holds one block of each contender
-/// for each block of [`INPUTS`].
+/// Name of the file that an image writes. For the image `filters` it holds one block of each
+/// contender for each block of [`INPUTS`].
 pub const OUTPUTS: &str = "outputs.bin";
 
 /// Returns the bytes of a block in a file, in the order that [`BYTES`] states.

@@ -12,7 +12,8 @@ pub const SILENCE: Samples = [[[0; 3]; CHANNELS]; MAX_SAMPLES];
 /// Length of a block's samples in the input file, bytes.
 pub const INPUT_BYTES: usize = 3 * CHANNELS * MAX_SAMPLES;
 
-/// Length of a compressed block in the output file, bytes: kind, length, and bytes filled with zeros.
+/// Length of a compressed block in the output file, bytes: kind, length, and bytes filled with
+/// zeros.
 pub const OUTPUT_BYTES: usize = 1 + 2 + INPUT_BYTES;
 
 /// Number of blocks in one input: 256 blocks are 4 s at 512 Hz.

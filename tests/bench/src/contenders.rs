@@ -1,5 +1,5 @@
-//! All contenders: our filters in the forms in which they are used, and the filters of a peer, the crate
-//! idsp.
+//! All contenders: our filters in the forms in which they are used, and the filters of a peer, the
+//! crate idsp.
 
 use fixed_dsp::{BLOCK, CascadeState, DelayLine, Filter, Resampler};
 use idsp::iir::{DirectForm1, DirectForm1Dither, DirectForm1Wide};
@@ -9,9 +9,21 @@ use pipeline::{Acquisition, Electrodes, Mains, Sample};
 use crate::{
     any_sections::AnySections,
     block::{Block, SILENCE},
-    contender::Contender,
     idsp_cascade::IdspCascade,
 };
+
+/// Code under test that processes four samples of all electrodes at a time.
+pub trait Contender {
+    /// Stores the next input block. The instructions of this function are not counted.
+    fn load(&mut self, block: &Block);
+
+    /// Processes the stored block. The instructions of this function are counted.
+    fn run(&mut self);
+
+    /// Returns the result of [`run`](Self::run). If it has fewer numbers than a block, the rest is
+    /// zeros.
+    fn output(&self) -> Block;
+}
 
 /// Names of the contenders in reports, in the order of [`with_contenders`].
 pub const NAMES: [&str; 8] = [
@@ -91,12 +103,12 @@ impl Contender for Singles {
     }
 }
 
-/// Number of taps of the counted resampler, as many as a decimation from 512 Hz needs. The values of the taps
-/// do not affect the count.
+/// Number of taps of the counted resampler, as many as a decimation from 512 Hz needs. The values
+/// of the taps do not affect the count.
 const TAPS: usize = 64;
 
-/// A resampler from 512 to 128 Hz: for each block, four samples enter the delay line and one output is
-/// computed.
+/// A resampler from 512 to 128 Hz: for each block, four samples enter the delay line and one output
+/// is computed.
 struct Resampling {
     resampler: Resampler<1, TAPS>,
     line: DelayLine<ELECTRODES, TAPS>,
@@ -142,8 +154,8 @@ struct Acquiring {
 }
 
 impl Default for Acquiring {
-    /// Processes one sample of silence, which completes the first time step. Then every block of four samples
-    /// also completes one time step.
+    /// Processes one sample of silence, which completes the first time step. Then every block of
+    /// four samples also completes one time step.
     fn default() -> Self {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         acquisition.process_sample(&Sample::default());

@@ -8,14 +8,14 @@ use model::{ELECTRODES, MAINS_50, SECTIONS};
 
 use crate::{
     block::{Block, SILENCE},
-    contender::Contender,
+    contenders::Contender,
 };
 
 /// A section of idsp: five coefficients in Q2.29, because their largest magnitude is 2.
 pub type Section29 = Biquad<Q32<29>>;
 
-/// Our sections for 50 Hz mains as idsp's biquads, in the same order and with the same gains; `S` is idsp's
-/// type of a section's state.
+/// Our sections for 50 Hz mains as idsp's biquads, in the same order and with the same gains; `S`
+/// is idsp's type of a section's state.
 #[derive(Clone, Debug)]
 pub struct IdspCascade<S> {
     sections: [Section29; SECTIONS],
@@ -56,8 +56,8 @@ where
         self.block = *block;
     }
 
-    /// Applies each section to all four samples before the next section. This is the order that idsp itself
-    /// uses, and the faster one.
+    /// Applies each section to all four samples before the next section. This is the order that
+    /// idsp itself uses, and the faster one.
     fn run(&mut self) {
         for (states, samples) in self.states.iter_mut().zip(&mut self.block) {
             for (section, state) in self.sections.iter().zip(states) {
@@ -73,8 +73,8 @@ where
     }
 }
 
-/// Converts one of our sections to idsp's coefficients `b0, b1, b2, -a1, -a2` of a direct form, rounded to
-/// Q2.29.
+/// Converts one of our sections to idsp's coefficients `b0, b1, b2, -a1, -a2` of a direct form,
+/// rounded to Q2.29.
 fn biquad(section: &Section) -> Section29 {
     const ONE: i64 = 1 << 32;
     let q32 = Coefficient::to_q32;

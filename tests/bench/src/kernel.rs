@@ -18,7 +18,8 @@ const FRAMED: usize = HIDDEN.len() / 2;
 /// Number of pairs in a plane after the transform of the second convolution.
 const TRANSFORMED: usize = NETWORK.conv2().transformed_len();
 
-/// Weights of the linear shortcut for the first time step of a window; unused in a network without shortcut.
+/// Weights of the linear shortcut for the first time step of a window; unused in a network without
+/// shortcut.
 const SHORTCUT_WEIGHTS: &[Pair; SHORTCUT_PAIRS] = match NETWORK.shortcut.first() {
     Some(weights) => weights,
     None => &[Pair::ZERO; SHORTCUT_PAIRS],
@@ -36,8 +37,8 @@ pub struct Kernel {
 /// Name of the only kernel that a network without shortcut does not call.
 pub const SHORTCUT: &str = "shortcut";
 
-/// Calls `count` for each kernel that the network has, with a closure that calls the kernel once. The inputs
-/// are zeros; their values do not affect the count.
+/// Calls `count` for each kernel that the network has, with a closure that calls the kernel once.
+/// The inputs are zeros; their values do not affect the count.
 pub fn each(mut count: impl FnMut(Kernel, &mut dyn FnMut())) {
     #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
     let mut count = |name, per_code: usize, run: &mut dyn FnMut()| {

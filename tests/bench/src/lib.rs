@@ -1,10 +1,10 @@
-//! Benchmarks of filters and encoder: images that count their own instructions on an emulated microcontroller,
-//! and the program `report` that runs them.
+//! Benchmarks of filters and encoder: images that count their own instructions on an emulated
+//! microcontroller, and the program `report` that runs them.
 //!
-//! An image reads `inputs.bin` through semihosting, counts the instructions of the code under test on these
-//! inputs, prints the counts and writes the code's outputs to `outputs.bin`. On the PC the program runs the
-//! same code on the same inputs, compares the outputs bit for bit, and checks all figures against
-//! `tests/bench/limits.toml`.
+//! An image reads `inputs.bin` through semihosting, counts the instructions of the code under test
+//! on these inputs, prints the counts and writes the code's outputs to `outputs.bin`. On the PC the
+//! program runs the same code on the same inputs, compares the outputs bit for bit, and checks all
+//! figures against `tests/bench/limits.toml`.
 //!
 //! ```text
 //!            inputs.bin              counts as TOML ─────┐
@@ -13,9 +13,10 @@
 //!   └── same inputs ──> same code on the PC ── equal? ─┴─┴─> table or JSON, limits.toml
 //! ```
 //!
-//! `filters` passes every [`Block`](block::Block) through every [`Contender`](contender::Contender);
-//! `encoder` takes one [`Plane`](pipeline::Plane) per time step and counts each time step of a [`hop`];
-//! `lossless` compresses the [blocks of samples](compression).
+//! `filters` passes every [`Block`](block::Block) through every
+//! [`Contender`](contenders::Contender); `encoder` takes one [`Plane`](pipeline::Plane) per time
+//! step and counts each time step of a [`hop`]; `lossless` compresses the [blocks of
+//! samples](compression).
 //!
 //! ```
 //! use bench::{contenders::with_contenders, block::SILENCE};
@@ -35,7 +36,6 @@ pub mod any_network;
 pub mod any_sections;
 pub mod block;
 pub mod compression;
-pub mod contender;
 pub mod contenders;
 pub mod hop;
 pub mod idsp_cascade;
@@ -45,6 +45,26 @@ pub mod machine;
 mod random;
 #[cfg(not(target_os = "none"))]
 pub mod report;
-#[cfg(not(target_os = "none"))]
-pub mod stress;
 pub mod tally;
+
+/// Completes a program that is an image: its panic handler, and for a PC a `main` that prints where
+/// it must run.
+#[macro_export]
+macro_rules! image {
+    ($benchmark:literal) => {
+        #[cfg(not(target_os = "none"))]
+        fn main() {
+            eprintln!(concat!(
+                "this image runs on the emulated microcontroller: `cargo xtask bench ",
+                $benchmark,
+                "`"
+            ));
+        }
+
+        #[cfg(target_os = "none")]
+        #[panic_handler]
+        fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
+            $crate::machine::panicked(info)
+        }
+    };
+}

@@ -6,6 +6,8 @@
 
 use core::{
     arch::asm,
+    fmt,
+    panic::PanicInfo,
     sync::atomic::{Ordering, compiler_fence},
 };
 
@@ -13,8 +15,8 @@ use cortex_m_semihosting::{debug, hprintln, nr, syscall};
 
 use crate::block::{INPUTS, OUTPUTS};
 
-/// Address of the load register of the dual timer's timer 1 (CMSDK, ARM DDI 0479; addresses of the MPS2's
-/// FPGA images AN386 and AN500).
+/// Address of the load register of the dual timer's timer 1 (CMSDK, ARM DDI 0479; addresses of the
+/// MPS2's FPGA images AN386 and AN500).
 const LOAD: *mut u32 = 0x4000_2000 as *mut u32;
 /// Address of the current value of the dual timer's timer 1, which counts down.
 const VALUE: *const u32 = 0x4000_2004 as *const u32;
@@ -23,8 +25,8 @@ const CONTROL: *mut u32 = 0x4000_2008 as *mut u32;
 /// Value of the register at [`CONTROL`]: enabled, free running, no interrupt, prescaler 1, 32 bits.
 const FREE_RUNNING: u32 = 0b1000_0010;
 
-/// Timer ticks in ten instructions. With QEMU's `-icount shift=10` an instruction takes 1024 ns, which is
-/// 25.6 periods of the board's 25 MHz clock.
+/// Timer ticks in ten instructions. With QEMU's `-icount shift=10` an instruction takes 1024 ns,
+/// which is 25.6 periods of the board's 25 MHz clock.
 const TICKS_OF_TEN: u64 = 256;
 
 /// Number of instructions in the block with which the counter is checked.
@@ -38,15 +40,16 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// Starts the timer, measures the overhead of a measurement, and checks timer and overhead with a block
-    /// of 1000 instructions.
+    /// Starts the timer, measures the overhead of a measurement, and checks timer and overhead with
+    /// a block of 1000 instructions.
     ///
     /// # Errors
-    /// Returns the count of that block if it is not 1000: QEMU was started with other options than needed.
+    /// Returns the count of that block if it is not 1000: QEMU was started with other options than
+    /// needed.
     pub fn start() -> Result<Self, u32> {
         for (register, value) in [(LOAD, u32::MAX), (CONTROL, FREE_RUNNING)] {
-            // SAFETY: `LOAD` and `CONTROL` are addresses of registers of the dual timer, which only this file
-            // uses.
+            // SAFETY: `LOAD` and `CONTROL` are addresses of registers of the dual timer, which only
+            // this file uses.
             unsafe { register.write_volatile(value) };
         }
         let mut clock = Self { overhead: 0 };
@@ -62,11 +65,11 @@ impl Clock {
         }
     }
 
-    /// Returns the number of instructions of `work` without its call and return. The timer wraps after 2^32
-    /// ticks, which is 1.7e8 instructions.
+    /// Returns the number of instructions of `work` without its call and return. The timer wraps
+    /// after 2^32 ticks, which is 1.7e8 instructions.
     ///
-    /// Not inlined: the compiler would mix this function with the surrounding code, and each measurement
-    /// would have a different overhead.
+    /// Not inlined: the compiler would mix this function with the surrounding code, and each
+    /// measurement would have a different overhead.
     #[inline(never)]
     pub fn count(&self, work: &mut dyn FnMut()) -> u32 {
         let start = ticks();
@@ -81,8 +84,8 @@ impl Clock {
     }
 }
 
-/// Starts the counter, calls `work` with it, and ends the emulation. If the counter is wrong or a file of the
-/// host cannot be used, prints the reason and ends with exit status 1.
+/// Starts the counter, calls `work` with it, and ends the emulation. If the counter is wrong or a
+/// file of the host cannot be used, prints the reason and ends with exit status 1.
 pub fn with_clock(work: impl FnOnce(&Clock) -> Result<(), Refused>) -> ! {
     let clock = match Clock::start() {
         Ok(clock) => clock,
@@ -105,10 +108,78 @@ pub fn with_clock(work: impl FnOnce(&Clock) -> Result<(), Refused>) -> ! {
     exit(done.is_ok())
 }
 
+/// Prints a panic and ends the emulation: the panic handler of an image.
+pub fn panicked(info: &PanicInfo<'_>) -> ! {
+    hprintln!("{}", info);
+    exit(false)
+}
+
+/// Files of an image on the host.
+#[derive(Debug)]
+pub struct Files {
+    inputs: HostFile,
+    /// File that the image writes.
+    pub outputs: HostFile,
+}
+
+impl Files {
+    /// Opens both files.
+    ///
+    /// # Errors
+    /// The input file does not exist, or the output file cannot be written.
+    pub fn open() -> Result<Self, Refused> {
+        Ok(Self {
+            inputs: HostFile::open(INPUTS)?,
+            outputs: HostFile::create(OUTPUTS)?,
+        })
+    }
+
+    /// Reads the number of time steps of each input, with which some input files start.
+    ///
+    /// # Errors
+    /// The file is empty or cannot be read.
+    pub fn read_steps(&mut self) -> Result<usize, Refused> {
+        let mut steps = [0; 4];
+        let has_steps = self.inputs.read(&mut steps)?;
+        has_steps
+            .then_some(u32::from_le_bytes(steps) as usize)
+            .ok_or(Refused)
+    }
+
+    /// Reads element `index` of an input and returns true; returns false at the end of the file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or ends within an input.
+    pub fn read(&mut self, index: usize, element: &mut [u8]) -> Result<bool, Refused> {
+        match self.inputs.read(element)? {
+            false if index > 0 => Err(Refused),
+            is_read => Ok(is_read),
+        }
+    }
+
+    /// Prints the TOML array `inputs` with an element for each input: what `count` returns, until
+    /// it returns `None` at the end of the file.
+    ///
+    /// # Errors
+    /// The first error of `count`.
+    pub fn count_inputs<T: fmt::Debug>(
+        &mut self,
+        mut count: impl FnMut(&mut Self) -> Result<Option<T>, Refused>,
+    ) -> Result<(), Refused> {
+        hprintln!("inputs = [");
+        while let Some(counts) = count(self)? {
+            hprintln!("{:?},", counts);
+        }
+        hprintln!("]");
+        Ok(())
+    }
+}
+
 /// Returns the number of ticks since the timer's start, modulo 2^32.
 #[inline]
 fn ticks() -> u32 {
-    // SAFETY: `VALUE` is the address of a register of the dual timer; reading it has no side effect.
+    // SAFETY: `VALUE` is the address of a register of the dual timer; reading it has no side
+    // effect.
     !unsafe { VALUE.read_volatile() }
 }
 
@@ -116,8 +187,8 @@ fn ticks() -> u32 {
 #[derive(Debug)]
 pub struct HostFile(usize);
 
-/// The host refused an operation: the file is missing or too short, its name is too long, or the disk is
-/// full.
+/// The host refused an operation: the file is missing or too short, its name is too long, or the
+/// disk is full.
 #[derive(Clone, Copy, Debug)]
 pub struct Refused;
 
@@ -142,9 +213,9 @@ impl HostFile {
         let mut terminated = [0; 33];
         let space = terminated[..32].get_mut(..name.len()).ok_or(Refused)?;
         space.copy_from_slice(name.as_bytes());
-        // SAFETY: SYS_OPEN reads `name.len()` bytes and a zero at `terminated`, a local array that lives
-        // until this function returns. The macro's argument block is a temporary that lives until the call
-        // returns.
+        // SAFETY: SYS_OPEN reads `name.len()` bytes and a zero at `terminated`, a local array that
+        // lives until this function returns. The macro's argument block is a temporary that lives
+        // until the call returns.
         let handle = unsafe { syscall!(OPEN, terminated.as_ptr(), mode, name.len()) };
         if handle == usize::MAX {
             Err(Refused)
@@ -158,8 +229,9 @@ impl HostFile {
     /// # Errors
     /// The file ends within the buffer, or cannot be read.
     pub fn read(&mut self, buffer: &mut [u8]) -> Result<bool, Refused> {
-        // SAFETY: SYS_READ writes at most `buffer.len()` bytes to `buffer`, which is mutably borrowed until
-        // the call returns. The macro's argument block is a temporary that lives as long.
+        // SAFETY: SYS_READ writes at most `buffer.len()` bytes to `buffer`, which is mutably
+        // borrowed until the call returns. The macro's argument block is a temporary that lives as
+        // long.
         let missing = unsafe { syscall!(READ, self.0, buffer.as_mut_ptr(), buffer.len()) };
         match missing {
             0 => Ok(true),
@@ -173,8 +245,8 @@ impl HostFile {
     /// # Errors
     /// The disk is full or the host reports another error.
     pub fn write(&mut self, bytes: &[u8]) -> Result<(), Refused> {
-        // SAFETY: SYS_WRITE reads `bytes.len()` bytes from `bytes`, which is borrowed until the call returns.
-        // The macro's argument block is a temporary that lives as long.
+        // SAFETY: SYS_WRITE reads `bytes.len()` bytes from `bytes`, which is borrowed until the
+        // call returns. The macro's argument block is a temporary that lives as long.
         let missing = unsafe { syscall!(WRITE, self.0, bytes.as_ptr(), bytes.len()) };
         if missing == 0 { Ok(()) } else { Err(Refused) }
     }

@@ -1,7 +1,7 @@
 //! Pseudo-random numbers that are equal on the PC and on the microcontroller.
 
-/// State of a linear congruential generator with Knuth's 64-bit constants (MMIX; The Art of Computer
-/// Programming 2, 3.3.4).
+/// State of a linear congruential generator with Knuth's 64-bit constants (MMIX; The Art of
+/// Computer Programming 2, 3.3.4).
 #[derive(Clone, Debug)]
 pub(crate) struct Random(pub(crate) u64);
 
@@ -14,11 +14,5 @@ impl Random {
             .wrapping_add(1_442_695_040_888_963_407);
         // Use the upper half: the lowest bits of this generator have short periods.
         (self.0 >> 32) as u32
-    }
-
-    /// Returns true with a probability of 1 / `times`.
-    #[cfg(not(target_os = "none"))]
-    pub(crate) fn once_in(&mut self, times: u32) -> bool {
-        self.next() < u32::MAX / times
     }
 }

@@ -1,23 +1,20 @@
-//! The program `report`: runs a benchmark, prints its figures, and checks them against `tests/bench/limits.toml`.
+//! The program `report`: runs a benchmark, prints its figures, and checks them against
+//! `tests/bench/limits.toml`.
 
-mod bridge;
 mod checked_in;
 mod cost;
 mod encoder;
 mod figures;
 mod filters;
-mod flash;
 mod host;
 mod images;
 mod inputs;
 mod lossless;
-mod model;
-mod montages;
-mod node;
+mod models;
+mod nodes;
 mod offline;
 mod packed;
-mod packed_error;
-mod python_model;
+mod python;
 mod table;
 mod tools;
 mod training;
@@ -31,8 +28,8 @@ use emulator::EmulatorError;
 
 use self::cost::Parts;
 
-/// Environment variable with the path of a file to which the JSON object is written, with or without
-/// `--json`.
+/// Environment variable with the path of a file to which the JSON object is written, with or
+/// without `--json`.
 const OBJECT: &str = "CORTICODE_OBJECT";
 
 #[derive(Debug, Parser)]
@@ -52,14 +49,15 @@ struct Options {
 enum Benchmark {
     /// Filters: instructions on emulated microcontrollers, noise, response.
     Filters,
-    /// Encoder: instructions of each time step and kernel on emulated microcontrollers, memory, cycles.
+    /// Encoder: instructions of each time step and kernel on emulated microcontrollers, memory,
+    /// cycles.
     Encoder {
         /// Number of windows that are encoded and compared, over all inputs.
         #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(100..=100_000))]
         windows: u32,
     },
-    /// Packed code: instructions of each hop on emulated microcontrollers, memory, bytes compared with this PC's, bits
-    /// and error on recordings.
+    /// Packed code: instructions of each hop on emulated microcontrollers, memory, bytes compared
+    /// with this PC's, bits and error on recordings.
     Packed {
         /// Number of hops of each input.
         #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(65..=1_500))]
@@ -67,8 +65,9 @@ enum Benchmark {
     },
     /// Lossless compression of samples: bits, and instructions on emulated microcontrollers.
     Lossless,
-    /// Cost of a model: instructions of each time step on emulated microcontrollers, flash and RAM of the boards'
-    /// images. Fails when a code is not that of the batch reference, or an image does not fit.
+    /// Cost of a model: instructions of each time step on emulated microcontrollers, flash and RAM
+    /// of the boards' images. Fails when a code is not that of the batch reference, or an image
+    /// does not fit.
     Model {
         /// Folder of the model, as `trainer train` writes it.
         folder: PathBuf,
@@ -76,7 +75,7 @@ enum Benchmark {
         #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
         windows: u32,
     },
-    /// The same for a model of each file in `files/montages/`, with random weights.
+    /// Cost of a model with random weights for each file in `files/montages/`.
     Montages {
         /// Measure only the montage of this name.
         #[arg(long)]
@@ -90,24 +89,25 @@ enum Benchmark {
     },
     /// Encoder on this PC: codes per second on one core, and PyTorch's where it is installed.
     Host,
-    /// Recordings to codes and back on one core of this PC, in multiples of real time, beside scipy and PyTorch
-    /// where they are installed.
+    /// Recordings to codes and back on one core of this PC, in multiples of real time. For
+    /// comparison, scipy and PyTorch where they are installed.
     Offline {
         /// Seconds of signal.
         #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u32).range(20..=86_400))]
         seconds: u32,
     },
-    /// Training on one thread of this PC: windows per second, beside PyTorch where it is installed.
+    /// Training on one thread of this PC: windows per second. For comparison,
+    /// PyTorch where it is installed.
     Training,
-    /// Bridge on this PC: intervals and latency of codes at a subscriber, processor time and memory, beside a
-    /// node in rospy where it is installed.
+    /// Bridge on this PC: intervals and latency of codes at a subscriber, processor time and
+    /// memory. For comparison, a node in rospy where it is installed.
     Bridge {
         /// Seconds of each of the two parts: codes alone, and codes with the reconstructed signals.
         #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=86_400))]
         seconds: u32,
     },
-    /// Node for other amplifiers on this PC: intervals and latency of codes at a subscriber, beside a node in
-    /// rospy, which encodes nothing, where it is installed.
+    /// Node for other amplifiers on this PC: intervals and latency of codes at a subscriber.
+    /// For comparison, a node in rospy where it is installed.
     Node {
         /// Seconds that are measured.
         #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=86_400))]
@@ -136,7 +136,7 @@ fn run(options: &Options) -> anyhow::Result<()> {
         Benchmark::Encoder { windows } => encoder::measure(*windows as usize)?,
         Benchmark::Packed { hops } => packed::measure(*hops as usize)?,
         Benchmark::Lossless => lossless::measure()?,
-        Benchmark::Model { folder, windows } => model::measure(folder, *windows as usize)?,
+        Benchmark::Model { folder, windows } => models::measure_folder(folder, *windows as usize)?,
         Benchmark::Montages {
             montage,
             without_boards,
@@ -147,13 +147,13 @@ fn run(options: &Options) -> anyhow::Result<()> {
             } else {
                 Parts::EncoderAndBoards
             };
-            montages::measure(montage.as_deref(), *windows as usize, parts)?
+            models::measure_montages(montage.as_deref(), *windows as usize, parts)?
         }
         Benchmark::Host => host::measure()?,
         Benchmark::Offline { seconds } => offline::measure(*seconds)?,
         Benchmark::Training => training::measure()?,
-        Benchmark::Bridge { seconds } => bridge::measure(*seconds)?,
-        Benchmark::Node { seconds } => node::measure(*seconds)?,
+        Benchmark::Bridge { seconds } => nodes::bridge::measure(*seconds)?,
+        Benchmark::Node { seconds } => nodes::node::measure(*seconds)?,
     };
     if let Some(file) = std::env::var_os(OBJECT) {
         let file = Path::new(&file);

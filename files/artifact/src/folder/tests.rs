@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::description::{Grid, NetworkShape, Padding, Window};
+use crate::error::TensorProblem;
 use crate::testing;
 
 #[test]
@@ -180,19 +181,19 @@ fn the_error_of_a_montage_that_does_not_fit_the_grid_names_the_label() {
 
 #[test]
 fn empty_ranges_and_negative_variances_are_refused() {
-    let mut artifact = testing::shortcut();
-    artifact
-        .weights
-        .insert("encoder.norm1.running_var", &[16], vec![-1.0; 16]);
-    assert!(matches!(artifact.check(), Err(ArtifactError::Range { .. })));
-    let mut artifact = testing::shortcut();
-    artifact
-        .calibration
-        .insert("code.min", &[128], vec![1.0; 128]);
-    assert!(matches!(artifact.check(), Err(ArtifactError::Range { .. })));
-    let mut artifact = testing::shortcut();
-    artifact
-        .calibration
-        .insert("activation1.max", &[1], vec![0.0]);
-    assert!(matches!(artifact.check(), Err(ArtifactError::Range { .. })));
+    type Change = fn(&mut Artifact);
+    let cases: [Change; 3] = [
+        |a| (a.weights).insert("encoder.norm1.running_var", &[16], vec![-1.0; 16]),
+        |a| (a.calibration).insert("code.min", &[128], vec![1.0; 128]),
+        |a| (a.calibration).insert("activation1.max", &[1], vec![0.0]),
+    ];
+    for change in cases {
+        let mut artifact = testing::shortcut();
+        change(&mut artifact);
+        let error = artifact.check().unwrap_err();
+        let ArtifactError::Tensor { problem, .. } = error else {
+            panic!("{error}")
+        };
+        assert!(matches!(problem, TensorProblem::Range(..)), "{problem}");
+    }
 }

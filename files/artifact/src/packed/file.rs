@@ -1,16 +1,19 @@
 //! The files of a packed model: `packed.toml` and `packed.safetensors`.
 
 use super::description::PackedDescription;
-use super::file_names::{DESCRIPTION, TENSORS};
-use super::integer_matrix::IntegerMatrix;
-use super::model::PackedModel;
-use super::smoother::Smoother;
+use super::model::{IntegerMatrix, PackedModel, Smoother};
+use super::ranges;
 use crate::description::Description;
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, TensorProblem};
+use crate::tensor_file::{self, NamedTensor, TensorFile};
 use packed::{LEVELS, MAGNITUDES, RATES, Starts};
-use safetensors::SafeTensors;
-use safetensors::tensor::{Dtype, TensorView};
+use safetensors::tensor::Dtype;
 use std::path::Path;
+
+/// Name of the file with dimensions, units and figures.
+pub(crate) const DESCRIPTION: &str = "packed.toml";
+/// Name of the file with the integers.
+pub(crate) const TENSORS: &str = "packed.safetensors";
 
 /// Names of the tensors.
 const NAMES: [&str; 9] = [
@@ -68,186 +71,84 @@ impl PackedModel {
         description: &Description,
     ) -> Result<Self, ArtifactError> {
         let packed: PackedDescription = toml::from_str(toml).map_err(ArtifactError::PackedToml)?;
-        let file =
-            SafeTensors::deserialize(tensors).map_err(|source| ArtifactError::Safetensors {
-                file: TENSORS,
-                source,
-            })?;
+        let file = TensorFile::parse(TENSORS, tensors)?;
         if let Some(name) = file.names().iter().find(|name| !NAMES.contains(name)) {
-            return Err(ArtifactError::UnknownTensor {
-                file: TENSORS,
-                name: (*name).to_owned(),
-            });
+            return Err(TensorProblem::Unknown.of(TENSORS, name));
         }
         let values = description.montage.electrodes.len() * description.window.hop;
         let count = packed.coefficients;
         let matrix = |name: &str, inputs| -> Result<IntegerMatrix, ArtifactError> {
-            let weights = elements(
-                &file,
-                &format!("{name}.weight"),
-                Dtype::I8,
-                &[count, inputs],
-            )?;
-            let factors = elements(&file, &format!("{name}.factor"), Dtype::I32, &[count])?;
+            let weights = file.elements(&format!("{name}.weight"), Dtype::I8, &[count, inputs])?;
+            let factors = file.elements(&format!("{name}.factor"), Dtype::I32, &[count])?;
             Ok(IntegerMatrix {
                 weights: weights.iter().map(|byte| byte.cast_signed()).collect(),
                 factors: words(factors).map(i32::from_le_bytes).collect(),
             })
         };
         let levels =
-            |name| Ok::<_, ArtifactError>(elements(&file, name, Dtype::U8, &[count])?.to_vec());
+            |name| Ok::<_, ArtifactError>(file.elements(name, Dtype::U8, &[count])?.to_vec());
         let square = [RATES, count, count];
-        let smoother = elements(&file, "smoother.weight", Dtype::I8, &square)?;
-        let scales = elements(&file, "smoother.scale", Dtype::F32, &square[..2])?;
+        let smoother = file.elements("smoother.weight", Dtype::I8, &square)?;
+        let scales = file.elements("smoother.scale", Dtype::F32, &square[..2])?;
         let model = Self {
             analysis: matrix("analysis", values)?,
             prediction: matrix("prediction", count)?,
             predicted_levels: levels("levels.predicted")?,
             reset_levels: levels("levels.reset")?,
-            starts: table(elements(
-                &file,
-                "starts",
-                Dtype::U16,
-                &[2, LEVELS, MAGNITUDES],
-            )?),
+            starts: table(file.elements("starts", Dtype::U16, &[2, LEVELS, MAGNITUDES])?),
             smoother: Smoother {
                 weights: smoother.iter().map(|byte| byte.cast_signed()).collect(),
                 scales: words(scales).map(f32::from_le_bytes).collect(),
             },
             description: packed,
         };
-        model.check(description)?;
+        ranges::check(&model, description)?;
         Ok(model)
-    }
-
-    /// Checks dimensions and proves the ranges of all sums.
-    pub(crate) fn check(&self, description: &Description) -> Result<(), ArtifactError> {
-        super::ranges::check(self, description)
     }
 
     /// Returns the contents of the two files.
     pub(crate) fn to_files(&self) -> Result<PackedFiles, ArtifactError> {
-        let count = self.coefficients();
-        let bytes_of = |weights: &[i8]| weights.iter().map(|w| w.cast_unsigned()).collect();
-        let words_of = |words: &[i32]| words.iter().flat_map(|word| word.to_le_bytes()).collect();
-        let starts = self.starts.iter().flatten().flatten();
-        let tensors: [(&str, Dtype, Vec<usize>, Vec<u8>); 9] = [
-            (
-                "analysis.weight",
-                Dtype::I8,
-                vec![count, self.analysis.inputs()],
-                bytes_of(&self.analysis.weights),
-            ),
-            (
-                "analysis.factor",
-                Dtype::I32,
-                vec![count],
-                words_of(&self.analysis.factors),
-            ),
-            (
-                "prediction.weight",
-                Dtype::I8,
-                vec![count, count],
-                bytes_of(&self.prediction.weights),
-            ),
-            (
-                "prediction.factor",
-                Dtype::I32,
-                vec![count],
-                words_of(&self.prediction.factors),
-            ),
-            (
-                "levels.predicted",
-                Dtype::U8,
-                vec![count],
-                self.predicted_levels.clone(),
-            ),
-            (
-                "levels.reset",
-                Dtype::U8,
-                vec![count],
-                self.reset_levels.clone(),
-            ),
-            (
-                "starts",
-                Dtype::U16,
-                vec![2, LEVELS, MAGNITUDES],
-                starts.flat_map(|start| start.to_le_bytes()).collect(),
-            ),
-            (
-                "smoother.weight",
-                Dtype::I8,
-                vec![RATES, count, count],
-                bytes_of(&self.smoother.weights),
-            ),
-            (
-                "smoother.scale",
-                Dtype::F32,
-                vec![RATES, count],
-                self.smoother
-                    .scales
-                    .iter()
-                    .flat_map(|scale| scale.to_le_bytes())
-                    .collect(),
-            ),
-        ];
-        let failed = |source| ArtifactError::Safetensors {
-            file: TENSORS,
-            source,
-        };
-        let views = tensors
-            .iter()
-            .map(|(name, kind, shape, bytes)| {
-                Ok((
-                    *name,
-                    TensorView::new(*kind, shape.clone(), bytes).map_err(failed)?,
-                ))
-            })
-            .collect::<Result<Vec<_>, ArtifactError>>()?;
         Ok(PackedFiles {
             description: toml::to_string(&self.description)?,
-            tensors: safetensors::serialize(views, None).map_err(failed)?,
+            tensors: tensor_file::to_bytes(TENSORS, &self.tensors(self.analysis.inputs()))?,
         })
     }
-}
 
-/// Returns the bytes of a tensor of the expected type and shape.
-fn elements<'f>(
-    file: &SafeTensors<'f>,
-    name: &str,
-    kind: Dtype,
-    shape: &[usize],
-) -> Result<&'f [u8], ArtifactError> {
-    let view = file
-        .tensor(name)
-        .map_err(|_| ArtifactError::MissingTensor {
-            file: TENSORS,
-            name: name.to_owned(),
-        })?;
-    if view.dtype() != kind {
-        let expected = match kind {
-            Dtype::I8 => "I8",
-            Dtype::U8 => "U8",
-            Dtype::U16 => "U16",
-            Dtype::I32 => "I32",
-            _ => "F32",
-        };
-        return Err(ArtifactError::ElementType {
-            file: TENSORS,
-            name: name.to_owned(),
-            found: view.dtype().to_string(),
-            expected,
-        });
+    /// Returns the tensors of the file, of a model whose blocks have `values` values. The shapes
+    /// follow from the dimensions; the elements may be fewer or more in a model that is not
+    /// checked.
+    pub(super) fn tensors(&self, values: usize) -> [NamedTensor<'static>; 9] {
+        let count = self.coefficients();
+        let bytes = |weights: &[i8]| weights.iter().map(|w| w.cast_unsigned()).collect();
+        let words = |words: &[i32]| words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        let (analysis, prediction, smoother) = (&self.analysis, &self.prediction, &self.smoother);
+        let starts = self.starts.iter().flatten().flatten();
+        let starts = starts.flat_map(|start| start.to_le_bytes()).collect();
+        let scales = smoother.scales.iter();
+        let scales = scales.flat_map(|scale| scale.to_le_bytes()).collect();
+        let shape = |lengths: &[usize]| lengths.to_vec();
+        let contents = [
+            (Dtype::I8, shape(&[count, values]), bytes(&analysis.weights)),
+            (Dtype::I32, shape(&[count]), words(&analysis.factors)),
+            (
+                Dtype::I8,
+                shape(&[count, count]),
+                bytes(&prediction.weights),
+            ),
+            (Dtype::I32, shape(&[count]), words(&prediction.factors)),
+            (Dtype::U8, shape(&[count]), self.predicted_levels.clone()),
+            (Dtype::U8, shape(&[count]), self.reset_levels.clone()),
+            (Dtype::U16, shape(&[2, LEVELS, MAGNITUDES]), starts),
+            (
+                Dtype::I8,
+                shape(&[RATES, count, count]),
+                bytes(&smoother.weights),
+            ),
+            (Dtype::F32, shape(&[RATES, count]), scales),
+        ];
+        let mut names = NAMES.into_iter();
+        contents.map(|(kind, shape, bytes)| (names.next().unwrap_or_default(), kind, shape, bytes))
     }
-    if view.shape() != shape {
-        return Err(ArtifactError::Shape {
-            file: TENSORS,
-            name: name.to_owned(),
-            found: view.shape().to_vec(),
-            expected: shape.to_vec(),
-        });
-    }
-    Ok(view.data())
 }
 
 fn words(bytes: &[u8]) -> impl Iterator<Item = [u8; 4]> {

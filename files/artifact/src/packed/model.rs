@@ -1,9 +1,7 @@
 //! The integers that encoder and decoder share, and the reference computation with them.
 
 use super::description::PackedDescription;
-use super::integer_matrix::IntegerMatrix;
-use super::smoother::Smoother;
-use packed::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, Starts};
+use packed::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, RATES, Starts};
 
 /// Fraction bits that the state loses before the prediction, so that sums of products fit 24 bits.
 const STATE_BITS: u32 = 3;
@@ -20,11 +18,11 @@ pub struct PackedModel {
     pub prediction: IntegerMatrix,
     /// Level of each coefficient's mean magnitude at rate 4, 0..64, in a predicted block.
     pub predicted_levels: Vec<u8>,
-    /// The same in a block without prediction.
+    /// Level of each coefficient's mean magnitude at rate 4, 0..64, in a block without prediction.
     pub reset_levels: Vec<u8>,
     /// First frequency of each magnitude.
     pub starts: Box<Starts>,
-    /// What the reconstruction adds one block later.
+    /// Correction that the decoder adds to a block when the next one has arrived.
     pub smoother: Smoother,
 }
 
@@ -74,11 +72,149 @@ impl PackedModel {
     }
 }
 
-/// Returns a coefficient of the state as the prediction reads it: rounded to multiples of 8, in eighths;
+/// Returns a coefficient of the state as the prediction reads it: rounded to multiples of 8, in
+/// eighths;
 /// |x| <= 4096.
 pub fn rounded_state(coefficient: i16) -> i16 {
     let half = 1 << (STATE_BITS - 1);
     #[expect(clippy::cast_possible_truncation, reason = "an eighth of 16 bits")]
     let rounded = ((i32::from(coefficient) + half) >> STATE_BITS) as i16;
     rounded
+}
+
+/// A linear map in integers: `y_j = saturate((sum_i weight_ji * x_i * factor_j + 2^31) >> 32)`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct IntegerMatrix {
+    /// Weights, -127..=127, `[output][input]`.
+    pub weights: Vec<i8>,
+    /// Factor of each output, Q0.32.
+    pub factors: Vec<i32>,
+}
+
+impl IntegerMatrix {
+    /// Quantises a matrix `[output][input]`. The weights of each output are scaled to 8 bits, but
+    /// by no more than `largest_scale` returns for them; the factors undo the scale, so that the
+    /// result equals `matrix * gain`. A factor of 1/2 or more saturates; an artifact with such a
+    /// factor is refused.
+    pub fn quantised(
+        matrix: &[f64],
+        inputs: usize,
+        gain: f64,
+        largest_scale: impl Fn(&[f64]) -> f64,
+    ) -> Self {
+        let mut quantised = Self::default();
+        for row in matrix.chunks_exact(inputs) {
+            let largest = row
+                .iter()
+                .fold(1e-12, |largest: f64, w| largest.max(w.abs()));
+            let scale = (127.0 / largest).min(largest_scale(row));
+            #[expect(clippy::cast_possible_truncation, reason = "at most 127")]
+            let weights = row.iter().map(|weight| (weight * scale).round() as i8);
+            quantised.weights.extend(weights);
+            #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+            let factor = (gain / scale * 2_f64.powi(32)).round() as i32;
+            quantised.factors.push(factor);
+        }
+        quantised
+    }
+
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.weights.len() / self.factors.len().max(1)
+    }
+
+    /// Returns the outputs for `inputs`, each saturated to 16 bits.
+    ///
+    /// # Panics
+    /// If the number of inputs is not that of the matrix.
+    pub fn multiply(&self, inputs: &[i16]) -> Vec<i16> {
+        assert_eq!(inputs.len(), self.inputs(), "inputs of the matrix");
+        let rows = self.weights.chunks_exact(inputs.len().max(1));
+        rows.zip(&self.factors)
+            .map(|(weights, &factor)| {
+                let products = weights.iter().zip(inputs);
+                let sum: i32 = products.map(|(&w, &x)| i32::from(w) * i32::from(x)).sum();
+                requantised(sum, factor)
+            })
+            .collect()
+    }
+
+    /// Returns the matrix as it maps, `[output][input]`.
+    pub fn to_float(&self) -> Vec<f64> {
+        let rows = self.weights.chunks_exact(self.inputs().max(1));
+        rows.zip(&self.factors)
+            .flat_map(|(weights, &factor)| {
+                let factor = f64::from(factor) / 2_f64.powi(32);
+                weights.iter().map(move |&w| f64::from(w) * factor)
+            })
+            .collect()
+    }
+}
+
+/// Returns `sum * factor / 2^32`, rounded half up and saturated to 16 bits.
+fn requantised(sum: i32, factor: i32) -> i16 {
+    let product = i64::from(sum) * i64::from(factor) + (1 << 31);
+    let rounded = (product >> 32).clamp(i16::MIN.into(), i16::MAX.into());
+    #[expect(clippy::cast_possible_truncation, reason = "clamped to 16 bits")]
+    let saturated = rounded as i16;
+    saturated
+}
+
+/// For each rate, a linear estimate of coefficient minus state from the next block's dequantised
+/// residual.
+///
+/// A block's residual depends on the error of the state before it, from which it was predicted. One
+/// block later, the reconstruction can therefore remove a part of the error.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Smoother {
+    /// Weights, -127..=127, `[rate][coefficient][residual of the next block]`.
+    pub weights: Vec<i8>,
+    /// Value of one unit of a weight, `[rate][coefficient]`.
+    pub scales: Vec<f32>,
+}
+
+impl Smoother {
+    /// Quantises the matrices of all rates, ascending, each `[coefficient][residual]`.
+    ///
+    /// # Panics
+    /// If there is not one matrix for each rate.
+    pub fn quantised(matrices: &[Vec<f64>], coefficients: usize) -> Self {
+        assert_eq!(matrices.len(), RATES, "one matrix for each rate");
+        let mut smoother = Self {
+            weights: Vec::new(),
+            scales: Vec::new(),
+        };
+        for row in matrices
+            .iter()
+            .flat_map(|matrix| matrix.chunks_exact(coefficients))
+        {
+            let largest = row
+                .iter()
+                .fold(1e-9, |largest: f64, w| largest.max(w.abs()));
+            #[expect(clippy::cast_possible_truncation, reason = "at most 127")]
+            let weights = row
+                .iter()
+                .map(|weight| (weight / largest * 127.0).round() as i8);
+            smoother.weights.extend(weights);
+            #[expect(clippy::cast_possible_truncation, reason = "stored as f32")]
+            smoother.scales.push((largest / 127.0) as f32);
+        }
+        smoother
+    }
+
+    /// Returns the matrix of a rate as floats, `[coefficient][residual of the next block]`.
+    ///
+    /// # Panics
+    /// If the rate is above 15.
+    pub fn matrix(&self, rate: u8) -> Vec<f32> {
+        let coefficients = self.scales.len() / RATES;
+        let rate = usize::from(rate);
+        let scales = &self.scales[rate * coefficients..][..coefficients];
+        let weights = &self.weights[rate * coefficients * coefficients..];
+        scales
+            .iter()
+            .zip(weights.chunks_exact(coefficients.max(1)))
+            .flat_map(|(scale, weights)| weights.iter().map(move |&w| f32::from(w) * scale))
+            .collect()
+    }
 }

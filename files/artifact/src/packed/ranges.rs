@@ -1,10 +1,10 @@
 //! Proofs that no sum of the integer encoder leaves its range.
 
-use super::file_names::TENSORS;
+use super::file::TENSORS;
 use super::model::PackedModel;
 use crate::description::Description;
-use crate::error::ArtifactError;
-use packed::{LEVELS, MAX_COEFFICIENTS, RATES, Tables};
+use crate::error::{ArtifactError, TensorProblem};
+use packed::{LEVELS, MAX_COEFFICIENTS, Tables};
 
 /// Largest magnitude of a sum of products with which a kernel recovers two sums from one.
 pub const SUM_LIMIT: i64 = (1 << 23) - 1;
@@ -15,16 +15,16 @@ pub const LARGEST_STATE: i16 = 4096;
 /// Number of inputs that the kernel of the encoder's matrices takes at a time.
 pub const INPUTS_PER_ROUND: usize = 16;
 
-/// Returns where the inputs of a block end that the encoder adds to its sums at each step: after step `t`, all
-/// whole rounds of 16 values that have arrived; after the last step, all.
+/// Returns where the inputs of a block end that the encoder adds to its sums at each step: after
+/// step `t`, all whole rounds of 16 values that have arrived; after the last step, all.
 pub fn slice_ends(electrodes: usize, steps: usize) -> Vec<usize> {
     let ends = (1..steps).map(|steps| steps * electrodes / INPUTS_PER_ROUND * INPUTS_PER_ROUND);
     ends.chain([steps * electrodes]).collect()
 }
 
-/// Returns an error that names the first part of a packed model that does not fit the description, or whose
-/// sums could leave their range.
-pub(super) fn check(model: &PackedModel, description: &Description) -> Result<(), ArtifactError> {
+/// Returns an error that names the first part of a packed model that does not fit the description,
+/// or whose sums could leave their range.
+pub(crate) fn check(model: &PackedModel, description: &Description) -> Result<(), ArtifactError> {
     let electrodes = description.montage.electrodes.len();
     let steps = description.window.hop;
     let values = electrodes * steps;
@@ -129,42 +129,13 @@ fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactE
 
 /// Checks the lengths of all parts. Those of a model that was read have them already.
 fn check_shapes(model: &PackedModel, values: usize) -> Result<(), ArtifactError> {
-    let count = model.coefficients();
-    let PackedModel {
-        analysis,
-        prediction,
-        smoother,
-        ..
-    } = model;
-    let parts: [(&str, usize, &[usize]); 8] = [
-        ("analysis.weight", analysis.weights.len(), &[count, values]),
-        ("analysis.factor", analysis.factors.len(), &[count]),
-        (
-            "prediction.weight",
-            prediction.weights.len(),
-            &[count, count],
-        ),
-        ("prediction.factor", prediction.factors.len(), &[count]),
-        ("levels.predicted", model.predicted_levels.len(), &[count]),
-        ("levels.reset", model.reset_levels.len(), &[count]),
-        (
-            "smoother.weight",
-            smoother.weights.len(),
-            &[RATES, count, count],
-        ),
-        ("smoother.scale", smoother.scales.len(), &[RATES, count]),
-    ];
-    let is_wrong =
-        |(_, length, shape): &&(&str, usize, &[usize])| *length != shape.iter().product::<usize>();
-    match parts.iter().find(is_wrong) {
-        None => Ok(()),
-        Some((name, length, shape)) => Err(ArtifactError::Shape {
-            file: TENSORS,
-            name: (*name).to_owned(),
-            found: vec![*length],
-            expected: shape.to_vec(),
-        }),
+    for (name, kind, shape, bytes) in model.tensors(values) {
+        let length = bytes.len() / (kind.bitsize() / 8);
+        if length != shape.iter().product::<usize>() {
+            return Err(TensorProblem::Shape(vec![length], shape).of(TENSORS, name));
+        }
     }
+    Ok(())
 }
 
 /// Checks that the products of each slice of inputs up to `limit` sum to at most [`SUM_LIMIT`].
@@ -199,10 +170,5 @@ fn check_matrix(
 }
 
 fn range(name: &str, index: usize, problem: &'static str) -> ArtifactError {
-    ArtifactError::Range {
-        file: TENSORS,
-        name: name.to_owned(),
-        index,
-        problem,
-    }
+    TensorProblem::Range(index, problem).of(TENSORS, name)
 }

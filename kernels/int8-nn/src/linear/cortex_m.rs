@@ -6,18 +6,19 @@
 
 use core::arch::naked_asm;
 
-use super::layout::{INPUTS, ROUND};
+use super::{INPUTS, ROUND};
 use crate::pair::Pair;
 
-/// Adds `weights * inputs` to the accumulators, for slices checked by [`super::Linear::accumulate`].
+/// Adds `weights * inputs` to the accumulators, for slices checked by
+/// [`super::Linear::accumulate`].
 #[inline(always)]
 pub(super) fn accumulate(inputs: &[Pair], weights: &[Pair], accumulators: &mut [i32]) {
     let (inputs, accumulators) = (inputs.as_ptr_range(), accumulators.as_mut_ptr_range());
-    // SAFETY: the pointers come from the three slices, which are borrowed until `quads` returns, and
-    // only `quads` uses them. The caller has asserted `Linear::is_consistent`: a multiple of 8 pairs of
-    // inputs and a multiple of 4 outputs, neither of them 0, and half of their product in pairs of
-    // weights. It has cut inputs and accumulators to these numbers. The loops read and write exactly
-    // that many elements.
+    // SAFETY: the pointers come from the three slices, which are borrowed until `quads` returns,
+    // and only `quads` uses them. The caller has asserted `Linear::is_consistent`: a multiple of 8
+    // pairs of inputs and a multiple of 4 outputs, neither of them 0, and half of their product in
+    // pairs of weights. It has cut inputs and accumulators to these numbers. The loops read and
+    // write exactly that many elements.
     unsafe {
         quads(
             weights.as_ptr(),
@@ -32,9 +33,10 @@ pub(super) fn accumulate(inputs: &[Pair], weights: &[Pair], accumulators: &mut [
 /// Accumulates four outputs at a time over all inputs. Without loads, four products take three
 /// instructions.
 ///
-/// r0: products with the packed weights of the first pair of outputs; r1: products with the even output's
-/// weights only; r2, r3: the same for the second pair; r4-r7: weights of the current iteration; r8-r9:
-/// inputs; r10: low bytes of the weights; r11: next input; r12: next weights; lr: end of the inputs.
+/// r0: products with the packed weights of the first pair of outputs; r1: products with the even
+/// output's weights only; r2, r3: the same for the second pair; r4-r7: weights of the current
+/// iteration; r8-r9: inputs; r10: low bytes of the weights; r11: next input; r12: next weights; lr:
+/// end of the inputs.
 #[unsafe(naked)]
 unsafe extern "C" fn quads(
     weights: *const Pair,

@@ -8,7 +8,8 @@ use core::{
 use super::tile::Lanes;
 use crate::pair::Pair;
 
-/// The channels of one position, `PAIRS` pairs. The compiler turns its operations into SIMD instructions.
+/// The channels of one position, `PAIRS` pairs. The compiler turns its operations into SIMD
+/// instructions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Channels<const PAIRS: usize>([[i16; 2]; PAIRS]);
 
@@ -16,8 +17,8 @@ impl<const PAIRS: usize> Channels<PAIRS> {
     /// All channels 0.
     pub(super) const ZERO: Self = Self([[0; 2]; PAIRS]);
 
-    /// Reads a position of a plane `[pair of channels][position]` with `positions` positions; `plane`
-    /// starts at the position.
+    /// Reads a position of a plane `[pair of channels][position]` with `positions` positions;
+    /// `plane` starts at the position.
     #[inline(always)]
     pub(super) fn gather(plane: &[Pair], positions: usize) -> Self {
         let plane = &plane[..=(PAIRS - 1) * positions];

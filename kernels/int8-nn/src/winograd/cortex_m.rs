@@ -7,11 +7,11 @@
 use core::arch::naked_asm;
 
 use super::tile::{PRODUCTS, Sums, TRANSFORMED_TILE, WINDOWS};
-use crate::dot::layout::OUTPUTS;
+use crate::dot::OUTPUTS;
 
-/// Inverse-transforms the sums of `tiles` tiles and a pair of outputs, and keeps the maximum of each
-/// pool window in `windows[(tile * WINDOWS + window) * outputs + output]`. `windows` must end with the
-/// last number that this formula selects.
+/// Inverse-transforms the sums of `tiles` tiles and a pair of outputs, and keeps the maximum of
+/// each pool window in `windows[(tile * WINDOWS + window) * outputs + output]`. `windows` must end
+/// with the last number that this formula selects.
 #[inline(always)]
 pub(super) fn keep_largest(
     sums: &[Sums; PRODUCTS],
@@ -19,11 +19,12 @@ pub(super) fn keep_largest(
     outputs: usize,
     windows: &mut [i32],
 ) {
-    // SAFETY: both pointers come from slices that are borrowed until `tiles_of_pair` returns, and only
-    // that function uses them. There are 1 to POSITIONS tiles, so their sums are in the first OUTPUTS *
-    // tiles words of each product. The last address used in `windows` is that of the last tile's second
-    // window and second output, which is the last number of the slice. `Winograd::is_consistent`, which
-    // `convolve_max_pool` asserts, keeps byte offsets within a word.
+    // SAFETY: both pointers come from slices that are borrowed until `tiles_of_pair` returns, and
+    // only that function uses them. There are 1 to POSITIONS tiles, so their sums are in the first
+    // OUTPUTS * tiles words of each product. The last address used in `windows` is that of the last
+    // tile's second window and second output, which is the last number of the slice.
+    // `Winograd::is_consistent`, which `convolve_max_pool` asserts, keeps byte offsets within a
+    // word.
     unsafe {
         tiles_of_pair(
             sums.as_ptr().cast(),
@@ -37,8 +38,8 @@ pub(super) fn keep_largest(
 /// Inverse-transforms and pools two rows of six sums for each of `count` combinations of tile and
 /// output.
 ///
-/// r0: sums; r1: windows; r2: bytes from one window to the next; r3: combinations left; r4-r9: sums of
-/// a row; r10, r11: maxima of both windows; r12, lr: scratch.
+/// r0: sums; r1: windows; r2: bytes from one window to the next; r3: combinations left; r4-r9: sums
+/// of a row; r10, r11: maxima of both windows; r12, lr: scratch.
 #[unsafe(naked)]
 unsafe extern "C" fn tiles_of_pair(
     sums: *const i32,

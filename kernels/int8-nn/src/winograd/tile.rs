@@ -3,16 +3,17 @@
 use core::ops::{Add, Sub};
 
 use crate::{
-    dot::layout::{OUTPUTS, POSITIONS},
+    dot::{OUTPUTS, POSITIONS},
     pair::Pair,
 };
 
 /// Number of rows and columns of outputs in a tile.
 pub(super) const TILE: [usize; 2] = [2, 4];
-/// Number of rows and columns in a transformed tile: two more rows and two more columns than outputs.
+/// Number of rows and columns in a transformed tile: two more rows and two more columns than
+/// outputs.
 pub(super) const TRANSFORMED_TILE: [usize; 2] = [4, 6];
-/// Number of products in a tile for each pair of channels and time step: 24. A direct convolution needs
-/// 72, nine for each of the eight outputs.
+/// Number of products in a tile for each pair of channels and time step: 24. A direct convolution
+/// needs 72, nine for each of the eight outputs.
 pub(super) const PRODUCTS: usize = TRANSFORMED_TILE[0] * TRANSFORMED_TILE[1];
 /// Factor of every sum of transformed products: 2 from the rows, times 24 from the columns.
 pub(super) const SCALE: usize = 48;
@@ -76,8 +77,8 @@ pub(super) fn transform_tile<L: Lanes>(tile: [[L; 6]; 4]) -> [[L; 6]; 4] {
     out
 }
 
-/// Transforms the inputs of a tile for a pair of channels. In `tile` a row starts `COLUMNS` pairs after
-/// the row before; in `out` a product is `POSITIONS * PAIRS` pairs after the product before.
+/// Transforms the inputs of a tile for a pair of channels. In `tile` a row starts `COLUMNS` pairs
+/// after the row before; in `out` a product is `POSITIONS * PAIRS` pairs after the product before.
 #[cfg(smlad)]
 #[inline(always)]
 pub(super) fn transform_inputs<const PAIRS: usize, const COLUMNS: usize>(
@@ -117,8 +118,8 @@ pub(super) fn transform_taps(tap: impl Fn(usize, usize) -> i32) -> [i16; PRODUCT
     })
 }
 
-/// Inverse-transforms the sums of `tiles` tiles and a pair of outputs, and keeps the maximum of each
-/// pool window in `windows[(tile * WINDOWS + window) * outputs + output]`.
+/// Inverse-transforms the sums of `tiles` tiles and a pair of outputs, and keeps the maximum of
+/// each pool window in `windows[(tile * WINDOWS + window) * outputs + output]`.
 ///
 /// This is the portable equivalent of the assembler. It transforms the rows first: 44 additions per
 /// tile and output, instead of 56 with the columns first.

@@ -1,24 +1,17 @@
-//! Image that counts the instructions of each time step of the encoder. The documentation of the library
-//! `bench` describes the image's files.
+//! Image that counts the instructions of each time step of the encoder. The documentation of the
+//! library `bench` describes the image's files.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
-/// Built for a PC, the program only prints where it must run.
-#[cfg(not(target_os = "none"))]
-fn main() {
-    eprintln!("this image runs on the emulated microcontroller: `cargo xtask bench encoder`");
-}
+bench::image!("encoder");
 
 #[cfg(target_os = "none")]
 mod image {
-    use core::panic::PanicInfo;
-
     use bench::{
         any_network,
-        block::{INPUTS, OUTPUTS},
         hop::FILLING,
         kernel::{self, Kernel},
-        machine::{Clock, HostFile, Refused, exit, with_clock},
+        machine::{Clock, Files, Refused, with_clock},
         tally::Tally,
     };
     use cortex_m_rt::entry;
@@ -42,8 +35,8 @@ mod image {
         })
     }
 
-    /// Prints the number of instructions that the acquisition takes for the time steps of one code. The image
-    /// `filters` shows that this number is the same for every signal.
+    /// Prints the number of instructions that the acquisition takes for the time steps of one code.
+    /// The image `filters` shows that this number is the same for every signal.
     fn count_acquisition(clock: &Clock) {
         let mut acquisition = Acquisition::new(Mains::Hz50);
         let sample = Sample::default();
@@ -59,34 +52,25 @@ mod image {
 
     /// Encodes all inputs and prints, for each input, one tally for each place in the hop.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
-        let mut inputs = HostFile::open(INPUTS)?;
-        let mut outputs = HostFile::create(OUTPUTS)?;
-        let mut steps = [0; 4];
-        if !inputs.read(&mut steps)? {
-            return Err(Refused);
-        }
-        let steps = u32::from_le_bytes(steps) as usize;
-        hprintln!("inputs = [");
-        while let Some(tallies) = count_input(clock, steps, &mut inputs, &mut outputs)? {
-            hprintln!("{:?},", tallies);
-        }
-        hprintln!("]");
-        outputs.write(&any_network::digests())
+        let mut files = Files::open()?;
+        let steps = files.read_steps()?;
+        files.count_inputs(|files| count_input(clock, steps, files))?;
+        files.outputs.write(&any_network::digests())
     }
 
-    /// Encodes the next input. Returns a tally for each place in the hop, or `None` at the end of the file.
+    /// Encodes the next input. Returns a tally for each place in the hop, or `None` at the end of
+    /// the file.
     fn count_input(
         clock: &Clock,
         steps: usize,
-        inputs: &mut HostFile,
-        outputs: &mut HostFile,
+        files: &mut Files,
     ) -> Result<Option<[Tally; HOP]>, Refused> {
         let mut encoder = Encoder::new();
         let mut tallies = [Tally::EMPTY; HOP];
         let mut bytes = [0; CELLS];
         for index in 0..steps {
-            if !inputs.read(&mut bytes)? {
-                return if index == 0 { Ok(None) } else { Err(Refused) };
+            if !files.read(index, &mut bytes)? {
+                return Ok(None);
             }
             let step = Step {
                 plane: bytes.map(u8::cast_signed),
@@ -98,15 +82,11 @@ mod image {
                 tallies[index % HOP].add(instructions);
             }
             if let Some(code) = code {
-                outputs.write(code.values.to_bytes(&mut [0; CodeValues::MAX_BYTES]))?;
+                files
+                    .outputs
+                    .write(code.values.to_bytes(&mut [0; CodeValues::MAX_BYTES]))?;
             }
         }
         Ok(Some(tallies))
-    }
-
-    #[panic_handler]
-    fn panic(info: &PanicInfo) -> ! {
-        hprintln!("{}", info);
-        exit(false)
     }
 }

@@ -1,29 +1,39 @@
 //! Image that counts the instructions of each time step of the packed encoder.
 //!
-//! The input file holds the number of time steps, 32 bits, little endian, then the filtered electrodes of each
-//! step, 32 bits each. The output file holds, for each block, the number of its bytes and the bytes.
+//! The input file holds the number of time steps, 32 bits, little endian, then the filtered
+//! electrodes of each step, 32 bits each. The output file holds, for each block, the number of its
+//! bytes and the bytes.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
-/// Built for a PC, the program only prints where it must run.
-#[cfg(not(target_os = "none"))]
-fn main() {
-    eprintln!("this image runs on the emulated microcontroller: `cargo xtask bench packed`");
-}
+bench::image!("packed");
 
 #[cfg(target_os = "none")]
 mod image {
-    use core::panic::PanicInfo;
+    use core::fmt;
 
     use bench::{
-        block::{INPUTS, OUTPUTS},
-        machine::{Clock, HostFile, Refused, exit, with_clock},
+        machine::{Clock, Files, Refused, with_clock},
         tally::Tally,
     };
     use cortex_m_rt::entry;
     use cortex_m_semihosting::hprintln;
     use model::HOP;
     use pipeline::{ELECTRODES, PackedEncoder, PackedMemory, Step};
+
+    /// Counts of one input: a tally for each place in the hop, and one for whole hops.
+    struct Counts {
+        places: [Tally; HOP],
+        hops: Tally,
+    }
+
+    impl fmt::Debug for Counts {
+        /// Writes a TOML table.
+        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            let Self { places, hops } = self;
+            f.write_fmt(format_args!("{{ places = {places:?}, hops = {hops:?} }}"))
+        }
+    }
 
     #[entry]
     fn main() -> ! {
@@ -33,37 +43,27 @@ mod image {
         })
     }
 
-    /// Encodes all inputs and prints, for each input, a tally for each place in the hop and one for whole hops.
+    /// Encodes all inputs and prints, for each input, a tally for each place in the hop and one for
+    /// whole hops.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
-        let mut inputs = HostFile::open(INPUTS)?;
-        let mut outputs = HostFile::create(OUTPUTS)?;
-        let mut steps = [0; 4];
-        if !inputs.read(&mut steps)? {
-            return Err(Refused);
-        }
-        let steps = u32::from_le_bytes(steps) as usize;
-        hprintln!("inputs = [");
-        while let Some((places, hops)) = count_input(clock, steps, &mut inputs, &mut outputs)? {
-            hprintln!("{{ places = {:?}, hops = {:?} }},", places, hops);
-        }
-        hprintln!("]");
-        Ok(())
+        let mut files = Files::open()?;
+        let steps = files.read_steps()?;
+        files.count_inputs(|files| count_input(clock, steps, files))
     }
 
     /// Encodes the next input; `None` at the end of the file.
     fn count_input(
         clock: &Clock,
         steps: usize,
-        inputs: &mut HostFile,
-        outputs: &mut HostFile,
-    ) -> Result<Option<([Tally; HOP], Tally)>, Refused> {
+        files: &mut Files,
+    ) -> Result<Option<Counts>, Refused> {
         let mut encoder = PackedEncoder::new();
         let (mut places, mut hops) = ([Tally::EMPTY; HOP], Tally::EMPTY);
         let mut bytes = [0; 4 * ELECTRODES];
         let mut hop = 0;
         for index in 0..steps {
-            if !inputs.read(&mut bytes)? {
-                return if index == 0 { Ok(None) } else { Err(Refused) };
+            if !files.read(index, &mut bytes)? {
+                return Ok(None);
             }
             let (values, _) = bytes.as_chunks();
             let step = Step {
@@ -79,16 +79,10 @@ mod image {
                 hop = 0;
                 let bytes = code.bytes();
                 let length = u8::try_from(bytes.len()).unwrap_or(u8::MAX);
-                outputs.write(&[length])?;
-                outputs.write(bytes)?;
+                files.outputs.write(&[length])?;
+                files.outputs.write(bytes)?;
             }
         }
-        Ok(Some((places, hops)))
-    }
-
-    #[panic_handler]
-    fn panic(info: &PanicInfo) -> ! {
-        hprintln!("{}", info);
-        exit(false)
+        Ok(Some(Counts { places, hops }))
     }
 }

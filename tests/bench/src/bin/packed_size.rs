@@ -1,5 +1,5 @@
-//! Image with only the packed encoder. The image's size is the flash that it needs, and the fact that it links
-//! proves that no path through it panics or allocates.
+//! Image with only the packed encoder. The image's size is the flash that it needs, and the fact
+//! that it links proves that no path through it panics or allocates.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 

@@ -1,5 +1,5 @@
-//! Image with only the acquisition and the encoder. The image's size is the flash that they need, and the
-//! fact that it links proves that no path through them panics or allocates.
+//! Image with only the acquisition and the encoder. The image's size is the flash that they need,
+//! and the fact that it links proves that no path through them panics or allocates.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
@@ -27,8 +27,8 @@ mod image {
     }
 
     unsafe extern "C" {
-        /// Defined nowhere, so that an image with a reachable panic does not link. An image that allocates does not
-        /// link either, because there is no allocator.
+        /// Defined nowhere, so that an image with a reachable panic does not link. An image that
+        /// allocates does not link either, because there is no allocator.
         safe fn the_path_from_sample_to_code_can_panic() -> !;
     }
 

@@ -1,5 +1,6 @@
-//! Image with only the firmware's tasks `acquire` and `encode`. No path through them allocates, and only the
-//! queue between them can panic: the report reads the locations of the panics from the image.
+//! Image with only the firmware's tasks `acquire` and `encode`. No path through them allocates, and
+//! only the queue between them can panic: the report reads the locations of the panics from the
+//! image.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
@@ -50,7 +51,8 @@ mod image {
     }
 
     impl Converter for Unknown {
-        /// Returns a `poll_fn`, because an `async fn` would contain a panic for a poll after its completion.
+        /// Returns a `poll_fn`, because an `async fn` would contain a panic for a poll after its
+        /// completion.
         fn next(&mut self, sample: &mut Sample) -> impl Future<Output = Conversion> {
             poll_fn(|_| {
                 let frame = black_box([0; frame_bytes(CHIPS)]);
@@ -76,8 +78,8 @@ mod image {
         }
     }
 
-    /// Runs both tasks forever. Would return `None` only if a static were already initialised, which cannot
-    /// happen.
+    /// Runs both tasks forever. Would return `None` only if a static were already initialised,
+    /// which cannot happen.
     fn run_tasks() -> Option<()> {
         let run = Run::NONE;
         SHARED.send_order(black_box(Order::Start(run)));
@@ -108,8 +110,8 @@ mod image {
         }
     }
 
-    /// Uses the location of the panic. So the names of all source files with a reachable panic stay in the
-    /// image. An image that allocates does not link, because there is no allocator.
+    /// Uses the location of the panic. So the names of all source files with a reachable panic stay
+    /// in the image. An image that allocates does not link, because there is no allocator.
     #[panic_handler]
     fn panic(info: &PanicInfo) -> ! {
         black_box(info.location());

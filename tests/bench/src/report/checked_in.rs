@@ -7,8 +7,8 @@ use anyhow::Context;
 use artifact::Artifact;
 use serde::de::DeserializeOwned;
 
-/// Folder of the built-in model's artifact: the checked-in one, or the one that `CORTICODE_ARTIFACT` named when
-/// this program was built.
+/// Folder of the built-in model's artifact: the checked-in one, or the one that
+/// `CORTICODE_ARTIFACT` named when this program was built.
 pub(crate) const ARTIFACT: &str = match option_env!("CORTICODE_ARTIFACT") {
     Some(folder) => folder,
     None => concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/artifact"),

@@ -1,5 +1,5 @@
-//! Cost of a model on microcontrollers: instructions of its encoder on the emulated ones, flash and RAM of the
-//! boards' images. Its codes are compared with those of model-gen's batch reference.
+//! Cost of a model on microcontrollers: instructions of its encoder on the emulated ones, flash and
+//! RAM of the boards' images. Its codes are compared with those of model-gen's batch reference.
 
 mod boards;
 mod reference;
@@ -14,9 +14,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value as Json, json};
 
 use self::reference::Reference;
-use super::flash;
 use super::images::{self, Range};
-use crate::any_network;
 use crate::tally::Tally;
 
 /// Parts of a cost that are measured.
@@ -39,11 +37,12 @@ struct Printed {
     inputs: Vec<Vec<Tally>>,
 }
 
-/// Returns the cost of the model in `folder`, with `windows` windows encoded on each emulated machine, as an
-/// object of figures without nested values.
+/// Returns the cost of the model in `folder`, with `windows` windows encoded on each emulated
+/// machine, as an object of figures without nested values.
 ///
 /// # Errors
-/// The folder has no model that can be built, QEMU or the target is missing, or an image does not run.
+/// The folder has no model that can be built, QEMU or the target is missing, or an image does not
+/// run.
 pub(crate) fn measure(
     name: &str,
     folder: &Path,
@@ -115,8 +114,8 @@ fn described(name: &str, artifact: &Artifact) -> Map<String, Json> {
     object.as_object().cloned().unwrap_or_default()
 }
 
-/// Builds the images that show that no path from sample to code panics or allocates; returns the flash that this
-/// path takes, bytes.
+/// Builds the images that show that no path from sample to code panics or allocates; returns the
+/// flash that this path takes, bytes.
 ///
 /// # Errors
 /// A path panics or allocates.
@@ -124,8 +123,8 @@ fn path(model: OtherModel<'_>) -> anyhow::Result<usize> {
     let features = MACHINES[0].features;
     let bare = Image::build_with_model(model, "bench", "size", features)?;
     let tasks = Image::build_with_model(model, "bench", "tasks", features)?;
-    flash::check_panics(&flash::loaded(tasks.path())?)?;
-    Ok(flash::loaded(bare.path())?.len())
+    images::check_panics(&images::loaded(tasks.path())?)?;
+    Ok(images::loaded(bare.path())?.len())
 }
 
 /// Result of one run of the image of the encoder.
@@ -140,11 +139,9 @@ struct Counted {
 
 /// Runs the image of the encoder and compares its codes with the reference.
 fn count(image: &Image, machine: Machine, reference: &Reference) -> anyhow::Result<Counted> {
-    let digests = any_network::digests();
-    let length = reference.codes.len() + digests.len();
-    let inputs = reference.input_file();
-    let (printed, output): (Printed, _) =
-        images::run(image, machine, "bench/cost", &inputs, length)?;
+    let (printed, different) = reference
+        .expected
+        .run::<Printed>(image, machine, "bench/cost")?;
     let hop = reference.hop;
     ensure!(
         !printed.inputs.is_empty() && printed.inputs.iter().all(|input| input.len() == hop),
@@ -152,19 +149,16 @@ fn count(image: &Image, machine: Machine, reference: &Reference) -> anyhow::Resu
     );
     let steps =
         (0..hop).map(|step| Range::new(printed.inputs.iter().map(move |input| input[step])));
-    let (codes, networks) = output.split_at(reference.codes.len());
-    let mut different_codes = reference.different(codes);
-    different_codes += usize::from(networks != digests);
     Ok(Counted {
         steps: steps.collect(),
         printed,
-        different_codes,
+        different_codes: different.iter().sum(),
     })
 }
 
 impl Counted {
-    /// Returns the figures of the machine: for each code, and for the time steps of a hop their mean and the
-    /// longest.
+    /// Returns the figures of the machine: for each code, and for the time steps of a hop their
+    /// mean and the longest.
     fn figures(&self) -> [(&'static str, Json); 4] {
         let most = || self.steps.iter().map(|step| step.most);
         let sum: u32 = most().sum();

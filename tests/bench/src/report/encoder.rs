@@ -1,12 +1,13 @@
-//! The benchmark `encoder`: instructions of each time step, memory, and the codes compared with the PC's.
+//! The benchmark `encoder`: instructions of each time step, memory, and the codes compared with the
+//! PC's.
 
 mod counts;
 mod cycles;
-mod disassembly;
 
 use emulator::{Image, MACHINES, Machine};
 use model::CODE_FORMAT;
 use pipeline::{CodeValues, Encoder, Plane, Step};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 
@@ -14,13 +15,12 @@ use self::counts::Counts;
 use self::cycles::{LoopCycles, REST_M4, REST_M7, load_percent};
 use super::checked_in;
 use super::figures::Report;
-use super::flash;
 use super::images;
 use super::inputs::{self, Inputs};
 use crate::{any_network, hop};
 
-/// A microcontroller, and the flash and RAM that acquisition and encoder leave free on it, bytes; negative if
-/// they do not fit.
+/// A microcontroller, and the flash and RAM that acquisition and encoder leave free on it, bytes;
+/// negative if they do not fit.
 #[derive(Debug, Serialize)]
 struct Room {
     part: String,
@@ -45,16 +45,20 @@ struct Part {
 /// QEMU or the target is missing, an image does not build or run, or an input cannot be made.
 pub(crate) fn measure(windows: usize) -> anyhow::Result<Report> {
     let inputs = inputs::planes(windows)?;
-    let expected = Expected::new(&inputs);
+    let cells = inputs.data.iter().flatten().flatten().copied();
+    let steps = inputs.data.first().map_or(0, Vec::len);
+    let expected = Expected::new(steps, cells, codes(&inputs), CODE_FORMAT.bytes());
     let mut machines = Vec::new();
     let mut flash_bytes = 0;
     for machine in MACHINES {
         let bare = Image::build("bench", "size", machine.features)?;
-        flash_bytes = flash::loaded(bare.path())?.len().max(flash_bytes);
+        flash_bytes = images::loaded(bare.path())?.len().max(flash_bytes);
         let tasks = Image::build("bench", "tasks", machine.features)?;
-        flash::check_panics(&flash::loaded(tasks.path())?)?;
+        images::check_panics(&images::loaded(tasks.path())?)?;
         let image = Image::build("bench", "encoder", machine.features)?;
-        let mut counts = count(&image, machine, &inputs, &expected)?;
+        let (printed, different) = expected.run(&image, machine, "bench/encoder")?;
+        let mut counts = Counts::new(machine, printed);
+        [counts.different_codes, counts.different_networks] = different;
         match cycles::loops(machine, &image) {
             Ok(loops) => counts.loops = loops,
             Err(why) => {
@@ -68,59 +72,57 @@ pub(crate) fn measure(windows: usize) -> anyhow::Result<Report> {
     report(&inputs, &machines, flash_bytes)
 }
 
-/// Runs the image of the encoder, and compares its outputs with those of this PC.
-///
-/// # Errors
-/// The image does not run to its end, or its outputs are incomplete.
-fn count(
-    image: &Image,
-    machine: Machine,
-    inputs: &Inputs<Plane>,
-    expected: &Expected,
-) -> anyhow::Result<Counts> {
-    let length = expected.codes.len() + expected.digests.len();
-    let inputs = input_file(inputs);
-    let (printed, output) = images::run(image, machine, "bench/encoder", &inputs, length)?;
-    let mut counts = Counts::new(machine, printed);
-    (counts.different_codes, counts.different_networks) = expected.differences(&output);
-    Ok(counts)
-}
-
-/// Contents of the images' output file as this PC computes them.
+/// Input file of the encoder's image, and the contents of its output file that are expected.
 #[derive(Debug)]
-struct Expected {
+pub(crate) struct Expected {
+    input: Vec<u8>,
     /// Codes of all inputs.
     codes: Vec<u8>,
+    /// Length of a code, bytes.
+    code_bytes: usize,
     /// Digests of random networks, which follow the codes.
     digests: [u8; any_network::BYTES],
 }
 
 impl Expected {
-    fn new(inputs: &Inputs<Plane>) -> Self {
+    /// `cells` are those of all inputs, which have `steps` time steps each.
+    pub(crate) fn new(
+        steps: usize,
+        cells: impl Iterator<Item = i8>,
+        codes: Vec<u8>,
+        code_bytes: usize,
+    ) -> Self {
         Self {
-            codes: codes(inputs),
+            input: images::with_steps(steps, cells.map(i8::cast_unsigned)),
+            codes,
+            code_bytes,
             digests: any_network::digests(),
         }
     }
 
-    /// Returns the numbers of codes and of digests in `output` that are not the expected ones.
-    fn differences(&self, output: &[u8]) -> (usize, usize) {
-        let (codes, digests) = output.split_at(self.codes.len().min(output.len()));
-        (
-            different(&self.codes, codes, CODE_FORMAT.bytes()),
-            different(&self.digests, digests, any_network::DIGEST_BYTES),
-        )
+    /// Runs the image. Returns the counts that it prints, and the numbers of codes and of digests
+    /// that are not the expected ones.
+    ///
+    /// # Errors
+    /// The image does not run to its end, or its outputs are incomplete.
+    pub(crate) fn run<T: DeserializeOwned>(
+        &self,
+        image: &Image,
+        machine: Machine,
+        folder: &str,
+    ) -> anyhow::Result<(T, [usize; 2])> {
+        let length = self.codes.len() + self.digests.len();
+        let (printed, output) = images::run(image, machine, folder, &self.input, length)?;
+        Ok((printed, self.differences(&output)))
     }
-}
 
-/// Returns the contents of the images' input file: the number of time steps of each input, then the planes of
-/// all inputs.
-fn input_file(inputs: &Inputs<Plane>) -> Vec<u8> {
-    let steps = inputs.data.first().map_or(0, Vec::len);
-    let steps = u32::try_from(steps).unwrap_or(u32::MAX).to_le_bytes();
-    let cells = inputs.data.iter().flatten().flatten();
-    let cells = cells.map(|cell| cell.cast_unsigned());
-    steps.into_iter().chain(cells).collect()
+    fn differences(&self, output: &[u8]) -> [usize; 2] {
+        let (codes, digests) = output.split_at(self.codes.len().min(output.len()));
+        [
+            images::different(&self.codes, codes, self.code_bytes),
+            images::different(&self.digests, digests, any_network::DIGEST_BYTES),
+        ]
+    }
 }
 
 /// Returns the codes that this PC computes; each input is encoded by a new encoder.
@@ -139,13 +141,6 @@ fn codes(inputs: &Inputs<Plane>) -> Vec<u8> {
         }
     }
     codes
-}
-
-/// Returns the number of blocks of `length` bytes in `output` that differ from the block at the same position
-/// in `expected`.
-fn different(expected: &[u8], output: &[u8], length: usize) -> usize {
-    let blocks = output.chunks(length).zip(expected.chunks(length));
-    blocks.filter(|(block, expected)| block != expected).count()
 }
 
 /// Builds the report from the measured figures; `machines` are in the order of [`MACHINES`].
@@ -184,8 +179,8 @@ fn report(
         "skipped": inputs.skipped,
         "counted_elsewhere": checked_in::table::<Json>("published.toml", published, "encoder")?,
     });
-    // The limits apply to the Cortex-M4F. The kernels for the Cortex-M7 have more instructions, which that
-    // processor can issue in pairs.
+    // The limits apply to the Cortex-M4F. The kernels for the Cortex-M7 have more instructions,
+    // which that processor can issue in pairs.
     for (name, figure) in json!(machines[0].figures).as_object().into_iter().flatten() {
         figures[name] = figure.clone();
     }
@@ -194,7 +189,8 @@ fn report(
     Report::new("encoder", figures, next)
 }
 
-/// Returns the flash and RAM that acquisition and encoder leave free on each microcontroller of `parts.toml`.
+/// Returns the flash and RAM that acquisition and encoder leave free on each microcontroller of
+/// `parts.toml`.
 fn rooms(flash_bytes: usize, ram_bytes: u32) -> anyhow::Result<Vec<Room>> {
     let parts: Vec<Part> =
         checked_in::table("parts.toml", include_str!("../../parts.toml"), "part")?;
@@ -214,8 +210,8 @@ mod tests {
 
     use super::*;
 
-    /// Returns a report on one machine: the last time step of a hop takes `last` instructions, every other
-    /// one 1000.
+    /// Returns a report on one machine: the last time step of a hop takes `last` instructions,
+    /// every other one 1000.
     fn report_of(last: u32, change: fn(&mut Counts)) -> Report {
         let mut inputs = Inputs::new();
         for name in ["silence", "noise"] {
@@ -225,6 +221,21 @@ mod tests {
         let mut counts = Counts::synthetic(last);
         change(&mut counts);
         report(&inputs, &[counts], 300_000).expect("a report")
+    }
+
+    impl Expected {
+        /// Asserts that the codes are those that this PC's pipeline computes from the input file.
+        pub(crate) fn assert_codes_of_pipeline(&self, windows: usize) {
+            let (steps, cells) = self.input.split_first_chunk().expect("a number of steps");
+            let planes = cells.as_chunks::<CELLS>().0.iter();
+            let planes: Vec<Plane> = planes.map(|plane| plane.map(u8::cast_signed)).collect();
+            let mut inputs = Inputs::new();
+            for planes in planes.chunks(u32::from_le_bytes(*steps) as usize) {
+                inputs.data.push(planes.to_vec());
+            }
+            assert_eq!(self.codes, codes(&inputs));
+            assert_eq!(self.codes.len(), windows * CODE_FORMAT.bytes());
+        }
     }
 
     #[test]
@@ -286,13 +297,15 @@ mod tests {
     fn a_single_bit_is_a_different_code_or_a_different_network() {
         let code = CODE_FORMAT.bytes();
         let expected = Expected {
+            input: Vec::new(),
             codes: vec![0; 3 * code],
+            code_bytes: code,
             digests: [0; any_network::BYTES],
         };
         let mut output = vec![0; 3 * code + any_network::BYTES];
-        assert_eq!(expected.differences(&output), (0, 0));
+        assert_eq!(expected.differences(&output), [0, 0]);
         output[code + 5] = 1;
         output[3 * code + 2 * any_network::DIGEST_BYTES] = 1;
-        assert_eq!(expected.differences(&output), (1, 1));
+        assert_eq!(expected.differences(&output), [1, 1]);
     }
 }

@@ -47,8 +47,8 @@ pub(crate) struct Report {
 }
 
 impl Limit {
-    /// Returns whether a figure is within the limit. `null`, as which JSON holds NaN, is within it only if
-    /// the figure is optional.
+    /// Returns whether a figure is within the limit. `null`, as which JSON holds NaN, is within it
+    /// only if the figure is optional.
     fn contains(&self, figure: &Json) -> bool {
         if figure.is_null() {
             return self.optional;
@@ -119,8 +119,8 @@ impl Report {
     }
 }
 
-/// Returns the figure `name` of `object` with its label. If there is none, returns the figures of that name
-/// in `rooms`, each labelled with its microcontroller.
+/// Returns the figure `name` of `object` with its label. If there is none, returns the figures of
+/// that name in `rooms`, each labelled with its microcontroller.
 fn figures<'o>(object: &'o Json, name: &str) -> Vec<(String, &'o Json)> {
     if let Some(figure) = object.get(name) {
         return vec![(name.to_owned(), figure)];
@@ -130,6 +130,17 @@ fn figures<'o>(object: &'o Json, name: &str) -> Vec<(String, &'o Json)> {
     rooms
         .filter_map(|room| Some((label(room), room.get(name)?)))
         .collect()
+}
+
+/// Returns the median of a figure over rounds in which contenders were timed alternately; `None` if
+/// a round lacks the figure.
+///
+/// A ratio of speeds is the median of the rounds' ratios, because other load of the PC slows all
+/// contenders of a round equally. No speed has a limit, because it depends on the PC.
+pub(crate) fn median<R>(rounds: &[R], figure: &dyn Fn(&R) -> Option<f64>) -> Option<f64> {
+    let mut figures: Vec<f64> = rounds.iter().map(figure).collect::<Option<_>>()?;
+    figures.sort_by(f64::total_cmp);
+    figures.get(figures.len() / 2).copied()
 }
 
 impl fmt::Display for Report {
@@ -159,8 +170,8 @@ mod tests {
     use super::*;
 
     impl Report {
-        /// Returns the sentences about exceeded limits, after checking that `outcome` and `object` agree with
-        /// them.
+        /// Returns the sentences about exceeded limits, after checking that `outcome` and `object`
+        /// agree with them.
         pub(crate) fn faults(&self) -> &[String] {
             assert_eq!(self.outcome().is_err(), !self.faults.is_empty());
             assert_eq!(self.object["faults"], json!(self.faults));
@@ -195,6 +206,13 @@ mod tests {
             }
         }
         assert!(Report::new("nothing", json!({}), "").is_err());
+    }
+
+    #[test]
+    fn a_slow_round_does_not_change_a_median_and_a_missing_figure_is_none() {
+        assert_eq!(median(&[1.0, 1.1, 10.0], &|round| Some(*round)), Some(1.1));
+        let present = |round: &f64| (*round < 10.0).then_some(*round);
+        assert_eq!(median(&[1.0, 1.1, 10.0], &present), None);
     }
 
     #[test]

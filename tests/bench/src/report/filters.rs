@@ -1,7 +1,6 @@
 //! The benchmark `filters`: instructions, noise and response, with pictures.
 
 mod noise;
-mod spectrum;
 
 use std::path::Path;
 
@@ -26,8 +25,8 @@ use demo::response::{Response, Twin};
 const OURS: &str = "ours-blocks";
 /// Contender whose number of instructions is compared with that of [`OURS`].
 const IDSP_DITHER: &str = "idsp-dither";
-/// Index in [`NAMES`] of our filters that run sample by sample; their output must equal that of the contender
-/// before them, [`OURS`].
+/// Index in [`NAMES`] of our filters that run sample by sample; their output must equal that of the
+/// contender before them, [`OURS`].
 const SINGLES: usize = 1;
 
 /// What the image prints: the tallies of all contenders for each input.
@@ -85,7 +84,8 @@ impl Counts {
 /// Counts the instructions, measures the noise, and draws the pictures.
 ///
 /// # Errors
-/// QEMU or the target is missing, the image does not build or run, or an input or picture cannot be made.
+/// QEMU or the target is missing, the image does not build or run, or an input or picture cannot be
+/// made.
 pub(crate) fn measure() -> anyhow::Result<Report> {
     let image = Image::build("bench", "filters", &[])?;
     let inputs = inputs::blocks()?;
@@ -106,7 +106,8 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&inputs, &machines, &noise)
 }
 
-/// Returns the expected contents of the image's output file: the outputs of all contenders on this PC.
+/// Returns the expected contents of the image's output file: the outputs of all contenders on this
+/// PC.
 fn expected(inputs: &Inputs<Block>) -> Vec<u8> {
     let mut bytes = Vec::new();
     for input in &inputs.data {
@@ -162,7 +163,8 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
     let mut all_ours = all().filter(|each| each.name.starts_with("ours"));
     let published = include_str!("../../published.toml");
     let figures = json!({
-        // Most instructions of our filters in blocks of 4 samples, over all inputs and both machines.
+        // Most instructions of our filters in blocks of 4 samples, over all inputs and both
+        // machines.
         "insn_per_sample_channel": most,
         // Noise of our filters from 0.5 to 60 Hz, on a signal with offset, mains and EEG.
         "noise_nv_rms": noise.ours.eeg,
@@ -185,8 +187,8 @@ fn report(inputs: &Inputs<Block>, machines: &[Counts], noise: &Noise) -> anyhow:
 mod tests {
     use super::*;
 
-    /// Returns a report on one machine, on which each of our contenders takes 25 instructions per sample and
-    /// electrode, and each peer 61.
+    /// Returns a report on one machine, on which each of our contenders takes 25 instructions per
+    /// sample and electrode, and each peer 61.
     fn report_of(change: fn(&mut Contender)) -> Report {
         let of_block =
             |each: usize| u32::try_from(each * BLOCK * ELECTRODES).expect("some thousands");

@@ -1,11 +1,13 @@
-//! Runs the images that count instructions, and reads the counts that they print.
+//! The images: runs them and reads the counts that they print, and reads what they load into flash.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
 use anyhow::{Context, ensure};
 use emulator::{EmulatorError, Image, Machine, Qemu, Uart};
+use object::{Object, ObjectSegment};
 use serde::de::DeserializeOwned;
 
 use crate::block::{INPUTS, OUTPUTS};
@@ -17,12 +19,13 @@ const SILENCE: Duration = Duration::from_mins(2);
 /// Virtual time per instruction: 2^10 ns, which the instruction counter in the images assumes.
 const INSTRUCTION_TIME: u8 = 10;
 
-/// Runs an image with `inputs` as its input file, in the subfolder `folder` of cargo's target folder. Returns
-/// the counts that the image prints as TOML, and its output file, which must have `length` bytes.
+/// Runs an image with `inputs` as its input file, in the subfolder `folder` of cargo's target
+/// folder. Returns the counts that the image prints as TOML, and its output file, which must have
+/// `length` bytes.
 ///
 /// # Errors
-/// The image does not run to its end, its counts or its output file are not as expected, or a file cannot be
-/// read or written.
+/// The image does not run to its end, its counts or its output file are not as expected, or a file
+/// cannot be read or written.
 pub(crate) fn run<T: DeserializeOwned>(
     image: &Image,
     machine: Machine,
@@ -52,6 +55,20 @@ pub(crate) fn run<T: DeserializeOwned>(
     Ok((counts?, output))
 }
 
+/// Returns the contents of an input file: the number of time steps of each input, then the bytes of
+/// all inputs.
+pub(crate) fn with_steps(steps: usize, bytes: impl Iterator<Item = u8>) -> Vec<u8> {
+    let steps = u32::try_from(steps).unwrap_or(u32::MAX).to_le_bytes();
+    steps.into_iter().chain(bytes).collect()
+}
+
+/// Returns the number of blocks of `length` bytes in `output` that differ from the block at the
+/// same position in `expected`.
+pub(crate) fn different(expected: &[u8], output: &[u8], length: usize) -> usize {
+    let blocks = output.chunks(length).zip(expected.chunks(length));
+    blocks.filter(|(block, expected)| block != expected).count()
+}
+
 /// Number of instructions of a contender, or of a time step of a hop, over all inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Range {
@@ -59,13 +76,14 @@ pub(crate) struct Range {
     pub(crate) most: u32,
     /// Whether the number is the same for every input.
     ///
-    /// Runs on one input may differ, because the position in a ring buffer affects the count. The contents of
-    /// the buffer must not.
+    /// Runs on one input may differ, because the position in a ring buffer affects the count. The
+    /// contents of the buffer must not.
     pub(crate) constant: bool,
 }
 
 impl Range {
-    /// Returns the range of each column over all inputs; `inputs` has one row of tallies for each input.
+    /// Returns the range of each column over all inputs; `inputs` has one row of tallies for each
+    /// input.
     pub(crate) fn of_columns<const N: usize>(inputs: &[[Tally; N]]) -> [Self; N] {
         std::array::from_fn(|column| Self::new(inputs.iter().map(|tallies| tallies[column])))
     }
@@ -81,6 +99,68 @@ impl Range {
             constant: tallies.map(Some).all(|tally| tally == first),
         }
     }
+}
+
+/// End of the path of the one source file from which the firmware's tasks may panic. Embassy-sync's
+/// queue asserts that it is not full when a slot is sent, and not empty when a slot is released.
+/// The tasks send and release only slots that the queue has returned, so neither assertion fails.
+const ALLOWED: &str = "src/zerocopy_channel.rs";
+
+/// Last characters of every source file's name, by which the names are found in the image.
+const SOURCE: &str = ".rs";
+
+/// Reads the bytes that an image loads into flash: instructions, constants and initial values of
+/// variables.
+///
+/// # Errors
+/// The file cannot be read, or is not an ELF file with segments.
+pub(crate) fn loaded(image: &Path) -> anyhow::Result<Vec<u8>> {
+    let file = fs::read(image).map_err(EmulatorError::file(image))?;
+    let file = object::File::parse(&*file)?;
+    let mut contents = Vec::new();
+    for segment in file.segments() {
+        contents.extend(segment.data()?);
+    }
+    ensure!(!contents.is_empty(), "{} loads no segment", image.display());
+    Ok(contents)
+}
+
+/// Checks that [`ALLOWED`] is the only source file with a reachable panic, in an image that keeps
+/// the source locations of its panics.
+///
+/// # Errors
+/// Another source file has a reachable panic. Or not even [`ALLOWED`] is found, which means that
+/// the image does not keep the locations.
+pub(crate) fn check_panics(loaded: &[u8]) -> anyhow::Result<()> {
+    let (allowed, others): (Vec<_>, Vec<_>) = source_files(loaded)
+        .into_iter()
+        .partition(|file| file.ends_with(ALLOWED));
+    let others = others.join(", ");
+    ensure!(
+        others.is_empty(),
+        "acquire or encode can panic in {others}\n  next: make the condition impossible for the compiler \
+         (`get`, `zip`, NonZero), or handle it; `tests/bench/src/bin/tasks.rs` shows what the image contains"
+    );
+    ensure!(
+        !allowed.is_empty(),
+        "not even {ALLOWED} is there: the image does not keep the locations of its panics\n  \
+         next: compare with `git log` of tests/bench/src/bin/tasks.rs"
+    );
+    Ok(())
+}
+
+/// Returns the names of all source files that occur in the loaded bytes.
+fn source_files(loaded: &[u8]) -> BTreeSet<String> {
+    let mut files = BTreeSet::new();
+    for text in loaded.split(|byte| !byte.is_ascii_graphic()) {
+        // Names can follow each other without a separator, so each is cut after its `.rs`.
+        for name in String::from_utf8_lossy(text).split_inclusive(SOURCE) {
+            if name.ends_with(SOURCE) {
+                files.insert(name.to_owned());
+            }
+        }
+    }
+    files
 }
 
 #[cfg(test)]
@@ -112,5 +192,23 @@ mod tests {
         // The largest counts are equal, the smallest are not.
         let inputs = [[tally([10, 11])], [tally([11, 11])]];
         assert!(!Range::of_columns(&inputs)[0].constant);
+    }
+
+    #[test]
+    fn a_panic_outside_the_queue_and_a_check_without_locations_are_faults() {
+        let queue = b"\0\x01/registry/embassy-sync-0.8.0/src/zerocopy_channel.rs\0";
+        check_panics(queue).expect("the queue's panics are allowed");
+        let ours = [&queue[..], b"firmware/src/timing.rs\0"].concat();
+        for (loaded, words) in [
+            (&ours[..], "can panic in firmware/src/timing.rs\n"),
+            (
+                b"a/src/zerocopy_channel.rsb/src/x.rsc",
+                "can panic in b/src/x.rs\n",
+            ),
+            (b"no names", "not even "),
+        ] {
+            let why = check_panics(loaded).expect_err(words).to_string();
+            assert!(why.contains(words), "{why}");
+        }
     }
 }

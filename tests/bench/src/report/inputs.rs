@@ -1,14 +1,15 @@
-//! Inputs of the images, the same in every run: test signals unlike any EEG, synthetic EEG, and real EEG
-//! where it is available.
+//! Inputs of the images, the same in every run: test signals unlike any EEG, synthetic EEG, and
+//! real EEG where it is available.
 
 use std::env;
 use std::path::Path;
 
+use any_model::Stress;
 use anyhow::{Context, ensure};
 use fixed_dsp::BLOCK;
 use host_sim::Source;
 use host_sim::synthetic::{Generator, SyntheticSpec};
-use model::{ADC_RATE_HZ, CHANNELS, ELECTRODES, GUARD_BITS, LSB_NV};
+use model::{ADC_RATE_HZ, CELLS, CHANNELS, ELECTRODES, GUARD_BITS, LSB_NV};
 use pipeline::{Acquisition, Mains, Plane, Sample, Step};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -16,7 +17,6 @@ use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 
 use crate::block::{BLOCKS, Block};
 use crate::hop;
-use crate::stress::Stress;
 
 /// Real EEG for the filters, below the folder in `CORTICODE_DATA`: 61 electrodes at 512 Hz.
 const RESAMPLED: &str = "derived/s001r04_61ch_512hz_i16.gdf";
@@ -52,6 +52,18 @@ impl<T> Inputs<T> {
         self.data.push(data);
     }
 
+    /// Returns the inputs if each has `length` blocks, samples or time steps.
+    ///
+    /// # Errors
+    /// `recording` is too short; `next` says what to do.
+    fn of_length(self, length: usize, recording: &str, next: &str) -> anyhow::Result<Self> {
+        ensure!(
+            self.data.iter().all(|input| input.len() == length),
+            "{recording} is too short for {length} blocks, samples or time steps\n  next: {next}"
+        );
+        Ok(self)
+    }
+
     /// Adds real EEG, or the reason why it is not available.
     fn add_real(&mut self, data: Result<Vec<T>, String>) {
         match data {
@@ -75,13 +87,7 @@ pub(crate) fn blocks() -> anyhow::Result<Inputs<Block>> {
     inputs.add("noise", to_blocks(white(ChaCha8Rng::seed_from_u64(2))));
     inputs.add("synthetic EEG", to_blocks(synthetic()?));
     inputs.add_real(recorded(RESAMPLED).context(FAILED)?.map(to_blocks));
-    let is_long = inputs.data.iter().all(|blocks| blocks.len() == BLOCKS);
-    ensure!(
-        is_long,
-        "{RESAMPLED} has fewer than {} samples\n  next: restore the file",
-        BLOCKS * BLOCK
-    );
-    Ok(inputs)
+    inputs.of_length(BLOCKS, RESAMPLED, "restore the file")
 }
 
 /// Makes `count` samples of each input of the lossless compression.
@@ -113,16 +119,11 @@ pub(crate) fn samples(count: usize) -> anyhow::Result<Inputs<Sample>> {
     if let Err(reason) = real {
         inputs.add_real(Err(reason));
     }
-    let is_long = inputs.data.iter().all(|samples| samples.len() == count);
-    ensure!(
-        is_long,
-        "{RESAMPLED} has fewer than {count} samples\n  next: restore the file"
-    );
-    Ok(inputs)
+    inputs.of_length(count, RESAMPLED, "restore the file")
 }
 
-/// Adds white noise to the electrodes, as an amplifier does; the recording was resampled from 160 Hz and has
-/// none above 80 Hz.
+/// Adds white noise to the electrodes, as an amplifier does; the recording was resampled from 160
+/// Hz and has none above 80 Hz.
 fn with_noise(sample: &Sample, noise_uv: f64, random: &mut ChaCha8Rng) -> Sample {
     let mut counts = sample.counts;
     for count in &mut counts[..ELECTRODES] {
@@ -145,16 +146,13 @@ pub(crate) fn planes(windows: usize) -> anyhow::Result<Inputs<Plane>> {
     let steps = hop::steps(windows.div_ceil(count));
     let mut inputs = Inputs::new();
     for stress in Stress::ALL {
-        inputs.add(stress.name(), stress.planes().take(steps).collect());
+        let planes = stress.planes(CELLS).take(steps);
+        let planes = planes.map(|plane| std::array::from_fn(|cell| plane[cell]));
+        inputs.add(stress.name(), planes.collect());
     }
     inputs.add("synthetic EEG", to_planes(Mains::Hz50, synthetic()?, steps));
     inputs.add_real(real.map(|samples| to_planes(Mains::Hz60, samples, steps)));
-    let is_long = inputs.data.iter().all(|planes| planes.len() == steps);
-    ensure!(
-        is_long,
-        "{HELD_OUT} is shorter than {steps} time steps\n  next: ask for fewer --windows"
-    );
-    Ok(inputs)
+    inputs.of_length(steps, HELD_OUT, "ask for fewer --windows")
 }
 
 /// Makes `count` time steps of each input of the packed encoder.
@@ -179,12 +177,7 @@ pub(crate) fn steps(count: usize) -> anyhow::Result<Inputs<Step>> {
     inputs.add("synthetic EEG", of(Mains::Hz50, &mut synthetic()?));
     let real = recorded(HELD_OUT).context(FAILED)?;
     inputs.add_real(real.map(|samples| of(Mains::Hz60, &mut samples.into_iter())));
-    let is_long = inputs.data.iter().all(|steps| steps.len() == count);
-    ensure!(
-        is_long,
-        "{HELD_OUT} is shorter than {count} time steps\n  next: ask for fewer --hops"
-    );
-    Ok(inputs)
+    inputs.of_length(count, HELD_OUT, "ask for fewer --hops")
 }
 
 /// Returns endless EEG at the electrodes of the model, the same on every call.
@@ -196,8 +189,8 @@ pub(crate) fn synthetic() -> anyhow::Result<impl Iterator<Item = Sample>> {
     }))
 }
 
-/// Reads a recording in the folder that `CORTICODE_DATA` names, as the virtual ADC delivers it. Returns
-/// `Ok(Err(reason))` if the variable is not set.
+/// Reads a recording in the folder that `CORTICODE_DATA` names, as the virtual ADC delivers it.
+/// Returns `Ok(Err(reason))` if the variable is not set.
 fn recorded(file: &str) -> anyhow::Result<Result<Vec<Sample>, String>> {
     let Some(folder) = env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty()) else {
         return Ok(Err(format!(
@@ -237,7 +230,8 @@ fn to_planes(mains: Mains, samples: impl IntoIterator<Item = Sample>, steps: usi
     steps_of.map(|step| step.plane).take(steps).collect()
 }
 
-/// Returns the first `count` steps after the second in which offsets decay, computed by the acquisition.
+/// Returns the first `count` steps after the second in which offsets decay, computed by the
+/// acquisition.
 fn to_steps(mains: Mains, samples: &mut dyn Iterator<Item = Sample>, count: usize) -> Vec<Step> {
     let mut acquisition = Acquisition::new(mains);
     let steps = samples.filter_map(|sample| acquisition.process_sample(&sample));
@@ -277,7 +271,8 @@ fn counts(uv: f32) -> i32 {
     (uv * 1_000.0 / LSB_NV).round() as i32
 }
 
-/// Random telegraph signal: every electrode jumps from rail to rail, 25.6 times per second on average.
+/// Random telegraph signal: every electrode jumps from rail to rail, 25.6 times per second on
+/// average.
 fn telegraph(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
     let mut counts = [Sample::MAX; CHANNELS];
     std::iter::repeat_with(move || {

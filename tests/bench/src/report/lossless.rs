@@ -1,4 +1,5 @@
-//! The benchmark `lossless`: bits and instructions of compressed samples, compared with the PC's bytes.
+//! The benchmark `lossless`: bits and instructions of compressed samples, compared with the PC's
+//! bytes.
 
 use emulator::{Image, MACHINES, Machine};
 use lossless::{Count, Decoder, EncoderState, MAX_SAMPLES};
@@ -131,8 +132,6 @@ impl Counts {
         inputs: &Inputs<Sample>,
         expected: &Expected,
     ) -> Self {
-        let blocks = |bytes| <[u8]>::as_chunks::<OUTPUT_BYTES>(bytes).0;
-        let pairs = blocks(output).iter().zip(blocks(&expected.output));
         let inputs = inputs.names.iter().zip(&printed.inputs).zip(&expected.bits);
         #[expect(clippy::cast_precision_loss, reason = "below 2^53")]
         let inputs = inputs.map(|((name, tally), bits)| Input {
@@ -145,7 +144,7 @@ impl Counts {
         Self {
             machine: machine.name,
             core: machine.core,
-            different_blocks: pairs.filter(|(ours, theirs)| ours != theirs).count(),
+            different_blocks: images::different(&expected.output, output, OUTPUT_BYTES),
             inputs: inputs.collect(),
         }
     }

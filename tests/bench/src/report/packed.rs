@@ -1,5 +1,8 @@
 //! The benchmark `packed`: instructions, memory, bits and error of the packed code.
 
+use std::env;
+use std::path::{Path, PathBuf};
+
 use anyhow::{Context, ensure};
 use artifact::reconstruction::PackedDecoder;
 use emulator::{Image, MACHINES, Machine};
@@ -7,14 +10,15 @@ use model::HOP;
 use pipeline::{PackedEncoder, Step};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
+use trainer::comparison;
+use trainer::packed;
+use trainer::progress::{EpochReport, ProgressObserver};
 
 use super::checked_in;
 use super::figures::Report;
-use super::flash;
 use super::images;
 use super::inputs::{self, Inputs};
 use super::lossless;
-use super::packed_error;
 use crate::tally::Tally;
 
 /// Counts that the image prints, as TOML.
@@ -85,7 +89,7 @@ pub(crate) fn measure(hops: usize) -> anyhow::Result<Report> {
     let (mut flash_bytes, mut ram_bytes) = (0, 0);
     for machine in MACHINES {
         let bare = Image::build("bench", "packed_size", machine.features)?;
-        flash_bytes = flash::loaded(bare.path())?.len().max(flash_bytes);
+        flash_bytes = images::loaded(bare.path())?.len().max(flash_bytes);
         let image = Image::build("bench", "packed", machine.features)?;
         let (printed, output) = run(&image, machine, &inputs, expected.len())?;
         ram_bytes = printed.ram_bytes.max(ram_bytes);
@@ -108,16 +112,12 @@ fn run(
     length: usize,
 ) -> anyhow::Result<(Printed, Vec<u8>)> {
     let steps = inputs.data.first().map_or(0, Vec::len);
-    let steps = u32::try_from(steps).unwrap_or(u32::MAX).to_le_bytes();
     let electrodes = inputs
         .data
         .iter()
         .flatten()
         .flat_map(|step| step.electrodes);
-    let input: Vec<u8> = steps
-        .into_iter()
-        .chain(electrodes.flat_map(i32::to_le_bytes))
-        .collect();
+    let input = images::with_steps(steps, electrodes.flat_map(i32::to_le_bytes));
     images::run(image, machine, "bench/packed", &input, length)
 }
 
@@ -167,8 +167,8 @@ fn row(input: &'static str, counted: &Counted, coded: &Coded) -> Row {
     }
 }
 
-/// Builds the report; `machines` are in the order of [`MACHINES`]. The figures are those of real EEG on the
-/// Cortex-M4F, or of synthetic EEG where there is no real one.
+/// Builds the report; `machines` are in the order of [`MACHINES`]. The figures are those of real
+/// EEG on the Cortex-M4F, or of synthetic EEG where there is no real one.
 fn report(
     inputs: &Inputs<Step>,
     machines: &[Counts],
@@ -179,7 +179,7 @@ fn report(
     let rows = &machines.first().context("a machine")?.rows;
     let eeg = rows.last().context("an input")?;
     let worst = rows.iter().map(|row| row.insn_worst_hop).max();
-    let recorded = packed_error::measure()?;
+    let recorded = recorded_errors()?;
     #[expect(clippy::cast_precision_loss, reason = "below 2^53")]
     let worst_over_mean = f64::from(eeg.insn_worst_hop) / eeg.insn_per_hop as f64;
     let figures = json!({
@@ -205,4 +205,92 @@ fn report(
     });
     let next = "see `machines`; compare with `git log` of packed, int8-nn, pipeline, model and the toolchain";
     Report::new("packed", figures, next)
+}
+
+/// Folder of the recordings below that in `CORTICODE_DATA`.
+const FOLDER: &str = "eegmmidb_S001";
+/// Recordings: 125 s each, mains at 60 Hz, not used in training.
+const RECORDINGS: [&str; 2] = ["S001R11.edf", "S001R12.edf"];
+const MAINS_HZ: u32 = 60;
+
+/// Figures at the model's own rate, at every rate, and of PCA's codes.
+#[derive(Debug)]
+struct Errors {
+    bits_per_hop: f64,
+    mse: f64,
+    mse_smoothed: f64,
+    pca_int8_bits: usize,
+    pca_int8_mse: Option<f64>,
+    rates: Vec<RateFigures>,
+}
+
+/// Figures of one rate.
+#[derive(Debug, Serialize)]
+struct RateFigures {
+    rate: u8,
+    bits_per_hop: f64,
+    longest_bytes: usize,
+    mse: f64,
+    mse_smoothed: f64,
+}
+
+/// Measures the built-in model; `None` where `CORTICODE_DATA` is not set.
+///
+/// # Errors
+/// The recordings or the model cannot be used.
+fn recorded_errors() -> anyhow::Result<Option<Errors>> {
+    let Some(data) = env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty()) else {
+        eprintln!(
+            "SKIPPED: error of the packed code: CORTICODE_DATA is not set; it names the folder that has {FOLDER}"
+        );
+        return Ok(None);
+    };
+    let (folder, data) = (
+        Path::new(checked_in::ARTIFACT),
+        PathBuf::from(data).join(FOLDER),
+    );
+    let names = RECORDINGS.map(str::to_owned);
+    let figures = packed::compare(folder, &data, &names, MAINS_HZ, &mut Silent)?;
+    let comparison = comparison::compare(folder, &data, &names, Some(MAINS_HZ), &mut Silent)?;
+    let codes = comparison
+        .codes
+        .context("the built-in model has no network")?;
+    let artifact = checked_in::artifact()?;
+    let model = artifact
+        .packed
+        .context("the built-in model has no packed model")?;
+    let own = figures
+        .iter()
+        .find(|figures| figures.rate == model.description.rate);
+    let own = own.context("figures of the model's rate")?;
+    Ok(Some(Errors {
+        bits_per_hop: own.bits,
+        mse: own.mse,
+        mse_smoothed: own.mse_smoothed,
+        pca_int8_bits: codes.bits_per_window(),
+        pca_int8_mse: codes.pca.map(|pca| pca.integer.mse),
+        rates: figures
+            .iter()
+            .map(|figures| RateFigures {
+                rate: figures.rate,
+                bits_per_hop: figures.bits,
+                longest_bytes: figures.longest,
+                mse: figures.mse,
+                mse_smoothed: figures.mse_smoothed,
+            })
+            .collect(),
+    }))
+}
+
+/// Shows no progress.
+struct Silent;
+
+impl ProgressObserver for Silent {
+    fn message(&mut self, _text: &str) {}
+    fn epoch_started(&mut self, _epoch: u32, _epochs: u32, _batches: usize, _windows: usize) {}
+    fn batch_finished(&mut self, _batches: usize, _loss: f64) {}
+    fn epoch_finished(&mut self, _report: EpochReport) {}
+    fn is_interrupted(&self) -> bool {
+        false
+    }
 }

@@ -11,25 +11,8 @@ pub(crate) fn output_of(command: &mut Command) -> Option<String> {
     output.status.success().then(|| printed.into_owned())
 }
 
-/// Python interpreters, tried in this order: the first in PATH, and Debian's.
-const PYTHONS: [&str; 2] = ["python3", "/usr/bin/python3"];
-
-/// Returns a Python interpreter that imports `module`. Without one, prints that the measurement is skipped and
-/// what to do `next`.
-pub(crate) fn python(module: &str, next: &str) -> Option<&'static str> {
-    let imports = format!("import {module}");
-    let python = PYTHONS
-        .into_iter()
-        .find(|python| output_of(Command::new(python).args(["-c", &imports])).is_some());
-    if python.is_none() {
-        let pythons = PYTHONS.join(" nor ");
-        eprintln!("SKIPPED: {module}: neither {pythons} imports it; {next}");
-    }
-    python
-}
-
-/// Returns a command for a tool of LLVM. The tool's name may end with a version, as Debian names the tools;
-/// the newest version is taken if there is no tool without one.
+/// Returns a command for a tool of LLVM. The tool's name may end with a version, as Debian names
+/// the tools; the newest version is taken if there is no tool without one.
 ///
 /// # Errors
 /// The tool is not installed.

@@ -6,16 +6,16 @@
 
 use core::arch::naked_asm;
 
-use super::arguments::Arguments;
-use crate::dot::layout::{ROUND, weights_len};
+use super::Arguments;
+use crate::dot::{ROUND, weights_len};
 
-/// Defines a kernel for a number of segments, a width and a stride; `$shared` says whether all blocks
-/// use the same weights. One iteration computes `$blocks` blocks, and updates the pointers on the stack
-/// once.
+/// Defines a kernel for a number of segments, a width and a stride; `$shared` says whether all
+/// blocks use the same weights. One iteration computes `$blocks` blocks, and updates the pointers
+/// on the stack once.
 ///
-/// r0-r5: sums; r6-r9: weights of a round (two words of the first output, two of the second); r10-r11:
-/// inputs of a position; r12: next position of a segment; lr: weights. The other arguments stay on the
-/// stack.
+/// r0-r5: sums; r6-r9: weights of a round (two words of the first output, two of the second);
+/// r10-r11: inputs of a position; r12: next position of a segment; lr: weights. The other arguments
+/// stay on the stack.
 macro_rules! kernel {
     ($name:ident, $segments:literal, $width:literal, $stride:literal, $blocks:literal, $shared:literal) => {
         #[unsafe(naked)]

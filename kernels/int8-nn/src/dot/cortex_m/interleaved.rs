@@ -7,17 +7,17 @@
 
 use core::arch::naked_asm;
 
-use super::arguments::Arguments;
-use crate::dot::layout::{ROUND, weights_len};
+use super::Arguments;
+use crate::dot::{ROUND, weights_len};
 
-/// Defines a kernel for a number of segments, a width and a stride; `$shared` says whether all blocks
-/// use the same weights. One iteration computes `$blocks` blocks, and updates the pointers on the stack
-/// once.
+/// Defines a kernel for a number of segments, a width and a stride; `$shared` says whether all
+/// blocks use the same weights. One iteration computes `$blocks` blocks, and updates the pointers
+/// on the stack once.
 ///
-/// r0-r5: sums; r6-r9: weights of a round (two words of the first output, two of the second); r10-r11:
-/// inputs of a position; r12: next position of a segment; lr: weights of this round. The other
-/// arguments stay on the stack. Within a segment, each register is reloaded right after its last use,
-/// and at least two other products precede its next use.
+/// r0-r5: sums; r6-r9: weights of a round (two words of the first output, two of the second);
+/// r10-r11: inputs of a position; r12: next position of a segment; lr: weights of this round. The
+/// other arguments stay on the stack. Within a segment, each register is reloaded right after its
+/// last use, and at least two other products precede its next use.
 macro_rules! kernel {
     ($name:ident, $segments:literal, $width:literal, $stride:literal, $blocks:literal, $shared:literal) => {
         #[unsafe(naked)]
@@ -35,8 +35,8 @@ macro_rules! kernel {
                 "2:",
                 ".set block, 0",
                 ".rept {blocks}",
-                // Load the weights of the first round; those of each later round are loaded one round
-                // ahead.
+                // Load the weights of the first round; those of each later round are loaded one
+                // round ahead.
                 ".if {shared} || (block == 0)",
                 "ldm lr, {{r6-r9}}",
                 ".endif",
@@ -113,7 +113,8 @@ macro_rules! kernel {
                 "ldr r12, [sp, #{sums}]",
                 "stm r12!, {{r0-r5}}",
                 "str r12, [sp, #{sums}]",
-                // Move lr from the weights of the last round to those of the next block's first round.
+                // Move lr from the weights of the last round to those of the next block's first
+                // round.
                 ".if {shared}",
                 "sub lr, #({weights_of_block} - 16)",
                 ".elseif block == {blocks} - 1",

@@ -35,8 +35,8 @@ struct Region {
     length: u64,
 }
 
-/// Builds the images that are flashed, with their default port, and returns the bytes of flash and RAM that
-/// each takes and leaves free.
+/// Builds the images that are flashed, with their default port, and returns the bytes of flash and
+/// RAM that each takes and leaves free.
 ///
 /// # Errors
 /// An image does not link: the model does not fit. Or the program `budget` does not run.

@@ -1,8 +1,9 @@
 //! Inputs of the encoder's image for any model, and the codes of model-gen's batch reference.
 
+use any_model::Stress;
 use artifact::{Artifact, CodeFormat, IntegerCode};
 
-use crate::stress::Stress;
+use crate::report::encoder::Expected;
 
 /// Seed of the smooth input; another one than that of any model here.
 const SMOOTH: u32 = 0x5eed;
@@ -10,12 +11,7 @@ const SMOOTH: u32 = 0x5eed;
 /// Inputs of equal length, and their codes.
 #[derive(Debug)]
 pub(super) struct Reference {
-    /// Planes of each input.
-    inputs: Vec<Vec<Vec<i8>>>,
-    /// Codes of all inputs, as an image writes them.
-    pub(super) codes: Vec<u8>,
-    /// Length of one code, bytes.
-    code_bytes: usize,
+    pub(super) expected: Expected,
     /// Number of codes.
     pub(super) windows: usize,
     /// Number of time steps from window to window.
@@ -31,12 +27,13 @@ impl Reference {
         let integers = model_gen::quantise(artifact)?;
         let dimensions = artifact.description.dimensions();
         let (length, hop) = (dimensions.steps, artifact.description.window.hop);
-        // An image counts from the third window on, when the buffers of the encoder have been filled.
+        // An image counts from the third window on, when the buffers of the encoder have been
+        // filled.
         let windows = windows.div_ceil(Stress::ALL.len() + 1).max(3);
         let steps = length + hop * (windows - 1);
         let mut inputs: Vec<Vec<Vec<i8>>> = Vec::new();
         for stress in Stress::ALL {
-            inputs.push(stress.planes_of(dimensions.cells()).take(steps).collect());
+            inputs.push(stress.planes(dimensions.cells()).take(steps).collect());
         }
         let smooth = any_model::windows(SMOOTH, artifact, steps.div_ceil(length));
         let smooth: Vec<i8> = smooth
@@ -54,34 +51,18 @@ impl Reference {
             windows.map(code).collect()
         };
         let codes: Vec<Vec<u8>> = inputs.iter().flat_map(windows_of).collect();
+        let code_bytes = codes.first().map_or(1, Vec::len);
+        let cells = inputs.iter().flatten().flatten().copied();
         Ok(Self {
-            code_bytes: codes.first().map_or(1, Vec::len),
+            expected: Expected::new(steps, cells, codes.concat(), code_bytes),
             windows: codes.len(),
-            codes: codes.concat(),
-            inputs,
             hop,
         })
     }
-
-    /// Returns the contents of the image's input file: the number of time steps of each input, then the planes
-    /// of all inputs.
-    pub(super) fn input_file(&self) -> Vec<u8> {
-        let steps = self.inputs.first().map_or(0, Vec::len);
-        let steps = u32::try_from(steps).unwrap_or(u32::MAX).to_le_bytes();
-        let cells = self.inputs.iter().flatten().flatten();
-        let cells = cells.map(|cell| cell.cast_unsigned());
-        steps.into_iter().chain(cells).collect()
-    }
-
-    /// Returns the number of codes that are not those of the reference.
-    pub(super) fn different(&self, codes: &[u8]) -> usize {
-        let expected = self.codes.chunks(self.code_bytes);
-        let pairs = expected.zip(codes.chunks(self.code_bytes));
-        pairs.filter(|(expected, code)| expected != code).count()
-    }
 }
 
-/// Returns a code as the pipeline serialises it: exponent, if the format has one, then values, little-endian.
+/// Returns a code as the pipeline serialises it: exponent, if the format has one, then values,
+/// little-endian.
 fn to_bytes(format: CodeFormat, code: &IntegerCode) -> Vec<u8> {
     let values = code.values.iter().flat_map(|value| value.to_le_bytes());
     match format {
@@ -97,8 +78,6 @@ fn to_bytes(format: CodeFormat, code: &IntegerCode) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use pipeline::{CodeValues, Encoder, Step};
-
     use super::*;
     use crate::report::checked_in;
 
@@ -106,24 +85,10 @@ mod tests {
     fn the_reference_s_codes_are_those_of_this_pc_s_pipeline() {
         let artifact = checked_in::artifact().expect("the built-in model");
         let reference = Reference::new(&artifact, 15).expect("codes");
-        let mut codes = Vec::new();
-        for planes in &reference.inputs {
-            let mut encoder = Encoder::new();
-            for plane in planes {
-                let step = Step {
-                    plane: std::array::from_fn(|cell| plane[cell]),
-                    ..Step::default()
-                };
-                if let Some(code) = encoder.encode_step(&step) {
-                    codes.extend(code.values.to_bytes(&mut [0; CodeValues::MAX_BYTES]));
-                }
-            }
-        }
-        assert_eq!(reference.windows, 3 * reference.inputs.len());
-        assert_eq!(reference.different(&codes), 0);
-        assert_eq!(reference.codes, codes);
-        codes[reference.code_bytes] ^= 1;
-        assert_eq!(reference.different(&codes), 1);
+        assert_eq!(reference.windows, 3 * (Stress::ALL.len() + 1));
+        reference
+            .expected
+            .assert_codes_of_pipeline(reference.windows);
     }
 
     #[test]

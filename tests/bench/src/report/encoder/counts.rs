@@ -57,9 +57,9 @@ struct KernelCount {
 
 /// Numbers of instructions, and their ratios.
 ///
-/// The built-in network has a shortcut, and figures with `shortcut` in their names include it. The others are
-/// computed by subtracting the instructions of the shortcut's matrix products, which are counted alone and
-/// divided evenly among the time steps of a hop.
+/// The built-in network has a shortcut, and figures with `shortcut` in their names include it. The
+/// others are computed by subtracting the instructions of the shortcut's matrix products, which are
+/// counted alone and divided evenly among the time steps of a hop.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Figures {
     /// Sum over the time steps of a hop, each with its largest count.
@@ -73,7 +73,8 @@ pub(crate) struct Figures {
 }
 
 impl Counts {
-    /// Computes the counts from what the image printed. The caller compares the codes and adds the loops.
+    /// Computes the counts from what the image printed. The caller compares the codes and adds the
+    /// loops.
     pub(crate) fn new(machine: Machine, printed: Printed) -> Self {
         let steps = Range::of_columns(&printed.inputs);
         let kernels = printed.kernels.iter();
@@ -105,8 +106,8 @@ impl Counts {
 }
 
 impl Figures {
-    /// Computes the figures from the counts of the time steps. `shortcut` is the number of instructions that
-    /// the shortcut's matrix products take per code.
+    /// Computes the figures from the counts of the time steps. `shortcut` is the number of
+    /// instructions that the shortcut's matrix products take per code.
     fn new(steps: &[Range], shortcut: u32) -> Self {
         let hop = u32::try_from(HOP).unwrap_or(u32::MAX);
         let in_step = shortcut / hop;
@@ -138,8 +139,8 @@ mod tests {
     use super::*;
 
     impl Counts {
-        /// Returns counts of one input: the last time step of a hop takes `last` instructions, every other
-        /// one 1000. The shortcut takes 1600 of them per code.
+        /// Returns counts of one input: the last time step of a hop takes `last` instructions,
+        /// every other one 1000. The shortcut takes 1600 of them per code.
         pub(crate) fn synthetic(last: u32) -> Self {
             let printed = format!(
                 "ram_bytes = 35000
@@ -163,8 +164,8 @@ mod tests {
     #[test]
     fn the_shortcuts_products_are_subtracted_from_every_time_step() {
         let counts = Counts::synthetic(1500);
-        // The last time step takes 1500 instructions, the others 1000 each. The shortcut's are 200 in each if the
-        // hop has 8 time steps.
+        // The last time step takes 1500 instructions, the others 1000 each. The shortcut's are 200
+        // in each if the hop has 8 time steps.
         let hop = u32::try_from(HOP).expect("at most 16");
         let (all, in_step) = (1_000 * hop + 500, 1_600 / hop);
         let expected = Figures {

@@ -14,26 +14,26 @@ use rand_chacha::ChaCha8Rng;
 use realfft::{RealFftPlanner, num_complex::Complex64};
 use serde::Serialize;
 
-use super::spectrum::{Spectrum, real};
 use crate::idsp_cascade::{IdspCascade, Section29};
 use demo::response::{BAND_HZ, MAINS_HZ, Twin};
 
-/// Time for the filters to settle before the measurement, s. The slowest poles decay at 0.97 / s: by e^-31 in
-/// this time.
+/// Time for the filters to settle before the measurement, s. The slowest poles decay at 0.97 / s:
+/// by e^-31 in this time.
 const SETTLING_S: usize = 32;
 /// Duration of the measurement, s.
 const MEASURED_S: usize = 64;
 /// Number of electrodes, each with a different signal; their powers are averaged.
 const ELECTRODES: u64 = 8;
 
-/// Amplitudes of a test signal, uV: electrode offset, mains at 50 Hz (peak), and pink noise from 0.5 Hz
-/// upwards (rms). The offset's sign alternates from electrode to electrode.
+/// Amplitudes of a test signal, uV: electrode offset, mains at 50 Hz (peak), and pink noise from
+/// 0.5 Hz upwards (rms). The offset's sign alternates from electrode to electrode.
 type Amplitudes = [f64; 3];
 const EEG: Amplitudes = [20_000.0, 100.0, 30.0];
 const MAINS: Amplitudes = [0.0, 100.0, 0.0];
 const SILENCE: Amplitudes = [0.0; 3];
 
-/// Noise of our filters, and of idsp's two low-noise forms `DirectForm1Dither` and `DirectForm1Wide`.
+/// Noise of our filters, and of idsp's two low-noise forms `DirectForm1Dither` and
+/// `DirectForm1Wide`.
 #[derive(Debug, Default, Serialize)]
 pub(crate) struct Noise {
     pub(crate) ours: Measured,
@@ -79,8 +79,8 @@ impl Noise {
             points: measured.density.iter().copied().skip(1).collect(),
         };
         let nyquist_hz = f64::from(model::ADC_RATE_HZ) / 2.0;
-        // Rounding to whole counts in the ADC adds noise of power LSB^2 / 12, spread evenly from 0 to
-        // `nyquist_hz`.
+        // Rounding to whole counts in the ADC adds noise of power LSB^2 / 12, spread evenly from 0
+        // to `nyquist_hz`.
         let adc = f64::from(model::LSB_NV) / (12.0 * nyquist_hz).sqrt();
         let adc_in_band = adc * (BAND_HZ[1] - BAND_HZ[0]).sqrt();
         let rounding = Curve {
@@ -119,8 +119,8 @@ where
     move |x| cascade.apply(0, x)
 }
 
-/// Measures the noise of a filter with each test signal. `at_rest` returns the filter in its initial state;
-/// it is called for each signal and electrode.
+/// Measures the noise of a filter with each test signal. `at_rest` returns the filter in its
+/// initial state; it is called for each signal and electrode.
 fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measured {
     let spectrum = |amplitudes| {
         let spectra = (0..ELECTRODES).map(|electrode| {
@@ -140,7 +140,8 @@ fn measure<F: FnMut(i32) -> i32>(twin: &Twin, at_rest: impl Fn() -> F) -> Measur
     }
 }
 
-/// Returns the output of `filter` minus that of `twin` for the same counts, nV, without the settling time.
+/// Returns the output of `filter` minus that of `twin` for the same counts, nV, without the
+/// settling time.
 fn error_nv(counts: &[i32], mut twin: Twin, mut filter: impl FnMut(i32) -> i32) -> Vec<f64> {
     let nv = f64::from(model::LSB_NV) / f64::from(1 << GUARD_BITS);
     let errors = counts.iter().map(|count| {
@@ -192,6 +193,84 @@ fn rate() -> usize {
     model::ADC_RATE_HZ.into()
 }
 
+/// Samples per segment: 8 s at 512 Hz, which puts the band's lower edge, 0.5 Hz, at bin 4 (DC is
+/// bin 0).
+const SEGMENT: usize = 4096;
+
+/// Power spectral density of a signal, in bins of equal width from 0 Hz upwards.
+#[derive(Debug, Clone)]
+struct Spectrum {
+    /// Width of a bin, Hz; the first bin is centred on 0.
+    bin_hz: f64,
+    /// Density of each bin, in the squared unit of the signal per Hz.
+    power: Vec<f64>,
+}
+
+impl Spectrum {
+    /// Averages the spectra of Hann-windowed segments that overlap by half, each without its mean.
+    ///
+    /// # Panics
+    /// When the signal is shorter than a segment.
+    fn new(signal: &[f64], rate_hz: f64) -> Self {
+        assert!(signal.len() >= SEGMENT, "{} samples", signal.len());
+        let transform = RealFftPlanner::<f64>::new().plan_fft_forward(SEGMENT);
+        let window: Vec<f64> = (0..SEGMENT)
+            .map(|n| (PI * real(n) / real(SEGMENT)).sin().powi(2))
+            .collect();
+        let energy: f64 = window.iter().map(|w| w * w).sum();
+        let mut power = vec![0.0; SEGMENT / 2 + 1];
+        let mut bins = transform.make_output_vec();
+        let segments = signal.windows(SEGMENT).step_by(SEGMENT / 2);
+        let count = real(segments.len());
+        for segment in segments {
+            let mean = segment.iter().sum::<f64>() / real(SEGMENT);
+            let windowed = segment.iter().zip(&window).map(|(x, w)| (x - mean) * w);
+            // Fails only if a length differs from the plan's.
+            if transform
+                .process(&mut windowed.collect::<Vec<_>>(), &mut bins)
+                .is_ok()
+            {
+                for (power, bin) in power.iter_mut().zip(&bins) {
+                    // The factor 2 adds the negative frequencies.
+                    *power += 2.0 * bin.norm_sqr() / energy / rate_hz / count;
+                }
+            }
+        }
+        Self {
+            bin_hz: rate_hz / real(SEGMENT),
+            power,
+        }
+    }
+
+    /// Returns the mean of one or more spectra of the same rate.
+    fn mean(spectra: &[Self]) -> Self {
+        let mut mean = spectra[0].clone();
+        for (bin, power) in mean.power.iter_mut().enumerate() {
+            let sum: f64 = spectra.iter().map(|other| other.power[bin]).sum();
+            *power = sum / real(spectra.len());
+        }
+        mean
+    }
+
+    /// Returns the rms value of the signal between two frequencies in Hz, both included.
+    fn rms(&self, [low, high]: [f64; 2]) -> f64 {
+        let inside = self.points().filter(|(hz, _)| (low..=high).contains(hz));
+        let power: f64 = inside.map(|(_, power)| power * self.bin_hz).sum();
+        power.sqrt()
+    }
+
+    /// Returns the frequency in Hz and the power density of each bin.
+    fn points(&self) -> impl Iterator<Item = (f64, f64)> {
+        let points = self.power.iter().enumerate();
+        points.map(|(bin, power)| (real(bin) * self.bin_hz, *power))
+    }
+}
+
+/// Converts a count to a float, saturating at 2^32 - 1.
+fn real(count: usize) -> f64 {
+    f64::from(u32::try_from(count).unwrap_or(u32::MAX))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -214,8 +293,8 @@ mod tests {
         // LSB / sqrt(12) rms is spread over all frequencies, up to half the rate.
         let width = (BAND_HZ[1] - BAND_HZ[0]) / (f64::from(model::ADC_RATE_HZ) / 2.0);
         let expected = f64::from(model::LSB_NV) / 12.0_f64.sqrt() * width.sqrt();
-        // The two values were measured 1 % apart. In this band, the rms of 64 s of white noise has a standard
-        // error of about 0.9 %.
+        // The two values were measured 1 % apart. In this band, the rms of 64 s of white noise has
+        // a standard error of about 0.9 %.
         assert!(
             (rms / expected - 1.0).abs() < 0.05,
             "{rms} instead of {expected}"
@@ -238,5 +317,15 @@ mod tests {
             .rms([0.25, 49.0])
             .hypot(spectrum.rms([51.0, 256.0]));
         assert!((eeg - 30.0).abs() < 1.0, "{eeg}");
+    }
+
+    #[test]
+    fn a_sine_of_amplitude_2_has_rms_root_2_in_a_band_around_it_and_none_elsewhere() {
+        let sine = |n| 2.0 * (2.0 * PI * 10.0 * real(n) / 512.0).sin() + 700.0;
+        let signal: Vec<f64> = (0..5 * SEGMENT).map(sine).collect();
+        let spectrum = Spectrum::new(&signal, 512.0);
+        let inside = spectrum.rms([9.5, 10.5]);
+        assert!((inside - 2.0_f64.sqrt()).abs() < 1e-9, "{inside}");
+        assert!(spectrum.rms([11.0, 256.0]) < 1e-9);
     }
 }

@@ -1,0 +1,5 @@
+//! Signals and recordings come back bit for bit.
+#![forbid(unsafe_code)]
+
+mod recordings;
+mod round_trip;

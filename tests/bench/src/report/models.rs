@@ -1,0 +1,171 @@
+//! The benchmarks `model` and `montages`: cost of the model in a folder, and of a model with random
+//! weights for each file in `files/montages/`. Neither the instructions nor the memory of an
+//! encoder depends on the values of its weights.
+
+use std::path::{Path, PathBuf};
+
+use any_model::any_artifact_for;
+use anyhow::{Context, ensure};
+use artifact::{Artifact, Mode, MontageFile};
+use serde_json::{Map, Value as Json, json};
+
+use super::cost::{self, Parts};
+use super::figures::Report;
+
+/// Encodes at least `windows` windows with the model in `folder` on each emulated machine, and
+/// builds the boards' images with it.
+///
+/// # Errors
+/// The folder has no model, the model does not fit a board, or QEMU or the target is missing.
+pub(crate) fn measure_folder(folder: &Path, windows: usize) -> anyhow::Result<Report> {
+    let name = folder.file_name().unwrap_or_default().to_string_lossy();
+    let figures = cost::measure(&name, folder, windows, Parts::EncoderAndBoards)?;
+    let next =
+        "`cargo test --package pipeline --test streaming_equals_batch` with CORTICODE_ARTIFACT";
+    Report::new("model", Json::Object(figures), next)
+}
+
+/// Montage that also gets a model with convolutions: the largest one whose convolutions differ from
+/// those of the checked-in model.
+const CONVOLUTIONS: &str = "ten-twenty-32";
+
+/// Seed of the random weights.
+const SEED: u32 = 1;
+
+/// Returns the report on the models of all montages, or of `only` one. For each model, at least
+/// `windows` windows are encoded on each emulated machine.
+///
+/// # Errors
+/// No montage has the name, a montage file cannot be read, QEMU or the target is missing, or an
+/// image does not build or run.
+pub(crate) fn measure_montages(
+    only: Option<&str>,
+    windows: usize,
+    parts: Parts,
+) -> anyhow::Result<Report> {
+    let mut rows = Vec::new();
+    for montage in selected(any_model::montages()?, only)? {
+        for mode in modes(&montage) {
+            let electrodes = montage.montage().electrodes.len();
+            let artifact = any_artifact_for(SEED, &montage, mode, numbers(electrodes))?;
+            let name = match mode {
+                Mode::Pca => montage.name.clone(),
+                _ => format!("{}, convolutions", montage.name),
+            };
+            eprintln!("{name}");
+            let folder = write(&artifact, &name)?;
+            rows.push(cost::measure(&name, &folder, windows, parts)?);
+        }
+    }
+    report(&rows)
+}
+
+/// Returns the montages whose name is `only`, or all of them.
+fn selected(
+    mut montages: Vec<MontageFile>,
+    only: Option<&str>,
+) -> anyhow::Result<Vec<MontageFile>> {
+    let names: Vec<String> = montages.iter().map(|each| each.name.clone()).collect();
+    montages.retain(|montage| only.is_none_or(|only| montage.name == only));
+    ensure!(
+        !montages.is_empty(),
+        "no file in files/montages/ has the name {}\n  next: one of {}",
+        only.unwrap_or("of a montage"),
+        names.join(", ")
+    );
+    Ok(montages)
+}
+
+/// Returns the modes of the models for a montage.
+fn modes(montage: &MontageFile) -> Vec<Mode> {
+    let mut modes = vec![Mode::Pca];
+    if montage.name == CONVOLUTIONS {
+        modes.push(Mode::Shortcut);
+    }
+    modes
+}
+
+/// Returns the numbers in a code: two for each electrode, in multiples of 8. 61 electrodes have the
+/// paper's 128.
+fn numbers(electrodes: usize) -> usize {
+    (2 * electrodes).next_multiple_of(8)
+}
+
+/// Writes a model to a folder of its own and returns the folder. Leaves the files as they are if
+/// they hold this model already, so that cargo does not build its images again.
+fn write(artifact: &Artifact, name: &str) -> anyhow::Result<PathBuf> {
+    let folder = cost::builds()?.join("models").join(name.replace(", ", "-"));
+    let is_written = Artifact::read(&folder).is_ok_and(|written| written.id == artifact.id);
+    if !is_written {
+        let failed = || format!("{} cannot be written", folder.display());
+        artifact.write(&folder).with_context(failed)?;
+    }
+    Ok(folder)
+}
+
+/// Builds the report from the cost of each model.
+fn report(rows: &[Map<String, Json>]) -> anyhow::Result<Report> {
+    let all = |name: &str, sound: Json| rows.iter().all(|row| row.get(name) == Some(&sound));
+    let figures = json!({
+        "different_codes": rows.iter().filter_map(|row| row["different_codes"].as_u64()).sum::<u64>(),
+        "constant_count": all("constant_count", true.into()),
+        "montages": rows,
+    });
+    let next = "`cargo xtask bench montages --montage NAME` for the one that differs; then \
+                `cargo test --package acceptance --test montages`";
+    Report::new("montages", figures, next)
+}
+
+#[cfg(test)]
+mod tests {
+    use emulator::installed;
+
+    use super::*;
+
+    /// Montage whose images are built and run in the tests: the smallest.
+    const SMALL: &str = "cyton-8";
+
+    fn row(different: u32, constant: bool) -> Map<String, Json> {
+        let row = json!({"name": "a", "different_codes": different, "constant_count": constant});
+        row.as_object().cloned().expect("an object")
+    }
+
+    #[test]
+    fn one_different_code_of_one_montage_is_a_fault() {
+        let report = |second| report(&[row(0, true), second]).expect("a report");
+        assert_eq!(report(row(0, true)).faults(), [""; 0]);
+        report(row(1, true)).assert_only_fault("different_codes is 1; the limit is at most 0");
+        report(row(0, false)).assert_only_fault("constant_count is false;");
+    }
+
+    #[test]
+    fn codes_have_two_numbers_for_each_electrode_and_the_paper_s_128_for_61() {
+        let lengths = [61, 32, 16, 8].map(numbers);
+        assert_eq!(lengths, [128, 64, 32, 16]);
+    }
+
+    #[test]
+    fn only_the_montage_that_is_asked_for_is_measured() {
+        let montages = || any_model::montages().expect("files/montages/");
+        assert!(montages().len() >= 5);
+        let one = selected(montages(), Some(SMALL)).expect("a montage");
+        assert_eq!(one.len(), 1);
+        let unknown = selected(montages(), Some("none")).expect_err("no montage");
+        assert!(unknown.to_string().contains(SMALL), "{unknown}");
+        assert!(montages().iter().any(|montage| modes(montage).len() > 1));
+    }
+
+    #[test]
+    fn both_microcontrollers_compute_the_reference_s_codes_for_eight_electrodes() {
+        if !installed::available("codes of another montage on emulated microcontrollers") {
+            return;
+        }
+        let report = measure_montages(Some(SMALL), 50, Parts::Encoder).expect("a report");
+        assert_eq!(report.faults(), [""; 0]);
+        let row = &report.object["montages"][0];
+        assert_eq!(row["electrodes"], 8);
+        assert!(row["windows"].as_u64().is_some_and(|windows| windows >= 50));
+        let [m4f, m7] = ["m4f", "m7"].map(|core| row[format!("{core}_insn_per_code")].as_u64());
+        assert!(m4f > Some(1_000) && m7 > Some(1_000), "{row}");
+    }
+}

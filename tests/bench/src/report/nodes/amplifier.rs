@@ -1,0 +1,114 @@
+//! An acquisition: publishes frames of one hop in real time.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use neuro_ros::{Header, NeuroDataFloat, NeuroDataInfo, NeuroFrame, NeuroHeader, Stamp, Wire};
+use ros1::Publisher;
+
+use super::figures::Times;
+use super::wait_until;
+
+/// Samples per step of the encoder.
+const SAMPLES_PER_STEP: usize = (model::ADC_RATE_HZ / model::STEP_RATE_HZ) as usize;
+/// Samples of a frame: one hop.
+const SAMPLES: usize = model::HOP * SAMPLES_PER_STEP;
+/// Number of the frame, counted from 1, that completes window 0.
+#[expect(clippy::cast_possible_truncation, reason = "some frames")]
+pub(super) const FIRST: u32 = ((model::STEPS - 1) * SAMPLES_PER_STEP / SAMPLES) as u32 + 1;
+/// Time from one frame to the next.
+const PERIOD: Duration =
+    Duration::from_nanos(1_000_000_000 * SAMPLES as u64 / model::ADC_RATE_HZ as u64);
+
+/// A thread that publishes the same numbers on two topics, on the second one half a period later.
+#[derive(Debug)]
+pub(super) struct Amplifier {
+    sent: Arc<[Mutex<Times>; 2]>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Amplifier {
+    pub(super) fn start(publishers: [Publisher; 2]) -> Amplifier {
+        let sent = Arc::<[Mutex<Times>; 2]>::default();
+        let stop = Arc::<AtomicBool>::default();
+        let (times, stopped) = (Arc::clone(&sent), Arc::clone(&stop));
+        let thread = thread::spawn(move || {
+            let start = Instant::now();
+            let mut number = 0;
+            while !stopped.load(Ordering::Relaxed) {
+                number += 1;
+                let mut frame = frame(number);
+                for (half, publisher) in (0_u32..).zip(&publishers) {
+                    wait_until(start + (2 * number + half) * PERIOD / 2);
+                    frame.header.stamp = Stamp::now();
+                    let bytes = frame.to_bytes();
+                    if number >= FIRST {
+                        let times = &times[half as usize];
+                        let mut times = times.lock().unwrap_or_else(PoisonError::into_inner);
+                        times.insert(u64::from(number - FIRST), Instant::now());
+                    }
+                    publisher.publish(&bytes);
+                }
+            }
+        });
+        Amplifier {
+            sent,
+            stop,
+            thread: Some(thread),
+        }
+    }
+
+    /// Returns when the frame was sent that completes each window, for both topics.
+    pub(super) fn times(&self) -> [Times; 2] {
+        std::array::from_fn(|topic| {
+            let times = self.sent[topic].lock();
+            times.unwrap_or_else(PoisonError::into_inner).clone()
+        })
+    }
+}
+
+impl Drop for Amplifier {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // Fails if the thread has panicked, which has been printed.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Returns frame `number` with the model's electrodes: noise of some microvolts.
+fn frame(number: u32) -> NeuroFrame {
+    let labels: Vec<String> = model::LABELS.split(' ').map(str::to_owned).collect();
+    let values = SAMPLES * labels.len();
+    let mut state = number;
+    let value = |_| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f32::from((state >> 24).to_le_bytes()[0])
+    };
+    let narrow = |length: usize| u16::try_from(length).unwrap_or(u16::MAX);
+    NeuroFrame {
+        header: Header {
+            seq: number,
+            ..Header::default()
+        },
+        neuroheader: NeuroHeader { seq: number },
+        sr: model::ADC_RATE_HZ,
+        eeg: NeuroDataFloat {
+            info: NeuroDataInfo {
+                nsamples: narrow(SAMPLES),
+                nchannels: narrow(labels.len()),
+                stride: narrow(4 * labels.len()),
+                unit: "uV".to_owned(),
+                minmax: vec![-187_500.0, 187_500.0],
+                labels,
+                ..NeuroDataInfo::default()
+            },
+            data: (0..values).map(value).collect(),
+        },
+        ..NeuroFrame::default()
+    }
+}

@@ -1,0 +1,171 @@
+//! Forwards the bytes of the source to the bridge, and the codes among them to the node in rospy, and
+//! records the times. Codes leave one hop apart to some microseconds, so that the jitter at a
+//! subscriber is that of the node.
+
+use std::io::{self, Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use link::{Decoder, ToHost};
+
+use super::figures::Times;
+use super::wait_until;
+
+/// Time from one code to the next.
+const HOP: Duration =
+    Duration::from_micros(model::HOP as u64 * 1_000_000 / model::STEP_RATE_HZ as u64);
+/// Time by which the node in rospy gets a code later than the bridge.
+const OFFSET: Duration = HOP.checked_div(2).unwrap();
+/// Delay of every code in the relay, so that a code that the source sends late still leaves on
+/// time.
+const RESERVE: Duration = Duration::from_millis(15);
+/// Longest time in which the source opens its port, and in which each node connects.
+const START: Duration = Duration::from_secs(20);
+/// Time between two attempts to connect.
+const RETRY: Duration = Duration::from_millis(20);
+
+/// Levels of the code of one window.
+struct Levels {
+    window: u32,
+    values: Vec<i32>,
+}
+
+/// Times at which codes were sent.
+#[derive(Debug, Default)]
+struct Sent {
+    to_bridge: Mutex<Times>,
+    to_rospy: Mutex<Times>,
+}
+
+/// Threads that pass on what the source sends; they end with its connection.
+#[derive(Debug)]
+pub(super) struct Relay(Arc<Sent>);
+
+impl Relay {
+    /// Connects to the source at `port` of 127.0.0.1, accepts the bridge at `bridge` and the node
+    /// in rospy at `rospy`, and starts to pass on bytes.
+    ///
+    /// # Errors
+    /// A connection fails.
+    pub(super) fn start(
+        port: u16,
+        bridge: &TcpListener,
+        rospy: Option<&TcpListener>,
+    ) -> anyhow::Result<Self> {
+        let source = connect(port).context("host-sim opens no port")?;
+        let bridge = accept(bridge).context("corticode-bridge does not connect")?;
+        let rospy = rospy.map(accept).transpose();
+        let rospy = rospy.context("rospy_bridge.py does not connect")?;
+        let sent = Arc::<Sent>::default();
+        let (codes, later) = channel();
+        let (mut commands, mut back) = (bridge.try_clone()?, source.try_clone()?);
+        thread::spawn(move || io::copy(&mut commands, &mut back));
+        let times = Arc::clone(&sent);
+        thread::spawn(move || forward(source, bridge, &times.to_bridge, &codes));
+        if let Some(rospy) = rospy {
+            let times = Arc::clone(&sent);
+            thread::spawn(move || delay(&later, rospy, &times.to_rospy));
+        }
+        Ok(Self(sent))
+    }
+
+    /// Returns when each code was sent to the bridge and to the node in rospy, by the index of its
+    /// window.
+    pub(super) fn times(&self) -> [Times; 2] {
+        [&self.0.to_bridge, &self.0.to_rospy]
+            .map(|times| times.lock().unwrap_or_else(PoisonError::into_inner).clone())
+    }
+}
+
+fn connect(port: u16) -> io::Result<TcpStream> {
+    let end = Instant::now() + START;
+    loop {
+        match TcpStream::connect(SocketAddr::from((Ipv4Addr::LOCALHOST, port))) {
+            Ok(stream) => return stream.set_nodelay(true).map(|()| stream),
+            Err(error) if Instant::now() >= end => return Err(error),
+            Err(_) => thread::sleep(RETRY),
+        }
+    }
+}
+
+fn accept(listener: &TcpListener) -> io::Result<TcpStream> {
+    let end = Instant::now() + START;
+    listener.set_nonblocking(true)?;
+    loop {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                stream.set_nonblocking(false)?;
+                return stream.set_nodelay(true).map(|()| stream);
+            }
+            Err(error) if error.kind() != io::ErrorKind::WouldBlock => return Err(error),
+            Err(error) if Instant::now() >= end => return Err(error),
+            Err(_) => thread::sleep(RETRY),
+        }
+    }
+}
+
+/// Passes all bytes of the source on, and the codes among them to `codes`. Bytes with a code wait
+/// until it is due.
+fn forward(
+    mut source: TcpStream,
+    mut bridge: TcpStream,
+    sent: &Mutex<Times>,
+    codes: &Sender<(Instant, Levels)>,
+) -> io::Result<()> {
+    let mut decoder: Decoder = Decoder::new();
+    let mut buffer = [0; 4096];
+    let mut first = None;
+    loop {
+        let count = source.read(&mut buffer)?;
+        if count == 0 {
+            return Ok(());
+        }
+        let (bytes, arrival) = (&buffer[..count], Instant::now());
+        let mut unread = bytes;
+        while let Some(frame) = decoder.next::<ToHost>(&mut unread) {
+            let Ok(ToHost::Code(code)) = frame.map(|frame| frame.message) else {
+                continue;
+            };
+            let (window, at) = *first.get_or_insert((code.window, arrival + RESERVE));
+            wait_until(at + HOP * code.window.wrapping_sub(window));
+            let now = Instant::now();
+            note(sent, code.window, now);
+            let levels = Levels {
+                window: code.window,
+                values: code.values.levels().collect(),
+            };
+            // Fails where no node in rospy runs.
+            let _ = codes.send((now, levels));
+        }
+        bridge.write_all(bytes)?;
+    }
+}
+
+/// Sends each code to the node in rospy after [`OFFSET`]: index of the window, then the levels as
+/// float32.
+fn delay(
+    codes: &Receiver<(Instant, Levels)>,
+    mut rospy: TcpStream,
+    sent: &Mutex<Times>,
+) -> io::Result<()> {
+    for (at, code) in codes {
+        let mut bytes = Vec::with_capacity(4 + 4 * code.values.len());
+        bytes.extend(code.window.to_le_bytes());
+        #[expect(clippy::cast_precision_loss, reason = "a level has at most 16 bits")]
+        let values = code.values.iter().map(|level| *level as f32);
+        bytes.extend(values.flat_map(f32::to_le_bytes));
+        wait_until(at + OFFSET);
+        note(sent, code.window, Instant::now());
+        rospy.write_all(&bytes)?;
+    }
+    Ok(())
+}
+
+fn note(sent: &Mutex<Times>, window: u32, at: Instant) {
+    let mut sent = sent.lock().unwrap_or_else(PoisonError::into_inner);
+    sent.insert(window.into(), at);
+}

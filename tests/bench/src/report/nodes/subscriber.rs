@@ -1,0 +1,114 @@
+//! A subscriber that records the time at which each code arrives.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use anyhow::ensure;
+use link::Flags;
+use neuro_ros::{NeuroFrame, RosMessage, Wire};
+use ros1::Node;
+use tokio::task::JoinHandle;
+use tokio::time::{sleep, timeout};
+
+use super::figures::Times;
+
+/// Number of messages that wait in the subscriber.
+const QUEUE: usize = 256;
+
+/// Subscription to a topic of NeuroFrames. Dropping the value ends it.
+#[derive(Debug)]
+pub(super) struct Subscriber {
+    topic: &'static str,
+    arrived: Arc<Mutex<Times>>,
+    task: JoinHandle<()>,
+}
+
+impl Subscriber {
+    /// Subscribes to `topic`.
+    ///
+    /// # Errors
+    /// The node has shut down.
+    pub(super) async fn start(node: &Node, topic: &'static str) -> anyhow::Result<Self> {
+        let mut subscription = node.subscribe(topic, NeuroFrame::TYPE, QUEUE).await?;
+        let arrived = Arc::<Mutex<Times>>::default();
+        let times = Arc::clone(&arrived);
+        let task = tokio::spawn(async move {
+            while let Some(body) = subscription.recv().await {
+                let now = Instant::now();
+                let window = NeuroFrame::from_bytes(&body).ok();
+                if let Some(window) = window.and_then(|frame| window_of(&frame)) {
+                    let mut times = times.lock().unwrap_or_else(PoisonError::into_inner);
+                    times.entry(window).or_insert(now);
+                }
+            }
+        });
+        Ok(Self {
+            topic,
+            arrived,
+            task,
+        })
+    }
+
+    /// Waits until a code has arrived.
+    ///
+    /// # Errors
+    /// None arrives within `limit`.
+    pub(super) async fn wait_for_code(&self, limit: Duration) -> anyhow::Result<()> {
+        let arrived = async {
+            while self.times().is_empty() {
+                sleep(Duration::from_millis(10)).await;
+            }
+        };
+        let arrived = timeout(limit, arrived).await.is_ok();
+        ensure!(
+            arrived,
+            "no code came on {} within {} s\n  next: is the machine very busy? repeat",
+            self.topic,
+            limit.as_secs()
+        );
+        Ok(())
+    }
+
+    /// Returns the times of arrival so far, by the index of the window. Fillers do not count.
+    pub(super) fn times(&self) -> Times {
+        let times = self.arrived.lock();
+        times.unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Drop for Subscriber {
+    fn drop(&mut self) {
+        self.task.abort();
+    }
+}
+
+/// Returns the index of the window from the status words; `None` for a filler.
+fn window_of(frame: &NeuroFrame) -> Option<u64> {
+    let word = |label: &str| {
+        let place = frame
+            .tri
+            .info
+            .labels
+            .iter()
+            .position(|name| name == label)?;
+        u64::try_from(*frame.tri.data.get(place)?).ok()
+    };
+    let is_filler = word("flags")? & u64::from(Flags::FILLER.bits()) != 0;
+    (!is_filler).then_some(word("seq_lo")? | word("seq_hi")? << 16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_window_has_two_words_and_a_filler_has_none() {
+        let mut frame = NeuroFrame::default();
+        assert_eq!(window_of(&frame), None);
+        frame.tri.info.labels = ["flags", "seq_lo", "seq_hi"].map(str::to_owned).to_vec();
+        frame.tri.data = vec![1, 5, 2];
+        assert_eq!(window_of(&frame), Some(5 + 2 * 65_536));
+        frame.tri.data[0] = i32::from(Flags::FILLER.bits());
+        assert_eq!(window_of(&frame), None);
+    }
+}

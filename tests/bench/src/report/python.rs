@@ -1,0 +1,126 @@
+//! Peers in Python: the interpreters of this PC, and what the scripts of this crate read and print.
+
+use std::ffi::OsStr;
+use std::io::Write as _;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, ensure};
+use artifact::Description;
+use serde::de::DeserializeOwned;
+use serde_json::{Value as Json, json};
+
+use super::checked_in::ARTIFACT;
+use super::tools::output_of;
+
+/// Interpreters, tried in this order: the first in PATH, and Debian's.
+const INTERPRETERS: [&str; 2] = ["python3", "/usr/bin/python3"];
+
+/// A Python interpreter that imports the modules of a script.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Python(&'static str);
+
+impl Python {
+    /// Finds an interpreter that imports `modules`. Without one, prints that the measurement is
+    /// skipped and what to do `next`.
+    pub(crate) fn find(modules: &str, next: &str) -> Option<Self> {
+        let imports = format!("import {modules}");
+        let imports =
+            |python: &&str| output_of(Command::new(python).args(["-c", &imports])).is_some();
+        let python = INTERPRETERS.into_iter().find(imports);
+        if python.is_none() {
+            let interpreters = INTERPRETERS.join(" nor ");
+            eprintln!("SKIPPED: {modules}: neither {interpreters} imports it; {next}");
+        }
+        python.map(Self)
+    }
+
+    /// Finds an interpreter that imports PyTorch and the modules that pip installs as `others`,
+    /// separated by blanks.
+    pub(crate) fn find_torch(others: &str) -> Option<Self> {
+        let modules = ["torch"].into_iter().chain(others.split_whitespace());
+        let modules = modules.collect::<Vec<_>>();
+        let next = format!(
+            "`python3 -m venv torch-venv && torch-venv/bin/pip install {}`, then again with torch-venv/bin first in \
+             PATH",
+            modules.join(" ")
+        );
+        Self::find(&modules.join(", "), &next)
+    }
+
+    /// Returns a command that runs a script of this crate on one thread, as our programs do.
+    pub(crate) fn script(self, name: &str) -> Command {
+        let mut command = Command::new(self.0);
+        command
+            .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join(name))
+            .envs(
+                ["OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"].map(|of| (of, "1")),
+            );
+        command
+    }
+
+    /// Runs a script of this crate with `input` on its stdin, and parses the JSON that it prints.
+    ///
+    /// # Errors
+    /// The script fails, or prints something else.
+    pub(crate) fn answer<T: DeserializeOwned>(
+        self,
+        script: &str,
+        arguments: &[impl AsRef<OsStr>],
+        input: &[u8],
+    ) -> anyhow::Result<T> {
+        let failed = || format!("tests/bench/{script} failed\n  next: read its messages above");
+        answer(self.script(script).args(arguments), input).with_context(failed)
+    }
+}
+
+/// Runs a command with `input` on its stdin, and parses the JSON that it prints.
+fn answer<T: DeserializeOwned>(command: &mut Command, input: &[u8]) -> anyhow::Result<T> {
+    let mut process = command
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()?;
+    // The pipe is dropped at the end of the statement, which ends the process's input.
+    let written = process.stdin.take().map(|mut stdin| stdin.write_all(input));
+    let output = process.wait_with_output()?;
+    ensure!(output.status.success(), "{}", output.status);
+    written.context("it has no standard input")??;
+    serde_json::from_slice(&output.stdout).context("it printed something else than its JSON object")
+}
+
+/// Returns the part of a script's request that describes the model: its filters and its encoder.
+pub(crate) fn model(description: &Description) -> Json {
+    let filters = &description.filters;
+    json!({
+        "artifact": ARTIFACT,
+        "cells": model::GRID_CELL.as_slice(),
+        "numbers": model::CODE,
+        "steps": model::STEPS,
+        "hop": model::HOP,
+        "rows": model::ROWS,
+        "columns": model::COLUMNS,
+        "decimation": model::ADC_RATE_HZ / model::STEP_RATE_HZ,
+        "sd_uv": description.input.sd_uv,
+        "rate_hz": model::ADC_RATE_HZ,
+        "mains_hz": 50,
+        "notch_q": filters.notch_q,
+        "band_hz": filters.band_hz,
+        "order": filters.order,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_answer_is_the_json_of_a_script_that_succeeds() {
+        let run = |script: &str, input: &str| {
+            answer::<Vec<f32>>(Command::new("sh").args(["-c", script]), input.as_bytes())
+        };
+        assert_eq!(run("cat", "[0.5, 7]").expect("an answer"), [0.5, 7.0]);
+        assert!(run("cat", "[0.5, NaN]").is_err());
+        assert!(run("cat; exit 3", "[]").is_err());
+        assert!(run("exit 3", "[]").is_err());
+    }
+}
