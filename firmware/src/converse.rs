@@ -7,20 +7,14 @@ use core::{
     sync::atomic::Ordering::Relaxed,
 };
 
-use device::{MAX_FRAME, Order, Payload, Session};
+use device::{MAX_FRAME, Order, Output, Payload, Session};
 use embassy_futures::join::join5;
 use embassy_sync::{blocking_mutex::raw::NoopRawMutex, signal::Signal};
 use embassy_time::{Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 use link::{ResetInto, Stage, Start};
 
-use crate::{
-    deadlines,
-    memory::Frames,
-    queues::{OutputReceiver, OutputSlot},
-    shared::Shared,
-    stack::Stack,
-};
+use crate::{deadlines, memory::Frames, queues::OutputReceiver, shared::Shared, stack::Stack};
 
 /// Largest number of bytes read from the port in one call: one bulk packet of full-speed USB.
 const PACKET: usize = 64;
@@ -139,10 +133,10 @@ impl Conversation<'_, '_> {
     async fn forward_outputs(&self, mut outputs: OutputReceiver) {
         loop {
             self.shared.progress.mark_conversed();
-            let Ok(slot) = with_timeout(TICK, outputs.receive()).await else {
+            let Ok((output, queued_ticks)) = with_timeout(TICK, outputs.receive()).await else {
                 continue;
             };
-            self.send_output(slot);
+            self.send_output(&output, queued_ticks);
             outputs.receive_done();
             self.frames_waiting.signal(());
         }
@@ -155,18 +149,18 @@ impl Conversation<'_, '_> {
     ///
     /// Not inlined, to keep the messages off the task's stack frame.
     #[inline(never)]
-    fn send_output(&self, slot: &OutputSlot) {
+    fn send_output(&self, output: &Output<'_>, queued_ticks: u32) {
         let (session, frames) = &mut *self.state.borrow_mut();
         self.skip_lost(frames);
-        if slot.output.ends_second() && session.is_streaming() {
-            let at_us = slot.output.at_us;
+        if output.ends_second() && session.is_streaming() {
+            let at_us = output.at_us;
             session.send_stats(at_us, self.shared.counts(), frames);
             let timing = self.shared.timing.report(self.machine.stack);
-            session.send_timing(&timing, at_us, frames);
+            session.send_timing(timing, at_us, frames);
         }
-        session.send(&slot.output, frames);
-        if let Payload::Code(..) | Payload::PackedCode(..) = slot.output.payload {
-            self.code_ticks.set(Some(slot.queued_ticks));
+        session.send(output, frames);
+        if let Payload::Code(..) | Payload::PackedCode(..) = output.payload {
+            self.code_ticks.set(Some(queued_ticks));
         }
     }
 
@@ -219,7 +213,7 @@ impl Conversation<'_, '_> {
             let result = self.shared.self_test_result.wait().await;
             {
                 let (session, frames) = &mut *self.state.borrow_mut();
-                session.send_self_test(&result, now_us(), frames);
+                session.send_self_test(result, now_us(), frames);
             }
             self.frames_waiting.signal(());
         }

@@ -44,6 +44,10 @@ pub const SAMPLES_WAITING: usize = 16;
 /// preempts the encoder.
 pub const OUTPUTS_WAITING: usize = 4;
 
+/// Depth of the bulk queue, which holds the content of the large outputs among [`OUTPUTS_WAITING`]. One slot is
+/// enough, because the conversation preempts the encoder.
+pub const BULK_WAITING: usize = 1;
+
 /// Depth of the queue of trigger events, which the encoder empties with every sample. Only a bouncing trigger
 /// can fill it, and the edges that are then dropped carry no information.
 pub const EVENTS_WAITING: usize = 16;

@@ -22,10 +22,11 @@ pub async fn encode(
     loop {
         let slot = samples.receive().await;
         let start_ticks = shared.timing.now();
-        let mut hand_over = |output: Output| {
-            let is_code = matches!(output.payload, Payload::Code(..) | Payload::PackedCode(..));
-            hand_over(shared, &mut outputs, output);
-            if is_code {
+        let mut hand_over = |output: Output<'_>| {
+            if !outputs.try_send(&output, shared.timing.now()) {
+                shared.outputs_lost.fetch_add(1, Relaxed);
+            }
+            if let Payload::Code(..) | Payload::PackedCode(..) = output.payload {
                 shared.timing.record(Stage::Code, slot.drdy_ticks);
             }
         };
@@ -48,16 +49,5 @@ pub async fn encode(
         }
         samples.receive_done();
         shared.progress.mark_encoded();
-    }
-}
-
-/// Queues an output for the conversation, or counts it as lost if the queue is full.
-fn hand_over(shared: &Shared, outputs: &mut OutputSender, output: Output) {
-    if let Some(slot) = outputs.try_send() {
-        slot.output = output;
-        slot.queued_ticks = shared.timing.now();
-        outputs.send_done();
-    } else {
-        shared.outputs_lost.fetch_add(1, Relaxed);
     }
 }

@@ -44,7 +44,7 @@
 //! static SHARED: Shared = Shared::new(Clock { now: || 0, hz: 1_000_000 });
 //!
 //! let memory = MEMORY.init();
-//! let (_, mut outputs) = memory.converse;
+//! let (_frames, mut outputs) = memory.converse;
 //! SHARED.send_order(Order::Start(Run { streams: Streams::CODES, ..Run::NONE }));
 //! let mut tasks = pin!(join(
 //!     acquire(Square(0), &SHARED, memory.acquire),
@@ -53,7 +53,7 @@
 //! let mut codes = 0;
 //! for _ in 0..=256 {
 //!     assert!(poll_once(tasks.as_mut()).is_pending());
-//!     while outputs.try_receive().is_some() {
+//!     while poll_once(outputs.receive()).is_ready() {
 //!         codes += 1;
 //!         outputs.receive_done();
 //!     }
@@ -94,7 +94,8 @@ pub use inputs::Inputs;
 pub use memory::{Frames, Memory, TaskMemory};
 pub use progress::{Progress, keep_alive};
 pub use queues::{
-    OutputReceiver, OutputSender, OutputSlot, RawMutex, SampleReceiver, SampleSender, SampleSlot,
+    BulkSlot, OutputReceiver, OutputSender, OutputSlot, RawMutex, SampleReceiver, SampleSender,
+    SampleSlot, output_queue,
 };
 pub use shared::Shared;
 pub use stack::Stack;

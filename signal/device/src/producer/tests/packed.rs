@@ -1,6 +1,6 @@
 //! Blocks of the packed code: their content, rate and faults.
 
-use pipeline::{EncoderMemory, MAX_PACKED_BYTES};
+use pipeline::{EncoderMemory, MAX_PACKED_BYTES, PackedCode};
 
 use super::*;
 
@@ -20,9 +20,9 @@ fn signals(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = A
 }
 
 /// Returns block, time and faults of every packed output.
-fn blocks(outputs: &[Output]) -> Vec<(PackedCode, u64, Marks)> {
+fn blocks(outputs: &[Output<'_>]) -> Vec<(PackedCode, u64, Marks)> {
     let blocks = outputs.iter().filter_map(|output| match &output.payload {
-        Payload::PackedCode(code, marks) => Some((*code, output.at_us, *marks)),
+        Payload::PackedCode(code, marks) => Some((**code, output.at_us, *marks)),
         _ => None,
     });
     blocks.collect()
@@ -189,7 +189,7 @@ fn a_rate_applies_from_the_next_block_on_and_outlives_the_run() {
             if number == 1 && acquired.index == PER_BLOCK + 1 {
                 producer.set_rate(rate(9));
             }
-            producer.process(&acquired, &mut |output| made.push(output));
+            producer.process(&acquired, &mut |output| made.push(keep(output)));
         }
     }
     let rates: Vec<u8> = blocks(&made).iter().map(|(code, ..)| code.rate).collect();
@@ -204,7 +204,7 @@ fn an_encoder_alone_makes_its_own_stream_and_no_other() {
         let mut producer = Box::new(Producer::new(encoders));
         let mut outputs = Vec::new();
         for acquired in signals(Streams::ALL, 4 * PER_BLOCK, &[]) {
-            producer.process(&acquired, &mut |output| outputs.push(output));
+            producer.process(&acquired, &mut |output| outputs.push(keep(output)));
         }
         let codes = outputs
             .iter()
@@ -264,7 +264,7 @@ fn audits_at_the_host(encoders: impl Encoders) -> Vec<(u32, usize)> {
             let Payload::Audit(audit) = &output.payload else {
                 return;
             };
-            let mut values = [0; CodeValues::MAX_BYTES];
+            let mut values = [0; pipeline::CodeValues::MAX_BYTES];
             let message = link::ToHost::Audit(audit.message(&mut values));
             let mut frame = [0; link::MAX_FRAME];
             let mut frame = link::Encoder::default()
