@@ -26,7 +26,7 @@ mod signal;
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 /// File with the filter outputs that scipy computes; `scipy_rates.py` in the same folder writes it.
 const SCIPY: &str = "../../signal/pipeline/tests/front_end/scipy_rates.csv";
-/// Document that shows frames as hex dumps; `signal/link/tests/wire_format/` compares the dumps with the output of
+/// Document that shows frames as hex dumps; `signal/link/tests/it/wire_format.rs` compares the dumps with the output of
 /// the encoder.
 const WIRE_FORMAT: &str = "../../docs/wire-format.md";
 /// Largest number of golden windows whose codes are compared.

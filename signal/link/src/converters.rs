@@ -4,7 +4,7 @@ use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
 use crate::introduction::MAX_TEXT_BYTES;
-use crate::quality::MAX_ELECTRODES;
+use crate::reports::MAX_ELECTRODES;
 
 /// Largest number of chips in a chain.
 pub const MAX_CHIPS: usize = 8;
@@ -80,51 +80,23 @@ pub struct ChannelTest {
     pub fault: ChannelFault,
 }
 
-/// Fault of a channel; one byte on the wire.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "u8", into = "u8")]
-pub enum ChannelFault {
-    /// 0: the channel keeps every limit.
-    #[default]
-    None,
-    /// 1: too few samples for a result.
-    Samples,
-    /// 2: the amplitude of the square wave is wrong.
-    Gain,
-    /// 3: the offset is too large.
-    Offset,
-    /// 4: the noise is too large.
-    Noisy,
-    /// 5: the noise is smaller than that of a working converter.
-    Silent,
-    /// Any other: a fault newer than this host.
-    Newer(u8),
-}
-
-impl From<u8> for ChannelFault {
-    fn from(byte: u8) -> ChannelFault {
-        match byte {
-            0 => ChannelFault::None,
-            1 => ChannelFault::Samples,
-            2 => ChannelFault::Gain,
-            3 => ChannelFault::Offset,
-            4 => ChannelFault::Noisy,
-            5 => ChannelFault::Silent,
-            newer => ChannelFault::Newer(newer),
-        }
-    }
-}
-
-impl From<ChannelFault> for u8 {
-    fn from(fault: ChannelFault) -> u8 {
-        match fault {
-            ChannelFault::None => 0,
-            ChannelFault::Samples => 1,
-            ChannelFault::Gain => 2,
-            ChannelFault::Offset => 3,
-            ChannelFault::Noisy => 4,
-            ChannelFault::Silent => 5,
-            ChannelFault::Newer(newer) => newer,
-        }
+byte_enum! {
+    /// Fault of a channel; one byte on the wire.
+    #[derive(Default)]
+    pub enum ChannelFault {
+        /// 0: the channel keeps every limit.
+        #[default]
+        None = 0,
+        /// 1: too few samples for a result.
+        Samples = 1,
+        /// 2: the amplitude of the square wave is wrong.
+        Gain = 2,
+        /// 3: the offset is too large.
+        Offset = 3,
+        /// 4: the noise is too large.
+        Noisy = 4,
+        /// 5: the noise is smaller than that of a working converter.
+        Silent = 5,
+        _ => "Any other: a fault newer than this host.",
     }
 }

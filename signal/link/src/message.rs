@@ -2,19 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::answer::{Ack, ClockReading};
-use crate::code::{Audit, Code};
-use crate::command::{ResetInto, Start};
-use crate::compressed_raw::CompressedRaw;
+use crate::code::{Audit, Code, PackedCode};
+use crate::commands::{Ack, ClockReading, ResetInto, Start};
 use crate::converters::{Converters, SelfTest};
-use crate::event::Event;
-use crate::introduction::{Capabilities, Hello};
-use crate::packed_code::PackedCode;
-use crate::quality::Quality;
-use crate::signal::{Filtered, Raw};
-use crate::stats::Stats;
-use crate::substitutes::Substitutes;
-use crate::timing::Timing;
+use crate::introduction::{Capabilities, Hello, Substitutes};
+use crate::reports::{Quality, Stats, Timing};
+use crate::signal::{CompressedRaw, Event, Filtered, Raw};
 
 /// The set of messages of one direction: [`ToHost`] or [`ToDevice`].
 pub trait Message<'a>: Serialize + Deserialize<'a> {

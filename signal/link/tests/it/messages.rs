@@ -61,7 +61,12 @@ const WIDE_RAMP: [u8; 256] = {
 };
 
 pub(crate) fn code() -> ToHost<'static> {
-    ToHost::Code(Code {
+    ToHost::Code(code_in(CodeValues::int8(&RAMP)))
+}
+
+/// The code of [`code`] with other values, as a model with another code format would send it.
+pub(crate) fn code_in(values: CodeValues<'_>) -> Code<'_> {
+    Code {
         model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
         window: 300,
         first_sample: 9600,
@@ -69,23 +74,16 @@ pub(crate) fn code() -> ToHost<'static> {
         clipped: 2,
         clipped_values: 1,
         saturated: 1 << 20,
-        values: CodeValues::int8(&RAMP),
-    })
-}
-
-/// The message of [`code`] with the given values, as a model with another code format would send
-/// it.
-pub(crate) fn code_in(values: CodeValues<'static>) -> ToHost<'static> {
-    let ToHost::Code(code) = code() else { panic!() };
-    ToHost::Code(Code { values, ..code })
+        values,
+    }
 }
 
 pub(crate) fn code_with_exponent() -> ToHost<'static> {
-    code_in(CodeValues::int8_exponent(3, &RAMP))
+    ToHost::Code(code_in(CodeValues::int8_exponent(3, &RAMP)))
 }
 
 pub(crate) fn code_of_16_bits() -> ToHost<'static> {
-    code_in(CodeValues::int16(&WIDE_RAMP))
+    ToHost::Code(code_in(CodeValues::int16(&WIDE_RAMP)))
 }
 
 pub(crate) fn stats() -> ToHost<'static> {

@@ -1,5 +1,4 @@
 //! The hex dumps of docs/wire-format.md equal the encoder's output, byte for byte.
-#![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
     Ack, AckResult, BlockForm, COUNT_BYTES, Code, CompressedRaw, Decoder, Encoder, FILTERED_STEPS,
@@ -7,8 +6,7 @@ use link::{
     StageTiming, Start, Streams, Timing, ToDevice, ToHost, VALUE_BYTES,
 };
 
-mod messages;
-use messages::{
+use crate::messages::{
     audit, capabilities, clock_reading, code, code_of_16_bits, code_with_exponent,
     compressed_continuing, compressed_key, converters, event, filtered, hello, packed_code,
     quality, raw, self_test, stats, substitutes, timing,

@@ -1,7 +1,7 @@
 //! Random messages for proptest.
 
 use link::{
-    Ack, AckResult, Audit, BlockForm, ClockReading, Code, CodeFormat, CodeValues, CompressedRaw,
+    Ack, AckResult, Audit, BlockForm, ClockReading, Code, CodeValues, CompressedRaw,
     ElectrodeQuality, Event, EventKind, Filtered, Flags, Hello, MAX_ELECTRODES, MAX_EXPONENT,
     MAX_NUMBERS, MAX_STAGES, PackedCode, Quality, Raw, ResetCause, Stage, StageTiming, Stats,
     Streams, Substitutes, Timing, ToHost,
@@ -201,67 +201,4 @@ pub(crate) fn message() -> impl Strategy<Value = ToHost<'static>> {
             })
         });
     prop_oneof![4 => code, 1 => ack, 1 => stats, 1 => hello, 1 => quality, 1 => timing(), 2 => streamed()]
-}
-
-fn owned_values(values: &CodeValues<'_>) -> CodeValues<'static> {
-    let bytes = values.bytes().to_vec().leak();
-    match values.format() {
-        CodeFormat::Int8 => CodeValues::int8(bytes),
-        CodeFormat::Int8Exponent => CodeValues::int8_exponent(values.exponent(), bytes),
-        CodeFormat::Int16 => CodeValues::int16(bytes),
-        CodeFormat::Newer(_) => panic!("the generator makes no such values"),
-    }
-}
-
-/// Copies a decoded message into one with `'static` content; leaks byte slices.
-pub(crate) fn owned(message: &ToHost<'_>) -> ToHost<'static> {
-    match message {
-        ToHost::Hello(hello) => {
-            assert_eq!(
-                (hello.firmware, hello.board, hello.fault),
-                ("0.1.0 é", "board", "")
-            );
-            ToHost::Hello(Hello {
-                firmware: "0.1.0 é",
-                board: "board",
-                fault: "",
-                ..*hello
-            })
-        }
-        ToHost::Code(code) => ToHost::Code(Code {
-            values: owned_values(&code.values),
-            ..*code
-        }),
-        ToHost::Stats(stats) => ToHost::Stats(*stats),
-        ToHost::Ack(ack) => ToHost::Ack(*ack),
-        ToHost::Quality(quality) => ToHost::Quality(quality.clone()),
-        ToHost::Timing(timing) => ToHost::Timing(timing.clone()),
-        ToHost::Raw(raw) => ToHost::Raw(Raw {
-            counts: raw.counts.to_vec().leak(),
-            ..*raw
-        }),
-        ToHost::CompressedRaw(raw) => ToHost::CompressedRaw(CompressedRaw {
-            bytes: raw.bytes.to_vec().leak(),
-            ..*raw
-        }),
-        ToHost::PackedCode(code) => ToHost::PackedCode(PackedCode {
-            bytes: code.bytes.to_vec().leak(),
-            ..*code
-        }),
-        ToHost::Filtered(filtered) => ToHost::Filtered(Filtered {
-            values: filtered.values.to_vec().leak(),
-            ..*filtered
-        }),
-        ToHost::Audit(audit) => ToHost::Audit(Audit {
-            planes: audit.planes.to_vec().leak(),
-            values: owned_values(&audit.values),
-            ..*audit
-        }),
-        ToHost::Event(event) => ToHost::Event(*event),
-        ToHost::ClockReading(reading) => ToHost::ClockReading(*reading),
-        ToHost::Substitutes(substitutes) => ToHost::Substitutes(*substitutes),
-        ToHost::Capabilities(_) | ToHost::Converters(_) | ToHost::SelfTest(_) => {
-            panic!("the generator makes no such message")
-        }
-    }
 }

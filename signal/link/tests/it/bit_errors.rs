@@ -1,12 +1,13 @@
 //! The number of lost frames follows from the bit error rate, and no wrong frame is ever accepted.
-#![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 #![allow(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "counts below 2^32 and positive gaps"
 )]
-use link::{Code, CodeValues, Decoder, Encoder, Flags, MAX_FRAME, ToHost};
+use link::{Code, CodeValues, Decoder, Encoder, MAX_FRAME, ToHost};
+
+use crate::messages::code_in;
 
 /// SplitMix64 (Steele, Lea, Flood 2014): a seeded generator without a dependency.
 struct Noise(u64);
@@ -51,12 +52,7 @@ fn loss_follows_the_bit_error_rate_and_no_wrong_frame_is_accepted() {
             let sent = Code {
                 model_id: seed,
                 window,
-                first_sample: u64::from(window) * 32,
-                flags: Flags::empty(),
-                clipped: 0,
-                clipped_values: 0,
-                saturated: 0,
-                values: CodeValues::int8(&values),
+                ..code_in(CodeValues::int8(&values))
             };
             let length = encoder
                 .encode(u64::from(window) * 62_500, &ToHost::Code(sent), &mut buffer)

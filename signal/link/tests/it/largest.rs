@@ -1,5 +1,4 @@
 //! Every message fits the buffers, even with its largest content.
-#![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
     Ack, AckResult, Audit, BlockForm, COUNT_BYTES, Capabilities, ChannelFault, ChannelTest,

@@ -1,11 +1,12 @@
 //! Frames from peers of other releases, and echoes, are refused and never misread.
-#![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 use link::{
-    Ack, AckResult, Decoder, Encoder, FrameError, Header, MAX_FRAME, Message, ResetCause, Stage,
-    Stats, Timing, ToDevice, ToHost, VERSION, encode,
+    Ack, AckResult, CodeValues, Decoder, Encoder, FrameError, Header, MAX_FRAME, Message,
+    ResetCause, Stage, Stats, Timing, ToDevice, ToHost, VERSION, encode,
 };
 use serde::{Deserialize, Serialize};
+
+use crate::messages::code_in;
 
 /// `ToDevice` of a later release: one more message.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
@@ -142,16 +143,7 @@ fn an_echo_is_refused_in_the_other_direction() {
         result: AckResult::Done,
     });
     let stats = ToHost::Stats(link::Stats::default());
-    let code = ToHost::Code(link::Code {
-        model_id: [1; 8],
-        window: 1,
-        first_sample: 32,
-        flags: link::Flags::empty(),
-        clipped: 0,
-        clipped_values: 0,
-        saturated: 0,
-        values: link::CodeValues::int8(&[0; 128]),
-    });
+    let code = ToHost::Code(code_in(CodeValues::int8(&[0; 128])));
     let mut device = Decoder::new();
     for message in [ack, stats, code] {
         let echo = encoder.encode(1, &message, &mut buffer).unwrap();
@@ -168,64 +160,35 @@ fn an_echo_is_refused_in_the_other_direction() {
     }
 }
 
+/// Returns whether a host accepts `message` and reads it as it was sent; otherwise it is malformed.
+fn is_accepted(message: &ToHost<'_>) -> bool {
+    let mut buffer = [0; MAX_FRAME];
+    let mut bytes = Encoder::default().encode(1, message, &mut buffer).unwrap();
+    let mut host = Decoder::<MAX_FRAME>::new();
+    match host.next::<ToHost>(&mut bytes).unwrap() {
+        Ok(frame) => assert_eq!(&frame.message, message),
+        Err(error) => {
+            assert_eq!(error, FrameError::Malformed);
+            return false;
+        }
+    }
+    true
+}
+
 #[test]
 fn a_code_with_an_exponent_above_the_maximum_is_malformed() {
-    let mut buffer = [0; MAX_FRAME];
-    let mut encoder = Encoder::default();
     for exponent in 0..=u8::MAX {
-        let code = ToHost::Code(link::Code {
-            model_id: [1; 8],
-            window: 1,
-            first_sample: 32,
-            flags: link::Flags::empty(),
-            clipped: 0,
-            clipped_values: 0,
-            saturated: 0,
-            values: link::CodeValues::int8_exponent(exponent, &[128; 128]),
-        });
-        let mut bytes = encoder.encode(1, &code, &mut buffer).unwrap();
-        let mut host = Decoder::<MAX_FRAME>::new();
-        match host.next::<ToHost>(&mut bytes).unwrap() {
-            Ok(frame) => {
-                assert!(exponent <= link::MAX_EXPONENT);
-                assert_eq!(frame.message, code);
-            }
-            Err(error) => {
-                assert!(exponent > link::MAX_EXPONENT);
-                assert_eq!(error, FrameError::Malformed);
-            }
-        }
+        let code = code_in(CodeValues::int8_exponent(exponent, &[128; 128]));
+        let is_accepted = is_accepted(&ToHost::Code(code));
+        assert_eq!(is_accepted, exponent <= link::MAX_EXPONENT);
     }
 }
 
 #[test]
 fn a_code_has_1_to_256_whole_values() {
     let bytes = [7; 2 * link::MAX_NUMBERS + 2];
-    let decoded = |values: link::CodeValues| {
-        let code = ToHost::Code(link::Code {
-            model_id: [1; 8],
-            window: 1,
-            first_sample: 32,
-            flags: link::Flags::empty(),
-            clipped: 0,
-            clipped_values: 0,
-            saturated: 0,
-            values,
-        });
-        let mut buffer = [0; MAX_FRAME];
-        let mut frame = Encoder::default().encode(1, &code, &mut buffer).unwrap();
-        let mut host = Decoder::<MAX_FRAME>::new();
-        match host.next::<ToHost>(&mut frame).unwrap() {
-            Ok(frame) => {
-                assert_eq!(frame.message, code);
-                Some(values.len())
-            }
-            Err(error) => {
-                assert_eq!(error, FrameError::Malformed);
-                None
-            }
-        }
-    };
+    let accepted =
+        |values: CodeValues| is_accepted(&ToHost::Code(code_in(values))).then_some(values.len());
     for (length, expected) in [
         (0, None),
         (1, Some(1)),
@@ -233,9 +196,9 @@ fn a_code_has_1_to_256_whole_values() {
         (256, Some(256)),
         (257, None),
     ] {
-        assert_eq!(decoded(link::CodeValues::int8(&bytes[..length])), expected);
-        let exponent = link::CodeValues::int8_exponent(3, &bytes[..length]);
-        assert_eq!(decoded(exponent), expected);
+        assert_eq!(accepted(CodeValues::int8(&bytes[..length])), expected);
+        let exponent = CodeValues::int8_exponent(3, &bytes[..length]);
+        assert_eq!(accepted(exponent), expected);
     }
     for (length, expected) in [
         (0, None),
@@ -245,13 +208,27 @@ fn a_code_has_1_to_256_whole_values() {
         (512, Some(256)),
         (514, None),
     ] {
-        assert_eq!(decoded(link::CodeValues::int16(&bytes[..length])), expected);
+        assert_eq!(accepted(CodeValues::int16(&bytes[..length])), expected);
+    }
+}
+
+#[test]
+fn an_audit_has_0_to_256_values() {
+    let bytes = [7; link::MAX_NUMBERS + 1];
+    for (length, fits) in [(0, true), (1, true), (256, true), (257, false)] {
+        let audit = ToHost::Audit(link::Audit {
+            model_id: [1; 8],
+            window: 0,
+            planes: &[1, 2, 3],
+            values: CodeValues::int8(&bytes[..length]),
+        });
+        assert_eq!(is_accepted(&audit), fits);
     }
 }
 
 #[test]
 fn levels_span_the_range_of_their_format() {
-    let ends = |values: link::CodeValues| {
+    let ends = |values: CodeValues| {
         let levels: Vec<i32> = values.levels().collect();
         assert_eq!(values.len(), levels.len());
         let [least, .., greatest] = levels[..] else {
@@ -260,10 +237,10 @@ fn levels_span_the_range_of_their_format() {
         assert_eq!(values.format().range(), Some([least, greatest]));
     };
     let values = [i8::MIN, 0, i8::MAX].map(i8::cast_unsigned);
-    ends(link::CodeValues::int8(&values));
-    ends(link::CodeValues::int8_exponent(link::MAX_EXPONENT, &values));
+    ends(CodeValues::int8(&values));
+    ends(CodeValues::int8_exponent(link::MAX_EXPONENT, &values));
     let values = [i16::MIN, 0, i16::MAX].map(i16::to_le_bytes);
-    ends(link::CodeValues::int16(values.as_flattened()));
+    ends(CodeValues::int16(values.as_flattened()));
 }
 
 #[test]
@@ -276,24 +253,4 @@ fn unknown_reasons_keep_their_number() {
         assert_eq!(u8::from(link::BlockForm::from(byte)), byte);
     }
     assert_eq!(AckResult::from(200), AckResult::Newer(200));
-}
-
-#[test]
-fn an_audit_has_0_to_256_values() {
-    let bytes = [7; link::MAX_NUMBERS + 1];
-    for (length, fits) in [(0, true), (1, true), (256, true), (257, false)] {
-        let audit = ToHost::Audit(link::Audit {
-            model_id: [1; 8],
-            window: 0,
-            planes: &[1, 2, 3],
-            values: link::CodeValues::int8(&bytes[..length]),
-        });
-        let mut buffer = [0; MAX_FRAME];
-        let mut frame = Encoder::default().encode(1, &audit, &mut buffer).unwrap();
-        let mut host = Decoder::<MAX_FRAME>::new();
-        match host.next::<ToHost>(&mut frame).unwrap() {
-            Ok(frame) => assert!(fits && frame.message == audit),
-            Err(error) => assert!(!fits && error == FrameError::Malformed),
-        }
-    }
 }
