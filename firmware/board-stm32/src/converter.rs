@@ -17,7 +17,7 @@ use pipeline::Sample;
 use crate::{
     bus::{Bus, FRAME_BYTES},
     delay::Delay,
-    drdy::{DrdyEdges, FallingEdges},
+    drdy::DrdyEdges,
     trigger,
 };
 
@@ -168,10 +168,9 @@ impl Converter for &mut Adc {
 
     /// Also resets and sets up a chain whose start has failed, without waiting for the next retry.
     async fn self_test(&mut self, alive: impl FnMut()) {
-        let edges = FallingEdges::new(trigger::refill_budget);
         self.chain
             .sampler_mut()
-            .self_test(self.test, &mut &edges, || edges.last_us.get(), alive)
+            .self_test(self.test, &mut drdy_edges(), alive)
             .await;
         let failure = self.test.report().not_restored;
         self.chain.restarted(failure, &mut drdy_edges());

@@ -6,8 +6,6 @@ use ads1299::{Drdy, DrdyEdge};
 use critical_section::{CriticalSection, Mutex};
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::{Instant, Timer, with_deadline};
-use embedded_hal::digital::{self, ErrorKind, ErrorType};
-use embedded_hal_async::digital::Wait;
 
 use crate::exti;
 
@@ -79,7 +77,7 @@ async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     .await
 }
 
-/// DRDY for sampling, with its edges in device time. The function in the field is called before every wait.
+/// DRDY with its edges in device time. The function in the field is called before every wait.
 pub(crate) struct DrdyEdges<F>(pub(crate) F);
 
 impl<F: Fn()> Drdy for DrdyEdges<F> {
@@ -99,62 +97,5 @@ impl<F: Fn()> Drdy for DrdyEdges<F> {
 
     fn forget(&mut self) {
         critical_section::with(take_edges);
-    }
-}
-
-/// DRDY as an input pin, for the self-test: waits for falling edges and keeps the time of the last edge.
-#[derive(Debug)]
-pub(crate) struct FallingEdges<F> {
-    /// Device time of the edge that ended the last wait, microseconds since boot.
-    pub(crate) last_us: Cell<u64>,
-    before_wait: F,
-}
-
-impl<F: Fn()> FallingEdges<F> {
-    /// Creates an input that calls `before_wait` before every wait for an edge.
-    pub(crate) const fn new(before_wait: F) -> Self {
-        Self {
-            last_us: Cell::new(0),
-            before_wait,
-        }
-    }
-}
-
-/// Error: the wait is not for a falling edge, and DRDY's interrupt reacts only to falling edges.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct UnsupportedEdge;
-
-impl digital::Error for UnsupportedEdge {
-    fn kind(&self) -> ErrorKind {
-        ErrorKind::Other
-    }
-}
-
-impl<F> ErrorType for &FallingEdges<F> {
-    type Error = UnsupportedEdge;
-}
-
-impl<F: Fn()> Wait for &FallingEdges<F> {
-    /// Ignores edges that occurred before the call.
-    async fn wait_for_falling_edge(&mut self) -> Result<(), UnsupportedEdge> {
-        critical_section::with(take_edges);
-        self.last_us.set(next_edge(&self.before_wait).await.us);
-        Ok(())
-    }
-
-    async fn wait_for_high(&mut self) -> Result<(), UnsupportedEdge> {
-        Err(UnsupportedEdge)
-    }
-
-    async fn wait_for_low(&mut self) -> Result<(), UnsupportedEdge> {
-        Err(UnsupportedEdge)
-    }
-
-    async fn wait_for_rising_edge(&mut self) -> Result<(), UnsupportedEdge> {
-        Err(UnsupportedEdge)
-    }
-
-    async fn wait_for_any_edge(&mut self) -> Result<(), UnsupportedEdge> {
-        Err(UnsupportedEdge)
     }
 }

@@ -8,11 +8,9 @@ use embedded_hal_async::delay::DelayNs;
 use crate::bus::Bus;
 use crate::chain::{Chain, number};
 use crate::command::REFERENCE_US;
-use crate::configured::Configured;
 use crate::error::Error;
-use crate::frame::MAX_CHIPS;
 use crate::image::ReadBack;
-use crate::register::{ID, ID_MASK, Register};
+use crate::register::Register;
 use crate::settings::Settings;
 
 /// Progress of a bring-up, and the registers that it has read back.
@@ -102,37 +100,6 @@ impl<const CHIPS: usize> BringUp<CHIPS> {
 }
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
-    /// Brings the chain up in the order of the data sheet (figure 67, times of section 11.1): START low
-    /// and chips deselected, wait 2^18 tCLK, reset, wait 18 tCLK, SDATAC, check the IDs, switch the
-    /// references on and wait 150 ms, write all other registers, read all registers back. The call lasts
-    /// 0.33 s for eight chips. If VCAP1 needs more than 175 ms to reach 1.1 V, wait before the call.
-    ///
-    /// # Errors
-    /// The first chip with a wrong ID, the first register that did not keep its value, or a bus or pin
-    /// that failed. The call can be repeated after any of these errors.
-    pub async fn power_up(
-        &mut self,
-        settings: &Settings<CHIPS>,
-    ) -> Result<Configured<'_, Spi, Line, Delay, CHIPS>, Error> {
-        const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
-        self.reset(&mut || ()).await?;
-        for chip in 0..CHIPS {
-            let read = self.read_id(chip).await?;
-            if read & ID_MASK != ID & ID_MASK {
-                let chip = number(chip);
-                return Err(Error::WrongId { chip, read });
-            }
-        }
-        self.configure(settings).await?;
-        Ok(Configured::new(self, settings))
-    }
-
-    /// Stops the chips, writes every register and verifies it.
-    pub(crate) async fn configure(&mut self, settings: &Settings<CHIPS>) -> Result<(), Error> {
-        let read_backs = self.set_up(settings, &mut || ()).await?;
-        check(&read_backs, settings)
-    }
-
     /// Stops the chips, writes every register and returns the values read back; calls `progress` at
     /// least every 20 ms.
     pub(crate) async fn set_up(

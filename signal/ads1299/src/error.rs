@@ -15,7 +15,7 @@ pub enum Error {
     Bus(spi::ErrorKind),
     /// The board has no SCLK that is slow enough for this kind of transfer.
     TooFast(Speed, TooFast),
-    /// One of the microcontroller's pins could not be driven or read.
+    /// One of the microcontroller's pins could not be driven.
     Pin(Pin, digital::ErrorKind),
     /// A chip's ID is not that of an eight-channel ADS1299.
     WrongId {
@@ -53,8 +53,6 @@ pub enum Pin {
     Start,
     /// RESET, shared by all chips.
     Reset,
-    /// DRDY of chip 0.
-    Ready,
 }
 
 impl fmt::Display for Pin {
@@ -63,7 +61,6 @@ impl fmt::Display for Pin {
             Self::Select(chip) => write!(formatter, "the chip select of ADS1299 {chip}"),
             Self::Start => formatter.write_str("START"),
             Self::Reset => formatter.write_str("RESET"),
-            Self::Ready => formatter.write_str("DRDY"),
         }
     }
 }
@@ -99,7 +96,7 @@ impl fmt::Display for Error {
                      the SPI and its dividers"
                 )
             }
-            Self::Pin(pin, kind) => write!(formatter, "{pin} could not be driven or read ({kind})"),
+            Self::Pin(pin, kind) => write!(formatter, "{pin} could not be driven ({kind})"),
             Self::WrongId { chip, read } => {
                 let cause = match read {
                     0x00 => {

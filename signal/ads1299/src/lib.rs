@@ -7,9 +7,8 @@
 //! DOUT to MISO (`docs/decisions/0011-daisy-chain-with-read-back.md`).
 //!
 //! ```text
-//! Chain ── power_up ──▶ Configured ── start ──▶ Streaming ── read, or the board's DMA ──▶ bytes
-//!                                                                                          │
-//!              [[i32; 8]; CHIPS] counts  ◀── FrameStatus: which chips are bad ◀── Decoder ◀┘
+//! Chain (SPI, pins) ── Sampler::read ──▶ bytes ── Decoder ──▶ [[i32; 8]; CHIPS] counts, and FrameStatus:
+//!                                                             which chips are bad
 //! Sampler: owns a Chain and a Decoder, keeps the last good counts, counts errors, runs the self-test
 //! RetryingSampler: a Sampler that brings the chain up again while no chip delivers samples
 //! ```
@@ -48,7 +47,6 @@ mod bus;
 mod chain;
 mod clock;
 mod command;
-mod configured;
 mod decimal;
 mod decoder;
 mod drdy;
@@ -75,7 +73,6 @@ pub mod simulation;
 mod square_wave_test;
 mod statistics;
 mod status_word;
-mod streaming;
 mod test_signal;
 #[cfg(test)]
 mod tests;
@@ -84,7 +81,6 @@ pub use alignment::Alignment;
 pub use bus::{Bus, Speed, TooFast};
 pub use chain::Chain;
 pub use clock::Clock;
-pub use configured::Configured;
 pub use decoder::{Counters, Decoder, FrameStatus};
 pub use drdy::{Drdy, DrdyEdge};
 pub use error::{Error, Pin};
@@ -106,5 +102,4 @@ pub use settings::{Bias, Channel, ChipSettings, Settings};
 pub use shorted_test::{ShortedResult, ShortedTest};
 pub use square_wave_test::{SquareWaveResult, SquareWaveTest};
 pub use status_word::{ChipFault, StatusWord};
-pub use streaming::Streaming;
 pub use test_signal::{TestAmplitude, TestFrequency, TestSignal};

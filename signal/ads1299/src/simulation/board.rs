@@ -284,18 +284,6 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.now_ns = self.now_ns.max(to_ns);
     }
 
-    /// Advances time to the next edge of DRDY; returns false if there will be none.
-    pub(super) fn advance_to_edge(&mut self) -> bool {
-        let before = self.edges;
-        while self.edges == before {
-            if self.next.is_none() || self.chips[0].is_dead() {
-                return false;
-            }
-            self.advance(self.next_ns);
-        }
-        true
-    }
-
     /// Advances time to the next edge of DRDY, but at most to `limit_ns`; returns whether there was an edge.
     pub(super) fn advance_to_edge_until(&mut self, limit_ns: u64) -> bool {
         let before = self.edges;

@@ -3,6 +3,7 @@
 use std::vec::Vec;
 
 use crate::drdy::Drdy as _;
+use crate::frame::frame_bytes;
 use crate::reading::Reading;
 use crate::retrying_sampler::RetryingSampler;
 use crate::sampler::Sampler;
@@ -152,19 +153,13 @@ fn a_chain_without_its_first_chip_is_retried_without_delaying_samples() {
 
 #[test]
 fn a_loss_of_supply_clears_the_registers_and_restarts_the_wait_for_a_reset() {
-    let simulation = Simulation::<2>::new(Options::default(), Electrodes::silent());
-    let mut chain = simulation.chain();
-    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
-    finish(configured.start()).unwrap().unwrap();
+    let mut bench = super::Bench::<2, { frame_bytes(2) }>::silent(Options::default());
+    let simulation = bench.simulation.clone();
     assert!(simulation.next_edge_ns().is_some());
     simulation.power_off();
     assert_eq!(simulation.next_edge_ns(), None);
     // Without power there are no timing violations, and no chip answers.
-    let power_up = || {
-        let mut chain = simulation.chain();
-        finish(chain.power_up(&Settings::EEG)).unwrap().map(|_| ())
-    };
-    assert!(power_up().is_err());
+    assert!(bench.start().is_err());
     assert_eq!(simulation.violations(), 0);
     simulation.power_on();
     simulation.pass_us(50_000);
@@ -172,5 +167,5 @@ fn a_loss_of_supply_clears_the_registers_and_restarts_the_wait_for_a_reset() {
     let mut lines = simulation.chain();
     finish(lines.pulse_reset()).unwrap().unwrap();
     assert!(simulation.violations() > 0);
-    assert_eq!(power_up(), Ok(()));
+    assert_eq!(bench.start(), Ok(()));
 }

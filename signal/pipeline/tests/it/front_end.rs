@@ -1,4 +1,8 @@
-//! A front end for any rate, designed and quantised at run time.
+//! The front end at every sampling rate and decimation: comparison with scipy, aliases, delay.
+
+mod aliases;
+mod delay;
+mod rates;
 
 use artifact::Decimation;
 use fixed_dsp::{Cascade, Resampler};
@@ -7,17 +11,17 @@ use model_gen::{Chain, FilterSpec, ResamplerTable, cascade};
 use pipeline::{FrontEnd, Sample};
 
 /// Step rate of every front end in these tests, Hz.
-pub(crate) const STEP_RATE_HZ: u32 = 128;
+const STEP_RATE_HZ: u32 = 128;
 
-/// The device's filters and resampler, designed for any ADC rate.
-pub(crate) struct AtRate {
-    pub(crate) rate_hz: u32,
+/// The device's filters and resampler, designed and quantised at run time for any ADC rate.
+struct AtRate {
+    rate_hz: u32,
     cascade: Cascade<SECTIONS>,
     table: ResamplerTable,
 }
 
 impl AtRate {
-    pub(crate) fn new(rate_hz: u32, mains_hz: u32, decimation: Decimation) -> Self {
+    fn new(rate_hz: u32, mains_hz: u32, decimation: Decimation) -> Self {
         let spec = FilterSpec {
             rate_hz: rate_hz.into(),
             mains_hz: mains_hz.into(),
@@ -38,7 +42,7 @@ impl AtRate {
     }
 
     /// Returns filters and resampler as a chain, which computes their response in float.
-    pub(crate) fn chain(&self) -> Chain<'_> {
+    fn chain(&self) -> Chain<'_> {
         Chain {
             sections: &self.cascade.sections,
             resampler: &self.table,
@@ -47,7 +51,7 @@ impl AtRate {
     }
 
     /// Returns the filtered steps of one electrode, in counts, for an input of `counts`.
-    pub(crate) fn steps(&self, counts: &[i32]) -> Vec<f64> {
+    fn steps(&self, counts: &[i32]) -> Vec<f64> {
         match (self.table.phases(), self.table.taps_per_phase()) {
             (1, 1) => self.run::<1, 1>(counts),
             (64, 32) => self.run::<64, 32>(counts),

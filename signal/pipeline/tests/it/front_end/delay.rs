@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use artifact::Decimation;
 
-use crate::at_rate::{AtRate, STEP_RATE_HZ};
+use super::{AtRate, STEP_RATE_HZ};
 
 /// Length of the burst, s.
 const BURST_S: f64 = 8.0;

@@ -4,7 +4,7 @@
 use artifact::Decimation;
 use model::LSB_NV;
 
-use crate::at_rate::AtRate;
+use super::AtRate;
 
 const GOLDEN: &str = include_str!("scipy_rates.csv");
 

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use artifact::Decimation;
 
-use crate::at_rate::{AtRate, STEP_RATE_HZ};
+use super::{AtRate, STEP_RATE_HZ};
 
 /// Amplitude of a tone in counts: 50 mV, far below the rail and far above the rounding.
 const AMPLITUDE: f64 = 2_236_962.0;
