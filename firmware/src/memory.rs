@@ -18,8 +18,9 @@ pub type Frames = Sender<FrameRing<{ deadlines::FRAME_BYTES_WAITING }>>;
 
 /// Memory of a board's tasks and queues; a board declares one static of this type.
 ///
-/// What starts as zeros is initialised at compile time and takes no flash: the memory of the encoders `E`, by
-/// far the largest value, and the slots for frames and outputs. [`init`](Self::init) initialises the rest.
+/// Only what starts as zeros is initialised at compile time, because other initial values of a static take
+/// flash: the memory of the encoders `E`, by far the largest value, and the frames. [`init`](Self::init)
+/// initialises the rest.
 pub struct Memory<E: 'static> {
     frames: ConstStaticCell<Frames>,
     acquisition: StaticCell<Acquisition>,
@@ -27,9 +28,9 @@ pub struct Memory<E: 'static> {
     producer: StaticCell<Producer<&'static mut E>>,
     samples: StaticCell<[SampleSlot; deadlines::SAMPLES_WAITING]>,
     sample_channel: StaticCell<Channel<'static, RawMutex, SampleSlot>>,
-    outputs: ConstStaticCell<[OutputSlot; deadlines::OUTPUTS_WAITING]>,
+    outputs: StaticCell<[OutputSlot; deadlines::OUTPUTS_WAITING]>,
     output_channel: StaticCell<Channel<'static, RawMutex, OutputSlot>>,
-    bulk: ConstStaticCell<[BulkSlot; deadlines::BULK_WAITING]>,
+    bulk: StaticCell<[BulkSlot; deadlines::BULK_WAITING]>,
     bulk_channel: StaticCell<Channel<'static, RawMutex, BulkSlot>>,
 }
 
@@ -59,9 +60,9 @@ impl<E: Encoders + 'static> Memory<E> {
             producer: StaticCell::new(),
             samples: StaticCell::new(),
             sample_channel: StaticCell::new(),
-            outputs: ConstStaticCell::new([OutputSlot::EMPTY; deadlines::OUTPUTS_WAITING]),
+            outputs: StaticCell::new(),
             output_channel: StaticCell::new(),
-            bulk: ConstStaticCell::new([BulkSlot::EMPTY; deadlines::BULK_WAITING]),
+            bulk: StaticCell::new(),
             bulk_channel: StaticCell::new(),
         }
     }
@@ -78,8 +79,8 @@ impl<E: Encoders + 'static> Memory<E> {
         let samples = (self.samples).init_with(|| core::array::from_fn(|_| SampleSlot::default()));
         let samples = self.sample_channel.init(Channel::new(samples));
         let (sample_sender, sample_receiver) = samples.split();
-        let outputs = Channel::new(self.outputs.take());
-        let bulk = Channel::new(self.bulk.take());
+        let outputs = Channel::new(self.outputs.init_with(|| [OutputSlot::EMPTY; _]));
+        let bulk = Channel::new(self.bulk.init_with(|| [BulkSlot::EMPTY; _]));
         let (output_sender, output_receiver) = output_queue(
             self.output_channel.init(outputs),
             self.bulk_channel.init(bulk),

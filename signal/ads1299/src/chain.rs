@@ -115,7 +115,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.set_speed(Speed::Bursts)
     }
 
-    /// Clocks one frame out of the chips: [`frame_bytes`](crate::frame::frame_bytes) bytes.
+    /// Clocks one frame out of the chips: [`frame_bytes`](crate::decoder::frame_bytes) bytes.
     ///
     /// # Timing
     /// Call it directly after DRDY falls; it must end before DRDY falls again. Clocking takes 108 us for

@@ -1,12 +1,6 @@
 //! Decoder of frames: from bytes to counts.
 
-use crate::alignment::Alignment;
-use crate::frame::CHANNELS;
-use crate::frame::CHIP_BYTES;
-use crate::frame::MAX_CHIPS;
-use crate::frame::frame_bytes;
-use crate::status_word::NIBBLE;
-use crate::status_word::{ChipFault, StatusWord};
+use crate::reading::{ChipFault, NIBBLE, StatusWord};
 
 /// Number of consecutive frames that must fit the other alignment before the decoder switches to it.
 const CHANGE_OVER: u8 = 4;
@@ -287,4 +281,49 @@ fn word(span: &[u8; SPAN], n: usize, shift: u32) -> i32 {
         span[3 * n + 3],
     ];
     (u32::from_be_bytes(bytes) << shift).cast_signed() >> 8
+}
+
+/// Spacing of the chips' parts in a frame. The data sheet draws a don't-care bit between two chips
+/// of a daisy chain (revision A, figure 41); other sources report 27 bytes per chip without such a
+/// bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alignment {
+    /// Without a don't-care bit: chip k starts at bit 216 k.
+    Packed = 0,
+    /// With a don't-care bit between two chips: chip k starts at bit 217 k.
+    Spaced = 1,
+}
+
+impl Alignment {
+    /// Returns the bit offset of the part of chip `chip` from byte `27 * chip` of the frame: 0 to 7 for
+    /// `chip` < 8.
+    #[inline]
+    pub(crate) const fn shift(self, chip: u32) -> u32 {
+        // A product is used instead of a branch; the mask shows the compiler that the result is at
+        // most 7.
+        (self as u32 * chip) & 7
+    }
+
+    pub(crate) const fn other(self) -> Self {
+        match self {
+            Self::Packed => Self::Spaced,
+            Self::Spaced => Self::Packed,
+        }
+    }
+}
+
+/// Channels per chip.
+pub const CHANNELS: usize = 8;
+
+/// Bytes per chip in a frame: 24 status bits and eight 24-bit counts (data sheet section 9.4.4).
+pub const CHIP_BYTES: usize = 3 + 3 * CHANNELS;
+
+/// Longest chain, in chips. With eight chips the don't-care bits still fit into the frame's extra
+/// byte.
+pub const MAX_CHIPS: usize = 8;
+
+/// Returns the number of bytes to clock per frame: 27 per chip, and one for the don't-care bits
+/// that the chain may insert between chips. The result is 217 for eight chips.
+pub const fn frame_bytes(chips: usize) -> usize {
+    CHIP_BYTES * chips + 1
 }

@@ -1,10 +1,8 @@
 //! Values of all registers of a chip, to write or as read back.
 
 use crate::error::Error;
-use crate::input::Input;
-use crate::register::Register;
-use crate::register::{ID, ID_MASK};
-use crate::settings::{Channel, Settings};
+use crate::register::{ID, ID_MASK, Register};
+use crate::settings::{Channel, Input, Settings};
 
 /// Register values of a chip, indexed by address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,8 +126,8 @@ impl ReadBack {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lead_off::{LeadOff, LeadOffCurrent, LeadOffThreshold};
     use crate::settings::Bias;
+    use crate::settings::{LeadOff, LeadOffCurrent, LeadOffThreshold};
 
     #[test]
     fn the_eeg_settings_are_these_bytes() {
@@ -151,7 +149,7 @@ mod tests {
             comparators: true,
             threshold: LeadOffThreshold::P70,
             current: LeadOffCurrent::Ua6,
-            frequency: crate::lead_off::LeadOffFrequency::Quarter,
+            frequency: crate::settings::LeadOffFrequency::Quarter,
         };
         settings.chips[0].bias = Bias {
             lead_off: true,

@@ -41,23 +41,17 @@
 #[cfg(any(test, feature = "simulation"))]
 extern crate std;
 
-mod alignment;
 mod bring_up;
 mod bus;
 mod chain;
+mod channel_tests;
 mod clock;
 mod command;
 mod decimal;
 mod decoder;
-mod drdy;
 mod error;
-mod frame;
-mod gain;
 mod image;
-mod input;
-mod lead_off;
 mod limits;
-mod rate;
 mod rate_watch;
 mod reading;
 mod ready;
@@ -67,39 +61,29 @@ mod sampler;
 mod self_test;
 mod self_test_report;
 mod settings;
-mod shorted_test;
 #[cfg(any(test, feature = "simulation"))]
 pub mod simulation;
-mod square_wave_test;
-mod statistics;
-mod status_word;
-mod test_signal;
 #[cfg(test)]
 mod tests;
 
-pub use alignment::Alignment;
-pub use bus::{Bus, Speed, TooFast};
+pub use bus::{Bus, Drdy, DrdyEdge, Speed, TooFast};
 pub use chain::Chain;
+pub use channel_tests::{ShortedResult, ShortedTest, SquareWaveResult, SquareWaveTest};
 pub use clock::Clock;
-pub use decoder::{Counters, Decoder, FrameStatus};
-pub use drdy::{Drdy, DrdyEdge};
+pub use decoder::{
+    Alignment, CHANNELS, CHIP_BYTES, Counters, Decoder, FrameStatus, MAX_CHIPS, frame_bytes,
+};
 pub use error::{Error, Pin};
-pub use frame::{CHANNELS, CHIP_BYTES, MAX_CHIPS, frame_bytes};
-pub use gain::Gain;
 pub use image::{Image, ReadBack};
-pub use input::Input;
-pub use lead_off::{LeadOff, LeadOffCurrent, LeadOffFrequency, LeadOffThreshold};
 pub use limits::{Limits, SelfTestFault, typical_noise_uv};
-pub use rate::Rate;
-pub use reading::Reading;
+pub use reading::{ChipFault, Reading, StatusWord};
 pub use ready::{Edge, RateError, ReadyMeter};
 pub use register::{ID, Register};
 pub use retrying_sampler::RetryingSampler;
 pub use sampler::{SILENCE, Sampler, SamplerCounters};
 pub use self_test::SelfTest;
 pub use self_test_report::{ChannelReport, ChipReport, Finding, ReadyReport, SelfTestReport};
-pub use settings::{Bias, Channel, ChipSettings, Settings};
-pub use shorted_test::{ShortedResult, ShortedTest};
-pub use square_wave_test::{SquareWaveResult, SquareWaveTest};
-pub use status_word::{ChipFault, StatusWord};
-pub use test_signal::{TestAmplitude, TestFrequency, TestSignal};
+pub use settings::{
+    Bias, Channel, ChipSettings, Gain, Input, LeadOff, LeadOffCurrent, LeadOffFrequency,
+    LeadOffThreshold, Rate, Settings, TestAmplitude, TestFrequency, TestSignal,
+};

@@ -3,8 +3,7 @@
 use core::fmt;
 
 use crate::decimal::Decimal;
-use crate::gain::Gain;
-use crate::rate::Rate;
+use crate::settings::{Gain, Rate};
 
 /// Limits that a working channel keeps in the self-test.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,8 +1,8 @@
 //! Continuous check of DRDY's rate.
 
 use crate::clock::Clock;
-use crate::rate::Rate;
 use crate::ready::{Edge, RateError, ReadyMeter};
+use crate::settings::Rate;
 
 /// Number of consecutive periods per rate check: 1/8 s at 512 Hz. Stamps of 1 us resolution measure
 /// the rate over this time to 16 ppm; an interrupt delayed by 50 us adds 400 ppm. Both together

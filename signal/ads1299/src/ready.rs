@@ -3,7 +3,7 @@
 use core::fmt;
 
 use crate::clock::Clock;
-use crate::rate::Rate;
+use crate::settings::Rate;
 
 /// Measures the sample rate from the times of DRDY's falling edges. The time stamps' jitter must stay
 /// below a quarter of a period.

@@ -4,9 +4,8 @@ use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 
 use crate::bring_up::BringUp;
-use crate::bus::Bus;
+use crate::bus::{Bus, Drdy, DrdyEdge};
 use crate::command::COLD_US;
-use crate::drdy::{Drdy, DrdyEdge};
 use crate::error::Error;
 use crate::reading::Reading;
 use crate::sampler::{SILENCE, Sampler};

@@ -7,9 +7,8 @@ use crate::bring_up::{BringUp, check};
 use crate::bus::Bus;
 use crate::chain::{Chain, number};
 use crate::command::{COLD_US, POWER_ON_US};
-use crate::decoder::Decoder;
+use crate::decoder::{CHANNELS, Decoder, MAX_CHIPS};
 use crate::error::Error;
-use crate::frame::{CHANNELS, MAX_CHIPS};
 use crate::rate_watch::RateWatch;
 use crate::reading::Reading;
 use crate::settings::Settings;
@@ -20,7 +19,7 @@ pub const SILENCE: u32 = 4;
 /// Owns a chain, reads every sample and reports its errors.
 ///
 /// A chip whose part of a frame is invalid keeps its previous counts. `BYTES` is
-/// [`frame_bytes`](crate::frame::frame_bytes) for `CHIPS` chips, checked at compile time.
+/// [`frame_bytes`](crate::decoder::frame_bytes) for `CHIPS` chips, checked at compile time.
 #[derive(Debug)]
 pub struct Sampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
     pub(crate) chain: Chain<Spi, Line, Delay, CHIPS>,

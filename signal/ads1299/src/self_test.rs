@@ -3,23 +3,18 @@
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 
-use crate::bus::Bus;
+use crate::bus::{Bus, Drdy};
 use crate::chain::number;
-use crate::drdy::Drdy;
+use crate::channel_tests::{ShortedTest, SquareWaveTest};
+use crate::decoder::CHANNELS;
 use crate::error::Error;
-use crate::frame::CHANNELS;
-use crate::gain::Gain;
 use crate::image::ReadBack;
-use crate::input::Input;
 use crate::limits::SelfTestFault;
 use crate::ready::ReadyMeter;
 use crate::register::Register;
 use crate::sampler::Sampler;
 use crate::self_test_report::{ReadyReport, SelfTestReport};
-use crate::settings::{Channel, Settings};
-use crate::shorted_test::ShortedTest;
-use crate::square_wave_test::SquareWaveTest;
-use crate::test_signal::TestSignal;
+use crate::settings::{Channel, Gain, Input, Settings, TestSignal};
 
 /// Number of periods of the test signal that are measured.
 const PERIODS: u32 = 2;

@@ -2,8 +2,8 @@
 
 use core::fmt;
 
+use crate::decoder::CHANNELS;
 use crate::error::Error;
-use crate::frame::CHANNELS;
 use crate::limits::SelfTestFault;
 use crate::ready::RateError;
 use crate::register::Register;

@@ -11,31 +11,23 @@
 
 mod analogue;
 mod board;
-mod burst;
 mod chip;
-mod electrodes;
-mod external_clock;
-mod fault;
-mod noise;
 mod options;
-mod shared_board;
-mod supply;
 mod wires;
 
 use std::future::Future;
 use std::pin::pin;
-use std::sync::MutexGuard;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Waker};
 use std::vec::Vec;
 
-use crate::chain::Chain;
 use board::Board;
-use shared_board::SharedBoard;
+
+use crate::bus::Speed;
+use crate::chain::Chain;
 
 pub use board::Event;
-pub use electrodes::{Deliver, Electrodes};
-pub use fault::Fault;
-pub use options::Options;
+pub use options::{Deliver, Electrodes, Fault, Options};
 pub use wires::{SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady};
 
 /// A simulated chain; clones refer to the same chain. Its supplies come on when it is created
@@ -150,5 +142,61 @@ pub fn finish<T>(future: impl Future<Output = T>) -> Option<T> {
     match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(value) => Some(value),
         Poll::Pending => None,
+    }
+}
+
+/// Handle of a simulated board; clones refer to one board.
+#[derive(Clone)]
+struct SharedBoard<const CHIPS: usize>(Arc<Mutex<Board<CHIPS>>>);
+
+impl<const CHIPS: usize> SharedBoard<CHIPS> {
+    fn new(board: Board<CHIPS>) -> Self {
+        Self(Arc::new(Mutex::new(board)))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Board<CHIPS>> {
+        // After a panic in another thread the board can still be inspected.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<const CHIPS: usize> core::fmt::Debug for SharedBoard<CHIPS> {
+    fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        formatter
+            .debug_struct("SharedBoard")
+            .finish_non_exhaustive()
+    }
+}
+
+/// Fastest SCLK for reading registers through the resistors of decision 0011, in Hz.
+const FASTEST_REGISTERS_HZ: u32 = 105_000;
+
+impl<const CHIPS: usize> Simulation<CHIPS> {
+    /// Advances time to `now_ns`, in nanoseconds since creation; no effect for a time in the past.
+    pub fn advance_to(&self, now_ns: u64) {
+        self.board().advance(now_ns);
+    }
+
+    /// Transfers a byte that ends at `end_ns`, with an SCLK of `sclk_hz`, and returns the byte on MISO.
+    ///
+    /// Reading a register faster than decision 0011's resistors allow is a
+    /// [violation](Self::violations).
+    pub fn transfer_at(&self, end_ns: u64, sclk_hz: u32, mosi: u8) -> u8 {
+        let speed = if sclk_hz <= FASTEST_REGISTERS_HZ {
+            Speed::Registers
+        } else {
+            Speed::Bursts
+        };
+        self.board().clock_byte(mosi, end_ns, speed)
+    }
+
+    /// Returns the number of falling edges of DRDY.
+    pub fn ready_edges(&self) -> u64 {
+        self.board().edges()
+    }
+
+    /// Returns the number of samples that the electrodes have delivered.
+    pub fn samples_delivered(&self) -> u64 {
+        self.board().delivered()
     }
 }

@@ -9,7 +9,7 @@ mod start_up;
 mod streams;
 mod whole_self_test;
 
-use crate::drdy::Drdy as _;
+use crate::bus::Drdy as _;
 use crate::error::Error;
 use crate::reading::Reading;
 use crate::sampler::Sampler;

@@ -7,9 +7,8 @@ use embedded_hal::spi;
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::spi::SpiBus;
 
-use crate::bus::{Bus, Speed, TooFast};
-use crate::drdy::{Drdy, DrdyEdge};
-use crate::simulation::shared_board::SharedBoard;
+use crate::bus::{Bus, Drdy, DrdyEdge, Speed, TooFast};
+use crate::simulation::SharedBoard;
 
 /// SPI bus (SCLK, MOSI, MISO) of a simulated board.
 #[derive(Debug)]

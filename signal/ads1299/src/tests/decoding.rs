@@ -4,11 +4,8 @@ use std::vec::Vec;
 
 use proptest::prelude::*;
 
-use crate::alignment::Alignment;
-use crate::decoder::Decoder;
-use crate::frame::CHANNELS;
-use crate::frame::frame_bytes;
-use crate::status_word::ChipFault;
+use crate::decoder::{Alignment, CHANNELS, Decoder, frame_bytes};
+use crate::reading::ChipFault;
 
 /// Returns a frame as a chain sends it; every don't-care bit has the value `other`.
 fn encode<const CHIPS: usize, const BYTES: usize>(

@@ -4,16 +4,13 @@ use std::string::ToString;
 use std::vec::Vec;
 
 use super::Bench;
-use crate::alignment::Alignment;
+use crate::bus::Drdy as _;
 use crate::clock::Clock;
-use crate::decoder::FrameStatus;
-use crate::drdy::Drdy as _;
-use crate::frame::frame_bytes;
-use crate::rate::Rate;
+use crate::decoder::{Alignment, FrameStatus, frame_bytes};
+use crate::reading::ChipFault;
 use crate::ready::{Edge, RateError, ReadyMeter};
-use crate::settings::Settings;
+use crate::settings::{Rate, Settings};
 use crate::simulation::{Electrodes, Fault, Options, finish};
-use crate::status_word::ChipFault;
 
 const CHIPS: usize = 8;
 

@@ -2,8 +2,8 @@
 
 use std::vec::Vec;
 
-use crate::drdy::Drdy as _;
-use crate::frame::frame_bytes;
+use crate::bus::Drdy as _;
+use crate::decoder::frame_bytes;
 use crate::reading::Reading;
 use crate::retrying_sampler::RetryingSampler;
 use crate::sampler::Sampler;

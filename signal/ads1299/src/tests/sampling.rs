@@ -3,12 +3,12 @@
 use std::vec::Vec;
 
 use super::Bench;
-use crate::frame::{CHANNELS, frame_bytes};
+use crate::decoder::{CHANNELS, frame_bytes};
+use crate::reading::ChipFault;
 use crate::ready::RateError;
 use crate::register::Register;
 use crate::settings::Settings;
 use crate::simulation::{Electrodes, Fault, Options, Simulation, finish};
-use crate::status_word::ChipFault;
 
 const CHIPS: usize = 8;
 

@@ -4,18 +4,12 @@ use std::string::ToString;
 use std::vec::Vec;
 
 use super::Bench;
+use crate::channel_tests::{ShortedTest, SquareWaveTest};
 use crate::clock::Clock;
-use crate::decoder::Decoder;
-use crate::frame::{CHANNELS, frame_bytes};
-use crate::gain::Gain;
-use crate::input::Input;
+use crate::decoder::{CHANNELS, Decoder, frame_bytes};
 use crate::limits::{SelfTestFault, typical_noise_uv};
-use crate::rate::Rate;
-use crate::settings::Settings;
-use crate::shorted_test::ShortedTest;
+use crate::settings::{Gain, Input, Rate, Settings, TestAmplitude, TestFrequency, TestSignal};
 use crate::simulation::{Electrodes, Options};
-use crate::square_wave_test::SquareWaveTest;
-use crate::test_signal::{TestAmplitude, TestFrequency, TestSignal};
 
 const CHIPS: usize = 2;
 

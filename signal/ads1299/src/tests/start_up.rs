@@ -4,11 +4,10 @@ use std::string::ToString;
 use std::vec::Vec;
 
 use super::Bench;
+use crate::decoder::frame_bytes;
 use crate::error::Error;
-use crate::frame::frame_bytes;
-use crate::input::Input;
 use crate::register::Register;
-use crate::settings::Settings;
+use crate::settings::{Input, Settings};
 use crate::simulation::{Electrodes, Event, Fault, Options, Simulation, finish};
 
 /// Creates a chain that has not been brought up.
@@ -79,7 +78,7 @@ fn every_register_is_read_back() {
     simulation.inject(1, Fault::Forgets(Register::LOFF));
     let mut settings = Settings::EEG;
     settings.lead_off.comparators = true;
-    settings.lead_off.threshold = crate::lead_off::LeadOffThreshold::P80;
+    settings.lead_off.threshold = crate::settings::LeadOffThreshold::P80;
     let differing = set_up(settings).map(|chip| chip.first_differing());
     assert_eq!(differing, [None, Some(Register::LOFF), None]);
     assert_eq!(simulation.violations(), 0);

@@ -3,14 +3,10 @@
 use std::vec::Vec;
 
 use super::Bench;
-use crate::alignment::Alignment;
 use crate::clock::Clock;
-use crate::frame::{CHANNELS, frame_bytes};
-use crate::gain::Gain;
-use crate::lead_off::{LeadOff, LeadOffThreshold};
-use crate::rate::Rate;
+use crate::decoder::{Alignment, CHANNELS, frame_bytes};
 use crate::ready::ReadyMeter;
-use crate::settings::Settings;
+use crate::settings::{Gain, LeadOff, LeadOffThreshold, Rate, Settings};
 use crate::simulation::{Electrodes, Event, Options, finish};
 
 /// Fills in counts that differ between channels and samples.

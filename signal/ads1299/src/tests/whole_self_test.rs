@@ -3,8 +3,8 @@
 use std::string::ToString;
 
 use super::Bench;
+use crate::decoder::frame_bytes;
 use crate::error::Error;
-use crate::frame::frame_bytes;
 use crate::image::Image;
 use crate::ready::RateError;
 use crate::register::{ID, Register};
