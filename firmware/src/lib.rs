@@ -82,14 +82,13 @@ mod progress;
 mod queues;
 mod shared;
 mod stack;
-mod start_fault;
 mod timing;
 
 pub use acquire::acquire;
 pub use converse::{Machine, Port, converse};
 pub use converter::{Conversion, Converter};
 pub use encode::encode;
-pub use fault_record::FaultRecord;
+pub use fault_record::{FaultRecord, MODEL_DAMAGED, start_fault};
 pub use inputs::Inputs;
 pub use memory::{Frames, Memory, TaskMemory};
 pub use progress::{Progress, keep_alive};
@@ -99,5 +98,4 @@ pub use queues::{
 };
 pub use shared::Shared;
 pub use stack::Stack;
-pub use start_fault::{MODEL_DAMAGED, start_fault};
 pub use timing::Clock;

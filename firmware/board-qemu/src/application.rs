@@ -15,17 +15,13 @@ use firmware::{
 use link::{ResetCause, Start, Streams};
 use pipeline::{Acquisition, Mains};
 
-use crate::{
-    arguments::Arguments,
-    commands, drdy,
-    failure::{self, Failure},
-    host_file::HostFile,
-    interrupts::{self, ACQUIRE, CONVERSE, ENCODE, Interrupt},
-    sample_source::{FILE_ENDED, SampleSource},
-    shared::SHARED,
-    time_driver, trigger,
-    uart::{self, Receiver, Transmitter},
-};
+use crate::arguments::Arguments;
+use crate::failure::{self, Failure};
+use crate::host_file::HostFile;
+use crate::interrupts::{self, ACQUIRE, CONVERSE, ENCODE, Interrupt, SHARED};
+use crate::sample_source::{FILE_ENDED, SampleSource};
+use crate::uart::{self, Receiver, Transmitter};
+use crate::{commands, drdy, time_driver, trigger};
 
 /// Delay between the end of the file of samples and the end of the emulation, for sending the last frames.
 /// Shorter than the watchdog's period, because the watchdog is not fed while there are no samples.

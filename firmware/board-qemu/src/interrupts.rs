@@ -1,11 +1,13 @@
-//! Interrupt handlers, their priorities, and the vector table.
+//! Interrupt handlers, their priorities, the vector table, and the state that tasks and interrupts share.
 #![expect(unsafe_code, reason = "the vector table and its handlers")]
 
 use cortex_m::peripheral::NVIC;
 use embassy_executor::InterruptExecutor;
 use firmware::deadlines::priority;
+use firmware::{Clock, Shared};
 
-use crate::{drdy, shared::SHARED, time_driver, trigger, uart};
+use crate::registers::CLOCK_HZ;
+use crate::{drdy, time_driver, trigger, uart};
 
 /// Interrupts of the MPS2 that the image uses. No peripheral raises the last three here; they run the
 /// executors.
@@ -118,3 +120,9 @@ static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {
     table[Interrupt::Converse as usize] = converse;
     table
 };
+
+/// Shared state of the tasks. The free-running timer measures the durations of the stages.
+pub(crate) static SHARED: Shared = Shared::new(Clock {
+    now: time_driver::ticks,
+    hz: CLOCK_HZ,
+});

@@ -34,8 +34,6 @@ mod commands;
 #[cfg(target_os = "none")]
 mod drdy;
 #[cfg(target_os = "none")]
-mod eeg;
-#[cfg(target_os = "none")]
 mod failure;
 #[cfg(target_os = "none")]
 mod host_file;
@@ -45,8 +43,6 @@ mod interrupts;
 mod registers;
 #[cfg(target_os = "none")]
 mod sample_source;
-#[cfg(target_os = "none")]
-mod shared;
 #[cfg(target_os = "none")]
 mod time_driver;
 #[cfg(target_os = "none")]

@@ -1,33 +1,29 @@
-//! Start of the application: queues, executors, tasks.
+//! Start of the application: queues, executors, tasks, the encoders of the image and the shared state.
 
 use ads1299::SelfTest;
 use defmt::{info, warn};
 use defmt_rtt as _;
-use device::{Abilities, CHIPS, Encoders as _, Identity, Producer, Session, streams_with};
+use device::Encoders as _;
+use device::{Abilities, CHIPS, Identity, Producer, Session, streams_with};
 use embassy_executor::{SendSpawner, SpawnError};
-use embassy_stm32::{
-    Peri, interrupt, uid,
-    wdg::{self, IndependentWatchdog},
-};
+use embassy_stm32::wdg::{self, IndependentWatchdog};
+use embassy_stm32::{Peri, interrupt, uid};
+use embassy_time::{Instant, TICK_HZ};
+use firmware::failure::{previous_fault, stack};
 use firmware::{
-    FaultRecord, Frames, Machine, Memory, OutputReceiver, OutputSender, SampleReceiver,
-    SampleSender, deadlines,
-    failure::{previous_fault, stack},
+    Clock, FaultRecord, Frames, Machine, Memory, OutputReceiver, OutputSender, SampleReceiver,
+    SampleSender, Shared, deadlines,
 };
 use link::{ResetCause, Streams};
 use pipeline::{Acquisition, Mains};
 use static_cell::StaticCell;
 
-use crate::{
-    clock_source::ClockSource,
-    converter::{Adc, Wires},
-    encoders::ImageEncoders,
-    failure,
-    interrupts::{self, ACQUIRE, CONVERSE, ENCODE},
-    port::Port,
-    shared::SHARED,
-    trigger::Trigger,
-};
+use crate::clock_source::ClockSource;
+use crate::converter::{Adc, Wires};
+use crate::failure;
+use crate::interrupts::{self, ACQUIRE, CONVERSE, ENCODE};
+use crate::port::Port;
+use crate::trigger::Trigger;
 
 const _: () = assert!(
     !<ImageEncoders as device::Encoders>::STREAMS.is_empty(),
@@ -208,4 +204,33 @@ async fn converse(
         restart: failure::restart,
     };
     port.converse(&mut session, memory, machine).await;
+}
+
+/// Network and packed code.
+#[cfg(all(feature = "network", feature = "packed"))]
+pub(crate) type ImageEncoders = device::BothEncoders;
+
+/// The network alone.
+#[cfg(all(feature = "network", not(feature = "packed")))]
+pub(crate) type ImageEncoders = pipeline::EncoderMemory;
+
+/// The packed code alone.
+#[cfg(all(feature = "packed", not(feature = "network")))]
+pub(crate) type ImageEncoders = pipeline::PackedMemory;
+
+#[cfg(not(any(feature = "network", feature = "packed")))]
+compile_error!("an image without encoders: select the feature `network`, `packed` or both");
+
+/// Shared state of the tasks. The device's clock measures the durations of the stages, because the
+/// core's cycle counter stops while the core sleeps.
+pub(crate) static SHARED: Shared = Shared::new(Clock {
+    now: ticks,
+    #[expect(clippy::cast_possible_truncation, reason = "1 MHz")]
+    hz: TICK_HZ as u32,
+});
+
+/// Returns the lower 32 bits of the device's clock, ticks of 1 us; wraps.
+#[expect(clippy::cast_possible_truncation, reason = "it wraps")]
+fn ticks() -> u32 {
+    Instant::now().as_ticks() as u32
 }

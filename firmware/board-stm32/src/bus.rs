@@ -1,11 +1,12 @@
-//! SPI of the converters with DMA, through a buffer that the DMA can access.
+//! SPI bus and delays for the driver of the converters.
 
 use ads1299::{Speed, TooFast};
-use embassy_stm32::{
-    mode::Async,
-    spi::{Config, Error, MODE_1, Spi, mode::Master},
-    time::Hertz,
-};
+use embassy_stm32::mode::Async;
+use embassy_stm32::spi::mode::Master;
+use embassy_stm32::spi::{Config, Error, MODE_1, Spi};
+use embassy_stm32::time::Hertz;
+use embassy_time::{Duration, Timer, block_for};
+use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::spi::{ErrorType, SpiBus};
 
 /// Bytes per sample of the whole chain, status words included.
@@ -104,5 +105,28 @@ impl SpiBus for Bus {
     async fn flush(&mut self) -> Result<(), Error> {
         // A transfer completes only when its last bit has been received, so nothing is left to flush.
         Ok(())
+    }
+}
+
+/// Longest delay during which the core is kept busy, microseconds. Setting an alarm takes about as
+/// long.
+const SHORT_US: u32 = 10;
+
+/// Delays that are at least as long as requested.
+pub(crate) struct Delay;
+
+impl DelayNs for Delay {
+    async fn delay_ns(&mut self, ns: u32) {
+        self.delay_us(ns.div_ceil(1_000)).await;
+    }
+
+    async fn delay_us(&mut self, us: u32) {
+        // Add one microsecond, because part of the current microsecond has already passed.
+        let wait = Duration::from_micros(u64::from(us) + 1);
+        if us <= SHORT_US {
+            block_for(wait);
+        } else {
+            Timer::after(wait).await;
+        }
     }
 }

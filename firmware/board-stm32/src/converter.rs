@@ -14,12 +14,9 @@ use embassy_stm32::{
 use firmware::{Conversion, Converter, deadlines};
 use pipeline::Sample;
 
-use crate::{
-    bus::{Bus, FRAME_BYTES},
-    delay::Delay,
-    drdy::DrdyEdges,
-    trigger,
-};
+use crate::bus::{Bus, Delay, FRAME_BYTES};
+use crate::drdy::DrdyEdges;
+use crate::trigger;
 
 /// Pins and SPI that connect the microcontroller to the converters.
 pub struct Wires {

@@ -40,11 +40,7 @@ mod clock_source;
 #[cfg(target_os = "none")]
 mod converter;
 #[cfg(target_os = "none")]
-mod delay;
-#[cfg(target_os = "none")]
 mod drdy;
-#[cfg(target_os = "none")]
-mod encoders;
 #[cfg(target_os = "none")]
 mod exti;
 #[cfg(target_os = "none")]
@@ -56,8 +52,6 @@ mod loader;
 pub mod parts;
 #[cfg(any(test, target_os = "none"))]
 mod port;
-#[cfg(target_os = "none")]
-mod shared;
 #[cfg(target_os = "none")]
 mod trigger;
 #[cfg(any(test, target_os = "none"))]

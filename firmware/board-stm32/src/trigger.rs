@@ -26,7 +26,9 @@ use embassy_time::Instant;
 use firmware::deadlines;
 use link::EventKind;
 
-use crate::{exti, shared::SHARED, trigger_line::TriggerLine};
+use crate::application::SHARED;
+use crate::exti;
+use crate::trigger_line::TriggerLine;
 
 /// Pin of the trigger input. It is pulled down, so an open input is low.
 pub struct Trigger {

@@ -8,8 +8,7 @@ use lossless::{Block, Count, Encoder, EncoderState, Kind};
 use model::{ADC_RATE_HZ, CHANNELS, ELECTRODES};
 use pipeline::Step;
 
-use crate::acquired_sample::AcquiredSample;
-use crate::marks::Marks;
+use crate::acquired_sample::{AcquiredSample, Marks};
 
 /// Fraction bits of an electrode's filtered value (format Q27.5).
 const FRACTION_BITS: u8 = 5;

@@ -7,7 +7,9 @@ use link::{
 };
 use pipeline::{Code, Mains, PackedCode, Quality, Rate};
 
-use crate::{chunk::narrow, converter_settings::LSB_NV, marks::Marks};
+use crate::acquired_sample::Marks;
+use crate::chunk::narrow;
+use crate::converters::LSB_NV;
 
 const _: () = {
     assert!(model::ELECTRODES <= MAX_ELECTRODES);

@@ -3,9 +3,9 @@
 use link::Event;
 use pipeline::{Code, PackedCode, Quality};
 
+use crate::acquired_sample::Marks;
 use crate::audited_window::AuditedWindow;
 use crate::chunk::{CompressedChunk, FilteredChunk, RawChunk};
-use crate::marks::Marks;
 
 /// A result for the host, with the number of its run and the time for its frame. It borrows its content
 /// from the producer: the receiver sends it, or copies it into a queue, before it returns.

@@ -3,12 +3,11 @@
 use link::{Event, EventKind, Streams};
 use pipeline::{PackedEncoder, Rate, SignalQuality, Step};
 
-use crate::acquired_sample::AcquiredSample;
+use crate::acquired_sample::{AcquiredSample, Marks, WindowMarks};
 use crate::audited_window::AuditedWindow;
+use crate::board::Run;
 use crate::chunk::{Compressor, FilteredChunk, RawChunk};
 use crate::encoders::Encoders;
-use crate::marks::{Marks, WindowMarks};
-use crate::order::Run;
 use crate::output::{Output, Payload};
 
 /// Produces codes, and the other streams that the host requested, from acquired samples.

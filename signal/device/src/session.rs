@@ -7,12 +7,10 @@ use link::{
 use pipeline::{Code, Mains, Rate};
 
 use crate::acquired_sample::Counts;
-use crate::board::{Abilities, Identity};
-use crate::max_frame::MAX_FRAME;
+use crate::board::{Abilities, Identity, Order, Run};
 use crate::message;
-use crate::order::{Order, Run};
 use crate::output::{Output, Payload};
-use crate::sender::{FrameQueue, Sender};
+use crate::sender::{FrameQueue, MAX_FRAME, Sender};
 
 /// Answers the host's commands and sends the producer's outputs as messages.
 ///

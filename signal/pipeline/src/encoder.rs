@@ -2,21 +2,20 @@
 
 mod convolutions;
 mod edges;
-mod hidden_plane;
-mod pool;
 mod window;
 
 use core::borrow::BorrowMut;
 
+use convolutions::Convolutions;
 use int8_nn::Pair;
 use model::{
     ELECTRODE_PAIRS, GRID_CELL, HAS_CONVOLUTIONS, HAS_SHORTCUT, NETWORK, Network, OPEN_WINDOWS,
     STEPS,
 };
-
-use crate::{code::Code, plane::Plane, step::Step};
-use convolutions::Convolutions;
 use window::{OpenWindow, containing_windows, slot_of};
+
+use crate::code::Code;
+use crate::sample::{Plane, Step};
 
 /// The half of the pipeline that runs at the step rate.
 ///

@@ -3,9 +3,10 @@
 mod tone;
 
 use model::{ADC_RATE_HZ, ELECTRODES, GUARD_BITS, LSB_NV, STEP_RATE_HZ};
-
-use crate::{mains::Mains, sample::Sample, step::Step};
 use tone::{Bin, Tone, square_root};
+
+use crate::front_end::Mains;
+use crate::sample::{Sample, Step};
 
 /// Limit for a flat electrode, microvolts: an electrode is flat if its samples have a smaller
 /// peak-to-peak range in a second.

@@ -27,11 +27,9 @@ use embassy_stm32::{
 use embassy_sync::waitqueue::AtomicWaker;
 use firmware::{Frames, Machine, OutputReceiver, deadlines};
 
-use crate::{
-    interrupts::nvic_priority,
-    port::uart_stream::{DmaTransmitter, Overrun, Ring, RingReceiver, Transmit},
-    shared::SHARED,
-};
+use crate::application::SHARED;
+use crate::interrupts::nvic_priority;
+use crate::port::uart_stream::{DmaTransmitter, Overrun, Ring, RingReceiver, Transmit};
 
 /// Bit rate, bits per second. The line carries 92 kB/s, of which the codes need 3 %.
 const BAUD: u32 = 921_600;

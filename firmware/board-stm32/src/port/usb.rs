@@ -16,12 +16,10 @@ use embassy_usb::{
 use firmware::{Frames, Machine, OutputReceiver};
 use static_cell::{ConstStaticCell, StaticCell};
 
-use crate::{
-    port::{
-        usb_recovery::{DisableEndpoints, wait_missed_reset},
-        usb_stream::{Closed, PACKET, PacketReceiver, PacketSender, Receiver, Transmitter},
-    },
-    shared::SHARED,
+use crate::application::SHARED;
+use crate::port::usb_recovery::{DisableEndpoints, wait_missed_reset};
+use crate::port::usb_stream::{
+    Closed, PACKET, PacketReceiver, PacketSender, Receiver, Transmitter,
 };
 
 /// Vendor id of pid.codes. Together with [`PRODUCT`] it is for development only; devices that are distributed

@@ -5,8 +5,8 @@ use std::{vec, vec::Vec};
 use link::{EventKind, Header, MAX_FRAME, ResetCause, Stage, StageTiming};
 
 use super::*;
+use crate::acquired_sample::Marks;
 use crate::frame_ring::FrameRing;
-use crate::marks::Marks;
 
 type Ring = Sender<FrameRing<16_384>>;
 
@@ -317,7 +317,7 @@ fn the_converters_status_is_sent_on_introduction_on_a_new_fault_and_while_stream
     assert_eq!(none, ["hello", "capabilities", "ack"]);
     let update = |session: &mut Session<'_>, sender: &mut Ring, fault: &str| {
         let converters = Converters {
-            fault: crate::fault_text::fault_text(fault),
+            fault: crate::converters::fault_text(fault),
             ..Converters::default()
         };
         session.update_converters(converters, 5, sender);

@@ -8,7 +8,8 @@
 use int8_nn::{Pair, PlaneRing};
 use model::{CELL_PLANE, EDGE_STEPS, NETWORK, Network, POOL, POOLED_STEPS, STEPS};
 
-use super::{hidden_plane::HiddenPlane, pool::Pool, window::OpenWindow};
+use super::convolutions::{HiddenPlane, Pool};
+use super::window::OpenWindow;
 
 /// Number of pairs in an input plane.
 pub(super) const INPUT: usize = CELL_PLANE.len();

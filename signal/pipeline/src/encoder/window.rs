@@ -6,10 +6,8 @@ use model::{
     SHORTCUT_PAIRS,
 };
 
-use crate::{
-    code::{Code, CodeValues},
-    step::Step,
-};
+use crate::code::{Code, CodeValues};
+use crate::sample::Step;
 
 /// Accumulators of one window that is not complete yet.
 #[derive(Clone, Copy, Debug)]

@@ -4,8 +4,8 @@ use int8_nn::{Pair, requantise};
 use model::{ELECTRODES, HOP, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS, Packed};
 use packed::{Context, Header, Magnitude, Rate, Survivors};
 
-use super::block::{MAX_PACKED_BYTES, PackedCode};
-use crate::step::Step;
+use super::{MAX_PACKED_BYTES, PackedCode};
+use crate::sample::Step;
 
 /// Blocks from one reset to the next: 4 s with a hop of 8 steps. Resets every 4 s cost 0.5 % of the bits.
 const RESET_BLOCKS: u8 = 64;
