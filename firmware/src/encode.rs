@@ -32,8 +32,8 @@ pub async fn encode(
         };
         producer.set_rate(shared.rate());
         // Events up to the time of a sample are queued before the outputs of this sample. The first
-        // sample of a run is the exception: it is processed before its events, because its processing
-        // starts the run.
+        // sample of a run is the exception: it is processed before its events, because its
+        // processing starts the run.
         let starts_run = slot.acquired.new_run.is_some();
         if starts_run {
             shared.inputs.discard_before(slot.acquired.drdy_us);

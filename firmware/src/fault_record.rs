@@ -12,8 +12,8 @@ const TEXT_BYTES: usize = 160;
 /// Value of the first word of a valid record. After power-on, the memory holds random bits instead.
 const MAGIC: u32 = 0x5245_434f;
 
-/// Why the firmware ended: a reason and a text, with a checksum that detects random bits. Stored in memory
-/// that survives a reset.
+/// Why the firmware ended: a reason and a text, with a checksum that detects random bits. Stored in
+/// memory that survives a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct FaultRecord {
@@ -100,13 +100,15 @@ impl FaultRecord {
         }
     }
 
-    /// Returns whether the host asked for the microcontroller's own boot loader instead of this firmware.
+    /// Returns whether the host asked for the microcontroller's own boot loader instead of this
+    /// firmware.
     pub const fn requests_bootloader(&self) -> bool {
         self.reason == RESTART_INTO_BOOTLOADER
     }
 
-    /// Returns the 32-bit FNV-1a hash (Fowler, Noll and Vo) of all fields before `checksum`. Not inlined:
-    /// the compiler unrolls the loop, and every inlined copy would take a kilobyte of flash.
+    /// Returns the 32-bit FNV-1a hash (Fowler, Noll and Vo) of all fields before `checksum`. Not
+    /// inlined: the compiler unrolls the loop, and every inlined copy would take a kilobyte of
+    /// flash.
     #[inline(never)]
     fn compute_checksum(&self) -> u32 {
         let words = [self.magic, self.reason, self.length].map(u32::to_le_bytes);
@@ -136,8 +138,9 @@ impl Write for Text {
 /// Fault text of `Hello` if the model in flash does not match its checksum.
 pub const MODEL_DAMAGED: &str = "the model in flash is damaged: flash the firmware again";
 
-/// Returns the fault text of `Hello`, the gravest fault first: a damaged model, then the fault of the
-/// board, then the fault that ended the firmware before the last reset. Text that does not fit is cut.
+/// Returns the fault text of `Hello`, the gravest fault first: a damaged model, then the fault of
+/// the board, then the fault that ended the firmware before the last reset. Text that does not fit
+/// is cut.
 pub fn start_fault(
     model_is_sound: bool,
     board: &str,

@@ -1,4 +1,5 @@
-//! The application that every board runs: three tasks from the analogue-to-digital converters to the port.
+//! The application that every board runs: three tasks from the analogue-to-digital converters to
+//! the port.
 //!
 //! ```text
 //! Converter --> acquire --SampleSlot--> encode --OutputSlot--> converse --> Port
@@ -6,12 +7,13 @@
 //!               512 Hz                  128 Hz                 commands in
 //! ```
 //!
-//! Each task has an interrupt priority of its own: `acquire` preempts `converse`, which preempts `encode`. No
-//! task waits for a less urgent one. A full queue drops the next item and counts it, and the host receives
-//! the count. [`deadlines`] lists every rate, deadline and priority with its derivation.
+//! Each task has an interrupt priority of its own: `acquire` preempts `converse`, which preempts
+//! `encode`. No task waits for a less urgent one. A full queue drops the next item and counts it,
+//! and the host receives the count. [`deadlines`] lists every rate, deadline and priority with its
+//! derivation.
 //!
-//! A board provides a [`Converter`], a [`Port`] (embedded-io-async) and the executors. It declares the tasks
-//! itself, because an embassy task cannot be generic.
+//! A board provides a [`Converter`], a [`Port`] (embedded-io-async) and the executors. It declares
+//! the tasks itself, because an embassy task cannot be generic.
 //!
 //! # Example
 //! Half a second of synthetic samples passes through acquisition and encoder.

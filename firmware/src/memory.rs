@@ -18,9 +18,9 @@ pub type Frames = Sender<FrameRing<{ deadlines::FRAME_BYTES_WAITING }>>;
 
 /// Memory of a board's tasks and queues; a board declares one static of this type.
 ///
-/// Only what starts as zeros is initialised at compile time, because other initial values of a static take
-/// flash: the memory of the encoders `E`, by far the largest value, and the frames. [`init`](Self::init)
-/// initialises the rest.
+/// Only what starts as zeros is initialised at compile time, because other initial values of a
+/// static take flash: the memory of the encoders `E`, by far the largest value, and the frames.
+/// [`init`](Self::init) initialises the rest.
 pub struct Memory<E: 'static> {
     frames: ConstStaticCell<Frames>,
     acquisition: StaticCell<Acquisition>,
@@ -50,8 +50,9 @@ pub struct TaskMemory<E: 'static> {
 }
 
 impl<E: Encoders + 'static> Memory<E> {
-    /// Creates the memory for a static; [`init`](Self::init) then initialises it. `encoders` is their memory
-    /// before the first step, such as [`BothEncoders::EMPTY`](device::BothEncoders::EMPTY).
+    /// Creates the memory for a static; [`init`](Self::init) then initialises it. `encoders` is
+    /// their memory before the first step, such as
+    /// [`BothEncoders::EMPTY`](device::BothEncoders::EMPTY).
     pub const fn new(encoders: E) -> Self {
         Self {
             frames: ConstStaticCell::new(Sender::new(FrameRing::new())),
@@ -69,8 +70,8 @@ impl<E: Encoders + 'static> Memory<E> {
 
     /// Initialises the memory and splits it among the tasks.
     ///
-    /// Not inlined: the first tasks run before the board's start function returns, so temporaries on its stack
-    /// frame would take stack from these tasks.
+    /// Not inlined: the first tasks run before the board's start function returns, so temporaries
+    /// on its stack frame would take stack from these tasks.
     ///
     /// # Panics
     /// On the second call.

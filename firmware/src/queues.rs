@@ -28,14 +28,15 @@ pub type SampleSender = Sender<'static, RawMutex, SampleSlot>;
 /// Receiving end of the sample queue, which [`encode`](fn@crate::encode) holds.
 pub type SampleReceiver = Receiver<'static, RawMutex, SampleSlot>;
 
-/// Slot of the queue from the encoder to the conversation: an output with its small content. Large content is
-/// in a [`BulkSlot`], so that the slots of codes stay small.
+/// Slot of the queue from the encoder to the conversation: an output with its small content. Large
+/// content is in a [`BulkSlot`], so that the slots of codes stay small.
 #[derive(Clone, Debug)]
 pub struct OutputSlot {
     run: u32,
     at_us: u64,
     content: Content,
-    /// Time at which the encoder queued the output, in ticks of the board's [`Clock`](crate::Clock).
+    /// Time at which the encoder queued the output, in ticks of the board's
+    /// [`Clock`](crate::Clock).
     queued_ticks: u32,
 }
 
@@ -160,8 +161,8 @@ impl OutputSender {
 }
 
 impl OutputReceiver {
-    /// Waits for the oldest output, and returns it with the time at which it was queued, in ticks of the
-    /// board's [`Clock`](crate::Clock). It stays queued until [`Self::receive_done`].
+    /// Waits for the oldest output, and returns it with the time at which it was queued, in ticks
+    /// of the board's [`Clock`](crate::Clock). It stays queued until [`Self::receive_done`].
     pub async fn receive(&mut self) -> (Output<'_>, u32) {
         let slot = self.slots.receive().await;
         self.is_bulk = matches!(slot.content, Content::Bulk);

@@ -74,8 +74,8 @@ impl Converter for SampleSource {
     }
 }
 
-/// Generator of synthetic EEG: independent low-frequency noise in each channel, and a 10 Hz wave that
-/// is common to all channels, with an amplitude that varies from channel to channel.
+/// Generator of synthetic EEG: independent low-frequency noise in each channel, and a 10 Hz wave
+/// that is common to all channels, with an amplitude that varies from channel to channel.
 #[derive(Debug)]
 pub(crate) struct Eeg {
     random: u32,

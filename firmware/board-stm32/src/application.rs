@@ -1,4 +1,5 @@
-//! Start of the application: queues, executors, tasks, the encoders of the image and the shared state.
+//! Start of the application: queues, executors, tasks, the encoders of the image and the shared
+//! state.
 
 use ads1299::SelfTest;
 use defmt::{info, warn};
@@ -33,8 +34,8 @@ static MEMORY: Memory<ImageEncoders> = Memory::new(ImageEncoders::EMPTY);
 static TEST: StaticCell<SelfTest<CHIPS>> = StaticCell::new();
 static ADC: StaticCell<Adc> = StaticCell::new();
 
-/// What these boards offer to a host. Over the UART they refuse raw samples, which need 101 kB/s: the UART
-/// carries only 92 kB/s. Compressed raw samples take about half of that.
+/// What these boards offer to a host. Over the UART they refuse raw samples, which need 101 kB/s:
+/// the UART carries only 92 kB/s. Compressed raw samples take about half of that.
 const ABILITIES: Abilities = Abilities {
     streams: {
         let too_fast = if cfg!(feature = "uart") {
@@ -105,7 +106,8 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
             .map_or(board.reset_cause, FaultRecord::reset_cause),
         clock: board.clock,
     };
-    // After any other reset the converters' supply has been on for long enough, so they need no wait.
+    // After any other reset the converters' supply has been on for long enough, so they need no
+    // wait.
     let is_cold = matches!(
         board.reset_cause,
         ResetCause::PowerOn | ResetCause::BrownOut | ResetCause::NotKnown
@@ -124,8 +126,8 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
     Ok(conversation)
 }
 
-/// Initialises the converters' memory. Neither this function nor [`self_test`] is inlined, so that their
-/// large temporaries are no longer on the stack when the first task runs.
+/// Initialises the converters' memory. Neither this function nor [`self_test`] is inlined, so that
+/// their large temporaries are no longer on the stack when the first task runs.
 #[inline(never)]
 fn converters(wires: Wires) -> &'static mut Adc {
     let test = self_test();
@@ -137,8 +139,8 @@ fn self_test() -> &'static mut SelfTest<CHIPS> {
     TEST.init_with(SelfTest::new)
 }
 
-/// Feeds the watchdog while all tasks make progress. Starts the watchdog only when every task has made
-/// progress once, because bringing up the converters takes longer than the watchdog's period.
+/// Feeds the watchdog while all tasks make progress. Starts the watchdog only when every task has
+/// made progress once, because bringing up the converters takes longer than the watchdog's period.
 pub async fn feed_watchdog(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
     let mut watchdog = IndependentWatchdog::new(watchdog, us);
@@ -150,7 +152,8 @@ pub async fn feed_watchdog(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
     .await
 }
 
-/// Halts the core between interrupts. `main` ends in this loop, because all tasks run in interrupts.
+/// Halts the core between interrupts. `main` ends in this loop, because all tasks run in
+/// interrupts.
 pub fn sleep() -> ! {
     loop {
         cortex_m::asm::wfi();

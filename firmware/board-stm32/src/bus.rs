@@ -12,22 +12,26 @@ use embedded_hal_async::spi::{ErrorType, SpiBus};
 /// Bytes per sample of the whole chain, status words included.
 pub const FRAME_BYTES: usize = ads1299::frame_bytes(device::CHIPS);
 
-/// Fastest SCLK of an ADS1299, Hz (data sheet SBAS499C, section 7.6: a period of 50 ns with DVDD from 2.7 V).
+/// Fastest SCLK of an ADS1299, Hz (data sheet SBAS499C, section 7.6: a period of 50 ns with DVDD
+/// from 2.7 V).
 const FASTEST_HZ: u32 = 20_000_000;
 
-/// Fastest SCLK at which registers can be read through the series resistors at DOUT, Hz (decision 0011).
+/// Fastest SCLK at which registers can be read through the series resistors at DOUT, Hz (decision
+/// 0011).
 const FASTEST_REGISTERS_HZ: u32 = 105_000;
 
 /// SPI bus of the converters, which copies every transfer through a buffer for the DMA.
 pub struct Bus {
     spi: Spi<'static, Async, Master>,
     config: Config,
-    /// Memory that the DMA reads and writes. A caller's buffer can be in memory that the DMA cannot access.
+    /// Memory that the DMA reads and writes. A caller's buffer can be in memory that the DMA cannot
+    /// access.
     buffer: &'static mut [u8; FRAME_BYTES],
 }
 
 impl Bus {
-    /// Returns the configuration with which a board creates its [`Spi`]: mode 1, SCLK for register transfers.
+    /// Returns the configuration with which a board creates its [`Spi`]: mode 1, SCLK for register
+    /// transfers.
     pub fn config() -> Config {
         let mut config = Config::default();
         config.mode = MODE_1;
@@ -35,8 +39,8 @@ impl Bus {
         config
     }
 
-    /// Wraps an SPI that was created with [`Self::config`]; `buffer` must be in memory that the SPI's DMA can
-    /// access.
+    /// Wraps an SPI that was created with [`Self::config`]; `buffer` must be in memory that the
+    /// SPI's DMA can access.
     pub fn new(spi: Spi<'static, Async, Master>, buffer: &'static mut [u8; FRAME_BYTES]) -> Self {
         Self {
             spi,
@@ -47,8 +51,8 @@ impl Bus {
 }
 
 impl ads1299::Bus for Bus {
-    /// Selects the divider whose SCLK is nearest to the limit for this kind of transfer. Fails if that SCLK
-    /// is faster than the limit.
+    /// Selects the divider whose SCLK is nearest to the limit for this kind of transfer. Fails if
+    /// that SCLK is faster than the limit.
     fn set_speed(&mut self, speed: Speed) -> Result<(), TooFast> {
         let fastest_hz = match speed {
             Speed::Registers => FASTEST_REGISTERS_HZ,
@@ -103,7 +107,8 @@ impl SpiBus for Bus {
     }
 
     async fn flush(&mut self) -> Result<(), Error> {
-        // A transfer completes only when its last bit has been received, so nothing is left to flush.
+        // A transfer completes only when its last bit has been received, so nothing is left to
+        // flush.
         Ok(())
     }
 }

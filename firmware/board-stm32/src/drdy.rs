@@ -9,7 +9,8 @@ use embassy_time::{Instant, Timer, with_deadline};
 
 use crate::exti;
 
-/// Bit mask of EXTI lines 5 to 9, which share the interrupt `EXTI9_5`. Only DRDY's line is unmasked.
+/// Bit mask of EXTI lines 5 to 9, which share the interrupt `EXTI9_5`. Only DRDY's line is
+/// unmasked.
 const LINES: u32 = 0b11_1110_0000;
 
 #[derive(Clone, Copy)]
@@ -29,11 +30,12 @@ static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// Handles a falling edge of DRDY; called by DRDY's interrupt, the most urgent one after the time driver's.
+/// Handles a falling edge of DRDY; called by DRDY's interrupt, the most urgent one after the time
+/// driver's.
 ///
 /// # Timing
-/// The time stamp is late by the interrupt's latency, by the rest of a critical section if one is active,
-/// and by the time driver's interrupt, some 100 instructions.
+/// The time stamp is late by the interrupt's latency, by the rest of a critical section if one is
+/// active, and by the time driver's interrupt, some 100 instructions.
 pub(crate) fn on_edge() {
     let us = Instant::now().as_micros();
     exti::clear_pending(LINES);
@@ -60,7 +62,8 @@ fn take_edges(section: CriticalSection<'_>) -> Edges {
     before
 }
 
-/// Calls `before_wait`, then waits until there is an edge that was not taken yet. Returns the newest edge.
+/// Calls `before_wait`, then waits until there is an edge that was not taken yet. Returns the
+/// newest edge.
 async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     before_wait();
     poll_fn(|context| {

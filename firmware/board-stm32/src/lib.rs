@@ -7,9 +7,9 @@
 //! panic, hard fault --> [failure] --record--> reset --> [application] --> Hello
 //! ```
 //!
-//! The crate of a board defines pins, clocks and memory, and passes them to `start_tasks` as a `Board`. For
-//! the microcontroller this crate compiles only as part of a board, which selects the chip. On a PC it
-//! contains the table of pins and the logic that needs no chip.
+//! The crate of a board defines pins, clocks and memory, and passes them to `start_tasks` as a
+//! `Board`. For the microcontroller this crate compiles only as part of a board, which selects the
+//! chip. On a PC it contains the table of pins and the logic that needs no chip.
 //!
 //! # Example
 //! A board's test compares its pins with the documentation:

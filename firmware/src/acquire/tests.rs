@@ -74,9 +74,9 @@ fn start(number: u32) -> Order {
     })
 }
 
-/// Runs an acquisition task through `acts`: each act is an optional order, followed by a number of samples.
-/// Returns for each act the samples that it queued, as (number of the run that the sample starts, index,
-/// overrun mark).
+/// Runs an acquisition task through `acts`: each act is an optional order, followed by a number of
+/// samples. Returns for each act the samples that it queued, as (number of the run that the sample
+/// starts, index, overrun mark).
 fn handed_over(
     shared: &Shared,
     converter: Counted<'_>,

@@ -15,16 +15,16 @@ use crate::settings::Settings;
 
 /// Progress of a bring-up, and the registers that it has read back.
 ///
-/// One stage clocks at most [`STAGE_BYTES`], which takes 1.1 ms at an SCLK of 82 kHz, decoding times
-/// included. So a device with a sample every 1.9 ms can run a stage between two samples. Between stages
-/// the caller waits for the time that [`Chain::run_stage`] returns.
+/// One stage clocks at most [`STAGE_BYTES`], which takes 1.1 ms at an SCLK of 82 kHz, decoding
+/// times included. So a device with a sample every 1.9 ms can run a stage between two samples.
+/// Between stages the caller waits for the time that [`Chain::run_stage`] returns.
 #[derive(Clone, Debug)]
 pub(crate) struct BringUp<const CHIPS: usize> {
     next: Stage,
     power_us: u32,
     reference_was_on: bool,
-    /// Registers read back from each chip, compared with the values written; complete after the last
-    /// stage.
+    /// Registers read back from each chip, compared with the values written; complete after the
+    /// last stage.
     pub(crate) read_backs: [ReadBack; CHIPS],
 }
 
@@ -73,15 +73,16 @@ enum Stage {
     Stop,
     /// Write CONFIG3 of the chip with this index, which switches the chip's reference on.
     Reference(usize),
-    /// Write one range of registers. The index counts the ranges of all chips: `PARTS * chip + range`.
+    /// Write one range of registers. The index counts the ranges of all chips: `PARTS * chip +
+    /// range`.
     Registers(usize),
     ReadBack(usize),
     Done,
 }
 
 impl<const CHIPS: usize> BringUp<CHIPS> {
-    /// Creates a bring-up for chips whose supplies have just come on: the chips are reset `power_us`
-    /// microseconds after the first stage.
+    /// Creates a bring-up for chips whose supplies have just come on: the chips are reset
+    /// `power_us` microseconds after the first stage.
     pub(crate) const fn from_power(power_us: u32) -> Self {
         Self {
             next: Stage::Power,
@@ -112,8 +113,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok(bring_up.read_backs)
     }
 
-    /// Runs the next stage. Returns the delay before the following stage in microseconds, or `None` after
-    /// the last one.
+    /// Runs the next stage. Returns the delay before the following stage in microseconds, or `None`
+    /// after the last one.
     pub(crate) async fn run_stage(
         &mut self,
         settings: &Settings<CHIPS>,
@@ -159,8 +160,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
                 let (chip, run) = (part / PARTS, READ[part % PARTS].clone());
                 let read_back = &mut bring_up.read_backs[chip];
                 self.read_part(chip, &mut read_back.read, run).await?;
-                // Only the comparison after a chip's last range is complete; it overwrites the earlier
-                // ones.
+                // Only the comparison after a chip's last range is complete; it overwrites the
+                // earlier ones.
                 *read_back = ReadBack::new(&settings.image(chip), read_back.read);
                 if part + 1 < PARTS * CHIPS {
                     Stage::ReadBack(part + 1)
@@ -173,7 +174,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok((bring_up.next != Stage::Done).then_some(wait_us))
     }
 
-    /// Runs all remaining stages with the delays between them; calls `progress` at least every 20 ms.
+    /// Runs all remaining stages with the delays between them; calls `progress` at least every 20
+    /// ms.
     pub(crate) async fn finish(
         &mut self,
         settings: &Settings<CHIPS>,

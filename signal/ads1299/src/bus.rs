@@ -8,8 +8,8 @@ pub enum Speed {
     /// Opcodes and registers: at most 105 kHz, because of the read-back resistors to MISO (decision
     /// 0011).
     Registers,
-    /// Frames of samples: the board's fastest SCLK up to 20 MHz (data sheet section 7.6: a period of 50
-    /// ns with DVDD from 2.7 V).
+    /// Frames of samples: the board's fastest SCLK up to 20 MHz (data sheet section 7.6: a period
+    /// of 50 ns with DVDD from 2.7 V).
     Bursts,
 }
 
@@ -47,8 +47,8 @@ pub trait Drdy {
     /// Returns the current time of that clock, in microseconds.
     fn now_us(&self) -> u64;
 
-    /// Waits at most until time `us` for an edge of DRDY that no earlier call has returned. Returns the
-    /// newest such edge, even if `us` has passed; `None` if there is none.
+    /// Waits at most until time `us` for an edge of DRDY that no earlier call has returned. Returns
+    /// the newest such edge, even if `us` has passed; `None` if there is none.
     async fn next_until(&mut self, us: u64) -> Option<DrdyEdge>;
 
     /// Waits until time `us`, in microseconds, and ignores DRDY.

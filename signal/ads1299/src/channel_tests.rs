@@ -8,8 +8,8 @@ use crate::settings::{Gain, Rate, TestSignal};
 const GUARD: usize = 4;
 
 /// Measures gain, offset and noise of one channel from the chip's internal square wave. It needs at
-/// least two periods, about 2 s; samples after the first 2^16 are ignored. Its size is 120 bytes, small
-/// enough to measure 64 channels at once.
+/// least two periods, about 2 s; samples after the first 2^16 are ignored. Its size is 120 bytes,
+/// small enough to measure 64 channels at once.
 #[derive(Clone, Debug)]
 pub struct SquareWaveTest {
     gain: Gain,
@@ -180,8 +180,8 @@ impl ShortedResult {
     }
 }
 
-/// Running sums for mean and variance. Each count is clipped to within 2^23 of the reference, so the
-/// sums over 2^16 counts are exact in 64 bits.
+/// Running sums for mean and variance. Each count is clipped to within 2^23 of the reference, so
+/// the sums over 2^16 counts are exact in 64 bits.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Statistics {
     reference: i32,
@@ -235,8 +235,8 @@ impl Statistics {
     }
 }
 
-/// Returns `sqrt(spread / number)` in counts, to 1/65536 count. Uses the integer square root, because
-/// `core` has no square root for floats.
+/// Returns `sqrt(spread / number)` in counts, to 1/65536 count. Uses the integer square root,
+/// because `core` has no square root for floats.
 #[expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
@@ -246,8 +246,8 @@ impl Statistics {
 pub(crate) fn rms(spread: f64, number: u32) -> f64 {
     let variance = spread / f64::from(number.max(1));
     let scale = 65536.0;
-    // 2^31 counts^2 is the variance at 1 mV rms and gain 24. Below that, the scaled variance fits into
-    // 64 bits.
+    // 2^31 counts^2 is the variance at 1 mV rms and gain 24. Below that, the scaled variance fits
+    // into 64 bits.
     if variance < 2_147_483_648.0 {
         ((variance * scale * scale) as u64).isqrt() as f64 / scale
     } else {

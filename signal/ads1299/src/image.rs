@@ -16,8 +16,8 @@ impl<const CHIPS: usize> Settings<CHIPS> {
             return Image(values);
         };
         let mut set = |register: Register, value: u8| values[register.index()] = value;
-        // In CONFIG1, bit 7 is always 1, and bits 4:3 are always 10. Bit 6 is 0, which selects the daisy
-        // chain.
+        // In CONFIG1, bit 7 is always 1, and bits 4:3 are always 10. Bit 6 is 0, which selects the
+        // daisy chain.
         let clock_out = u8::from(self.clock.is_internal() && chip == 0) << 5;
         set(Register::CONFIG1, 0x90 | clock_out | self.rate as u8);
         // Bits 7:5 of CONFIG2 are always 110.

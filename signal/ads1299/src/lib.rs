@@ -1,10 +1,10 @@
 //! Driver for a chain of one to eight ADS1299, the EEG analogue front end, with a frame decoder, a
 //! self-test, and a simulated chain (feature `simulation`).
 //!
-//! The chips share the clock, SCLK, MOSI, START and RESET; each chip has its own chip select. DOUT of
-//! chip k + 1 is wired to DAISY_IN of chip k, and DOUT of chip 0 to MISO. So one burst with all chips
-//! selected reads a whole sample. Registers are read chip by chip, which needs a connection from every
-//! DOUT to MISO (`docs/decisions/0011-daisy-chain-with-read-back.md`).
+//! The chips share the clock, SCLK, MOSI, START and RESET; each chip has its own chip select. DOUT
+//! of chip k + 1 is wired to DAISY_IN of chip k, and DOUT of chip 0 to MISO. So one burst with all
+//! chips selected reads a whole sample. Registers are read chip by chip, which needs a connection
+//! from every DOUT to MISO (`docs/decisions/0011-daisy-chain-with-read-back.md`).
 //!
 //! ```text
 //! Chain (SPI, pins) ── Sampler::read ──▶ bytes ── Decoder ──▶ [[i32; 8]; CHIPS] counts, and FrameStatus:
@@ -13,8 +13,9 @@
 //! RetryingSampler: a Sampler that brings the chain up again while no chip delivers samples
 //! ```
 //!
-//! The result of [`Decoder`] depends only on its state and the frame. [`ReadyMeter`] checks the intervals
-//! of DRDY; [`SquareWaveTest`] and [`ShortedTest`] check samples of the chips' internal signals.
+//! The result of [`Decoder`] depends only on its state and the frame. [`ReadyMeter`] checks the
+//! intervals of DRDY; [`SquareWaveTest`] and [`ShortedTest`] check samples of the chips' internal
+//! signals.
 //!
 //! ```
 //! use ads1299::{Decoder, frame_bytes};
@@ -31,10 +32,11 @@
 //! assert_eq!([counts[0][0], counts[1][0]], [-2, -2]);
 //! ```
 //!
-//! Section, table and figure numbers refer to the data sheet, Texas Instruments SBAS499C. Registers,
-//! commands and their times, power-up, bit order and the noise at gains 1 and 2 were compared with copies
-//! of pages of its revisions A and C. Not compared were the section numbers 9.4.x and 9.5.x, and values
-//! whose comments say so. **This driver is untried on a real chip; it runs on the simulated chain.**
+//! Section, table and figure numbers refer to the data sheet, Texas Instruments SBAS499C.
+//! Registers, commands and their times, power-up, bit order and the noise at gains 1 and 2 were
+//! compared with copies of pages of its revisions A and C. Not compared were the section numbers
+//! 9.4.x and 9.5.x, and values whose comments say so. **This driver is untried on a real chip; it
+//! runs on the simulated chain.**
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -8,15 +8,15 @@ use crate::ready::RateError;
 /// Result of reading one sample: bad chips, missed samples, and the error of the sample rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading<const CHIPS: usize> {
-    /// Status words of the frame; `None` if no frame was read because DRDY was silent, the bus failed,
-    /// or the chain is stopped.
+    /// Status words of the frame; `None` if no frame was read because DRDY was silent, the bus
+    /// failed, or the chain is stopped.
     pub status: Option<FrameStatus<CHIPS>>,
     /// Bad chips, one bit each. The sampler keeps their counts from an earlier sample.
     pub bad: u8,
     /// Samples missing between the previous reading and this one.
     pub missed: u32,
-    /// Error of the sample rate, if any; it names the chip whose DRDY is wired. The counts are valid
-    /// nevertheless.
+    /// Error of the sample rate, if any; it names the chip whose DRDY is wired. The counts are
+    /// valid nevertheless.
     pub rate: Option<RateError>,
 }
 
@@ -37,14 +37,14 @@ impl<const CHIPS: usize> Reading<CHIPS> {
         of_frame.or_else(|| self.rate.map(|error| error.chip()))
     }
 
-    /// Returns the positive inputs of a chip at which an electrode is disconnected, one bit each; 0 for
-    /// a bad chip.
+    /// Returns the positive inputs of a chip at which an electrode is disconnected, one bit each; 0
+    /// for a bad chip.
     pub fn off_positive(&self, chip: usize) -> u8 {
         self.sound_word(chip).map_or(0, StatusWord::off_positive)
     }
 
-    /// Returns the negative inputs of a chip at which an electrode is disconnected, one bit each; 0 for
-    /// a bad chip.
+    /// Returns the negative inputs of a chip at which an electrode is disconnected, one bit each; 0
+    /// for a bad chip.
     pub fn off_negative(&self, chip: usize) -> u8 {
         self.sound_word(chip).map_or(0, StatusWord::off_negative)
     }
@@ -63,8 +63,9 @@ impl<const CHIPS: usize> Reading<CHIPS> {
     }
 }
 
-/// Word of 24 bits that a chip sends before its counts (data sheet section 9.4.4): 1100, LOFF_STATP,
-/// LOFF_STATN, GPIO data, from the most significant bit. The upper 8 bits of the `u32` are 0.
+/// Word of 24 bits that a chip sends before its counts (data sheet section 9.4.4): 1100,
+/// LOFF_STATP, LOFF_STATN, GPIO data, from the most significant bit. The upper 8 bits of the `u32`
+/// are 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StatusWord(pub u32);
 
@@ -95,12 +96,14 @@ impl StatusWord {
         (self.0 >> 20 & 0xF) as u8
     }
 
-    /// Returns the positive inputs at which an electrode is disconnected, one bit each (LOFF_STATP).
+    /// Returns the positive inputs at which an electrode is disconnected, one bit each
+    /// (LOFF_STATP).
     pub const fn off_positive(self) -> u8 {
         (self.0 >> 12 & 0xFF) as u8
     }
 
-    /// Returns the negative inputs at which an electrode is disconnected, one bit each (LOFF_STATN).
+    /// Returns the negative inputs at which an electrode is disconnected, one bit each
+    /// (LOFF_STATN).
     pub const fn off_negative(self) -> u8 {
         (self.0 >> 4 & 0xFF) as u8
     }

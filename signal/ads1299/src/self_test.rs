@@ -130,8 +130,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// A broken chip is named in the report, and the other chips are tested unless it blocks their
     /// frames. Without DRDY the test stops.
     ///
-    /// `progress` is called for every sample and at least every 20 ms in between, except while the test
-    /// waits for the first edge of DRDY.
+    /// `progress` is called for every sample and at least every 20 ms in between, except while the
+    /// test waits for the first edge of DRDY.
     pub async fn self_test(
         &mut self,
         test: &mut SelfTest<CHIPS>,
@@ -177,8 +177,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             .await
     }
 
-    /// Sets all channels to `input` and measures `samples` samples of each. Calls `edge` with the time
-    /// of each edge of DRDY, in microseconds.
+    /// Sets all channels to `input` and measures `samples` samples of each. Calls `edge` with the
+    /// time of each edge of DRDY, in microseconds.
     async fn stream(
         &mut self,
         test: &mut SelfTest<CHIPS>,
@@ -200,8 +200,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         let waited_us = settings.clock.microseconds(cycles);
         for _ in 0..samples {
             progress();
-            // A frame is read directly after its edge, so an edge that came during the calculations is
-            // of no use.
+            // A frame is read directly after its edge, so an edge that came during the calculations
+            // is of no use.
             drdy.forget();
             let end_us = drdy.now_us() + u64::from(waited_us);
             // The error names chip 0, whose DRDY is wired.

@@ -1,4 +1,5 @@
-//! Settings of the ADS1299s in a daisy chain: rate, gain, input, test signal, lead-off detection, bias.
+//! Settings of the ADS1299s in a daisy chain: rate, gain, input, test signal, lead-off detection,
+//! bias.
 
 use crate::clock::Clock;
 use crate::decoder::CHANNELS;
@@ -55,7 +56,8 @@ pub struct Channel {
 pub struct Bias {
     /// Powers the amplifier.
     pub on: bool,
-    /// Uses the chip's internal mid-supply voltage as the amplifier's reference (CONFIG3.BIASREF_INT).
+    /// Uses the chip's internal mid-supply voltage as the amplifier's reference
+    /// (CONFIG3.BIASREF_INT).
     pub internal_reference: bool,
     /// Detects a disconnected bias electrode (CONFIG3.BIAS_LOFF_SENS).
     pub lead_off: bool,
@@ -80,8 +82,8 @@ impl<const CHIPS: usize> Settings<CHIPS> {
     /// Settings for EEG as [`eeg`](Self::eeg) returns them, at 512 Hz with gain 24.
     pub const EEG: Self = Self::eeg(Clock::EEG, Rate::Div4096, Gain::X24);
 
-    /// Returns settings for EEG against one reference electrode at SRB1, with the bias driven by chip 0
-    /// from its positive inputs. No lead-off current, because it adds noise.
+    /// Returns settings for EEG against one reference electrode at SRB1, with the bias driven by
+    /// chip 0 from its positive inputs. No lead-off current, because it adds noise.
     pub const fn eeg(clock: Clock, rate: Rate, gain: Gain) -> Self {
         let chip = ChipSettings {
             channels: [Channel {
@@ -247,7 +249,8 @@ impl Input {
 /// [`Input::TestSignal`](crate::settings::Input::TestSignal) convert it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TestSignal {
-    /// True if the chip's own generator is the source; otherwise the signal is driven at the test pins.
+    /// True if the chip's own generator is the source; otherwise the signal is driven at the test
+    /// pins.
     pub internal: bool,
     /// Amplitude, which is half of the peak-to-peak voltage.
     pub amplitude: TestAmplitude,
@@ -333,8 +336,8 @@ impl LeadOff {
     };
 }
 
-/// Thresholds of the comparators on the positive and the negative side, in percent of the supply. They
-/// add up to 100 %.
+/// Thresholds of the comparators on the positive and the negative side, in percent of the supply.
+/// They add up to 100 %.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LeadOffThreshold {
     /// Positive side 95 %, negative side 5 %.
@@ -412,9 +415,9 @@ impl Rate {
         Self::Div8192,
     ];
 
-    /// Returns the clock and the divider for `hz` samples per second; `None` for a rate that neither an
-    /// external clock of 2.048 MHz nor [`Clock::EEG`] yields: 250, 500, 1000 .. 16000 Hz with the one,
-    /// 256, 512, 1024 .. 16384 Hz with the other.
+    /// Returns the clock and the divider for `hz` samples per second; `None` for a rate that
+    /// neither an external clock of 2.048 MHz nor [`Clock::EEG`] yields: 250, 500, 1000 .. 16000 Hz
+    /// with the one, 256, 512, 1024 .. 16384 Hz with the other.
     pub const fn of_hz(hz: u32) -> Option<(Clock, Self)> {
         let mut index = 0;
         while index < Self::ALL.len() {
@@ -435,8 +438,9 @@ impl Rate {
         128 << self as u32
     }
 
-    /// Returns the number of clock cycles from START to the first DRDY, at which the data are settled.
-    /// The formula was neither compared with the table in data sheet section 9.4.1 nor measured.
+    /// Returns the number of clock cycles from START to the first DRDY, at which the data are
+    /// settled. The formula was neither compared with the table in data sheet section 9.4.1 nor
+    /// measured.
     pub const fn settling(self) -> u32 {
         4 * self.divider() + 9
     }

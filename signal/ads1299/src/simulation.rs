@@ -66,8 +66,8 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().now_ns() / 1000
     }
 
-    /// Advances time to the next edge of DRDY and returns the edge's time in nanoseconds. Advances to
-    /// `limit_ns` and returns `None` if there is no edge by then.
+    /// Advances time to the next edge of DRDY and returns the edge's time in nanoseconds. Advances
+    /// to `limit_ns` and returns `None` if there is no edge by then.
     pub fn pass_to_edge(&self, limit_ns: u64) -> Option<u64> {
         let mut board = self.board();
         let came = board.advance_to_edge_until(limit_ns);
@@ -108,19 +108,21 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().power_on();
     }
 
-    /// Connects or disconnects the electrode at the positive or negative input of a channel; `chip` and
-    /// `channel` count from 0.
+    /// Connects or disconnects the electrode at the positive or negative input of a channel; `chip`
+    /// and `channel` count from 0.
     pub fn set_electrode(&self, chip: usize, channel: usize, positive: bool, on: bool) {
         self.board().set_electrode(chip, channel, positive, on);
     }
 
-    /// Returns how often the driver violated a timing rule: a reset or command too early, a byte before
-    /// the previous one was decoded, deselection too early, or registers read at the burst speed.
+    /// Returns how often the driver violated a timing rule: a reset or command too early, a byte
+    /// before the previous one was decoded, deselection too early, or registers read at the burst
+    /// speed.
     pub fn violations(&self) -> u32 {
         self.board().violations()
     }
 
-    /// Returns the log of the wires, with times in nanoseconds: resets, levels of START, and opcodes.
+    /// Returns the log of the wires, with times in nanoseconds: resets, levels of START, and
+    /// opcodes.
     pub fn events(&self) -> Vec<(u64, Event)> {
         self.board().events().to_vec()
     }
@@ -136,8 +138,9 @@ const _: fn() = || {
     is_send::<Simulation<8>>();
 };
 
-/// Runs a future on simulated wires to its end. Time is virtual, so one poll is enough. Returns `None`
-/// if the future waits for something that never happens, such as an edge of DRDY without START.
+/// Runs a future on simulated wires to its end. Time is virtual, so one poll is enough. Returns
+/// `None` if the future waits for something that never happens, such as an edge of DRDY without
+/// START.
 pub fn finish<T>(future: impl Future<Output = T>) -> Option<T> {
     match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(value) => Some(value),
@@ -177,7 +180,8 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().advance(now_ns);
     }
 
-    /// Transfers a byte that ends at `end_ns`, with an SCLK of `sclk_hz`, and returns the byte on MISO.
+    /// Transfers a byte that ends at `end_ns`, with an SCLK of `sclk_hz`, and returns the byte on
+    /// MISO.
     ///
     /// Reading a register faster than decision 0011's resistors allow is a
     /// [violation](Self::violations).

@@ -1,4 +1,5 @@
-//! Samples that the acquisition passes to the producer, their faults, and the acquisition's counters.
+//! Samples that the acquisition passes to the producer, their faults, and the acquisition's
+//! counters.
 
 use link::Flags;
 use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ, STEPS};
@@ -19,8 +20,8 @@ pub struct AcquiredSample {
     pub sample: Sample,
     /// Index of the sample in its run, from 0.
     pub index: u64,
-    /// Index in the run of the step to which this sample belongs: the step that is due at it, or the
-    /// next one.
+    /// Index in the run of the step to which this sample belongs: the step that is due at it, or
+    /// the next one.
     pub step_index: u64,
     /// The filtered step that is due at this sample; `None` if no step is due.
     pub step: Option<Step>,
@@ -35,7 +36,8 @@ pub struct AcquiredSample {
 
 impl AcquiredSample {
     /// Returns the index of the ADC sample at or before step `step` of the run, and the device time
-    /// of the step, microseconds. The time is computed from that of this sample at the nominal rates.
+    /// of the step, microseconds. The time is computed from that of this sample at the nominal
+    /// rates.
     pub(crate) fn place_of_step(&self, step: u64) -> (u64, u64) {
         let (adc_hz, step_hz) = (u64::from(ADC_RATE_HZ), u64::from(STEP_RATE_HZ));
         let since_start_us = |count: u64, hz: u64| count * 1_000_000 / hz;
@@ -139,7 +141,8 @@ impl WindowMarks {
         window
     }
 
-    /// Returns the index of the window that ends with the newest step; `None` if no window does. The index wraps.
+    /// Returns the index of the window that ends with the newest step; `None` if no window does.
+    /// The index wraps.
     #[expect(clippy::cast_possible_truncation, reason = "the index wraps")]
     pub(crate) const fn complete_window(&self) -> Option<u32> {
         match self.steps.checked_sub(STEPS as u64) {

@@ -1,5 +1,5 @@
-//! Window and code for an audit: the host computes the code again from the planes of the window, and
-//! compares the planes with the packed blocks.
+//! Window and code for an audit: the host computes the code again from the planes of the window,
+//! and compares the planes with the packed blocks.
 
 use link::Audit;
 use model::{CELLS, CODE, HOP, STEP_RATE_HZ, STEPS};
@@ -14,8 +14,8 @@ const PERIOD_S: u32 = 10;
 #[expect(clippy::cast_possible_truncation, reason = "a hop is below 256")]
 const PERIOD_WINDOWS: u32 = PERIOD_S * STEP_RATE_HZ as u32 / HOP as u32;
 
-/// Planes of the newest window. Once the window is complete: also its index, and its code if the device has
-/// the network.
+/// Planes of the newest window. Once the window is complete: also its index, and its code if the
+/// device has the network.
 #[derive(Clone, Copy, Debug)]
 pub struct AuditedWindow {
     window: u32,

@@ -46,8 +46,8 @@ pub struct Abilities {
     pub self_test: bool,
     /// True if the board can start the boot loader that is built into its microcontroller.
     pub bootloader: bool,
-    /// True if the device time is that of a clock, which the host can query. Without a clock, device time
-    /// is counted in samples, and the answer would not bound any delay.
+    /// True if the device time is that of a clock, which the host can query. Without a clock,
+    /// device time is counted in samples, and the answer would not bound any delay.
     pub clock: bool,
 }
 
@@ -92,7 +92,8 @@ pub enum Order {
     /// Test the converters; report the result with
     /// [`Session::send_self_test`](crate::Session::send_self_test).
     SelfTest,
-    /// Make blocks of the packed code at this rate from now on; see [`Producer::set_rate`](crate::Producer::set_rate).
+    /// Make blocks of the packed code at this rate from now on; see
+    /// [`Producer::set_rate`](crate::Producer::set_rate).
     SetRate(Rate),
     /// Restart the board 0.1 s later, so that queued frames can still be sent.
     Reset(ResetInto),

@@ -13,7 +13,8 @@ use crate::acquired_sample::{AcquiredSample, Marks};
 /// Fraction bits of an electrode's filtered value (format Q27.5).
 const FRACTION_BITS: u8 = 5;
 
-/// Time between two key blocks, in parts of a second. A lost frame costs the host no more than this time.
+/// Time between two key blocks, in parts of a second. A lost frame costs the host no more than this
+/// time.
 const KEYS_PER_SECOND: usize = 4;
 
 #[expect(clippy::cast_possible_truncation, reason = "at most 2^16 / 32")]
@@ -56,7 +57,8 @@ impl<const BYTES: usize, const MAX: usize> Chunk<BYTES, MAX> {
         self.length == MAX
     }
 
-    /// Returns true if the chunk has items, and item `index` does not directly follow the newest one.
+    /// Returns true if the chunk has items, and item `index` does not directly follow the newest
+    /// one.
     pub(crate) const fn ends_before(&self, index: u64) -> bool {
         self.length > 0 && self.first + self.length as u64 != index
     }
@@ -145,8 +147,8 @@ impl FilteredChunk {
     }
 }
 
-/// Converts a dimension of the model to the byte that carries it on the wire; fails to compile if the
-/// dimension exceeds a byte.
+/// Converts a dimension of the model to the byte that carries it on the wire; fails to compile if
+/// the dimension exceeds a byte.
 pub(crate) const fn narrow(dimension: usize) -> u8 {
     assert!(dimension < 256, "the model's dimensions are below 256");
     #[expect(clippy::cast_possible_truncation, reason = "asserted")]

@@ -77,8 +77,8 @@ const fn channel_fault(fault: Option<SelfTestFault>) -> ChannelFault {
 /// Number of converters in the chain.
 pub const CHIPS: usize = model::CHANNELS / CHANNELS;
 
-/// Settings of the chain: the model's rate and gain. The driver reads every register back before the
-/// chain runs, so the samples of a running chain have this rate, and their counts this scale.
+/// Settings of the chain: the model's rate and gain. The driver reads every register back before
+/// the chain runs, so the samples of a running chain have this rate, and their counts this scale.
 pub const CONVERTER_SETTINGS: Settings<CHIPS> = {
     let (clock, rate) = Rate::of_hz(model::ADC_RATE_HZ as u32)
         .expect("reading the artifact has refused a rate that the converters lack");

@@ -7,8 +7,8 @@ use crate::acquired_sample::Marks;
 use crate::audited_window::AuditedWindow;
 use crate::chunk::{CompressedChunk, FilteredChunk, RawChunk};
 
-/// A result for the host, with the number of its run and the time for its frame. It borrows its content
-/// from the producer: the receiver sends it, or copies it into a queue, before it returns.
+/// A result for the host, with the number of its run and the time for its frame. It borrows its
+/// content from the producer: the receiver sends it, or copies it into a queue, before it returns.
 #[derive(Clone, Copy, Debug)]
 pub struct Output<'p> {
     /// [`Run::number`](crate::Run::number) of the run that produced this output.
@@ -37,8 +37,8 @@ pub enum Payload<'p> {
     /// A code, with the faults in its window. [`Output::at_us`] is the time of the window's last
     /// step.
     Code(&'p Code, Marks),
-    /// A block of the packed code, with the faults in it. [`Output::at_us`] is the time of the block's
-    /// last step.
+    /// A block of the packed code, with the faults in it. [`Output::at_us`] is the time of the
+    /// block's last step.
     PackedCode(&'p PackedCode, Marks),
     /// An edge at the trigger input. [`Output::at_us`] is the time of the edge.
     Event(Event),

@@ -12,12 +12,12 @@ use crate::output::{Output, Payload};
 
 /// Produces codes, and the other streams that the host requested, from acquired samples.
 ///
-/// If a step is missing because a queue was full, the producer encodes the previous step again, at the time
-/// of the missing one. The index of a window or block therefore still determines its time. Codes and
-/// blocks that contain a repeated step are marked with an overrun.
+/// If a step is missing because a queue was full, the producer encodes the previous step again, at
+/// the time of the missing one. The index of a window or block therefore still determines its time.
+/// Codes and blocks that contain a repeated step are marked with an overrun.
 ///
-/// An [`Output`] borrows its content from the producer. An encoder runs only if the host has requested
-/// its stream.
+/// An [`Output`] borrows its content from the producer. An encoder runs only if the host has
+/// requested its stream.
 ///
 /// `E` is the memory of the encoders, or a reference to it: a board keeps the memory in a `static`.
 #[derive(Debug)]
@@ -54,8 +54,8 @@ pub struct CapturedEvent {
 }
 
 impl<E: Encoders> Producer<E> {
-    /// Creates a producer that waits for its first run; `encoders` must hold a memory before its first
-    /// step, such as [`BothEncoders::EMPTY`](crate::BothEncoders::EMPTY).
+    /// Creates a producer that waits for its first run; `encoders` must hold a memory before its
+    /// first step, such as [`BothEncoders::EMPTY`](crate::BothEncoders::EMPTY).
     pub const fn new(encoders: E) -> Self {
         Self {
             run: Run::NONE,
@@ -105,8 +105,8 @@ impl<E: Encoders> Producer<E> {
         }
     }
 
-    /// Encodes the newest step again for each missing one before that of `acquired`. The faults of the lost
-    /// samples can belong to any of these steps.
+    /// Encodes the newest step again for each missing one before that of `acquired`. The faults of
+    /// the lost samples can belong to any of these steps.
     fn repeat_missing_steps(
         &mut self,
         acquired: &AcquiredSample,
@@ -176,7 +176,8 @@ impl<E: Encoders> Producer<E> {
         self.run.streams.contains(stream)
     }
 
-    /// Not inlined, so that an image contains the encoders once, although this is called in two places.
+    /// Not inlined, so that an image contains the encoders once, although this is called in two
+    /// places.
     #[inline(never)]
     fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output<'_>)) {
         if self.wants(Streams::PACKED) {

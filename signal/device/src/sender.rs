@@ -90,13 +90,13 @@ const OTHER_BODIES: usize = 2_048;
 /// Longest body of an `Audit`, bytes: model id, window, planes with their length, format, exponent,
 /// values.
 const AUDIT: usize = FRAME_FIELDS + 8 + 5 + 3 + STEPS * CELLS + 2 + 2 * CODE;
-/// Longest body of a `Capabilities`, bytes: rates, dimensions and delays, two texts, scales and zero
-/// points.
+/// Longest body of a `Capabilities`, bytes: rates, dimensions and delays, two texts, scales and
+/// zero points.
 const CAPABILITIES: usize =
     FRAME_FIELDS + 20 + 2 + LABELS.len() + 2 + link::MAX_TEXT_BYTES + 2 + 4 * CODE + 2 + CODE;
 
-/// Length of the longest frame that a device with this model sends, bytes. [`link::MAX_FRAME`] is that
-/// of the largest model.
+/// Length of the longest frame that a device with this model sends, bytes. [`link::MAX_FRAME`] is
+/// that of the largest model.
 pub const MAX_FRAME: usize = {
     let mut longest = OTHER_BODIES;
     if AUDIT > longest {

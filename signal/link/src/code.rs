@@ -42,9 +42,9 @@ pub struct Code<'a> {
 /// The values of a code, in one of three formats.
 ///
 /// In every format `z = (level - code_zero_point) * code_scale`, with zero points and scales from
-/// [`Capabilities`](crate::Capabilities) and the [levels](Self::levels) of the code. On the wire: one
-/// byte with the format's number, the exponent in the format that has one, then the values up to the
-/// end of the message; none of them is a varint. There are as many values as scales in
+/// [`Capabilities`](crate::Capabilities) and the [levels](Self::levels) of the code. On the wire:
+/// one byte with the format's number, the exponent in the format that has one, then the values up
+/// to the end of the message; none of them is a varint. There are as many values as scales in
 /// `Capabilities`, at most [`MAX_NUMBERS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CodeValues<'a> {
@@ -115,8 +115,8 @@ impl<'a> CodeValues<'a> {
         self.bytes.len() / self.width()
     }
 
-    /// Returns true if there are no values. A code without values is malformed; an audit of a device without a
-    /// network has none.
+    /// Returns true if there are no values. A code without values is malformed; an audit of a
+    /// device without a network has none.
     pub const fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
@@ -218,8 +218,8 @@ pub struct Audit<'a> {
     /// Planes of the window, oldest first; every plane is row-major, one int8 byte per cell.
     #[serde(borrow, serialize_with = "serialize_bytes")]
     pub planes: &'a [u8],
-    /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces; none from a device
-    /// without a network.
+    /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces;
+    /// none from a device without a network.
     pub values: CodeValues<'a>,
 }
 
@@ -228,9 +228,9 @@ pub const MAX_RATE: u8 = 15;
 
 /// One block of the packed code, for one hop of steps; sent if requested.
 ///
-/// Block `n` covers the steps from `n` times [`hop_steps`](crate::Capabilities::hop_steps) on; blocks do not overlap.
-/// The header's time is that of the block's last step. The model is that of [`Hello`](crate::Hello).
-/// `docs/packed.md` has the format of the bytes.
+/// Block `n` covers the steps from `n` times [`hop_steps`](crate::Capabilities::hop_steps) on;
+/// blocks do not overlap. The header's time is that of the block's last step. The model is that of
+/// [`Hello`](crate::Hello). `docs/packed.md` has the format of the bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PackedCode<'a> {
     /// Index of the block since `Start`, wraps at 2^32. Increases by one with every block made,
@@ -240,8 +240,8 @@ pub struct PackedCode<'a> {
     pub rate: u8,
     /// Faults and conditions of the block.
     pub flags: Flags,
-    /// Number of electrode values of the block that were clipped to the range of the inputs; saturates
-    /// at 65535.
+    /// Number of electrode values of the block that were clipped to the range of the inputs;
+    /// saturates at 65535.
     pub clipped: u16,
     /// ADC channels that reached the converter's rail inside the block; bit n is channel n.
     pub saturated: u64,

@@ -24,11 +24,13 @@ bit_set! {
         const RAW = 1;
         /// Bit 2: every filtered step, in [`Filtered`](crate::Filtered).
         const FILTERED = 2;
-        /// Bit 3: every ten seconds the planes of a window with its code, in [`Audit`](crate::Audit).
+        /// Bit 3: every ten seconds the planes of a window with its code, in
+        /// [`Audit`](crate::Audit).
         const AUDIT = 3;
         /// Bit 4: edges at the device's inputs, in [`Event`](crate::Event).
         const EVENTS = 4;
-        /// Bit 5: every ADC sample, compressed without loss, in [`CompressedRaw`](crate::CompressedRaw).
+        /// Bit 5: every ADC sample, compressed without loss, in
+        /// [`CompressedRaw`](crate::CompressedRaw).
         const COMPRESSED_RAW = 5;
         /// Bit 6: one [`PackedCode`](crate::PackedCode) per hop.
         const PACKED = 6;

@@ -24,9 +24,9 @@ pub struct Converters {
     pub off_positive: u64,
     /// ADC channels with lead-off at the negative input in the newest sample; bit n is channel n.
     pub off_negative: u64,
-    /// Number of readings of the chain in which each chip was bad, since boot; wraps. A reading with a
-    /// wrong sample rate counts for chip 0, a reading without a frame for all chips. Element 0 is the
-    /// chip whose data output is wired to MISO.
+    /// Number of readings of the chain in which each chip was bad, since boot; wraps. A reading
+    /// with a wrong sample rate counts for chip 0, a reading without a frame for all chips. Element
+    /// 0 is the chip whose data output is wired to MISO.
     pub frames_bad: Vec<u32, MAX_CHIPS>,
 }
 
@@ -45,7 +45,8 @@ pub struct SelfTest {
     pub drdy_missed: u32,
     /// One entry per chip; element 0 is the chip whose data output is wired to MISO.
     pub chips: Vec<ChipTest, MAX_CHIPS>,
-    /// One entry per ADC channel, in the ADC's order; empty if the test ended before it measured the channels.
+    /// One entry per ADC channel, in the ADC's order; empty if the test ended before it measured
+    /// the channels.
     pub channels: Vec<ChannelTest, MAX_ELECTRODES>,
 }
 
@@ -59,8 +60,8 @@ pub struct ChipTest {
     /// Address of the first wrong register. If `registers_wrong` is 0, this is 0; otherwise 0
     /// means the ID register.
     pub first_wrong: u8,
-    /// Number of ADC frames in which the chip's data were damaged or repeated; the test leaves them out
-    /// of its measurements.
+    /// Number of ADC frames in which the chip's data were damaged or repeated; the test leaves them
+    /// out of its measurements.
     pub frames_bad: u32,
 }
 

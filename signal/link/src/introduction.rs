@@ -88,9 +88,9 @@ pub struct Capabilities<'a> {
     pub filters: &'a str,
     /// Format of all codes of this device; it is part of the model.
     pub code_format: CodeFormat,
-    /// Scale of each code value; a code has as many values as there are scales. The decoder network's
-    /// input is `z = (level - code_zero_point) * code_scale`, with the [levels](crate::CodeValues::levels)
-    /// of the code. Positive and finite.
+    /// Scale of each code value; a code has as many values as there are scales. The decoder
+    /// network's input is `z = (level - code_zero_point) * code_scale`, with the
+    /// [levels](crate::CodeValues::levels) of the code. Positive and finite.
     pub code_scale: Vec<f32, MAX_NUMBERS>,
     /// Level of each code value that stands for `z = 0`; always 0 in the formats other than
     /// [`CodeFormat::Int8`].

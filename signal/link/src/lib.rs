@@ -43,8 +43,8 @@
 //! * A device answers a command that it does not know with [`AckResult::UnknownCommand`]. The host
 //!   then uses only the commands that both sides know.
 //! * [`ResetCause`], [`AckResult`], [`ChannelFault`], [`CodeFormat`], [`BlockForm`], [`Stage`],
-//!   [`EventKind`] and [`ResetInto`] are one byte on the wire; a value that the receiver does not know is kept as a
-//!   number. [`Flags`] and [`Streams`] keep bits that the receiver does not know.
+//!   [`EventKind`] and [`ResetInto`] are one byte on the wire; a value that the receiver does not
+//!   know is kept as a number. [`Flags`] and [`Streams`] keep bits that the receiver does not know.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -14,12 +14,12 @@ pub trait Message<'a>: Serialize + Deserialize<'a> {
     /// Number of messages in the set. A wire number of `KINDS` or more belongs to a message that is
     /// newer than this release.
     const KINDS: u32;
-    /// Byte that enters the CRC before the header and is never sent. A frame of the other direction,
-    /// such as an echo on a looped line, therefore fails the CRC and is not answered.
+    /// Byte that enters the CRC before the header and is never sent. A frame of the other
+    /// direction, such as an echo on a looped line, therefore fails the CRC and is not answered.
     const DIRECTION: u8;
 
-    /// Returns the bytes that follow the fields of the message up to the end of the frame: the values
-    /// of a code, or a packed block. Empty for most messages.
+    /// Returns the bytes that follow the fields of the message up to the end of the frame: the
+    /// values of a code, or a packed block. Empty for most messages.
     fn tail(&self) -> &[u8] {
         &[]
     }

@@ -60,8 +60,8 @@ pub struct Quality {
 pub struct ElectrodeQuality {
     /// RMS of the filtered steps that the encoder reads, microvolt.
     pub rms_uv: f32,
-    /// RMS of the mains frequency ([`Capabilities::mains_hz`](crate::Capabilities::mains_hz)) at the
-    /// input, before any filter, microvolt.
+    /// RMS of the mains frequency ([`Capabilities::mains_hz`](crate::Capabilities::mains_hz)) at
+    /// the input, before any filter, microvolt.
     pub mains_uv: f32,
     /// RMS of the mains frequency that is left in the filtered steps, microvolt.
     pub mains_residual_uv: f32,
@@ -110,7 +110,8 @@ byte_enum! {
         Step = 1,
         /// 2: from the DRDY edge of a window's last sample until its code is in the output queue.
         Code = 2,
-        /// 3: from the entry of a code into the output queue until its frame is written to the port.
+        /// 3: from the entry of a code into the output queue until its frame is written to the
+        /// port.
         Send = 3,
         _ => "Any other: a stage newer than this host.",
     }

@@ -90,8 +90,8 @@ impl Filtered<'_> {
 
 /// The samples of a [`Raw`], compressed without loss; sent if requested.
 ///
-/// The header's time is that of the last sample's DRDY edge. `docs/wire-format.md` has the format of
-/// the bytes, which never take more than the 3 bytes for each count that a `Raw` takes.
+/// The header's time is that of the last sample's DRDY edge. `docs/wire-format.md` has the format
+/// of the bytes, which never take more than the 3 bytes for each count that a `Raw` takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CompressedRaw<'a> {
     /// Index of the first sample, counted from `Start`. The next frame's index is this index plus
@@ -149,7 +149,8 @@ byte_enum! {
     }
 }
 
-/// Writes a byte slice in one piece: varint length, then the bytes. For `#[serde(serialize_with = "..")]`.
+/// Writes a byte slice in one piece: varint length, then the bytes. For `#[serde(serialize_with =
+/// "..")]`.
 ///
 /// Serde's derive produces the same bytes for a `&[u8]`, but with one call per byte.
 pub(crate) fn serialize_bytes<S: Serializer>(

@@ -1,4 +1,5 @@
-//! From samples to steps: filters, resampler, scalp grid, quantisation, and counts of clipped values.
+//! From samples to steps: filters, resampler, scalp grid, quantisation, and counts of clipped
+//! values.
 
 use model::{ADC_RATE_HZ, PHASES, RESAMPLER, TAPS};
 
@@ -32,7 +33,8 @@ impl Acquisition {
         }
     }
 
-    /// Resets the acquisition in place, with the filters for a mains frequency; all counts become 0.
+    /// Resets the acquisition in place, with the filters for a mains frequency; all counts become
+    /// 0.
     pub fn restart(&mut self, mains: Mains) {
         self.front_end.restart(mains);
         self.settling_samples = mains.filter().settling_samples.into();
@@ -42,8 +44,8 @@ impl Acquisition {
         self.saturated_total = 0;
     }
 
-    /// Processes one sample. Returns a step if one is due with this sample: at 512 Hz, with the first
-    /// sample and with every fourth sample after it.
+    /// Processes one sample. Returns a step if one is due with this sample: at 512 Hz, with the
+    /// first sample and with every fourth sample after it.
     #[inline]
     pub fn process_sample(&mut self, sample: &Sample) -> Option<Step> {
         let rails = sample.channels_at_rail();
@@ -112,8 +114,8 @@ impl Pipeline {
         }
     }
 
-    /// Processes one sample. Returns a code if the sample completes a window: the first with the sample
-    /// of step 15, then one for every hop.
+    /// Processes one sample. Returns a code if the sample completes a window: the first with the
+    /// sample of step 15, then one for every hop.
     #[inline]
     pub fn encode_sample(&mut self, sample: &Sample) -> Option<Code> {
         let step = self.acquisition.process_sample(sample)?;
@@ -221,8 +223,8 @@ mod tests {
             for step in settled {
                 assert!(step.electrodes[0].abs() <= limit, "sample {}", step.sample);
             }
-            // The flag is not set longer than necessary: the output still exceeds the limit within the
-            // last 64 samples before the flag clears.
+            // The flag is not set longer than necessary: the output still exceeds the limit within
+            // the last 64 samples before the flag clears.
             let flagged = steps
                 .iter()
                 .rfind(|step| step.settling && step.electrodes[0].abs() > limit);

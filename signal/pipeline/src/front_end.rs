@@ -10,8 +10,8 @@ pub type Electrodes = [i32; ELECTRODES];
 
 /// Filters and resamples every electrode.
 ///
-/// Samples are buffered until an output needs them or there are [`BLOCK`] of them. A sample takes half
-/// as many instructions in a block as alone; no output is delayed, and no bit changes.
+/// Samples are buffered until an output needs them or there are [`BLOCK`] of them. A sample takes
+/// half as many instructions in a block as alone; no output is delayed, and no bit changes.
 #[derive(Clone, Debug)]
 pub struct FrontEnd<'r, F: Filter, const PHASES: usize, const TAPS: usize> {
     filter: F,
@@ -49,8 +49,8 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
     }
 
     /// Filters one sample. If an output of the resampler is due with this sample, returns the
-    /// electrodes and the output's phase: the time from the sample to the output, in 1 / `PHASES` of
-    /// the time between two samples.
+    /// electrodes and the output's phase: the time from the sample to the output, in 1 / `PHASES`
+    /// of the time between two samples.
     #[inline]
     pub fn filter_sample(&mut self, sample: &Sample) -> Option<(Electrodes, usize)> {
         debug_assert!(
@@ -180,7 +180,8 @@ mod tests {
             .filter_map(|sample| Some(sample_by_sample.filter_sample(sample)?.0))
             .collect();
         assert_eq!(expected.len(), samples.len());
-        // With an output every 3, 4, 9 or 7 samples, the blocks have 3 samples; 4; 4, 4 and 1; 4 and 3.
+        // With an output every 3, 4, 9 or 7 samples, the blocks have 3 samples; 4; 4, 4 and 1; 4
+        // and 3.
         for down in [3, 4, 9, 7] {
             let resampler = Resampler::every(down);
             let mut front_end = FrontEnd::new(Mains::Hz60, &resampler);
@@ -197,8 +198,8 @@ mod tests {
 
     #[test]
     fn the_resampler_reads_every_filtered_sample_in_order() {
-        // Two outputs for five samples. The weights of the two newest samples are 1 and 1/2 in phase 0,
-        // and 1/4 and 1/8 in phase 1.
+        // Two outputs for five samples. The weights of the two newest samples are 1 and 1/2 in
+        // phase 0, and 1/4 and 1/8 in phase 1.
         let unity = Resampler::<1, 1>::UNITY;
         let resampler = Resampler {
             down: 5,

@@ -8,14 +8,14 @@
 //!                                    int8, int16      one per hop, few bytes
 //! ```
 //!
-//! [`Pipeline`] combines [`Acquisition`] and [`Encoder`]; firmware runs them at different priorities.
-//! [`SignalQuality`] reports the state of each electrode once a second, for human readers; it is not
-//! part of the path to the code.
+//! [`Pipeline`] combines [`Acquisition`] and [`Encoder`]; firmware runs them at different
+//! priorities. [`SignalQuality`] reports the state of each electrode once a second, for human
+//! readers; it is not part of the path to the code.
 //!
 //! The crate is pure and synchronous. The path to the code uses integers only, so the same samples
-//! yield the same codes on every machine. It does not allocate, wait, log or branch on the signal, and
-//! it counts every value that it clips. The range coder of the packed code is the exception: its time depends on
-//! the block, within a bound that `docs/figures.md` states.
+//! yield the same codes on every machine. It does not allocate, wait, log or branch on the signal,
+//! and it counts every value that it clips. The range coder of the packed code is the exception:
+//! its time depends on the block, within a bound that `docs/figures.md` states.
 //!
 //! ```
 //! use pipeline::{Mains, Pipeline, Sample};

@@ -13,8 +13,8 @@ pub use memory::PackedMemory;
 
 /// Encodes each hop's steps as a block that is predicted from the block before it.
 ///
-/// The products of the analysis are added as the steps arrive, and the prediction is made with the first step of a
-/// block, so that only quantiser and range coder are left after the last step.
+/// The products of the analysis are added as the steps arrive, and the prediction is made with the
+/// first step of a block, so that only quantiser and range coder are left after the last step.
 ///
 /// Without a packed model it returns no blocks, and its memory is a few bytes.
 ///
@@ -54,8 +54,8 @@ impl<M: BorrowMut<PackedMemory>> PackedEncoder<M> {
         self.rate = rate;
     }
 
-    /// Returns the state after the newest block, that of a decoder that has read all blocks. Call it before the next
-    /// block's first step, which replaces the state by its prediction.
+    /// Returns the state after the newest block, that of a decoder that has read all blocks. Call
+    /// it before the next block's first step, which replaces the state by its prediction.
     pub fn state(&self) -> &[i16] {
         self.memory.borrow().state()
     }
@@ -111,13 +111,16 @@ pub struct PackedCode {
     pub saturated: u64,
     /// True if the filters had not settled at the block's first step.
     pub settling: bool,
-    /// Rate that the stream has; a block that was too long has a coarser one, which its bytes state.
+    /// Rate that the stream has; a block that was too long has a coarser one, which its bytes
+    /// state.
     pub rate: u8,
     /// True if the block has no prediction, so that a decoder can start with it.
     pub is_reset: bool,
-    /// True if the model does not represent the block well: an electrode without contact, or another cap.
+    /// True if the model does not represent the block well: an electrode without contact, or
+    /// another cap.
     pub is_misfit: bool,
-    /// True if the block was too long at two rates: all its magnitudes are 0, and a decoder shows the prediction.
+    /// True if the block was too long at two rates: all its magnitudes are 0, and a decoder shows
+    /// the prediction.
     pub is_blank: bool,
     pub(super) length: u16,
     pub(super) buffer: [u8; MAX_PACKED_BYTES],

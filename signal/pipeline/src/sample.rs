@@ -13,15 +13,15 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Largest count of a 24-bit converter; the smallest is `-MAX - 1`. A channel with either count is at
-    /// the rail.
+    /// Largest count of a 24-bit converter; the smallest is `-MAX - 1`. A channel with either count
+    /// is at the rail.
     pub const MAX: i32 = (1 << 23) - 1;
 
     /// Returns 1 for a count at the rail, otherwise 0.
     #[inline]
     pub(crate) const fn at_rail(count: i32) -> u32 {
-        // The XOR complements negative counts. Both rails become MAX, all other counts smaller numbers;
-        // only MAX + 1 has bit 23 set.
+        // The XOR complements negative counts. Both rails become MAX, all other counts smaller
+        // numbers; only MAX + 1 has bit 23 set.
         ((count ^ (count >> 31)) + 1).cast_unsigned() >> 23
     }
 
@@ -65,8 +65,8 @@ pub struct Step {
     pub plane: Plane,
     /// Number of electrodes whose int8 value was clipped.
     pub clipped: u16,
-    /// ADC channels that were at the rail in a sample after the previous step's, up to and including
-    /// this step's sample; bit n is channel n.
+    /// ADC channels that were at the rail in a sample after the previous step's, up to and
+    /// including this step's sample; bit n is channel n.
     pub saturated: u64,
     /// True if the filters have not settled yet after the start.
     pub settling: bool,
@@ -105,7 +105,8 @@ pub fn quantise(electrodes: &Electrodes) -> (Plane, u16) {
         let level = requantise(x, INPUT_MULTIPLIER);
         let q = saturate_i8(level);
         clipped += u16::from(i32::from(q) != level);
-        // Every index is on the grid; `get_mut` avoids a panic path that the compiler cannot exclude.
+        // Every index is on the grid; `get_mut` avoids a panic path that the compiler cannot
+        // exclude.
         if let Some(place) = plane.get_mut(usize::from(cell)) {
             *place = q;
         }

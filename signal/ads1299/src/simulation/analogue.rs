@@ -38,8 +38,8 @@ pub(super) fn converts_electrodes(chip: &Chip, channel: usize) -> bool {
     channel_set(chip, channel) & 0x87 == Input::Electrodes as u8
 }
 
-/// Returns the lead-off status: disconnected electrodes with a lead-off current; 0 while the comparators
-/// are off.
+/// Returns the lead-off status: disconnected electrodes with a lead-off current; 0 while the
+/// comparators are off.
 pub(super) fn lead_off(chip: &Chip, off: Off) -> [u8; 2] {
     let comparators = chip.register(Register::CONFIG4) & 2 != 0;
     let lost = without_contact(chip, off);
@@ -74,7 +74,8 @@ pub(super) fn convert(
             }
             Input::Electrodes => match electrodes[channel] {
                 Electrode::Volts(volts) => volts,
-                // The counts are exact once the reference has settled, because `reference` is then 1.
+                // The counts are exact once the reference has settled, because `reference` is then
+                // 1.
                 Electrode::Counts(counts) => return clip(f64::from(counts) / reference),
             },
             Input::TestSignal => test_signal(chip, conversion) * VREF * reference,
@@ -102,15 +103,15 @@ fn channel_set(chip: &Chip, channel: usize) -> u8 {
     register.map_or(0, |register| chip.register(register))
 }
 
-/// Rounds to a count and clips to 24 bits. NaN, the quotient of 0 V and a reference that is off, becomes
-/// 0.
+/// Rounds to a count and clips to 24 bits. NaN, the quotient of 0 V and a reference that is off,
+/// becomes 0.
 #[expect(clippy::cast_possible_truncation, reason = "clamped to 24 bits")]
 fn clip(counts: f64) -> i32 {
     counts.round().clamp(-8_388_608.0, 8_388_607.0) as i32
 }
 
-/// Returns the internal square wave after the third-order sinc filter, as a fraction of VREF; 0 if the
-/// test signal is external.
+/// Returns the internal square wave after the third-order sinc filter, as a fraction of VREF; 0 if
+/// the test signal is external.
 #[expect(clippy::cast_precision_loss, reason = "less than 2^21")]
 fn test_signal(chip: &Chip, conversion: Conversion) -> f64 {
     let config2 = chip.register(Register::CONFIG2);

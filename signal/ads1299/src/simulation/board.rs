@@ -32,8 +32,8 @@ pub(super) struct Board<const CHIPS: usize> {
     options: Options,
     supply: Supply,
     speed: Speed,
-    /// Duration of a byte at the SCLK for registers, in nanoseconds. `burst_byte_ns` is the duration at
-    /// the SCLK for bursts, and `decode_ns` is tSDECODE.
+    /// Duration of a byte at the SCLK for registers, in nanoseconds. `burst_byte_ns` is the
+    /// duration at the SCLK for bursts, and `decode_ns` is tSDECODE.
     register_byte_ns: u64,
     burst_byte_ns: u64,
     decode_ns: u64,
@@ -277,7 +277,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.now_ns = self.now_ns.max(to_ns);
     }
 
-    /// Advances time to the next edge of DRDY, but at most to `limit_ns`; returns whether there was an edge.
+    /// Advances time to the next edge of DRDY, but at most to `limit_ns`; returns whether there was
+    /// an edge.
     pub(super) fn advance_to_edge_until(&mut self, limit_ns: u64) -> bool {
         let before = self.edges;
         while self.edges == before {
@@ -393,8 +394,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.convert_at(None);
     }
 
-    /// Switches the supplies of all chips on. The chips accept commands only after a reset, which must
-    /// not start before the power-on time has passed.
+    /// Switches the supplies of all chips on. The chips accept commands only after a reset, which
+    /// must not start before the power-on time has passed.
     pub(in crate::simulation) fn power_on(&mut self) {
         if self.supply.is_on() {
             return;
@@ -406,8 +407,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    /// Returns whether a reset that starts at `since_ns` is at least `power_on_ns` after power-on; `None`
-    /// without power.
+    /// Returns whether a reset that starts at `since_ns` is at least `power_on_ns` after power-on;
+    /// `None` without power.
     pub(super) fn may_reset_at(&self, since_ns: u64, power_on_ns: u64) -> Option<bool> {
         match self.supply {
             Supply::Off => None,

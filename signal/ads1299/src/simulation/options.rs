@@ -37,8 +37,9 @@ impl Default for Options {
     }
 }
 
-/// Source of the electrodes' signal. The function is called once per sample with the sample's number,
-/// from 0, while any channel converts its electrodes; samples of a self-test are not counted.
+/// Source of the electrodes' signal. The function is called once per sample with the sample's
+/// number, from 0, while any channel converts its electrodes; samples of a self-test are not
+/// counted.
 pub enum Electrodes<const CHIPS: usize> {
     /// Differential voltages in volts; the simulated chip applies gain and clipping and adds noise.
     Volts(Deliver<f64, CHIPS>),
@@ -79,7 +80,8 @@ pub enum Fault {
     WrongId(u8),
     /// Converts at twice the rate. Only chip 0 shows this fault, because only its DRDY is wired.
     DoubleRate,
-    /// Omits the next edge of DRDY, once. Only chip 0 shows this fault, because only its DRDY is wired.
+    /// Omits the next edge of DRDY, once. Only chip 0 shows this fault, because only its DRDY is
+    /// wired.
     MissedReady,
     /// Sends these four bits in place of 1100 at the start of its status word.
     WrongNibble(u8),

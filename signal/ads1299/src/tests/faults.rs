@@ -14,8 +14,8 @@ use crate::simulation::{Electrodes, Fault, Options, finish};
 
 const CHIPS: usize = 8;
 
-/// Streams 20 valid frames and then injects `fault` into `chip`. Returns the status and the DRDY edge of
-/// each of the next `after` frames, and the meter of all edges.
+/// Streams 20 valid frames and then injects `fault` into `chip`. Returns the status and the DRDY
+/// edge of each of the next `after` frames, and the meter of all edges.
 fn next_frames(
     alignment: Alignment,
     chip: usize,
@@ -145,8 +145,8 @@ fn a_chip_that_starts_at_twice_the_rate_is_named_with_the_factor() {
         meter.edge(bench.edge_us());
     }
     let text = meter.check().expect_err("twice as fast").to_string();
-    // 63 periods of 1024 Hz, rounded to whole microseconds, measure as 1023.990 or 1024.007 Hz. The test
-    // compares the digits that both have in common.
+    // 63 periods of 1024 Hz, rounded to whole microseconds, measure as 1023.990 or 1024.007 Hz. The
+    // test compares the digits that both have in common.
     let begin = "DRDY of ADS1299 0 comes at 102";
     let end = " Hz, and 512.000 Hz is set, 2 times as fast: ";
     assert!(text.starts_with(begin) && text.contains(end), "{text}");

@@ -13,7 +13,8 @@ use crate::simulation::{Electrodes, Options};
 
 const CHIPS: usize = 2;
 
-/// Streams samples of all channels with these settings and passes each channel and count to `judge`.
+/// Streams samples of all channels with these settings and passes each channel and count to
+/// `judge`.
 fn stream(settings: &Settings<CHIPS>, samples: u32, mut judge: impl FnMut(usize, i32)) {
     let options = Options {
         clock_hz: settings.clock.hz(),
@@ -57,7 +58,8 @@ fn the_test_signal_is_measured_within_one_percent_at_every_gain() {
             });
             for test in &tests {
                 let result = test.result();
-                // Tolerance: at gain 1 the noise, averaged over 500 samples, is 3e-5 of the amplitude.
+                // Tolerance: at gain 1 the noise, averaged over 500 samples, is 3e-5 of the
+                // amplitude.
                 assert!(
                     result.gain_error.abs() < 1e-4,
                     "{gain:?} {rate:?} {result:?}"
@@ -134,8 +136,8 @@ fn judged(level: i32, offset: i32, noise: i32) -> Result<(), SelfTestFault> {
 
 #[test]
 fn each_limit_can_be_exceeded_and_is_named() {
-    // At gain 24, 1.875 mV is 83,886 counts, and 0.2 uV is 9 counts. The limits are 3 % of gain, 300 uV
-    // of offset (13,422 counts), and 0.10 to 0.42 uV of noise (4.7 to 18.8 counts).
+    // At gain 24, 1.875 mV is 83,886 counts, and 0.2 uV is 9 counts. The limits are 3 % of gain,
+    // 300 uV of offset (13,422 counts), and 0.10 to 0.42 uV of noise (4.7 to 18.8 counts).
     assert_eq!(judged(83_886, 0, 9), Ok(()));
     assert_eq!(judged(83_886, 5000, 9), Ok(()));
     let low = judged(80_000, 0, 9).expect_err("4.6 % too low");

@@ -34,8 +34,8 @@ fn order_and_times_follow_the_data_sheet() {
     let reset = time_of(Event::Reset);
     assert!(reset >= 125_000_000, "{reset}");
     assert!(events[1].0 - reset >= 8584, "{events:?}");
-    // Each chip receives SDATAC, and CONFIG3 is written. 150 ms pass after the last write of CONFIG3 before
-    // any other register is written. All registers are read back, from the ID on.
+    // Each chip receives SDATAC, and CONFIG3 is written. 150 ms pass after the last write of
+    // CONFIG3 before any other register is written. All registers are read back, from the ID on.
     for chip in 0..8 {
         let mut opcodes: Vec<u8> = Vec::new();
         for (_, event) in &events {

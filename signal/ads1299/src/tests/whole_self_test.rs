@@ -17,8 +17,8 @@ const CHIPS: usize = 3;
 
 type Chain = Bench<CHIPS, { frame_bytes(CHIPS) }>;
 
-/// Runs the self-test of a running chain, with a fault if `broken` names one. The last value returned is
-/// the longest time between calls of `progress`, in microseconds.
+/// Runs the self-test of a running chain, with a fault if `broken` names one. The last value
+/// returned is the longest time between calls of `progress`, in microseconds.
 fn tested(options: Options, broken: Option<(usize, Fault)>) -> (Chain, SelfTestReport<CHIPS>, u64) {
     let mut bench = Chain::silent(options);
     for _ in 0..5 {
@@ -59,8 +59,8 @@ fn a_working_chain_passes_with_figures_and_keeps_streaming() {
     assert_eq!((ready.expected, ready.early, ready.missed), (512_000, 0, 0));
     assert!(ready.measured.abs_diff(512_000) <= 1, "{ready:?}");
     for channel in report.channels.as_flattened() {
-        // Tolerance: averaged over 1000 samples, the noise is below 1e-5 of the amplitude. The typical
-        // noise is 0.21 uV rms.
+        // Tolerance: averaged over 1000 samples, the noise is below 1e-5 of the amplitude. The
+        // typical noise is 0.21 uV rms.
         assert!(
             channel.gain_error.abs() < 1e-4 && channel.gain_error != 0.0,
             "{channel:?}"
@@ -212,8 +212,8 @@ fn a_doubled_rate_and_a_missing_edge_are_measured_at_chip_0() {
         "{:?}",
         report.ready
     );
-    // The chip omits only the first edge after START. The first edge that the test sees is then late,
-    // which the test cannot detect.
+    // The chip omits only the first edge after START. The first edge that the test sees is then
+    // late, which the test cannot detect.
     let (_, report, _) = tested(Options::default(), Some((0, Fault::MissedReady)));
     assert_eq!(report.check(), Ok(()));
     let mut bench = Chain::new(Options::default(), Electrodes::silent(), Settings::EEG);

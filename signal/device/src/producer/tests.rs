@@ -324,8 +324,8 @@ fn a_new_run_keeps_nothing_of_the_previous_one() {
     assert_eq!(codes(&fresh, 1).len(), 1);
 }
 
-/// Returns time and sample index of the emitted events, of samples every 1,000 us. `captured` holds the time of each edge and
-/// the index of the sample from which on the producer can see the edge.
+/// Returns time and sample index of the emitted events, of samples every 1,000 us. `captured` holds
+/// the time of each edge and the index of the sample from which on the producer can see the edge.
 fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
     let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
     let mut outputs = Vec::new();

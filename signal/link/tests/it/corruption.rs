@@ -17,8 +17,8 @@ fn frames(messages: &[ToHost<'_>], first_seq: u32) -> Vec<Vec<u8>> {
     messages.iter().map(&mut frame).collect()
 }
 
-/// Returns each decoded frame, encoded again, with its index in the stream, and the number of bad frames.
-/// `chunk` is the number of bytes passed to the decoder at a time.
+/// Returns each decoded frame, encoded again, with its index in the stream, and the number of bad
+/// frames. `chunk` is the number of bytes passed to the decoder at a time.
 fn decode(bytes: &[u8], chunk: usize, first_seq: u32) -> (Vec<(usize, Vec<u8>)>, usize) {
     let mut buffer = [0; MAX_FRAME];
     let mut decoder = Decoder::<MAX_FRAME>::new();

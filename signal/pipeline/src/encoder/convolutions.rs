@@ -51,8 +51,8 @@ impl Convolutions {
         self.between = [None; BETWEEN];
     }
 
-    /// Processes the input plane of step `index`. If the step completes a pooled plane, adds that plane
-    /// to the oldest window that contains it; the other windows get it in the next step.
+    /// Processes the input plane of step `index`. If the step completes a pooled plane, adds that
+    /// plane to the oldest window that contains it; the other windows get it in the next step.
     #[inline]
     pub(super) fn add_plane(
         &mut self,
@@ -109,7 +109,8 @@ impl Convolutions {
     }
 
     /// Computes plane `plane` of the second convolution, where plane 0 is that of steps 0 to 4. The
-    /// last plane of a pool completes a pooled plane, which is added to the windows that contain it.
+    /// last plane of a pool completes a pooled plane, which is added to the windows that contain
+    /// it.
     #[inline]
     fn convolve(
         &mut self,
@@ -144,7 +145,8 @@ impl Convolutions {
         }
     }
 
-    /// Adds the pooled plane to a window. Slot and offset are always in range; `get` avoids panic paths.
+    /// Adds the pooled plane to a window. Slot and offset are always in range; `get` avoids panic
+    /// paths.
     #[inline]
     fn add_pooled(
         &self,
@@ -185,7 +187,8 @@ impl HiddenPlane {
         framed: [Pair::ZERO; FRAMED],
     };
 
-    /// Convolves three input planes, oldest first, and transforms the result for the second convolution.
+    /// Convolves three input planes, oldest first, and transforms the result for the second
+    /// convolution.
     #[inline]
     pub(super) fn compute(
         &mut self,
@@ -240,7 +243,8 @@ pub(super) struct Pool {
 }
 
 impl Pool {
-    /// All zeros, so that a static encoder takes no flash; call [`Self::start`] before the first plane.
+    /// All zeros, so that a static encoder takes no flash; call [`Self::start`] before the first
+    /// plane.
     pub(super) const EMPTY: Self = Self {
         largest: [0; POOLED.len()],
         pooled: [Pair::ZERO; POOLED_PAIRS],

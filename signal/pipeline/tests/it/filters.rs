@@ -19,8 +19,8 @@ fn prefix(mains: Mains, last: usize) -> Vec<Section> {
 }
 
 /// Returns the full-scale input that yields the largest output after `sections`: the signs of the
-/// reversed impulse response, times full scale. That output is the L1 norm of the response times full
-/// scale.
+/// reversed impulse response, times full scale. That output is the L1 norm of the response times
+/// full scale.
 fn worst_telegraph(sections: &[Section]) -> Vec<i32> {
     let impulse = std::iter::once(1.0).chain(std::iter::repeat_n(0.0, 20_000));
     let response: Vec<f64> = model_gen::response::filter(sections, impulse).collect();
@@ -71,8 +71,8 @@ fn proven_gain(mains: Mains) -> f64 {
         .gain
 }
 
-/// Limit of the shaped rounding noise of six sections, in units of a filtered sample (largest measured:
-/// 15). A wrap at any node would cause an error of millions.
+/// Limit of the shaped rounding noise of six sections, in units of a filtered sample (largest
+/// measured: 15). A wrap at any node would cause an error of millions.
 const NOISE: f64 = 128.0;
 
 #[test]
@@ -97,8 +97,8 @@ fn the_output_s_worst_input_reaches_the_proven_gain() {
 
 #[test]
 fn telegraphs_from_rail_to_rail_stay_below_the_proven_gain() {
-    // Square waves and random telegraph signals between +-187.5 mV, with half periods or mean durations
-    // from 5 s down to one sample.
+    // Square waves and random telegraph signals between +-187.5 mV, with half periods or mean
+    // durations from 5 s down to one sample.
     for mains in BOTH {
         let mut largest_gain = 0.0_f64;
         let mut random = 1_u32;
@@ -132,7 +132,8 @@ fn zeros_after_a_signal_leave_no_limit_cycle_above_one_count() {
         let mut largest = 0;
         for amplitude in [1, 100, 44_739, 894_784, Sample::MAX] {
             for period in [1, 3, 10, 51, 512, 4_096] {
-                // A square wave of 4 s, then 60 s of zeros; the last 10 s of the output are checked.
+                // A square wave of 4 s, then 60 s of zeros; the last 10 s of the output are
+                // checked.
                 let signal = (0..2_048).map(|n| {
                     if (n / period) % 2 == 0 {
                         amplitude

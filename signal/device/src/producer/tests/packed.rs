@@ -68,8 +68,8 @@ fn exactly_the_blocks_with_a_lost_sample_are_marked_and_their_number_stays_right
     assert_eq!(marked, [1, 2, 3, 4]);
 }
 
-/// Also with a model whose ADC's rate is no multiple of the step rate, of which `tests/tests/packed_alone.rs` builds
-/// this test.
+/// Also with a model whose ADC's rate is no multiple of the step rate, of which
+/// `tests/tests/packed_alone.rs` builds this test.
 #[test]
 fn blocks_of_repeated_steps_have_their_own_times() {
     let hop = HOP as u64;
@@ -105,8 +105,8 @@ fn a_window_of_repeated_steps_states_the_sample_of_its_first_step() {
 
 #[test]
 fn faults_of_the_samples_after_a_gap_are_in_their_own_blocks() {
-    // The last sample of block 0 is lost, or the last two steps of it are. The next three samples belong to the first
-    // step of block 1, and are ahead of it; the fourth carries it.
+    // The last sample of block 0 is lost, or the last two steps of it are. The next three samples
+    // belong to the first step of block 1, and are ahead of it; the fourth carries it.
     let last = sample_of(HOP as u64 - 1);
     for first_lost in [last, last - 2 * PER_STEP] {
         let lost: Vec<u64> = (first_lost..=last).collect();
@@ -254,7 +254,8 @@ fn the_message_carries_the_blocks_status_and_its_bytes() {
     assert!(message.bytes == code.bytes() && message.bytes.len() <= MAX_PACKED_BYTES);
 }
 
-/// Returns the windows that a device with these encoders audits, and the number of values in each audit.
+/// Returns the windows that a device with these encoders audits, and the number of values in each
+/// audit.
 fn audits_at_the_host(encoders: impl Encoders) -> Vec<(u32, usize)> {
     let count = sample_of((STEPS + 160 * HOP) as u64);
     let mut producer = Box::new(Producer::new(encoders));

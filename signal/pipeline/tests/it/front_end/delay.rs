@@ -11,8 +11,8 @@ const BURST_S: f64 = 8.0;
 /// Length of the input, s.
 const SECONDS: u32 = 12;
 
-/// Returns the value at `time_s` of a 10 Hz burst as sine and as cosine. Its Hann envelope starts at 1
-/// s; the peak is 1.
+/// Returns the value at `time_s` of a 10 Hz burst as sine and as cosine. Its Hann envelope starts
+/// at 1 s; the peak is 1.
 fn burst(time_s: f64) -> [f64; 2] {
     let part = (time_s - 1.0) / BURST_S;
     if !(0.0..1.0).contains(&part) {
@@ -23,8 +23,8 @@ fn burst(time_s: f64) -> [f64; 2] {
     [envelope * sine, envelope * cosine]
 }
 
-/// Returns the envelope, at a delay of `delay_s`, of the cross-correlation of the steps with the burst.
-/// The group delay moves this envelope; the phase delay moves the wave inside it.
+/// Returns the envelope, at a delay of `delay_s`, of the cross-correlation of the steps with the
+/// burst. The group delay moves this envelope; the phase delay moves the wave inside it.
 fn correlation(steps: &[f64], delay_s: f64) -> f64 {
     let mut time_s = -delay_s;
     let mut sums = [0.0; 2];

@@ -46,8 +46,8 @@ fn the_outputs_equal_scipy_s_at_every_rate_and_decimation() {
             .fold(0.0, f64::max);
         let error_uv = error_counts * f64::from(LSB_NV) / 1_000.0;
         println!("{rate_hz:4} Hz, mains {mains_hz} Hz, {decimation:?}: {error_uv:.4} uV");
-        // Two errors remain: the rounding of the signal, and the quantised coefficients, which at 1000
-        // Hz change the remaining offset by 2e-6 of 20 mV. Largest measured error: 0.040 uV.
+        // Two errors remain: the rounding of the signal, and the quantised coefficients, which at
+        // 1000 Hz change the remaining offset by 2e-6 of 20 mV. Largest measured error: 0.040 uV.
         assert!(error_uv < 0.08, "{line}");
         lines += 1;
     }
