@@ -13,7 +13,10 @@ pub const MAX_NUMBERS: usize = 256;
 /// Largest exponent of a code: an 8-bit value times 2^8 fills 16 bits.
 pub const MAX_EXPONENT: u8 = 8;
 
-/// Output of the encoder for one window.
+/// Output of the encoder for one window, as on the wire.
+///
+/// `pipeline::Code` is the encoder's own type, with an array of the model's length. This one
+/// borrows the bytes of a frame, for hosts that talk to devices with any model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Code<'a> {
     /// First 8 bytes of the SHA-256 over the model; only the decoder of that model can read the
@@ -39,7 +42,8 @@ pub struct Code<'a> {
     pub values: CodeValues<'a>,
 }
 
-/// The values of a code, in one of three formats.
+/// The values of a code, in one of three formats; borrowed bytes, where `pipeline::CodeValues` owns
+/// an array of the model's length.
 ///
 /// In every format `z = (level - code_zero_point) * code_scale`, with zero points and scales from
 /// [`Capabilities`](crate::Capabilities) and the [levels](Self::levels) of the code. On the wire:
@@ -171,6 +175,9 @@ fn exponent<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> 
 
 byte_enum! {
     /// Format of a device's codes; one byte on the wire.
+    ///
+    /// `model::CodeFormat` is the device's own type: it has only the formats that the device can
+    /// make, and a host has no `model`. `artifact::CodeFormat` is the name in the trained file.
     pub enum CodeFormat {
         /// 0: [`CodeValues::int8`].
         Int8 = 0,

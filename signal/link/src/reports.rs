@@ -42,6 +42,9 @@ pub const MAX_ELECTRODES: usize = 64;
 
 /// Signal quality of each electrode over one second; sent every second while streaming.
 ///
+/// `pipeline::Quality` is the device's own type, with as many electrodes as its model. This one has
+/// room for any model, because a host reads devices with any model.
+///
 /// Seconds are counted from `Start`; a second that `Stop` interrupts is not reported.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quality {

@@ -2,8 +2,9 @@
 
 use crate::constants::CODE;
 
-/// Integer format of a code. A level is dequantised as `z = (level - CODE_ZERO_POINT) *
-/// CODE_SCALE`.
+/// Integer format of a code that a device can make; `link::CodeFormat` is its byte on the wire,
+/// which can also be one that this release does not know. A level is dequantised as `z = (level -
+/// CODE_ZERO_POINT) * CODE_SCALE`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CodeFormat {
     /// Levels of 8 bits. The scale covers twice the calibrated range.

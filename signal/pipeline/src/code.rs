@@ -3,8 +3,8 @@
 use int8_nn::saturate_i8;
 use model::{CODE, CodeFormat};
 
-/// The code of one window, with its position in the stream and the window's status: clipped values,
-/// channels at the rail, settling.
+/// The code of one window as the encoder makes it (`link::Code` is the one on the wire), with its
+/// position in the stream and the window's status: clipped values, channels at the rail, settling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Code {
     /// Index of the window in the run, from 0; wraps.

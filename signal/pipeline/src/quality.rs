@@ -16,7 +16,8 @@ use crate::sample::{Sample, Step};
 /// samples of a working converter have a larger range.
 pub const FLAT_BELOW_UV: f32 = 0.49;
 
-/// Signal quality of all electrodes within one second.
+/// Signal quality of all electrodes within one second, as the device measures it; `link::Quality`
+/// is the one on the wire.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
     /// Index in the run, from 0, of the first sample of the second that the report covers.
