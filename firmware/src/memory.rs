@@ -81,7 +81,8 @@ impl<E: Encoders + 'static> Memory<E> {
         let samples = self.sample_channel.init(Channel::new(samples));
         let (sample_sender, sample_receiver) = samples.split();
         let outputs = Channel::new(self.outputs.init_with(|| [OutputSlot::EMPTY; _]));
-        let bulk = Channel::new(self.bulk.init_with(|| [BulkSlot::EMPTY; _]));
+        let bulk =
+            Channel::new((self.bulk).init_with(|| core::array::from_fn(|_| BulkSlot::empty())));
         let (output_sender, output_receiver) = output_queue(
             self.output_channel.init(outputs),
             self.bulk_channel.init(bulk),

@@ -75,8 +75,11 @@ impl OutputSlot {
 }
 
 impl BulkSlot {
-    /// Slot that has not been used yet.
-    pub const EMPTY: Self = Self::Raw(RawChunk::EMPTY);
+    /// Creates a slot that has not been used yet. A function, because a constant would take its zeros
+    /// in flash.
+    pub const fn empty() -> Self {
+        Self::Raw(RawChunk::EMPTY)
+    }
 
     const fn payload(&self) -> Payload<'_> {
         match self {

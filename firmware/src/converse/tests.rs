@@ -58,7 +58,7 @@ impl Write for Host {
 
 fn queue() -> (OutputSender, OutputReceiver) {
     let slots = Box::leak(Box::new([OutputSlot::EMPTY; 2]));
-    let bulk = Box::leak(Box::new([BulkSlot::EMPTY; 1]));
+    let bulk = Box::leak(Box::new([BulkSlot::empty()]));
     output_queue(
         Box::leak(Box::new(Channel::new(slots))),
         Box::leak(Box::new(Channel::new(bulk))),

@@ -159,23 +159,23 @@ pub(crate) const fn narrow(dimension: usize) -> u8 {
 /// The samples of a [`RawChunk`], compressed.
 #[derive(Clone, Copy, Debug)]
 pub struct CompressedChunk {
-    /// The message without its bytes.
-    message: CompressedRaw<'static>,
-    /// Number of bytes of the block at the start of `block`.
+    /// Index in the run of the first sample.
+    first: u64,
+    samples: u8,
+    flags: Flags,
+    form: BlockForm,
+    /// Number of bytes at the start of `block`.
     length: usize,
     block: [[Count; CHANNELS]; RAW_SAMPLES],
 }
 
 impl CompressedChunk {
+    /// Chunk without samples, all zeros.
     const EMPTY: Self = Self {
-        message: CompressedRaw {
-            first_sample: 0,
-            channels: narrow(CHANNELS),
-            flags: Flags::empty(),
-            form: BlockForm::Verbatim,
-            samples: 0,
-            bytes: &[],
-        },
+        first: 0,
+        samples: 0,
+        flags: Flags::empty(),
+        form: BlockForm::Verbatim,
         length: 0,
         block: [[[0; COUNT_BYTES]; CHANNELS]; RAW_SAMPLES],
     };
@@ -184,8 +184,12 @@ impl CompressedChunk {
     pub(crate) fn message(&self) -> CompressedRaw<'_> {
         let bytes = self.block.as_flattened().as_flattened();
         CompressedRaw {
+            first_sample: self.first,
+            channels: const { narrow(CHANNELS) },
+            flags: self.flags,
+            form: self.form,
+            samples: self.samples,
             bytes: bytes.get(..self.length).unwrap_or(bytes),
-            ..self.message
         }
     }
 }
@@ -201,11 +205,15 @@ pub(crate) struct Compressor {
 }
 
 impl Compressor {
-    pub(crate) const NEW: Self = Self {
-        state: EncoderState::NEW,
-        next: 0,
-        chunk: CompressedChunk::EMPTY,
-    };
+    /// Creates a compressor before its first chunk. A function, because a constant would take the
+    /// chunk's zeros in flash.
+    pub(crate) const fn new() -> Self {
+        Self {
+            state: EncoderState::NEW,
+            next: 0,
+            chunk: CompressedChunk::EMPTY,
+        }
+    }
 
     /// Starts a run; its first block is a key block.
     pub(crate) const fn restart(&mut self) {
@@ -225,19 +233,18 @@ impl Compressor {
         self.next = raw.first + raw.length as u64;
         let (counts, _) = raw.bytes().as_chunks();
         let (samples, _) = counts.as_chunks();
-        let Block { kind, bytes, .. } =
-            ENCODER.encode(&mut self.state, samples, &mut self.chunk.block);
-        self.chunk.length = bytes.len();
-        let message = &mut self.chunk.message;
-        message.first_sample = raw.first;
-        message.flags = raw.flags;
-        message.form = match kind {
+        let chunk = &mut self.chunk;
+        let Block { kind, bytes, .. } = ENCODER.encode(&mut self.state, samples, &mut chunk.block);
+        chunk.length = bytes.len();
+        chunk.first = raw.first;
+        chunk.flags = raw.flags;
+        chunk.form = match kind {
             Kind::Verbatim => BlockForm::Verbatim,
             Kind::Key => BlockForm::Key,
             Kind::Continuing => BlockForm::Continuing,
         };
         #[expect(clippy::cast_possible_truncation, reason = "at most 8")]
         let samples = raw.length as u8;
-        message.samples = samples;
+        chunk.samples = samples;
     }
 }

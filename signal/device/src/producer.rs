@@ -66,7 +66,7 @@ impl<E: Encoders> Producer<E> {
             since_step: Marks::NONE,
             last: Step::SILENCE,
             raw: RawChunk::EMPTY,
-            compressor: Compressor::NEW,
+            compressor: Compressor::new(),
             filtered: FilteredChunk::EMPTY,
             audited: AuditedWindow::EMPTY,
             ahead: None,

@@ -44,7 +44,7 @@ mod image {
         ConstStaticCell::new([OutputSlot::EMPTY; deadlines::OUTPUTS_WAITING]);
     static OUTPUT_CHANNEL: StaticCell<Channel<'static, RawMutex, OutputSlot>> = StaticCell::new();
     static BULK: ConstStaticCell<[BulkSlot; deadlines::BULK_WAITING]> =
-        ConstStaticCell::new([BulkSlot::EMPTY; deadlines::BULK_WAITING]);
+        ConstStaticCell::new([const { BulkSlot::empty() }; deadlines::BULK_WAITING]);
     static BULK_CHANNEL: StaticCell<Channel<'static, RawMutex, BulkSlot>> = StaticCell::new();
 
     /// Converter that decodes frames whose bytes the compiler cannot predict.
