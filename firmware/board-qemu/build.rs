@@ -10,8 +10,8 @@ fn main() {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    // memory.x in the workspace's root includes board.x. cortex-m-rt's link.x also includes device.x, which
-    // is empty because the vector table names its handlers itself.
+    // memory.x in the workspace's root includes board.x. cortex-m-rt's link.x also includes
+    // device.x, which is empty because the vector table names its handlers itself.
     fs::copy("mps2.x", out.join("board.x")).expect("OUT_DIR is writable");
     fs::write(out.join("device.x"), "").expect("OUT_DIR is writable");
     println!("cargo::rustc-link-search={}", out.display());

@@ -20,8 +20,8 @@ pub(crate) fn configure(memory_map: &str) {
     }
 }
 
-/// Returns version and commit, for example `0.1.0 5d4b736`, with a `+` if there are uncommitted changes.
-/// Without git, returns the version alone.
+/// Returns version and commit, for example `0.1.0 5d4b736`, with a `+` if there are uncommitted
+/// changes. Without git, returns the version alone.
 fn version() -> String {
     let version = env::var("CARGO_PKG_VERSION").expect("cargo sets it");
     // Git appends a line to this file at every commit and every change of branch.

@@ -1,5 +1,5 @@
-//! Acquisition task, the most urgent task: reads and filters every sample, and produces a step when one is
-//! due.
+//! Acquisition task, the most urgent task: reads and filters every sample, and produces a step when
+//! one is due.
 
 use device::{Marks, Order, Run, fault_text};
 use link::{SelfTest, Stage};
@@ -14,9 +14,9 @@ use crate::{
 
 /// Runs the acquisition. Without an active run, samples are read and discarded.
 ///
-/// The task waits only for the converter, and neither allocates nor logs. When the encoder's queue is full,
-/// the sample is dropped and counted as an overrun, and the next sample that is queued carries an overrun
-/// mark.
+/// The task waits only for the converter, and neither allocates nor logs. When the encoder's queue
+/// is full, the sample is dropped and counted as an overrun, and the next sample that is queued
+/// carries an overrun mark.
 pub async fn acquire(
     mut converter: impl Converter,
     shared: &Shared,
@@ -64,15 +64,15 @@ pub async fn acquire(
     }
 }
 
-/// Filters one sample. Not inlined, so that the filters are compiled for speed: the board's crate, which
-/// instantiates the task around this call, is compiled for size.
+/// Filters one sample. Not inlined, so that the filters are compiled for speed: the board's crate,
+/// which instantiates the task around this call, is compiled for size.
 #[inline(never)]
 fn filter(acquisition: &mut Acquisition, sample: &Sample) -> Option<Step> {
     acquisition.process_sample(sample)
 }
 
-/// Publishes the converters' status for the conversation task. Not inlined, to keep the status text off the
-/// stack frame of the acquisition task.
+/// Publishes the converters' status for the conversation task. Not inlined, to keep the status text
+/// off the stack frame of the acquisition task.
 #[inline(never)]
 fn publish_status(converter: &impl Converter, shared: &Shared) {
     if let Some(status) = converter.status() {
@@ -80,8 +80,8 @@ fn publish_status(converter: &impl Converter, shared: &Shared) {
     }
 }
 
-/// Publishes the result of a self-test for the conversation task. Not inlined, to keep the result, one
-/// kilobyte, off the stack frame of the acquisition task.
+/// Publishes the result of a self-test for the conversation task. Not inlined, to keep the result,
+/// one kilobyte, off the stack frame of the acquisition task.
 #[inline(never)]
 fn publish_self_test_result(converter: &impl Converter, shared: &Shared) {
     let result = converter.self_test_result().unwrap_or_else(|| SelfTest {
@@ -93,13 +93,15 @@ fn publish_self_test_result(converter: &impl Converter, shared: &Shared) {
 
 /// State of an active run.
 struct Running {
-    /// Settings of the run, until its first queued sample has passed them to the encoder; then `None`.
+    /// Settings of the run, until its first queued sample has passed them to the encoder; then
+    /// `None`.
     start: Option<Run>,
     /// Samples read in the run.
     samples: u64,
     /// Steps produced in the run.
     steps: u64,
-    /// Faults of the samples that found no room after the last queued one; the next queued sample carries them.
+    /// Faults of the samples that found no room after the last queued one; the next queued sample
+    /// carries them.
     lost: Marks,
 }
 
@@ -133,8 +135,8 @@ impl Running {
         let (index, step_index) = (self.samples, self.steps);
         self.samples += 1;
         self.steps += u64::from(step.is_some());
-        // Mark progress even if the queue is full. A hung encoder leaves its queue full; without the mark,
-        // the watchdog check would take the encoder for idle.
+        // Mark progress even if the queue is full. A hung encoder leaves its queue full; without
+        // the mark, the watchdog check would take the encoder for idle.
         shared.progress.mark_handed_over();
         let Some(slot) = samples.try_send() else {
             shared.count_overruns(1);

@@ -1,5 +1,5 @@
-//! Conversation task: executes the commands that the port receives, and writes frames for the host to the
-//! port.
+//! Conversation task: executes the commands that the port receives, and writes frames for the host
+//! to the port.
 
 use core::{
     cell::{Cell, RefCell},
@@ -7,26 +7,20 @@ use core::{
     sync::atomic::Ordering::Relaxed,
 };
 
-use device::{MAX_FRAME, Order, Payload, Session};
+use device::{MAX_FRAME, Order, Output, Payload, Session};
 use embassy_futures::join::join5;
 use embassy_sync::{blocking_mutex::raw::NoopRawMutex, signal::Signal};
 use embassy_time::{Instant, Timer, with_timeout};
 use embedded_io_async::{Read, Write};
 use link::{ResetInto, Stage, Start};
 
-use crate::{
-    deadlines,
-    memory::Frames,
-    queues::{OutputReceiver, OutputSlot},
-    shared::Shared,
-    stack::Stack,
-};
+use crate::{deadlines, memory::Frames, queues::OutputReceiver, shared::Shared, stack::Stack};
 
 /// Largest number of bytes read from the port in one call: one bulk packet of full-speed USB.
 const PACKET: usize = 64;
 
-/// Longest time for which the conversation waits for an output before it marks progress again; also the delay
-/// before a closed port is read again.
+/// Longest time for which the conversation waits for an output before it marks progress again; also
+/// the delay before a closed port is read again.
 const TICK: embassy_time::Duration = embassy_time::Duration::from_millis(20);
 
 /// Both directions of a port.
@@ -38,21 +32,23 @@ pub struct Port<Input, Output> {
     pub output: Output,
 }
 
-/// What the conversation needs from the microcontroller: its stack, to report the use, and its reset.
+/// What the conversation needs from the microcontroller: its stack, to report the use, and its
+/// reset.
 #[derive(Clone, Copy, Debug)]
 pub struct Machine {
-    /// Stack whose largest use the `Timing` message reports; `None` if the start-up code has not painted the
-    /// stack.
+    /// Stack whose largest use the `Timing` message reports; `None` if the start-up code has not
+    /// painted the stack.
     pub stack: Option<Stack>,
     /// Resets the microcontroller on the host's command.
     pub restart: fn(ResetInto) -> !,
 }
 
-/// Runs the conversation: introduces the device, answers commands and sends outputs. With `start`, a run
-/// starts without a command from the host.
+/// Runs the conversation: introduces the device, answers commands and sends outputs. With `start`,
+/// a run starts without a command from the host.
 ///
-/// Reading, forwarding and writing are futures of one task, so they share the session and the frames without
-/// locks. When the port accepts no bytes, the oldest whole frames are dropped and counted.
+/// Reading, forwarding and writing are futures of one task, so they share the session and the
+/// frames without locks. When the port accepts no bytes, the oldest whole frames are dropped and
+/// counted.
 pub async fn converse(
     Port { input, output }: Port<impl Read, impl Write>,
     session: &mut Session<'_>,
@@ -76,8 +72,8 @@ pub async fn converse(
         machine,
     };
     conversation.frames_waiting.signal(());
-    // Pinned here: if the futures were moved into `join5`, the task's stack frame would hold a second copy of
-    // each for as long as the task runs.
+    // Pinned here: if the futures were moved into `join5`, the task's stack frame would hold a
+    // second copy of each for as long as the task runs.
     join5(
         pin!(conversation.receive_commands(input)),
         pin!(conversation.forward_outputs(outputs)),
@@ -92,7 +88,8 @@ pub async fn converse(
 /// State that the futures of the conversation share.
 struct Conversation<'c, 'i> {
     state: RefCell<(&'c mut Session<'i>, &'c mut Frames)>,
-    /// Time at which the newest code or packed block was queued, ticks; `None` once the port has accepted it.
+    /// Time at which the newest code or packed block was queued, ticks; `None` once the port has
+    /// accepted it.
     code_ticks: Cell<Option<u32>>,
     /// Set when there may be new frames to write.
     frames_waiting: Signal<NoopRawMutex, ()>,
@@ -119,11 +116,12 @@ impl Conversation<'_, '_> {
         }
     }
 
-    /// Passes bytes to the session. If they complete a reset command, returns the program that the reset must
-    /// start.
+    /// Passes bytes to the session. If they complete a reset command, returns the program that the
+    /// reset must start.
     fn handle_bytes(&self, bytes: &[u8]) -> Option<ResetInto> {
         let (session, frames) = &mut *self.state.borrow_mut();
-        // Skip the lost frames first: the answer to a Stop command counts the frames lost before the command.
+        // Skip the lost frames first: the answer to a Stop command counts the frames lost before
+        // the command.
         self.skip_lost(frames);
         let counts = self.shared.counts();
         let mut restart = None;
@@ -139,10 +137,10 @@ impl Conversation<'_, '_> {
     async fn forward_outputs(&self, mut outputs: OutputReceiver) {
         loop {
             self.shared.progress.mark_conversed();
-            let Ok(slot) = with_timeout(TICK, outputs.receive()).await else {
+            let Ok((output, queued_ticks)) = with_timeout(TICK, outputs.receive()).await else {
                 continue;
             };
-            self.send_output(slot);
+            self.send_output(&output, queued_ticks);
             outputs.receive_done();
             self.frames_waiting.signal(());
         }
@@ -150,27 +148,28 @@ impl Conversation<'_, '_> {
 
     /// Queues the frame of one output.
     ///
-    /// At the end of each second of a run, queues `Stats` and `Timing` before the output, with the time stamp
-    /// of the output, as the wire format specifies.
+    /// At the end of each second of a run, queues `Stats` and `Timing` before the output, with the
+    /// time stamp of the output, as the wire format specifies.
     ///
     /// Not inlined, to keep the messages off the task's stack frame.
     #[inline(never)]
-    fn send_output(&self, slot: &OutputSlot) {
+    fn send_output(&self, output: &Output<'_>, queued_ticks: u32) {
         let (session, frames) = &mut *self.state.borrow_mut();
         self.skip_lost(frames);
-        if slot.output.ends_second() && session.is_streaming() {
-            let at_us = slot.output.at_us;
+        if output.ends_second() && session.is_streaming() {
+            let at_us = output.at_us;
             session.send_stats(at_us, self.shared.counts(), frames);
             let timing = self.shared.timing.report(self.machine.stack);
-            session.send_timing(&timing, at_us, frames);
+            session.send_timing(timing, at_us, frames);
         }
-        session.send(&slot.output, frames);
-        if let Payload::Code(..) | Payload::PackedCode(..) = slot.output.payload {
-            self.code_ticks.set(Some(slot.queued_ticks));
+        session.send(output, frames);
+        if let Payload::Code(..) | Payload::PackedCode(..) = output.payload {
+            self.code_ticks.set(Some(queued_ticks));
         }
     }
 
-    /// For each output that the encoder could not queue, skips one frame number and counts one dropped frame.
+    /// For each output that the encoder could not queue, skips one frame number and counts one
+    /// dropped frame.
     fn skip_lost(&self, frames: &mut Frames) {
         for _ in 0..self.shared.outputs_lost.swap(0, Relaxed) {
             frames.skip();
@@ -200,8 +199,8 @@ impl Conversation<'_, '_> {
         }
     }
 
-    /// Passes each status that the acquisition publishes to the session, which sends it during a run or if
-    /// the fault has changed.
+    /// Passes each status that the acquisition publishes to the session, which sends it during a
+    /// run or if the fault has changed.
     async fn report_converters(&self) {
         loop {
             let status = self.shared.converter_status.wait().await;
@@ -219,7 +218,7 @@ impl Conversation<'_, '_> {
             let result = self.shared.self_test_result.wait().await;
             {
                 let (session, frames) = &mut *self.state.borrow_mut();
-                session.send_self_test(&result, now_us(), frames);
+                session.send_self_test(result, now_us(), frames);
             }
             self.frames_waiting.signal(());
         }

@@ -26,8 +26,8 @@ pub struct Conversion {
     reason = "an executor of one priority polls it; it need not be Send"
 )]
 pub trait Converter {
-    /// Waits for the next sample and writes its counts to `sample`. Counts that the converter could not
-    /// deliver keep their values from the previous sample.
+    /// Waits for the next sample and writes its counts to `sample`. Counts that the converter could
+    /// not deliver keep their values from the previous sample.
     async fn next(&mut self, sample: &mut Sample) -> Conversion;
 
     /// Returns the `Converters` message for the host, or `None` if there is nothing to report.
@@ -35,15 +35,16 @@ pub trait Converter {
         None
     }
 
-    /// Tests the converters with their internal test signals, which takes some seconds, and restores their
-    /// settings. Calls `alive` at intervals shorter than the watchdog's period, so that the test does not
-    /// count as a hang. Does nothing by default.
+    /// Tests the converters with their internal test signals, which takes some seconds, and
+    /// restores their settings. Calls `alive` at intervals shorter than the watchdog's period, so
+    /// that the test does not count as a hang. Does nothing by default.
     fn self_test(&mut self, alive: impl FnMut()) -> impl Future<Output = ()> {
         let _ = alive;
         ready(())
     }
 
-    /// Returns the result of the latest self-test, or `None` if the converters have no test signals.
+    /// Returns the result of the latest self-test, or `None` if the converters have no test
+    /// signals.
     fn self_test_result(&self) -> Option<SelfTest> {
         None
     }

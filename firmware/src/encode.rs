@@ -22,17 +22,18 @@ pub async fn encode(
     loop {
         let slot = samples.receive().await;
         let start_ticks = shared.timing.now();
-        let mut hand_over = |output: Output| {
-            let is_code = matches!(output.payload, Payload::Code(..) | Payload::PackedCode(..));
-            hand_over(shared, &mut outputs, output);
-            if is_code {
+        let mut hand_over = |output: Output<'_>| {
+            if !outputs.try_send(&output, shared.timing.now()) {
+                shared.outputs_lost.fetch_add(1, Relaxed);
+            }
+            if let Payload::Code(..) | Payload::PackedCode(..) = output.payload {
                 shared.timing.record(Stage::Code, slot.drdy_ticks);
             }
         };
         producer.set_rate(shared.rate());
         // Events up to the time of a sample are queued before the outputs of this sample. The first
-        // sample of a run is the exception: it is processed before its events, because its processing
-        // starts the run.
+        // sample of a run is the exception: it is processed before its events, because its
+        // processing starts the run.
         let starts_run = slot.acquired.new_run.is_some();
         if starts_run {
             shared.inputs.discard_before(slot.acquired.drdy_us);
@@ -48,16 +49,5 @@ pub async fn encode(
         }
         samples.receive_done();
         shared.progress.mark_encoded();
-    }
-}
-
-/// Queues an output for the conversation, or counts it as lost if the queue is full.
-fn hand_over(shared: &Shared, outputs: &mut OutputSender, output: Output) {
-    if let Some(slot) = outputs.try_send() {
-        slot.output = output;
-        slot.queued_ticks = shared.timing.now();
-        outputs.send_done();
-    } else {
-        shared.outputs_lost.fetch_add(1, Relaxed);
     }
 }

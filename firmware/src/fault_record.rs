@@ -1,8 +1,10 @@
-//! Record of why the firmware ended, for the report after the next boot.
+//! Record of why the firmware ended, and the fault text of `Hello` after the next boot.
 
 use core::fmt::{self, Write};
 
-use link::{ResetCause, ResetInto};
+use device::fault_text;
+use heapless::String;
+use link::{MAX_TEXT_BYTES, ResetCause, ResetInto};
 
 /// Largest number of text bytes in a record; longer text is cut.
 const TEXT_BYTES: usize = 160;
@@ -10,8 +12,8 @@ const TEXT_BYTES: usize = 160;
 /// Value of the first word of a valid record. After power-on, the memory holds random bits instead.
 const MAGIC: u32 = 0x5245_434f;
 
-/// Why the firmware ended: a reason and a text, with a checksum that detects random bits. Stored in memory
-/// that survives a reset.
+/// Why the firmware ended: a reason and a text, with a checksum that detects random bits. Stored in
+/// memory that survives a reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
 pub struct FaultRecord {
@@ -98,13 +100,15 @@ impl FaultRecord {
         }
     }
 
-    /// Returns whether the host asked for the microcontroller's own boot loader instead of this firmware.
+    /// Returns whether the host asked for the microcontroller's own boot loader instead of this
+    /// firmware.
     pub const fn requests_bootloader(&self) -> bool {
         self.reason == RESTART_INTO_BOOTLOADER
     }
 
-    /// Returns the 32-bit FNV-1a hash (Fowler, Noll and Vo) of all fields before `checksum`. Not inlined:
-    /// the compiler unrolls the loop, and every inlined copy would take a kilobyte of flash.
+    /// Returns the 32-bit FNV-1a hash (Fowler, Noll and Vo) of all fields before `checksum`. Not
+    /// inlined: the compiler unrolls the loop, and every inlined copy would take a kilobyte of
+    /// flash.
     #[inline(never)]
     fn compute_checksum(&self) -> u32 {
         let words = [self.magic, self.reason, self.length].map(u32::to_le_bytes);
@@ -129,6 +133,34 @@ impl Write for Text {
         self.length += length;
         Ok(())
     }
+}
+
+/// Fault text of `Hello` if the model in flash does not match its checksum.
+pub const MODEL_DAMAGED: &str = "the model in flash is damaged: flash the firmware again";
+
+/// Returns the fault text of `Hello`, the gravest fault first: a damaged model, then the fault of
+/// the board, then the fault that ended the firmware before the last reset. Text that does not fit
+/// is cut.
+pub fn start_fault(
+    model_is_sound: bool,
+    board: &str,
+    previous: Option<&FaultRecord>,
+) -> String<MAX_TEXT_BYTES> {
+    let model = if model_is_sound { "" } else { MODEL_DAMAGED };
+    let previous = previous.map_or("", FaultRecord::text);
+    let between = |before: &str, after: &str| {
+        if before.is_empty() || after.is_empty() {
+            ""
+        } else {
+            "; "
+        }
+    };
+    let rest = if board.is_empty() { previous } else { board };
+    fault_text(format_args!(
+        "{model}{}{board}{}{previous}",
+        between(model, rest),
+        between(board, previous)
+    ))
 }
 
 #[cfg(test)]
@@ -164,5 +196,22 @@ mod tests {
         let record = FaultRecord::from_failure(std::format!("a{long}"));
         assert!(record.is_valid());
         assert_eq!(record.text().chars().count(), TEXT_BYTES / 2);
+    }
+
+    #[test]
+    fn all_faults_are_reported_the_gravest_first() {
+        let failure = FaultRecord::from_failure("panicked");
+        let previous = Some(&failure);
+        assert_eq!(start_fault(true, "", None), "");
+        assert_eq!(start_fault(true, "", previous), "panicked");
+        assert_eq!(start_fault(true, "no clock", None), "no clock");
+        assert_eq!(
+            start_fault(true, "no clock", previous),
+            "no clock; panicked"
+        );
+        assert_eq!(start_fault(false, "", None), MODEL_DAMAGED);
+        let all = start_fault(false, "no clock", previous);
+        assert!(all.starts_with(MODEL_DAMAGED) && all.ends_with("; no clock; panicked"));
+        assert!(start_fault(false, "", previous).ends_with("firmware again; panicked"));
     }
 }

@@ -29,9 +29,9 @@ impl Inputs {
         }
     }
 
-    /// Queues an event that happened at the device time `at_us`, in microseconds. Called by the input's
-    /// interrupt handler. If the queue is full, the event is dropped, which leaves a gap in the event
-    /// numbers.
+    /// Queues an event that happened at the device time `at_us`, in microseconds. Called by the
+    /// input's interrupt handler. If the queue is full, the event is dropped, which leaves a gap in
+    /// the event numbers.
     pub fn push_event(&self, kind: EventKind, at_us: u64) {
         let number = self.number.fetch_add(1, Relaxed);
         // If the queue is full, the number stays used: the gap in the numbers shows the loss.
@@ -53,8 +53,8 @@ impl Inputs {
         self.with_queue(Deque::pop_front).flatten()
     }
 
-    /// Drops the events that happened before a run; `start_us` is the device time of the run's first
-    /// sample, in microseconds.
+    /// Drops the events that happened before a run; `start_us` is the device time of the run's
+    /// first sample, in microseconds.
     pub(crate) fn discard_before(&self, start_us: u64) {
         self.with_queue(|queue| {
             while queue.front().is_some_and(|event| event.at_us < start_us) {
@@ -63,8 +63,8 @@ impl Inputs {
         });
     }
 
-    /// Runs `action` on the queue within a critical section. The borrow cannot fail, because no `action`
-    /// calls this function.
+    /// Runs `action` on the queue within a critical section. The borrow cannot fail, because no
+    /// `action` calls this function.
     fn with_queue<T>(&self, action: impl FnOnce(&mut EventQueue) -> T) -> Option<T> {
         self.queue.lock(|queue| {
             let mut queue = queue.try_borrow_mut().ok()?;

@@ -1,4 +1,5 @@
-//! The application that every board runs: three tasks from the analogue-to-digital converters to the port.
+//! The application that every board runs: three tasks from the analogue-to-digital converters to
+//! the port.
 //!
 //! ```text
 //! Converter --> acquire --SampleSlot--> encode --OutputSlot--> converse --> Port
@@ -6,12 +7,13 @@
 //!               512 Hz                  128 Hz                 commands in
 //! ```
 //!
-//! Each task has an interrupt priority of its own: `acquire` preempts `converse`, which preempts `encode`. No
-//! task waits for a less urgent one. A full queue drops the next item and counts it, and the host receives
-//! the count. [`deadlines`] lists every rate, deadline and priority with its derivation.
+//! Each task has an interrupt priority of its own: `acquire` preempts `converse`, which preempts
+//! `encode`. No task waits for a less urgent one. A full queue drops the next item and counts it,
+//! and the host receives the count. [`deadlines`] lists every rate, deadline and priority with its
+//! derivation.
 //!
-//! A board provides a [`Converter`], a [`Port`] (embedded-io-async) and the executors. It declares the tasks
-//! itself, because an embassy task cannot be generic.
+//! A board provides a [`Converter`], a [`Port`] (embedded-io-async) and the executors. It declares
+//! the tasks itself, because an embassy task cannot be generic.
 //!
 //! # Example
 //! Half a second of synthetic samples passes through acquisition and encoder.
@@ -44,7 +46,7 @@
 //! static SHARED: Shared = Shared::new(Clock { now: || 0, hz: 1_000_000 });
 //!
 //! let memory = MEMORY.init();
-//! let (_, mut outputs) = memory.converse;
+//! let (_frames, mut outputs) = memory.converse;
 //! SHARED.send_order(Order::Start(Run { streams: Streams::CODES, ..Run::NONE }));
 //! let mut tasks = pin!(join(
 //!     acquire(Square(0), &SHARED, memory.acquire),
@@ -53,7 +55,7 @@
 //! let mut codes = 0;
 //! for _ in 0..=256 {
 //!     assert!(poll_once(tasks.as_mut()).is_pending());
-//!     while outputs.try_receive().is_some() {
+//!     while poll_once(outputs.receive()).is_ready() {
 //!         codes += 1;
 //!         outputs.receive_done();
 //!     }
@@ -82,21 +84,20 @@ mod progress;
 mod queues;
 mod shared;
 mod stack;
-mod start_fault;
 mod timing;
 
 pub use acquire::acquire;
 pub use converse::{Machine, Port, converse};
 pub use converter::{Conversion, Converter};
 pub use encode::encode;
-pub use fault_record::FaultRecord;
+pub use fault_record::{FaultRecord, MODEL_DAMAGED, start_fault};
 pub use inputs::Inputs;
 pub use memory::{Frames, Memory, TaskMemory};
 pub use progress::{Progress, keep_alive};
 pub use queues::{
-    OutputReceiver, OutputSender, OutputSlot, RawMutex, SampleReceiver, SampleSender, SampleSlot,
+    BulkSlot, OutputReceiver, OutputSender, OutputSlot, RawMutex, SampleReceiver, SampleSender,
+    SampleSlot, output_queue,
 };
 pub use shared::Shared;
 pub use stack::Stack;
-pub use start_fault::{MODEL_DAMAGED, start_fault};
 pub use timing::Clock;

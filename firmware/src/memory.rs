@@ -8,8 +8,8 @@ use static_cell::{ConstStaticCell, StaticCell};
 use crate::{
     deadlines,
     queues::{
-        OutputReceiver, OutputSender, OutputSlot, RawMutex, SampleReceiver, SampleSender,
-        SampleSlot,
+        BulkSlot, OutputReceiver, OutputSender, OutputSlot, RawMutex, SampleReceiver, SampleSender,
+        SampleSlot, output_queue,
     },
 };
 
@@ -18,10 +18,11 @@ pub type Frames = Sender<FrameRing<{ deadlines::FRAME_BYTES_WAITING }>>;
 
 /// Memory of a board's tasks and queues; a board declares one static of this type.
 ///
-/// [`init`](Self::init) builds most values on the stack and moves them into place. The memory of the encoders
-/// `E`, by far the largest value, is initialised to zeros at compile time and takes no flash.
+/// Only what starts as zeros is initialised at compile time, because other initial values of a
+/// static take flash: the memory of the encoders `E`, by far the largest value, and the frames.
+/// [`init`](Self::init) initialises the rest.
 pub struct Memory<E: 'static> {
-    frames: StaticCell<Frames>,
+    frames: ConstStaticCell<Frames>,
     acquisition: StaticCell<Acquisition>,
     encoders: ConstStaticCell<E>,
     producer: StaticCell<Producer<&'static mut E>>,
@@ -29,6 +30,8 @@ pub struct Memory<E: 'static> {
     sample_channel: StaticCell<Channel<'static, RawMutex, SampleSlot>>,
     outputs: StaticCell<[OutputSlot; deadlines::OUTPUTS_WAITING]>,
     output_channel: StaticCell<Channel<'static, RawMutex, OutputSlot>>,
+    bulk: StaticCell<[BulkSlot; deadlines::BULK_WAITING]>,
+    bulk_channel: StaticCell<Channel<'static, RawMutex, BulkSlot>>,
 }
 
 /// References into a [`Memory`], grouped by the task that owns them.
@@ -47,11 +50,12 @@ pub struct TaskMemory<E: 'static> {
 }
 
 impl<E: Encoders + 'static> Memory<E> {
-    /// Creates the memory for a static; [`init`](Self::init) then initialises it. `encoders` is their memory
-    /// before the first step, such as [`BothEncoders::EMPTY`](device::BothEncoders::EMPTY).
+    /// Creates the memory for a static; [`init`](Self::init) then initialises it. `encoders` is
+    /// their memory before the first step, such as
+    /// [`BothEncoders::EMPTY`](device::BothEncoders::EMPTY).
     pub const fn new(encoders: E) -> Self {
         Self {
-            frames: StaticCell::new(),
+            frames: ConstStaticCell::new(Sender::new(FrameRing::new())),
             acquisition: StaticCell::new(),
             encoders: ConstStaticCell::new(encoders),
             producer: StaticCell::new(),
@@ -59,61 +63,36 @@ impl<E: Encoders + 'static> Memory<E> {
             sample_channel: StaticCell::new(),
             outputs: StaticCell::new(),
             output_channel: StaticCell::new(),
+            bulk: StaticCell::new(),
+            bulk_channel: StaticCell::new(),
         }
     }
 
     /// Initialises the memory and splits it among the tasks.
     ///
+    /// Not inlined: the first tasks run before the board's start function returns, so temporaries
+    /// on its stack frame would take stack from these tasks.
+    ///
     /// # Panics
     /// On the second call.
+    #[inline(never)]
     pub fn init(&'static self) -> TaskMemory<E> {
-        let samples = self.sample_channel.init(sample_channel(&self.samples));
+        let samples = (self.samples).init_with(|| core::array::from_fn(|_| SampleSlot::default()));
+        let samples = self.sample_channel.init(Channel::new(samples));
         let (sample_sender, sample_receiver) = samples.split();
-        let outputs = self.output_channel.init(output_channel(&self.outputs));
-        let (output_sender, output_receiver) = outputs.split();
+        let outputs = Channel::new(self.outputs.init_with(|| [OutputSlot::EMPTY; _]));
+        let bulk =
+            Channel::new((self.bulk).init_with(|| core::array::from_fn(|_| BulkSlot::empty())));
+        let (output_sender, output_receiver) = output_queue(
+            self.output_channel.init(outputs),
+            self.bulk_channel.init(bulk),
+        );
+        let acquisition = (self.acquisition).init_with(|| Acquisition::new(Mains::default()));
+        let producer = (self.producer).init_with(|| Producer::new(self.encoders.take()));
         TaskMemory {
-            acquire: (sample_sender, acquisition(&self.acquisition)),
-            encode: (
-                sample_receiver,
-                output_sender,
-                producer(&self.producer, self.encoders.take()),
-            ),
-            converse: (frames(&self.frames), output_receiver),
+            acquire: (sample_sender, acquisition),
+            encode: (sample_receiver, output_sender, producer),
+            converse: (self.frames.take(), output_receiver),
         }
     }
-}
-
-// None of these functions is inlined: the first tasks run before the board's start function returns, so the
-// temporaries of an inlined one would take stack from these tasks.
-
-#[inline(never)]
-fn sample_channel(
-    samples: &'static StaticCell<[SampleSlot; deadlines::SAMPLES_WAITING]>,
-) -> Channel<'static, RawMutex, SampleSlot> {
-    Channel::new(samples.init_with(|| core::array::from_fn(|_| SampleSlot::default())))
-}
-
-#[inline(never)]
-fn output_channel(
-    outputs: &'static StaticCell<[OutputSlot; deadlines::OUTPUTS_WAITING]>,
-) -> Channel<'static, RawMutex, OutputSlot> {
-    Channel::new(outputs.init_with(|| core::array::from_fn(|_| OutputSlot::default())))
-}
-
-#[inline(never)]
-fn acquisition(place: &'static StaticCell<Acquisition>) -> &'static mut Acquisition {
-    place.init_with(|| Acquisition::new(Mains::default()))
-}
-
-#[inline(never)]
-fn producer<E: Encoders>(
-    place: &'static StaticCell<Producer<&'static mut E>>,
-    encoders: &'static mut E,
-) -> &'static mut Producer<&'static mut E> {
-    place.init_with(|| Producer::new(encoders))
-}
-
-#[inline(never)]
-fn frames(place: &'static StaticCell<Frames>) -> &'static mut Frames {
-    place.init_with(|| Sender::new(FrameRing::new()))
 }

@@ -6,8 +6,8 @@ use embassy_time::Timer;
 
 use crate::deadlines;
 
-/// One wrapping counter for each task, and one for the samples that the encoder must process. Only changes
-/// of the counters matter, not their values.
+/// One wrapping counter for each task, and one for the samples that the encoder must process. Only
+/// changes of the counters matter, not their values.
 #[derive(Debug)]
 pub struct Progress {
     acquired: AtomicU32,
@@ -31,8 +31,8 @@ impl Progress {
         self.acquired.fetch_add(1, Relaxed);
     }
 
-    /// Records that the acquisition has a sample for the encoder, even if the queue has no room for the
-    /// sample.
+    /// Records that the acquisition has a sample for the encoder, even if the queue has no room for
+    /// the sample.
     pub(crate) fn mark_handed_over(&self) {
         self.handed_over.fetch_add(1, Relaxed);
     }
@@ -71,8 +71,8 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    /// Returns whether every task has made progress since `before`. The encoder is exempt if it was given no
-    /// sample since then.
+    /// Returns whether every task has made progress since `before`. The encoder is exempt if it was
+    /// given no sample since then.
     fn all_moved_since(self, before: Self) -> bool {
         self.acquired != before.acquired
             && self.conversed != before.conversed
@@ -80,8 +80,8 @@ impl Snapshot {
     }
 }
 
-/// Checks the tasks after every period of [`deadlines::PROGRESS`], and calls `feed` if all of them have made
-/// progress in it. If a task hangs, `feed` is not called and the watchdog expires.
+/// Checks the tasks after every period of [`deadlines::PROGRESS`], and calls `feed` if all of them
+/// have made progress in it. If a task hangs, `feed` is not called and the watchdog expires.
 pub async fn keep_alive(progress: &Progress, mut feed: impl FnMut()) -> ! {
     let mut before = progress.snapshot();
     loop {

@@ -17,8 +17,8 @@ impl Stack {
     /// Describes the stack from `end`, its lowest address, up to but excluding `start`.
     ///
     /// # Safety
-    /// All words from `end` up to `start` are readable memory that cortex-m-rt has painted, and only the
-    /// stack writes to them.
+    /// All words from `end` up to `start` are readable memory that cortex-m-rt has painted, and
+    /// only the stack writes to them.
     pub const unsafe fn from_bounds(end: usize, start: usize) -> Self {
         Self { end, start }
     }
@@ -28,8 +28,8 @@ impl Stack {
         self.start - self.end
     }
 
-    /// Returns whether `address` is aligned and the `words` words that start there are all within the
-    /// stack, so that a fault handler may read them.
+    /// Returns whether `address` is aligned and the `words` words that start there are all within
+    /// the stack, so that a fault handler may read them.
     pub const fn contains_words(self, address: usize, words: usize) -> bool {
         address.is_multiple_of(size_of::<u32>())
             && address >= self.end
@@ -37,14 +37,14 @@ impl Stack {
             && words <= (self.start - address) / size_of::<u32>()
     }
 
-    /// Returns the largest number of stack bytes in use since boot: those from the lowest word that no
-    /// longer holds `PAINT` up to the start of the stack. Reads every word that was never used, which is
-    /// too slow for a task with a short deadline.
+    /// Returns the largest number of stack bytes in use since boot: those from the lowest word that
+    /// no longer holds `PAINT` up to the start of the stack. Reads every word that was never used,
+    /// which is too slow for a task with a short deadline.
     pub fn peak_bytes(self) -> usize {
         let words = (self.end..self.start).step_by(size_of::<u32>());
         let untouched = words.take_while(|&word| {
-            // SAFETY: the caller of `from_bounds` guarantees that all words of the stack are readable.
-            // Volatile, because tasks and interrupts write to the stack meanwhile.
+            // SAFETY: the caller of `from_bounds` guarantees that all words of the stack are
+            // readable. Volatile, because tasks and interrupts write to the stack meanwhile.
             let value = unsafe { (word as *const u32).read_volatile() };
             value == PAINT
         });

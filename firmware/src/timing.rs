@@ -22,7 +22,8 @@ pub struct Clock {
 /// Number of histogram bins up to the deadline; one more bin counts longer durations.
 const BINS: usize = 8;
 
-/// Stages that are timed, with their deadlines; the index is the number of the [`Stage`] on the wire.
+/// Stages that are timed, with their deadlines; the index is the number of the [`Stage`] on the
+/// wire.
 const STAGES: [(Stage, Duration); 4] = [
     (Stage::Acquire, deadlines::SAMPLE),
     (Stage::Step, deadlines::STEP),
@@ -138,8 +139,8 @@ mod tests {
         };
         let timing = Timing::new(MHZ);
         // The deadline of 7,812 ticks divided by 8 bins is 976 ticks, rounded down. So 976 is the
-        // longest duration of the first bin, 7,808 = 8 x 976 that of the last one, and 7,809 counts as
-        // late.
+        // longest duration of the first bin, 7,808 = 8 x 976 that of the last one, and 7,809 counts
+        // as late.
         for ticks in [1, 976, 977, 7_808, 7_809, 9_999] {
             timing.record(Stage::Step, 10_000 - ticks);
         }

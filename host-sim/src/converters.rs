@@ -212,12 +212,7 @@ impl Converters {
     /// Runs the driver's complete self-test in virtual time; the chain converts again afterwards.
     pub fn run_self_test(&mut self) -> SelfTestReport<CHIPS> {
         let mut test = Box::new(SelfTest::new());
-        let simulation = &self.simulation;
-        let now_us = || simulation.time_us();
-        let run = self
-            .sampler
-            .self_test(&mut test, &mut self.drdy, now_us, || ());
-        finish(run);
+        finish(self.sampler.self_test(&mut test, &mut self.drdy, || ()));
         self.due = None;
         self.silent = 0;
         test.report().clone()

@@ -171,7 +171,7 @@ impl VirtualBoard {
                 let report = self.converters.run_self_test();
                 let result = device::self_test_message(&report);
                 self.session
-                    .send_self_test(&result, now_us, &mut self.sender);
+                    .send_self_test(result, now_us, &mut self.sender);
                 self.update_converters(now_us);
             }
             Order::Reset(_) => self.restart(now_us),
@@ -255,7 +255,7 @@ impl VirtualBoard {
         let counts = self.counts();
         let (session, sender) = (&mut self.session, &mut self.sender);
         let (converters, blocks) = (&self.converters, &mut self.packed_blocks);
-        let mut emit = |output: Output| {
+        let mut emit = |output: Output<'_>| {
             *blocks += u64::from(matches!(output.payload, Payload::PackedCode(..)));
             if output.ends_second() {
                 session.send_stats(output.at_us, counts, sender);

@@ -25,8 +25,8 @@ mod signal;
 /// `signal/model/build.rs`.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 /// File with the filter outputs that scipy computes; `scipy_rates.py` in the same folder writes it.
-const SCIPY: &str = "../../signal/pipeline/tests/front_end/scipy_rates.csv";
-/// Document that shows frames as hex dumps; `signal/link/tests/wire_format/` compares the dumps with the output of
+const SCIPY: &str = "../../signal/pipeline/tests/it/front_end/scipy_rates.csv";
+/// Document that shows frames as hex dumps; `signal/link/tests/it/wire_format.rs` compares the dumps with the output of
 /// the encoder.
 const WIRE_FORMAT: &str = "../../docs/wire-format.md";
 /// Largest number of golden windows whose codes are compared.
@@ -77,7 +77,7 @@ fn filters(golden: &mut String) -> Result<(), Box<dyn Error>> {
         let mut words = key.split(',');
         let mut number = || words.next().unwrap_or_default().parse::<u32>();
         let (rate_hz, mains_hz) = (number()?, number()?);
-        // The same specification as in `signal/pipeline/tests/front_end/at_rate.rs`.
+        // The same specification as in `signal/pipeline/tests/it/front_end.rs`.
         let sections = model_gen::cascade(&FilterSpec {
             rate_hz: rate_hz.into(),
             mains_hz: mains_hz.into(),

@@ -39,12 +39,13 @@ bind_interrupts!(struct UartIrqs {
 
 #[entry]
 fn main() -> ! {
-    // The boot loader comes first, because it needs the chip in the state in which the reset left it.
+    // The boot loader comes first, because it needs the chip in the state in which the reset left
+    // it.
     Loader::Stm32F446.run_if_requested(reset::map_system_memory);
     let clock = ClockSource::find(clocks::AFTER_RESET_HZ);
     let parts = Parts::new(init(clocks::config(clock)));
-    // Spawning a task twice is an error in the image. It panics, because no task runs yet that could
-    // report the error.
+    // Spawning a task twice is an error in the image. It panics, because no task runs yet that
+    // could report the error.
     start(parts, clock).expect("every task is spawned once");
     sleep()
 }
@@ -130,9 +131,9 @@ fn start(parts: Parts, clock: ClockSource) -> Result<(), SpawnError> {
     Ok(())
 }
 
-/// Returns a number derived from the noise of the temperature sensor: 64 readings, hashed with FNV-1a. The
-/// chip has no random number generator. The number distinguishes one boot from another and need not be
-/// secret.
+/// Returns a number derived from the noise of the temperature sensor: 64 readings, hashed with
+/// FNV-1a. The chip has no random number generator. The number distinguishes one boot from another
+/// and need not be secret.
 fn session_id(adc: Peri<'static, ADC1>) -> u32 {
     let mut adc = Adc::new(adc);
     let mut thermometer = adc.enable_temperature();

@@ -15,13 +15,14 @@ use firmware::deadlines::priority;
 /// Frequency of the core after a reset, Hz: that of the internal oscillator HSI (RM0390, RCC).
 pub(crate) const AFTER_RESET_HZ: u32 = 16_000_000;
 
-/// Returns the configuration of the clocks. All clocks have the same frequencies with either source.
+/// Returns the configuration of the clocks. All clocks have the same frequencies with either
+/// source.
 pub(crate) fn config(source: ClockSource) -> Config {
     let mut config = Config::default();
     config.dma_interrupt_priority = nvic_priority(priority::DRDY);
     let rcc = &mut config.rcc;
-    // The PLL's input is 2 MHz: the 8 MHz from the ST-LINK (UM1724) divided by 4, or HSI's 16 MHz divided by
-    // 8.
+    // The PLL's input is 2 MHz: the 8 MHz from the ST-LINK (UM1724) divided by 4, or HSI's 16 MHz
+    // divided by 8.
     let (source, prediv) = match source {
         ClockSource::StLink => {
             rcc.hse = Some(Hse {
@@ -32,8 +33,8 @@ pub(crate) fn config(source: ClockSource) -> Config {
         }
         ClockSource::Internal => (PllSource::HSI, PllPreDiv::DIV8),
     };
-    // The PLL runs at 2 MHz * 168 = 336 MHz; half of that clocks the core, and a seventh clocks USB. With a
-    // core at 180 MHz, another PLL would have to generate USB's 48 MHz.
+    // The PLL runs at 2 MHz * 168 = 336 MHz; half of that clocks the core, and a seventh clocks
+    // USB. With a core at 180 MHz, another PLL would have to generate USB's 48 MHz.
     rcc.pll_src = source;
     rcc.pll = Some(Pll {
         prediv,
@@ -45,22 +46,24 @@ pub(crate) fn config(source: ClockSource) -> Config {
     rcc.sys = Sysclk::PLL1_P;
     rcc.mux.clk48sel = mux::Clk48sel::PLL1_Q;
     rcc.ahb_pre = AHBPrescaler::DIV1;
-    // APB1, the bus of SPI and UART, runs at 21 MHz. For bursts, SPI divides this by 2 to 10.5 MHz, which is
-    // 165 us per sample. For registers, SPI divides it by 256, its largest divider, to 82 kHz; at most
-    // 105 kHz are allowed. From an APB1 of 42 MHz the slowest SPI clock would be 164 kHz, which is too fast.
+    // APB1, the bus of SPI and UART, runs at 21 MHz. For bursts, SPI divides this by 2 to 10.5 MHz,
+    // which is 165 us per sample. For registers, SPI divides it by 256, its largest divider, to 82
+    // kHz; at most 105 kHz are allowed. From an APB1 of 42 MHz the slowest SPI clock would be 164
+    // kHz, which is too fast.
     //
-    // The UART divides 21 MHz by 23: 913,043 baud, 0.93 % below the nominal 921,600. Neither 42 MHz / 46 nor
-    // oversampling by 8 comes closer. The ST-LINK/V2-1's rate is derived, not measured: its STM32F103 clocks
-    // a UART with at most 36 or 72 MHz, from which the nearest rate is 923,077 baud (36 MHz / 39 or 72 MHz /
-    // 78). The two ends then differ by 1.1 %, and a receiver tolerates 3.33 % (RM0390, USART, tolerance of
-    // the receiver to clock deviation). With a core at 162 MHz the UART would be 0.12 % below the nominal
-    // rate, but USB would have no 48 MHz.
+    // The UART divides 21 MHz by 23: 913,043 baud, 0.93 % below the nominal 921,600. Neither 42 MHz
+    // / 46 nor oversampling by 8 comes closer. The ST-LINK/V2-1's rate is derived, not measured:
+    // its STM32F103 clocks a UART with at most 36 or 72 MHz, from which the nearest rate is 923,077
+    // baud (36 MHz / 39 or 72 MHz / 78). The two ends then differ by 1.1 %, and a receiver
+    // tolerates 3.33 % (RM0390, USART, tolerance of the receiver to clock deviation). With a core
+    // at 162 MHz the UART would be 0.12 % below the nominal rate, but USB would have no 48 MHz.
     rcc.apb1_pre = APBPrescaler::DIV8;
     rcc.apb2_pre = APBPrescaler::DIV2;
     config
 }
 
-/// Enables the prefetch and the caches of the flash, which hide its five wait states (RM0390, FLASH_ACR).
+/// Enables the prefetch and the caches of the flash, which hide its five wait states (RM0390,
+/// FLASH_ACR).
 pub(crate) fn enable_flash_accelerator() {
     FLASH.acr().modify(|access| {
         access.set_prften(true);

@@ -1,7 +1,7 @@
 //! The application on a NUCLEO-F446RE: STM32F446RE, Cortex-M4F at 168 MHz.
 //!
-//! **The image has not run on hardware yet.** On a PC the program prints the board's pins as rows for
-//! `docs/hardware.md`.
+//! **The image has not run on hardware yet.** On a PC the program prints the board's pins as rows
+//! for `docs/hardware.md`.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 #![forbid(unsafe_code)]

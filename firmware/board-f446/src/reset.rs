@@ -3,9 +3,9 @@
 use embassy_stm32::pac::{DBGMCU, RCC, SYSCFG};
 use link::ResetCause;
 
-/// Returns the cause of the last reset and clears the reset flags (RM0390, RCC_CSR). A reset by the watchdog
-/// or by software also sets the flag of the reset pin, and power-on also sets that of the brown-out reset.
-/// The flags are therefore tested in this order.
+/// Returns the cause of the last reset and clears the reset flags (RM0390, RCC_CSR). A reset by the
+/// watchdog or by software also sets the flag of the reset pin, and power-on also sets that of the
+/// brown-out reset. The flags are therefore tested in this order.
 pub(crate) fn take_cause() -> ResetCause {
     let flags = RCC.csr().read();
     RCC.csr().modify(|flags| flags.set_rmvf(true));
@@ -24,11 +24,12 @@ pub(crate) fn take_cause() -> ResetCause {
     }
 }
 
-/// Maps the system memory, which contains the chip's boot loader, to address 0, as the loader expects
-/// (RM0390, SYSCFG_MEMRMP).
+/// Maps the system memory, which contains the chip's boot loader, to address 0, as the loader
+/// expects (RM0390, SYSCFG_MEMRMP).
 pub(crate) fn map_system_memory() {
     RCC.apb2enr().modify(|enable| enable.set_syscfgen(true));
-    // The clock of SYSCFG starts with a delay; a read of the clock enable register waits until it runs.
+    // The clock of SYSCFG starts with a delay; a read of the clock enable register waits until it
+    // runs.
     let _ = RCC.apb2enr().read();
     SYSCFG.memrm().modify(|map| map.set_mem_mode(0b001));
 }

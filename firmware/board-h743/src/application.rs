@@ -38,12 +38,13 @@ bind_interrupts!(struct UartIrqs {
 
 #[entry]
 fn main() -> ! {
-    // The boot loader comes first, because it needs the chip in the state in which the reset left it.
+    // The boot loader comes first, because it needs the chip in the state in which the reset left
+    // it.
     Loader::Stm32H743.run_if_requested(|| {});
     let clock = ClockSource::find(clocks::AFTER_RESET_HZ);
     let parts = Parts::new(init(clocks::config(clock)));
-    // Spawning a task twice is an error in the image. It panics, because no task runs yet that could
-    // report the error.
+    // Spawning a task twice is an error in the image. It panics, because no task runs yet that
+    // could report the error.
     start(parts, clock).expect("every task is spawned once");
     sleep()
 }

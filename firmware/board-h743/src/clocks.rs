@@ -14,7 +14,8 @@ use firmware::deadlines::priority;
 /// Frequency of the core after a reset, Hz: that of the internal oscillator HSI (RM0433, RCC).
 pub(crate) const AFTER_RESET_HZ: u32 = 64_000_000;
 
-/// Returns the configuration of the clocks. All clocks have the same frequencies with either source.
+/// Returns the configuration of the clocks. All clocks have the same frequencies with either
+/// source.
 pub(crate) fn config(source: ClockSource) -> Config {
     let mut config = Config::default();
     config.dma_interrupt_priority = nvic_priority(priority::DRDY);
@@ -30,11 +31,11 @@ pub(crate) fn config(source: ClockSource) -> Config {
         }
         ClockSource::Internal => (PllSource::HSI, PllPreDiv::DIV8),
     };
-    // The core's clock is 8 MHz * 120 / 2 = 480 MHz: the maximum of revision V, at the highest core voltage
-    // (DS12110, section 6.3.1). PLL1's 960 MHz / 20 = 48 MHz clocks USB and the random number generator, and
-    // is as accurate as the ST-LINK's crystal. HSI48, the alternative for USB, would have to be synchronised
-    // by CRS. But embassy-stm32 0.6.0 synchronises CRS to the start of frame of USB1, and PA11 and PA12
-    // belong to USB2 (RM0433, CRS_CFGR, SYNCSRC).
+    // The core's clock is 8 MHz * 120 / 2 = 480 MHz: the maximum of revision V, at the highest core
+    // voltage (DS12110, section 6.3.1). PLL1's 960 MHz / 20 = 48 MHz clocks USB and the random
+    // number generator, and is as accurate as the ST-LINK's crystal. HSI48, the alternative for
+    // USB, would have to be synchronised by CRS. But embassy-stm32 0.6.0 synchronises CRS to the
+    // start of frame of USB1, and PA11 and PA12 belong to USB2 (RM0433, CRS_CFGR, SYNCSRC).
     rcc.pll1 = Some(Pll {
         source,
         prediv,
@@ -54,8 +55,8 @@ pub(crate) fn config(source: ClockSource) -> Config {
     rcc.apb2_pre = APBPrescaler::DIV2;
     rcc.apb3_pre = APBPrescaler::DIV2;
     rcc.apb4_pre = APBPrescaler::DIV2;
-    // SPI's clock is 8 MHz * 64 / 20 = 25.6 MHz. For registers, SPI divides it by 256 to 100 kHz, and for
-    // bursts by 2 to 12.8 MHz, which is 136 us per sample.
+    // SPI's clock is 8 MHz * 64 / 20 = 25.6 MHz. For registers, SPI divides it by 256 to 100 kHz,
+    // and for bursts by 2 to 12.8 MHz, which is 136 us per sample.
     rcc.pll2 = Some(Pll {
         source,
         prediv,

@@ -1,7 +1,7 @@
 //! The application on a NUCLEO-H743ZI2: STM32H743ZI, Cortex-M7 at 480 MHz.
 //!
-//! **The image has not run on hardware yet.** On a PC the program prints the board's pins as rows for
-//! `docs/hardware.md`.
+//! **The image has not run on hardware yet.** On a PC the program prints the board's pins as rows
+//! for `docs/hardware.md`.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 #![deny(unsafe_code)]

@@ -17,26 +17,28 @@ pub(crate) struct DmaMemory {
     pub(crate) port: PortMemory,
 }
 
-/// Placed in SRAM1 (domain D2), because DMA1 cannot access the DTCM, which holds all other variables.
+/// Placed in SRAM1 (domain D2), because DMA1 cannot access the DTCM, which holds all other
+/// variables.
 #[unsafe(link_section = ".dma")]
 static DMA_MEMORY: GroundedCell<DmaMemory> = GroundedCell::uninit();
 
 /// Start address of SRAM1 (RM0433, section 2.3).
 const SRAM1: u32 = 0x3000_0000;
-/// Value of the MPU's attribute and size register (RASR) for SRAM1: an enabled region of 2^(16 + 1) bytes,
-/// normal memory, shared and not cached (TEX 001, C 0, B 0, S 1), readable and writable, never executed (ARM
-/// DDI 0403, B3.5.9).
+/// Value of the MPU's attribute and size register (RASR) for SRAM1: an enabled region of 2^(16 + 1)
+/// bytes, normal memory, shared and not cached (TEX 001, C 0, B 0, S 1), readable and writable,
+/// never executed (ARM DDI 0403, B3.5.9).
 const SRAM1_UNCACHED: u32 = 1 << 28 | 0b011 << 24 | 0b001 << 19 | 1 << 18 | 16 << 1 | 1;
-/// Value of the MPU's control register: enabled, with the architecture's default attributes for memory
-/// outside every region.
+/// Value of the MPU's control register: enabled, with the architecture's default attributes for
+/// memory outside every region.
 const ON_WITH_DEFAULTS: u32 = 0b101;
 
-/// Enables SRAM1 and the caches, and returns the DMA's buffers. The buffers are not cached, so that core and
-/// DMA always see the same data. Takes the core's peripherals by value, so that it can be called only once.
+/// Enables SRAM1 and the caches, and returns the DMA's buffers. The buffers are not cached, so that
+/// core and DMA always see the same data. Takes the core's peripherals by value, so that it can be
+/// called only once.
 pub(crate) fn init(mut core: Peripherals) -> &'static mut DmaMemory {
     RCC.ahb2enr().modify(|enable| enable.set_sram1en(true));
-    // The clock of SRAM1 starts with a delay; a read of the clock enable register waits until it runs
-    // (RM0433, RCC).
+    // The clock of SRAM1 starts with a delay; a read of the clock enable register waits until it
+    // runs (RM0433, RCC).
     let _ = RCC.ahb2enr().read();
     // SAFETY: no MPU region is in use, and the caches are still off.
     unsafe { core.MPU.ctrl.write(0) };
@@ -54,7 +56,8 @@ pub(crate) fn init(mut core: Peripherals) -> &'static mut DmaMemory {
     core.SCB.enable_dcache(&mut core.CPUID);
 
     let memory = DMA_MEMORY.get();
-    // SAFETY: `memory` points to SRAM1, whose clock runs now, and no reference to this memory exists yet.
+    // SAFETY: `memory` points to SRAM1, whose clock runs now, and no reference to this memory
+    // exists yet.
     unsafe {
         memory.write(DmaMemory {
             converters: [0; FRAME_BYTES],
@@ -62,7 +65,7 @@ pub(crate) fn init(mut core: Peripherals) -> &'static mut DmaMemory {
             port: PortMemory::EMPTY,
         });
     }
-    // SAFETY: `memory` is initialised above. This is the only reference to it, because `init` consumes
-    // `core`, of which only one value exists.
+    // SAFETY: `memory` is initialised above. This is the only reference to it, because `init`
+    // consumes `core`, of which only one value exists.
     unsafe { &mut *memory }
 }

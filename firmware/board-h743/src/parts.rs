@@ -1,5 +1,5 @@
-//! Pins of the board. The chip selects are on port E, because with them there all signals of the converter
-//! chain are on the board's pin headers.
+//! Pins of the board. The chip selects are on port E, because with them there all signals of the
+//! converter chain are on the board's pin headers.
 
 board_stm32::parts! {
     pins {

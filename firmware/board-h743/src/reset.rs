@@ -3,9 +3,9 @@
 use embassy_stm32::pac::{DBGMCU, RCC};
 use link::ResetCause;
 
-/// Returns the cause of the last reset and clears the reset flags (RM0433, RCC_RSR). A reset by the watchdog
-/// or by software also sets the flag of the reset pin, and power-on also sets that of the brown-out reset.
-/// The flags are therefore tested in this order.
+/// Returns the cause of the last reset and clears the reset flags (RM0433, RCC_RSR). A reset by the
+/// watchdog or by software also sets the flag of the reset pin, and power-on also sets that of the
+/// brown-out reset. The flags are therefore tested in this order.
 pub(crate) fn take_cause() -> ResetCause {
     let flags = RCC.rsr().read();
     RCC.rsr().modify(|flags| flags.set_rmvf(true));

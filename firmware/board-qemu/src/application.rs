@@ -15,20 +15,17 @@ use firmware::{
 use link::{ResetCause, Start, Streams};
 use pipeline::{Acquisition, Mains};
 
-use crate::{
-    arguments::Arguments,
-    commands, drdy,
-    failure::{self, Failure},
-    host_file::HostFile,
-    interrupts::{self, ACQUIRE, CONVERSE, ENCODE, Interrupt},
-    sample_source::{FILE_ENDED, SampleSource},
-    shared::SHARED,
-    time_driver, trigger,
-    uart::{self, Receiver, Transmitter},
-};
+use crate::arguments::Arguments;
+use crate::failure::{self, Failure};
+use crate::host_file::HostFile;
+use crate::interrupts::{self, ACQUIRE, CONVERSE, ENCODE, Interrupt, SHARED};
+use crate::sample_source::{FILE_ENDED, SampleSource};
+use crate::uart::{self, Receiver, Transmitter};
+use crate::{commands, drdy, time_driver, trigger};
 
-/// Delay between the end of the file of samples and the end of the emulation, for sending the last frames.
-/// Shorter than the watchdog's period, because the watchdog is not fed while there are no samples.
+/// Delay between the end of the file of samples and the end of the emulation, for sending the last
+/// frames. Shorter than the watchdog's period, because the watchdog is not fed while there are no
+/// samples.
 const DRAIN_TIMEOUT: Duration = Duration::from_millis(60);
 
 static MEMORY: Memory<BothEncoders> = Memory::new(BothEncoders::EMPTY);
@@ -80,7 +77,8 @@ async fn converse(
     firmware::converse(port, &mut session, start, memory, &SHARED, machine).await;
 }
 
-/// Prints the counts and ends the emulation, [`DRAIN_TIMEOUT`] after the end of the file of samples.
+/// Prints the counts and ends the emulation, [`DRAIN_TIMEOUT`] after the end of the file of
+/// samples.
 #[embassy_executor::task]
 async fn end() {
     while !FILE_ENDED.load(Relaxed) {
@@ -130,13 +128,14 @@ fn main() -> ! {
         debug::exit(debug::EXIT_FAILURE);
     }
     loop {
-        // QEMU halts the emulated core at WFI, but not at WFE, which embassy's thread executor would use.
+        // QEMU halts the emulated core at WFI, but not at WFE, which embassy's thread executor
+        // would use.
         cortex_m::asm::wfi();
     }
 }
 
-/// Starts peripherals and tasks. Not inlined into `main`, whose stack frame stays in use while the tasks run
-/// and should be small.
+/// Starts peripherals and tasks. Not inlined into `main`, whose stack frame stays in use while the
+/// tasks run and should be small.
 #[inline(never)]
 fn start() -> Result<(), SpawnError> {
     let arguments = Arguments::read();
@@ -187,8 +186,8 @@ fn start() -> Result<(), SpawnError> {
     Ok(())
 }
 
-/// Opens the file `name` on the PC if `argument` is among the emulator's arguments. Returns `None` otherwise,
-/// or if there is no such file.
+/// Opens the file `name` on the PC if `argument` is among the emulator's arguments. Returns `None`
+/// otherwise, or if there is no such file.
 fn open_if_requested(
     arguments: &Arguments,
     argument: &str,

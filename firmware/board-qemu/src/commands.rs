@@ -1,16 +1,16 @@
-//! Commands of a simulated host, read from a file and delivered at fixed device times. These times are the
-//! same in every emulation; those of bytes from a pipe would depend on the PC.
+//! Commands of a simulated host, read from a file and delivered at fixed device times. These times
+//! are the same in every emulation; those of bytes from a pipe would depend on the PC.
 
 use embassy_time::{Instant, Timer};
 
 use crate::{host_file::HostFile, uart};
 
-/// Name of the file of commands. For each command it holds a header of [`HEAD`] bytes, little endian,
-/// followed by the command's bytes.
+/// Name of the file of commands. For each command it holds a header of [`HEAD`] bytes, little
+/// endian, followed by the command's bytes.
 pub(crate) const COMMANDS: &core::ffi::CStr = c"commands.bin";
 
-/// Length of a header, bytes: device time in microseconds, 64 bits; number of the boot, from 1, 32 bits;
-/// length of the command in bytes, 32 bits.
+/// Length of a header, bytes: device time in microseconds, 64 bits; number of the boot, from 1, 32
+/// bits; length of the command in bytes, 32 bits.
 const HEAD: usize = 16;
 
 /// Largest number of bytes that are read from the file and passed to the UART together.

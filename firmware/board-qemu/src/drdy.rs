@@ -1,4 +1,5 @@
-//! DRDY of the simulated converter: timer 1 generates the edges, at exactly the model's sampling rate.
+//! DRDY of the simulated converter: timer 1 generates the edges, at exactly the model's sampling
+//! rate.
 
 use core::{cell::Cell, future::poll_fn, task::Poll};
 
@@ -28,14 +29,15 @@ static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// Returns the time of edge number `index`, in ticks: `index` sampling periods after `first`, rounded down.
+/// Returns the time of edge number `index`, in ticks: `index` sampling periods after `first`,
+/// rounded down.
 fn due(first: u64, index: u64) -> u64 {
     first + index * u64::from(CLOCK_HZ) / u64::from(ADC_RATE_HZ)
 }
 
-/// Starts the converter. Returns the time of its first edge in ticks: one sampling period from now, rounded
-/// up to a whole microsecond. Because of this rounding, the device times of all edges in two emulations
-/// differ only by one constant.
+/// Starts the converter. Returns the time of its first edge in ticks: one sampling period from now,
+/// rounded up to a whole microsecond. Because of this rounding, the device times of all edges in
+/// two emulations differ only by one constant.
 pub(crate) fn start() -> u64 {
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
@@ -62,8 +64,8 @@ pub(crate) fn on_edge() {
     WAKER.wake();
 }
 
-/// Sets timer 1 to expire once, at the next edge. A periodic timer cannot be used: under `-icount`, QEMU
-/// 7.2 runs it at half its rate.
+/// Sets timer 1 to expire once, at the next edge. A periodic timer cannot be used: under `-icount`,
+/// QEMU 7.2 runs it at half its rate.
 fn arm(edges: Edges) {
     let wait = due(edges.first, edges.count)
         .saturating_sub(ticks_since_boot())
@@ -78,8 +80,8 @@ fn arm(edges: Edges) {
 
 /// Newest edge of DRDY when [`next_edge`] returns.
 pub(crate) struct Edge {
-    /// Device time of the edge, microseconds since boot. Computed from the edge's number, so an interrupt
-    /// that runs late does not change it.
+    /// Device time of the edge, microseconds since boot. Computed from the edge's number, so an
+    /// interrupt that runs late does not change it.
     pub(crate) us: u64,
     /// Time of the edge on the free-running timer, ticks; wraps.
     pub(crate) ticks: u32,
@@ -87,8 +89,8 @@ pub(crate) struct Edge {
     pub(crate) missed: u64,
 }
 
-/// Waits until there is an edge that no earlier call has returned or counted as missed. Returns the newest
-/// edge.
+/// Waits until there is an edge that no earlier call has returned or counted as missed. Returns the
+/// newest edge.
 pub(crate) async fn next_edge() -> Edge {
     poll_fn(|context| {
         WAKER.register(context.waker());

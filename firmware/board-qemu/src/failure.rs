@@ -1,4 +1,5 @@
-//! Panics, faults and the watchdog: each failure leaves a record for the next boot and resets the board.
+//! Panics, faults and the watchdog: each failure leaves a record for the next boot and resets the
+//! board.
 #![expect(unsafe_code, reason = "exception handlers")]
 
 use core::panic::PanicInfo;
@@ -13,10 +14,11 @@ use crate::{
     time_driver::TICKS_PER_US,
 };
 
-/// Starts the watchdog. Its first expiry raises [`NonMaskableInt`], and the second one resets the board.
+/// Starts the watchdog. Its first expiry raises [`NonMaskableInt`], and the second one resets the
+/// board.
 pub(crate) fn start_watchdog() {
-    // The first expiry must come after the whole of the watchdog's period, not after half of it: if the
-    // watchdog starts between two progress checks, the first check may not feed it.
+    // The first expiry must come after the whole of the watchdog's period, not after half of it: if
+    // the watchdog starts between two progress checks, the first check may not feed it.
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
     WATCHDOG.write(watchdog::LOAD, us * TICKS_PER_US);
     WATCHDOG.write(watchdog::CONTROL, watchdog::INTERRUPT_THEN_RESET);

@@ -1,14 +1,17 @@
-//! Interrupt handlers, their priorities, and the vector table.
+//! Interrupt handlers, their priorities, the vector table, and the state that tasks and interrupts
+//! share.
 #![expect(unsafe_code, reason = "the vector table and its handlers")]
 
 use cortex_m::peripheral::NVIC;
 use embassy_executor::InterruptExecutor;
 use firmware::deadlines::priority;
+use firmware::{Clock, Shared};
 
-use crate::{drdy, shared::SHARED, time_driver, trigger, uart};
+use crate::registers::CLOCK_HZ;
+use crate::{drdy, time_driver, trigger, uart};
 
-/// Interrupts of the MPS2 that the image uses. No peripheral raises the last three here; they run the
-/// executors.
+/// Interrupts of the MPS2 that the image uses. No peripheral raises the last three here; they run
+/// the executors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u16)]
 pub(crate) enum Interrupt {
@@ -33,8 +36,8 @@ pub(crate) static ACQUIRE: InterruptExecutor = InterruptExecutor::new();
 pub(crate) static CONVERSE: InterruptExecutor = InterruptExecutor::new();
 pub(crate) static ENCODE: InterruptExecutor = InterruptExecutor::new();
 
-/// Sets the priorities and enables the interrupts. As on the NUCLEO boards, the upper 4 bits of a priority
-/// hold the level.
+/// Sets the priorities and enables the interrupts. As on the NUCLEO boards, the upper 4 bits of a
+/// priority hold the level.
 pub(crate) fn init(nvic: &mut NVIC) {
     for (interrupt, level) in [
         (Interrupt::Timer1, priority::DRDY),
@@ -56,7 +59,8 @@ pub(crate) fn init(nvic: &mut NVIC) {
         Interrupt::Uart0Receive,
         Interrupt::Uart0Transmit,
     ] {
-        // SAFETY: the vector table has a handler for the interrupt, and no critical section is open.
+        // SAFETY: the vector table has a handler for the interrupt, and no critical section is
+        // open.
         unsafe { NVIC::unmask(interrupt) };
     }
 }
@@ -102,8 +106,8 @@ unsafe extern "C" {
     fn DefaultHandler();
 }
 
-/// Interrupt vectors of the peripherals; cortex-m-rt's linker script places them after the core's exception
-/// vectors.
+/// Interrupt vectors of the peripherals; cortex-m-rt's linker script places them after the core's
+/// exception vectors.
 #[unsafe(link_section = ".vector_table.interrupts")]
 #[unsafe(no_mangle)]
 static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {
@@ -118,3 +122,9 @@ static __INTERRUPTS: [unsafe extern "C" fn(); 32] = {
     table[Interrupt::Converse as usize] = converse;
     table
 };
+
+/// Shared state of the tasks. The free-running timer measures the durations of the stages.
+pub(crate) static SHARED: Shared = Shared::new(Clock {
+    now: time_driver::ticks,
+    hz: CLOCK_HZ,
+});

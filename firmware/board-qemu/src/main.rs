@@ -1,9 +1,11 @@
-//! The application on an emulated microcontroller: QEMU's mps2-an386 (Cortex-M4F) or mps2-an500 (Cortex-M7).
+//! The application on an emulated microcontroller: QEMU's mps2-an386 (Cortex-M4F) or mps2-an500
+//! (Cortex-M7).
 //!
-//! The image itself simulates the converter. Everything else works as on a board: Thumb code, interrupts,
-//! three executors and a UART. The samples come from the file `sample_source::SAMPLES` in QEMU's working
-//! directory, and the emulation ends after the last sample of the file. Without the file, the samples are
-//! synthetic and endless. Under `-icount`, repeated emulations produce the same bytes.
+//! The image itself simulates the converter. Everything else works as on a board: Thumb code,
+//! interrupts, three executors and a UART. The samples come from the file `sample_source::SAMPLES`
+//! in QEMU's working directory, and the emulation ends after the last sample of the file. Without
+//! the file, the samples are synthetic and endless. Under `-icount`, repeated emulations produce
+//! the same bytes.
 //!
 //! Arguments:
 //!
@@ -34,8 +36,6 @@ mod commands;
 #[cfg(target_os = "none")]
 mod drdy;
 #[cfg(target_os = "none")]
-mod eeg;
-#[cfg(target_os = "none")]
 mod failure;
 #[cfg(target_os = "none")]
 mod host_file;
@@ -45,8 +45,6 @@ mod interrupts;
 mod registers;
 #[cfg(target_os = "none")]
 mod sample_source;
-#[cfg(target_os = "none")]
-mod shared;
 #[cfg(target_os = "none")]
 mod time_driver;
 #[cfg(target_os = "none")]

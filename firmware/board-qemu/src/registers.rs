@@ -1,8 +1,8 @@
 //! Registers of the emulated peripherals.
 #![expect(unsafe_code, reason = "registers have addresses")]
 
-/// Frequency of the clock of all peripherals, Hz (ARM DAI 0386 and 0400, application notes of the FPGA
-/// images).
+/// Frequency of the clock of all peripherals, Hz (ARM DAI 0386 and 0400, application notes of the
+/// FPGA images).
 pub(crate) const CLOCK_HZ: u32 = 25_000_000;
 
 /// Register block of a peripheral.
@@ -29,8 +29,8 @@ pub(crate) mod watchdog {
     pub(crate) const LOAD: usize = 0x0;
     pub(crate) const CONTROL: usize = 0x8;
     pub(crate) const CLEAR: usize = 0xc;
-    /// Value of the control register: the first expiry raises an interrupt (the core's NMI), and the second
-    /// one resets the board.
+    /// Value of the control register: the first expiry raises an interrupt (the core's NMI), and
+    /// the second one resets the board.
     pub(crate) const INTERRUPT_THEN_RESET: u32 = 0b11;
 }
 
@@ -72,15 +72,17 @@ pub(crate) mod uart {
 impl Registers {
     #[inline]
     pub(crate) fn read(self, offset: usize) -> u32 {
-        // SAFETY: `base` is the address of one of the peripherals above, and the callers pass the offsets
-        // above, at which these have one-word registers. Reading them has no effect outside the peripheral.
+        // SAFETY: `base` is the address of one of the peripherals above, and the callers pass the
+        // offsets above, at which these have one-word registers. Reading them has no effect outside
+        // the peripheral.
         unsafe { ((self.base + offset) as *const u32).read_volatile() }
     }
 
     #[inline]
     pub(crate) fn write(self, offset: usize, value: u32) {
-        // SAFETY: `base` is the address of one of the peripherals above, and the callers pass the offsets
-        // above, at which these have one-word registers. None of them makes its peripheral access memory.
+        // SAFETY: `base` is the address of one of the peripherals above, and the callers pass the
+        // offsets above, at which these have one-word registers. None of them makes its peripheral
+        // access memory.
         unsafe { ((self.base + offset) as *mut u32).write_volatile(value) }
     }
 }

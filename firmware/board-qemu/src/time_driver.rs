@@ -1,5 +1,5 @@
-//! Time driver for embassy-time: the first half of the dual timer is the clock, and timer 0 generates the
-//! alarms.
+//! Time driver for embassy-time: the first half of the dual timer is the clock, and timer 0
+//! generates the alarms.
 
 use core::{
     cell::{Cell, RefCell},
@@ -14,8 +14,8 @@ use crate::registers::{CLOCK_HZ, DUAL_TIMER, TIMER0, dual_timer, timer};
 
 /// Ticks of a timer per microsecond.
 pub(crate) const TICKS_PER_US: u32 = CLOCK_HZ / 1_000_000;
-/// Longest time between two alarms, microseconds. The free-running timer wraps every 171 s and must be read
-/// at least once between two wraps, or a wrap is not counted. Each alarm reads it.
+/// Longest time between two alarms, microseconds. The free-running timer wraps every 171 s and must
+/// be read at least once between two wraps, or a wrap is not counted. Each alarm reads it.
 const LONGEST_US: u64 = 40_000_000;
 
 struct Time {
@@ -83,8 +83,9 @@ impl embassy_time_driver::Driver for Time {
 }
 
 impl Time {
-    /// Sets timer 0 to expire at `next`, in microseconds since boot, but at the latest after [`LONGEST_US`].
-    /// If `next` has passed, wakes the tasks that are due and takes the next alarm of the queue.
+    /// Sets timer 0 to expire at `next`, in microseconds since boot, but at the latest after
+    /// [`LONGEST_US`]. If `next` has passed, wakes the tasks that are due and takes the next alarm
+    /// of the queue.
     fn arm(&self, _: CriticalSection<'_>, mut next: u64, queue: &mut Queue) {
         let now = loop {
             let now = self.now();

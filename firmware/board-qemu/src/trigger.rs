@@ -1,5 +1,5 @@
-//! Trigger input of the emulated board: the second half of the dual timer generates edges at times from a
-//! file.
+//! Trigger input of the emulated board: the second half of the dual timer generates edges at times
+//! from a file.
 
 use core::cell::RefCell;
 
@@ -12,8 +12,8 @@ use crate::{
     time_driver::{TICKS_PER_US, ticks_since_boot},
 };
 
-/// Name of the file of edges, which alternately rise and fall, beginning with a rise. It holds for each edge
-/// the microseconds after the converter's first DRDY edge, 64 bits, little endian.
+/// Name of the file of edges, which alternately rise and fall, beginning with a rise. It holds for
+/// each edge the microseconds after the converter's first DRDY edge, 64 bits, little endian.
 pub(crate) const EDGES: &core::ffi::CStr = c"trigger.u64";
 
 /// State of the trigger input until the last edge of the file.
@@ -40,8 +40,9 @@ pub(crate) fn start(file: HostFile, origin: u64) {
     });
 }
 
-/// Returns the edge that is due, and its device time in microseconds. The time is the one in the file, so an
-/// interrupt that runs late does not change it. Called when the second half of the dual timer expires.
+/// Returns the edge that is due, and its device time in microseconds. The time is the one in the
+/// file, so an interrupt that runs late does not change it. Called when the second half of the dual
+/// timer expires.
 pub(crate) fn take_edge() -> Option<(EventKind, u64)> {
     DUAL_TIMER_SECOND.write(dual_timer::CLEAR, 1);
     critical_section::with(|section| {
@@ -54,8 +55,8 @@ pub(crate) fn take_edge() -> Option<(EventKind, u64)> {
 }
 
 impl Trigger {
-    /// Reads the next edge of the file and sets the timer to expire at its time. Returns `None` at the end of
-    /// the file.
+    /// Reads the next edge of the file and sets the timer to expire at its time. Returns `None` at
+    /// the end of the file.
     fn armed(mut self) -> Option<Self> {
         let mut at_us = [0; 8];
         if !self.file.read(&mut at_us) {

@@ -1,33 +1,30 @@
-//! Start of the application: queues, executors, tasks.
+//! Start of the application: queues, executors, tasks, the encoders of the image and the shared
+//! state.
 
 use ads1299::SelfTest;
 use defmt::{info, warn};
 use defmt_rtt as _;
-use device::{Abilities, CHIPS, Encoders as _, Identity, Producer, Session, streams_with};
+use device::Encoders as _;
+use device::{Abilities, CHIPS, Identity, Producer, Session, streams_with};
 use embassy_executor::{SendSpawner, SpawnError};
-use embassy_stm32::{
-    Peri, interrupt, uid,
-    wdg::{self, IndependentWatchdog},
-};
+use embassy_stm32::wdg::{self, IndependentWatchdog};
+use embassy_stm32::{Peri, interrupt, uid};
+use embassy_time::{Instant, TICK_HZ};
+use firmware::failure::{previous_fault, stack};
 use firmware::{
-    FaultRecord, Frames, Machine, Memory, OutputReceiver, OutputSender, SampleReceiver,
-    SampleSender, deadlines,
-    failure::{previous_fault, stack},
+    Clock, FaultRecord, Frames, Machine, Memory, OutputReceiver, OutputSender, SampleReceiver,
+    SampleSender, Shared, deadlines,
 };
 use link::{ResetCause, Streams};
 use pipeline::{Acquisition, Mains};
 use static_cell::StaticCell;
 
-use crate::{
-    clock_source::ClockSource,
-    converter::{Adc, Wires},
-    encoders::ImageEncoders,
-    failure,
-    interrupts::{self, ACQUIRE, CONVERSE, ENCODE},
-    port::Port,
-    shared::SHARED,
-    trigger::Trigger,
-};
+use crate::clock_source::ClockSource;
+use crate::converter::{Adc, Wires};
+use crate::failure;
+use crate::interrupts::{self, ACQUIRE, CONVERSE, ENCODE};
+use crate::port::Port;
+use crate::trigger::Trigger;
 
 const _: () = assert!(
     !<ImageEncoders as device::Encoders>::STREAMS.is_empty(),
@@ -37,8 +34,8 @@ static MEMORY: Memory<ImageEncoders> = Memory::new(ImageEncoders::EMPTY);
 static TEST: StaticCell<SelfTest<CHIPS>> = StaticCell::new();
 static ADC: StaticCell<Adc> = StaticCell::new();
 
-/// What these boards offer to a host. Over the UART they refuse raw samples, which need 101 kB/s: the UART
-/// carries only 92 kB/s. Compressed raw samples take about half of that.
+/// What these boards offer to a host. Over the UART they refuse raw samples, which need 101 kB/s:
+/// the UART carries only 92 kB/s. Compressed raw samples take about half of that.
 const ABILITIES: Abilities = Abilities {
     streams: {
         let too_fast = if cfg!(feature = "uart") {
@@ -109,7 +106,8 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
             .map_or(board.reset_cause, FaultRecord::reset_cause),
         clock: board.clock,
     };
-    // After any other reset the converters' supply has been on for long enough, so they need no wait.
+    // After any other reset the converters' supply has been on for long enough, so they need no
+    // wait.
     let is_cold = matches!(
         board.reset_cause,
         ResetCause::PowerOn | ResetCause::BrownOut | ResetCause::NotKnown
@@ -128,8 +126,8 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
     Ok(conversation)
 }
 
-/// Initialises the converters' memory. Neither this function nor [`self_test`] is inlined, so that their
-/// large temporaries are no longer on the stack when the first task runs.
+/// Initialises the converters' memory. Neither this function nor [`self_test`] is inlined, so that
+/// their large temporaries are no longer on the stack when the first task runs.
 #[inline(never)]
 fn converters(wires: Wires) -> &'static mut Adc {
     let test = self_test();
@@ -141,8 +139,8 @@ fn self_test() -> &'static mut SelfTest<CHIPS> {
     TEST.init_with(SelfTest::new)
 }
 
-/// Feeds the watchdog while all tasks make progress. Starts the watchdog only when every task has made
-/// progress once, because bringing up the converters takes longer than the watchdog's period.
+/// Feeds the watchdog while all tasks make progress. Starts the watchdog only when every task has
+/// made progress once, because bringing up the converters takes longer than the watchdog's period.
 pub async fn feed_watchdog(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
     let us = u32::try_from(deadlines::WATCHDOG.as_micros()).unwrap_or(u32::MAX);
     let mut watchdog = IndependentWatchdog::new(watchdog, us);
@@ -154,7 +152,8 @@ pub async fn feed_watchdog(watchdog: Peri<'static, impl wdg::Instance>) -> ! {
     .await
 }
 
-/// Halts the core between interrupts. `main` ends in this loop, because all tasks run in interrupts.
+/// Halts the core between interrupts. `main` ends in this loop, because all tasks run in
+/// interrupts.
 pub fn sleep() -> ! {
     loop {
         cortex_m::asm::wfi();
@@ -208,4 +207,33 @@ async fn converse(
         restart: failure::restart,
     };
     port.converse(&mut session, memory, machine).await;
+}
+
+/// Network and packed code.
+#[cfg(all(feature = "network", feature = "packed"))]
+pub(crate) type ImageEncoders = device::BothEncoders;
+
+/// The network alone.
+#[cfg(all(feature = "network", not(feature = "packed")))]
+pub(crate) type ImageEncoders = pipeline::EncoderMemory;
+
+/// The packed code alone.
+#[cfg(all(feature = "packed", not(feature = "network")))]
+pub(crate) type ImageEncoders = pipeline::PackedMemory;
+
+#[cfg(not(any(feature = "network", feature = "packed")))]
+compile_error!("an image without encoders: select the feature `network`, `packed` or both");
+
+/// Shared state of the tasks. The device's clock measures the durations of the stages, because the
+/// core's cycle counter stops while the core sleeps.
+pub(crate) static SHARED: Shared = Shared::new(Clock {
+    now: ticks,
+    #[expect(clippy::cast_possible_truncation, reason = "1 MHz")]
+    hz: TICK_HZ as u32,
+});
+
+/// Returns the lower 32 bits of the device's clock, ticks of 1 us; wraps.
+#[expect(clippy::cast_possible_truncation, reason = "it wraps")]
+fn ticks() -> u32 {
+    Instant::now().as_ticks() as u32
 }

@@ -1,32 +1,37 @@
-//! SPI of the converters with DMA, through a buffer that the DMA can access.
+//! SPI bus and delays for the driver of the converters.
 
 use ads1299::{Speed, TooFast};
-use embassy_stm32::{
-    mode::Async,
-    spi::{Config, Error, MODE_1, Spi, mode::Master},
-    time::Hertz,
-};
+use embassy_stm32::mode::Async;
+use embassy_stm32::spi::mode::Master;
+use embassy_stm32::spi::{Config, Error, MODE_1, Spi};
+use embassy_stm32::time::Hertz;
+use embassy_time::{Duration, Timer, block_for};
+use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::spi::{ErrorType, SpiBus};
 
 /// Bytes per sample of the whole chain, status words included.
 pub const FRAME_BYTES: usize = ads1299::frame_bytes(device::CHIPS);
 
-/// Fastest SCLK of an ADS1299, Hz (data sheet SBAS499C, section 7.6: a period of 50 ns with DVDD from 2.7 V).
+/// Fastest SCLK of an ADS1299, Hz (data sheet SBAS499C, section 7.6: a period of 50 ns with DVDD
+/// from 2.7 V).
 const FASTEST_HZ: u32 = 20_000_000;
 
-/// Fastest SCLK at which registers can be read through the series resistors at DOUT, Hz (decision 0011).
+/// Fastest SCLK at which registers can be read through the series resistors at DOUT, Hz (decision
+/// 0011).
 const FASTEST_REGISTERS_HZ: u32 = 105_000;
 
 /// SPI bus of the converters, which copies every transfer through a buffer for the DMA.
 pub struct Bus {
     spi: Spi<'static, Async, Master>,
     config: Config,
-    /// Memory that the DMA reads and writes. A caller's buffer can be in memory that the DMA cannot access.
+    /// Memory that the DMA reads and writes. A caller's buffer can be in memory that the DMA cannot
+    /// access.
     buffer: &'static mut [u8; FRAME_BYTES],
 }
 
 impl Bus {
-    /// Returns the configuration with which a board creates its [`Spi`]: mode 1, SCLK for register transfers.
+    /// Returns the configuration with which a board creates its [`Spi`]: mode 1, SCLK for register
+    /// transfers.
     pub fn config() -> Config {
         let mut config = Config::default();
         config.mode = MODE_1;
@@ -34,8 +39,8 @@ impl Bus {
         config
     }
 
-    /// Wraps an SPI that was created with [`Self::config`]; `buffer` must be in memory that the SPI's DMA can
-    /// access.
+    /// Wraps an SPI that was created with [`Self::config`]; `buffer` must be in memory that the
+    /// SPI's DMA can access.
     pub fn new(spi: Spi<'static, Async, Master>, buffer: &'static mut [u8; FRAME_BYTES]) -> Self {
         Self {
             spi,
@@ -46,8 +51,8 @@ impl Bus {
 }
 
 impl ads1299::Bus for Bus {
-    /// Selects the divider whose SCLK is nearest to the limit for this kind of transfer. Fails if that SCLK
-    /// is faster than the limit.
+    /// Selects the divider whose SCLK is nearest to the limit for this kind of transfer. Fails if
+    /// that SCLK is faster than the limit.
     fn set_speed(&mut self, speed: Speed) -> Result<(), TooFast> {
         let fastest_hz = match speed {
             Speed::Registers => FASTEST_REGISTERS_HZ,
@@ -102,7 +107,31 @@ impl SpiBus for Bus {
     }
 
     async fn flush(&mut self) -> Result<(), Error> {
-        // A transfer completes only when its last bit has been received, so nothing is left to flush.
+        // A transfer completes only when its last bit has been received, so nothing is left to
+        // flush.
         Ok(())
+    }
+}
+
+/// Longest delay during which the core is kept busy, microseconds. Setting an alarm takes about as
+/// long.
+const SHORT_US: u32 = 10;
+
+/// Delays that are at least as long as requested.
+pub(crate) struct Delay;
+
+impl DelayNs for Delay {
+    async fn delay_ns(&mut self, ns: u32) {
+        self.delay_us(ns.div_ceil(1_000)).await;
+    }
+
+    async fn delay_us(&mut self, us: u32) {
+        // Add one microsecond, because part of the current microsecond has already passed.
+        let wait = Duration::from_micros(u64::from(us) + 1);
+        if us <= SHORT_US {
+            block_for(wait);
+        } else {
+            Timer::after(wait).await;
+        }
     }
 }

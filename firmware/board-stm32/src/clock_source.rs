@@ -12,14 +12,14 @@ pub enum ClockSource {
     Internal,
 }
 
-/// Longest wait for the ST-LINK's clock, ms. The clock starts with the ST-LINK's own firmware, whose start-up
-/// time is not specified. Only a board without this clock waits for the whole time.
+/// Longest wait for the ST-LINK's clock, ms. The clock starts with the ST-LINK's own firmware,
+/// whose start-up time is not specified. Only a board without this clock waits for the whole time.
 const TIMEOUT_MS: u32 = 500;
 
 impl ClockSource {
-    /// Returns the ST-LINK's clock if it starts within 500 ms, and the internal oscillator otherwise;
-    /// `core_hz` is the core's clock after a reset. Replaces embassy's own wait, which has no limit and takes
-    /// place before the watchdog runs.
+    /// Returns the ST-LINK's clock if it starts within 500 ms, and the internal oscillator
+    /// otherwise; `core_hz` is the core's clock after a reset. Replaces embassy's own wait, which
+    /// has no limit and takes place before the watchdog runs.
     #[cfg(target_os = "none")]
     pub fn find(core_hz: u32) -> Self {
         // HSEBYP can be set only while HSE is off (RM0433 and RM0390, RCC_CR).
@@ -46,7 +46,8 @@ impl ClockSource {
     }
 }
 
-/// Calls `pause` up to `pauses` times, until `is_ready` is true. Returns whether `is_ready` became true.
+/// Calls `pause` up to `pauses` times, until `is_ready` is true. Returns whether `is_ready` became
+/// true.
 fn poll_until(pauses: u32, mut is_ready: impl FnMut() -> bool, mut pause: impl FnMut()) -> bool {
     for _ in 0..pauses {
         if is_ready() {
@@ -63,8 +64,8 @@ mod tests {
 
     use super::*;
 
-    /// Waits for a clock that becomes ready after `until_ready` ms. Returns the milliseconds waited, and
-    /// whether the clock was found.
+    /// Waits for a clock that becomes ready after `until_ready` ms. Returns the milliseconds
+    /// waited, and whether the clock was found.
     fn waited(until_ready: u32) -> (u32, bool) {
         let waited = Cell::new(0);
         let is_ready = || waited.get() >= until_ready;

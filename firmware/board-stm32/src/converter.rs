@@ -14,12 +14,9 @@ use embassy_stm32::{
 use firmware::{Conversion, Converter, deadlines};
 use pipeline::Sample;
 
-use crate::{
-    bus::{Bus, FRAME_BYTES},
-    delay::Delay,
-    drdy::{DrdyEdges, FallingEdges},
-    trigger,
-};
+use crate::bus::{Bus, Delay, FRAME_BYTES};
+use crate::drdy::DrdyEdges;
+use crate::trigger;
 
 /// Pins and SPI that connect the microcontroller to the converters.
 pub struct Wires {
@@ -36,8 +33,8 @@ type WiredChain = Chain<Bus, Output<'static>, Delay, CHIPS>;
 impl Wires {
     /// Configures the pins so that the chain is at rest: deselected, stopped and not in reset.
     ///
-    /// A chain with fewer chips than the board has chip selects uses the first ones. All chips share SPI,
-    /// START and RESET. Only chip 0's DRDY is connected, to one of EXTI's lines 5 to 9.
+    /// A chain with fewer chips than the board has chip selects uses the first ones. All chips
+    /// share SPI, START and RESET. Only chip 0's DRDY is connected, to one of EXTI's lines 5 to 9.
     /// The first chip select belongs to chip 0, whose DOUT drives MISO directly.
     pub fn new<DrdyPin: Pin + ExtiPin>(
         bus: Bus,
@@ -78,13 +75,14 @@ fn chain_selects(selects: [Peri<'static, AnyPin>; link::MAX_CHIPS]) -> [Output<'
     })
 }
 
-/// Returns the DRDY input. Before every wait for an edge, it refills the budget of the trigger's interrupt.
+/// Returns the DRDY input. Before every wait for an edge, it refills the budget of the trigger's
+/// interrupt.
 fn drdy_edges() -> impl Drdy {
     DrdyEdges(trigger::refill_budget)
 }
 
-/// Chain of converters: running, or retried after a failed start. Kept in a static, because a task that owned
-/// it by value would copy it through the task's stack.
+/// Chain of converters: running, or retried after a failed start. Kept in a static, because a task
+/// that owned it by value would copy it through the task's stack.
 pub(crate) struct Adc {
     chain: RetryingSampler<Bus, Output<'static>, Delay, CHIPS, FRAME_BYTES>,
     drdy: ExtiInput<'static, Blocking>,
@@ -106,8 +104,8 @@ impl Adc {
         }
     }
 
-    /// Sets up the chain and starts it. With `is_cold`, first waits as long as the converters need after
-    /// power-on. If this fails, the error is logged, and every sample is flagged.
+    /// Sets up the chain and starts it. With `is_cold`, first waits as long as the converters need
+    /// after power-on. If this fails, the error is logged, and every sample is flagged.
     pub(crate) async fn start(&mut self, is_cold: bool) {
         self.drdy.enable_interrupt();
         self.chain.start(is_cold, &mut drdy_edges()).await;
@@ -123,7 +121,8 @@ impl Adc {
         }
     }
 
-    /// Copies the counts of the latest sample to `sample`, and returns the sample's time and status.
+    /// Copies the counts of the latest sample to `sample`, and returns the sample's time and
+    /// status.
     fn conversion(
         &self,
         reading: &Reading<CHIPS>,
@@ -138,8 +137,8 @@ impl Adc {
             drdy_us: edge.us,
             #[expect(clippy::cast_possible_truncation, reason = "ticks wrap")]
             drdy_ticks: edge.us as u32,
-            // Use the larger count: an edge that occurred while no task waited for it also leaves a gap in
-            // the readings, and the sum would count it twice.
+            // Use the larger count: an edge that occurred while no task waited for it also leaves a
+            // gap in the readings, and the sum would count it twice.
             missed: edge.missed.max(reading.missed),
             status_bad: !reading.is_sound(),
             lead_off: reading.lead_off(),
@@ -168,10 +167,9 @@ impl Converter for &mut Adc {
 
     /// Also resets and sets up a chain whose start has failed, without waiting for the next retry.
     async fn self_test(&mut self, alive: impl FnMut()) {
-        let edges = FallingEdges::new(trigger::refill_budget);
         self.chain
             .sampler_mut()
-            .self_test(self.test, &mut &edges, || edges.last_us.get(), alive)
+            .self_test(self.test, &mut drdy_edges(), alive)
             .await;
         let failure = self.test.report().not_restored;
         self.chain.restarted(failure, &mut drdy_edges());

@@ -6,12 +6,11 @@ use ads1299::{Drdy, DrdyEdge};
 use critical_section::{CriticalSection, Mutex};
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::{Instant, Timer, with_deadline};
-use embedded_hal::digital::{self, ErrorKind, ErrorType};
-use embedded_hal_async::digital::Wait;
 
 use crate::exti;
 
-/// Bit mask of EXTI lines 5 to 9, which share the interrupt `EXTI9_5`. Only DRDY's line is unmasked.
+/// Bit mask of EXTI lines 5 to 9, which share the interrupt `EXTI9_5`. Only DRDY's line is
+/// unmasked.
 const LINES: u32 = 0b11_1110_0000;
 
 #[derive(Clone, Copy)]
@@ -31,11 +30,12 @@ static EDGES: Mutex<Cell<Edges>> = Mutex::new(Cell::new(Edges {
 }));
 static WAKER: AtomicWaker = AtomicWaker::new();
 
-/// Handles a falling edge of DRDY; called by DRDY's interrupt, the most urgent one after the time driver's.
+/// Handles a falling edge of DRDY; called by DRDY's interrupt, the most urgent one after the time
+/// driver's.
 ///
 /// # Timing
-/// The time stamp is late by the interrupt's latency, by the rest of a critical section if one is active,
-/// and by the time driver's interrupt, some 100 instructions.
+/// The time stamp is late by the interrupt's latency, by the rest of a critical section if one is
+/// active, and by the time driver's interrupt, some 100 instructions.
 pub(crate) fn on_edge() {
     let us = Instant::now().as_micros();
     exti::clear_pending(LINES);
@@ -62,7 +62,8 @@ fn take_edges(section: CriticalSection<'_>) -> Edges {
     before
 }
 
-/// Calls `before_wait`, then waits until there is an edge that was not taken yet. Returns the newest edge.
+/// Calls `before_wait`, then waits until there is an edge that was not taken yet. Returns the
+/// newest edge.
 async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     before_wait();
     poll_fn(|context| {
@@ -79,7 +80,7 @@ async fn next_edge(before_wait: &impl Fn()) -> DrdyEdge {
     .await
 }
 
-/// DRDY for sampling, with its edges in device time. The function in the field is called before every wait.
+/// DRDY with its edges in device time. The function in the field is called before every wait.
 pub(crate) struct DrdyEdges<F>(pub(crate) F);
 
 impl<F: Fn()> Drdy for DrdyEdges<F> {
@@ -99,62 +100,5 @@ impl<F: Fn()> Drdy for DrdyEdges<F> {
 
     fn forget(&mut self) {
         critical_section::with(take_edges);
-    }
-}
-
-/// DRDY as an input pin, for the self-test: waits for falling edges and keeps the time of the last edge.
-#[derive(Debug)]
-pub(crate) struct FallingEdges<F> {
-    /// Device time of the edge that ended the last wait, microseconds since boot.
-    pub(crate) last_us: Cell<u64>,
-    before_wait: F,
-}
-
-impl<F: Fn()> FallingEdges<F> {
-    /// Creates an input that calls `before_wait` before every wait for an edge.
-    pub(crate) const fn new(before_wait: F) -> Self {
-        Self {
-            last_us: Cell::new(0),
-            before_wait,
-        }
-    }
-}
-
-/// Error: the wait is not for a falling edge, and DRDY's interrupt reacts only to falling edges.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct UnsupportedEdge;
-
-impl digital::Error for UnsupportedEdge {
-    fn kind(&self) -> ErrorKind {
-        ErrorKind::Other
-    }
-}
-
-impl<F> ErrorType for &FallingEdges<F> {
-    type Error = UnsupportedEdge;
-}
-
-impl<F: Fn()> Wait for &FallingEdges<F> {
-    /// Ignores edges that occurred before the call.
-    async fn wait_for_falling_edge(&mut self) -> Result<(), UnsupportedEdge> {
-        critical_section::with(take_edges);
-        self.last_us.set(next_edge(&self.before_wait).await.us);
-        Ok(())
-    }
-
-    async fn wait_for_high(&mut self) -> Result<(), UnsupportedEdge> {
-        Err(UnsupportedEdge)
-    }
-
-    async fn wait_for_low(&mut self) -> Result<(), UnsupportedEdge> {
-        Err(UnsupportedEdge)
-    }
-
-    async fn wait_for_rising_edge(&mut self) -> Result<(), UnsupportedEdge> {
-        Err(UnsupportedEdge)
-    }
-
-    async fn wait_for_any_edge(&mut self) -> Result<(), UnsupportedEdge> {
-        Err(UnsupportedEdge)
     }
 }

@@ -14,8 +14,8 @@ use firmware::{
 };
 use link::ResetInto;
 
-/// Bits of CFSR that report that the core could not push the registers at an exception: MSTKERR, MLSPERR,
-/// STKERR and LSPERR (ARM DDI 0403, B3.2.15).
+/// Bits of CFSR that report that the core could not push the registers at an exception: MSTKERR,
+/// MLSPERR, STKERR and LSPERR (ARM DDI 0403, B3.2.15).
 const STACKING_FAILED: u32 = 1 << 4 | 1 << 5 | 1 << 12 | 1 << 13;
 
 fn fail(record: FaultRecord) -> ! {
@@ -33,9 +33,9 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     fail(FaultRecord::from_failure(info))
 }
 
-/// Handles a hard fault. If the stack pointer is outside the stack or has less than 2 KiB left, first sets
-/// it back to the start of the stack: a further fault in the handler would lock up the core. By the stack
-/// frames in an image, the handler needs about 1 KiB.
+/// Handles a hard fault. If the stack pointer is outside the stack or has less than 2 KiB left,
+/// first sets it back to the start of the stack: a further fault in the handler would lock up the
+/// core. By the stack frames in an image, the handler needs about 1 KiB.
 #[unsafe(export_name = "HardFault")]
 #[unsafe(naked)]
 unsafe extern "C" fn hard_fault() -> ! {
@@ -56,12 +56,12 @@ unsafe extern "C" fn hard_fault() -> ! {
     )
 }
 
-/// Records a hard fault. `stacked` is the address at which the core has pushed its registers: r0 to r3, r12,
-/// lr, pc, xpsr. An address outside the stack is not read: there may be no memory, and a fault in this
-/// handler locks up the core.
+/// Records a hard fault. `stacked` is the address at which the core has pushed its registers: r0 to
+/// r3, r12, lr, pc, xpsr. An address outside the stack is not read: there may be no memory, and a
+/// fault in this handler locks up the core.
 unsafe extern "C" fn record(stacked: *const [u32; 8]) -> ! {
-    // SAFETY: `SCB::PTR` is the address of the core's own registers, which always exist. Reading them has no
-    // side effect.
+    // SAFETY: `SCB::PTR` is the address of the core's own registers, which always exist. Reading
+    // them has no side effect.
     let scb = unsafe { &*SCB::PTR };
     let cfsr = scb.cfsr.read();
     if cfsr & STACKING_FAILED != 0 {
@@ -74,8 +74,9 @@ unsafe extern "C" fn record(stacked: *const [u32; 8]) -> ! {
             "hard fault, stack pointer {stacked:p} outside the stack (CFSR {cfsr:#010x})"
         )))
     }
-    // SAFETY: `stacked` points to aligned words within the stack, as checked above, which the core has just
-    // written. This handler's stack frames are below these words, or at the other end of the stack.
+    // SAFETY: `stacked` points to aligned words within the stack, as checked above, which the core
+    // has just written. This handler's stack frames are below these words, or at the other end of
+    // the stack.
     let [.., lr, pc, _] = unsafe { stacked.read_volatile() };
     fail(FaultRecord::from_failure(format_args!(
         "hard fault at {pc:#010x}, called from {lr:#010x} (CFSR {cfsr:#010x})"

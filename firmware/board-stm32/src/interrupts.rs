@@ -1,4 +1,5 @@
-//! Interrupt handlers, their priorities, and the executors, which run in interrupts of unused peripherals.
+//! Interrupt handlers, their priorities, and the executors, which run in interrupts of unused
+//! peripherals.
 #![expect(unsafe_code, reason = "an executor is run by its own interrupt alone")]
 
 use embassy_executor::InterruptExecutor;
@@ -16,8 +17,8 @@ pub fn nvic_priority(level: u8) -> Priority {
     Priority::from(level << 4)
 }
 
-/// Sets the priorities and enables DRDY's interrupt. A board itself sets the priorities of peripherals that
-/// only this board uses.
+/// Sets the priorities and enables DRDY's interrupt. A board itself sets the priorities of
+/// peripherals that only this board uses.
 pub(crate) fn init() {
     interrupt::EXTI9_5.set_priority(nvic_priority(priority::DRDY));
     interrupt::EXTI15_10.set_priority(nvic_priority(priority::TRIGGER));

@@ -7,9 +7,9 @@
 //! panic, hard fault --> [failure] --record--> reset --> [application] --> Hello
 //! ```
 //!
-//! The crate of a board defines pins, clocks and memory, and passes them to `start_tasks` as a `Board`. For
-//! the microcontroller this crate compiles only as part of a board, which selects the chip. On a PC it
-//! contains the table of pins and the logic that needs no chip.
+//! The crate of a board defines pins, clocks and memory, and passes them to `start_tasks` as a
+//! `Board`. For the microcontroller this crate compiles only as part of a board, which selects the
+//! chip. On a PC it contains the table of pins and the logic that needs no chip.
 //!
 //! # Example
 //! A board's test compares its pins with the documentation:
@@ -40,11 +40,7 @@ mod clock_source;
 #[cfg(target_os = "none")]
 mod converter;
 #[cfg(target_os = "none")]
-mod delay;
-#[cfg(target_os = "none")]
 mod drdy;
-#[cfg(target_os = "none")]
-mod encoders;
 #[cfg(target_os = "none")]
 mod exti;
 #[cfg(target_os = "none")]
@@ -56,8 +52,6 @@ mod loader;
 pub mod parts;
 #[cfg(any(test, target_os = "none"))]
 mod port;
-#[cfg(target_os = "none")]
-mod shared;
 #[cfg(target_os = "none")]
 mod trigger;
 #[cfg(any(test, target_os = "none"))]

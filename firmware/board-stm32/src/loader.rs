@@ -22,23 +22,23 @@ impl Loader {
         }
     }
 
-    /// If the host requested the boot loader before the last reset, calls `prepare` and runs the boot loader,
-    /// without returning; otherwise does nothing. `main` calls this function first, because the boot loader
-    /// expects the chip in the state after a reset.
+    /// If the host requested the boot loader before the last reset, calls `prepare` and runs the
+    /// boot loader, without returning; otherwise does nothing. `main` calls this function first,
+    /// because the boot loader expects the chip in the state after a reset.
     pub fn run_if_requested(self, prepare: impl FnOnce()) {
         if !take_bootloader_request() {
             return;
         }
         prepare();
         let vectors = self.vectors();
-        // SAFETY: `SCB::PTR` is the address of the core's own registers, which no other code of this program
-        // uses yet.
+        // SAFETY: `SCB::PTR` is the address of the core's own registers, which no other code of
+        // this program uses yet.
         let scb = unsafe { &*SCB::PTR };
         // SAFETY: no interrupt is enabled, and none of this program's vectors is used any more.
         unsafe { scb.vtor.write(vectors) };
         asm::dsb();
-        // SAFETY: at `vectors`, the factory has programmed the loader's initial stack pointer and entry
-        // point. This program ends here, and none of its peripherals is in use.
+        // SAFETY: at `vectors`, the factory has programmed the loader's initial stack pointer and
+        // entry point. This program ends here, and none of its peripherals is in use.
         unsafe { asm::bootload(vectors as *const u32) }
     }
 }

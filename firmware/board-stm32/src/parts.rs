@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-/// Pin of the microcontroller. [`Display`](fmt::Display) writes the pin's row in `docs/hardware.md`.
+/// Pin of the microcontroller. [`Display`](fmt::Display) writes the pin's row in
+/// `docs/hardware.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pin {
     /// Signal that the pin carries.
@@ -23,7 +24,8 @@ impl fmt::Display for Pin {
     }
 }
 
-/// Returns whether the first table after `heading` in a Markdown text lists exactly `pins`, in their order.
+/// Returns whether the first table after `heading` in a Markdown text lists exactly `pins`, in
+/// their order.
 pub fn are_documented(pins: &[Pin], text: &str, heading: &str) -> bool {
     let Some((_, section)) = text.split_once(heading) else {
         return false;
@@ -44,8 +46,9 @@ fn is_row(pin: Pin, row: &str) -> bool {
         && cells.next().is_none()
 }
 
-/// Declares the pins and peripherals of a board: `PINS`, which a test compares with the documentation, and on
-/// the microcontroller `Parts`, a struct that owns the same pins and the peripherals.
+/// Declares the pins and peripherals of a board: `PINS`, which a test compares with the
+/// documentation, and on the microcontroller `Parts`, a struct that owns the same pins and the
+/// peripherals.
 #[macro_export]
 macro_rules! parts {
     (

@@ -1,11 +1,11 @@
 //! Trigger input: its edges are stamped by the timer that counts the device time.
 //!
-//! The time driver counts microseconds with TIM2, in periods of 2^16, and uses the timer's channels 1 and 2.
-//! Channel 3 captures the counter at rising and falling edges (RM0433 and RM0390, TIM2, input capture mode).
-//! A stamp is therefore the device time of the edge, to the microsecond, even if the interrupt runs late. The
-//! driver does not use channel 3, except that it clears the channel's flag, which nothing reads. TIM5 could
-//! replace TIM2, but on the NUCLEO-F446RE the ST-LINK's UART occupies the pins of TIM5's spare channels 3 and
-//! 4.
+//! The time driver counts microseconds with TIM2, in periods of 2^16, and uses the timer's channels
+//! 1 and 2. Channel 3 captures the counter at rising and falling edges (RM0433 and RM0390, TIM2,
+//! input capture mode). A stamp is therefore the device time of the edge, to the microsecond, even
+//! if the interrupt runs late. The driver does not use channel 3, except that it clears the
+//! channel's flag, which nothing reads. TIM5 could replace TIM2, but on the NUCLEO-F446RE the
+//! ST-LINK's UART occupies the pins of TIM5's spare channels 3 and 4.
 
 use core::cell::RefCell;
 
@@ -26,7 +26,9 @@ use embassy_time::Instant;
 use firmware::deadlines;
 use link::EventKind;
 
-use crate::{exti, shared::SHARED, trigger_line::TriggerLine};
+use crate::application::SHARED;
+use crate::exti;
+use crate::trigger_line::TriggerLine;
 
 /// Pin of the trigger input. It is pulled down, so an open input is low.
 pub struct Trigger {
@@ -52,8 +54,8 @@ impl Trigger {
             ExtiInput::new_blocking(self.pin, self.line, Pull::Down, TriggerEdge::Any);
         // Dropping `input` would release the pin.
         core::mem::forget(input);
-        // A pin in alternate-function mode still passes its level to EXTI (RM0433, GPIO, external interrupt
-        // lines).
+        // A pin in alternate-function mode still passes its level to EXTI (RM0433, GPIO, external
+        // interrupt lines).
         GPIOB
             .afr(PIN / 8)
             .modify(|pins| pins.set_afr(PIN % 8, FUNCTION));
@@ -76,8 +78,8 @@ impl Trigger {
     }
 }
 
-/// Allows the trigger's interrupt to run [`deadlines::TRIGGER_EDGES`] times before the next call. The DRDY
-/// input calls this before every wait for an edge.
+/// Allows the trigger's interrupt to run [`deadlines::TRIGGER_EDGES`] times before the next call.
+/// The DRDY input calls this before every wait for an edge.
 pub(crate) fn refill_budget() {
     let was_exhausted = critical_section::with(|section| {
         let mut line = LINE.borrow_ref_mut(section);
@@ -88,16 +90,18 @@ pub(crate) fn refill_budget() {
     }
 }
 
-/// Handles an edge; called by the trigger's interrupt. When the budget is exhausted, disables this interrupt.
+/// Handles an edge; called by the trigger's interrupt. When the budget is exhausted, disables this
+/// interrupt.
 ///
-/// The timer continues to capture edges, and after the next [`refill_budget`] the interrupt handles the
-/// latest one. If no samples are read for a time, this edge's time can be wrong by multiples of 65.536 ms; no
-/// run is active then.
+/// The timer continues to capture edges, and after the next [`refill_budget`] the interrupt handles
+/// the latest one. If no samples are read for a time, this edge's time can be wrong by multiples of
+/// 65.536 ms; no run is active then.
 pub(crate) fn on_edge() {
     exti::clear_pending(1 << PIN);
     let edge = critical_section::with(|section| {
         let mut line = LINE.borrow_ref_mut(section);
-        // Read the level before the stamp: an edge after the level was read raises the interrupt again.
+        // Read the level before the stamp: an edge after the level was read raises the interrupt
+        // again.
         let (is_high, stamp) = (is_high(), stamp());
         let edge = line.observe(is_high, stamp, Instant::now().as_micros());
         if line.budget_exhausted() {

@@ -1,5 +1,5 @@
-//! Edges of the trigger input, reconstructed from the level and the captured time that the trigger's
-//! interrupt reads.
+//! Edges of the trigger input, reconstructed from the level and the captured time that the
+//! trigger's interrupt reads.
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Edge {
@@ -10,7 +10,8 @@ pub(crate) struct Edge {
     pub(crate) lost: u32,
 }
 
-/// Level and stamp of the trigger input when its interrupt last ran, and the budget of its interrupt.
+/// Level and stamp of the trigger input when its interrupt last ran, and the budget of its
+/// interrupt.
 #[derive(Debug)]
 pub(crate) struct TriggerLine {
     is_high: bool,
@@ -46,11 +47,11 @@ impl TriggerLine {
         self.budget == 0
     }
 
-    /// Returns the new edge that a level and a stamp show, or `None` if both are unchanged. `stamp` is that
-    /// of the latest edge, which must be less than 32 ms before or after `now_us`.
+    /// Returns the new edge that a level and a stamp show, or `None` if both are unchanged. `stamp`
+    /// is that of the latest edge, which must be less than 32 ms before or after `now_us`.
     ///
-    /// Rising and falling edges alternate, so a new stamp with an unchanged level means that the edge in
-    /// between was lost.
+    /// Rising and falling edges alternate, so a new stamp with an unchanged level means that the
+    /// edge in between was lost.
     pub(crate) fn observe(&mut self, is_high: bool, stamp: u16, now_us: u64) -> Option<Edge> {
         // An observation without a new edge counts too, because the interrupt has run for it.
         self.budget = self.budget.saturating_sub(1);

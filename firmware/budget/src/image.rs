@@ -14,7 +14,8 @@ use object::{
 pub(crate) struct Segment {
     /// Address of the segment while the program runs.
     pub(crate) address: u64,
-    /// Address in flash. It differs from `address` for variables, which the start-up code copies to RAM.
+    /// Address in flash. It differs from `address` for variables, which the start-up code copies to
+    /// RAM.
     pub(crate) load_address: u64,
     /// Number of bytes in flash.
     pub(crate) file_size: u64,
@@ -74,13 +75,13 @@ mod tests {
 
     use super::*;
 
-    /// Builds an ELF file for the machine number `machine` (40 is ARM): a header, one program header and 256
-    /// bytes.
+    /// Builds an ELF file for the machine number `machine` (40 is ARM): a header, one program
+    /// header and 256 bytes.
     fn elf(machine: u8) -> Vec<u8> {
         let mut image = vec![0; 52];
         image[..7].copy_from_slice(b"\x7fELF\x01\x01\x01");
-        // Fields of the header: the machine, then offset, size and number of the program headers (System V
-        // ABI, chapter 4).
+        // Fields of the header: the machine, then offset, size and number of the program headers
+        // (System V ABI, chapter 4).
         for (at, byte) in [(18, machine), (28, 52), (42, 32), (44, 1)] {
             image[at] = byte;
         }

@@ -3,19 +3,20 @@
 use crate::image::Image;
 use crate::memory_map::Region;
 
-/// Symbols at the start and end of the zeroed, the initialised and the uninitialised variables (cortex-m-rt,
-/// link.x.in).
+/// Symbols at the start and end of the zeroed, the initialised and the uninitialised variables
+/// (cortex-m-rt, link.x.in).
 const RANGES: [(&str, &str); 3] = [
     ("__sbss", "__ebss"),
     ("__sdata", "__edata"),
     ("__suninit", "__euninit"),
 ];
 
-/// Section with the DMA's buffers, and the region that must hold it on a board whose DMA cannot reach all
-/// RAM.
+/// Section with the DMA's buffers, and the region that must hold it on a board whose DMA cannot
+/// reach all RAM.
 const DMA: (&str, &str) = (".dma", "SRAM1");
 
-/// Returns one sentence for each symbol or section that is missing or is not where `regions` requires it.
+/// Returns one sentence for each symbol or section that is missing or is not where `regions`
+/// requires it.
 pub(crate) fn faults(image: &Image, regions: &[Region]) -> Vec<String> {
     let place = |wanted: &str| regions.iter().find(|region| region.name == wanted);
     let mut faults = Vec::new();
@@ -114,7 +115,8 @@ mod tests {
     #[test]
     fn a_section_or_symbol_in_the_wrong_place_is_named() {
         for (name, address, fault) in [
-            // As if .dma were linked into .bss: the start-up code would zero everything up to `__ebss`.
+            // As if .dma were linked into .bss: the start-up code would zero everything up to
+            // `__ebss`.
             ("__ebss", 0x5020, "__ebss 0x00005020 is not in RAM"),
             ("__ebss", 0x3000, "__sbss 0x00003008"),
             ("__edata", 0x3041, "__edata"),

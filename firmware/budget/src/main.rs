@@ -1,5 +1,5 @@
-//! `cargo xtask budget`: how much flash and RAM the boards' images take, how much is left, and whether
-//! variables are where the memory maps place them.
+//! `cargo xtask budget`: how much flash and RAM the boards' images take, how much is left, and
+//! whether variables are where the memory maps place them.
 //!
 //! ```text
 //! NAME.elf ── Image ──┬─ layout::faults (all images of a board) ───┬─ table or JSON, exit status
@@ -31,8 +31,8 @@ struct Board {
     regions: Vec<Row>,
 }
 
-/// Figures of a memory region, bytes. Where no limit is set, the image must take no memory, and only `length`
-/// is stated.
+/// Figures of a memory region, bytes. Where no limit is set, the image must take no memory, and
+/// only `length` is stated.
 #[derive(Debug, Serialize)]
 struct Row {
     region: String,
@@ -82,8 +82,8 @@ fn main() -> ExitCode {
     ExitCode::FAILURE
 }
 
-/// Prints the figures of every board's first image, and returns one sentence for each fault of any image in
-/// `folder`.
+/// Prints the figures of every board's first image, and returns one sentence for each fault of any
+/// image in `folder`.
 fn budget(folder: &Path, options: Options) -> Result<Vec<String>, String> {
     let (mut boards, mut faults) = (Vec::new(), Vec::new());
     let wanted = |limits: &&Limits| limits.is_default || !options.default_images;
@@ -132,8 +132,8 @@ fn read(path: &Path) -> Result<Vec<u8>, String> {
     fs::read(path).map_err(|error| format!("reading {} failed: {error}\n  {NEXT}", path.display()))
 }
 
-/// Returns the figures of all regions for an image with these segments, and one sentence for each exceeded
-/// limit.
+/// Returns the figures of all regions for an image with these segments, and one sentence for each
+/// exceeded limit.
 fn measure(limits: &Limits, segments: &[Segment], regions: &[Region]) -> (Vec<Row>, Vec<String>) {
     let (mut rows, mut faults) = (Vec::new(), Vec::new());
     for region in regions {
@@ -166,8 +166,8 @@ fn measure(limits: &Limits, segments: &[Segment], regions: &[Region]) -> (Vec<Ro
     (rows, faults)
 }
 
-/// Returns the number of bytes from a region's start to the end of the last segment in the region. A segment
-/// counts both where it is flashed and where it is while the program runs.
+/// Returns the number of bytes from a region's start to the end of the last segment in the region.
+/// A segment counts both where it is flashed and where it is while the program runs.
 fn used(region: &Region, segments: &[Segment]) -> u64 {
     let flashed = segments.iter().map(|one| (one.load_address, one.file_size));
     let running = segments.iter().map(|one| (one.address, one.memory_size));
@@ -206,8 +206,8 @@ mod tests {
         stack: 100,
     };
 
-    /// Measures an image with `code` bytes of instructions and `variables` bytes of variables. In flash, the
-    /// 16 bytes of initial values follow the instructions after a gap of 4 bytes.
+    /// Measures an image with `code` bytes of instructions and `variables` bytes of variables. In
+    /// flash, the 16 bytes of initial values follow the instructions after a gap of 4 bytes.
     fn measured(code: u64, variables: u64, map: &str) -> (Vec<Row>, String) {
         let code = Segment {
             address: 0x1000,

@@ -15,8 +15,8 @@ impl Region {
     }
 }
 
-/// Parses the regions of a linker script, one per line, such as `NAME : ORIGIN = 0x20000000, LENGTH = 32K`.
-/// Leaves out a line of any other form; the budget then reports the region as missing.
+/// Parses the regions of a linker script, one per line, such as `NAME : ORIGIN = 0x20000000, LENGTH
+/// = 32K`. Leaves out a line of any other form; the budget then reports the region as missing.
 pub(crate) fn regions(script: &str) -> Vec<Region> {
     script.lines().filter_map(region).collect()
 }

@@ -30,6 +30,17 @@ struct Counted<'c> {
     self_test_result: Option<SelfTest>,
 }
 
+impl<'c> Counted<'c> {
+    const fn new(left: &'c Cell<u32>) -> Self {
+        Self {
+            left,
+            delivered: 0,
+            missed: 0,
+            self_test_result: None,
+        }
+    }
+}
+
 impl Converter for Counted<'_> {
     async fn next(&mut self, sample: &mut Sample) -> Conversion {
         poll_fn(|_| match self.left.get() {
@@ -74,9 +85,9 @@ fn start(number: u32) -> Order {
     })
 }
 
-/// Runs an acquisition task through `acts`: each act is an optional order, followed by a number of samples.
-/// Returns for each act the samples that it queued, as (number of the run that the sample starts, index,
-/// overrun mark).
+/// Runs an acquisition task through `acts`: each act is an optional order, followed by a number of
+/// samples. Returns for each act the samples that it queued, as (number of the run that the sample
+/// starts, index, overrun mark).
 fn handed_over(
     shared: &Shared,
     converter: Counted<'_>,
@@ -112,12 +123,7 @@ fn handed_over(
 fn samples_are_queued_from_start_to_stop_and_each_run_counts_from_0() {
     let left = Cell::new(0);
     let shared = shared();
-    let converter = Counted {
-        left: &left,
-        delivered: 0,
-        missed: 0,
-        self_test_result: None,
-    };
+    let converter = Counted::new(&left);
     let acts = [
         (None, 2),
         (Some(start(1)), 2),
@@ -143,12 +149,7 @@ fn samples_are_queued_from_start_to_stop_and_each_run_counts_from_0() {
 fn samples_that_find_the_queue_full_are_counted_and_marked_and_the_start_of_a_run_is_kept() {
     let left = Cell::new(0);
     let shared = shared();
-    let converter = Counted {
-        left: &left,
-        delivered: 0,
-        missed: 0,
-        self_test_result: None,
-    };
+    let converter = Counted::new(&left);
     // Run 1 fills the queue and loses 2 samples; run 2 then loses its first 2 samples.
     let acts = [(start(1), DEPTH + 2), (start(2), 2)];
     let (sender, mut receiver) = queue();
@@ -183,10 +184,8 @@ fn samples_that_the_converter_missed_are_counted_during_a_run() {
     let left = Cell::new(0);
     let shared = shared();
     let converter = Counted {
-        left: &left,
-        delivered: 0,
         missed: 2,
-        self_test_result: None,
+        ..Counted::new(&left)
     };
     let found = handed_over(shared, converter, &left, &[(None, 5), (Some(start(1)), 1)]);
     assert_eq!(found[1], [(Some(1), 0, true)]);
@@ -199,10 +198,8 @@ fn a_self_test_ends_the_run_and_one_without_a_result_reports_a_fault() {
         let left = Cell::new(0);
         let shared = shared();
         let converter = Counted {
-            left: &left,
-            delivered: 0,
-            missed: 0,
             self_test_result: result.clone(),
+            ..Counted::new(&left)
         };
         let acts = [(Some(start(1)), 1), (Some(Order::SelfTest), 2)];
         let found = handed_over(shared, converter, &left, &acts);

@@ -6,7 +6,7 @@ use core::{
     pin::pin,
     task::{Context, Poll, Waker},
 };
-use std::{boxed::Box, collections::VecDeque, rc::Rc, vec, vec::Vec};
+use std::{boxed::Box, collections::VecDeque, rc::Rc, vec::Vec};
 
 use device::{Abilities, FrameRing, Identity, Sender};
 use embassy_sync::zerocopy_channel::Channel;
@@ -16,7 +16,7 @@ use pipeline::Mains;
 
 use super::*;
 use crate::{
-    queues::{OutputSender, RawMutex},
+    queues::{BulkSlot, OutputSender, OutputSlot, output_queue},
     timing::Clock,
 };
 
@@ -57,10 +57,12 @@ impl Write for Host {
 }
 
 fn queue() -> (OutputSender, OutputReceiver) {
-    let slots = Box::leak(vec![OutputSlot::default(); 2].into_boxed_slice());
-    let channel: &mut Channel<'static, RawMutex, OutputSlot> =
-        Box::leak(Box::new(Channel::new(slots)));
-    channel.split()
+    let slots = Box::leak(Box::new([OutputSlot::EMPTY; 2]));
+    let bulk = Box::leak(Box::new([BulkSlot::empty()]));
+    output_queue(
+        Box::leak(Box::new(Channel::new(slots))),
+        Box::leak(Box::new(Channel::new(bulk))),
+    )
 }
 
 #[test]

@@ -135,7 +135,7 @@ impl EncoderDevice {
         };
         let counts = self.counts();
         let (session, sender) = (&mut self.session, &mut self.sender);
-        let mut emit = |output: Output| {
+        let mut emit = |output: Output<'_>| {
             if let Payload::Code(_, marks) = &output.payload
                 && marks.overrun
             {

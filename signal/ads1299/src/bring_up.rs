@@ -8,25 +8,23 @@ use embedded_hal_async::delay::DelayNs;
 use crate::bus::Bus;
 use crate::chain::{Chain, number};
 use crate::command::REFERENCE_US;
-use crate::configured::Configured;
 use crate::error::Error;
-use crate::frame::MAX_CHIPS;
 use crate::image::ReadBack;
-use crate::register::{ID, ID_MASK, Register};
+use crate::register::Register;
 use crate::settings::Settings;
 
 /// Progress of a bring-up, and the registers that it has read back.
 ///
-/// One stage clocks at most [`STAGE_BYTES`], which takes 1.1 ms at an SCLK of 82 kHz, decoding times
-/// included. So a device with a sample every 1.9 ms can run a stage between two samples. Between stages
-/// the caller waits for the time that [`Chain::run_stage`] returns.
+/// One stage clocks at most [`STAGE_BYTES`], which takes 1.1 ms at an SCLK of 82 kHz, decoding
+/// times included. So a device with a sample every 1.9 ms can run a stage between two samples.
+/// Between stages the caller waits for the time that [`Chain::run_stage`] returns.
 #[derive(Clone, Debug)]
 pub(crate) struct BringUp<const CHIPS: usize> {
     next: Stage,
     power_us: u32,
     reference_was_on: bool,
-    /// Registers read back from each chip, compared with the values written; complete after the last
-    /// stage.
+    /// Registers read back from each chip, compared with the values written; complete after the
+    /// last stage.
     pub(crate) read_backs: [ReadBack; CHIPS],
 }
 
@@ -75,15 +73,16 @@ enum Stage {
     Stop,
     /// Write CONFIG3 of the chip with this index, which switches the chip's reference on.
     Reference(usize),
-    /// Write one range of registers. The index counts the ranges of all chips: `PARTS * chip + range`.
+    /// Write one range of registers. The index counts the ranges of all chips: `PARTS * chip +
+    /// range`.
     Registers(usize),
     ReadBack(usize),
     Done,
 }
 
 impl<const CHIPS: usize> BringUp<CHIPS> {
-    /// Creates a bring-up for chips whose supplies have just come on: the chips are reset `power_us`
-    /// microseconds after the first stage.
+    /// Creates a bring-up for chips whose supplies have just come on: the chips are reset
+    /// `power_us` microseconds after the first stage.
     pub(crate) const fn from_power(power_us: u32) -> Self {
         Self {
             next: Stage::Power,
@@ -102,37 +101,6 @@ impl<const CHIPS: usize> BringUp<CHIPS> {
 }
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
-    /// Brings the chain up in the order of the data sheet (figure 67, times of section 11.1): START low
-    /// and chips deselected, wait 2^18 tCLK, reset, wait 18 tCLK, SDATAC, check the IDs, switch the
-    /// references on and wait 150 ms, write all other registers, read all registers back. The call lasts
-    /// 0.33 s for eight chips. If VCAP1 needs more than 175 ms to reach 1.1 V, wait before the call.
-    ///
-    /// # Errors
-    /// The first chip with a wrong ID, the first register that did not keep its value, or a bus or pin
-    /// that failed. The call can be repeated after any of these errors.
-    pub async fn power_up(
-        &mut self,
-        settings: &Settings<CHIPS>,
-    ) -> Result<Configured<'_, Spi, Line, Delay, CHIPS>, Error> {
-        const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
-        self.reset(&mut || ()).await?;
-        for chip in 0..CHIPS {
-            let read = self.read_id(chip).await?;
-            if read & ID_MASK != ID & ID_MASK {
-                let chip = number(chip);
-                return Err(Error::WrongId { chip, read });
-            }
-        }
-        self.configure(settings).await?;
-        Ok(Configured::new(self, settings))
-    }
-
-    /// Stops the chips, writes every register and verifies it.
-    pub(crate) async fn configure(&mut self, settings: &Settings<CHIPS>) -> Result<(), Error> {
-        let read_backs = self.set_up(settings, &mut || ()).await?;
-        check(&read_backs, settings)
-    }
-
     /// Stops the chips, writes every register and returns the values read back; calls `progress` at
     /// least every 20 ms.
     pub(crate) async fn set_up(
@@ -145,8 +113,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok(bring_up.read_backs)
     }
 
-    /// Runs the next stage. Returns the delay before the following stage in microseconds, or `None` after
-    /// the last one.
+    /// Runs the next stage. Returns the delay before the following stage in microseconds, or `None`
+    /// after the last one.
     pub(crate) async fn run_stage(
         &mut self,
         settings: &Settings<CHIPS>,
@@ -192,8 +160,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
                 let (chip, run) = (part / PARTS, READ[part % PARTS].clone());
                 let read_back = &mut bring_up.read_backs[chip];
                 self.read_part(chip, &mut read_back.read, run).await?;
-                // Only the comparison after a chip's last range is complete; it overwrites the earlier
-                // ones.
+                // Only the comparison after a chip's last range is complete; it overwrites the
+                // earlier ones.
                 *read_back = ReadBack::new(&settings.image(chip), read_back.read);
                 if part + 1 < PARTS * CHIPS {
                     Stage::ReadBack(part + 1)
@@ -206,7 +174,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         Ok((bring_up.next != Stage::Done).then_some(wait_us))
     }
 
-    /// Runs all remaining stages with the delays between them; calls `progress` at least every 20 ms.
+    /// Runs all remaining stages with the delays between them; calls `progress` at least every 20
+    /// ms.
     pub(crate) async fn finish(
         &mut self,
         settings: &Settings<CHIPS>,

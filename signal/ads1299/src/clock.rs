@@ -6,7 +6,8 @@ const SLOWEST_HZ: u32 = 1_501_502;
 /// Fastest permitted clock in Hz: 1 / 444 ns (data sheet section 7.6).
 const FASTEST_HZ: u32 = 2_252_252;
 
-/// Master clock, shared by the chips. All times of the chips are multiples of the clock's period, tCLK.
+/// Master clock, shared by the chips. All times of the chips are multiples of the clock's period,
+/// tCLK.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
     hz: u32,
@@ -26,8 +27,8 @@ impl Clock {
         internal: false,
     };
 
-    /// Internal oscillator of chip 0, 2.048 MHz. Chip 0 has CLKSEL high and drives the other chips from
-    /// its CLK pin; they have CLKSEL low (data sheet section 9.3.2.2).
+    /// Internal oscillator of chip 0, 2.048 MHz. Chip 0 has CLKSEL high and drives the other chips
+    /// from its CLK pin; they have CLKSEL low (data sheet section 9.3.2.2).
     pub const INTERNAL: Self = Self {
         hz: 2_048_000,
         internal: true,
@@ -45,9 +46,9 @@ impl Clock {
         })
     }
 
-    /// Slowest clock that the data sheet permits. The driver computes its delays for this clock, so they
-    /// are long enough for any permitted clock. A chain with another clock than the configured one
-    /// therefore answers, and [`ReadyMeter`](crate::ready::ReadyMeter) reports the wrong rate.
+    /// Slowest clock that the data sheet permits. The driver computes its delays for this clock, so
+    /// they are long enough for any permitted clock. A chain with another clock than the configured
+    /// one therefore answers, and [`ReadyMeter`](crate::ready::ReadyMeter) reports the wrong rate.
     pub(crate) const SLOWEST: Self = Self {
         hz: SLOWEST_HZ,
         internal: false,
@@ -63,10 +64,10 @@ impl Clock {
         self.internal
     }
 
-    /// Returns the accepted deviation of the measured sample rate from the configured one, in ppm. For
-    /// the internal oscillator that is an assumed accuracy of 2.5 % over temperature, which was not
-    /// compared with the data sheet (section 7.5). A quartz is within 100 ppm; the other 900 ppm allow
-    /// for the clock that stamps the edges of DRDY.
+    /// Returns the accepted deviation of the measured sample rate from the configured one, in ppm.
+    /// For the internal oscillator that is an assumed accuracy of 2.5 % over temperature, which was
+    /// not compared with the data sheet (section 7.5). A quartz is within 100 ppm; the other 900
+    /// ppm allow for the clock that stamps the edges of DRDY.
     pub const fn tolerance_ppm(self) -> u32 {
         if self.internal { 25_000 } else { 1_000 }
     }
@@ -76,7 +77,8 @@ impl Clock {
         (cycles as u64 * 1_000_000_000).div_ceil(self.hz as u64)
     }
 
-    /// Returns the duration of `cycles` in microseconds, rounded up; `cycles <= 2^22`, so below 2.8 s.
+    /// Returns the duration of `cycles` in microseconds, rounded up; `cycles <= 2^22`, so below 2.8
+    /// s.
     #[expect(clippy::cast_possible_truncation, reason = "less than 2.8e6")]
     pub const fn microseconds(self, cycles: u32) -> u32 {
         self.nanoseconds(cycles).div_ceil(1000) as u32

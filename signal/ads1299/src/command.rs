@@ -29,15 +29,15 @@ pub(crate) const DECODE: u32 = 4;
 /// tCSH).
 pub(crate) const DESELECTED: u32 = 2;
 
-/// Clock cycles from power-up to the reset (data sheet section 11.1, tPOR). By then, VCAP1 must also
-/// have reached 1.1 V.
+/// Clock cycles from power-up to the reset (data sheet section 11.1, tPOR). By then, VCAP1 must
+/// also have reached 1.1 V.
 pub(crate) const POWER_ON: u32 = 1 << 18;
 
 /// [`POWER_ON`] at the slowest clock, in microseconds: 175 ms.
 pub(crate) const POWER_ON_US: u32 = Clock::SLOWEST.microseconds(POWER_ON);
 
-/// Delay from power-up to the reset on boards that do not measure VCAP1, in microseconds. The data sheet
-/// states no charging time for VCAP1's capacitor; its power-up flow waits 1 s (figure 67).
+/// Delay from power-up to the reset on boards that do not measure VCAP1, in microseconds. The data
+/// sheet states no charging time for VCAP1's capacitor; its power-up flow waits 1 s (figure 67).
 pub(crate) const COLD_US: u32 = 1_000_000;
 
 const _: () = assert!(POWER_ON_US < COLD_US);

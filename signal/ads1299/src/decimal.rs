@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-/// Formats the number `.0` with `.1` decimal places, rounded. Uses integer formatting only, because the
-/// standard library's float formatting takes 15 KB of a microcontroller's flash.
+/// Formats the number `.0` with `.1` decimal places, rounded. Uses integer formatting only, because
+/// the standard library's float formatting takes 15 KB of a microcontroller's flash.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Decimal(pub(crate) f32, pub(crate) u32);
 

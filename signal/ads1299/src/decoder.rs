@@ -1,27 +1,24 @@
 //! Decoder of frames: from bytes to counts.
 
-use crate::alignment::Alignment;
-use crate::frame::CHANNELS;
-use crate::frame::CHIP_BYTES;
-use crate::frame::MAX_CHIPS;
-use crate::frame::frame_bytes;
-use crate::status_word::NIBBLE;
-use crate::status_word::{ChipFault, StatusWord};
+use crate::reading::{ChipFault, NIBBLE, StatusWord};
 
-/// Number of consecutive frames that must fit the other alignment before the decoder switches to it.
+/// Number of consecutive frames that must fit the other alignment before the decoder switches to
+/// it.
 const CHANGE_OVER: u8 = 4;
 
-/// Number of repeated counts at which a chip is reported as frozen, summed over its channels and over
-/// consecutive frames in which its data repeat. Channels at a rail or at 0 (the value of a channel that
-/// is off) are not counted.
+/// Number of repeated counts at which a chip is reported as frozen, summed over its channels and
+/// over consecutive frames in which its data repeat. Channels at a rail or at 0 (the value of a
+/// channel that is off) are not counted.
 ///
-/// The noise of a shorted channel is 9.4 counts rms at gain 24 and 512 Hz (`typical_noise_uv`). So two
-/// consecutive counts are equal by chance with probability `1 / (9.4 sqrt(2) sqrt(2 pi))`, 3 %. In a
-/// chain of eight chips, all eight channels of some chip repeat by chance once in twelve years.
+/// The noise of a shorted channel is 9.4 counts rms at gain 24 and 512 Hz (`typical_noise_uv`). So
+/// two consecutive counts are equal by chance with probability `1 / (9.4 sqrt(2) sqrt(2 pi))`, 3 %.
+/// In a chain of eight chips, all eight channels of some chip repeat by chance once in twelve
+/// years.
 ///
-/// A threshold of five detects the last chip of a 61-electrode cap, which has three spare channels, at
-/// its first repetition. A chip with noise on five channels and a rail on three is reported by mistake
-/// once a day, for one frame. EEG and mains change the counts by hundreds from sample to sample.
+/// A threshold of five detects the last chip of a 61-electrode cap, which has three spare channels,
+/// at its first repetition. A chip with noise on five channels and a rail on three is reported by
+/// mistake once a day, for one frame. EEG and mains change the counts by hundreds from sample to
+/// sample.
 const FROZEN: u8 = 5;
 
 /// Number of bytes that contain a chip's part of the frame in either alignment.
@@ -29,11 +26,11 @@ const SPAN: usize = CHIP_BYTES + 1;
 
 /// Decodes a stream of frames: finds the chips' alignment and checks each chip.
 ///
-/// The first frame with a valid chip after chip 0 decides the [`Alignment`]: the one in which more chips
-/// have a status that starts with 1100. Chip 1 alone is sufficient: read with the wrong alignment, its
-/// first four bits are 100x or x110. In later frames a chip whose status does not start with 1100 is
-/// only counted as bad. The alignment changes only after four consecutive frames in which every chip
-/// fits the other alignment, which no fault of a single chip can cause.
+/// The first frame with a valid chip after chip 0 decides the [`Alignment`]: the one in which more
+/// chips have a status that starts with 1100. Chip 1 alone is sufficient: read with the wrong
+/// alignment, its first four bits are 100x or x110. In later frames a chip whose status does not
+/// start with 1100 is only counted as bad. The alignment changes only after four consecutive frames
+/// in which every chip fits the other alignment, which no fault of a single chip can cause.
 #[derive(Clone, Debug)]
 pub struct Decoder<const CHIPS: usize> {
     /// Alignment of the stream; `None` until a frame has a valid chip after chip 0.
@@ -42,8 +39,8 @@ pub struct Decoder<const CHIPS: usize> {
     against: u8,
     /// Parts of the previous frame, to detect [`ChipFault::Repeated`].
     last: [Part; CHIPS],
-    /// Repeated counts of each chip, as [`FROZEN`] defines them; at most 13: `FROZEN` and eight channels
-    /// more.
+    /// Repeated counts of each chip, as [`FROZEN`] defines them; at most 13: `FROZEN` and eight
+    /// channels more.
     repeats: [u8; CHIPS],
     counters: Counters<CHIPS>,
 }
@@ -100,8 +97,9 @@ impl<const CHIPS: usize> FrameStatus<CHIPS> {
         word.fault().or(repeated.then_some(ChipFault::Repeated))
     }
 
-    /// Returns the faulty chips with their faults, chip 0 first. A dead or shifted chip also corrupts
-    /// the data of the chips that send through it, so the first chip returned is the cause.
+    /// Returns the faulty chips with their faults, chip 0 first. A dead or shifted chip also
+    /// corrupts the data of the chips that send through it, so the first chip returned is the
+    /// cause.
     pub fn faults(&self) -> impl Iterator<Item = (usize, ChipFault)> + '_ {
         (0..CHIPS).filter_map(|chip| Some((chip, self.fault(chip)?)))
     }
@@ -114,7 +112,8 @@ impl<const CHIPS: usize> Default for Decoder<CHIPS> {
 }
 
 impl<const CHIPS: usize> Decoder<CHIPS> {
-    /// Creates a decoder without an alignment. The number of chips, 1 to 8, is checked at compile time.
+    /// Creates a decoder without an alignment. The number of chips, 1 to 8, is checked at compile
+    /// time.
     pub const fn new() -> Self {
         const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
         Self {
@@ -141,15 +140,16 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
         self.alignment
     }
 
-    /// Decodes a frame into `counts` by chip and channel, sign-extended from 24 bits, |count| <= 2^23.
+    /// Decodes a frame into `counts` by chip and channel, sign-extended from 24 bits, |count| <=
+    /// 2^23.
     ///
     /// `BYTES` is [`frame_bytes`] for the number of chips, checked at compile time. For a bad chip,
     /// `counts` receives the bits at the chip's position in the frame, whatever they are.
     ///
     /// # Timing
-    /// This is the hot path: no allocation, no panic, no division. For eight chips it extracts 14 status
-    /// words to check the alignment, and 72 words of 24 bits. The only branch on data is the choice of
-    /// the alignment, which a locked stream always takes the same way.
+    /// This is the hot path: no allocation, no panic, no division. For eight chips it extracts 14
+    /// status words to check the alignment, and 72 words of 24 bits. The only branch on data is the
+    /// choice of the alignment, which a locked stream always takes the same way.
     #[inline]
     pub fn decode<const BYTES: usize>(
         &mut self,
@@ -188,8 +188,8 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
         status
     }
 
-    /// Returns the alignment for this frame. Locks or switches the alignment of the stream by the rule
-    /// stated at [`Decoder`].
+    /// Returns the alignment for this frame. Locks or switches the alignment of the stream by the
+    /// rule stated at [`Decoder`].
     #[inline]
     fn align<const BYTES: usize>(&mut self, frame: &[u8; BYTES]) -> Alignment {
         let mut fits = [0_u32; 2];
@@ -236,7 +236,8 @@ struct Part {
 }
 
 impl Part {
-    /// Initial value of the previous frame. No chip sends it, because a status word has only 24 bits.
+    /// Initial value of the previous frame. No chip sends it, because a status word has only 24
+    /// bits.
     const NEVER_SENT: Self = Self {
         word: StatusWord(u32::MAX),
         counts: [0; CHANNELS],
@@ -275,8 +276,9 @@ fn status_word(span: &[u8; SPAN], shift: u32) -> StatusWord {
     StatusWord(word(span, 0, shift).cast_unsigned() & 0xFF_FFFF)
 }
 
-/// Extracts the n-th group of 24 bits of a chip, sign-extended; `n <= 8`; `shift` is the start bit in
-/// the first byte, at most 7. Every caller's `n` is known at compile time, so no bounds check remains.
+/// Extracts the n-th group of 24 bits of a chip, sign-extended; `n <= 8`; `shift` is the start bit
+/// in the first byte, at most 7. Every caller's `n` is known at compile time, so no bounds check
+/// remains.
 #[inline]
 fn word(span: &[u8; SPAN], n: usize, shift: u32) -> i32 {
     // Four bytes hold the 24 bits for any start bit in the first byte.
@@ -287,4 +289,49 @@ fn word(span: &[u8; SPAN], n: usize, shift: u32) -> i32 {
         span[3 * n + 3],
     ];
     (u32::from_be_bytes(bytes) << shift).cast_signed() >> 8
+}
+
+/// Spacing of the chips' parts in a frame. The data sheet draws a don't-care bit between two chips
+/// of a daisy chain (revision A, figure 41); other sources report 27 bytes per chip without such a
+/// bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alignment {
+    /// Without a don't-care bit: chip k starts at bit 216 k.
+    Packed = 0,
+    /// With a don't-care bit between two chips: chip k starts at bit 217 k.
+    Spaced = 1,
+}
+
+impl Alignment {
+    /// Returns the bit offset of the part of chip `chip` from byte `27 * chip` of the frame: 0 to 7
+    /// for `chip` < 8.
+    #[inline]
+    pub(crate) const fn shift(self, chip: u32) -> u32 {
+        // A product is used instead of a branch; the mask shows the compiler that the result is at
+        // most 7.
+        (self as u32 * chip) & 7
+    }
+
+    pub(crate) const fn other(self) -> Self {
+        match self {
+            Self::Packed => Self::Spaced,
+            Self::Spaced => Self::Packed,
+        }
+    }
+}
+
+/// Channels per chip.
+pub const CHANNELS: usize = 8;
+
+/// Bytes per chip in a frame: 24 status bits and eight 24-bit counts (data sheet section 9.4.4).
+pub const CHIP_BYTES: usize = 3 + 3 * CHANNELS;
+
+/// Longest chain, in chips. With eight chips the don't-care bits still fit into the frame's extra
+/// byte.
+pub const MAX_CHIPS: usize = 8;
+
+/// Returns the number of bytes to clock per frame: 27 per chip, and one for the don't-care bits
+/// that the chain may insert between chips. The result is 217 for eight chips.
+pub const fn frame_bytes(chips: usize) -> usize {
+    CHIP_BYTES * chips + 1
 }

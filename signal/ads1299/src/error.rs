@@ -7,15 +7,15 @@ use embedded_hal::{digital, spi};
 use crate::bus::{Speed, TooFast};
 use crate::register::Register;
 
-/// Reason why a chain, or one of its chips, does not run. Chips are numbered from 0, the chip wired to
-/// MISO.
+/// Reason why a chain, or one of its chips, does not run. Chips are numbered from 0, the chip wired
+/// to MISO.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error {
     /// The microcontroller's SPI failed.
     Bus(spi::ErrorKind),
     /// The board has no SCLK that is slow enough for this kind of transfer.
     TooFast(Speed, TooFast),
-    /// One of the microcontroller's pins could not be driven or read.
+    /// One of the microcontroller's pins could not be driven.
     Pin(Pin, digital::ErrorKind),
     /// A chip's ID is not that of an eight-channel ADS1299.
     WrongId {
@@ -53,8 +53,6 @@ pub enum Pin {
     Start,
     /// RESET, shared by all chips.
     Reset,
-    /// DRDY of chip 0.
-    Ready,
 }
 
 impl fmt::Display for Pin {
@@ -63,13 +61,13 @@ impl fmt::Display for Pin {
             Self::Select(chip) => write!(formatter, "the chip select of ADS1299 {chip}"),
             Self::Start => formatter.write_str("START"),
             Self::Reset => formatter.write_str("RESET"),
-            Self::Ready => formatter.write_str("DRDY"),
         }
     }
 }
 
 impl Error {
-    /// Returns the chip that the error concerns; `None` for the bus and for pins shared by all chips.
+    /// Returns the chip that the error concerns; `None` for the bus and for pins shared by all
+    /// chips.
     pub const fn chip(&self) -> Option<u8> {
         match self {
             Self::WrongId { chip, .. }
@@ -99,7 +97,7 @@ impl fmt::Display for Error {
                      the SPI and its dividers"
                 )
             }
-            Self::Pin(pin, kind) => write!(formatter, "{pin} could not be driven or read ({kind})"),
+            Self::Pin(pin, kind) => write!(formatter, "{pin} could not be driven ({kind})"),
             Self::WrongId { chip, read } => {
                 let cause = match read {
                     0x00 => {

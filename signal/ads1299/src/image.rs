@@ -1,10 +1,8 @@
 //! Values of all registers of a chip, to write or as read back.
 
 use crate::error::Error;
-use crate::input::Input;
-use crate::register::Register;
-use crate::register::{ID, ID_MASK};
-use crate::settings::{Channel, Settings};
+use crate::register::{ID, ID_MASK, Register};
+use crate::settings::{Channel, Input, Settings};
 
 /// Register values of a chip, indexed by address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,8 +16,8 @@ impl<const CHIPS: usize> Settings<CHIPS> {
             return Image(values);
         };
         let mut set = |register: Register, value: u8| values[register.index()] = value;
-        // In CONFIG1, bit 7 is always 1, and bits 4:3 are always 10. Bit 6 is 0, which selects the daisy
-        // chain.
+        // In CONFIG1, bit 7 is always 1, and bits 4:3 are always 10. Bit 6 is 0, which selects the
+        // daisy chain.
         let clock_out = u8::from(self.clock.is_internal() && chip == 0) << 5;
         set(Register::CONFIG1, 0x90 | clock_out | self.rate as u8);
         // Bits 7:5 of CONFIG2 are always 110.
@@ -128,8 +126,8 @@ impl ReadBack {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lead_off::{LeadOff, LeadOffCurrent, LeadOffThreshold};
     use crate::settings::Bias;
+    use crate::settings::{LeadOff, LeadOffCurrent, LeadOffThreshold};
 
     #[test]
     fn the_eeg_settings_are_these_bytes() {
@@ -151,7 +149,7 @@ mod tests {
             comparators: true,
             threshold: LeadOffThreshold::P70,
             current: LeadOffCurrent::Ua6,
-            frequency: crate::lead_off::LeadOffFrequency::Quarter,
+            frequency: crate::settings::LeadOffFrequency::Quarter,
         };
         settings.chips[0].bias = Bias {
             lead_off: true,

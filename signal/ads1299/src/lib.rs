@@ -1,21 +1,21 @@
 //! Driver for a chain of one to eight ADS1299, the EEG analogue front end, with a frame decoder, a
 //! self-test, and a simulated chain (feature `simulation`).
 //!
-//! The chips share the clock, SCLK, MOSI, START and RESET; each chip has its own chip select. DOUT of
-//! chip k + 1 is wired to DAISY_IN of chip k, and DOUT of chip 0 to MISO. So one burst with all chips
-//! selected reads a whole sample. Registers are read chip by chip, which needs a connection from every
-//! DOUT to MISO (`docs/decisions/0011-daisy-chain-with-read-back.md`).
+//! The chips share the clock, SCLK, MOSI, START and RESET; each chip has its own chip select. DOUT
+//! of chip k + 1 is wired to DAISY_IN of chip k, and DOUT of chip 0 to MISO. So one burst with all
+//! chips selected reads a whole sample. Registers are read chip by chip, which needs a connection
+//! from every DOUT to MISO (`docs/decisions/0011-daisy-chain-with-read-back.md`).
 //!
 //! ```text
-//! Chain ── power_up ──▶ Configured ── start ──▶ Streaming ── read, or the board's DMA ──▶ bytes
-//!                                                                                          │
-//!              [[i32; 8]; CHIPS] counts  ◀── FrameStatus: which chips are bad ◀── Decoder ◀┘
+//! Chain (SPI, pins) ── Sampler::read ──▶ bytes ── Decoder ──▶ [[i32; 8]; CHIPS] counts, and FrameStatus:
+//!                                                             which chips are bad
 //! Sampler: owns a Chain and a Decoder, keeps the last good counts, counts errors, runs the self-test
 //! RetryingSampler: a Sampler that brings the chain up again while no chip delivers samples
 //! ```
 //!
-//! The result of [`Decoder`] depends only on its state and the frame. [`ReadyMeter`] checks the intervals
-//! of DRDY; [`SquareWaveTest`] and [`ShortedTest`] check samples of the chips' internal signals.
+//! The result of [`Decoder`] depends only on its state and the frame. [`ReadyMeter`] checks the
+//! intervals of DRDY; [`SquareWaveTest`] and [`ShortedTest`] check samples of the chips' internal
+//! signals.
 //!
 //! ```
 //! use ads1299::{Decoder, frame_bytes};
@@ -32,34 +32,28 @@
 //! assert_eq!([counts[0][0], counts[1][0]], [-2, -2]);
 //! ```
 //!
-//! Section, table and figure numbers refer to the data sheet, Texas Instruments SBAS499C. Registers,
-//! commands and their times, power-up, bit order and the noise at gains 1 and 2 were compared with copies
-//! of pages of its revisions A and C. Not compared were the section numbers 9.4.x and 9.5.x, and values
-//! whose comments say so. **This driver is untried on a real chip; it runs on the simulated chain.**
+//! Section, table and figure numbers refer to the data sheet, Texas Instruments SBAS499C.
+//! Registers, commands and their times, power-up, bit order and the noise at gains 1 and 2 were
+//! compared with copies of pages of its revisions A and C. Not compared were the section numbers
+//! 9.4.x and 9.5.x, and values whose comments say so. **This driver is untried on a real chip; it
+//! runs on the simulated chain.**
 #![no_std]
 #![forbid(unsafe_code)]
 
 #[cfg(any(test, feature = "simulation"))]
 extern crate std;
 
-mod alignment;
 mod bring_up;
 mod bus;
 mod chain;
+mod channel_tests;
 mod clock;
 mod command;
-mod configured;
 mod decimal;
 mod decoder;
-mod drdy;
 mod error;
-mod frame;
-mod gain;
 mod image;
-mod input;
-mod lead_off;
 mod limits;
-mod rate;
 mod rate_watch;
 mod reading;
 mod ready;
@@ -69,42 +63,29 @@ mod sampler;
 mod self_test;
 mod self_test_report;
 mod settings;
-mod shorted_test;
 #[cfg(any(test, feature = "simulation"))]
 pub mod simulation;
-mod square_wave_test;
-mod statistics;
-mod status_word;
-mod streaming;
-mod test_signal;
 #[cfg(test)]
 mod tests;
 
-pub use alignment::Alignment;
-pub use bus::{Bus, Speed, TooFast};
+pub use bus::{Bus, Drdy, DrdyEdge, Speed, TooFast};
 pub use chain::Chain;
+pub use channel_tests::{ShortedResult, ShortedTest, SquareWaveResult, SquareWaveTest};
 pub use clock::Clock;
-pub use configured::Configured;
-pub use decoder::{Counters, Decoder, FrameStatus};
-pub use drdy::{Drdy, DrdyEdge};
+pub use decoder::{
+    Alignment, CHANNELS, CHIP_BYTES, Counters, Decoder, FrameStatus, MAX_CHIPS, frame_bytes,
+};
 pub use error::{Error, Pin};
-pub use frame::{CHANNELS, CHIP_BYTES, MAX_CHIPS, frame_bytes};
-pub use gain::Gain;
 pub use image::{Image, ReadBack};
-pub use input::Input;
-pub use lead_off::{LeadOff, LeadOffCurrent, LeadOffFrequency, LeadOffThreshold};
 pub use limits::{Limits, SelfTestFault, typical_noise_uv};
-pub use rate::Rate;
-pub use reading::Reading;
+pub use reading::{ChipFault, Reading, StatusWord};
 pub use ready::{Edge, RateError, ReadyMeter};
 pub use register::{ID, Register};
 pub use retrying_sampler::RetryingSampler;
 pub use sampler::{SILENCE, Sampler, SamplerCounters};
 pub use self_test::SelfTest;
 pub use self_test_report::{ChannelReport, ChipReport, Finding, ReadyReport, SelfTestReport};
-pub use settings::{Bias, Channel, ChipSettings, Settings};
-pub use shorted_test::{ShortedResult, ShortedTest};
-pub use square_wave_test::{SquareWaveResult, SquareWaveTest};
-pub use status_word::{ChipFault, StatusWord};
-pub use streaming::Streaming;
-pub use test_signal::{TestAmplitude, TestFrequency, TestSignal};
+pub use settings::{
+    Bias, Channel, ChipSettings, Gain, Input, LeadOff, LeadOffCurrent, LeadOffFrequency,
+    LeadOffThreshold, Rate, Settings, TestAmplitude, TestFrequency, TestSignal,
+};

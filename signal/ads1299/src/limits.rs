@@ -3,21 +3,20 @@
 use core::fmt;
 
 use crate::decimal::Decimal;
-use crate::gain::Gain;
-use crate::rate::Rate;
+use crate::settings::{Gain, Rate};
 
 /// Limits that a working channel keeps in the self-test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Largest |gain error|, as a fraction: 0.03. It allows 2 % for the test signal, a value not
-    /// compared with the data sheet, and 1 % for the amplifier, whose typical gain error is 0.1 % of
-    /// full scale (section 7.5).
+    /// compared with the data sheet, and 1 % for the amplifier, whose typical gain error is 0.1 %
+    /// of full scale (section 7.5).
     pub gain_error: f32,
-    /// Largest |offset|, in microvolts at the input: 300. It is five times a typical offset of 60 uV, a
-    /// value not compared with the data sheet (section 7.5).
+    /// Largest |offset|, in microvolts at the input: 300. It is five times a typical offset of 60
+    /// uV, a value not compared with the data sheet (section 7.5).
     pub offset_uv: f32,
-    /// Least and largest noise, in microvolts rms at the input: half and twice [`typical_noise_uv`]. A
-    /// channel without noise is dead.
+    /// Least and largest noise, in microvolts rms at the input: half and twice
+    /// [`typical_noise_uv`]. A channel without noise is dead.
     pub noise_uv: [f32; 2],
     /// Least number of samples for a valid result.
     pub samples: u32,
@@ -66,10 +65,10 @@ pub enum SelfTestFault {
 /// Typical noise of a channel with shorted input, in microvolts rms at the input.
 ///
 /// The values at gain 1, by rate, are those of the data sheet's table 1 (section 8.1). The table's
-/// values at gain 2 are 0.53 times those (0.50 times at 16 kHz). At gain 24 the data sheet's front page
-/// states 1 uV peak to peak in 70 Hz. With a peak-to-peak value of 6.6 times the rms, that is 0.14 times
-/// the noise at gain 1 and 250 Hz. The gains in between follow `sqrt(1 / gain^2 + 0.13^2)`, which
-/// matches the factors at gains 2 and 24.
+/// values at gain 2 are 0.53 times those (0.50 times at 16 kHz). At gain 24 the data sheet's front
+/// page states 1 uV peak to peak in 70 Hz. With a peak-to-peak value of 6.6 times the rms, that is
+/// 0.14 times the noise at gain 1 and 250 Hz. The gains in between follow `sqrt(1 / gain^2 +
+/// 0.13^2)`, which matches the factors at gains 2 and 24.
 pub const fn typical_noise_uv(gain: Gain, rate: Rate) -> f32 {
     let at_gain_one = [21.70, 6.93, 4.33, 3.06, 2.17, 1.53, 1.08][rate as usize];
     let of_gain = [1.0, 0.53, 0.282, 0.211, 0.180, 0.154, 0.137][gain as usize];

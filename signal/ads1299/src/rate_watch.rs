@@ -1,16 +1,16 @@
 //! Continuous check of DRDY's rate.
 
 use crate::clock::Clock;
-use crate::rate::Rate;
 use crate::ready::{Edge, RateError, ReadyMeter};
+use crate::settings::Rate;
 
 /// Number of consecutive periods per rate check: 1/8 s at 512 Hz. Stamps of 1 us resolution measure
 /// the rate over this time to 16 ppm; an interrupt delayed by 50 us adds 400 ppm. Both together
 /// stay below the 1000 ppm tolerated for a quartz.
 const PERIODS: u32 = 64;
 
-/// Checks DRDY's edges while a chain converts. Reports an early edge at once, a smaller deviation of the
-/// rate after [`PERIODS`] periods, and a gap as the number of samples that were not read.
+/// Checks DRDY's edges while a chain converts. Reports an early edge at once, a smaller deviation
+/// of the rate after [`PERIODS`] periods, and a gap as the number of samples that were not read.
 #[derive(Clone, Debug)]
 pub(crate) struct RateWatch {
     clock: Clock,
@@ -84,12 +84,12 @@ mod tests {
                 flagged + u32::from(error.is_some())
             })
         };
-        // 1953 us is 512.03 Hz, within the 1000 ppm allowed for a quartz; 2000 us is 500 Hz, outside it.
-        // Of the 128 slow periods, the first 56 pass before the next rate check.
+        // 1953 us is 512.03 Hz, within the 1000 ppm allowed for a quartz; 2000 us is 500 Hz,
+        // outside it. Of the 128 slow periods, the first 56 pass before the next rate check.
         assert_eq!(flagged(1953, 200), 0);
         assert_eq!(flagged(2000, 128), 128 - 56);
-        // The rate check at the 57th edge still includes 7 slow periods. The check at the 121st edge
-        // includes none, so the edges before it are flagged.
+        // The rate check at the 57th edge still includes 7 slow periods. The check at the 121st
+        // edge includes none, so the edges before it are flagged.
         assert_eq!(flagged(1953, 128), 120);
         assert_eq!(flagged(1953, 64), 0);
     }

@@ -3,10 +3,10 @@
 use core::fmt;
 
 use crate::clock::Clock;
-use crate::rate::Rate;
+use crate::settings::Rate;
 
-/// Measures the sample rate from the times of DRDY's falling edges. The time stamps' jitter must stay
-/// below a quarter of a period.
+/// Measures the sample rate from the times of DRDY's falling edges. The time stamps' jitter must
+/// stay below a quarter of a period.
 #[derive(Clone, Debug)]
 pub struct ReadyMeter {
     chip: u8,
@@ -27,7 +27,8 @@ pub enum Edge {
     First,
     /// From 3/4 to 1.5 periods after the previous edge.
     OnTime,
-    /// Less than 3/4 of a period after the previous edge: the chip is too fast, or the line is noisy.
+    /// Less than 3/4 of a period after the previous edge: the chip is too fast, or the line is
+    /// noisy.
     Early,
     /// More than 1.5 periods after the previous edge; holds the number of missing edges.
     Missed(u32),
@@ -87,8 +88,8 @@ impl ReadyMeter {
             self.last_us = time_us;
             return Edge::First;
         }
-        // Intervals are in millionths of a clock cycle: exact for every rate, up to an interval of three
-        // months.
+        // Intervals are in millionths of a clock cycle: exact for every rate, up to an interval of
+        // three months.
         let interval_us = time_us.saturating_sub(self.last_us);
         let interval = interval_us.saturating_mul(u64::from(self.clock.hz()));
         let period = u64::from(self.rate.divider()) * 1_000_000;
@@ -127,16 +128,17 @@ impl ReadyMeter {
         self.missed
     }
 
-    /// Returns the mean rate in millihertz, which missing edges lower. `None` before the second edge.
+    /// Returns the mean rate in millihertz, which missing edges lower. `None` before the second
+    /// edge.
     pub fn millihertz(&self) -> Option<u32> {
         let span_us = self.span_us();
         let rate = (u64::from(self.periods) * 1_000_000_000).checked_div(span_us)?;
         u32::try_from(rate).ok()
     }
 
-    /// Checks that no edge was early or missing, and that the rate is the configured one. It may deviate
-    /// by the clock's tolerance and by the resolution of two 1 us stamps, which is 16 ppm over 64
-    /// periods at 512 Hz. Returns the rate in millihertz.
+    /// Checks that no edge was early or missing, and that the rate is the configured one. It may
+    /// deviate by the clock's tolerance and by the resolution of two 1 us stamps, which is 16 ppm
+    /// over 64 periods at 512 Hz. Returns the rate in millihertz.
     ///
     /// # Errors
     /// [`RateError`]: too few edges, a wrong rate, or early or missing edges.
@@ -186,8 +188,8 @@ impl fmt::Display for RateError {
             expected / 1000,
             expected % 1000
         )?;
-        // The ratio is in percent. Within 2 of 200, 300 and so on, the rate counts as a multiple of the
-        // configured one.
+        // The ratio is in percent. Within 2 of 200, 300 and so on, the rate counts as a multiple of
+        // the configured one.
         let ratio = (u64::from(measured) * 100).div_ceil(u64::from(expected).max(1));
         if ratio >= 198 && (ratio + 2) % 100 <= 4 {
             return write!(

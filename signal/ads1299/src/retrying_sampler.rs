@@ -4,22 +4,21 @@ use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 
 use crate::bring_up::BringUp;
-use crate::bus::Bus;
+use crate::bus::{Bus, Drdy, DrdyEdge};
 use crate::command::COLD_US;
-use crate::drdy::{Drdy, DrdyEdge};
 use crate::error::Error;
 use crate::reading::Reading;
 use crate::sampler::{SILENCE, Sampler};
 
-/// Delivers one sample per period in any case: a real sample, or, while the chain is silent, a flagged
-/// repetition of the last counts.
+/// Delivers one sample per period in any case: a real sample, or, while the chain is silent, a
+/// flagged repetition of the last counts.
 ///
-/// When no chip has delivered a valid sample for the retry time, the chain is brought up again, because
-/// its supplies may have come on late or failed for a while. The stages of the bring-up run between
-/// flagged samples, so the samples keep their rate. While at least one chip delivers, there is no
-/// attempt: the valid samples matter more than a broken chip, which a self-test can restart. If chips
-/// convert at another rate after a silence, they have lost their registers, and the chain is brought up
-/// again as well.
+/// When no chip has delivered a valid sample for the retry time, the chain is brought up again,
+/// because its supplies may have come on late or failed for a while. The stages of the bring-up run
+/// between flagged samples, so the samples keep their rate. While at least one chip delivers, there
+/// is no attempt: the valid samples matter more than a broken chip, which a self-test can restart.
+/// If chips convert at another rate after a silence, they have lost their registers, and the chain
+/// is brought up again as well.
 #[derive(Debug)]
 pub struct RetryingSampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
     sampler: Sampler<Spi, Line, Delay, CHIPS, BYTES>,
@@ -64,9 +63,9 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         }
     }
 
-    /// Brings the chain up for the first time and starts it. `is_cold` is true if the supplies may have
-    /// just come on. [`Self::failure`] returns the error, if any, and every sample flags the chips
-    /// concerned.
+    /// Brings the chain up for the first time and starts it. `is_cold` is true if the supplies may
+    /// have just come on. [`Self::failure`] returns the error, if any, and every sample flags the
+    /// chips concerned.
     pub async fn start(&mut self, is_cold: bool, drdy: &mut impl Drdy) {
         let started = if is_cold {
             self.sampler.start_cold(|| ()).await
@@ -116,8 +115,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         let (us, missed) = (self.due_us, 0);
         self.due_us += self.period_us();
         let before = core::mem::replace(&mut self.is_silent, true);
-        // A chain that was just started is silent for its settling time, about `SILENCE` periods. Twice
-        // that time without a valid sample means that the registers may be lost.
+        // A chain that was just started is silent for its settling time, about `SILENCE` periods.
+        // Twice that time without a valid sample means that the registers may be lost.
         let silence_us = 2 * u64::from(SILENCE) * self.period_us();
         self.registers_doubtful |= self.attempt.is_none() && us > self.since_us + silence_us;
         let reading = self.sampler.silence(if before { 0 } else { SILENCE - 1 });
@@ -131,8 +130,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             return;
         }
         if self.attempt.is_none() && !self.is_silent {
-            // The attempt stops the chain. The first flagged sample is due one period after the last
-            // edge, and no sample counts as missed.
+            // The attempt stops the chain. The first flagged sample is due one period after the
+            // last edge, and no sample counts as missed.
             self.due_us -= u64::from(SILENCE - 1) * self.period_us();
             self.is_silent = true;
         }

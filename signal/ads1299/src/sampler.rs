@@ -5,17 +5,13 @@ use embedded_hal_async::delay::DelayNs;
 
 use crate::bring_up::{BringUp, check};
 use crate::bus::Bus;
-use crate::chain::Chain;
-use crate::chain::number;
+use crate::chain::{Chain, number};
 use crate::command::{COLD_US, POWER_ON_US};
-use crate::decoder::Decoder;
+use crate::decoder::{CHANNELS, Decoder, MAX_CHIPS};
 use crate::error::Error;
-use crate::frame::CHANNELS;
-use crate::frame::MAX_CHIPS;
 use crate::rate_watch::RateWatch;
 use crate::reading::Reading;
 use crate::settings::Settings;
-use crate::streaming::Streaming;
 
 /// Number of sample periods without an edge of DRDY after which a chain counts as silent.
 pub const SILENCE: u32 = 4;
@@ -23,7 +19,7 @@ pub const SILENCE: u32 = 4;
 /// Owns a chain, reads every sample and reports its errors.
 ///
 /// A chip whose part of a frame is invalid keeps its previous counts. `BYTES` is
-/// [`frame_bytes`](crate::frame::frame_bytes) for `CHIPS` chips, checked at compile time.
+/// [`frame_bytes`](crate::decoder::frame_bytes) for `CHIPS` chips, checked at compile time.
 #[derive(Debug)]
 pub struct Sampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
     pub(crate) chain: Chain<Spi, Line, Delay, CHIPS>,
@@ -84,14 +80,16 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         }
     }
 
-    /// Brings the chain up and starts it, as [`Chain::power_up`] and
-    /// [`Configured::start`](crate::configured::Configured::start) do; `progress` is called at least
-    /// every 20 ms.
+    /// Brings the chain up and starts it, in the order of the data sheet (figure 67, times of
+    /// section 11.1): START low and chips deselected, wait 2^18 tCLK, reset, wait 18 tCLK, SDATAC,
+    /// switch the references on and wait 150 ms, write all other registers, read all registers
+    /// back, START, RDATAC. It takes 0.33 s for eight chips; `progress` is called at least every 20
+    /// ms. If VCAP1 needs more than 175 ms to reach 1.1 V, call [`Self::start_cold`] instead.
     ///
     /// # Errors
-    /// The first error. If only some chips have a wrong ID or register, the chain runs, and these chips
-    /// are bad in every reading. If every chip has, or if the bus or a pin fails, the chain stays
-    /// stopped.
+    /// The first error. If only some chips have a wrong ID or register, the chain runs, and these
+    /// chips are bad in every reading. If every chip has, or if the bus or a pin fails, the chain
+    /// stays stopped.
     pub async fn start(&mut self, mut progress: impl FnMut()) -> Result<(), Error> {
         let mut bring_up = BringUp::from_power(POWER_ON_US);
         self.finish(&mut bring_up, &mut progress).await
@@ -123,8 +121,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         self.run_checked(bring_up).await
     }
 
-    /// Runs the next stage of a bring-up; the last stage starts the chain. Returns the delay before the
-    /// next stage in microseconds, or `None` after the last one.
+    /// Runs the next stage of a bring-up; the last stage starts the chain. Returns the delay before
+    /// the next stage in microseconds, or `None` after the last one.
     pub(crate) async fn run_stage(
         &mut self,
         bring_up: &mut BringUp<CHIPS>,
@@ -183,11 +181,13 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         &self.counters
     }
 
-    /// Reads the sample whose DRDY edge was at `edge_us`, in microseconds; [`Self::counts`] then returns
-    /// its counts.
+    /// Reads the sample whose DRDY edge was at `edge_us`, in microseconds; [`Self::counts`] then
+    /// returns its counts.
     ///
     /// # Timing
-    /// That of [`Streaming::read`] and [`Decoder::decode`]; no allocation, no panic.
+    /// Call it directly after DRDY falls; it must end before DRDY falls again. Clocking takes 108
+    /// us for eight chips at 16 MHz, and 3 us more pass until the chips are deselected;
+    /// [`Decoder::decode`] follows. No allocation, no panic.
     pub async fn read(&mut self, edge_us: u64) -> Reading<CHIPS> {
         let (missed, rate) = self.watch.edge(edge_us);
         let mut reading = Reading {
@@ -196,9 +196,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             missed,
             rate,
         };
-        let Settings { clock, rate, .. } = self.settings;
-        let mut chain = Streaming::new(&mut self.chain, clock, rate);
-        if self.is_running && chain.read(&mut self.frame).await.is_ok() {
+        if self.is_running && self.chain.read_frame(&mut self.frame).await.is_ok() {
             let status = self.decoder.decode(&self.frame, &mut self.decoded);
             reading.bad = status.bad | status.repeated | self.unfit;
             reading.status = Some(status);
@@ -213,9 +211,9 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         reading
     }
 
-    /// Records a missing sample. Call it after [`SILENCE`] periods without an edge of DRDY, and then
-    /// each period. `missed` is the number of samples missing before this one and not yet reported:
-    /// three ([`SILENCE`] less one) in the first call, then 0.
+    /// Records a missing sample. Call it after [`SILENCE`] periods without an edge of DRDY, and
+    /// then each period. `missed` is the number of samples missing before this one and not yet
+    /// reported: three ([`SILENCE`] less one) in the first call, then 0.
     pub fn silence(&mut self, missed: u32) -> Reading<CHIPS> {
         self.watch.restart();
         let reading = Reading {

@@ -2,25 +2,19 @@
 
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
-use embedded_hal_async::digital::Wait;
 
-use crate::bus::Bus;
+use crate::bus::{Bus, Drdy};
 use crate::chain::number;
+use crate::channel_tests::{ShortedTest, SquareWaveTest};
+use crate::decoder::CHANNELS;
 use crate::error::Error;
-use crate::frame::CHANNELS;
-use crate::gain::Gain;
 use crate::image::ReadBack;
-use crate::input::Input;
 use crate::limits::SelfTestFault;
 use crate::ready::ReadyMeter;
 use crate::register::Register;
 use crate::sampler::Sampler;
 use crate::self_test_report::{ReadyReport, SelfTestReport};
-use crate::settings::{Channel, Settings};
-use crate::shorted_test::ShortedTest;
-use crate::square_wave_test::SquareWaveTest;
-use crate::streaming::Streaming;
-use crate::test_signal::TestSignal;
+use crate::settings::{Channel, Gain, Input, Settings, TestSignal};
 
 /// Number of periods of the test signal that are measured.
 const PERIODS: u32 = 2;
@@ -120,13 +114,6 @@ impl<const CHIPS: usize> SelfTest<CHIPS> {
     }
 }
 
-/// What a test needs from its caller: DRDY, the clock and the progress callback.
-struct Environment<'a, Ready, Now, Progress> {
-    drdy: &'a mut Ready,
-    now_us: Now,
-    progress: Progress,
-}
-
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES: usize>
     Sampler<Spi, Line, Delay, CHIPS, BYTES>
 {
@@ -143,44 +130,37 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// A broken chip is named in the report, and the other chips are tested unless it blocks their
     /// frames. Without DRDY the test stops.
     ///
-    /// `drdy` waits for edges and `now_us` returns their times in microseconds. `progress` is
-    /// called for every sample and at least every 20 ms in between, except while
-    /// [`Streaming::ready`] waits.
+    /// `progress` is called for every sample and at least every 20 ms in between, except while the
+    /// test waits for the first edge of DRDY.
     pub async fn self_test(
         &mut self,
         test: &mut SelfTest<CHIPS>,
-        drdy: &mut impl Wait,
-        now_us: impl FnMut() -> u64,
-        progress: impl FnMut(),
+        drdy: &mut impl Drdy,
+        mut progress: impl FnMut(),
     ) {
         test.report = SelfTestReport::EMPTY;
-        let mut environment = Environment {
-            drdy,
-            now_us,
-            progress,
-        };
-        test.report.stopped = self.examine(test, &mut environment).await.err();
-        test.report.not_restored = self.resume(&mut environment.progress).await.err();
+        test.report.stopped = self.examine(test, drdy, &mut progress).await.err();
+        test.report.not_restored = self.resume(&mut progress).await.err();
     }
 
     async fn examine(
         &mut self,
         test: &mut SelfTest<CHIPS>,
-        environment: &mut Environment<'_, impl Wait, impl FnMut() -> u64, impl FnMut()>,
+        drdy: &mut impl Drdy,
+        progress: &mut impl FnMut(),
     ) -> Result<(), Error> {
         let Settings { clock, rate, .. } = self.settings;
-        self.chain.reset(&mut environment.progress).await?;
+        self.chain.reset(progress).await?;
         let mut meter = ReadyMeter::new(0, clock, rate);
         let half = TestSignal::SELF_TEST.frequency.half_period();
         let period = 2 * half.unwrap_or(0) / rate.divider();
         let streamed = self
             .stream(
                 test,
-                environment,
-                Input::TestSignal,
-                PERIODS * period + LEAD,
-                |now_us| {
-                    meter.edge(now_us);
+                (&mut *drdy, &mut *progress),
+                (Input::TestSignal, PERIODS * period + LEAD),
+                |edge_us| {
+                    meter.edge(edge_us);
                 },
             )
             .await;
@@ -193,25 +173,21 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             fault: checked.err(),
         };
         streamed?;
-        self.stream(test, environment, Input::Shorted, SHORTED, |_| ())
+        self.stream(test, (drdy, progress), (Input::Shorted, SHORTED), |_| ())
             .await
     }
 
-    /// Sets all channels to `input` and measures `samples` samples of each. Calls `edge` with the time
-    /// of each edge of DRDY, in microseconds.
+    /// Sets all channels to `input` and measures `samples` samples of each. Calls `edge` with the
+    /// time of each edge of DRDY, in microseconds.
     async fn stream(
         &mut self,
         test: &mut SelfTest<CHIPS>,
-        environment: &mut Environment<'_, impl Wait, impl FnMut() -> u64, impl FnMut()>,
-        input: Input,
-        samples: u32,
+        (drdy, progress): (&mut impl Drdy, &mut impl FnMut()),
+        (input, samples): (Input, u32),
         mut edge: impl FnMut(u64),
     ) -> Result<(), Error> {
         let settings = self.settings.with_input(input);
-        let read_backs = self
-            .chain
-            .set_up(&settings, &mut environment.progress)
-            .await?;
+        let read_backs = self.chain.set_up(&settings, progress).await?;
         test.record_registers(&read_backs, &settings);
         for (measurements, chip) in test.measurements.iter_mut().zip(&settings.chips) {
             for (measurement, channel) in measurements.iter_mut().zip(&chip.channels) {
@@ -219,12 +195,19 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             }
         }
         self.chain.run().await?;
-        let mut chain = Streaming::new(&mut self.chain, settings.clock, settings.rate);
+        // Long enough for the first sample too.
+        let cycles = settings.rate.settling() + 4 * settings.rate.divider();
+        let waited_us = settings.clock.microseconds(cycles);
         for _ in 0..samples {
-            (environment.progress)();
-            chain.ready(environment.drdy).await?;
-            edge((environment.now_us)());
-            chain.read(&mut self.frame).await?;
+            progress();
+            // A frame is read directly after its edge, so an edge that came during the calculations
+            // is of no use.
+            drdy.forget();
+            let end_us = drdy.now_us() + u64::from(waited_us);
+            // The error names chip 0, whose DRDY is wired.
+            let found = drdy.next_until(end_us).await;
+            edge(found.ok_or(Error::NeverReady { chip: 0, waited_us })?.us);
+            self.chain.read_frame(&mut self.frame).await?;
             let status = self.decoder.decode(&self.frame, &mut self.decoded);
             let bad = status.bad | status.repeated;
             let chips = test.report.chips.iter_mut().zip(&mut test.measurements);

@@ -2,8 +2,8 @@
 
 use core::fmt;
 
+use crate::decoder::CHANNELS;
 use crate::error::Error;
-use crate::frame::CHANNELS;
 use crate::limits::SelfTestFault;
 use crate::ready::RateError;
 use crate::register::Register;
@@ -40,8 +40,8 @@ pub struct ChipReport {
 /// Measured gain, offset and noise of a channel, referred to its input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelReport {
-    /// Ratio of the measured to the expected amplitude of the square wave, minus 1; -1 without a square
-    /// wave.
+    /// Ratio of the measured to the expected amplitude of the square wave, minus 1; -1 without a
+    /// square wave.
     pub gain_error: f32,
     /// Mean of the square wave's two levels, in microvolts.
     pub offset_uv: f32,
@@ -126,8 +126,8 @@ impl<const CHIPS: usize> SelfTestReport<CHIPS> {
     ///
     /// # Errors
     /// The first finding in this order: registers, the error that stopped the test, rate, frames,
-    /// channels, restored settings. A broken chip also corrupts the frames of other chips, so a finding
-    /// late in this order may be its consequence.
+    /// channels, restored settings. A broken chip also corrupts the frames of other chips, so a
+    /// finding late in this order may be its consequence.
     #[expect(clippy::cast_possible_truncation, reason = "at most 8 of each")]
     pub fn check(&self) -> Result<(), Finding> {
         let none = |finding: Option<Finding>| finding.map_or(Ok(()), Err);

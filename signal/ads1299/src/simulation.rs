@@ -11,31 +11,23 @@
 
 mod analogue;
 mod board;
-mod burst;
 mod chip;
-mod electrodes;
-mod external_clock;
-mod fault;
-mod noise;
 mod options;
-mod shared_board;
-mod supply;
 mod wires;
 
 use std::future::Future;
 use std::pin::pin;
-use std::sync::MutexGuard;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Waker};
 use std::vec::Vec;
 
-use crate::chain::Chain;
 use board::Board;
-use shared_board::SharedBoard;
+
+use crate::bus::Speed;
+use crate::chain::Chain;
 
 pub use board::Event;
-pub use electrodes::{Deliver, Electrodes};
-pub use fault::Fault;
-pub use options::Options;
+pub use options::{Deliver, Electrodes, Fault, Options};
 pub use wires::{SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady};
 
 /// A simulated chain; clones refer to the same chain. Its supplies come on when it is created
@@ -74,8 +66,8 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().now_ns() / 1000
     }
 
-    /// Advances time to the next edge of DRDY and returns the edge's time in nanoseconds. Advances to
-    /// `limit_ns` and returns `None` if there is no edge by then.
+    /// Advances time to the next edge of DRDY and returns the edge's time in nanoseconds. Advances
+    /// to `limit_ns` and returns `None` if there is no edge by then.
     pub fn pass_to_edge(&self, limit_ns: u64) -> Option<u64> {
         let mut board = self.board();
         let came = board.advance_to_edge_until(limit_ns);
@@ -116,19 +108,21 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().power_on();
     }
 
-    /// Connects or disconnects the electrode at the positive or negative input of a channel; `chip` and
-    /// `channel` count from 0.
+    /// Connects or disconnects the electrode at the positive or negative input of a channel; `chip`
+    /// and `channel` count from 0.
     pub fn set_electrode(&self, chip: usize, channel: usize, positive: bool, on: bool) {
         self.board().set_electrode(chip, channel, positive, on);
     }
 
-    /// Returns how often the driver violated a timing rule: a reset or command too early, a byte before
-    /// the previous one was decoded, deselection too early, or registers read at the burst speed.
+    /// Returns how often the driver violated a timing rule: a reset or command too early, a byte
+    /// before the previous one was decoded, deselection too early, or registers read at the burst
+    /// speed.
     pub fn violations(&self) -> u32 {
         self.board().violations()
     }
 
-    /// Returns the log of the wires, with times in nanoseconds: resets, levels of START, and opcodes.
+    /// Returns the log of the wires, with times in nanoseconds: resets, levels of START, and
+    /// opcodes.
     pub fn events(&self) -> Vec<(u64, Event)> {
         self.board().events().to_vec()
     }
@@ -144,11 +138,69 @@ const _: fn() = || {
     is_send::<Simulation<8>>();
 };
 
-/// Runs a future on simulated wires to its end. Time is virtual, so one poll is enough. Returns `None`
-/// if the future waits for something that never happens, such as an edge of DRDY without START.
+/// Runs a future on simulated wires to its end. Time is virtual, so one poll is enough. Returns
+/// `None` if the future waits for something that never happens, such as an edge of DRDY without
+/// START.
 pub fn finish<T>(future: impl Future<Output = T>) -> Option<T> {
     match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(value) => Some(value),
         Poll::Pending => None,
+    }
+}
+
+/// Handle of a simulated board; clones refer to one board.
+#[derive(Clone)]
+struct SharedBoard<const CHIPS: usize>(Arc<Mutex<Board<CHIPS>>>);
+
+impl<const CHIPS: usize> SharedBoard<CHIPS> {
+    fn new(board: Board<CHIPS>) -> Self {
+        Self(Arc::new(Mutex::new(board)))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Board<CHIPS>> {
+        // After a panic in another thread the board can still be inspected.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<const CHIPS: usize> core::fmt::Debug for SharedBoard<CHIPS> {
+    fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        formatter
+            .debug_struct("SharedBoard")
+            .finish_non_exhaustive()
+    }
+}
+
+/// Fastest SCLK for reading registers through the resistors of decision 0011, in Hz.
+const FASTEST_REGISTERS_HZ: u32 = 105_000;
+
+impl<const CHIPS: usize> Simulation<CHIPS> {
+    /// Advances time to `now_ns`, in nanoseconds since creation; no effect for a time in the past.
+    pub fn advance_to(&self, now_ns: u64) {
+        self.board().advance(now_ns);
+    }
+
+    /// Transfers a byte that ends at `end_ns`, with an SCLK of `sclk_hz`, and returns the byte on
+    /// MISO.
+    ///
+    /// Reading a register faster than decision 0011's resistors allow is a
+    /// [violation](Self::violations).
+    pub fn transfer_at(&self, end_ns: u64, sclk_hz: u32, mosi: u8) -> u8 {
+        let speed = if sclk_hz <= FASTEST_REGISTERS_HZ {
+            Speed::Registers
+        } else {
+            Speed::Bursts
+        };
+        self.board().clock_byte(mosi, end_ns, speed)
+    }
+
+    /// Returns the number of falling edges of DRDY.
+    pub fn ready_edges(&self) -> u64 {
+        self.board().edges()
+    }
+
+    /// Returns the number of samples that the electrodes have delivered.
+    pub fn samples_delivered(&self) -> u64 {
+        self.board().delivered()
     }
 }

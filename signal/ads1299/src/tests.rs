@@ -1,4 +1,4 @@
-//! The driver against the simulated chain, and the decoder against an encoder.
+//! Tests of the driver on the simulated chain.
 
 mod decoding;
 mod faults;
@@ -8,3 +8,56 @@ mod self_test;
 mod start_up;
 mod streams;
 mod whole_self_test;
+
+use crate::bus::Drdy as _;
+use crate::error::Error;
+use crate::reading::Reading;
+use crate::sampler::Sampler;
+use crate::settings::Settings;
+use crate::simulation::{
+    Electrodes, Options, SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady, Simulation,
+    finish,
+};
+
+/// A simulated chain with its driver, read edge by edge. `BYTES` is the length of its frames.
+struct Bench<const CHIPS: usize, const BYTES: usize> {
+    simulation: Simulation<CHIPS>,
+    sampler:
+        Sampler<SimulatedBus<CHIPS>, SimulatedLine<CHIPS>, SimulatedDelay<CHIPS>, CHIPS, BYTES>,
+    drdy: SimulatedReady<CHIPS>,
+}
+
+impl<const CHIPS: usize, const BYTES: usize> Bench<CHIPS, BYTES> {
+    /// Creates a chain with power that has not been brought up.
+    fn new(options: Options, electrodes: Electrodes<CHIPS>, settings: Settings<CHIPS>) -> Self {
+        let simulation = Simulation::new(options, electrodes);
+        Self {
+            sampler: Sampler::new(simulation.chain(), settings),
+            drdy: simulation.drdy(),
+            simulation,
+        }
+    }
+
+    /// Creates a chain that converts 0 V with the default settings.
+    fn silent(options: Options) -> Self {
+        let mut bench = Self::new(options, Electrodes::silent(), Settings::EEG);
+        bench.start().unwrap();
+        bench
+    }
+
+    fn start(&mut self) -> Result<(), Error> {
+        finish(self.sampler.start(|| ())).unwrap()
+    }
+
+    /// Waits for the next edge of DRDY and returns its time in microseconds.
+    fn edge_us(&mut self) -> u64 {
+        let end_us = self.drdy.now_us() + 1_000_000;
+        let edge = finish(self.drdy.next_until(end_us)).unwrap();
+        edge.expect("an edge").us
+    }
+
+    fn next(&mut self) -> Reading<CHIPS> {
+        let edge_us = self.edge_us();
+        finish(self.sampler.read(edge_us)).unwrap()
+    }
+}

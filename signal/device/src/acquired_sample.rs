@@ -1,10 +1,11 @@
-//! Samples that the acquisition passes to the producer, and the acquisition's counters.
+//! Samples that the acquisition passes to the producer, their faults, and the acquisition's
+//! counters.
 
-use model::{ADC_RATE_HZ, STEP_RATE_HZ};
+use link::Flags;
+use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ, STEPS};
 use pipeline::{Sample, Step};
 
-use crate::marks::Marks;
-use crate::order::Run;
+use crate::board::Run;
 
 /// One ADC sample from the acquisition, with the filtered step that is due at this sample. Input of
 /// the [`Producer`].
@@ -19,8 +20,8 @@ pub struct AcquiredSample {
     pub sample: Sample,
     /// Index of the sample in its run, from 0.
     pub index: u64,
-    /// Index in the run of the step to which this sample belongs: the step that is due at it, or the
-    /// next one.
+    /// Index in the run of the step to which this sample belongs: the step that is due at it, or
+    /// the next one.
     pub step_index: u64,
     /// The filtered step that is due at this sample; `None` if no step is due.
     pub step: Option<Step>,
@@ -35,7 +36,8 @@ pub struct AcquiredSample {
 
 impl AcquiredSample {
     /// Returns the index of the ADC sample at or before step `step` of the run, and the device time
-    /// of the step, microseconds. The time is computed from that of this sample at the nominal rates.
+    /// of the step, microseconds. The time is computed from that of this sample at the nominal
+    /// rates.
     pub(crate) fn place_of_step(&self, step: u64) -> (u64, u64) {
         let (adc_hz, step_hz) = (u64::from(ADC_RATE_HZ), u64::from(STEP_RATE_HZ));
         let since_start_us = |count: u64, hz: u64| count * 1_000_000 / hz;
@@ -58,4 +60,134 @@ pub struct Counts {
     pub adc_status_bad: u32,
     /// Electrode values clipped to int8, each counted once although windows overlap.
     pub clipped: u32,
+}
+
+/// Faults of a sample or a window that are detected outside the pipeline.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Marks {
+    /// A status word of the ADC chain was wrong.
+    pub adc_status_bad: bool,
+    /// The ADC's lead-off detection reported an electrode without contact.
+    pub lead_off: bool,
+    /// A sample was lost: it was not read in time, or a queue was full.
+    pub overrun: bool,
+}
+
+impl Marks {
+    /// Marks of a sample without faults.
+    pub const NONE: Self = Self {
+        adc_status_bad: false,
+        lead_off: false,
+        overrun: false,
+    };
+
+    /// Returns the faults of both operands.
+    #[must_use]
+    pub const fn union(self, other: Self) -> Self {
+        Self {
+            adc_status_bad: self.adc_status_bad | other.adc_status_bad,
+            lead_off: self.lead_off | other.lead_off,
+            overrun: self.overrun | other.overrun,
+        }
+    }
+
+    /// Converts the faults to wire flags.
+    pub(crate) fn flags(self) -> Flags {
+        [
+            (self.adc_status_bad, Flags::ADC_STATUS_BAD),
+            (self.lead_off, Flags::LEAD_OFF),
+            (self.overrun, Flags::OVERRUN),
+        ]
+        .into_iter()
+        .filter(|(set, _)| *set)
+        .fold(Flags::empty(), |flags, (_, flag)| flags | flag)
+    }
+}
+
+/// Faults of the newest window. They are stored per hop, because consecutive windows overlap.
+#[derive(Clone, Debug)]
+pub(crate) struct WindowMarks {
+    /// Number of steps since the start of the run.
+    steps: u64,
+    /// Faults of the hops that the newest window covers, newest hop first.
+    hops: [Marks; STEPS.div_ceil(HOP)],
+}
+
+impl WindowMarks {
+    /// State before the first step: no faults.
+    pub(crate) const NONE: Self = Self {
+        steps: 0,
+        hops: [Marks::NONE; STEPS.div_ceil(HOP)],
+    };
+
+    /// Adds faults to the step in progress.
+    pub(crate) fn mark(&mut self, marks: Marks) {
+        self.hops[0] = self.hops[0].union(marks);
+    }
+
+    /// Returns the faults of the newest hop so far, the step in progress included.
+    pub(crate) const fn newest_hop(&self) -> Marks {
+        self.hops[0]
+    }
+
+    /// Ends a step and returns the faults of the window that ends with this step.
+    pub(crate) fn end_step(&mut self) -> Marks {
+        let window = self.hops.into_iter().fold(Marks::NONE, Marks::union);
+        self.steps += 1;
+        if self.steps.is_multiple_of(HOP as u64) {
+            self.hops.rotate_right(1);
+            self.hops[0] = Marks::NONE;
+        }
+        window
+    }
+
+    /// Returns the index of the window that ends with the newest step; `None` if no window does.
+    /// The index wraps.
+    #[expect(clippy::cast_possible_truncation, reason = "the index wraps")]
+    pub(crate) const fn complete_window(&self) -> Option<u32> {
+        match self.steps.checked_sub(STEPS as u64) {
+            Some(before) if before.is_multiple_of(HOP as u64) => Some((before / HOP as u64) as u32),
+            _ => None,
+        }
+    }
+
+    pub(crate) const fn steps(&self) -> u64 {
+        self.steps
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use super::*;
+
+    const OVERRUN: Marks = Marks {
+        overrun: true,
+        ..Marks::NONE
+    };
+
+    #[test]
+    fn exactly_the_windows_that_contain_a_marked_step_are_marked() {
+        for marked in 0..6 * HOP {
+            let mut windows = WindowMarks::NONE;
+            let mut found = Vec::new();
+            for step in 0..10 * HOP {
+                if step == marked {
+                    windows.mark(OVERRUN);
+                }
+                let marks = windows.end_step();
+                let ends = step + 1 >= STEPS && (step + 1 - STEPS).is_multiple_of(HOP);
+                let window = ends.then(|| (step + 1 - STEPS) / HOP);
+                let complete = windows.complete_window().map(|window| window as usize);
+                assert_eq!(complete, window, "step {step}");
+                found.extend(window.filter(|_| marks.overrun));
+            }
+            let containing = (0..10).filter(|window| {
+                let first = window * HOP;
+                (first..first + STEPS).contains(&marked)
+            });
+            assert_eq!(found, containing.collect::<Vec<_>>(), "step {marked}");
+        }
+    }
 }

@@ -1,5 +1,5 @@
-//! Window and code for an audit: the host computes the code again from the planes of the window, and compares the planes
-//! with the packed blocks.
+//! Window and code for an audit: the host computes the code again from the planes of the window,
+//! and compares the planes with the packed blocks.
 
 use link::Audit;
 use model::{CELLS, CODE, HOP, STEP_RATE_HZ, STEPS};
@@ -14,8 +14,9 @@ const PERIOD_S: u32 = 10;
 #[expect(clippy::cast_possible_truncation, reason = "a hop is below 256")]
 const PERIOD_WINDOWS: u32 = PERIOD_S * STEP_RATE_HZ as u32 / HOP as u32;
 
-/// Planes of the newest window, with its index once the window is complete, and its code if the device has the network.
-#[derive(Clone, Debug)]
+/// Planes of the newest window. Once the window is complete: also its index, and its code if the
+/// device has the network.
+#[derive(Clone, Copy, Debug)]
 pub struct AuditedWindow {
     window: u32,
     has_code: bool,
@@ -48,13 +49,12 @@ impl AuditedWindow {
     }
 
     /// Stores index and code of the window that consists of the stored planes.
-    pub(crate) fn complete(&mut self, window: u32, values: Option<&CodeValues>) -> &Self {
+    pub(crate) fn complete(&mut self, window: u32, values: Option<&CodeValues>) {
         self.window = window;
         self.has_code = values.is_some();
         if let Some(values) = values {
             self.values = *values;
         }
-        self
     }
 
     /// Builds the wire message, which borrows the planes and the bytes of the values.

@@ -1,9 +1,12 @@
-//! Wire messages about the converters, built from the driver's types.
+//! Converters of a device: their settings, and the messages about them.
 
-use ads1299::{Error, Reading, SamplerCounters, SelfTestFault, SelfTestReport};
-use link::{ChannelFault, ChannelTest, ChipTest, Converters, SelfTest};
+use core::fmt::{self, Write};
 
-use crate::fault_text::fault_text;
+use ads1299::{
+    CHANNELS, Error, Gain, Rate, Reading, SamplerCounters, SelfTestFault, SelfTestReport, Settings,
+};
+use heapless::String;
+use link::{ChannelFault, ChannelTest, ChipTest, Converters, MAX_TEXT_BYTES, SelfTest};
 
 /// Builds the status message of a chain of converters.
 ///
@@ -71,6 +74,56 @@ const fn channel_fault(fault: Option<SelfTestFault>) -> ChannelFault {
     }
 }
 
+/// Number of converters in the chain.
+pub const CHIPS: usize = model::CHANNELS / CHANNELS;
+
+/// Settings of the chain: the model's rate and gain. The driver reads every register back before
+/// the chain runs, so the samples of a running chain have this rate, and their counts this scale.
+pub const CONVERTER_SETTINGS: Settings<CHIPS> = {
+    let (clock, rate) = Rate::of_hz(model::ADC_RATE_HZ as u32)
+        .expect("reading the artifact has refused a rate that the converters lack");
+    Settings::eeg(clock, rate, GAIN)
+};
+
+/// Gain of every channel.
+const GAIN: Gain = Gain::of_factor(model::GAIN)
+    .expect("reading the artifact has refused a gain that the converters lack");
+
+/// Nanovolts of one count, from the gain in the converters' registers.
+#[expect(clippy::cast_possible_truncation, reason = "published as f32")]
+pub(crate) const LSB_NV: f32 = (GAIN.lsb_uv() * 1000.0) as f32;
+
+const _: () = {
+    assert!(
+        model::CHANNELS.is_multiple_of(CHANNELS) && CHIPS >= 1 && CHIPS <= link::MAX_CHIPS,
+        "the channels are those of whole converters"
+    );
+    assert!(
+        LSB_NV.to_bits() == model::LSB_NV.to_bits(),
+        "filters and codes are scaled for the counts of these converters"
+    );
+};
+
+/// Formats `fault`; text beyond [`MAX_TEXT_BYTES`] is cut off between two characters.
+pub fn fault_text(fault: impl fmt::Display) -> String<MAX_TEXT_BYTES> {
+    let mut text = Text(String::new());
+    // An error means that the text was cut, which is accepted.
+    let _ = write!(text, "{fault}");
+    text.0
+}
+
+/// Text that accepts characters until the first one that does not fit.
+struct Text(String<MAX_TEXT_BYTES>);
+
+impl Write for Text {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        for character in text.chars() {
+            self.0.push(character).map_err(|_| fmt::Error)?;
+        }
+        Ok(())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use ads1299::RateError;
@@ -100,5 +153,13 @@ mod tests {
         report.ready.fault = Some(RateError::NotMeasured { chip: 0 });
         assert!(self_test_message(&report).fault.contains("ADS1299 0"));
         assert_eq!(self_test_message(&SelfTestReport::<2>::EMPTY).fault, "");
+    }
+
+    #[test]
+    fn a_long_text_is_cut_between_characters() {
+        let long: std::string::String = core::iter::repeat_n('ä', MAX_TEXT_BYTES).collect();
+        let text = fault_text(std::format!("a{long}"));
+        assert_eq!(text.chars().count(), MAX_TEXT_BYTES / 2);
+        assert_eq!(fault_text("chip 3"), "chip 3");
     }
 }

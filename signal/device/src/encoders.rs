@@ -8,7 +8,8 @@ use pipeline::{Code, Encoder, EncoderMemory, PackedCode, PackedEncoder, PackedMe
 
 /// The encoders that a device has. An image contains the weights of these encoders only.
 ///
-/// The implementors are memories, which a board keeps in a `static`: all zeros at first, they take no flash.
+/// The implementors are memories, which a board keeps in a `static`: all zeros at first, they take
+/// no flash.
 pub trait Encoders {
     /// Streams that these encoders feed.
     const STREAMS: Streams;
@@ -22,12 +23,13 @@ pub trait Encoders {
     /// Encodes a step with the packed code; returns a block at `rate` if the step completes a hop.
     fn encode_block(&mut self, step: &Step, rate: Rate) -> Option<PackedCode>;
 
-    /// Returns whether the weights in flash match their checksums. Reads all of them, which takes some
-    /// milliseconds.
+    /// Returns whether the weights in flash match their checksums. Reads all of them, which takes
+    /// some milliseconds.
     fn model_is_sound() -> bool;
 }
 
-/// Returns the streams of a device with the encoders `E`: those that they feed, and all that need no encoder.
+/// Returns the streams of a device with the encoders `E`: those that they feed, and all that need
+/// no encoder.
 pub const fn streams_with<E: Encoders>() -> Streams {
     let need_an_encoder = Streams::CODES.bits() | Streams::AUDIT.bits() | Streams::PACKED.bits();
     let need_none = Streams::ALL.without(Streams::from_bits(need_an_encoder));

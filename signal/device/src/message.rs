@@ -7,7 +7,9 @@ use link::{
 };
 use pipeline::{Code, Mains, PackedCode, Quality, Rate};
 
-use crate::{converter_settings::LSB_NV, marks::Marks};
+use crate::acquired_sample::Marks;
+use crate::chunk::narrow;
+use crate::converters::LSB_NV;
 
 const _: () = {
     assert!(model::ELECTRODES <= MAX_ELECTRODES);
@@ -23,15 +25,6 @@ pub const CODE_FORMAT: CodeFormat = match model::CODE_FORMAT {
     model::CodeFormat::Int8Exponent => CodeFormat::Int8Exponent,
     model::CodeFormat::Int16 => CodeFormat::Int16,
 };
-
-/// Converts a dimension of the model to the byte that carries it on the wire; fails to compile if
-/// the dimension exceeds a byte.
-const fn narrow(dimension: usize) -> u8 {
-    assert!(dimension < 256, "the model's dimensions are below 256");
-    #[expect(clippy::cast_possible_truncation, reason = "asserted")]
-    let narrow = dimension as u8;
-    narrow
-}
 
 pub(crate) fn capabilities(mains: Mains) -> Capabilities<'static> {
     let filter = mains.filter();

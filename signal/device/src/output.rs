@@ -3,24 +3,23 @@
 use link::Event;
 use pipeline::{Code, PackedCode, Quality};
 
+use crate::acquired_sample::Marks;
 use crate::audited_window::AuditedWindow;
-use crate::compressed_chunk::CompressedChunk;
-use crate::filtered_chunk::FilteredChunk;
-use crate::marks::Marks;
-use crate::raw_chunk::RawChunk;
+use crate::chunk::{CompressedChunk, FilteredChunk, RawChunk};
 
-/// A result for the host, with the number of its run and the time for its frame.
-#[derive(Clone, Debug, Default)]
-pub struct Output {
+/// A result for the host, with the number of its run and the time for its frame. It borrows its
+/// content from the producer: the receiver sends it, or copies it into a queue, before it returns.
+#[derive(Clone, Copy, Debug)]
+pub struct Output<'p> {
     /// [`Run::number`](crate::Run::number) of the run that produced this output.
     pub run: u32,
     /// Device time for the frame's header, microseconds.
     pub at_us: u64,
     /// Content, which the session turns into a message.
-    pub payload: Payload,
+    pub payload: Payload<'p>,
 }
 
-impl Output {
+impl Output<'_> {
     /// Returns true at the end of each second of a run: send `Stats` and `Timing` now.
     ///
     /// The producer counts seconds in samples and emits one [`Payload::Quality`] at the end of each
@@ -33,29 +32,26 @@ impl Output {
 }
 
 /// Content of an [`Output`].
-#[derive(Clone, Debug, Default)]
-pub enum Payload {
-    /// Empty queue slot; no message is sent.
-    #[default]
-    Nothing,
+#[derive(Clone, Copy, Debug)]
+pub enum Payload<'p> {
     /// A code, with the faults in its window. [`Output::at_us`] is the time of the window's last
     /// step.
-    Code(Code, Marks),
-    /// A block of the packed code, with the faults in it. [`Output::at_us`] is the time of the block's
-    /// last step.
-    PackedCode(PackedCode, Marks),
-    /// Signal quality of each electrode over the last second. [`Output::at_us`] is the time of the
-    /// second's last sample.
-    Quality(Quality),
-    /// Unfiltered samples. [`Output::at_us`] is the time of the last sample.
-    Raw(RawChunk),
-    /// Unfiltered samples, compressed. [`Output::at_us`] is the time of the last sample.
-    CompressedRaw(CompressedChunk),
-    /// Filtered steps. [`Output::at_us`] is the time of the last step.
-    Filtered(FilteredChunk),
-    /// The planes of a window, with its code if the device has the network. [`Output::at_us`] is
-    /// the time of the window's last step.
-    Audit(AuditedWindow),
+    Code(&'p Code, Marks),
+    /// A block of the packed code, with the faults in it. [`Output::at_us`] is the time of the
+    /// block's last step.
+    PackedCode(&'p PackedCode, Marks),
     /// An edge at the trigger input. [`Output::at_us`] is the time of the edge.
     Event(Event),
+    /// Signal quality of each electrode over the last second. [`Output::at_us`] is the time of the
+    /// second's last sample.
+    Quality(&'p Quality),
+    /// Unfiltered samples. [`Output::at_us`] is the time of the last sample.
+    Raw(&'p RawChunk),
+    /// Unfiltered samples, compressed. [`Output::at_us`] is the time of the last sample.
+    CompressedRaw(&'p CompressedChunk),
+    /// Filtered steps. [`Output::at_us`] is the time of the last step.
+    Filtered(&'p FilteredChunk),
+    /// The planes of a window, with its code if the device has the network. [`Output::at_us`] is
+    /// the time of the window's last step.
+    Audit(&'p AuditedWindow),
 }

@@ -1,31 +1,25 @@
 //! Computes codes and the other requested streams from samples and steps.
 
 use link::{Event, EventKind, Streams};
-use pipeline::{Code, CodeValues, PackedCode, PackedEncoder, Quality, Rate, SignalQuality, Step};
+use pipeline::{PackedEncoder, Rate, SignalQuality, Step};
 
-use crate::acquired_sample::AcquiredSample;
+use crate::acquired_sample::{AcquiredSample, Marks, WindowMarks};
 use crate::audited_window::AuditedWindow;
-use crate::compressed_chunk::Compressor;
+use crate::board::Run;
+use crate::chunk::{Compressor, FilteredChunk, RawChunk};
 use crate::encoders::Encoders;
-use crate::filtered_chunk::FilteredChunk;
-use crate::marks::{Marks, WindowMarks};
-use crate::order::Run;
 use crate::output::{Output, Payload};
-use crate::raw_chunk::RawChunk;
 
 /// Produces codes, and the other streams that the host requested, from acquired samples.
 ///
-/// If a step is missing because a queue was full, the producer encodes the previous step again, with the time that the
-/// missing one would have. The index of a window or block therefore still determines its time. Codes and blocks that
-/// contain a repeated step are marked with an overrun.
+/// If a step is missing because a queue was full, the producer encodes the previous step again, at
+/// the time of the missing one. The index of a window or block therefore still determines its time.
+/// Codes and blocks that contain a repeated step are marked with an overrun.
 ///
-/// An [`Output`] takes 2 KB whatever its payload. The functions that build an output are never
-/// inlined, so that a task's stack frame does not hold several outputs at once.
+/// An [`Output`] borrows its content from the producer. An encoder runs only if the host has
+/// requested its stream.
 ///
-/// An encoder runs only if the host has requested what it makes.
-///
-/// `E` is the memory of the encoders, or a reference to it. A board keeps the memory in a `static` and
-/// passes a reference.
+/// `E` is the memory of the encoders, or a reference to it: a board keeps the memory in a `static`.
 #[derive(Debug)]
 pub struct Producer<E> {
     run: Run,
@@ -60,8 +54,8 @@ pub struct CapturedEvent {
 }
 
 impl<E: Encoders> Producer<E> {
-    /// Creates a producer that waits for its first run; `encoders` must hold a memory before its first
-    /// step, such as [`BothEncoders::EMPTY`](crate::BothEncoders::EMPTY).
+    /// Creates a producer that waits for its first run; `encoders` must hold a memory before its
+    /// first step, such as [`BothEncoders::EMPTY`](crate::BothEncoders::EMPTY).
     pub const fn new(encoders: E) -> Self {
         Self {
             run: Run::NONE,
@@ -72,7 +66,7 @@ impl<E: Encoders> Producer<E> {
             since_step: Marks::NONE,
             last: Step::SILENCE,
             raw: RawChunk::EMPTY,
-            compressor: Compressor::NEW,
+            compressor: Compressor::new(),
             filtered: FilteredChunk::EMPTY,
             audited: AuditedWindow::EMPTY,
             ahead: None,
@@ -85,7 +79,7 @@ impl<E: Encoders> Producer<E> {
     }
 
     /// Processes a sample and passes the results to `emit`.
-    pub fn process(&mut self, acquired: &AcquiredSample, emit: &mut impl FnMut(Output)) {
+    pub fn process(&mut self, acquired: &AcquiredSample, emit: &mut impl FnMut(Output<'_>)) {
         if let Some(run) = acquired.new_run {
             self.start_run(run, acquired.drdy_us);
         }
@@ -106,15 +100,18 @@ impl<E: Encoders> Producer<E> {
             }
             self.encode(step, acquired.drdy_us, emit);
         }
-        let quality = (self.quality).observe(&acquired.sample, acquired.step.as_ref());
-        if let Some(quality) = quality {
-            self.emit_quality(acquired.drdy_us, &quality, emit);
+        if let Some(quality) = (self.quality).observe(&acquired.sample, acquired.step.as_ref()) {
+            self.emit(acquired.drdy_us, Payload::Quality(&quality), emit);
         }
     }
 
-    /// Encodes the newest step again for each missing one before that of `acquired`. The faults of the lost samples
-    /// may be in any of these steps.
-    fn repeat_missing_steps(&mut self, acquired: &AcquiredSample, emit: &mut impl FnMut(Output)) {
+    /// Encodes the newest step again for each missing one before that of `acquired`. The faults of
+    /// the lost samples can belong to any of these steps.
+    fn repeat_missing_steps(
+        &mut self,
+        acquired: &AcquiredSample,
+        emit: &mut impl FnMut(Output<'_>),
+    ) {
         while self.windows.steps() < acquired.step_index {
             let (sample, at_us) = acquired.place_of_step(self.windows.steps());
             let substitute = Step {
@@ -141,7 +138,7 @@ impl<E: Encoders> Producer<E> {
         &mut self,
         acquired: &AcquiredSample,
         mut next: impl FnMut() -> Option<CapturedEvent>,
-        emit: &mut impl FnMut(Output),
+        emit: &mut impl FnMut(Output<'_>),
     ) {
         while let Some(captured) = self.ahead.take().or_else(&mut next) {
             if captured.at_us > acquired.drdy_us {
@@ -154,7 +151,7 @@ impl<E: Encoders> Producer<E> {
                     number: captured.number,
                     sample: acquired.index,
                 };
-                self.emit_event(captured.at_us, event, emit);
+                self.emit(captured.at_us, Payload::Event(event), emit);
             }
         }
     }
@@ -179,41 +176,37 @@ impl<E: Encoders> Producer<E> {
         self.run.streams.contains(stream)
     }
 
-    /// Not inlined, so that an image contains the encoders once, although this is called in two places.
+    /// Not inlined, so that an image contains the encoders once, although this is called in two
+    /// places.
     #[inline(never)]
-    fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output)) {
+    fn encode(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output<'_>)) {
         if self.wants(Streams::PACKED) {
-            self.encode_block(step, drdy_us, emit);
+            let marks = self.windows.newest_hop();
+            if let Some(code) = self.encoders.encode_block(step, self.rate) {
+                let at_us = drdy_us + u64::from(code.offset_us);
+                self.emit(at_us, Payload::PackedCode(&code, marks), emit);
+            }
         }
         let marks = self.windows.end_step();
-        let audits = self.wants(Streams::AUDIT);
+        let (codes, audits) = (self.wants(Streams::CODES), self.wants(Streams::AUDIT));
         if audits {
             self.audited.push_plane(&step.plane);
         }
-        let mut values = None;
-        if (audits || self.wants(Streams::CODES))
-            && let Some(code) = self.encoders.encode_window(step)
-        {
-            values = Some(code.values);
-            if self.wants(Streams::CODES) {
-                let at_us = drdy_us + u64::from(code.offset_us);
-                self.emit_code(at_us, &code, marks, emit);
-            }
+        if !codes && !audits {
+            return;
+        }
+        let code = self.encoders.encode_window(step);
+        if codes && let Some(code) = &code {
+            let at_us = drdy_us + u64::from(code.offset_us);
+            self.emit(at_us, Payload::Code(code, marks), emit);
         }
         if audits
             && let Some(window) = self.windows.complete_window()
             && AuditedWindow::is_due(window)
         {
             let at_us = drdy_us + u64::from(step.offset_us);
-            self.emit_audit((at_us, window), values.as_ref(), emit);
-        }
-    }
-
-    fn encode_block(&mut self, step: &Step, drdy_us: u64, emit: &mut impl FnMut(Output)) {
-        let marks = self.windows.newest_hop();
-        if let Some(code) = self.encoders.encode_block(step, self.rate) {
-            let at_us = drdy_us + u64::from(code.offset_us);
-            self.emit_block(at_us, &code, marks, emit);
+            (self.audited).complete(window, code.as_ref().map(|code| &code.values));
+            self.emit(at_us, Payload::Audit(&self.audited), emit);
         }
     }
 
@@ -221,42 +214,27 @@ impl<E: Encoders> Producer<E> {
         &mut self,
         acquired: &AcquiredSample,
         marks: Marks,
-        emit: &mut impl FnMut(Output),
+        emit: &mut impl FnMut(Output<'_>),
     ) {
-        if !self.raw.is_empty() && !self.raw.continues_with(acquired.index) {
+        if self.raw.ends_before(acquired.index) {
             self.emit_samples(emit);
         }
-        let AcquiredSample {
-            sample,
-            index,
-            drdy_us,
-            ..
-        } = acquired;
-        self.raw.append(sample, *index, marks, *drdy_us);
+        self.raw.append_sample(acquired, marks);
         if self.raw.is_full() {
             self.emit_samples(emit);
         }
     }
 
-    fn emit_samples(&mut self, emit: &mut impl FnMut(Output)) {
+    fn emit_samples(&mut self, emit: &mut impl FnMut(Output<'_>)) {
+        let at_us = self.raw.last_us();
         if self.wants(Streams::RAW) {
-            self.emit_raw(emit);
+            self.emit(at_us, Payload::Raw(&self.raw), emit);
         }
         if self.wants(Streams::COMPRESSED_RAW) {
-            self.emit_compressed(emit);
+            self.compressor.compress(&self.raw);
+            self.emit(at_us, Payload::CompressedRaw(self.compressor.chunk()), emit);
         }
         self.raw.clear();
-    }
-
-    #[inline(never)]
-    fn emit_raw(&self, emit: &mut impl FnMut(Output)) {
-        self.emit(self.raw.last_us(), Payload::Raw(self.raw.clone()), emit);
-    }
-
-    #[inline(never)]
-    fn emit_compressed(&mut self, emit: &mut impl FnMut(Output)) {
-        let payload = Payload::CompressedRaw(self.compressor.compress(&self.raw));
-        self.emit(self.raw.last_us(), payload, emit);
     }
 
     fn collect_filtered(
@@ -264,63 +242,25 @@ impl<E: Encoders> Producer<E> {
         (index, step): (u64, &Step),
         marks: Marks,
         drdy_us: u64,
-        emit: &mut impl FnMut(Output),
+        emit: &mut impl FnMut(Output<'_>),
     ) {
-        if !self.filtered.is_empty() && !self.filtered.continues_with(index) {
+        if self.filtered.ends_before(index) {
             self.emit_filtered(emit);
         }
         let at_us = drdy_us + u64::from(step.offset_us);
-        self.filtered.append(step, index, marks, at_us);
+        self.filtered.append_step(step, index, marks, at_us);
         if self.filtered.is_full() {
             self.emit_filtered(emit);
         }
     }
 
-    #[inline(never)]
-    fn emit_filtered(&mut self, emit: &mut impl FnMut(Output)) {
-        let payload = Payload::Filtered(self.filtered.clone());
+    fn emit_filtered(&mut self, emit: &mut impl FnMut(Output<'_>)) {
+        let payload = Payload::Filtered(&self.filtered);
         self.emit(self.filtered.last_us(), payload, emit);
         self.filtered.clear();
     }
 
-    #[inline(never)]
-    fn emit_audit(
-        &mut self,
-        (at_us, window): (u64, u32),
-        values: Option<&CodeValues>,
-        emit: &mut impl FnMut(Output),
-    ) {
-        let audited = self.audited.complete(window, values).clone();
-        self.emit(at_us, Payload::Audit(audited), emit);
-    }
-
-    #[inline(never)]
-    fn emit_code(&self, at_us: u64, code: &Code, marks: Marks, emit: &mut impl FnMut(Output)) {
-        self.emit(at_us, Payload::Code(*code, marks), emit);
-    }
-
-    #[inline(never)]
-    fn emit_block(
-        &self,
-        at_us: u64,
-        code: &PackedCode,
-        marks: Marks,
-        emit: &mut impl FnMut(Output),
-    ) {
-        self.emit(at_us, Payload::PackedCode(*code, marks), emit);
-    }
-
-    #[inline(never)]
-    fn emit_event(&self, at_us: u64, event: Event, emit: &mut impl FnMut(Output)) {
-        self.emit(at_us, Payload::Event(event), emit);
-    }
-
-    #[inline(never)]
-    fn emit_quality(&self, at_us: u64, quality: &Quality, emit: &mut impl FnMut(Output)) {
-        self.emit(at_us, Payload::Quality(*quality), emit);
-    }
-
-    fn emit(&self, at_us: u64, payload: Payload, emit: &mut impl FnMut(Output)) {
+    fn emit(&self, at_us: u64, payload: Payload<'_>, emit: &mut impl FnMut(Output<'_>)) {
         emit(Output {
             run: self.run.number,
             at_us,

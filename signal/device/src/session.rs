@@ -1,7 +1,5 @@
 //! The device's side of the protocol with the host.
 
-mod send;
-
 use link::{
     Ack, AckResult, ClockReading, Converters, Counters, Decoder, FrameError, ResetInto, SelfTest,
     Start, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
@@ -9,18 +7,14 @@ use link::{
 use pipeline::{Code, Mains, Rate};
 
 use crate::acquired_sample::Counts;
-use crate::board::{Abilities, Identity};
-use crate::marks::Marks;
-use crate::max_frame::MAX_FRAME;
+use crate::board::{Abilities, Identity, Order, Run};
 use crate::message;
-use crate::order::{Order, Run};
 use crate::output::{Output, Payload};
-use crate::sender::{FrameQueue, Sender};
+use crate::sender::{FrameQueue, MAX_FRAME, Sender};
 
 /// Answers the host's commands and sends the producer's outputs as messages.
 ///
-/// Messages are built on the stack and take up to 2 KB. The functions that build a message are
-/// never inlined, so that a task's stack frame does not hold several messages at once.
+/// Messages are built on the stack and take up to 2 KB.
 #[derive(Debug)]
 pub struct Session<'i> {
     identity: Identity<'i>,
@@ -91,7 +85,6 @@ impl<'i> Session<'i> {
 
     /// Decodes bytes from the host and answers each command that they complete. If a command
     /// requires an action of the board, `order` is called before the command's `Ack` is queued.
-    #[inline(never)]
     pub fn receive(
         &mut self,
         mut bytes: &[u8],
@@ -113,7 +106,7 @@ impl<'i> Session<'i> {
                 // it.
                 Err(_) => continue,
             };
-            send::send_ack(Ack { of, result }, now_us, sender);
+            sender.send(now_us, &ToHost::Ack(Ack { of, result }));
         }
     }
 
@@ -138,7 +131,7 @@ impl<'i> Session<'i> {
                     host_time_us,
                     received_us: now_us,
                 };
-                send::send_clock_reading(reading, now_us, sender);
+                sender.send(now_us, &ToHost::ClockReading(reading));
             }
             ToDevice::Reset(into) => return self.reset(into),
             ToDevice::SetRate { rate } => return self.set_rate(rate),
@@ -233,45 +226,38 @@ impl<'i> Session<'i> {
 
     /// Sends an output if it belongs to the active run. An output can still be queued when its run
     /// ends, and is then discarded.
-    pub fn send(&mut self, output: &Output, sender: &mut Sender<impl FrameQueue>) {
+    pub fn send(&mut self, output: &Output<'_>, sender: &mut Sender<impl FrameQueue>) {
         if !self.is_current_run(output.run) {
             return;
         }
-        match &output.payload {
-            Payload::Nothing => {}
-            Payload::Code(code, marks) => self.send_code(code, *marks, output.at_us, sender),
-            Payload::PackedCode(code, marks) => {
-                send::send_packed_code(code, *marks, output.at_us, sender);
+        let mut bytes = [0; pipeline::CodeValues::MAX_BYTES];
+        let message = match output.payload {
+            Payload::Code(code, marks) => {
+                self.count_code(code);
+                ToHost::Code(message::code(code, marks, &mut bytes))
             }
-            Payload::Quality(quality) => send::send_quality(quality, output.at_us, sender),
-            Payload::Raw(samples) => send::send_raw(samples, output.at_us, sender),
-            Payload::CompressedRaw(samples) => send::send_compressed(samples, output.at_us, sender),
-            Payload::Filtered(steps) => send::send_filtered(steps, output.at_us, sender),
-            Payload::Audit(window) => send::send_audit(window, output.at_us, sender),
-            Payload::Event(event) => send::send_event(*event, output.at_us, sender),
-        }
+            Payload::PackedCode(code, marks) => {
+                ToHost::PackedCode(message::packed_code(code, marks))
+            }
+            Payload::Event(event) => ToHost::Event(event),
+            Payload::Quality(quality) => ToHost::Quality(message::quality(quality)),
+            Payload::Raw(samples) => ToHost::Raw(samples.message()),
+            Payload::CompressedRaw(samples) => ToHost::CompressedRaw(samples.message()),
+            Payload::Filtered(steps) => ToHost::Filtered(steps.message()),
+            Payload::Audit(window) => ToHost::Audit(window.message(&mut bytes)),
+        };
+        sender.send(output.at_us, &message);
     }
 
-    #[inline(never)]
-    fn send_code(
-        &mut self,
-        code: &Code,
-        marks: Marks,
-        step_us: u64,
-        sender: &mut Sender<impl FrameQueue>,
-    ) {
+    fn count_code(&mut self, code: &Code) {
         self.stats.codes_made = self.stats.codes_made.wrapping_add(1);
         self.stats.next_window = code.window.wrapping_add(1);
         let clipped = code.clipped_values.into();
         self.stats.clipped_values = self.stats.clipped_values.wrapping_add(clipped);
-        let mut bytes = [0; pipeline::CodeValues::MAX_BYTES];
-        let message = message::code(code, marks, &mut bytes);
-        sender.send(step_us, &ToHost::Code(message));
     }
 
     /// Stores the status of the converters for later introductions. Sends it at once while a run is
     /// active, or if the fault has changed.
-    #[inline(never)]
     pub fn update_converters(
         &mut self,
         converters: Converters,
@@ -290,7 +276,6 @@ impl<'i> Session<'i> {
         converters.map_or("", |converters| &converters.fault)
     }
 
-    #[inline(never)]
     fn send_converters(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         if let Some(converters) = &self.converters {
             sender.send(now_us, &ToHost::Converters(converters.clone()));
@@ -298,20 +283,18 @@ impl<'i> Session<'i> {
     }
 
     /// Sends the result of the ordered self-test, and accepts `Start` again.
-    #[inline(never)]
     pub fn send_self_test(
         &mut self,
-        result: &SelfTest,
+        result: SelfTest,
         now_us: u64,
         sender: &mut Sender<impl FrameQueue>,
     ) {
         self.is_testing = false;
-        sender.send(now_us, &ToHost::SelfTest(result.clone()));
+        sender.send(now_us, &ToHost::SelfTest(result));
     }
 
     /// Sends the counters. Call this every second while streaming; in answer to a `Stop` the
     /// session sends them itself.
-    #[inline(never)]
     pub fn send_stats(&self, now_us: u64, counts: Counts, sender: &mut Sender<impl FrameQueue>) {
         let stats = self.stats(counts, sender.dropped());
         sender.send(now_us, &ToHost::Stats(stats));
@@ -319,9 +302,8 @@ impl<'i> Session<'i> {
 
     /// Sends the durations of the stages. On a device that measures them, call this every second
     /// while streaming, after [`Self::send_stats`].
-    #[inline(never)]
-    pub fn send_timing(&self, timing: &Timing, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
-        sender.send(now_us, &ToHost::Timing(timing.clone()));
+    pub fn send_timing(&self, timing: Timing, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
+        sender.send(now_us, &ToHost::Timing(timing));
     }
 
     /// Returns all counters since boot, for a `Stats` message.
@@ -338,12 +320,10 @@ impl<'i> Session<'i> {
         }
     }
 
-    #[inline(never)]
     fn send_hello(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         sender.send(now_us, &ToHost::Hello(self.identity.hello()));
     }
 
-    #[inline(never)]
     fn send_capabilities(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
         let capabilities = message::capabilities(self.run.mains);
         sender.send(now_us, &ToHost::Capabilities(capabilities));

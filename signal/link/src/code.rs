@@ -4,8 +4,8 @@ use core::fmt;
 
 use serde::{Deserialize, Deserializer, Serialize, de::Error};
 
-use crate::byte_slice;
 use crate::flags::Flags;
+use crate::signal::serialize_bytes;
 
 /// Largest number of values in a code.
 pub const MAX_NUMBERS: usize = 256;
@@ -13,7 +13,10 @@ pub const MAX_NUMBERS: usize = 256;
 /// Largest exponent of a code: an 8-bit value times 2^8 fills 16 bits.
 pub const MAX_EXPONENT: u8 = 8;
 
-/// Output of the encoder for one window.
+/// Output of the encoder for one window, as on the wire.
+///
+/// `pipeline::Code` is the encoder's own type, with an array of the model's length. This one
+/// borrows the bytes of a frame, for hosts that talk to devices with any model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Code<'a> {
     /// First 8 bytes of the SHA-256 over the model; only the decoder of that model can read the
@@ -39,12 +42,13 @@ pub struct Code<'a> {
     pub values: CodeValues<'a>,
 }
 
-/// The values of a code, in one of three formats.
+/// The values of a code, in one of three formats; borrowed bytes, where `pipeline::CodeValues` owns
+/// an array of the model's length.
 ///
 /// In every format `z = (level - code_zero_point) * code_scale`, with zero points and scales from
-/// [`Capabilities`](crate::Capabilities) and the [levels](Self::levels) of the code. On the wire: one
-/// byte with the format's number, the exponent in the format that has one, then the values up to the
-/// end of the message; none of them is a varint. There are as many values as scales in
+/// [`Capabilities`](crate::Capabilities) and the [levels](Self::levels) of the code. On the wire:
+/// one byte with the format's number, the exponent in the format that has one, then the values up
+/// to the end of the message; none of them is a varint. There are as many values as scales in
 /// `Capabilities`, at most [`MAX_NUMBERS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CodeValues<'a> {
@@ -115,8 +119,8 @@ impl<'a> CodeValues<'a> {
         self.bytes.len() / self.width()
     }
 
-    /// Returns true if there are no values. A code without values is malformed; an audit of a device without a
-    /// network has none.
+    /// Returns true if there are no values. A code without values is malformed; an audit of a
+    /// device without a network has none.
     pub const fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
@@ -169,18 +173,20 @@ fn exponent<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> 
     Ok(exponent)
 }
 
-/// Format of a device's codes; one byte on the wire.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "u8", into = "u8")]
-pub enum CodeFormat {
-    /// 0: [`CodeValues::int8`].
-    Int8,
-    /// 1: [`CodeValues::int8_exponent`].
-    Int8Exponent,
-    /// 2: [`CodeValues::int16`].
-    Int16,
-    /// Any other: a format newer than this host; the host cannot read codes in this format.
-    Newer(u8),
+byte_enum! {
+    /// Format of a device's codes; one byte on the wire.
+    ///
+    /// `model::CodeFormat` is the device's own type: it has only the formats that the device can
+    /// make, and a host has no `model`. `artifact::CodeFormat` is the name in the trained file.
+    pub enum CodeFormat {
+        /// 0: [`CodeValues::int8`].
+        Int8 = 0,
+        /// 1: [`CodeValues::int8_exponent`].
+        Int8Exponent = 1,
+        /// 2: [`CodeValues::int16`].
+        Int16 = 2,
+        _ => "Any other: a format newer than this host; the host cannot read codes in this format.",
+    }
 }
 
 impl CodeFormat {
@@ -206,28 +212,6 @@ impl fmt::Display for CodeFormat {
     }
 }
 
-impl From<u8> for CodeFormat {
-    fn from(byte: u8) -> CodeFormat {
-        match byte {
-            0 => CodeFormat::Int8,
-            1 => CodeFormat::Int8Exponent,
-            2 => CodeFormat::Int16,
-            newer => CodeFormat::Newer(newer),
-        }
-    }
-}
-
-impl From<CodeFormat> for u8 {
-    fn from(format: CodeFormat) -> u8 {
-        match format {
-            CodeFormat::Int8 => 0,
-            CodeFormat::Int8Exponent => 1,
-            CodeFormat::Int16 => 2,
-            CodeFormat::Newer(newer) => newer,
-        }
-    }
-}
-
 /// A window as the encoder read it, with the code it produced; sent every ten seconds if requested.
 ///
 /// A host that has the model recomputes the code and checks that the device computes the same one.
@@ -239,9 +223,37 @@ pub struct Audit<'a> {
     /// Index of the window since `Start`, as in its [`Code`].
     pub window: u32,
     /// Planes of the window, oldest first; every plane is row-major, one int8 byte per cell.
-    #[serde(borrow, serialize_with = "byte_slice::serialize")]
+    #[serde(borrow, serialize_with = "serialize_bytes")]
     pub planes: &'a [u8],
-    /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces; none from a device
-    /// without a network.
+    /// Values, in the format that [`Capabilities::code_format`](crate::Capabilities) announces;
+    /// none from a device without a network.
     pub values: CodeValues<'a>,
+}
+
+/// Largest rate of the packed code; the smallest is 0.
+pub const MAX_RATE: u8 = 15;
+
+/// One block of the packed code, for one hop of steps; sent if requested.
+///
+/// Block `n` covers the steps from `n` times [`hop_steps`](crate::Capabilities::hop_steps) on;
+/// blocks do not overlap. The header's time is that of the block's last step. The model is that of
+/// [`Hello`](crate::Hello). `docs/packed.md` has the format of the bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PackedCode<'a> {
+    /// Index of the block since `Start`, wraps at 2^32. Increases by one with every block made,
+    /// dropped ones included.
+    pub block: u32,
+    /// Rate of the stream, 0 to [`MAX_RATE`], which a decoder needs to read the bytes.
+    pub rate: u8,
+    /// Faults and conditions of the block.
+    pub flags: Flags,
+    /// Number of electrode values of the block that were clipped to the range of the inputs;
+    /// saturates at 65535.
+    pub clipped: u16,
+    /// ADC channels that reached the converter's rail inside the block; bit n is channel n.
+    pub saturated: u64,
+    /// The block; empty if it consists of likely zeros only. The message's frame carries the bytes
+    /// after the fields.
+    #[serde(skip)]
+    pub bytes: &'a [u8],
 }

@@ -4,7 +4,7 @@ use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
 use crate::introduction::MAX_TEXT_BYTES;
-use crate::quality::MAX_ELECTRODES;
+use crate::reports::MAX_ELECTRODES;
 
 /// Largest number of chips in a chain.
 pub const MAX_CHIPS: usize = 8;
@@ -24,9 +24,9 @@ pub struct Converters {
     pub off_positive: u64,
     /// ADC channels with lead-off at the negative input in the newest sample; bit n is channel n.
     pub off_negative: u64,
-    /// Number of readings of the chain in which each chip was bad, since boot; wraps. A reading with a
-    /// wrong sample rate counts for chip 0, a reading without a frame for all chips. Element 0 is the
-    /// chip whose data output is wired to MISO.
+    /// Number of readings of the chain in which each chip was bad, since boot; wraps. A reading
+    /// with a wrong sample rate counts for chip 0, a reading without a frame for all chips. Element
+    /// 0 is the chip whose data output is wired to MISO.
     pub frames_bad: Vec<u32, MAX_CHIPS>,
 }
 
@@ -45,7 +45,8 @@ pub struct SelfTest {
     pub drdy_missed: u32,
     /// One entry per chip; element 0 is the chip whose data output is wired to MISO.
     pub chips: Vec<ChipTest, MAX_CHIPS>,
-    /// One entry per ADC channel, in the ADC's order; empty if the test ended before it measured the channels.
+    /// One entry per ADC channel, in the ADC's order; empty if the test ended before it measured
+    /// the channels.
     pub channels: Vec<ChannelTest, MAX_ELECTRODES>,
 }
 
@@ -59,8 +60,8 @@ pub struct ChipTest {
     /// Address of the first wrong register. If `registers_wrong` is 0, this is 0; otherwise 0
     /// means the ID register.
     pub first_wrong: u8,
-    /// Number of ADC frames in which the chip's data were damaged or repeated; the test leaves them out
-    /// of its measurements.
+    /// Number of ADC frames in which the chip's data were damaged or repeated; the test leaves them
+    /// out of its measurements.
     pub frames_bad: u32,
 }
 
@@ -80,51 +81,23 @@ pub struct ChannelTest {
     pub fault: ChannelFault,
 }
 
-/// Fault of a channel; one byte on the wire.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "u8", into = "u8")]
-pub enum ChannelFault {
-    /// 0: the channel keeps every limit.
-    #[default]
-    None,
-    /// 1: too few samples for a result.
-    Samples,
-    /// 2: the amplitude of the square wave is wrong.
-    Gain,
-    /// 3: the offset is too large.
-    Offset,
-    /// 4: the noise is too large.
-    Noisy,
-    /// 5: the noise is smaller than that of a working converter.
-    Silent,
-    /// Any other: a fault newer than this host.
-    Newer(u8),
-}
-
-impl From<u8> for ChannelFault {
-    fn from(byte: u8) -> ChannelFault {
-        match byte {
-            0 => ChannelFault::None,
-            1 => ChannelFault::Samples,
-            2 => ChannelFault::Gain,
-            3 => ChannelFault::Offset,
-            4 => ChannelFault::Noisy,
-            5 => ChannelFault::Silent,
-            newer => ChannelFault::Newer(newer),
-        }
-    }
-}
-
-impl From<ChannelFault> for u8 {
-    fn from(fault: ChannelFault) -> u8 {
-        match fault {
-            ChannelFault::None => 0,
-            ChannelFault::Samples => 1,
-            ChannelFault::Gain => 2,
-            ChannelFault::Offset => 3,
-            ChannelFault::Noisy => 4,
-            ChannelFault::Silent => 5,
-            ChannelFault::Newer(newer) => newer,
-        }
+byte_enum! {
+    /// Fault of a channel; one byte on the wire.
+    #[derive(Default)]
+    pub enum ChannelFault {
+        /// 0: the channel keeps every limit.
+        #[default]
+        None = 0,
+        /// 1: too few samples for a result.
+        Samples = 1,
+        /// 2: the amplitude of the square wave is wrong.
+        Gain = 2,
+        /// 3: the offset is too large.
+        Offset = 3,
+        /// 4: the noise is too large.
+        Noisy = 4,
+        /// 5: the noise is smaller than that of a working converter.
+        Silent = 5,
+        _ => "Any other: a fault newer than this host.",
     }
 }

@@ -48,7 +48,7 @@ pub fn encode<'m, 'b, M: Message<'m>>(
     let written = {
         let inner_end = out.len().checked_sub(1).ok_or(error)?;
         let inner = out.get_mut(1..inner_end).ok_or(error)?;
-        let sink = FrameSink {
+        let sink = FrameWriter {
             encoder: CobsEncoder::new(inner),
             digest: digest::<M>(),
             room: MAX_BODY,
@@ -64,7 +64,7 @@ pub fn encode<'m, 'b, M: Message<'m>>(
 fn write<'m, M: Message<'m>>(
     header: &Header,
     message: &M,
-    sink: FrameSink<'_>,
+    sink: FrameWriter<'_>,
 ) -> postcard::Result<usize> {
     let mut serializer = postcard::Serializer { output: sink };
     (header, message).serialize(&mut serializer)?;
@@ -121,14 +121,14 @@ impl Encoder {
 }
 
 /// Receives postcard's bytes, adds them to the CRC and writes them as COBS.
-struct FrameSink<'b> {
+struct FrameWriter<'b> {
     encoder: CobsEncoder<'b>,
     digest: Digest<'static, u32>,
     /// Bytes of [`MAX_BODY`] that are still free; the CRC will take the last four.
     room: usize,
 }
 
-impl Flavor for FrameSink<'_> {
+impl Flavor for FrameWriter<'_> {
     type Output = usize;
 
     fn try_extend(&mut self, data: &[u8]) -> postcard::Result<()> {

@@ -8,8 +8,8 @@ use crate::message::Message;
 /// Version number of the layout of frame and header.
 pub const VERSION: u8 = 1;
 
-/// Longest body (header, message and CRC, before COBS), bytes. The longest body of the largest model
-/// is that of an `Audit`, a window's int8 planes with its code: 5157 bytes (test
+/// Longest body (header, message and CRC, before COBS), bytes. The longest body of the largest
+/// model is that of an `Audit`, a window's int8 planes with its code: 5157 bytes (test
 /// `samples_windows_and_self_tests_fit_a_frame`).
 pub const MAX_BODY: usize = 5376;
 
@@ -31,8 +31,8 @@ pub struct Header {
     pub seq: u32,
     /// Sender's monotonic clock, microseconds since boot, range 0 to 2^64 - 1. A host sends 0,
     /// because no device reads its clock. In messages from a device it is the time of
-    /// * [`Code`](crate::Code), [`PackedCode`](crate::PackedCode), [`Audit`](crate::Audit), [`Filtered`](crate::Filtered): the last
-    ///   step
+    /// * [`Code`](crate::Code), [`PackedCode`](crate::PackedCode), [`Audit`](crate::Audit),
+    ///   [`Filtered`](crate::Filtered): the last step
     /// * [`Raw`](crate::Raw), [`CompressedRaw`](crate::CompressedRaw): the last sample's DRDY edge
     /// * [`Event`](crate::Event): the edge
     /// * [`Quality`](crate::Quality), and `Stats` and `Timing` sent with it: the last sample of the

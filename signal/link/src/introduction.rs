@@ -35,55 +35,24 @@ pub struct Hello<'a> {
     pub fault: &'a str,
 }
 
-/// Reason for a device's start; one byte on the wire.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "u8", into = "u8")]
-pub enum ResetCause {
-    /// 0: the device cannot determine the cause.
-    NotKnown,
-    /// 1: the supply was switched on.
-    PowerOn,
-    /// 2: the reset pin, or the debugger.
-    Pin,
-    /// 3: the supply dropped below its limit.
-    BrownOut,
-    /// 4: a watchdog expired.
-    Watchdog,
-    /// 5: software restarted the device without a fault.
-    Software,
-    /// 6: a fault or a panic; [`Hello::fault`] has the details.
-    Fault,
-    /// Any other: a cause newer than this host.
-    Newer(u8),
-}
-
-impl From<u8> for ResetCause {
-    fn from(byte: u8) -> ResetCause {
-        match byte {
-            0 => ResetCause::NotKnown,
-            1 => ResetCause::PowerOn,
-            2 => ResetCause::Pin,
-            3 => ResetCause::BrownOut,
-            4 => ResetCause::Watchdog,
-            5 => ResetCause::Software,
-            6 => ResetCause::Fault,
-            newer => ResetCause::Newer(newer),
-        }
-    }
-}
-
-impl From<ResetCause> for u8 {
-    fn from(cause: ResetCause) -> u8 {
-        match cause {
-            ResetCause::NotKnown => 0,
-            ResetCause::PowerOn => 1,
-            ResetCause::Pin => 2,
-            ResetCause::BrownOut => 3,
-            ResetCause::Watchdog => 4,
-            ResetCause::Software => 5,
-            ResetCause::Fault => 6,
-            ResetCause::Newer(newer) => newer,
-        }
+byte_enum! {
+    /// Reason for a device's start; one byte on the wire.
+    pub enum ResetCause {
+        /// 0: the device cannot determine the cause.
+        NotKnown = 0,
+        /// 1: the supply was switched on.
+        PowerOn = 1,
+        /// 2: the reset pin, or the debugger.
+        Pin = 2,
+        /// 3: the supply dropped below its limit.
+        BrownOut = 3,
+        /// 4: a watchdog expired.
+        Watchdog = 4,
+        /// 5: software restarted the device without a fault.
+        Software = 5,
+        /// 6: a fault or a panic; [`Hello::fault`] has the details.
+        Fault = 6,
+        _ => "Any other: a cause newer than this host.",
     }
 }
 
@@ -119,11 +88,32 @@ pub struct Capabilities<'a> {
     pub filters: &'a str,
     /// Format of all codes of this device; it is part of the model.
     pub code_format: CodeFormat,
-    /// Scale of each code value; a code has as many values as there are scales. The decoder network's
-    /// input is `z = (level - code_zero_point) * code_scale`, with the [levels](crate::CodeValues::levels)
-    /// of the code. Positive and finite.
+    /// Scale of each code value; a code has as many values as there are scales. The decoder
+    /// network's input is `z = (level - code_zero_point) * code_scale`, with the
+    /// [levels](crate::CodeValues::levels) of the code. Positive and finite.
     pub code_scale: Vec<f32, MAX_NUMBERS>,
     /// Level of each code value that stands for `z = 0`; always 0 in the formats other than
     /// [`CodeFormat::Int8`].
     pub code_zero_point: Vec<i8, MAX_NUMBERS>,
+}
+
+/// Electrodes whose samples are a substitute, because the recording that the device plays lacks
+/// them; sent between `Hello` and `Capabilities`, and not by a device that measures all electrodes.
+///
+/// In both bit sets, bit n is electrode n of
+/// [`Capabilities::labels`](crate::Capabilities::labels).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Substitutes {
+    /// Electrodes interpolated from other electrodes.
+    pub interpolated: u64,
+    /// Electrodes without a signal: every sample is 0.
+    pub zero: u64,
+}
+
+impl Substitutes {
+    /// Every electrode is measured.
+    pub const NONE: Self = Self {
+        interpolated: 0,
+        zero: 0,
+    };
 }

@@ -43,46 +43,43 @@
 //! * A device answers a command that it does not know with [`AckResult::UnknownCommand`]. The host
 //!   then uses only the commands that both sides know.
 //! * [`ResetCause`], [`AckResult`], [`ChannelFault`], [`CodeFormat`], [`BlockForm`], [`Stage`],
-//!   [`EventKind`] and [`ResetInto`] are one byte on the wire; a value that the receiver does not know is kept as a
-//!   number. [`Flags`] and [`Streams`] keep bits that the receiver does not know.
+//!   [`EventKind`] and [`ResetInto`] are one byte on the wire; a value that the receiver does not
+//!   know is kept as a number. [`Flags`] and [`Streams`] keep bits that the receiver does not know.
 #![no_std]
 #![forbid(unsafe_code)]
 
-mod answer;
-mod byte_slice;
+#[macro_use]
+mod wire_type;
+
 mod code;
-mod command;
-mod compressed_raw;
+mod commands;
 mod converters;
 mod decoder;
 mod encoder;
-mod event;
 mod flags;
 mod frame;
 mod introduction;
 mod message;
-mod packed_code;
-mod quality;
+mod reports;
 mod signal;
-mod stats;
-mod substitutes;
-mod timing;
 
-pub use answer::{Ack, AckResult, ClockReading};
-pub use code::{Audit, Code, CodeFormat, CodeValues, MAX_EXPONENT, MAX_NUMBERS};
-pub use command::{ResetInto, Start, Streams};
-pub use compressed_raw::{BlockForm, CompressedRaw};
+pub use code::{
+    Audit, Code, CodeFormat, CodeValues, MAX_EXPONENT, MAX_NUMBERS, MAX_RATE, PackedCode,
+};
+pub use commands::{Ack, AckResult, ClockReading, ResetInto, Start, Streams};
 pub use converters::{ChannelFault, ChannelTest, ChipTest, Converters, MAX_CHIPS, SelfTest};
 pub use decoder::{Counters, Decoder, Frame, FrameError};
 pub use encoder::{EncodeError, Encoder, encode};
-pub use event::{Event, EventKind};
 pub use flags::Flags;
 pub use frame::{Header, MAX_BODY, MAX_FRAME, VERSION, frame_bytes};
-pub use introduction::{Capabilities, Hello, MAX_LABELS_BYTES, MAX_TEXT_BYTES, ResetCause};
+pub use introduction::{
+    Capabilities, Hello, MAX_LABELS_BYTES, MAX_TEXT_BYTES, ResetCause, Substitutes,
+};
 pub use message::{Message, ToDevice, ToHost};
-pub use packed_code::{MAX_RATE, PackedCode};
-pub use quality::{ElectrodeQuality, MAX_ELECTRODES, Quality};
-pub use signal::{COUNT_BYTES, FILTERED_STEPS, Filtered, RAW_SAMPLES, Raw, VALUE_BYTES};
-pub use stats::Stats;
-pub use substitutes::Substitutes;
-pub use timing::{MAX_STAGES, Stage, StageTiming, Timing};
+pub use reports::{
+    ElectrodeQuality, MAX_ELECTRODES, MAX_STAGES, Quality, Stage, StageTiming, Stats, Timing,
+};
+pub use signal::{
+    BlockForm, COUNT_BYTES, CompressedRaw, Event, EventKind, FILTERED_STEPS, Filtered, RAW_SAMPLES,
+    Raw, VALUE_BYTES,
+};

@@ -2,31 +2,24 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::answer::{Ack, ClockReading};
-use crate::code::{Audit, Code};
-use crate::command::{ResetInto, Start};
-use crate::compressed_raw::CompressedRaw;
+use crate::code::{Audit, Code, PackedCode};
+use crate::commands::{Ack, ClockReading, ResetInto, Start};
 use crate::converters::{Converters, SelfTest};
-use crate::event::Event;
-use crate::introduction::{Capabilities, Hello};
-use crate::packed_code::PackedCode;
-use crate::quality::Quality;
-use crate::signal::{Filtered, Raw};
-use crate::stats::Stats;
-use crate::substitutes::Substitutes;
-use crate::timing::Timing;
+use crate::introduction::{Capabilities, Hello, Substitutes};
+use crate::reports::{Quality, Stats, Timing};
+use crate::signal::{CompressedRaw, Event, Filtered, Raw};
 
 /// The set of messages of one direction: [`ToHost`] or [`ToDevice`].
 pub trait Message<'a>: Serialize + Deserialize<'a> {
     /// Number of messages in the set. A wire number of `KINDS` or more belongs to a message that is
     /// newer than this release.
     const KINDS: u32;
-    /// Byte that enters the CRC before the header and is never sent. A frame of the other direction,
-    /// such as an echo on a looped line, therefore fails the CRC and is not answered.
+    /// Byte that enters the CRC before the header and is never sent. A frame of the other
+    /// direction, such as an echo on a looped line, therefore fails the CRC and is not answered.
     const DIRECTION: u8;
 
-    /// Returns the bytes that follow the fields of the message up to the end of the frame: the values
-    /// of a code, or a packed block. Empty for most messages.
+    /// Returns the bytes that follow the fields of the message up to the end of the frame: the
+    /// values of a code, or a packed block. Empty for most messages.
     fn tail(&self) -> &[u8] {
         &[]
     }

@@ -1,8 +1,7 @@
-//! ADC samples and filtered electrodes, streamed on request.
+//! Signals and events, streamed on request.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
-use crate::byte_slice;
 use crate::flags::Flags;
 
 /// Largest number of samples that a device puts into a [`Raw`]. Eight samples of 64 channels take
@@ -44,7 +43,7 @@ pub struct Raw<'a> {
     pub flags: Flags,
     /// All counts of the first sample in the order of the channels, then those of the next sample;
     /// 24 bits each in two's complement, least significant byte first.
-    #[serde(borrow, serialize_with = "byte_slice::serialize")]
+    #[serde(borrow, serialize_with = "serialize_bytes")]
     pub counts: &'a [u8],
 }
 
@@ -77,7 +76,7 @@ pub struct Filtered<'a> {
     pub flags: Flags,
     /// All values of the first step in the order of the electrodes, then those of the next step; 32
     /// bits each in two's complement, least significant byte first.
-    #[serde(borrow, serialize_with = "byte_slice::serialize")]
+    #[serde(borrow, serialize_with = "serialize_bytes")]
     pub values: &'a [u8],
 }
 
@@ -87,4 +86,76 @@ impl Filtered<'_> {
         let (values, _) = self.values.as_chunks::<VALUE_BYTES>();
         values.iter().map(|&value| i32::from_le_bytes(value))
     }
+}
+
+/// The samples of a [`Raw`], compressed without loss; sent if requested.
+///
+/// The header's time is that of the last sample's DRDY edge. `docs/wire-format.md` has the format
+/// of the bytes, which never take more than the 3 bytes for each count that a `Raw` takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CompressedRaw<'a> {
+    /// Index of the first sample, counted from `Start`. The next frame's index is this index plus
+    /// `samples`; a higher one means that samples were lost.
+    pub first_sample: u64,
+    /// Counts per sample; 64 on a chain of eight ADS1299.
+    pub channels: u8,
+    /// Faults of the samples in this frame: `ADC_STATUS_BAD`, `LEAD_OFF`, `OVERRUN`.
+    pub flags: Flags,
+    /// Form of the bytes, and what a host must know in order to decode them.
+    pub form: BlockForm,
+    /// Number of samples, 1 to [`RAW_SAMPLES`].
+    pub samples: u8,
+    /// The compressed counts.
+    #[serde(borrow, serialize_with = "serialize_bytes")]
+    pub bytes: &'a [u8],
+}
+
+byte_enum! {
+    /// Form of a block of compressed samples; one byte on the wire.
+    pub enum BlockForm {
+        /// 0: the counts, not compressed, as in [`Raw`].
+        Verbatim = 0,
+        /// 1: compressed; needs no other block.
+        Key = 1,
+        /// 2: compressed; needs the blocks since the last key block.
+        Continuing = 2,
+        _ => "Any other: newer than this host.",
+    }
+}
+
+/// An edge at one of the device's inputs; sent if requested.
+///
+/// The header's time is that of the edge itself, at the resolution of the device's clock, so that
+/// an experiment's trigger can be placed between samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Event {
+    /// Input and direction of the edge.
+    pub kind: EventKind,
+    /// Number of the event, counted since boot over all kinds; wraps. A gap means that events were
+    /// lost.
+    pub number: u32,
+    /// Index since `Start` of the first ADC sample whose DRDY edge was at or after the event.
+    pub sample: u64,
+}
+
+byte_enum! {
+    /// Input and direction of an edge; one byte on the wire.
+    pub enum EventKind {
+        /// 0: the trigger input went high.
+        TriggerRise = 0,
+        /// 1: the trigger input went low.
+        TriggerFall = 1,
+        _ => "Any other: a kind newer than this host.",
+    }
+}
+
+/// Writes a byte slice in one piece: varint length, then the bytes. For `#[serde(serialize_with =
+/// "..")]`.
+///
+/// Serde's derive produces the same bytes for a `&[u8]`, but with one call per byte.
+pub(crate) fn serialize_bytes<S: Serializer>(
+    bytes: &&[u8],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.serialize_bytes(bytes)
 }

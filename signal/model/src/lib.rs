@@ -1,8 +1,8 @@
-//! The trained model as constants: filters, montage, scales, the int8 encoder and the packed code. A model has the
-//! network, the packed code or both ([`HAS_NETWORK`], [`PACKED`]).
+//! The trained model as constants: filters, montage, scales, the int8 encoder and the packed code.
+//! A model has the network, the packed code or both ([`HAS_NETWORK`], [`PACKED`]).
 //!
-//! model-gen generates the constants and weights at build time from the artifact in `artifact/`, or in
-//! the folder that the environment variable `CORTICODE_ARTIFACT` names, and proves their ranges.
+//! model-gen generates the constants and weights at build time from the artifact in `artifact/`, or
+//! in the folder that the environment variable `CORTICODE_ARTIFACT` names, and proves their ranges.
 //! `manifest.txt` summarises the model in `artifact/` for human readers.
 //!
 //! ```text
@@ -65,8 +65,8 @@ pub use statics::{
 )]
 pub const NETWORK_CHECKSUM: u32 = NETWORK.checksum();
 
-/// Checksum of the packed model, computed at compile time; compare with [`Packed::checksum`]. `None` without a
-/// packed model.
+/// Checksum of the packed model, computed at compile time; compare with [`Packed::checksum`].
+/// `None` without a packed model.
 #[allow(
     long_running_const_eval,
     reason = "matrices of a hundred kilobytes take the compiler a second"

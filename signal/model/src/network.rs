@@ -19,32 +19,32 @@ pub struct ConvWeights<'w, const WEIGHTS: usize, const OUTPUTS: usize> {
     pub weights: &'w [Pair; WEIGHTS],
     /// Bias of each output channel, in units of the accumulator.
     pub bias: &'w [i32; OUTPUTS],
-    /// Requantisation factor of each output channel, Q0.32. In the second convolution, a channel whose
-    /// batch norm has a negative factor has negated weights and a negative multiplier, because the
-    /// max-pool precedes the batch norm.
+    /// Requantisation factor of each output channel, Q0.32. In the second convolution, a channel
+    /// whose batch norm has a negative factor has negated weights and a negative multiplier,
+    /// because the max-pool precedes the batch norm.
     pub multipliers: &'w [i32; OUTPUTS],
 }
 
-/// An int8 encoder: convolutions with a max-pool and a fully connected layer, or a linear shortcut, or
-/// both.
+/// An int8 encoder: convolutions with a max-pool and a fully connected layer, or a linear shortcut,
+/// or both.
 #[derive(Clone, Copy, Debug)]
 pub struct Network<'w> {
-    /// Time steps from the start of one window to the start of the next: a power of two, and a multiple
-    /// of the pool's steps, so that overlapping windows share pooled planes.
+    /// Time steps from the start of one window to the start of the next: a power of two, and a
+    /// multiple of the pool's steps, so that overlapping windows share pooled planes.
     pub hop: usize,
     /// First convolution, whose input is the scalp grid.
     pub conv1: ConvWeights<'w, CONV1_PAIRS, CONV1_OUTPUTS>,
     /// Second convolution, followed by the pool.
     pub conv2: ConvWeights<'w, CONV2_PAIRS, CONV2_OUTPUTS>,
-    /// Padding of each input channel of the second convolution: the number that the first batch norm
-    /// turns into 0, plus `hidden_offset`. Unused without padding.
+    /// Padding of each input channel of the second convolution: the number that the first batch
+    /// norm turns into 0, plus `hidden_offset`. Unused without padding.
     pub hidden_padding: [Pair; HIDDEN_PAIRS],
-    /// Offset of each input channel of the second convolution, which makes the padding non-negative. The
-    /// encoder adds the offset to the inputs inside the margin; `hidden_padding` already contains it.
-    /// Unused without padding.
+    /// Offset of each input channel of the second convolution, which makes the padding
+    /// non-negative. The encoder adds the offset to the inputs inside the margin; `hidden_padding`
+    /// already contains it. Unused without padding.
     pub hidden_offset: [Pair; HIDDEN_PAIRS],
-    /// Packed weights of the fully connected layer, [`FC_PIECES`](crate::FC_PIECES) matrices for each
-    /// pooled plane of a window.
+    /// Packed weights of the fully connected layer, [`FC_PIECES`](crate::FC_PIECES) matrices for
+    /// each pooled plane of a window.
     pub fc: [[&'w [Pair; FC_PAIRS]; FC_PIECES]; POOLED_STEPS],
     /// Bias of the fully connected layer, in units of its accumulator.
     pub fc_bias: &'w [i32; CODE],
@@ -73,8 +73,8 @@ impl<'w> Network<'w> {
         }
     }
 
-    /// Returns the second convolution with its pool. Its shape is constant, so that the compiler can
-    /// remove bounds checks and the computation of strides.
+    /// Returns the second convolution with its pool. Its shape is constant, so that the compiler
+    /// can remove bounds checks and the computation of strides.
     #[inline]
     pub const fn conv2(&self) -> Conv2<'w> {
         conv_kernel(POOLED, self.conv2.weights)
@@ -100,9 +100,9 @@ impl<'w> Network<'w> {
         }
     }
 
-    /// Returns the checksum of all weights, biases, factors and zero points: 32-bit FNV-1a (Fowler, Noll
-    /// and Vo) over words. A change of any single word changes the checksum. A board compares the
-    /// checksum with [`NETWORK_CHECKSUM`](crate::NETWORK_CHECKSUM) to detect damaged flash.
+    /// Returns the checksum of all weights, biases, factors and zero points: 32-bit FNV-1a (Fowler,
+    /// Noll and Vo) over words. A change of any single word changes the checksum. A board compares
+    /// the checksum with [`NETWORK_CHECKSUM`](crate::NETWORK_CHECKSUM) to detect damaged flash.
     pub const fn checksum(&self) -> u32 {
         let mut sum = Checksum::EMPTY;
         sum.add_pairs(self.conv1.weights);
@@ -135,9 +135,10 @@ impl<'w> Network<'w> {
         sum.value()
     }
 
-    /// Returns true if there is no network, or the hop is a multiple of the pool's steps and the kernels fit the shapes, so that
-    /// no kernel can panic. Asserted at compile time for the built-in network. The numbers of weights
-    /// need no check, because the types of the fields fix them.
+    /// Returns true if there is no network, or the hop is a multiple of the pool's steps and the
+    /// kernels fit the shapes, so that no kernel can panic. Asserted at compile time for the
+    /// built-in network. The numbers of weights need no check, because the types of the fields fix
+    /// them.
     pub const fn is_consistent(&self) -> bool {
         const FC: &[Pair; FC_PAIRS] = &[Pair::ZERO; FC_PAIRS];
         const SHORTCUT: &[Pair; SHORTCUT_PAIRS] = &[Pair::ZERO; SHORTCUT_PAIRS];

@@ -27,8 +27,8 @@ pub struct Packed<'w> {
     pub input_multiplier: i32,
     /// Largest magnitude of an input value.
     pub input_limit: i32,
-    /// Sum of the squares of a block's unrepresented part above which the block is a misfit, input values
-    /// squared.
+    /// Sum of the squares of a block's unrepresented part above which the block is a misfit, input
+    /// values squared.
     pub misfit_energy: i64,
     /// Rate of a device whose host asks for no other, 0..=15.
     pub rate: u8,
@@ -44,8 +44,8 @@ pub struct Slice<'w> {
 }
 
 impl Packed<'_> {
-    /// Returns true if slices and prediction fit the block, so that no product is left out. Asserted at compile
-    /// time.
+    /// Returns true if slices and prediction fit the block, so that no product is left out.
+    /// Asserted at compile time.
     pub const fn is_consistent(&self) -> bool {
         let mut first = 0;
         let mut step = 0;
@@ -68,8 +68,8 @@ impl Packed<'_> {
             && self.rate < 16
     }
 
-    /// Returns a checksum over matrices, factors, levels and tables. A board compares it with that of the
-    /// compiler to detect damaged flash.
+    /// Returns a checksum over matrices, factors, levels and tables. A board compares it with that
+    /// of the compiler to detect damaged flash.
     pub const fn checksum(&self) -> u32 {
         let mut sum = Checksum::EMPTY;
         let mut step = 0;

@@ -11,7 +11,8 @@ use crate::constants::{
 const SHRINK: usize = 2;
 /// Cells of the scalp grid, row-major; a cell without an electrode is always 0.
 pub const CELLS: usize = ROWS * COLUMNS;
-/// Number of padding rows, and of padding columns, on each side of a plane in both convolutions: 0 or 1.
+/// Number of padding rows, and of padding columns, on each side of a plane in both convolutions: 0
+/// or 1.
 pub const MARGIN: usize = PADS_SPACE as usize;
 /// Shape of one time step of the scalp grid, with its margin.
 pub const CELL_PLANE: PlaneShape = PlaneShape {
@@ -19,8 +20,9 @@ pub const CELL_PLANE: PlaneShape = PlaneShape {
     columns: COLUMNS + 2 * MARGIN,
     channels: 1,
 };
-/// Rows and columns of the second convolution's output. In a network without convolutions the smallest
-/// plane that the kernels accept, so that the shapes of the absent layers are valid on every grid.
+/// Rows and columns of the second convolution's output. In a network without convolutions the
+/// smallest plane that the kernels accept, so that the shapes of the absent layers are valid on
+/// every grid.
 const FEATURE_MAP: [usize; 2] = if HAS_CONVOLUTIONS {
     [
         CELL_PLANE.rows + 2 * MARGIN - 2 * SHRINK,
@@ -68,7 +70,8 @@ pub const POOLED_STEPS: usize = if HAS_CONVOLUTIONS {
 };
 /// Largest number of windows that contain the same time step.
 pub const OPEN_WINDOWS: usize = STEPS / HOP;
-/// Whether the model has a network. Without one, it has the packed code alone, and its codes have no numbers.
+/// Whether the model has a network. Without one, it has the packed code alone, and its codes have
+/// no numbers.
 pub const HAS_NETWORK: bool = HAS_CONVOLUTIONS || HAS_SHORTCUT;
 /// Number of matrices of the linear shortcut: one for each time step of a window, or 0 without a
 /// shortcut.

@@ -1,8 +1,12 @@
-//! From samples to steps: filters, resampler, scalp grid, quantisation, and counts of clipped values.
+//! From samples to steps: filters, resampler, scalp grid, quantisation, and counts of clipped
+//! values.
 
 use model::{ADC_RATE_HZ, PHASES, RESAMPLER, TAPS};
 
-use crate::{front_end::FrontEnd, mains::Mains, plane::quantise, sample::Sample, step::Step};
+use crate::code::Code;
+use crate::encoder::Encoder;
+use crate::front_end::{FrontEnd, Mains};
+use crate::sample::{Sample, Step, quantise};
 
 /// The half of the pipeline that runs at the ADC's rate: from samples to steps.
 #[derive(Clone, Debug)]
@@ -29,7 +33,8 @@ impl Acquisition {
         }
     }
 
-    /// Resets the acquisition in place, with the filters for a mains frequency; all counts become 0.
+    /// Resets the acquisition in place, with the filters for a mains frequency; all counts become
+    /// 0.
     pub fn restart(&mut self, mains: Mains) {
         self.front_end.restart(mains);
         self.settling_samples = mains.filter().settling_samples.into();
@@ -39,8 +44,8 @@ impl Acquisition {
         self.saturated_total = 0;
     }
 
-    /// Processes one sample. Returns a step if one is due with this sample: at 512 Hz, with the first
-    /// sample and with every fourth sample after it.
+    /// Processes one sample. Returns a step if one is due with this sample: at 512 Hz, with the
+    /// first sample and with every fourth sample after it.
     #[inline]
     pub fn process_sample(&mut self, sample: &Sample) -> Option<Step> {
         let rails = sample.channels_at_rail();
@@ -93,11 +98,41 @@ const _: () = assert!(
     "the time between two samples must be below 2^16 us"
 );
 
+/// Acquisition and encoder in one, for programs that do not run them at different priorities.
+#[derive(Clone, Debug)]
+pub struct Pipeline {
+    acquisition: Acquisition,
+    encoder: Encoder<'static>,
+}
+
+impl Pipeline {
+    /// Creates a pipeline at rest, with the filters for a mains frequency.
+    pub fn new(mains: Mains) -> Self {
+        Self {
+            acquisition: Acquisition::new(mains),
+            encoder: Encoder::new(),
+        }
+    }
+
+    /// Processes one sample. Returns a code if the sample completes a window: the first with the
+    /// sample of step 15, then one for every hop.
+    #[inline]
+    pub fn encode_sample(&mut self, sample: &Sample) -> Option<Code> {
+        let step = self.acquisition.process_sample(sample)?;
+        self.encoder.encode_step(&step)
+    }
+
+    /// Returns the acquisition, for its counters.
+    pub const fn acquisition(&self) -> &Acquisition {
+        &self.acquisition
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::vec::Vec;
 
-    use model::CHANNELS;
+    use model::{CHANNELS, HOP, STEP_RATE_HZ, STEPS};
 
     use super::*;
 
@@ -188,8 +223,8 @@ mod tests {
             for step in settled {
                 assert!(step.electrodes[0].abs() <= limit, "sample {}", step.sample);
             }
-            // The flag is not set longer than necessary: the output still exceeds the limit within the
-            // last 64 samples before the flag clears.
+            // The flag is not set longer than necessary: the output still exceeds the limit within
+            // the last 64 samples before the flag clears.
             let flagged = steps
                 .iter()
                 .rfind(|step| step.settling && step.electrodes[0].abs() > limit);
@@ -199,5 +234,21 @@ mod tests {
 
     fn settled_at(mains: Mains) -> u64 {
         u64::from(mains.filter().settling_samples)
+    }
+
+    #[test]
+    fn a_code_is_due_every_hop_and_carries_its_first_sample() {
+        let mut pipeline = Pipeline::new(Mains::Hz50);
+        let codes: Vec<(usize, Code)> = (0..1_024)
+            .filter_map(|index| Some((index, pipeline.encode_sample(&Sample::default())?)))
+            .collect();
+        let samples = |steps: usize| steps * usize::from(ADC_RATE_HZ) / usize::from(STEP_RATE_HZ);
+        for (number, (sample, code)) in codes.iter().enumerate() {
+            assert_eq!(code.window as usize, number);
+            assert_eq!(code.first_sample, samples(number * HOP) as u64);
+            // A code is due with the ADC sample of its window's last step.
+            assert_eq!(*sample, samples(number * HOP + STEPS - 1));
+        }
+        assert_eq!(codes.len(), 1 + (1_024 / samples(1) - STEPS) / HOP);
     }
 }

@@ -3,8 +3,8 @@
 use int8_nn::saturate_i8;
 use model::{CODE, CodeFormat};
 
-/// The code of one window, with its position in the stream and the window's status: clipped values,
-/// channels at the rail, settling.
+/// The code of one window as the encoder makes it (`link::Code` is the one on the wire), with its
+/// position in the stream and the window's status: clipped values, channels at the rail, settling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Code {
     /// Index of the window in the run, from 0; wraps.
@@ -58,8 +58,8 @@ impl CodeValues {
         CodeFormat::Int8Exponent.bytes()
     };
 
-    /// Converts levels to a format; returns the values and the number of clipped values, which saturates
-    /// at 255. No branch depends on a level.
+    /// Converts levels to a format; returns the values and the number of clipped values, which
+    /// saturates at 255. No branch depends on a level.
     #[inline]
     pub(crate) fn from_levels(format: CodeFormat, level: impl Fn(usize) -> i32) -> (Self, u8) {
         let mut clipped = 0_u32;
@@ -121,8 +121,8 @@ impl CodeValues {
         self.integers().map(|value| i32::from(value) << exponent)
     }
 
-    /// Serialises the code into [`CodeFormat::bytes`] bytes of the buffer and returns them: exponent, if
-    /// the format has one, then values, little-endian.
+    /// Serialises the code into [`CodeFormat::bytes`] bytes of the buffer and returns them:
+    /// exponent, if the format has one, then values, little-endian.
     pub fn to_bytes<'b>(&self, buffer: &'b mut [u8; Self::MAX_BYTES]) -> &'b [u8] {
         let length = match self {
             Self::Int8Exponent { exponent, values } => {
@@ -151,9 +151,9 @@ fn write(buffer: &mut [u8], bytes: &[u8]) -> usize {
     bytes.len()
 }
 
-/// Returns the smallest exponent with which every rounded level fits 8 bits, or the largest exponent if
-/// there is none. A level that fits with one exponent fits with every larger one, so the result is the
-/// number of exponents that are too small.
+/// Returns the smallest exponent with which every rounded level fits 8 bits, or the largest
+/// exponent if there is none. A level that fits with one exponent fits with every larger one, so
+/// the result is the number of exponents that are too small.
 #[inline]
 fn exponent(levels: &[i32; CODE]) -> u8 {
     let fold =

@@ -2,31 +2,30 @@
 
 mod convolutions;
 mod edges;
-mod hidden_plane;
-mod pool;
 mod window;
 
 use core::borrow::BorrowMut;
 
+use convolutions::Convolutions;
 use int8_nn::Pair;
 use model::{
     ELECTRODE_PAIRS, GRID_CELL, HAS_CONVOLUTIONS, HAS_SHORTCUT, NETWORK, Network, OPEN_WINDOWS,
     STEPS,
 };
-
-use crate::{code::Code, plane::Plane, step::Step};
-use convolutions::Convolutions;
 use window::{OpenWindow, containing_windows, slot_of};
+
+use crate::code::Code;
+use crate::sample::{Plane, Step};
 
 /// The half of the pipeline that runs at the step rate.
 ///
-/// Each plane of the convolutions is computed once, as soon as its inputs exist, and is used for all
-/// windows that contain it. The codes equal those of a batch encoder over each window bit
-/// for bit, because the hop is a multiple of the pool's steps.
+/// Each plane of the convolutions is computed once, as soon as its inputs exist, and is used for
+/// all windows that contain it. The codes equal those of a batch encoder over each window bit for
+/// bit, because the hop is a multiple of the pool's steps.
 ///
 /// Where a pooled plane belongs to several windows, its products for all but the oldest window are
-/// deferred to the next step. With at most two windows and without padded steps, all steps then take
-/// about the same work. With padded steps, each window also has planes of its own at its ends.
+/// deferred to the next step. With at most two windows and without padded steps, all steps then
+/// take about the same work. With padded steps, each window also has planes of its own at its ends.
 ///
 /// `M` is an [`EncoderMemory`], or a mutable reference to one.
 #[derive(Clone, Debug)]
@@ -35,8 +34,8 @@ pub struct Encoder<'w, M = EncoderMemory> {
     memory: M,
 }
 
-/// State and scratch memory of an encoder, about 16 KB: place it in a static, not on a stack. All of it
-/// is initially zero, so that it takes no flash.
+/// State and scratch memory of an encoder, about 16 KB: place it in a static, not on a stack. All
+/// of it is initially zero, so that it takes no flash.
 #[derive(Clone, Debug)]
 pub struct EncoderMemory {
     /// The convolutional layers, if the network has them.
@@ -120,8 +119,8 @@ impl EncoderMemory {
         self.completed_code(index, network)
     }
 
-    /// Adds a step's status (clipped values, channels at the rail) and its product with the shortcut to
-    /// the windows that contain the step.
+    /// Adds a step's status (clipped values, channels at the rail) and its product with the
+    /// shortcut to the windows that contain the step.
     fn add_to_windows(&mut self, index: u64, step: &Step, network: &Network<'_>) {
         let electrodes = gather(&step.plane);
         for (slot, offset) in containing_windows(index, network.hop, STEPS) {

@@ -1,7 +1,7 @@
-//! Filters and resampler: from samples to electrodes at the step rate.
+//! Filters and resampler for all electrodes, with the filters of each mains frequency.
 
-use fixed_dsp::{BLOCK, DelayLine, Filter, Position, Resampler};
-use model::{ELECTRODES, GUARD_BITS};
+use fixed_dsp::{BLOCK, CascadeState, Compiled, DelayLine, Filter, Position, Resampler};
+use model::{ELECTRODES, GUARD_BITS, MAINS_50, MAINS_60, MainsFilter, SECTIONS};
 
 use crate::sample::Sample;
 
@@ -10,8 +10,8 @@ pub type Electrodes = [i32; ELECTRODES];
 
 /// Filters and resamples every electrode.
 ///
-/// Samples are buffered until an output needs them or there are [`BLOCK`] of them. A sample takes half
-/// as many instructions in a block as alone; no output is delayed, and no bit changes.
+/// Samples are buffered until an output needs them or there are [`BLOCK`] of them. A sample takes
+/// half as many instructions in a block as alone; no output is delayed, and no bit changes.
 #[derive(Clone, Debug)]
 pub struct FrontEnd<'r, F: Filter, const PHASES: usize, const TAPS: usize> {
     filter: F,
@@ -49,8 +49,8 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
     }
 
     /// Filters one sample. If an output of the resampler is due with this sample, returns the
-    /// electrodes and the output's phase: the time from the sample to the output, in 1 / `PHASES` of
-    /// the time between two samples.
+    /// electrodes and the output's phase: the time from the sample to the output, in 1 / `PHASES`
+    /// of the time between two samples.
     #[inline]
     pub fn filter_sample(&mut self, sample: &Sample) -> Option<(Electrodes, usize)> {
         debug_assert!(
@@ -94,12 +94,60 @@ impl<'r, F: Filter, const PHASES: usize, const TAPS: usize> FrontEnd<'r, F, PHAS
     }
 }
 
+/// Mains frequency, set at start. As a [`Filter`], it applies the filters for this frequency.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mains {
+    /// 50 Hz: Europe, most of Africa, Asia and Australia.
+    #[default]
+    Hz50,
+    /// 60 Hz: most of the Americas and parts of Asia.
+    Hz60,
+}
+
+impl Mains {
+    /// Returns the mains frequency of `hz` Hz, if the model has filters for it.
+    pub const fn from_hz(hz: u8) -> Option<Self> {
+        match hz {
+            50 => Some(Self::Hz50),
+            60 => Some(Self::Hz60),
+            _ => None,
+        }
+    }
+
+    /// Returns coefficients and delays of the filters for this mains frequency.
+    pub const fn filter(self) -> &'static MainsFilter {
+        match self {
+            Self::Hz50 => &MAINS_50,
+            Self::Hz60 => &MAINS_60,
+        }
+    }
+}
+
+impl Filter for Mains {
+    type State = CascadeState<SECTIONS>;
+    const REST: Self::State = CascadeState::REST;
+
+    #[inline]
+    fn apply(&self, state: &mut Self::State, x: i32) -> i32 {
+        match self {
+            Self::Hz50 => Compiled::<model::Mains50, SECTIONS>::new().apply(state, x),
+            Self::Hz60 => Compiled::<model::Mains60, SECTIONS>::new().apply(state, x),
+        }
+    }
+
+    fn apply_blocks(&self, states: &mut [Self::State], blocks: &mut [[i32; BLOCK]]) {
+        match self {
+            Self::Hz50 => Compiled::<model::Mains50, SECTIONS>::new().apply_blocks(states, blocks),
+            Self::Hz60 => Compiled::<model::Mains60, SECTIONS>::new().apply_blocks(states, blocks),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::vec::Vec;
 
     use super::*;
-    use crate::mains::Mains;
 
     /// Returns pseudo-random 24-bit counts, different on every electrode.
     fn noise(length: usize) -> Vec<Sample> {
@@ -132,7 +180,8 @@ mod tests {
             .filter_map(|sample| Some(sample_by_sample.filter_sample(sample)?.0))
             .collect();
         assert_eq!(expected.len(), samples.len());
-        // With an output every 3, 4, 9 or 7 samples, the blocks have 3 samples; 4; 4, 4 and 1; 4 and 3.
+        // With an output every 3, 4, 9 or 7 samples, the blocks have 3 samples; 4; 4, 4 and 1; 4
+        // and 3.
         for down in [3, 4, 9, 7] {
             let resampler = Resampler::every(down);
             let mut front_end = FrontEnd::new(Mains::Hz60, &resampler);
@@ -149,8 +198,8 @@ mod tests {
 
     #[test]
     fn the_resampler_reads_every_filtered_sample_in_order() {
-        // Two outputs for five samples. The weights of the two newest samples are 1 and 1/2 in phase 0,
-        // and 1/4 and 1/8 in phase 1.
+        // Two outputs for five samples. The weights of the two newest samples are 1 and 1/2 in
+        // phase 0, and 1/4 and 1/8 in phase 1.
         let unity = Resampler::<1, 1>::UNITY;
         let resampler = Resampler {
             down: 5,
@@ -178,5 +227,18 @@ mod tests {
             before = filtered;
         }
         assert_eq!(phases[..4], [0, 1, 0, 1]);
+    }
+
+    #[test]
+    fn the_compiled_filter_equals_the_cascade_of_its_mains_frequency() {
+        for mains in [Mains::Hz50, Mains::Hz60] {
+            assert_eq!(Mains::from_hz(mains.filter().mains_hz), Some(mains));
+            let (mut compiled, mut cascade) = (CascadeState::REST, CascadeState::REST);
+            for x in (0..500).map(|n| (n * 7_919) % 100_003) {
+                let expected = mains.filter().cascade.apply(&mut cascade, x);
+                assert_eq!(mains.apply(&mut compiled, x), expected);
+            }
+        }
+        assert_eq!(Mains::from_hz(55), None);
     }
 }

@@ -8,14 +8,14 @@
 //!                                    int8, int16      one per hop, few bytes
 //! ```
 //!
-//! [`Pipeline`] combines [`Acquisition`] and [`Encoder`]; firmware runs them at different priorities.
-//! [`SignalQuality`] reports the state of each electrode once a second, for human readers; it is not
-//! part of the path to the code.
+//! [`Pipeline`] combines [`Acquisition`] and [`Encoder`]; firmware runs them at different
+//! priorities. [`SignalQuality`] reports the state of each electrode once a second, for human
+//! readers; it is not part of the path to the code.
 //!
 //! The crate is pure and synchronous. The path to the code uses integers only, so the same samples
-//! yield the same codes on every machine. It does not allocate, wait, log or branch on the signal, and
-//! it counts every value that it clips. The range coder of the packed code is the exception: its time depends on
-//! the block, within a bound that `docs/figures.md` states.
+//! yield the same codes on every machine. It does not allocate, wait, log or branch on the signal,
+//! and it counts every value that it clips. The range coder of the packed code is the exception:
+//! its time depends on the block, within a bound that `docs/figures.md` states.
 //!
 //! ```
 //! use pipeline::{Mains, Pipeline, Sample};
@@ -35,24 +35,16 @@ mod acquisition;
 mod code;
 mod encoder;
 mod front_end;
-mod mains;
 mod packed_encoder;
-mod plane;
 mod quality;
 mod sample;
-mod step;
-mod stream;
 
-pub use acquisition::Acquisition;
+pub use acquisition::{Acquisition, Pipeline};
 pub use code::{Code, CodeValues};
 pub use encoder::{Encoder, EncoderMemory};
-pub use front_end::{Electrodes, FrontEnd};
-pub use mains::Mains;
+pub use front_end::{Electrodes, FrontEnd, Mains};
 pub use model::{CELLS, CHANNELS, ELECTRODES};
 pub use packed::Rate;
 pub use packed_encoder::{MAX_PACKED_BYTES, PackedCode, PackedEncoder, PackedMemory};
-pub use plane::{Plane, quantise};
 pub use quality::{ElectrodeQuality, FLAT_BELOW_UV, Quality, SignalQuality};
-pub use sample::Sample;
-pub use step::Step;
-pub use stream::Pipeline;
+pub use sample::{Plane, Sample, Step, quantise};

@@ -3,28 +3,30 @@
 mod tone;
 
 use model::{ADC_RATE_HZ, ELECTRODES, GUARD_BITS, LSB_NV, STEP_RATE_HZ};
-
-use crate::{mains::Mains, sample::Sample, step::Step};
 use tone::{Bin, Tone, square_root};
+
+use crate::front_end::Mains;
+use crate::sample::{Sample, Step};
 
 /// Limit for a flat electrode, microvolts: an electrode is flat if its samples have a smaller
 /// peak-to-peak range in a second.
 ///
 /// The limit is half of the noise of an ADS1299 with shorted inputs at gain 24 and its lowest rate:
-/// 0.98 uV peak to peak (SBAS499C, table 1). The noise is higher at every other rate, so the samples of
-/// a working converter have a larger range.
+/// 0.98 uV peak to peak (SBAS499C, table 1). The noise is higher at every other rate, so the
+/// samples of a working converter have a larger range.
 pub const FLAT_BELOW_UV: f32 = 0.49;
 
-/// Signal quality of all electrodes within one second.
+/// Signal quality of all electrodes within one second, as the device measures it; `link::Quality`
+/// is the one on the wire.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
     /// Index in the run, from 0, of the first sample of the second that the report covers.
     pub first_sample: u64,
-    /// True if the filters had not settled at the first step of the second: the figures of the filtered
-    /// steps then include the filters' transient.
+    /// True if the filters had not settled at the first step of the second: the figures of the
+    /// filtered steps then include the filters' transient.
     pub settling: bool,
-    /// Figures of each electrode, in the order of the montage. ADC channels without an electrode are
-    /// omitted.
+    /// Figures of each electrode, in the order of the montage. ADC channels without an electrode
+    /// are omitted.
     pub electrodes: [ElectrodeQuality; ELECTRODES],
 }
 
@@ -46,9 +48,9 @@ pub struct ElectrodeQuality {
 /// Measures the signal quality of each electrode and reports it once a second.
 ///
 /// It is not part of the path to the code. The owner of an [`Acquisition`] passes each sample to
-/// [`Self::observe`], with the step that the sample completed, possibly later and at a lower priority.
-/// The figures are for human readers and are computed in f32. Pass each sample exactly once: a missing
-/// sample lengthens its second and lowers the mains figures of that second.
+/// [`Self::observe`], with the step that the sample completed, possibly later and at a lower
+/// priority. The figures are for human readers and are computed in f32. Pass each sample exactly
+/// once: a missing sample lengthens its second and lowers the mains figures of that second.
 ///
 /// # Timing
 /// For each electrode, a sample takes three comparisons and two multiply-adds, a step three
@@ -130,8 +132,8 @@ const fn bins(mains: Mains) -> [Bin; 2] {
 }
 
 impl SignalQuality {
-    /// Creates a measurement; `mains` must be the mains frequency of the acquisition that yields the
-    /// steps.
+    /// Creates a measurement; `mains` must be the mains frequency of the acquisition that yields
+    /// the steps.
     pub const fn new(mains: Mains) -> Self {
         let [input_bin, output_bin] = bins(mains);
         Self {
@@ -154,8 +156,8 @@ impl SignalQuality {
         self.settling = false;
     }
 
-    /// Adds a sample, and the step that the sample completed, if any. Returns a report if the sample is
-    /// the last of its second.
+    /// Adds a sample, and the step that the sample completed, if any. Returns a report if the
+    /// sample is the last of its second.
     pub fn observe(&mut self, sample: &Sample, step: Option<&Step>) -> Option<Quality> {
         self.add_sample(sample);
         if let Some(step) = step {
@@ -225,7 +227,8 @@ impl SignalQuality {
     }
 }
 
-/// Converts to the nearest f32; exact up to 2^24, so exact for counts and differences of two counts.
+/// Converts to the nearest f32; exact up to 2^24, so exact for counts and differences of two
+/// counts.
 #[expect(
     clippy::cast_precision_loss,
     reason = "24 bits suffice for these figures"

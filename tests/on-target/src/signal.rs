@@ -13,7 +13,7 @@ impl Noise {
     }
 }
 
-/// Counts of one channel, equal to those in `signal/pipeline/tests/front_end/scipy_rates.py`: an offset of 20 mV
+/// Counts of one channel, equal to those in `signal/pipeline/tests/it/front_end/scipy_rates.py`: an offset of 20 mV
 /// plus noise of at most 46 uV.
 pub(crate) fn counts() -> impl Iterator<Item = i32> {
     let mut noise = Noise(1);

@@ -1,10 +1,11 @@
 //! Port over the UART of the ST-LINK, by DMA in both directions.
 //!
-//! The DMA stores received bytes in a ring. One interrupt per byte would be too slow: a byte lasts 10.85 us,
-//! and the acquisition blocks the port's interrupts for longer. embassy-stm32 0.6.0 has such a ring
-//! (`RingBufferedUartRx`), which is not suitable for two reasons. After a framing error its DMA restarts at
-//! the start of the ring, and the reader receives old bytes again, even whole commands. And on an STM32F4
-//! each of its polls reads the data register, which can take a byte from the DMA.
+//! The DMA stores received bytes in a ring. One interrupt per byte would be too slow: a byte lasts
+//! 10.85 us, and the acquisition blocks the port's interrupts for longer. embassy-stm32 0.6.0 has
+//! such a ring (`RingBufferedUartRx`), which is not suitable for two reasons. After a framing error
+//! its DMA restarts at the start of the ring, and the reader receives old bytes again, even whole
+//! commands. And on an STM32F4 each of its polls reads the data register, which can take a byte
+//! from the DMA.
 #![expect(
     unsafe_code,
     reason = "a DMA without end into memory that the port owns, and its interrupt"
@@ -27,21 +28,19 @@ use embassy_stm32::{
 use embassy_sync::waitqueue::AtomicWaker;
 use firmware::{Frames, Machine, OutputReceiver, deadlines};
 
-use crate::{
-    interrupts::nvic_priority,
-    port::uart_stream::{DmaTransmitter, Overrun, Ring, RingReceiver, Transmit},
-    shared::SHARED,
-};
+use crate::application::SHARED;
+use crate::interrupts::nvic_priority;
+use crate::port::uart_stream::{DmaTransmitter, Overrun, Ring, RingReceiver, Transmit};
 
 /// Bit rate, bits per second. The line carries 92 kB/s, of which the codes need 3 %.
 const BAUD: u32 = 921_600;
 
-/// Size of the buffer of each direction, bytes. Received bytes fill the buffer in 5.5 ms, so the reader can
-/// be late by this time without losing bytes.
+/// Size of the buffer of each direction, bytes. Received bytes fill the buffer in 5.5 ms, so the
+/// reader can be late by this time without losing bytes.
 const BUFFER: usize = 512;
 
-/// Waker of the reader. The UART's interrupt wakes it when the line becomes idle after bytes and when a byte
-/// is damaged; on an STM32F446, also at the first byte after either of these.
+/// Waker of the reader. The UART's interrupt wakes it when the line becomes idle after bytes and
+/// when a byte is damaged; on an STM32F446, also at the first byte after either of these.
 static IDLE: AtomicWaker = AtomicWaker::new();
 
 /// Buffers of both directions, in memory that the DMA can access.
@@ -63,7 +62,8 @@ pub trait Uart {
     /// UART peripheral, as a type of the HAL.
     type Instance: usart::Instance;
 
-    /// Interrupts of the UART itself, of the DMA stream to the host, and of the DMA stream from the host.
+    /// Interrupts of the UART itself, of the DMA stream to the host, and of the DMA stream from the
+    /// host.
     const INTERRUPTS: [Interrupt; 3];
 
     /// Returns the address of the receive data register.
@@ -72,8 +72,9 @@ pub trait Uart {
     /// Enables the receiver, its DMA requests, and interrupts on an idle line and on damaged bytes.
     fn enable_receiver();
 
-    /// Clears the flags of an idle line and of damaged bytes, or masks their interrupts until the next byte.
-    /// Called by the UART's interrupt handler in a critical section, before the handler wakes the reader.
+    /// Clears the flags of an idle line and of damaged bytes, or masks their interrupts until the
+    /// next byte. Called by the UART's interrupt handler in a critical section, before the handler
+    /// wakes the reader.
     fn acknowledge();
 }
 
@@ -94,8 +95,8 @@ pub struct Port {
 }
 
 impl Port {
-    /// Creates the port and starts reception; received bytes stay in the ring until the conversation reads
-    /// them.
+    /// Creates the port and starts reception; received bytes stay in the ring until the
+    /// conversation reads them.
     pub fn new<U: Uart, D: RxDma<U::Instance>>(
         sender: UartTx<'static, Async>,
         pin: Peri<'static, impl RxPin<U::Instance>>,
@@ -117,8 +118,8 @@ impl Port {
         mem::forget(pin);
         let request = stream.request();
         let channel = Channel::new(stream, interrupts);
-        // SAFETY: the pointer is the address of this UART's 8-bit data register, which always exists.
-        // Nothing else uses `memory.received`, which is borrowed for `'static`.
+        // SAFETY: the pointer is the address of this UART's 8-bit data register, which always
+        // exists. Nothing else uses `memory.received`, which is borrowed for `'static`.
         let mut ring = unsafe {
             ReadableRingBuffer::new(
                 channel,
@@ -131,8 +132,8 @@ impl Port {
         ring.start();
         U::enable_receiver();
         let [own, ..] = U::INTERRUPTS;
-        // SAFETY: the UART's handler is bound (`interrupts`), and no critical section relies on the UART's
-        // interrupt being disabled.
+        // SAFETY: the UART's handler is bound (`interrupts`), and no critical section relies on the
+        // UART's interrupt being disabled.
         unsafe { own.enable() };
         Self {
             input: RingReceiver(DmaRing(ring)),
@@ -140,8 +141,8 @@ impl Port {
         }
     }
 
-    /// Returns the configuration with which a board creates its UART: 921,600 baud, otherwise embassy's
-    /// default.
+    /// Returns the configuration with which a board creates its UART: 921,600 baud, otherwise
+    /// embassy's default.
     pub fn config() -> Config {
         let mut config = Config::default();
         config.baudrate = BAUD;
@@ -169,8 +170,8 @@ impl Ring for DmaRing {
         taken.map(|(length, _)| length).map_err(|_| Overrun)
     }
 
-    /// Registers the waker for three events: the DMA reaches the middle of the ring or its end, or the line
-    /// becomes idle.
+    /// Registers the waker for three events: the DMA reaches the middle of the ring or its end, or
+    /// the line becomes idle.
     fn register_waker(&mut self, waker: &Waker) {
         self.0.set_waker(waker);
         IDLE.register(waker);

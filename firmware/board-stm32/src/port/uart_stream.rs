@@ -18,8 +18,8 @@ pub(crate) trait Transmit {
 
 /// Ring buffer that a DMA channel fills continuously.
 pub(crate) trait Ring {
-    /// Moves the oldest bytes of the ring to `bytes`. Returns the number of bytes moved, 0 if the ring is
-    /// empty.
+    /// Moves the oldest bytes of the ring to `bytes`. Returns the number of bytes moved, 0 if the
+    /// ring is empty.
     fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Overrun>;
 
     /// Registers the waker that is called when new bytes arrive.
@@ -30,8 +30,8 @@ pub(crate) trait Ring {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Overrun;
 
-/// Writer that copies bytes to a buffer and sends them from there, because the DMA cannot access every
-/// caller's memory. A write accepts at most as many bytes as the buffer holds.
+/// Writer that copies bytes to a buffer and sends them from there, because the DMA cannot access
+/// every caller's memory. A write accepts at most as many bytes as the buffer holds.
 pub(crate) struct DmaTransmitter<Line> {
     line: Line,
     buffer: &'static mut [u8],
@@ -58,8 +58,8 @@ impl<Line: Transmit> Write for DmaTransmitter<Line> {
         Ok(length)
     }
 
-    /// Does nothing: after a write, at most two bytes are still in the UART, which sends them without further
-    /// calls.
+    /// Does nothing: after a write, at most two bytes are still in the UART, which sends them
+    /// without further calls.
     async fn flush(&mut self) -> Result<(), Line::Error> {
         Ok(())
     }
@@ -67,8 +67,8 @@ impl<Line: Transmit> Write for DmaTransmitter<Line> {
 
 /// Reader of the bytes that the host sends.
 ///
-/// After an overrun of the ring, reception continues with the next byte. The lost bytes truncate a frame or
-/// merge two frames, which the decoder detects and counts (`Stats.input_bad`).
+/// After an overrun of the ring, reception continues with the next byte. The lost bytes truncate a
+/// frame or merge two frames, which the decoder detects and counts (`Stats.input_bad`).
 pub(crate) struct RingReceiver<R>(pub(crate) R);
 
 impl<R> ErrorType for RingReceiver<R> {

@@ -16,25 +16,23 @@ use embassy_usb::{
 use firmware::{Frames, Machine, OutputReceiver};
 use static_cell::{ConstStaticCell, StaticCell};
 
-use crate::{
-    port::{
-        usb_recovery::{DisableEndpoints, wait_missed_reset},
-        usb_stream::{Closed, PACKET, PacketReceiver, PacketSender, Receiver, Transmitter},
-    },
-    shared::SHARED,
+use crate::application::SHARED;
+use crate::port::usb_recovery::{DisableEndpoints, wait_missed_reset};
+use crate::port::usb_stream::{
+    Closed, PACKET, PacketReceiver, PacketSender, Receiver, Transmitter,
 };
 
-/// Vendor id of pid.codes. Together with [`PRODUCT`] it is for development only; devices that are distributed
-/// need a product id of their own.
+/// Vendor id of pid.codes. Together with [`PRODUCT`] it is for development only; devices that are
+/// distributed need a product id of their own.
 const VENDOR: u16 = 0x1209;
 /// Product id that pid.codes reserves for tests.
 const PRODUCT: u16 = 0x0001;
 
 const _: () = assert!(PACKET <= u16::MAX as usize);
 
-/// Size of the binary device object store, bytes, which a device of USB 2.1 must have: its header, and the
-/// extension for USB 2.0 (USB 3.2, sections 9.6.2 and 9.6.2.1). With a smaller buffer, embassy-usb sends an
-/// empty store.
+/// Size of the binary device object store, bytes, which a device of USB 2.1 must have: its header,
+/// and the extension for USB 2.0 (USB 3.2, sections 9.6.2 and 9.6.2.1). With a smaller buffer,
+/// embassy-usb sends an empty store.
 const OBJECT_STORE: usize = 5 + 7;
 
 /// Interval between two checks of whether the host has opened the port.
@@ -69,7 +67,8 @@ impl Port {
         static STATE: StaticCell<State<'static>> = StaticCell::new();
 
         let mut config = usb::Config::default();
-        // Both boards are powered by their ST-LINK, whether or not VBUS is present at the USB socket.
+        // Both boards are powered by their ST-LINK, whether or not VBUS is present at the USB
+        // socket.
         config.vbus_detection = false;
         let driver = Driver::new_fs(self.otg, Irqs, self.dp, self.dm, RECEIVED.take(), config);
         let mut config = Config::new(VENDOR, PRODUCT);
@@ -98,8 +97,8 @@ impl Port {
         let mut device = builder.build();
         let run = async {
             loop {
-                // `device.run()` never returns; only a missed reset of the bus ends it, and the loop restarts
-                // it.
+                // `device.run()` never returns; only a missed reset of the bus ends it, and the
+                // loop restarts it.
                 select(device.run(), wait_missed_reset()).await;
             }
         };
@@ -122,8 +121,8 @@ impl PacketSender for cdc_acm::Sender<'static, Driver<'static, USB_OTG_FS>> {
         self.wait_connection().await;
     }
 
-    /// While the future waits, it has passed no byte of `packet` to the peripheral. If the future is dropped,
-    /// nothing is sent.
+    /// While the future waits, it has passed no byte of `packet` to the peripheral. If the future
+    /// is dropped, nothing is sent.
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed> {
         self.write_packet(packet).await.map_err(|_| Closed)
     }

@@ -8,20 +8,20 @@ const OTG: Otg = USB_OTG_FS;
 /// Number of IN endpoints in use: control, notifications, data.
 const IN_ENDPOINTS: usize = 3;
 
-/// Largest number of polls of a flag. The USB core sets a flag within some cycles of the PHY's 48 MHz, which
-/// is within a few polls.
+/// Largest number of polls of a flag. The USB core sets a flag within some cycles of the PHY's 48
+/// MHz, which is within a few polls.
 const MAX_POLLS: usize = 1_000;
 
-/// Period at which the flag of a bus reset is polled. The driver handles a bus reset at once, unless it waits
-/// for the rest of a control transfer.
+/// Period at which the flag of a bus reset is polled. The driver handles a bus reset at once,
+/// unless it waits for the rest of a control transfer.
 const POLL_PERIOD: Duration = Duration::from_millis(5);
 
 /// Disables the IN endpoints when the host resets the bus.
 ///
-/// A bus reset leaves an endpoint enabled if the host has not read the endpoint's packet. The driver then
-/// waits without a limit until the endpoint is disabled, so a device that was unplugged while it streamed
-/// would never send again. Disabling an endpoint takes two steps: NAK, then disable (RM0433 and RM0390, OTG,
-/// IN data transfers, IN endpoint disable).
+/// A bus reset leaves an endpoint enabled if the host has not read the endpoint's packet. The
+/// driver then waits without a limit until the endpoint is disabled, so a device that was unplugged
+/// while it streamed would never send again. Disabling an endpoint takes two steps: NAK, then
+/// disable (RM0433 and RM0390, OTG, IN data transfers, IN endpoint disable).
 #[derive(Debug)]
 pub(crate) struct DisableEndpoints;
 
@@ -46,16 +46,16 @@ impl Handler for DisableEndpoints {
 }
 
 fn wait_for(flag: impl Fn() -> bool) {
-    // If the flag is not set within the limit, the driver waits for the endpoint, as it would without this
-    // handler.
+    // If the flag is not set within the limit, the driver waits for the endpoint, as it would
+    // without this handler.
     let _ = (0..MAX_POLLS).any(|_| flag());
 }
 
 /// Waits until the driver has missed a reset of the bus.
 ///
-/// If the cable is unplugged within a control transfer, the driver keeps waiting for the rest of the
-/// transfer, and the reset by the next host stays pending. When this function returns, the caller must
-/// restart the device.
+/// If the cable is unplugged within a control transfer, the driver keeps waiting for the rest of
+/// the transfer, and the reset by the next host stays pending. When this function returns, the
+/// caller must restart the device.
 pub(crate) async fn wait_missed_reset() {
     let mut was_pending = false;
     loop {

@@ -1,4 +1,5 @@
-//! Streams of bytes over the USB serial port, for a host that opens and closes the port at any time.
+//! Streams of bytes over the USB serial port, for a host that opens and closes the port at any
+//! time.
 
 use embassy_futures::select::{Either, select};
 use embedded_io_async::{ErrorKind, ErrorType, Read, Write};
@@ -32,8 +33,8 @@ pub(crate) trait PacketSender {
     /// Waits until a host has configured the device.
     async fn wait_configured(&mut self);
 
-    /// Waits until the host has read the previous packet, then passes `packet` to the peripheral. If the
-    /// future is dropped while it waits, no byte of `packet` is sent.
+    /// Waits until the host has read the previous packet, then passes `packet` to the peripheral.
+    /// If the future is dropped while it waits, no byte of `packet` is sent.
     async fn send(&mut self, packet: &[u8]) -> Result<(), Closed>;
 
     /// Waits until it is time for the next check of [`is_open`](Self::is_open).
@@ -58,7 +59,8 @@ impl<Port: PacketReceiver> Read for Receiver<Port> {
     async fn read(&mut self, bytes: &mut [u8]) -> Result<usize, Closed> {
         loop {
             match self.0.receive(bytes).await? {
-                // An empty packet only ends a transfer. Returning 0 bytes would mean the end of the stream.
+                // An empty packet only ends a transfer. Returning 0 bytes would mean the end of the
+                // stream.
                 0 => {}
                 length => return Ok(length),
             }
@@ -66,15 +68,15 @@ impl<Port: PacketReceiver> Read for Receiver<Port> {
     }
 }
 
-/// Writer that sends while the host has the port open. While the host reads nothing, the frames wait in the
-/// conversation's ring, which drops the oldest ones when it is full.
+/// Writer that sends while the host has the port open. While the host reads nothing, the frames
+/// wait in the conversation's ring, which drops the oldest ones when it is full.
 ///
-/// If the port closes within a frame, the rest of the frame is dropped. After the port opens again, the host
-/// receives whole frames, beginning with the zero byte before the first one.
+/// If the port closes within a frame, the rest of the frame is dropped. After the port opens again,
+/// the host receives whole frames, beginning with the zero byte before the first one.
 pub(crate) struct Transmitter<Port> {
     port: Port,
-    /// Set if the last packet was full. The host's driver then waits for a shorter packet, which ends the
-    /// transfer.
+    /// Set if the last packet was full. The host's driver then waits for a shorter packet, which
+    /// ends the transfer.
     last_was_full: bool,
     /// Set if the last packet ended within a frame.
     is_within_frame: bool,
@@ -96,7 +98,8 @@ impl<Port: PacketSender> Transmitter<Port> {
         }
     }
 
-    /// Sends a packet. Returns [`Closed`] if the port closes before the host has read the previous packet.
+    /// Sends a packet. Returns [`Closed`] if the port closes before the host has read the previous
+    /// packet.
     async fn send_packet(&mut self, bytes: &[u8]) -> Result<(), Closed> {
         loop {
             // While the host reads nothing, check at every tick whether the port is still open.
@@ -127,8 +130,8 @@ impl<Port: PacketSender> Write for Transmitter<Port> {
         let packet = &bytes[..bytes.len().min(PACKET)];
         self.send_packet(packet).await?;
         self.last_was_full = packet.len() == PACKET;
-        // A zero byte ends a frame. A packet with only the zero byte before a frame does not start the frame
-        // yet.
+        // A zero byte ends a frame. A packet with only the zero byte before a frame does not start
+        // the frame yet.
         self.is_within_frame = packet.last().is_some_and(|&byte| byte != 0);
         Ok(packet.len())
     }

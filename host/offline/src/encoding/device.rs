@@ -114,7 +114,7 @@ impl Device {
         let counts = self.counts();
         let (session, sender) = (&mut self.session, &mut self.sender);
         let packed = &mut self.packed;
-        let mut emit = |output: Output| {
+        let mut emit = |output: Output<'_>| {
             if let Payload::PackedCode(code, _) = &output.payload {
                 packed.add(code);
             }

@@ -1,15 +1,10 @@
 //! Analogue part of a simulated chip: from the inputs to counts.
 
-use crate::frame::CHANNELS;
-use crate::gain::Gain;
-use crate::gain::VREF;
-use crate::input::Input;
+use crate::decoder::CHANNELS;
 use crate::limits::typical_noise_uv;
-use crate::rate::Rate;
 use crate::register::Register;
+use crate::settings::{Gain, Input, Rate, TestAmplitude, VREF};
 use crate::simulation::chip::Chip;
-use crate::simulation::noise::Noise;
-use crate::test_signal::TestAmplitude;
 
 /// Signal at the electrodes of a channel.
 #[derive(Clone, Copy, Debug)]
@@ -43,8 +38,8 @@ pub(super) fn converts_electrodes(chip: &Chip, channel: usize) -> bool {
     channel_set(chip, channel) & 0x87 == Input::Electrodes as u8
 }
 
-/// Returns the lead-off status: disconnected electrodes with a lead-off current; 0 while the comparators
-/// are off.
+/// Returns the lead-off status: disconnected electrodes with a lead-off current; 0 while the
+/// comparators are off.
 pub(super) fn lead_off(chip: &Chip, off: Off) -> [u8; 2] {
     let comparators = chip.register(Register::CONFIG4) & 2 != 0;
     let lost = without_contact(chip, off);
@@ -79,7 +74,8 @@ pub(super) fn convert(
             }
             Input::Electrodes => match electrodes[channel] {
                 Electrode::Volts(volts) => volts,
-                // The counts are exact once the reference has settled, because `reference` is then 1.
+                // The counts are exact once the reference has settled, because `reference` is then
+                // 1.
                 Electrode::Counts(counts) => return clip(f64::from(counts) / reference),
             },
             Input::TestSignal => test_signal(chip, conversion) * VREF * reference,
@@ -107,15 +103,15 @@ fn channel_set(chip: &Chip, channel: usize) -> u8 {
     register.map_or(0, |register| chip.register(register))
 }
 
-/// Rounds to a count and clips to 24 bits. NaN, the quotient of 0 V and a reference that is off, becomes
-/// 0.
+/// Rounds to a count and clips to 24 bits. NaN, the quotient of 0 V and a reference that is off,
+/// becomes 0.
 #[expect(clippy::cast_possible_truncation, reason = "clamped to 24 bits")]
 fn clip(counts: f64) -> i32 {
     counts.round().clamp(-8_388_608.0, 8_388_607.0) as i32
 }
 
-/// Returns the internal square wave after the third-order sinc filter, as a fraction of VREF; 0 if the
-/// test signal is external.
+/// Returns the internal square wave after the third-order sinc filter, as a fraction of VREF; 0 if
+/// the test signal is external.
 #[expect(clippy::cast_precision_loss, reason = "less than 2^21")]
 fn test_signal(chip: &Chip, conversion: Conversion) -> f64 {
     let config2 = chip.register(Register::CONFIG2);
@@ -152,5 +148,31 @@ fn step_response(periods: f64) -> f64 {
         u if u < 2.0 => (-2.0 * u.powi(3) + 9.0 * u.powi(2) - 9.0 * u + 3.0) / 6.0,
         u if u < 3.0 => 1.0 - (3.0 - u).powi(3) / 6.0,
         _ => 1.0,
+    }
+}
+
+/// Pseudo-random Gaussian noise: the sum of twelve uniform numbers from xorshift64*.
+#[derive(Clone, Debug)]
+pub(super) struct Noise(u64);
+
+impl Noise {
+    pub(super) const fn new(seed: u64) -> Self {
+        // The generator's state must not be 0.
+        Self(seed | 1 << 63)
+    }
+
+    /// Returns the next number from a distribution with mean 0 and rms 1.
+    pub(super) fn next(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
+
+    /// Returns the next uniform number, 0 to 1.
+    fn uniform(&mut self) -> f64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        let bits = self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 32;
+        let bits = bits as u32;
+        f64::from(bits) / f64::from(u32::MAX)
     }
 }

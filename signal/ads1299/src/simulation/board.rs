@@ -1,22 +1,15 @@
 //! Simulated board: the chips, the wires between them, and virtual time.
 
-mod power;
-
 use std::vec::Vec;
 
 use crate::bus::Speed;
 use crate::command::{AFTER_RESET, DECODE, POWER_ON, RESET_LOW};
-use crate::frame::CHANNELS;
-use crate::rate::Rate;
+use crate::decoder::CHANNELS;
 use crate::register::Register;
-use crate::simulation::analogue::{self, Conversion, Electrode, Off};
-use crate::simulation::burst::Burst;
-use crate::simulation::chip::{Chip, Moment, Received};
-use crate::simulation::electrodes::Electrodes;
-use crate::simulation::fault::Fault;
-use crate::simulation::noise::Noise;
-use crate::simulation::options::Options;
-use crate::simulation::supply::Supply;
+use crate::settings::Rate;
+use crate::simulation::analogue::{self, Conversion, Electrode, Noise, Off};
+use crate::simulation::chip::{Burst, Chip, Moment, Received, Supply};
+use crate::simulation::options::{Electrodes, Fault, Options};
 
 /// Entry in the log of the wires between the driver and the chips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,8 +32,8 @@ pub(super) struct Board<const CHIPS: usize> {
     options: Options,
     supply: Supply,
     speed: Speed,
-    /// Duration of a byte at the SCLK for registers, in nanoseconds. `burst_byte_ns` is the duration at
-    /// the SCLK for bursts, and `decode_ns` is tSDECODE.
+    /// Duration of a byte at the SCLK for registers, in nanoseconds. `burst_byte_ns` is the
+    /// duration at the SCLK for bursts, and `decode_ns` is tSDECODE.
     register_byte_ns: u64,
     burst_byte_ns: u64,
     decode_ns: u64,
@@ -284,19 +277,8 @@ impl<const CHIPS: usize> Board<CHIPS> {
         self.now_ns = self.now_ns.max(to_ns);
     }
 
-    /// Advances time to the next edge of DRDY; returns false if there will be none.
-    pub(super) fn advance_to_edge(&mut self) -> bool {
-        let before = self.edges;
-        while self.edges == before {
-            if self.next.is_none() || self.chips[0].is_dead() {
-                return false;
-            }
-            self.advance(self.next_ns);
-        }
-        true
-    }
-
-    /// Advances time to the next edge of DRDY, but at most to `limit_ns`; returns whether there was an edge.
+    /// Advances time to the next edge of DRDY, but at most to `limit_ns`; returns whether there was
+    /// an edge.
     pub(super) fn advance_to_edge_until(&mut self, limit_ns: u64) -> bool {
         let before = self.edges;
         while self.edges == before {
@@ -396,5 +378,41 @@ impl<const CHIPS: usize> Board<CHIPS> {
 
     fn note(&mut self, event: Event) {
         self.events.push((self.now_ns, event));
+    }
+}
+
+impl<const CHIPS: usize> Board<CHIPS> {
+    /// Switches the supplies off: registers are lost, and DRDY stays high.
+    pub(in crate::simulation) fn power_off(&mut self) {
+        self.supply = Supply::Off;
+        for chip in &mut self.chips {
+            // The chip accepts no command until the next reset.
+            chip.reset(u64::MAX);
+        }
+        self.burst = None;
+        self.is_deaf = None;
+        self.convert_at(None);
+    }
+
+    /// Switches the supplies of all chips on. The chips accept commands only after a reset, which
+    /// must not start before the power-on time has passed.
+    pub(in crate::simulation) fn power_on(&mut self) {
+        if self.supply.is_on() {
+            return;
+        }
+        self.supply = Supply::On(self.now_ns);
+        if self.start {
+            let settled = self.cycles() + u64::from(self.rate().settling());
+            self.convert_at(Some(settled));
+        }
+    }
+
+    /// Returns whether a reset that starts at `since_ns` is at least `power_on_ns` after power-on;
+    /// `None` without power.
+    pub(super) fn may_reset_at(&self, since_ns: u64, power_on_ns: u64) -> Option<bool> {
+        match self.supply {
+            Supply::Off => None,
+            Supply::On(on_ns) => Some(since_ns >= on_ns + power_on_ns),
+        }
     }
 }

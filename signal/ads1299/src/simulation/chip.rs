@@ -1,10 +1,9 @@
 //! Digital part of a simulated chip: command decoder and registers.
 
 use crate::command::opcode;
-use crate::frame::CHANNELS;
-use crate::frame::CHIP_BYTES;
+use crate::decoder::{CHANNELS, CHIP_BYTES, MAX_CHIPS};
 use crate::register::Register;
-use crate::simulation::fault::Fault;
+use crate::simulation::options::Fault;
 
 /// Registers, command decoder and output data of a simulated chip.
 #[derive(Clone, Debug)]
@@ -132,8 +131,8 @@ impl Chip {
         self.registers[Register::LOFF_STATN.index()] = negative;
     }
 
-    /// Returns the reference voltage as a fraction of 4.5 V. The model is a ramp of 150 ms, because the
-    /// data sheet states only that settling time.
+    /// Returns the reference voltage as a fraction of 4.5 V. The model is a ramp of 150 ms, because
+    /// the data sheet states only that settling time.
     #[expect(clippy::cast_precision_loss, reason = "hours in ns are exact")]
     pub(super) fn reference(&self, now_ns: u64) -> f64 {
         let since = self.reference_ns.map_or(0, |on| now_ns.saturating_sub(on));
@@ -270,4 +269,71 @@ impl Chip {
 /// Returns `state` while registers are left, else the state for the next opcode.
 fn rest(left: u8, state: State) -> State {
     if left == 0 { State::Opcode } else { state }
+}
+
+/// Length of the longest burst in bytes: eight chips, a don't-care bit per chip, and the bit that
+/// `Fault::ShiftedBit` inserts.
+const BYTES: usize = CHIP_BYTES * MAX_CHIPS + 2;
+
+/// Bits that a chain sends for one sample, from the first selected chip on.
+pub(super) struct Burst([u8; BYTES]);
+
+impl Burst {
+    /// Builds the burst with `spaced` (0 or 1) don't-care bits between chips.
+    pub(super) fn new(chips: &[Chip], spaced: usize) -> Self {
+        let mut burst = Self([0; BYTES]);
+        let mut place = 0;
+        let mut was_late = false;
+        // A chip that is dead or not selected blocks the chips after it.
+        let chips = chips
+            .iter()
+            .take_while(|chip| chip.selected && !chip.is_dead());
+        for (index, chip) in chips.enumerate() {
+            if chip.fault == Some(Fault::ShiftedBit) && !was_late {
+                was_late = true;
+                place += 1;
+            }
+            for byte in chip.frame {
+                burst.put(place, byte);
+                place += 8;
+            }
+            if spaced > 0 && index.is_multiple_of(2) {
+                burst.put(place, 0x80);
+            }
+            place += spaced;
+        }
+        burst
+    }
+
+    /// ORs eight bits into the burst at bit position `place`.
+    fn put(&mut self, place: usize, bits: u8) {
+        let both = u16::from(bits) << (8 - place % 8);
+        let [first, second] = both.to_be_bytes();
+        if let Some(byte) = self.0.get_mut(place / 8) {
+            *byte |= first;
+        }
+        if let Some(byte) = self.0.get_mut(place / 8 + 1) {
+            *byte |= second;
+        }
+    }
+
+    /// Returns byte `n`; 0 after the end.
+    pub(super) fn byte(&self, n: usize) -> u8 {
+        self.0.get(n).copied().unwrap_or(0)
+    }
+}
+
+/// Whether the chips' supplies are on, and since when.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Supply {
+    /// Without power: the pins may be driven, no chip answers.
+    Off,
+    /// With power since this time, in nanoseconds.
+    On(u64),
+}
+
+impl Supply {
+    pub(super) const fn is_on(self) -> bool {
+        matches!(self, Self::On(_))
+    }
 }

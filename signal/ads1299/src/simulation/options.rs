@@ -1,6 +1,9 @@
-//! Clock, SCLK and wiring of a simulated board.
+//! What a test chooses for a simulated board: clock, wiring, signals at the electrodes, faults.
 
-use crate::alignment::Alignment;
+use std::boxed::Box;
+
+use crate::decoder::{Alignment, CHANNELS};
+use crate::register::Register;
 
 /// Clock, SCLK, wiring and noise seed of a simulated board.
 #[derive(Clone, Copy, Debug)]
@@ -32,4 +35,58 @@ impl Default for Options {
             seed: 1,
         }
     }
+}
+
+/// Source of the electrodes' signal. The function is called once per sample with the sample's
+/// number, from 0, while any channel converts its electrodes; samples of a self-test are not
+/// counted.
+pub enum Electrodes<const CHIPS: usize> {
+    /// Differential voltages in volts; the simulated chip applies gain and clipping and adds noise.
+    Volts(Deliver<f64, CHIPS>),
+    /// ADC counts, |count| <= 2^23, delivered exactly, whatever the gain, and without noise.
+    Counts(Deliver<i32, CHIPS>),
+}
+
+/// Function that fills one sample, by chip and channel; its first argument is the sample's number.
+pub type Deliver<T, const CHIPS: usize> = Box<dyn FnMut(u64, &mut [[T; CHANNELS]; CHIPS]) + Send>;
+
+impl<const CHIPS: usize> Electrodes<CHIPS> {
+    /// Returns electrodes at 0 V, so that the counts are the chips' noise.
+    pub fn silent() -> Self {
+        Self::Volts(Box::new(|_, volts| *volts = [[0.0; CHANNELS]; CHIPS]))
+    }
+
+    /// Returns electrodes whose volts are a function of the sample's number.
+    pub fn volts(deliver: impl FnMut(u64, &mut [[f64; CHANNELS]; CHIPS]) + Send + 'static) -> Self {
+        Self::Volts(Box::new(deliver))
+    }
+
+    /// Returns electrodes whose counts are a function of the sample's number.
+    pub fn counts(
+        deliver: impl FnMut(u64, &mut [[i32; CHANNELS]; CHIPS]) + Send + 'static,
+    ) -> Self {
+        Self::Counts(Box::new(deliver))
+    }
+}
+
+/// Fault of a simulated chip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// No power: accepts no command, DOUT low, DRDY high. Blocks the data of the chips after it.
+    Dead,
+    /// Sends the data of its last sample again, in every frame.
+    StuckData,
+    /// Returns this byte as its ID.
+    WrongId(u8),
+    /// Converts at twice the rate. Only chip 0 shows this fault, because only its DRDY is wired.
+    DoubleRate,
+    /// Omits the next edge of DRDY, once. Only chip 0 shows this fault, because only its DRDY is
+    /// wired.
+    MissedReady,
+    /// Sends these four bits in place of 1100 at the start of its status word.
+    WrongNibble(u8),
+    /// Delays its data, and those of the chips after it, by one bit.
+    ShiftedBit,
+    /// Ignores writes to this register.
+    Forgets(Register),
 }

@@ -1,17 +1,14 @@
 //! Implementations of the driver's bus, pin and delay traits on a simulated board.
 
 use core::convert::Infallible;
-use core::future::pending;
 
 use embedded_hal::digital::{self, OutputPin};
 use embedded_hal::spi;
 use embedded_hal_async::delay::DelayNs;
-use embedded_hal_async::digital::Wait;
 use embedded_hal_async::spi::SpiBus;
 
-use crate::bus::{Bus, Speed, TooFast};
-use crate::drdy::{Drdy, DrdyEdge};
-use crate::simulation::shared_board::SharedBoard;
+use crate::bus::{Bus, Drdy, DrdyEdge, Speed, TooFast};
+use crate::simulation::SharedBoard;
 
 /// SPI bus (SCLK, MOSI, MISO) of a simulated board.
 #[derive(Debug)]
@@ -32,7 +29,7 @@ enum Role {
     Reset,
 }
 
-/// DRDY of chip 0. A wait ends at the next edge, and never if there is none.
+/// DRDY of chip 0.
 #[derive(Debug)]
 pub struct SimulatedReady<const CHIPS: usize>(pub(super) SharedBoard<CHIPS>);
 
@@ -163,36 +160,4 @@ impl<const CHIPS: usize> Drdy for SimulatedReady<CHIPS> {
 
     /// Does nothing: edges are not stored.
     fn forget(&mut self) {}
-}
-
-impl<const CHIPS: usize> digital::ErrorType for SimulatedReady<CHIPS> {
-    type Error = Infallible;
-}
-
-impl<const CHIPS: usize> Wait for SimulatedReady<CHIPS> {
-    // The model has only falling edges: DRDY is taken to be high again at once. So `wait_for_high`
-    // returns immediately, and every other wait ends at the next falling edge.
-    async fn wait_for_high(&mut self) -> Result<(), Infallible> {
-        Ok(())
-    }
-
-    async fn wait_for_low(&mut self) -> Result<(), Infallible> {
-        self.wait_for_falling_edge().await
-    }
-
-    async fn wait_for_rising_edge(&mut self) -> Result<(), Infallible> {
-        self.wait_for_falling_edge().await
-    }
-
-    async fn wait_for_falling_edge(&mut self) -> Result<(), Infallible> {
-        let came = self.0.lock().advance_to_edge();
-        if !came {
-            pending::<()>().await;
-        }
-        Ok(())
-    }
-
-    async fn wait_for_any_edge(&mut self) -> Result<(), Infallible> {
-        self.wait_for_falling_edge().await
-    }
 }

@@ -4,11 +4,8 @@ use std::vec::Vec;
 
 use proptest::prelude::*;
 
-use crate::alignment::Alignment;
-use crate::decoder::Decoder;
-use crate::frame::CHANNELS;
-use crate::frame::frame_bytes;
-use crate::status_word::ChipFault;
+use crate::decoder::{Alignment, CHANNELS, Decoder, frame_bytes};
+use crate::reading::ChipFault;
 
 /// Returns a frame as a chain sends it; every don't-care bit has the value `other`.
 fn encode<const CHIPS: usize, const BYTES: usize>(
@@ -187,8 +184,8 @@ fn a_lost_bit_in_the_first_frame_of_two_chips_does_not_last() {
     let mut decoder = Decoder::<2>::new();
     let mut decoded = [[0; CHANNELS]; 2];
     let two = |n| [moving(n)[0], moving(n)[1]];
-    // An extra clock edge between the chips makes the first frame look like one of the other alignment.
-    // The next three frames are flagged; the fourth one corrects the alignment.
+    // An extra clock edge between the chips makes the first frame look like one of the other
+    // alignment. The next three frames are flagged; the fourth one corrects the alignment.
     let slipped: [u8; 55] = encode(0xC0_0000, &two(0), Alignment::Spaced, false);
     decoder.decode(&slipped, &mut decoded);
     let mut flagged = 0;

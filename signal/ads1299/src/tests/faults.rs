@@ -3,22 +3,19 @@
 use std::string::ToString;
 use std::vec::Vec;
 
-use crate::alignment::Alignment;
+use super::Bench;
+use crate::bus::Drdy as _;
 use crate::clock::Clock;
-use crate::decoder::{Decoder, FrameStatus};
-use crate::error::Error;
-use crate::frame::CHANNELS;
-use crate::frame::frame_bytes;
-use crate::rate::Rate;
+use crate::decoder::{Alignment, FrameStatus, frame_bytes};
+use crate::reading::ChipFault;
 use crate::ready::{Edge, RateError, ReadyMeter};
-use crate::settings::Settings;
-use crate::simulation::{Electrodes, Fault, Options, SimulatedReady, Simulation, finish};
-use crate::status_word::ChipFault;
+use crate::settings::{Rate, Settings};
+use crate::simulation::{Electrodes, Fault, Options, finish};
 
 const CHIPS: usize = 8;
 
-/// Streams 20 valid frames and then injects `fault` into `chip`. Returns the status and the DRDY edge of
-/// each of the next `after` frames, and the meter of all edges.
+/// Streams 20 valid frames and then injects `fault` into `chip`. Returns the status and the DRDY
+/// edge of each of the next `after` frames, and the meter of all edges.
 fn next_frames(
     alignment: Alignment,
     chip: usize,
@@ -29,22 +26,17 @@ fn next_frames(
         alignment,
         ..Options::default()
     };
-    let simulation = Simulation::<CHIPS>::new(options, Electrodes::silent());
-    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
-    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
-    let mut streaming = finish(configured.start()).unwrap().unwrap();
-    let mut decoder = Decoder::<CHIPS>::new();
+    let mut bench = Bench::<CHIPS, { frame_bytes(CHIPS) }>::silent(options);
     let mut meter = ReadyMeter::new(0, Clock::EEG, Rate::Div4096);
     let (mut statuses, mut edges) = (Vec::new(), Vec::new());
     for n in 0..20 + after {
         if n == 20 {
-            simulation.inject(chip, fault);
+            bench.simulation.inject(chip, fault);
         }
-        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
-        edges.push(meter.edge(simulation.time_us()));
-        let (mut frame, mut counts) = ([0; frame_bytes(CHIPS)], [[0; CHANNELS]; CHIPS]);
-        finish(streaming.read(&mut frame)).unwrap().unwrap();
-        statuses.push(decoder.decode(&frame, &mut counts));
+        let edge_us = bench.edge_us();
+        edges.push(meter.edge(edge_us));
+        let reading = finish(bench.sampler.read(edge_us)).unwrap();
+        statuses.push(reading.status.unwrap());
     }
     assert!(statuses[..20].iter().all(FrameStatus::is_sound));
     assert!(edges[1..20].iter().all(|edge| *edge == Edge::OnTime));
@@ -71,28 +63,14 @@ fn a_chip_that_dies_is_the_first_of_those_without_a_signal() {
 
 #[test]
 fn chip_0_dies_and_drdy_with_it() {
-    let simulation = Simulation::<CHIPS>::new(Options::default(), Electrodes::silent());
-    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
-    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
-    let mut streaming = finish(configured.start()).unwrap().unwrap();
-    simulation.inject(0, Fault::Dead);
-    let error = finish(streaming.ready(&mut drdy))
+    let mut bench = Bench::<CHIPS, { frame_bytes(CHIPS) }>::silent(Options::default());
+    bench.simulation.inject(0, Fault::Dead);
+    assert_eq!(finish(bench.drdy.next_until(10_000_000)).unwrap(), None);
+    let status = finish(bench.sampler.read(bench.simulation.time_us()))
         .unwrap()
-        .expect_err("no DRDY");
-    let expected = Error::NeverReady {
-        chip: 0,
-        waited_us: 15_630,
-    };
-    assert_eq!(error, expected);
-    let text = error.to_string();
-    assert!(
-        text.starts_with("ADS1299 0 made no sample in 15630 us after START"),
-        "{text}"
-    );
-    let (mut frame, mut counts) = ([0; frame_bytes(CHIPS)], [[0; CHANNELS]; CHIPS]);
-    finish(streaming.read(&mut frame)).unwrap().unwrap();
-    let status = Decoder::<CHIPS>::new().decode(&frame, &mut counts);
-    assert_eq!(first_fault(&status), Some((0, ChipFault::OnlyZeros)));
+        .status;
+    let fault = first_fault(&status.unwrap());
+    assert_eq!(fault, Some((0, ChipFault::OnlyZeros)));
 }
 
 #[test]
@@ -154,20 +132,21 @@ fn a_doubled_rate_is_detected_at_the_next_edge_and_measured() {
 
 #[test]
 fn a_chip_that_starts_at_twice_the_rate_is_named_with_the_factor() {
-    let simulation = Simulation::<2>::new(Options::default(), Electrodes::silent());
-    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
-    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
-    simulation.inject(0, Fault::DoubleRate);
-    let mut streaming = finish(configured.start()).unwrap().unwrap();
+    let mut bench = Bench::<2, { frame_bytes(2) }>::new(
+        Options::default(),
+        Electrodes::silent(),
+        Settings::EEG,
+    );
+    bench.simulation.inject(0, Fault::DoubleRate);
+    bench.start().unwrap();
     let mut meter = ReadyMeter::new(0, Clock::EEG, Rate::Div4096);
     assert_eq!(meter.check(), Err(RateError::NotMeasured { chip: 0 }));
     for _ in 0..64 {
-        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
-        meter.edge(simulation.time_us());
+        meter.edge(bench.edge_us());
     }
     let text = meter.check().expect_err("twice as fast").to_string();
-    // 63 periods of 1024 Hz, rounded to whole microseconds, measure as 1023.990 or 1024.007 Hz. The test
-    // compares the digits that both have in common.
+    // 63 periods of 1024 Hz, rounded to whole microseconds, measure as 1023.990 or 1024.007 Hz. The
+    // test compares the digits that both have in common.
     let begin = "DRDY of ADS1299 0 comes at 102";
     let end = " Hz, and 512.000 Hz is set, 2 times as fast: ";
     assert!(text.starts_with(begin) && text.contains(end), "{text}");
@@ -179,14 +158,10 @@ fn a_wrong_clock_is_measured() {
         clock_hz: 2_048_000,
         ..Options::default()
     };
-    let simulation = Simulation::<1>::new(options, Electrodes::silent());
-    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
-    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
-    let mut streaming = finish(configured.start()).unwrap().unwrap();
+    let mut bench = Bench::<1, { frame_bytes(1) }>::silent(options);
     let mut meter = ReadyMeter::new(0, Clock::EEG, Rate::Div4096);
     for _ in 0..64 {
-        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
-        meter.edge(simulation.time_us());
+        meter.edge(bench.edge_us());
     }
     let text = meter.check().expect_err("500 Hz").to_string();
     assert!(
@@ -218,22 +193,15 @@ fn edges_at_any_times_neither_overflow_nor_divide_by_zero() {
 
 #[test]
 fn a_frame_that_is_read_too_late_is_flagged() {
-    let simulation = Simulation::<CHIPS>::new(Options::default(), Electrodes::silent());
-    let (mut chain, mut drdy): (_, SimulatedReady<CHIPS>) = (simulation.chain(), simulation.drdy());
-    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
-    let mut streaming = finish(configured.start()).unwrap().unwrap();
-    let mut decoder = Decoder::<CHIPS>::new();
-    let (mut frame, mut counts) = ([0; frame_bytes(CHIPS)], [[0; CHANNELS]; CHIPS]);
+    let mut bench = Bench::<CHIPS, { frame_bytes(CHIPS) }>::silent(Options::default());
     for _ in 0..3 {
-        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
-        finish(streaming.read(&mut frame)).unwrap().unwrap();
-        assert!(decoder.decode(&frame, &mut counts).is_sound());
+        assert!(bench.next().is_sound());
     }
-    finish(streaming.ready(&mut drdy)).unwrap().unwrap();
+    let edge_us = bench.edge_us();
     // The burst takes 108 us and starts 50 us before the end of the next conversion.
-    simulation.pass_us(1953 - 50);
-    finish(streaming.read(&mut frame)).unwrap().unwrap();
-    let status = decoder.decode(&frame, &mut counts);
+    bench.simulation.pass_us(1953 - 50);
+    let reading = finish(bench.sampler.read(edge_us)).unwrap();
+    let status = reading.status.unwrap();
     assert!(!status.is_sound());
     assert!(status.bad & 0x80 != 0, "{:08b}", status.bad);
 }

@@ -2,7 +2,8 @@
 
 use std::vec::Vec;
 
-use crate::drdy::Drdy as _;
+use crate::bus::Drdy as _;
+use crate::decoder::frame_bytes;
 use crate::reading::Reading;
 use crate::retrying_sampler::RetryingSampler;
 use crate::sampler::Sampler;
@@ -91,13 +92,14 @@ fn a_chain_whose_power_comes_late_streams_without_a_self_test() {
     assert!(found.iter().all(|(reading, _)| reading.bad == 0xFF));
     assert!(bench.resets() > 1, "it was tried again");
     bench.simulation.power_on();
-    // Worst case: an attempt without power has just started, and a whole attempt follows the retry time.
+    // Worst case: an attempt without power has just started, and a whole attempt follows the retry
+    // time.
     let found = [found, bench.until(9_000_000 + RETRY_US + 3_000_000)].concat();
     assert!(found.last().is_some_and(|(reading, _)| reading.is_sound()));
     assert_eq!(bench.chain.failure(), None);
     assert_rhythm(&found);
-    // The chain counts as silent from the fourth period after the first attempt on. The three periods
-    // before it count as missed.
+    // The chain counts as silent from the fourth period after the first attempt on. The three
+    // periods before it count as missed.
     assert_eq!(missed(&found), 3);
     assert_eq!(bench.simulation.violations(), 0);
 }
@@ -152,19 +154,13 @@ fn a_chain_without_its_first_chip_is_retried_without_delaying_samples() {
 
 #[test]
 fn a_loss_of_supply_clears_the_registers_and_restarts_the_wait_for_a_reset() {
-    let simulation = Simulation::<2>::new(Options::default(), Electrodes::silent());
-    let mut chain = simulation.chain();
-    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
-    finish(configured.start()).unwrap().unwrap();
+    let mut bench = super::Bench::<2, { frame_bytes(2) }>::silent(Options::default());
+    let simulation = bench.simulation.clone();
     assert!(simulation.next_edge_ns().is_some());
     simulation.power_off();
     assert_eq!(simulation.next_edge_ns(), None);
     // Without power there are no timing violations, and no chip answers.
-    let power_up = || {
-        let mut chain = simulation.chain();
-        finish(chain.power_up(&Settings::EEG)).unwrap().map(|_| ())
-    };
-    assert!(power_up().is_err());
+    assert!(bench.start().is_err());
     assert_eq!(simulation.violations(), 0);
     simulation.power_on();
     simulation.pass_us(50_000);
@@ -172,5 +168,5 @@ fn a_loss_of_supply_clears_the_registers_and_restarts_the_wait_for_a_reset() {
     let mut lines = simulation.chain();
     finish(lines.pulse_reset()).unwrap().unwrap();
     assert!(simulation.violations() > 0);
-    assert_eq!(power_up(), Ok(()));
+    assert_eq!(bench.start(), Ok(()));
 }

@@ -2,59 +2,25 @@
 
 use std::vec::Vec;
 
-use crate::configured::Configured;
-use crate::error::Error;
-use crate::frame::CHANNELS;
-use crate::frame::frame_bytes;
-use crate::reading::Reading;
+use super::Bench;
+use crate::decoder::{CHANNELS, frame_bytes};
+use crate::reading::ChipFault;
 use crate::ready::RateError;
 use crate::register::Register;
-use crate::sampler::Sampler;
 use crate::settings::Settings;
-use crate::simulation::{
-    Electrodes, Fault, Options, SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady,
-    Simulation, finish,
-};
-use crate::status_word::ChipFault;
-use embedded_hal_async::digital::Wait as _;
+use crate::simulation::{Electrodes, Fault, Options, Simulation, finish};
 
 const CHIPS: usize = 8;
 
-type Simulated =
-    Sampler<SimulatedBus<CHIPS>, SimulatedLine<CHIPS>, SimulatedDelay<CHIPS>, CHIPS, 217>;
+type Chain = Bench<CHIPS, { frame_bytes(CHIPS) }>;
 
-/// A running chain that is read edge by edge.
-struct Bench {
-    simulation: Simulation<CHIPS>,
-    sampler: Simulated,
-    drdy: SimulatedReady<CHIPS>,
-}
-
-impl Bench {
-    /// Creates a chain, optionally with a fault from the start.
-    fn broken(electrodes: Electrodes<CHIPS>, broken: Option<(usize, Fault)>) -> Self {
-        let simulation = Simulation::new(Options::default(), electrodes);
-        if let Some((chip, fault)) = broken {
-            simulation.inject(chip, fault);
-        }
-        let sampler = Sampler::new(simulation.chain(), Settings::EEG.with_lead_off());
-        let drdy = simulation.drdy();
-        Self {
-            simulation,
-            sampler,
-            drdy,
-        }
-    }
-
-    fn start(&mut self) -> Result<(), Error> {
-        finish(self.sampler.start(|| ())).unwrap()
-    }
-
-    fn next(&mut self) -> Reading<CHIPS> {
-        finish(self.drdy.wait_for_falling_edge()).unwrap().unwrap();
-        let now_us = self.simulation.time_us();
-        finish(self.sampler.read(now_us)).unwrap()
-    }
+/// Creates a chain that has not been brought up, with lead-off detection.
+fn stopped(electrodes: Electrodes<CHIPS>) -> Chain {
+    Bench::new(
+        Options::default(),
+        electrodes,
+        Settings::EEG.with_lead_off(),
+    )
 }
 
 /// Returns counts that encode the numbers of the sample, the chip and the channel.
@@ -71,8 +37,8 @@ fn number(counts: &[i32; CHANNELS]) -> i32 {
     counts[0] / 1000
 }
 
-fn running() -> Bench {
-    let mut bench = Bench::broken(numbered(), None);
+fn running() -> Chain {
+    let mut bench = stopped(numbered());
     bench.start().unwrap();
     for sample in 0..20 {
         let reading = bench.next();
@@ -157,20 +123,10 @@ fn a_wrong_clock_is_flagged_while_streaming() {
         clock_hz: 2_048_000,
         ..Options::default()
     };
-    let simulation = Simulation::<1>::new(options, Electrodes::silent());
-    let mut drdy = simulation.drdy();
-    let mut sampler =
-        Sampler::<_, _, _, 1, { frame_bytes(1) }>::new(simulation.chain(), Settings::EEG);
-    finish(sampler.start(|| ())).unwrap().unwrap();
-    let flagged: Vec<bool> = (0..200)
-        .map(|_| {
-            finish(drdy.wait_for_falling_edge()).unwrap().unwrap();
-            let reading = finish(sampler.read(simulation.time_us())).unwrap();
-            reading.rate.is_some()
-        })
-        .collect();
+    let mut bench = Bench::<1, { frame_bytes(1) }>::silent(options);
+    let flagged: Vec<bool> = (0..200).map(|_| bench.next().rate.is_some()).collect();
     assert_eq!(flagged.iter().position(|flagged| *flagged), Some(64));
-    let measured = sampler.millihertz().expect("three judgements");
+    let measured = bench.sampler.millihertz().expect("three judgements");
     // Tolerance: two stamps of 1 us resolution over 1/8 s are 16 ppm, 8 mHz at 500 Hz.
     assert!(measured.abs_diff(500_000) <= 10, "{measured}");
     assert!(flagged[64..].iter().all(|flagged| *flagged));
@@ -199,7 +155,8 @@ fn counts_of_an_unfit_chip_are_never_used_and_those_of_others_are() {
         (2, Fault::WrongId(0x92)),
         (5, Fault::Forgets(Register::CH1SET)),
     ] {
-        let mut bench = Bench::broken(numbered(), Some((chip, fault)));
+        let mut bench = stopped(numbered());
+        bench.simulation.inject(chip, fault);
         let error = bench.start().expect_err("a broken chip");
         assert_eq!(error.chip(), Some(u8::try_from(chip).unwrap()), "{error}");
         for sample in 0..5 {
@@ -246,7 +203,7 @@ fn channels_at_a_rail_or_at_zero_do_not_count_as_frozen() {
             (5, Some(1)),
             (8, Some(1)),
         ] {
-            let mut bench = Bench::broken(constant(value, alive), None);
+            let mut bench = stopped(constant(value, alive));
             bench.start().unwrap();
             let found = (0..20).position(|_| bench.next().bad == 1 << 4);
             assert_eq!(found, flagged_at, "{alive} channels alive beside {value}");
@@ -256,29 +213,29 @@ fn channels_at_a_rail_or_at_zero_do_not_count_as_frozen() {
 
 #[test]
 fn a_chain_is_started_stopped_and_set_up_again_at_the_right_speeds() {
-    let simulation = Simulation::<2>::new(Options::default(), Electrodes::silent());
-    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
-    let mut configured: Configured<'_, _, _, _, 2> =
-        finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
+    let mut bench = Bench::<2, { frame_bytes(2) }>::silent(Options::default());
+    let settings = Settings::EEG;
     for _ in 0..3 {
-        let mut streaming = finish(configured.start()).unwrap().unwrap();
-        let before_us = simulation.time_us();
-        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
-        let mut frame = [0; frame_bytes(2)];
-        finish(streaming.read(&mut frame)).unwrap().unwrap();
-        assert!(simulation.time_us() - before_us < 8_500, "a burst is fast");
-        finish(streaming.stop()).unwrap().unwrap();
-        finish(configured.configure(&Settings::EEG))
+        let before_us = bench.simulation.time_us();
+        bench.edge_us();
+        let chain = &mut bench.sampler.chain;
+        finish(chain.read_frame(&mut [0; frame_bytes(2)]))
             .unwrap()
             .unwrap();
-        // The stream is dropped without a stop, as firmware does when a self-test is requested.
-        finish(configured.start()).unwrap().unwrap();
-        finish(configured.configure(&Settings::EEG))
+        let burst_us = bench.simulation.time_us() - before_us;
+        assert!(burst_us < 8_500, "a burst is fast");
+        finish(chain.halt()).unwrap().unwrap();
+        finish(chain.set_up(&settings, &mut || ()))
             .unwrap()
             .unwrap();
-        finish(configured.read_back()).unwrap().unwrap();
+        finish(chain.run()).unwrap().unwrap();
+        // The chips are set up while they convert, as when a self-test is requested.
+        finish(chain.set_up(&settings, &mut || ()))
+            .unwrap()
+            .unwrap();
+        finish(chain.run()).unwrap().unwrap();
     }
-    assert_eq!(simulation.violations(), 0);
+    assert_eq!(bench.simulation.violations(), 0);
 }
 
 #[test]
@@ -290,7 +247,7 @@ fn reading_registers_at_burst_speed_is_a_violation() {
 
     let simulation = Simulation::<1>::new(Options::default(), Electrodes::silent());
     let mut chain = simulation.chain();
-    finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
+    finish(chain.reset(&mut || ())).unwrap().unwrap();
     for (speed, violations) in [(Speed::Registers, 0), (Speed::Bursts, 1)] {
         chain.spi.set_speed(speed).unwrap();
         chain.selects[0].set_low().unwrap();

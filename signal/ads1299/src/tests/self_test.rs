@@ -3,39 +3,30 @@
 use std::string::ToString;
 use std::vec::Vec;
 
+use super::Bench;
+use crate::channel_tests::{ShortedTest, SquareWaveTest};
 use crate::clock::Clock;
-use crate::decoder::Decoder;
-use crate::frame::CHANNELS;
-use crate::frame::frame_bytes;
-use crate::gain::Gain;
-use crate::input::Input;
+use crate::decoder::{CHANNELS, Decoder, frame_bytes};
 use crate::limits::{SelfTestFault, typical_noise_uv};
-use crate::rate::Rate;
-use crate::settings::Settings;
-use crate::shorted_test::ShortedTest;
-use crate::simulation::{Electrodes, Options, Simulation, finish};
-use crate::square_wave_test::SquareWaveTest;
-use crate::test_signal::{TestAmplitude, TestFrequency, TestSignal};
+use crate::settings::{Gain, Input, Rate, Settings, TestAmplitude, TestFrequency, TestSignal};
+use crate::simulation::{Electrodes, Options};
 
 const CHIPS: usize = 2;
 
-/// Streams samples of all channels with these settings and passes each channel and count to `judge`.
+/// Streams samples of all channels with these settings and passes each channel and count to
+/// `judge`.
 fn stream(settings: &Settings<CHIPS>, samples: u32, mut judge: impl FnMut(usize, i32)) {
     let options = Options {
         clock_hz: settings.clock.hz(),
         ..Options::default()
     };
-    let simulation = Simulation::<CHIPS>::new(options, Electrodes::silent());
-    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
-    let mut configured = finish(chain.power_up(settings)).unwrap().unwrap();
-    let mut streaming = finish(configured.start()).unwrap().unwrap();
-    let mut decoder = Decoder::<CHIPS>::new();
-    let (mut frame, mut counts) = ([0; frame_bytes(CHIPS)], [[0; CHANNELS]; CHIPS]);
+    let mut bench =
+        Bench::<CHIPS, { frame_bytes(CHIPS) }>::new(options, Electrodes::silent(), *settings);
+    bench.start().unwrap();
     for _ in 0..samples {
-        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
-        finish(streaming.read(&mut frame)).unwrap().unwrap();
-        assert!(decoder.decode(&frame, &mut counts).is_sound());
-        for (channel, count) in counts.as_flattened().iter().enumerate() {
+        assert!(bench.next().status.unwrap().is_sound());
+        let counts = bench.sampler.decoded.as_flattened();
+        for (channel, count) in counts.iter().enumerate() {
             judge(channel, *count);
         }
     }
@@ -67,7 +58,8 @@ fn the_test_signal_is_measured_within_one_percent_at_every_gain() {
             });
             for test in &tests {
                 let result = test.result();
-                // Tolerance: at gain 1 the noise, averaged over 500 samples, is 3e-5 of the amplitude.
+                // Tolerance: at gain 1 the noise, averaged over 500 samples, is 3e-5 of the
+                // amplitude.
                 assert!(
                     result.gain_error.abs() < 1e-4,
                     "{gain:?} {rate:?} {result:?}"
@@ -144,8 +136,8 @@ fn judged(level: i32, offset: i32, noise: i32) -> Result<(), SelfTestFault> {
 
 #[test]
 fn each_limit_can_be_exceeded_and_is_named() {
-    // At gain 24, 1.875 mV is 83,886 counts, and 0.2 uV is 9 counts. The limits are 3 % of gain, 300 uV
-    // of offset (13,422 counts), and 0.10 to 0.42 uV of noise (4.7 to 18.8 counts).
+    // At gain 24, 1.875 mV is 83,886 counts, and 0.2 uV is 9 counts. The limits are 3 % of gain,
+    // 300 uV of offset (13,422 counts), and 0.10 to 0.42 uV of noise (4.7 to 18.8 counts).
     assert_eq!(judged(83_886, 0, 9), Ok(()));
     assert_eq!(judged(83_886, 5000, 9), Ok(()));
     let low = judged(80_000, 0, 9).expect_err("4.6 % too low");
@@ -202,22 +194,17 @@ fn a_square_wave_of_100_uv_at_the_electrodes_arrives_within_one_percent() {
         let up = (sample / 256).is_multiple_of(2);
         *volts = [[if up { 1e-4 } else { -1e-4 }; CHANNELS]; CHIPS];
     });
-    let simulation = Simulation::<CHIPS>::new(Options::default(), electrodes);
-    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
-    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
-    let mut streaming = finish(configured.start()).unwrap().unwrap();
-    let mut decoder = Decoder::<CHIPS>::new();
-    let (mut frame, mut counts) = ([0; frame_bytes(CHIPS)], [[0; CHANNELS]; CHIPS]);
+    let mut bench =
+        Bench::<CHIPS, { frame_bytes(CHIPS) }>::new(Options::default(), electrodes, Settings::EEG);
+    bench.start().unwrap();
     let mut sums = [[0_i32; CHANNELS]; CHIPS];
     for sample in 0..1024 {
-        finish(streaming.ready(&mut drdy)).unwrap().unwrap();
-        finish(streaming.read(&mut frame)).unwrap().unwrap();
-        decoder.decode(&frame, &mut counts);
+        bench.next();
         let sign = if sample / 256 % 2 == 0 { 1 } else { -1 };
         for (sum, count) in sums
             .as_flattened_mut()
             .iter_mut()
-            .zip(counts.as_flattened())
+            .zip(bench.sampler.counts().as_flattened())
         {
             *sum += sign * count;
         }

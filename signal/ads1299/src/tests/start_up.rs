@@ -3,31 +3,28 @@
 use std::string::ToString;
 use std::vec::Vec;
 
+use super::Bench;
+use crate::decoder::frame_bytes;
 use crate::error::Error;
-use crate::input::Input;
 use crate::register::Register;
-use crate::settings::Settings;
+use crate::settings::{Input, Settings};
 use crate::simulation::{Electrodes, Event, Fault, Options, Simulation, finish};
 
-fn silent<const CHIPS: usize>(options: Options) -> Simulation<CHIPS> {
-    Simulation::new(options, Electrodes::silent())
+/// Creates a chain that has not been brought up.
+fn stopped<const CHIPS: usize, const BYTES: usize>(options: Options) -> Bench<CHIPS, BYTES> {
+    Bench::new(options, Electrodes::silent(), Settings::EEG)
 }
 
-/// Returns the error of `power_up` with one broken chip.
+/// Returns the error of a bring-up with one broken chip.
 fn error_with(chip: usize, fault: Fault) -> Error {
-    let simulation = silent::<8>(Options::default());
-    simulation.inject(chip, fault);
-    let mut chain = simulation.chain();
-    let result = finish(chain.power_up(&Settings::EEG)).expect("time is virtual");
-    result.map(|_| ()).expect_err("a fault")
+    let mut bench = stopped::<8, { frame_bytes(8) }>(Options::default());
+    bench.simulation.inject(chip, fault);
+    bench.start().expect_err("a fault")
 }
 
 #[test]
 fn order_and_times_follow_the_data_sheet() {
-    let simulation = silent::<8>(Options::default());
-    let mut chain = simulation.chain();
-    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
-    finish(configured.start()).unwrap().unwrap();
+    let Bench { simulation, .. } = Bench::<8, { frame_bytes(8) }>::silent(Options::default());
     assert_eq!(simulation.violations(), 0);
 
     let events = simulation.events();
@@ -37,8 +34,8 @@ fn order_and_times_follow_the_data_sheet() {
     let reset = time_of(Event::Reset);
     assert!(reset >= 125_000_000, "{reset}");
     assert!(events[1].0 - reset >= 8584, "{events:?}");
-    // Each chip receives SDATAC, its ID is read, and CONFIG3 is written. 150 ms pass after the last
-    // write of CONFIG3 before any other register is written.
+    // Each chip receives SDATAC, and CONFIG3 is written. 150 ms pass after the last write of
+    // CONFIG3 before any other register is written. All registers are read back, from the ID on.
     for chip in 0..8 {
         let mut opcodes: Vec<u8> = Vec::new();
         for (_, event) in &events {
@@ -51,9 +48,7 @@ fn order_and_times_follow_the_data_sheet() {
                 opcodes.push(*opcode);
             }
         }
-        let order = [
-            0x11, 0x20, 0x11, 0x43, 0x41, 0x49, 0x54, 0x20, 0x28, 0x30, 0x10,
-        ];
+        let order = [0x11, 0x43, 0x41, 0x49, 0x54, 0x20, 0x28, 0x30, 0x10];
         assert_eq!(opcodes, order, "chip {chip}");
         assert!(time_of(command(chip, 0x41)) - time_of(command(7, 0x43)) >= 150_000_000);
     }
@@ -65,18 +60,17 @@ fn order_and_times_follow_the_data_sheet() {
 
 #[test]
 fn every_register_is_read_back() {
-    let simulation = silent::<3>(Options::default());
+    let simulation = Simulation::<3>::new(Options::default(), Electrodes::silent());
     let mut chain = simulation.chain();
-    let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
+    finish(chain.reset(&mut || ())).unwrap().unwrap();
+    let mut set_up = |settings| {
+        finish(chain.set_up(&settings, &mut || ()))
+            .unwrap()
+            .unwrap()
+    };
     for input in Input::ALL {
         let settings = Settings::EEG.with_input(input);
-        finish(configured.configure(&settings)).unwrap().unwrap();
-        for (chip, back) in finish(configured.read_back())
-            .unwrap()
-            .unwrap()
-            .iter()
-            .enumerate()
-        {
+        for (chip, back) in set_up(settings).iter().enumerate() {
             assert_eq!(back.read, settings.image(chip));
             assert_eq!((back.differing, back.id_fits), (0, true));
         }
@@ -84,10 +78,8 @@ fn every_register_is_read_back() {
     simulation.inject(1, Fault::Forgets(Register::LOFF));
     let mut settings = Settings::EEG;
     settings.lead_off.comparators = true;
-    settings.lead_off.threshold = crate::lead_off::LeadOffThreshold::P80;
-    assert!(finish(configured.configure(&settings)).unwrap().is_err());
-    let back = finish(configured.read_back()).unwrap().unwrap();
-    let differing = back.map(|chip| chip.first_differing());
+    settings.lead_off.threshold = crate::settings::LeadOffThreshold::P80;
+    let differing = set_up(settings).map(|chip| chip.first_differing());
     assert_eq!(differing, [None, Some(Register::LOFF), None]);
     assert_eq!(simulation.violations(), 0);
 }
@@ -106,13 +98,9 @@ fn a_wrong_id_names_the_chip_and_what_it_may_be() {
     let four = error_with(2, Fault::WrongId(0x3C)).to_string();
     assert!(four.contains("an ADS1299-4 or -6"), "{four}");
     // Other revisions of the same part are accepted.
-    let simulation = silent::<1>(Options::default());
-    simulation.inject(0, Fault::WrongId(0x1E));
-    assert!(
-        finish(simulation.chain().power_up(&Settings::EEG))
-            .unwrap()
-            .is_ok()
-    );
+    let mut bench = stopped::<1, { frame_bytes(1) }>(Options::default());
+    bench.simulation.inject(0, Fault::WrongId(0x1E));
+    assert_eq!(bench.start(), Ok(()));
 }
 
 #[test]
@@ -132,10 +120,8 @@ fn a_chip_whose_dout_does_not_reach_miso_answers_with_ones() {
         read_back: false,
         ..Options::default()
     };
-    let simulation = silent::<4>(options);
-    let mut chain = simulation.chain();
-    let error = finish(chain.power_up(&Settings::EEG)).unwrap().map(|_| ());
-    let error = error.expect_err("only chip 0 can be read");
+    let mut bench = stopped::<4, { frame_bytes(4) }>(options);
+    let error = bench.start().expect_err("only chip 0 can be read");
     assert_eq!(
         error,
         Error::WrongId {
@@ -170,10 +156,9 @@ fn commands_at_too_slow_a_master_clock_are_violations() {
         clock_hz: 1_000_000,
         ..Options::default()
     };
-    let simulation = silent::<2>(options);
-    let mut chain = simulation.chain();
-    assert!(finish(chain.power_up(&Settings::EEG)).unwrap().is_err());
-    assert!(simulation.violations() > 0);
+    let mut bench = stopped::<2, { frame_bytes(2) }>(options);
+    assert!(bench.start().is_err());
+    assert!(bench.simulation.violations() > 0);
 }
 
 #[test]
@@ -184,31 +169,20 @@ fn any_sclk_and_any_number_of_chips_work() {
             burst_hz: sclk_hz,
             ..Options::default()
         };
-        let simulation = silent::<1>(options);
-        assert!(
-            finish(simulation.chain().power_up(&Settings::EEG))
-                .unwrap()
-                .is_ok()
-        );
-        let simulation = silent::<5>(options);
-        assert!(
-            finish(simulation.chain().power_up(&Settings::EEG))
-                .unwrap()
-                .is_ok()
-        );
-        assert_eq!(simulation.violations(), 0);
+        let one = Bench::<1, { frame_bytes(1) }>::silent(options);
+        let five = Bench::<5, { frame_bytes(5) }>::silent(options);
+        assert_eq!(one.simulation.violations(), 0);
+        assert_eq!(five.simulation.violations(), 0);
     }
 }
 
 #[test]
 fn a_chain_can_be_brought_up_again_while_it_streams() {
-    let simulation = silent::<2>(Options::default());
-    let mut chain = simulation.chain();
+    let mut bench = Bench::<2, { frame_bytes(2) }>::silent(Options::default());
     for _ in 0..3 {
-        let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
         // The chain keeps converting: it is not stopped before the next bring-up.
-        finish(configured.start()).unwrap().unwrap();
-        simulation.pass_us(20_000);
+        bench.simulation.pass_us(20_000);
+        bench.start().unwrap();
     }
-    assert_eq!(simulation.violations(), 0);
+    assert_eq!(bench.simulation.violations(), 0);
 }

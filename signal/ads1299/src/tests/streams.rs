@@ -2,17 +2,12 @@
 
 use std::vec::Vec;
 
-use crate::alignment::Alignment;
+use super::Bench;
 use crate::clock::Clock;
-use crate::decoder::Decoder;
-use crate::frame::CHANNELS;
-use crate::frame::frame_bytes;
-use crate::gain::Gain;
-use crate::lead_off::{LeadOff, LeadOffThreshold};
-use crate::rate::Rate;
-use crate::ready::{Edge, ReadyMeter};
-use crate::settings::Settings;
-use crate::simulation::{Electrodes, Options, Simulation, finish};
+use crate::decoder::{Alignment, CHANNELS, frame_bytes};
+use crate::ready::ReadyMeter;
+use crate::settings::{Gain, LeadOff, LeadOffThreshold, Rate, Settings};
+use crate::simulation::{Electrodes, Event, Options, finish};
 
 /// Fills in counts that differ between channels and samples.
 fn unlike<const CHIPS: usize>(sample: u64, counts: &mut [[i32; CHANNELS]; CHIPS]) {
@@ -31,31 +26,22 @@ fn every_sample_arrives_once_and_unchanged_on_either_kind_of_board() {
             alignment,
             ..Options::default()
         };
-        let simulation = Simulation::<8>::new(options, Electrodes::counts(unlike));
-        let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
-        let mut configured = finish(chain.power_up(&Settings::EEG)).unwrap().unwrap();
-        let mut streaming = finish(configured.start()).unwrap().unwrap();
-        let mut decoder = Decoder::<8>::new();
-        let mut meter = ReadyMeter::new(0, Clock::EEG, Rate::Div4096);
-        let mut frame = [0; frame_bytes(8)];
+        let mut bench =
+            Bench::<8, { frame_bytes(8) }>::new(options, Electrodes::counts(unlike), Settings::EEG);
+        bench.start().unwrap();
         for sample in 0..1000 {
-            finish(streaming.ready(&mut drdy)).unwrap().unwrap();
-            assert!(matches!(
-                meter.edge(simulation.time_us()),
-                Edge::First | Edge::OnTime
-            ));
-            finish(streaming.read(&mut frame)).unwrap().unwrap();
-            let (mut counts, mut expected) = ([[0; CHANNELS]; 8], [[0; CHANNELS]; 8]);
+            let reading = bench.next();
+            assert!(reading.is_sound() && reading.missed == 0, "{reading:?}");
+            let mut expected = [[0; CHANNELS]; 8];
             unlike(sample, &mut expected);
-            let status = decoder.decode(&frame, &mut counts);
-            assert!(status.is_sound(), "{status:?}");
-            assert_eq!(counts, expected, "sample {sample}");
+            assert_eq!(bench.sampler.counts(), &expected, "sample {sample}");
         }
-        assert_eq!(decoder.alignment(), Some(alignment));
-        // Two stamps of 1 us resolution over 1.95 s are 1 ppm, or 0.5 mHz of 512 Hz.
-        assert!(meter.check().unwrap().abs_diff(512_000) <= 1);
-        finish(streaming.stop()).unwrap().unwrap();
-        assert_eq!(simulation.violations(), 0);
+        assert_eq!(bench.sampler.decoder.alignment(), Some(alignment));
+        // Two stamps of 1 us resolution over 64 periods of 1/512 s are 16 ppm, or 8 mHz of 512 Hz.
+        let measured = bench.sampler.millihertz().expect("many periods");
+        assert!(measured.abs_diff(512_000) <= 8, "{measured}");
+        finish(bench.sampler.chain.halt()).unwrap().unwrap();
+        assert_eq!(bench.simulation.violations(), 0);
     }
 }
 
@@ -69,7 +55,6 @@ fn every_rate_and_gain_takes_effect() {
             };
             // 10 mV is below the rail at every gain, and far above the noise.
             let electrodes = Electrodes::volts(|_, volts| *volts = [[0.01; CHANNELS]]);
-            let simulation = Simulation::<1>::new(options, electrodes);
             let mut settings = Settings::<1>::EEG;
             settings.clock = clock;
             settings.rate = rate;
@@ -77,24 +62,21 @@ fn every_rate_and_gain_takes_effect() {
                 .channels
                 .iter_mut()
                 .for_each(|channel| channel.gain = gain);
-            let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
-            let mut configured = finish(chain.power_up(&settings)).unwrap().unwrap();
-            let start_us = simulation.time_us();
-            let mut streaming = finish(configured.start()).unwrap().unwrap();
+            let mut bench = Bench::<1, { frame_bytes(1) }>::new(options, electrodes, settings);
+            bench.start().unwrap();
+            let events = bench.simulation.events();
+            let is_start = |(_, event): &&(u64, Event)| *event == Event::Start(true);
+            let start_us = events.iter().rfind(is_start).expect("it converts").0 / 1000;
             let mut meter = ReadyMeter::new(0, clock, rate);
-            let mut decoder = Decoder::<1>::new();
-            let (mut frame, mut counts) = ([0; frame_bytes(1)], [[0; CHANNELS]]);
             for n in 0..100 {
-                finish(streaming.ready(&mut drdy)).unwrap().unwrap();
-                let time_us = simulation.time_us();
+                let edge_us = bench.edge_us();
                 if n == 0 {
                     let settled = u64::from(clock.microseconds(rate.settling()));
-                    assert!((time_us - start_us).abs_diff(settled) <= 2, "{rate:?}");
+                    assert!((edge_us - start_us).abs_diff(settled) <= 2, "{rate:?}");
                 }
-                meter.edge(time_us);
-                finish(streaming.read(&mut frame)).unwrap().unwrap();
-                assert!(decoder.decode(&frame, &mut counts).is_sound());
-                for count in counts[0] {
+                meter.edge(edge_us);
+                assert!(finish(bench.sampler.read(edge_us)).unwrap().is_sound());
+                for count in bench.sampler.counts()[0] {
                     let uv = f64::from(count) * gain.lsb_uv();
                     assert!((uv - 10_000.0).abs() < 150.0, "{rate:?} {gain:?}: {uv}");
                 }
@@ -106,7 +88,6 @@ fn every_rate_and_gain_takes_effect() {
 
 #[test]
 fn a_disconnected_electrode_sets_its_bit_and_reads_the_rail() {
-    let simulation = Simulation::<8>::new(Options::default(), Electrodes::counts(unlike));
     let mut settings = Settings::EEG;
     settings.lead_off = LeadOff {
         comparators: true,
@@ -116,19 +97,16 @@ fn a_disconnected_electrode_sets_its_bit_and_reads_the_rail() {
     settings.chips[4].lead_off_positive = 0xFF;
     settings.chips[4].lead_off_negative = 0x0F;
     settings.chips[4].lead_off_flip = 0x02;
-    let (mut chain, mut drdy) = (simulation.chain(), simulation.drdy());
-    let mut configured = finish(chain.power_up(&settings)).unwrap().unwrap();
-    let mut streaming = finish(configured.start()).unwrap().unwrap();
+    let electrodes = Electrodes::counts(unlike);
+    let mut bench = Bench::<8, { frame_bytes(8) }>::new(Options::default(), electrodes, settings);
+    bench.start().unwrap();
+    let Bench { simulation, .. } = &bench;
     simulation.set_electrode(4, 5, true, false);
     simulation.set_electrode(4, 1, false, false);
     // These two electrodes have no lead-off current, so they are not detected.
     simulation.set_electrode(4, 7, false, false);
     simulation.set_electrode(2, 0, true, false);
-    let (mut frame, mut counts) = ([0; frame_bytes(8)], [[0; CHANNELS]; 8]);
-    let mut decoder = Decoder::<8>::new();
-    finish(streaming.ready(&mut drdy)).unwrap().unwrap();
-    finish(streaming.read(&mut frame)).unwrap().unwrap();
-    let status = decoder.decode(&frame, &mut counts);
+    let status = bench.next().status.unwrap();
     let off: Vec<_> = status
         .words
         .map(|word| (word.off_positive(), word.off_negative()))
@@ -136,12 +114,11 @@ fn a_disconnected_electrode_sets_its_bit_and_reads_the_rail() {
     let mut expected = [(0, 0); 8];
     expected[4] = (0x20, 0x02);
     assert_eq!(off, expected);
-    assert_eq!((counts[4][5], counts[4][1]), ((1 << 23) - 1, -(1 << 23)));
-    simulation.set_electrode(4, 5, true, true);
-    simulation.set_electrode(4, 1, false, true);
-    finish(streaming.ready(&mut drdy)).unwrap().unwrap();
-    finish(streaming.read(&mut frame)).unwrap().unwrap();
-    let status = decoder.decode(&frame, &mut counts);
+    let counts = bench.sampler.counts()[4];
+    assert_eq!((counts[5], counts[1]), ((1 << 23) - 1, -(1 << 23)));
+    bench.simulation.set_electrode(4, 5, true, true);
+    bench.simulation.set_electrode(4, 1, false, true);
+    let status = bench.next().status.unwrap();
     assert!(
         status
             .words

@@ -2,65 +2,46 @@
 
 use std::string::ToString;
 
-use embedded_hal_async::digital::Wait as _;
-
+use super::Bench;
+use crate::decoder::frame_bytes;
 use crate::error::Error;
-use crate::frame::frame_bytes;
+use crate::image::Image;
 use crate::ready::RateError;
 use crate::register::{ID, Register};
-use crate::sampler::Sampler;
 use crate::self_test::SelfTest;
 use crate::self_test_report::{Finding, SelfTestReport};
 use crate::settings::Settings;
-use crate::simulation::{
-    Electrodes, Fault, Options, SimulatedBus, SimulatedDelay, SimulatedLine, Simulation, finish,
-};
+use crate::simulation::{Electrodes, Fault, Options, finish};
 
 const CHIPS: usize = 3;
 
-type Simulated = Sampler<
-    SimulatedBus<CHIPS>,
-    SimulatedLine<CHIPS>,
-    SimulatedDelay<CHIPS>,
-    CHIPS,
-    { frame_bytes(CHIPS) },
->;
+type Chain = Bench<CHIPS, { frame_bytes(CHIPS) }>;
 
-/// Runs the self-test of a running chain, with a fault if `broken` names one. The last value returned is
-/// the longest time between calls of `progress`, in microseconds.
-fn tested(
-    options: Options,
-    broken: Option<(usize, Fault)>,
-) -> (Simulation<CHIPS>, Simulated, SelfTestReport<CHIPS>, u64) {
-    let simulation = Simulation::new(options, Electrodes::silent());
-    let mut sampler = Sampler::new(simulation.chain(), Settings::EEG);
-    finish(sampler.start(|| ())).unwrap().unwrap();
-    let mut drdy = simulation.drdy();
+/// Runs the self-test of a running chain, with a fault if `broken` names one. The last value
+/// returned is the longest time between calls of `progress`, in microseconds.
+fn tested(options: Options, broken: Option<(usize, Fault)>) -> (Chain, SelfTestReport<CHIPS>, u64) {
+    let mut bench = Chain::silent(options);
     for _ in 0..5 {
-        finish(drdy.wait_for_falling_edge()).unwrap().unwrap();
-        assert!(
-            finish(sampler.read(simulation.time_us()))
-                .unwrap()
-                .is_sound()
-        );
+        assert!(bench.next().is_sound());
     }
     if let Some((chip, fault)) = broken {
-        simulation.inject(chip, fault);
+        bench.simulation.inject(chip, fault);
     }
     let mut test = SelfTest::new();
+    let simulation = &bench.simulation;
     let (mut alive_us, mut longest_us) = (simulation.time_us(), 0);
     let progress = || {
         longest_us = longest_us.max(simulation.time_us() - alive_us);
         alive_us = simulation.time_us();
     };
-    let now_us = || simulation.time_us();
-    finish(sampler.self_test(&mut test, &mut drdy, now_us, progress)).unwrap();
+    let run = (bench.sampler).self_test(&mut test, &mut bench.drdy, progress);
+    finish(run).unwrap();
     let report = test.report().clone();
-    (simulation, sampler, report, longest_us)
+    (bench, report, longest_us)
 }
 
 fn finding(broken: (usize, Fault)) -> (SelfTestReport<CHIPS>, Finding) {
-    let (_, _, report, longest_us) = tested(Options::default(), Some(broken));
+    let (_, report, longest_us) = tested(Options::default(), Some(broken));
     assert!(longest_us < 50_000, "{longest_us}");
     let finding = report.check().expect_err("a fault");
     (report, finding)
@@ -68,7 +49,7 @@ fn finding(broken: (usize, Fault)) -> (SelfTestReport<CHIPS>, Finding) {
 
 #[test]
 fn a_working_chain_passes_with_figures_and_keeps_streaming() {
-    let (simulation, mut sampler, report, longest_us) = tested(Options::default(), None);
+    let (mut bench, report, longest_us) = tested(Options::default(), None);
     assert_eq!(report.check(), Ok(()));
     assert!(longest_us <= 21_000, "{longest_us}");
     for chip in &report.chips {
@@ -78,8 +59,8 @@ fn a_working_chain_passes_with_figures_and_keeps_streaming() {
     assert_eq!((ready.expected, ready.early, ready.missed), (512_000, 0, 0));
     assert!(ready.measured.abs_diff(512_000) <= 1, "{ready:?}");
     for channel in report.channels.as_flattened() {
-        // Tolerance: averaged over 1000 samples, the noise is below 1e-5 of the amplitude. The typical
-        // noise is 0.21 uV rms.
+        // Tolerance: averaged over 1000 samples, the noise is below 1e-5 of the amplitude. The
+        // typical noise is 0.21 uV rms.
         assert!(
             channel.gain_error.abs() < 1e-4 && channel.gain_error != 0.0,
             "{channel:?}"
@@ -91,27 +72,25 @@ fn a_working_chain_passes_with_figures_and_keeps_streaming() {
             "{channel:?}"
         );
     }
-    assert!(sampler.is_running());
-    simulation.pass_us(20_000);
-    assert!(
-        finish(sampler.read(simulation.time_us()))
-            .unwrap()
-            .is_sound()
-    );
-    assert_eq!(simulation.violations(), 0);
+    assert!(bench.sampler.is_running());
+    bench.simulation.pass_us(20_000);
+    assert!(bench.next().is_sound());
+    assert_eq!(bench.simulation.violations(), 0);
 }
 
 #[test]
 fn the_previous_settings_are_restored() {
-    let (simulation, sampler, report, _) = tested(Options::default(), None);
+    let (bench, report, _) = tested(Options::default(), None);
     assert_eq!(report.not_restored, None);
-    drop(sampler);
-    let mut chain = simulation.chain();
+    let mut chain = bench.simulation.chain();
     finish(chain.halt()).unwrap().unwrap();
     for chip in 0..CHIPS {
         let image = Settings::<CHIPS>::EEG.image(chip);
-        let back = finish(chain.read_back(chip, &image)).unwrap().unwrap();
-        assert_eq!((back.differing, back.read), (0, image));
+        let mut read = Image([0; Register::COUNT]);
+        finish(chain.read_part(chip, &mut read, 0..Register::COUNT))
+            .unwrap()
+            .unwrap();
+        assert_eq!(read, image);
     }
 }
 
@@ -144,6 +123,11 @@ fn without_drdy_the_test_stops_and_names_chip_0() {
     assert!(
         matches!(stopped, Error::NeverReady { chip: 0, .. }),
         "{stopped}"
+    );
+    let text = stopped.to_string();
+    assert!(
+        text.starts_with("ADS1299 0 made no sample in 15630 us after START"),
+        "{text}"
     );
     assert_eq!(report.ready.measured, 0);
     assert_eq!(report.ready.fault, Some(RateError::NotMeasured { chip: 0 }));
@@ -228,22 +212,25 @@ fn a_doubled_rate_and_a_missing_edge_are_measured_at_chip_0() {
         "{:?}",
         report.ready
     );
-    // The chip omits only the first edge after START. The first edge that the test sees is then late,
-    // which the test cannot detect.
-    let (_, _, report, _) = tested(Options::default(), Some((0, Fault::MissedReady)));
+    // The chip omits only the first edge after START. The first edge that the test sees is then
+    // late, which the test cannot detect.
+    let (_, report, _) = tested(Options::default(), Some((0, Fault::MissedReady)));
     assert_eq!(report.check(), Ok(()));
-    let simulation = Simulation::new(Options::default(), Electrodes::silent());
-    let mut sampler: Simulated = Sampler::new(simulation.chain(), Settings::EEG);
-    let (mut test, mut drdy) = (SelfTest::new(), simulation.drdy());
+    let mut bench = Chain::new(Options::default(), Electrodes::silent(), Settings::EEG);
+    let mut test = SelfTest::new();
     let mut signs = 0;
     let progress = || {
         signs += 1;
         if signs == 500 {
-            simulation.inject(0, Fault::MissedReady);
+            bench.simulation.inject(0, Fault::MissedReady);
         }
     };
-    let now_us = || simulation.time_us();
-    finish(sampler.self_test(&mut test, &mut drdy, now_us, progress)).unwrap();
+    finish(
+        bench
+            .sampler
+            .self_test(&mut test, &mut bench.drdy, progress),
+    )
+    .unwrap();
     let report = test.report();
     let missing = report.check().expect_err("a missing edge");
     assert!(
@@ -259,7 +246,7 @@ fn the_self_test_measures_a_wrong_clock() {
         clock_hz: 2_048_000,
         ..Options::default()
     };
-    let (_, _, report, _) = tested(options, None);
+    let (_, report, _) = tested(options, None);
     assert_eq!(report.ready.measured / 100, 5000);
     assert!(matches!(report.check(), Err(Finding::Rate(_))));
 }
@@ -268,11 +255,13 @@ fn the_self_test_measures_a_wrong_clock() {
 fn it_needs_little_memory_besides_the_callers() {
     let bytes = size_of::<SelfTest<8>>();
     assert!(bytes < 8_192, "{bytes}");
-    let simulation = Simulation::<8>::new(Options::default(), Electrodes::silent());
-    let mut sampler =
-        Sampler::<_, _, _, 8, { frame_bytes(8) }>::new(simulation.chain(), Settings::EEG);
-    let (mut test, mut drdy) = (SelfTest::new(), simulation.drdy());
-    let future = sampler.self_test(&mut test, &mut drdy, || 0, || ());
+    let mut bench = Bench::<8, { frame_bytes(8) }>::new(
+        Options::default(),
+        Electrodes::silent(),
+        Settings::EEG,
+    );
+    let mut test = SelfTest::new();
+    let future = bench.sampler.self_test(&mut test, &mut bench.drdy, || ());
     let bytes = size_of_val(&future);
     assert!(bytes < 2_048, "{bytes}");
 }

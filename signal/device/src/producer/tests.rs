@@ -67,12 +67,33 @@ fn acquired(index: u64) -> AcquiredSample {
     acquired
 }
 
+/// Returns an output that outlives the producer.
+fn keep(output: Output<'_>) -> Output<'static> {
+    fn leak<T: Copy>(content: &T) -> &'static T {
+        Box::leak(Box::new(*content))
+    }
+    Output {
+        run: output.run,
+        at_us: output.at_us,
+        payload: match output.payload {
+            Payload::Code(code, marks) => Payload::Code(leak(code), marks),
+            Payload::PackedCode(code, marks) => Payload::PackedCode(leak(code), marks),
+            Payload::Event(event) => Payload::Event(event),
+            Payload::Quality(quality) => Payload::Quality(leak(quality)),
+            Payload::Raw(samples) => Payload::Raw(leak(samples)),
+            Payload::CompressedRaw(samples) => Payload::CompressedRaw(leak(samples)),
+            Payload::Filtered(steps) => Payload::Filtered(leak(steps)),
+            Payload::Audit(window) => Payload::Audit(leak(window)),
+        },
+    }
+}
+
 /// Returns the outputs of a new producer for `samples`.
-fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output> {
+fn outputs_of(samples: impl IntoIterator<Item = AcquiredSample>) -> Vec<Output<'static>> {
     let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
     let mut outputs = Vec::new();
     for sample in samples {
-        producer.process(&sample, &mut |output| outputs.push(output));
+        producer.process(&sample, &mut |output| outputs.push(keep(output)));
     }
     outputs
 }
@@ -95,7 +116,7 @@ fn samples(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = A
 }
 
 /// Returns the index of the first sample, the number of samples and the flags of every raw output.
-fn raw_frames(outputs: &[Output]) -> Vec<(u64, usize, Flags)> {
+fn raw_frames(outputs: &[Output<'_>]) -> Vec<(u64, usize, Flags)> {
     let raw = outputs.iter().filter_map(|output| match &output.payload {
         Payload::Raw(raw) => Some(raw.message()),
         _ => None,
@@ -250,7 +271,7 @@ fn an_audit_with_the_planes_of_its_code_follows_every_ten_seconds() {
         match &output.payload {
             Payload::Code(code, _) => codes.push((output.at_us, code.values)),
             Payload::Audit(audit) => {
-                let mut bytes = [0; CodeValues::MAX_BYTES];
+                let mut bytes = [0; pipeline::CodeValues::MAX_BYTES];
                 let message = audit.message(&mut bytes);
                 let planes: &[[u8; CELLS]] = message.planes.as_chunks().0;
                 let mut encoder = pipeline::Encoder::new();
@@ -281,20 +302,20 @@ fn a_new_run_keeps_nothing_of_the_previous_one() {
     }));
     let outputs = outputs_of(input);
     let of_run = |number| {
-        let outputs: Vec<Output> = outputs
+        let outputs: Vec<Output<'_>> = outputs
             .iter()
             .filter(|output| output.run == number)
-            .cloned()
+            .copied()
             .collect();
         raw_frames(&outputs)
     };
     assert_eq!(of_run(1), [(0, 8, Flags::empty())]);
     assert_eq!(of_run(2)[0], (0, 8, Flags::empty()));
     let fresh = outputs_of(samples(streams, 70, &[]));
-    let codes = |outputs: &[Output], run| {
+    let codes = |outputs: &[Output<'_>], run| {
         let outputs = outputs.iter().filter(|output| output.run == run);
         let codes = outputs.filter_map(|output| match &output.payload {
-            Payload::Code(code, _) => Some(*code),
+            Payload::Code(code, _) => Some(**code),
             _ => None,
         });
         codes.collect::<Vec<_>>()
@@ -303,8 +324,8 @@ fn a_new_run_keeps_nothing_of_the_previous_one() {
     assert_eq!(codes(&fresh, 1).len(), 1);
 }
 
-/// Returns time and sample index of the emitted events, of samples every 1,000 us. `captured` holds the time of each edge and
-/// the index of the sample from which on the producer can see the edge.
+/// Returns time and sample index of the emitted events, of samples every 1,000 us. `captured` holds
+/// the time of each edge and the index of the sample from which on the producer can see the edge.
 fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
     let mut producer = Box::new(Producer::new(BothEncoders::EMPTY));
     let mut outputs = Vec::new();
@@ -313,7 +334,7 @@ fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
         let mut sample = acquired(index);
         sample.new_run = (index == 0).then(|| run(1, streams));
         sample.drdy_us = 1_000 * index;
-        producer.process(&sample, &mut |output| outputs.push(output));
+        producer.process(&sample, &mut |output| outputs.push(keep(output)));
         let next = || {
             let (at_us, _) = captured.next_if(|(_, found_at)| *found_at <= index)?;
             Some(CapturedEvent {
@@ -322,7 +343,7 @@ fn events(streams: Streams, captured: &[(u64, u64)]) -> Vec<(u64, u64)> {
                 at_us: *at_us,
             })
         };
-        producer.place_events(&sample, next, &mut |output| outputs.push(output));
+        producer.place_events(&sample, next, &mut |output| outputs.push(keep(output)));
     }
     let events = outputs.iter().filter_map(|output| match &output.payload {
         Payload::Event(event) => Some((output.at_us, event.sample)),
@@ -378,9 +399,9 @@ fn event_before_a_new_run(at_us: u64) -> Option<(u32, u64)> {
         let mut sample = acquired(index);
         sample.new_run = new_run.map(|number| run(number, Streams::EVENTS));
         sample.drdy_us = 1_000 * (index + u64::from(new_run.unwrap_or(2)));
-        producer.process(&sample, &mut |output| outputs.push(output));
+        producer.process(&sample, &mut |output| outputs.push(keep(output)));
         producer.place_events(&sample, || captured.take(), &mut |output| {
-            outputs.push(output);
+            outputs.push(keep(output));
         });
     }
     assert!(outputs.len() < 2, "{outputs:?}");

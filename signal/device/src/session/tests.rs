@@ -5,9 +5,8 @@ use std::{vec, vec::Vec};
 use link::{EventKind, Header, MAX_FRAME, ResetCause, Stage, StageTiming};
 
 use super::*;
+use crate::acquired_sample::Marks;
 use crate::frame_ring::FrameRing;
-
-mod rate;
 
 type Ring = Sender<FrameRing<16_384>>;
 
@@ -110,7 +109,7 @@ fn kinds_after(
     kinds(sender)
 }
 
-fn event(run: u32) -> Output {
+fn event(run: u32) -> Output<'static> {
     Output {
         run,
         at_us: 5,
@@ -243,7 +242,7 @@ fn during_a_self_test_starts_are_refused_and_a_stop_does_not_end_it() {
         busy
     );
 
-    session.send_self_test(&SelfTest::default(), 9, &mut sender);
+    session.send_self_test(SelfTest::default(), 9, &mut sender);
     assert_eq!(kinds(&mut sender), ["self-test"]);
     let (order, result) = execute(&mut session, &mut sender, start(Streams::CODES));
     assert!(matches!(order, Some(Order::Start(_))), "{order:?}");
@@ -318,7 +317,7 @@ fn the_converters_status_is_sent_on_introduction_on_a_new_fault_and_while_stream
     assert_eq!(none, ["hello", "capabilities", "ack"]);
     let update = |session: &mut Session<'_>, sender: &mut Ring, fault: &str| {
         let converters = Converters {
-            fault: crate::fault_text::fault_text(fault),
+            fault: crate::converters::fault_text(fault),
             ..Converters::default()
         };
         session.update_converters(converters, 5, sender);
@@ -346,7 +345,7 @@ fn counters_wrap_and_windows_are_still_counted() {
     let output = Output {
         run: run.number,
         at_us: u64::MAX,
-        payload: Payload::Code(code(u32::MAX, 3), Marks::NONE),
+        payload: Payload::Code(&code(u32::MAX, 3), Marks::NONE),
     };
     session.send(&output, &mut sender);
     let stats = session.stats(Counts::default(), u32::MAX);
@@ -366,7 +365,7 @@ fn a_start_resets_the_next_window_and_a_stop_keeps_it() {
     let output = Output {
         run: session.run.number,
         at_us: 0,
-        payload: Payload::Code(code(41, 0), Marks::NONE),
+        payload: Payload::Code(&code(41, 0), Marks::NONE),
     };
     session.send(&output, &mut sender);
     let stopped = kinds_after(&mut session, &mut sender, ToDevice::Stop);
@@ -390,10 +389,26 @@ fn timing_is_sent_unchanged() {
         stack_used: 1_024,
         stack_size: 4_096,
     };
-    session.send_timing(&timing, 5, &mut sender);
+    session.send_timing(timing.clone(), 5, &mut sender);
     let found = sent(&mut sender, |header, message| match message {
         ToHost::Timing(timing) => Some((header.device_time_us, timing.clone())),
         _ => None,
     });
     assert_eq!(found, vec![(5, timing)]);
+}
+
+#[test]
+fn a_rate_is_ordered_at_any_time_if_it_exists_and_the_device_has_packed_codes() {
+    let (mut session, mut sender) = board(EVERYTHING);
+    let mut answer = |rate| execute(&mut session, &mut sender, ToDevice::SetRate { rate });
+    let order = |rate| Rate::new(rate).map(Order::SetRate);
+    assert_eq!(answer(0), (order(0), AckResult::Done));
+    assert_eq!(answer(15), (order(15), AckResult::Done));
+    assert_eq!(answer(16), (None, AckResult::BadArgument));
+    execute(&mut session, &mut sender, start(Streams::PACKED));
+    let running = execute(&mut session, &mut sender, ToDevice::SetRate { rate: 2 });
+    assert_eq!(running, (order(2), AckResult::Done));
+    let (mut session, mut sender) = board(Abilities::CODES);
+    let answer = execute(&mut session, &mut sender, ToDevice::SetRate { rate: 4 });
+    assert_eq!(answer, (None, AckResult::NotSupported));
 }

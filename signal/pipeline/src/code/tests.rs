@@ -37,8 +37,8 @@ fn any_levels() -> impl Strategy<Value = [i32; CODE]> {
     })
 }
 
-/// Returns exponent, last value and number of clipped values of a code whose last level is `level` and
-/// whose other levels are 0.
+/// Returns exponent, last value and number of clipped values of a code whose last level is `level`
+/// and whose other levels are 0.
 fn with_exponent(level: i32) -> (u8, i16, u8) {
     let (values, clipped) = encoded(CodeFormat::Int8Exponent, &levels(&[level]));
     (values.exponent(), values.integers()[CODE - 1], clipped)
@@ -60,8 +60,8 @@ proptest! {
     fn an_unclipped_value_is_within_half_of_two_to_the_exponent(levels in any_levels()) {
         for (format, _) in FORMATS {
             let (values, clipped) = encoded(format, &levels);
-            // Values are rounded half up: a value times 2^exponent exceeds its level by at most half of
-            // 2^exponent, and falls below it by less than half.
+            // Values are rounded half up: a value times 2^exponent exceeds its level by at most
+            // half of 2^exponent, and falls below it by less than half.
             let power = 1_i64 << values.exponent();
             let pairs = values.levels().into_iter().zip(levels);
             let off = pairs.filter(|&(ours, level)| {

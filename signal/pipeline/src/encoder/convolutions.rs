@@ -1,18 +1,14 @@
 //! The convolutional layers of the encoder, computed plane by plane.
 
-use int8_nn::{Pair, PlaneRing};
+use int8_nn::{Pair, PlaneRing, requantise, saturate_u8};
 use model::{
-    CELL_PLANE, COLUMNS, EDGE_STEPS, INNER_STEPS, MARGIN, Network, OPEN_WINDOWS, PADS_TIME, POOL,
-    STEPS,
+    CELL_PLANE, COLUMNS, Conv2, EDGE_STEPS, HIDDEN, HIDDEN_INTERIOR, HIDDEN_PAIRS, INNER_STEPS,
+    MARGIN, NETWORK, Network, OPEN_WINDOWS, PADS_TIME, POOL, POOLED, POOLED_PAIRS, STEPS,
 };
 
-use super::{
-    edges::{Edges, INPUT, RecentPlanes, TRANSFORMED},
-    hidden_plane::HiddenPlane,
-    pool::Pool,
-    window::{OpenWindow, containing_windows},
-};
-use crate::plane::Plane;
+use super::edges::{Edges, INPUT, RecentPlanes, TRANSFORMED};
+use super::window::{OpenWindow, containing_windows};
+use crate::sample::Plane;
 
 /// A window's slot, and the index of a pooled plane in the window.
 type Place = (usize, usize);
@@ -55,8 +51,8 @@ impl Convolutions {
         self.between = [None; BETWEEN];
     }
 
-    /// Processes the input plane of step `index`. If the step completes a pooled plane, adds that plane
-    /// to the oldest window that contains it; the other windows get it in the next step.
+    /// Processes the input plane of step `index`. If the step completes a pooled plane, adds that
+    /// plane to the oldest window that contains it; the other windows get it in the next step.
     #[inline]
     pub(super) fn add_plane(
         &mut self,
@@ -113,7 +109,8 @@ impl Convolutions {
     }
 
     /// Computes plane `plane` of the second convolution, where plane 0 is that of steps 0 to 4. The
-    /// last plane of a pool completes a pooled plane, which is added to the windows that contain it.
+    /// last plane of a pool completes a pooled plane, which is added to the windows that contain
+    /// it.
     #[inline]
     fn convolve(
         &mut self,
@@ -148,7 +145,8 @@ impl Convolutions {
         }
     }
 
-    /// Adds the pooled plane to a window. Slot and offset are always in range; `get` avoids panic paths.
+    /// Adds the pooled plane to a window. Slot and offset are always in range; `get` avoids panic
+    /// paths.
     #[inline]
     fn add_pooled(
         &self,
@@ -159,5 +157,136 @@ impl Convolutions {
         if let (Some(window), Some(&fc)) = (windows.get_mut(slot), network.fc.get(offset)) {
             window.add_pooled(fc, self.pool.pooled());
         }
+    }
+}
+
+/// Length, in pairs, of the scratch memory for the first convolution's gathered inputs.
+const PATCHES: usize = NETWORK.conv1().patches_len();
+/// Length, in words, of the scratch memory for the first convolution's sums.
+const SUMS: usize = NETWORK.conv1().sums_len();
+/// Number of pairs in a hidden plane without its margin.
+const INTERIOR: usize = HIDDEN_INTERIOR.len() / 2;
+/// Number of pairs in a hidden plane with its margin; 0 if the convolutions are not padded.
+const FRAMED: usize = if MARGIN == 0 { 0 } else { HIDDEN.len() / 2 };
+
+/// Scratch memory for computing a hidden plane, which is between the two convolutions.
+#[derive(Clone, Debug)]
+pub(super) struct HiddenPlane {
+    patches: [Pair; PATCHES],
+    sums: [i32; SUMS],
+    interior: [Pair; INTERIOR],
+    framed: [Pair; FRAMED],
+}
+
+impl HiddenPlane {
+    /// Scratch memory before the first plane.
+    pub(super) const EMPTY: Self = Self {
+        patches: [Pair::ZERO; PATCHES],
+        sums: [0; SUMS],
+        interior: [Pair::ZERO; INTERIOR],
+        framed: [Pair::ZERO; FRAMED],
+    };
+
+    /// Convolves three input planes, oldest first, and transforms the result for the second
+    /// convolution.
+    #[inline]
+    pub(super) fn compute(
+        &mut self,
+        network: &Network<'_>,
+        input: [&[Pair]; 3],
+        transformed: &mut [Pair],
+    ) {
+        network
+            .conv1()
+            .convolve(input, &mut self.patches, &mut self.sums, &mut self.interior);
+        let plane = if MARGIN == 0 {
+            &self.interior[..]
+        } else {
+            self.frame(network);
+            &self.framed[..]
+        };
+        network.conv2().transform(plane, transformed);
+    }
+
+    /// Transforms a plane of padding for the second convolution.
+    pub(super) fn compute_padding(&mut self, network: &Network<'_>, transformed: &mut [Pair]) {
+        let planes = self.framed.chunks_exact_mut(HIDDEN.rows * HIDDEN.columns);
+        for (plane, &padding) in planes.zip(&network.hidden_padding) {
+            plane.fill(padding);
+        }
+        network.conv2().transform(&self.framed, transformed);
+    }
+
+    /// Copies the interior into the plane with its margin, adds the offset of each channel to the
+    /// interior, and fills the margin with padding.
+    fn frame(&mut self, network: &Network<'_>) {
+        let channels = network.hidden_padding.iter().zip(&network.hidden_offset);
+        let planes = self.framed.chunks_exact_mut(HIDDEN.rows * HIDDEN.columns);
+        let interiors = self.interior.chunks_exact(INTERIOR / HIDDEN_PAIRS);
+        for ((framed, interior), (&padding, &offset)) in planes.zip(interiors).zip(channels) {
+            framed.fill(padding);
+            let rows = framed.chunks_exact_mut(HIDDEN.columns).skip(MARGIN);
+            for (row, numbers) in rows.zip(interior.chunks_exact(HIDDEN_INTERIOR.columns)) {
+                for (place, &number) in row[MARGIN..].iter_mut().zip(numbers) {
+                    *place = number + offset;
+                }
+            }
+        }
+    }
+}
+
+/// The largest sums of the current pool, and the last complete pooled plane.
+#[derive(Clone, Debug)]
+pub(super) struct Pool {
+    largest: [i32; POOLED.len()],
+    pooled: [Pair; POOLED_PAIRS],
+}
+
+impl Pool {
+    /// All zeros, so that a static encoder takes no flash; call [`Self::start`] before the first
+    /// plane.
+    pub(super) const EMPTY: Self = Self {
+        largest: [0; POOLED.len()],
+        pooled: [Pair::ZERO; POOLED_PAIRS],
+    };
+
+    /// Resets the largest sums to `i32::MIN`, before the first plane of a pool.
+    pub(super) fn start(&mut self) {
+        self.largest.fill(i32::MIN);
+    }
+
+    /// Convolves three transformed planes, oldest first, and updates the largest sums of the pool.
+    #[inline]
+    pub(super) fn convolve(&mut self, network: &Network<'_>, transformed: [&[Pair]; 3]) {
+        network
+            .conv2()
+            .convolve_max_pool(transformed, &mut self.largest);
+    }
+
+    /// Adds the bias to the largest sums, requantises them to 0..=255 and resets them for the next
+    /// pool.
+    #[inline]
+    pub(super) fn requantise(&mut self, network: &Network<'_>) {
+        let bias = network.conv2.bias.as_chunks::<2>().0;
+        let multipliers = network.conv2.multipliers.as_chunks::<2>().0;
+        let places = self.largest.chunks_exact_mut(POOLED.channels);
+        for (sums, pooled) in places.zip(self.pooled.chunks_exact_mut(POOLED.channels / 2)) {
+            let channels = bias.iter().zip(multipliers);
+            let sums = sums.as_chunks_mut::<2>().0.iter_mut().zip(channels);
+            for (pair, (sums, (bias, multipliers))) in pooled.iter_mut().zip(sums) {
+                let activation = |index: usize| {
+                    let sum = Conv2::unscaled(sums[index]).wrapping_add(bias[index]);
+                    i16::from(saturate_u8(requantise(sum, multipliers[index])))
+                };
+                *pair = Pair::new([activation(0), activation(1)]);
+                *sums = [i32::MIN; 2];
+            }
+        }
+    }
+
+    /// Returns the last complete pooled plane, values 0..=255, `[position][channel]`.
+    #[inline]
+    pub(super) const fn pooled(&self) -> &[Pair; POOLED_PAIRS] {
+        &self.pooled
     }
 }

@@ -1,14 +1,15 @@
 //! The ends of windows with padded steps.
 //!
-//! The first two and the last two planes of the second convolution in a window depend on the padding
-//! before or after the window, so each belongs to one window only. All other planes are shared by the
-//! windows that contain them. The ends are computed at steps 1 to 3 and at the last step of a window,
-//! so two windows never compute an end in the same step.
+//! The first two and the last two planes of the second convolution in a window depend on the
+//! padding before or after the window, so each belongs to one window only. All other planes are
+//! shared by the windows that contain them. The ends are computed at steps 1 to 3 and at the last
+//! step of a window, so two windows never compute an end in the same step.
 
 use int8_nn::{Pair, PlaneRing};
 use model::{CELL_PLANE, EDGE_STEPS, NETWORK, Network, POOL, POOLED_STEPS, STEPS};
 
-use super::{hidden_plane::HiddenPlane, pool::Pool, window::OpenWindow};
+use super::convolutions::{HiddenPlane, Pool};
+use super::window::OpenWindow;
 
 /// Number of pairs in an input plane.
 pub(super) const INPUT: usize = CELL_PLANE.len();
@@ -35,7 +36,8 @@ pub(super) struct Edges {
     pool: Pool,
 }
 
-/// The last three input planes, and the last three transformed output planes of the first convolution.
+/// The last three input planes, and the last three transformed output planes of the first
+/// convolution.
 pub(super) struct RecentPlanes<'s> {
     pub(super) input: &'s PlaneRing<Pair, INPUT, 3>,
     pub(super) transformed: &'s PlaneRing<Pair, TRANSFORMED, 3>,
@@ -49,8 +51,8 @@ impl Edges {
         pool: Pool::EMPTY,
     };
 
-    /// Computes the part of a window's ends that is due at step `offset` of the window. Call this after
-    /// the stream's planes of the same step have been computed.
+    /// Computes the part of a window's ends that is due at step `offset` of the window. Call this
+    /// after the stream's planes of the same step have been computed.
     pub(super) fn apply(
         &mut self,
         offset: usize,

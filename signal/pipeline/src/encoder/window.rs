@@ -6,10 +6,8 @@ use model::{
     SHORTCUT_PAIRS,
 };
 
-use crate::{
-    code::{Code, CodeValues},
-    step::Step,
-};
+use crate::code::{Code, CodeValues};
+use crate::sample::Step;
 
 /// Accumulators of one window that is not complete yet.
 #[derive(Clone, Copy, Debug)]
@@ -35,8 +33,8 @@ impl OpenWindow {
         settling: false,
     };
 
-    /// Returns a window whose first step is `step`, with the bias in its accumulators. The step's other
-    /// status and its products are added afterwards.
+    /// Returns a window whose first step is `step`, with the bias in its accumulators. The step's
+    /// other status and its products are added afterwards.
     #[inline]
     pub(super) fn start_with(step: &Step, network: &Network<'_>) -> Self {
         Self {
@@ -47,8 +45,8 @@ impl OpenWindow {
         }
     }
 
-    /// Adds a time step's clipped values and channels at the rail to those of the window, and keeps the
-    /// offset of the newest step.
+    /// Adds a time step's clipped values and channels at the rail to those of the window, and keeps
+    /// the offset of the newest step.
     #[inline]
     pub(super) fn add_events(&mut self, step: &Step) {
         self.clipped = self.clipped.saturating_add(step.clipped);
@@ -66,7 +64,8 @@ impl OpenWindow {
         Network::shortcut(shortcut).accumulate(electrodes, &mut self.shortcut);
     }
 
-    /// Adds a pooled plane's product to the accumulators of the fully connected layer, piece by piece.
+    /// Adds a pooled plane's product to the accumulators of the fully connected layer, piece by
+    /// piece.
     #[inline]
     pub(super) fn add_pooled(
         &mut self,
@@ -148,14 +147,14 @@ mod tests {
         assert_eq!(all(7), [(0, 7)]);
         assert_eq!(all(8), [(1, 0), (0, 8)]);
         assert_eq!(all(16), [(0, 0), (1, 8)]);
-        // With a pool of two steps and a hop of eight, a window has six pooled planes; the last two are
-        // also the first two of the next window.
+        // With a pool of two steps and a hop of eight, a window has six pooled planes; the last two
+        // are also the first two of the next window.
         let pooled = |plane| containing_windows(plane, 4, 6).collect::<Vec<_>>();
         assert_eq!(pooled(3), [(0, 3)]);
         assert_eq!(pooled(5), [(1, 1), (0, 5)]);
         assert_eq!(pooled(6), [(1, 2)]);
-        // With a hop of 16 steps, windows do not overlap; of eight pooled planes, the last two belong
-        // to no window.
+        // With a hop of 16 steps, windows do not overlap; of eight pooled planes, the last two
+        // belong to no window.
         let apart = |plane| containing_windows(plane, 8, 6).collect::<Vec<_>>();
         assert_eq!(apart(5), [(0, 5)]);
         assert_eq!(apart(6), []);

@@ -4,30 +4,33 @@ use int8_nn::{Pair, requantise};
 use model::{ELECTRODES, HOP, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS, Packed};
 use packed::{Context, Header, Magnitude, Rate, Survivors};
 
-use super::block::{MAX_PACKED_BYTES, PackedCode};
-use crate::step::Step;
+use super::{MAX_PACKED_BYTES, PackedCode};
+use crate::sample::Step;
 
-/// Blocks from one reset to the next: 4 s with a hop of 8 steps. Resets every 4 s cost 0.5 % of the bits.
+/// Blocks from one reset to the next: 4 s with a hop of 8 steps. Resets every 4 s cost 0.5 % of the
+/// bits.
 const RESET_BLOCKS: u8 = 64;
 
-/// A block that is n bytes too long is quantised again `1 + n / BYTES_PER_RATE` rates coarser, rounded up. Of 28,693 too
-/// long blocks of the default model, from EEG, EEG up to ten times as large, noise and impulses, none was still too
-/// long then, and the rate was 1.4 coarser than necessary on average. With 26 in place of 22, four were too long.
+/// A block that is n bytes too long is quantised again `1 + n / BYTES_PER_RATE` rates coarser,
+/// rounded up. Of 28,693 too long blocks of the default model, from EEG, EEG up to ten times as
+/// large, noise and impulses, none was still too long then, and the rate was 1.4 coarser than
+/// necessary on average. With 26 in place of 22, four were too long.
 const BYTES_PER_RATE: usize = 22;
 
-/// A block's unrepresented part may have this part of its energy (a sixty-fourth), because the directions are
-/// rounded.
+/// A block's unrepresented part may have this part of its energy (a sixty-fourth), because the
+/// directions are rounded.
 const MISFIT_SHIFT: u32 = 6;
 
-/// State and scratch memory of a packed encoder, about 6 KB: place it in a static, not on a stack. All of it is
-/// initially zero, so that it takes no flash.
+/// State and scratch memory of a packed encoder, about 6 KB: place it in a static, not on a stack.
+/// All of it is initially zero, so that it takes no flash.
 #[derive(Clone, Debug)]
 pub struct PackedMemory {
     /// Input values of the block, in the order step, electrode; zeros at the end.
     inputs: [Pair; PACKED_INPUT_PAIRS],
     /// Sums of the analysis.
     sums: [i32; PACKED_COEFFICIENTS],
-    /// State after the block before; from a block's first step on, the prediction of its coefficients.
+    /// State after the block before; from a block's first step on, the prediction of its
+    /// coefficients.
     state: [i16; PACKED_COEFFICIENTS],
     /// Coefficients minus prediction.
     residual: [i32; PACKED_COEFFICIENTS],
@@ -75,7 +78,8 @@ impl PackedMemory {
         *self = Self::EMPTY;
     }
 
-    /// Adds a step to the block: its inputs, its status, and the products of the inputs that are complete.
+    /// Adds a step to the block: its inputs, its status, and the products of the inputs that are
+    /// complete.
     pub(super) fn add_step(&mut self, step: &Step, packed: &Packed<'_>) {
         let index = usize::from(self.steps);
         if index == 0 {
@@ -182,7 +186,8 @@ impl PackedMemory {
         }
     }
 
-    /// Computes coefficients minus prediction, and returns the energy that the coefficients do not have.
+    /// Computes coefficients minus prediction, and returns the energy that the coefficients do not
+    /// have.
     #[inline(never)]
     fn take_residual(&mut self, packed: &Packed<'_>) -> i64 {
         let mut energy = self.energy;
@@ -268,7 +273,8 @@ impl PackedMemory {
     }
 }
 
-/// Returns a coefficient of the state as the prediction reads it: rounded to multiples of 8, in eighths.
+/// Returns a coefficient of the state as the prediction reads it: rounded to multiples of 8, in
+/// eighths.
 #[expect(clippy::cast_possible_truncation, reason = "an eighth of 16 bits")]
 fn rounded(coefficient: i16) -> i16 {
     ((i32::from(coefficient) + 4) >> 3) as i16

@@ -80,8 +80,8 @@ fn a_microvolt_of_mains_is_measured_despite_20_mv_of_offset_alpha_and_drift() {
                 .map(|sample| f64::from(sample.counts[index]) / counts_per_uv())
                 .collect();
             let (read, exact) = (f64::from(electrode.mains_uv), reference(hz, &signal));
-            // The f32 phases cause a relative error of up to 3e-5. Rounding adds 1e-7 of the 20 mV of
-            // offset: 2e-3 uV.
+            // The f32 phases cause a relative error of up to 3e-5. Rounding adds 1e-7 of the 20 mV
+            // of offset: 2e-3 uV.
             let bound = 3e-5 * exact + 2e-3;
             assert!((read - exact).abs() < bound, "{read} instead of {exact} uV");
             // The ADC's rounding and the window's leakage separate the reading from the true RMS.
@@ -150,8 +150,8 @@ fn mains_is_measured_before_the_notch_and_removed_after_it() {
         assert!((electrode.mains_uv - 70.71).abs() < 0.01, "{electrode:?}");
         // Measured residual: 0.6 nV, which is the noise of the filters.
         assert!(electrode.mains_residual_uv < 0.002, "{electrode:?}");
-        // A sine with an amplitude of 30 uV has an RMS of 21.21 uV; the gain of the pass band at 10 Hz
-        // is 1 within 0.1 %.
+        // A sine with an amplitude of 30 uV has an RMS of 21.21 uV; the gain of the pass band at 10
+        // Hz is 1 within 0.1 %.
         assert!((electrode.rms_uv - 21.21).abs() < 0.05, "{electrode:?}");
     }
 }
@@ -163,8 +163,8 @@ fn rails_are_counted_and_an_electrode_below_the_converter_s_noise_is_flat() {
         let mut sample = Sample::default();
         sample.counts[0] = if n < 100 { Sample::MAX } else { 0 };
         sample.counts[1] = -Sample::MAX - 1;
-        // Limit for a flat electrode: 0.49 uV. 21 counts are 0.47 uV, below the limit; 22 counts are
-        // 0.492 uV, above it.
+        // Limit for a flat electrode: 0.49 uV. 21 counts are 0.47 uV, below the limit; 22 counts
+        // are 0.492 uV, above it.
         sample.counts[2] = 1_000_000 + if n == 77 { 21 } else { 0 };
         sample.counts[3] = if n == 77 { -22 } else { 0 };
         sample

@@ -4,13 +4,13 @@ use core::f64::consts::TAU;
 
 use micromath::F32Ext;
 
-/// Generates the weights of one DFT bin, sample by sample, for all channels. At k Hz, sample n of the N
-/// samples in a second has the weights `(1 - cos(2 pi n / N)) (cos, sin)(2 pi k n / N)`.
+/// Generates the weights of one DFT bin, sample by sample, for all channels. At k Hz, sample n of
+/// the N samples in a second has the weights `(1 - cos(2 pi n / N)) (cos, sin)(2 pi k n / N)`.
 ///
-/// A second contains a whole number of periods, so the bin rejects an electrode's offset: 20 mV read as
-/// 1 nV, the rounding error of f32. The Hann window rejects drift: at 50 Hz, a ramp of 1 mV/s reads as
-/// 1.8 nV RMS; without the window it would read as 4.6 uV. Mains that deviates by 0.1 Hz reads 0.6 %
-/// low.
+/// A second contains a whole number of periods, so the bin rejects an electrode's offset: 20 mV
+/// read as 1 nV, the rounding error of f32. The Hann window rejects drift: at 50 Hz, a ramp of 1
+/// mV/s reads as 1.8 nV RMS; without the window it would read as 4.6 uV. Mains that deviates by 0.1
+/// Hz reads 0.6 % low.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bin {
     carrier: Rotor,
@@ -48,8 +48,8 @@ impl Bin {
     }
 }
 
-/// A phase that advances by the same angle with every sample. It is reset each second, which bounds its
-/// rounding error: at most 3e-5 after 1024 samples (tested).
+/// A phase that advances by the same angle with every sample. It is reset each second, which bounds
+/// its rounding error: at most 3e-5 after 1024 samples (tested).
 #[derive(Clone, Copy, Debug)]
 struct Rotor {
     /// Cosine and sine of the current phase.
@@ -78,8 +78,8 @@ impl Rotor {
 
 /// Returns cosine and sine of an angle in [0, pi]: their power series in f64, rounded to f32.
 ///
-/// micromath's functions are too inaccurate: an error of 1e-3 per sample would add up to half a radian
-/// after 512 samples.
+/// micromath's functions are too inaccurate: an error of 1e-3 per sample would add up to half a
+/// radian after 512 samples.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "intentionally rounded to f32"
@@ -117,14 +117,14 @@ impl Tone {
     /// Returns the RMS of the frequency, in the unit of the samples, after `rate_hz` samples.
     pub(super) fn rms(self, rate_hz: u16) -> f32 {
         let [re, im] = self.0;
-        // The amplitude is 2 |X| / N, because the mean of the Hann window is 1. The RMS of a sine is
-        // its amplitude over sqrt(2).
+        // The amplitude is 2 |X| / N, because the mean of the Hann window is 1. The RMS of a sine
+        // is its amplitude over sqrt(2).
         core::f32::consts::SQRT_2 * square_root(re * re + im * im) / f32::from(rate_hz)
     }
 }
 
-/// Returns the square root with a relative error of 2e-6: micromath's, which is up to 6 % too large,
-/// refined by two iterations of Heron's method.
+/// Returns the square root with a relative error of 2e-6: micromath's, which is up to 6 % too
+/// large, refined by two iterations of Heron's method.
 pub(super) fn square_root(x: f32) -> f32 {
     // Called by path: in tests, which link std, `x.sqrt()` would be std's.
     let guess = F32Ext::sqrt(x);
@@ -159,7 +159,8 @@ mod tests {
                 let read = rms_of(hz, rate, |t| {
                     3.0 * (f64::consts::TAU * f64::from(hz) * t + phase).sin()
                 });
-                // The phase is rounded to f32 at every sample. Largest measured relative error: 1.2e-5.
+                // The phase is rounded to f32 at every sample. Largest measured relative error:
+                // 1.2e-5.
                 let relative = read / (3.0 / f64::consts::SQRT_2) - 1.0;
                 assert!(relative.abs() < 3e-5, "{relative} at {rate} Hz");
             }
@@ -170,8 +171,8 @@ mod tests {
     fn offsets_ramps_and_other_frequencies_are_rejected() {
         for (rate, hz) in RATES.iter().flat_map(|&rate| [(rate, 50), (rate, 60)]) {
             let near = |t: f64| (f64::consts::TAU * (f64::from(hz) - 2.0) * t).sin();
-            // Largest measured readings: offset 4.7e-8; ramp 1.8e-6 (the leakage of the window, in f64
-            // as well); sine 2 Hz below the bin 1.3e-6.
+            // Largest measured readings: offset 4.7e-8; ramp 1.8e-6 (the leakage of the window, in
+            // f64 as well); sine 2 Hz below the bin 1.3e-6.
             for (name, read, limit) in [
                 ("offset", rms_of(hz, rate, |_| 1.0), 1e-7),
                 ("ramp", rms_of(hz, rate, |t| t), 2e-6),

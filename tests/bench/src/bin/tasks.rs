@@ -25,8 +25,8 @@ mod image {
     use device::{BothEncoders, CHIPS, Order, Producer, Run};
     use embassy_sync::zerocopy_channel::Channel;
     use firmware::{
-        Clock, Conversion, Converter, OutputSlot, RawMutex, SampleSlot, Shared, acquire, deadlines,
-        encode,
+        BulkSlot, Clock, Conversion, Converter, OutputSlot, RawMutex, SampleSlot, Shared, acquire,
+        deadlines, encode, output_queue,
     };
     use pipeline::{Acquisition, Sample};
     use static_cell::{ConstStaticCell, StaticCell};
@@ -39,10 +39,14 @@ mod image {
     static ENCODERS: ConstStaticCell<BothEncoders> = ConstStaticCell::new(BothEncoders::EMPTY);
     static PRODUCER: StaticCell<Producer<&'static mut BothEncoders>> = StaticCell::new();
     static ACQUISITION: StaticCell<Acquisition> = StaticCell::new();
-    static STAMPED: StaticCell<[SampleSlot; deadlines::SAMPLES_WAITING]> = StaticCell::new();
-    static STAMPED_CHANNEL: StaticCell<Channel<'static, RawMutex, SampleSlot>> = StaticCell::new();
-    static HANDED: StaticCell<[OutputSlot; deadlines::OUTPUTS_WAITING]> = StaticCell::new();
-    static HANDED_CHANNEL: StaticCell<Channel<'static, RawMutex, OutputSlot>> = StaticCell::new();
+    static SAMPLES: StaticCell<[SampleSlot; deadlines::SAMPLES_WAITING]> = StaticCell::new();
+    static SAMPLE_CHANNEL: StaticCell<Channel<'static, RawMutex, SampleSlot>> = StaticCell::new();
+    static OUTPUTS: ConstStaticCell<[OutputSlot; deadlines::OUTPUTS_WAITING]> =
+        ConstStaticCell::new([OutputSlot::EMPTY; deadlines::OUTPUTS_WAITING]);
+    static OUTPUT_CHANNEL: StaticCell<Channel<'static, RawMutex, OutputSlot>> = StaticCell::new();
+    static BULK: ConstStaticCell<[BulkSlot; deadlines::BULK_WAITING]> =
+        ConstStaticCell::new([const { BulkSlot::empty() }; deadlines::BULK_WAITING]);
+    static BULK_CHANNEL: StaticCell<Channel<'static, RawMutex, BulkSlot>> = StaticCell::new();
 
     /// Converter that decodes frames whose bytes the compiler cannot predict.
     struct Unknown {
@@ -83,12 +87,12 @@ mod image {
     fn run_tasks() -> Option<()> {
         let run = Run::NONE;
         SHARED.send_order(black_box(Order::Start(run)));
-        let stamped = STAMPED.try_init_with(|| core::array::from_fn(|_| SampleSlot::default()))?;
-        let stamped = STAMPED_CHANNEL.try_init(Channel::new(stamped))?;
-        let (stamped_in, stamped_out) = stamped.split();
-        let handed = HANDED.try_init_with(|| core::array::from_fn(|_| OutputSlot::default()))?;
-        let handed = HANDED_CHANNEL.try_init(Channel::new(handed))?;
-        let (handed_in, mut handed_out) = handed.split();
+        let samples = SAMPLES.try_init_with(|| core::array::from_fn(|_| SampleSlot::default()))?;
+        let samples = SAMPLE_CHANNEL.try_init(Channel::new(samples))?;
+        let (samples_in, samples_out) = samples.split();
+        let outputs = OUTPUT_CHANNEL.try_init(Channel::new(OUTPUTS.try_take()?))?;
+        let bulk = BULK_CHANNEL.try_init(Channel::new(BULK.try_take()?))?;
+        let (outputs_in, mut outputs_out) = output_queue(outputs, bulk);
         let acquisition = ACQUISITION.try_init_with(|| Acquisition::new(run.mains))?;
         let encoders = ENCODERS.try_take()?;
         let producer = PRODUCER.try_init_with(|| Producer::new(encoders))?;
@@ -97,15 +101,18 @@ mod image {
             decoder: Decoder::new(),
             counts: [[0; CHANNELS]; CHIPS],
         };
-        let mut acquiring = pin!(acquire(unknown, &SHARED, (stamped_in, acquisition)));
-        let mut encoding = pin!(encode(&SHARED, (stamped_out, handed_in, producer)));
+        let mut acquiring = pin!(acquire(unknown, &SHARED, (samples_in, acquisition)));
+        let mut encoding = pin!(encode(&SHARED, (samples_out, outputs_in, producer)));
         let mut context = Context::from_waker(Waker::noop());
         loop {
             let _ = acquiring.as_mut().poll(&mut context);
             let _ = encoding.as_mut().poll(&mut context);
-            if let Some(made) = handed_out.try_receive() {
-                black_box(made);
-                handed_out.receive_done();
+            let is_received = match pin!(outputs_out.receive()).poll(&mut context) {
+                Poll::Ready(output) => black_box(Some(output)).is_some(),
+                Poll::Pending => false,
+            };
+            if is_received {
+                outputs_out.receive_done();
             }
         }
     }

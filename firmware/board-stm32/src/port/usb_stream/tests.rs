@@ -1,5 +1,5 @@
-//! Tests of the streams with a simulated host, which opens and closes the port, reads and stalls in the
-//! order that each test sets.
+//! Tests of the streams with a simulated host, which opens and closes the port, reads and stalls in
+//! the order that each test sets.
 
 use core::{cell::RefCell, future::poll_fn, task::Poll};
 use std::{boxed::Box, collections::VecDeque, rc::Rc, vec::Vec};
@@ -49,7 +49,8 @@ impl Host {
         act.expect("an action for every tick")(self);
     }
 
-    /// Returns the seq of each whole frame, and how often the decoder had to skip bytes that were no frame.
+    /// Returns the seq of each whole frame, and how often the decoder had to skip bytes that were
+    /// no frame.
     fn decode(&self) -> (Vec<u32>, u32) {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         let mut seqs = Vec::new();
@@ -126,7 +127,8 @@ impl Device {
         if block_on(self.transmitter.write_all(frame)).is_err() {
             self.dropped += 1;
         }
-        // Like the conversation, ignore the result: the packet that ends a transfer belongs to no frame.
+        // Like the conversation, ignore the result: the packet that ends a transfer belongs to no
+        // frame.
         let _ = block_on(self.transmitter.flush());
     }
 }
@@ -211,8 +213,8 @@ fn every_frame_is_received_or_counted_over_a_thousand_openings() {
     let mut device = Device::new(&cable);
     let mut host = cable.0.borrow_mut();
     for opening in 0..1_000_usize {
-        // 0 to 7 packets per opening, in the order 0, 7, 6, ... 1. A frame has three packets, so the port
-        // closes at different places within the frames.
+        // 0 to 7 packets per opening, in the order 0, 7, 6, ... 1. A frame has three packets, so
+        // the port closes at different places within the frames.
         let reads = opening * 7919 % 8;
         host.acts.push_back(act(move |host| host.open(reads)));
         host.acts.push_back(act(|host| host.is_open = false));
@@ -230,8 +232,8 @@ fn every_frame_is_received_or_counted_over_a_thousand_openings() {
     assert!(seqs.is_sorted_by(|before, after| before < after));
     let received = u32::try_from(seqs.len()).expect("thousands");
     assert_eq!(received + device.dropped, sent);
-    // More frames can be dropped than are damaged: if the port closes before any byte of a frame is sent,
-    // the host sees no damage.
+    // More frames can be dropped than are damaged: if the port closes before any byte of a frame is
+    // sent, the host sees no damage.
     assert!(device.dropped > 500 && damaged <= device.dropped);
     assert!(received > 500, "{received}");
 }

@@ -1,6 +1,6 @@
 //! Blocks of the packed code: their content, rate and faults.
 
-use pipeline::{EncoderMemory, MAX_PACKED_BYTES};
+use pipeline::{EncoderMemory, MAX_PACKED_BYTES, PackedCode};
 
 use super::*;
 
@@ -20,9 +20,9 @@ fn signals(streams: Streams, count: u64, lost: &[u64]) -> impl Iterator<Item = A
 }
 
 /// Returns block, time and faults of every packed output.
-fn blocks(outputs: &[Output]) -> Vec<(PackedCode, u64, Marks)> {
+fn blocks(outputs: &[Output<'_>]) -> Vec<(PackedCode, u64, Marks)> {
     let blocks = outputs.iter().filter_map(|output| match &output.payload {
-        Payload::PackedCode(code, marks) => Some((*code, output.at_us, *marks)),
+        Payload::PackedCode(code, marks) => Some((**code, output.at_us, *marks)),
         _ => None,
     });
     blocks.collect()
@@ -68,8 +68,8 @@ fn exactly_the_blocks_with_a_lost_sample_are_marked_and_their_number_stays_right
     assert_eq!(marked, [1, 2, 3, 4]);
 }
 
-/// Also with a model whose ADC's rate is no multiple of the step rate, of which `tests/tests/packed_alone.rs` builds
-/// this test.
+/// Also with a model whose ADC's rate is no multiple of the step rate, of which
+/// `tests/tests/packed_alone.rs` builds this test.
 #[test]
 fn blocks_of_repeated_steps_have_their_own_times() {
     let hop = HOP as u64;
@@ -105,8 +105,8 @@ fn a_window_of_repeated_steps_states_the_sample_of_its_first_step() {
 
 #[test]
 fn faults_of_the_samples_after_a_gap_are_in_their_own_blocks() {
-    // The last sample of block 0 is lost, or the last two steps of it are. The next three samples belong to the first
-    // step of block 1, and are ahead of it; the fourth carries it.
+    // The last sample of block 0 is lost, or the last two steps of it are. The next three samples
+    // belong to the first step of block 1, and are ahead of it; the fourth carries it.
     let last = sample_of(HOP as u64 - 1);
     for first_lost in [last, last - 2 * PER_STEP] {
         let lost: Vec<u64> = (first_lost..=last).collect();
@@ -189,7 +189,7 @@ fn a_rate_applies_from_the_next_block_on_and_outlives_the_run() {
             if number == 1 && acquired.index == PER_BLOCK + 1 {
                 producer.set_rate(rate(9));
             }
-            producer.process(&acquired, &mut |output| made.push(output));
+            producer.process(&acquired, &mut |output| made.push(keep(output)));
         }
     }
     let rates: Vec<u8> = blocks(&made).iter().map(|(code, ..)| code.rate).collect();
@@ -204,7 +204,7 @@ fn an_encoder_alone_makes_its_own_stream_and_no_other() {
         let mut producer = Box::new(Producer::new(encoders));
         let mut outputs = Vec::new();
         for acquired in signals(Streams::ALL, 4 * PER_BLOCK, &[]) {
-            producer.process(&acquired, &mut |output| outputs.push(output));
+            producer.process(&acquired, &mut |output| outputs.push(keep(output)));
         }
         let codes = outputs
             .iter()
@@ -254,7 +254,8 @@ fn the_message_carries_the_blocks_status_and_its_bytes() {
     assert!(message.bytes == code.bytes() && message.bytes.len() <= MAX_PACKED_BYTES);
 }
 
-/// Returns the windows that a device with these encoders audits, and the number of values in each audit.
+/// Returns the windows that a device with these encoders audits, and the number of values in each
+/// audit.
 fn audits_at_the_host(encoders: impl Encoders) -> Vec<(u32, usize)> {
     let count = sample_of((STEPS + 160 * HOP) as u64);
     let mut producer = Box::new(Producer::new(encoders));
@@ -264,7 +265,7 @@ fn audits_at_the_host(encoders: impl Encoders) -> Vec<(u32, usize)> {
             let Payload::Audit(audit) = &output.payload else {
                 return;
             };
-            let mut values = [0; CodeValues::MAX_BYTES];
+            let mut values = [0; pipeline::CodeValues::MAX_BYTES];
             let message = link::ToHost::Audit(audit.message(&mut values));
             let mut frame = [0; link::MAX_FRAME];
             let mut frame = link::Encoder::default()

@@ -1,0 +1,256 @@
+//! Tests of a channel with the internal signals of its chip: a square wave, and shorted inputs.
+
+use crate::limits::{Limits, SelfTestFault};
+use crate::settings::{Gain, Rate, TestSignal};
+
+/// Number of samples ignored on either side of a transition; the sinc filter settles in three
+/// samples.
+const GUARD: usize = 4;
+
+/// Measures gain, offset and noise of one channel from the chip's internal square wave. It needs at
+/// least two periods, about 2 s; samples after the first 2^16 are ignored. Its size is 120 bytes,
+/// small enough to measure 64 channels at once.
+#[derive(Clone, Debug)]
+pub struct SquareWaveTest {
+    gain: Gain,
+    /// Expected amplitude, in microvolts.
+    amplitude_uv: f64,
+    /// Newest samples, held back because a transition may have started in them.
+    recent: [i32; GUARD],
+    /// Number of valid samples in `recent`.
+    held: usize,
+    /// Number of samples still to be ignored.
+    skip: usize,
+    low: Statistics,
+    high: Statistics,
+}
+
+/// Gain, offset and noise of a channel at the square wave.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SquareWaveResult {
+    /// Ratio of the measured to the expected amplitude, minus 1; -1 without a square wave.
+    pub gain_error: f32,
+    /// Mean of the two levels, in microvolts at the input.
+    pub offset_uv: f32,
+    /// Noise around the two levels, in microvolts rms at the input.
+    pub noise_uv: f32,
+    /// Number of samples that the result is computed from.
+    pub samples: u32,
+}
+
+impl SquareWaveTest {
+    /// Creates a test without samples.
+    pub const fn new(gain: Gain, signal: TestSignal) -> Self {
+        let amplitude_uv = signal.amplitude.uv();
+        #[expect(clippy::cast_possible_truncation, reason = "at most 2^23 / 50 counts")]
+        let level = (amplitude_uv / gain.lsb_uv()) as i32;
+        Self {
+            gain,
+            amplitude_uv,
+            recent: [0; GUARD],
+            held: 0,
+            // The first samples may be part of a transition.
+            skip: GUARD,
+            low: Statistics::around(-level),
+            high: Statistics::around(level),
+        }
+    }
+
+    /// Adds a sample, in ADC counts, |count| <= 2^23.
+    pub fn add_sample(&mut self, count: i32) {
+        let newest = self.recent[GUARD - 1];
+        if self.held > 0 && (newest < 0) != (count < 0) {
+            // The transition may have started in the samples held back, so they are discarded.
+            self.held = 0;
+            self.skip = GUARD;
+        }
+        if self.skip > 0 {
+            self.skip -= 1;
+            return;
+        }
+        if self.held == GUARD {
+            let oldest = self.recent[0];
+            let level = if oldest < 0 {
+                &mut self.low
+            } else {
+                &mut self.high
+            };
+            level.add(oldest);
+        } else {
+            self.held += 1;
+        }
+        self.recent.rotate_left(1);
+        self.recent[GUARD - 1] = count;
+    }
+
+    /// Returns the result over all samples so far.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "results in f32 for the wire"
+    )]
+    pub fn result(&self) -> SquareWaveResult {
+        let lsb = self.gain.lsb_uv();
+        let (low, high) = (self.low.mean(), self.high.mean());
+        let both = self.low.number() > 0 && self.high.number() > 0;
+        let amplitude_uv = if both { (high - low) / 2.0 * lsb } else { 0.0 };
+        let samples = self.low.number() + self.high.number();
+        let spread = self.low.spread() + self.high.spread();
+        SquareWaveResult {
+            gain_error: (amplitude_uv / self.amplitude_uv - 1.0) as f32,
+            offset_uv: (f64::midpoint(high, low) * lsb) as f32,
+            noise_uv: (rms(spread, samples) * lsb) as f32,
+            samples,
+        }
+    }
+}
+
+impl SquareWaveResult {
+    /// Checks the result against the [`Limits`] of this gain and rate.
+    ///
+    /// # Errors
+    /// The first limit that is exceeded.
+    pub fn check(&self, gain: Gain, rate: Rate) -> Result<(), SelfTestFault> {
+        let limits = Limits::new(gain, rate);
+        limits.samples(self.samples)?;
+        limits.gain(self.gain_error)?;
+        limits.offset(self.offset_uv)?;
+        limits.noise(self.noise_uv)
+    }
+}
+
+/// Measures offset and noise of one channel with shorted input. The data sheet (section 8.1) uses
+/// 1000 samples; samples after the first 2^16 are ignored.
+#[derive(Clone, Debug)]
+pub struct ShortedTest {
+    gain: Gain,
+    statistics: Statistics,
+}
+
+/// Offset and noise of a channel with shorted input.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShortedResult {
+    /// Mean of the samples, in microvolts at the input.
+    pub offset_uv: f32,
+    /// Noise around the mean, in microvolts rms at the input.
+    pub noise_uv: f32,
+    /// Number of samples that the result is computed from.
+    pub samples: u32,
+}
+
+impl ShortedTest {
+    /// Creates a test without samples.
+    pub const fn new(gain: Gain) -> Self {
+        Self {
+            gain,
+            statistics: Statistics::around(0),
+        }
+    }
+
+    /// Adds a sample, in ADC counts, |count| <= 2^23.
+    pub fn add_sample(&mut self, count: i32) {
+        self.statistics.add(count);
+    }
+
+    /// Returns the result over all samples so far.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "results in f32 for the wire"
+    )]
+    pub fn result(&self) -> ShortedResult {
+        let lsb = self.gain.lsb_uv();
+        let samples = self.statistics.number();
+        ShortedResult {
+            offset_uv: (self.statistics.mean() * lsb) as f32,
+            noise_uv: (rms(self.statistics.spread(), samples) * lsb) as f32,
+            samples,
+        }
+    }
+}
+
+impl ShortedResult {
+    /// Checks the result against the [`Limits`] of this gain and rate.
+    ///
+    /// # Errors
+    /// The first limit that is exceeded.
+    pub fn check(&self, gain: Gain, rate: Rate) -> Result<(), SelfTestFault> {
+        let limits = Limits::new(gain, rate);
+        limits.samples(self.samples)?;
+        limits.offset(self.offset_uv)?;
+        limits.noise(self.noise_uv)
+    }
+}
+
+/// Running sums for mean and variance. Each count is clipped to within 2^23 of the reference, so
+/// the sums over 2^16 counts are exact in 64 bits.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Statistics {
+    reference: i32,
+    number: u32,
+    sum: i64,
+    squares: u64,
+}
+
+impl Statistics {
+    /// Largest number of counts in the sums; further counts are ignored.
+    const MOST: u32 = 1 << 16;
+
+    /// Creates empty sums; `reference` should be near the mean.
+    pub(crate) const fn around(reference: i32) -> Self {
+        Self {
+            reference,
+            number: 0,
+            sum: 0,
+            squares: 0,
+        }
+    }
+
+    /// Adds a count, |count| <= 2^23.
+    pub(crate) fn add(&mut self, count: i32) {
+        if self.number == Self::MOST {
+            return;
+        }
+        let distance = i64::from(count) - i64::from(self.reference);
+        let distance = distance.clamp(-(1 << 23), 1 << 23);
+        self.number += 1;
+        self.sum += distance;
+        self.squares += distance.unsigned_abs().pow(2);
+    }
+
+    /// Returns how many counts have been added.
+    pub(crate) const fn number(&self) -> u32 {
+        self.number
+    }
+
+    /// Returns the mean in counts; the reference if no count has been added.
+    #[expect(clippy::cast_precision_loss, reason = "|sum| <= 2^39 is exact")]
+    pub(crate) fn mean(&self) -> f64 {
+        f64::from(self.reference) + self.sum as f64 / f64::from(self.number.max(1))
+    }
+
+    /// Returns the sum of squared deviations from the mean, in counts^2.
+    #[expect(clippy::cast_precision_loss, reason = "15 digits of a spread suffice")]
+    pub(crate) fn spread(&self) -> f64 {
+        let sum = self.sum as f64;
+        (self.squares as f64 - sum * sum / f64::from(self.number.max(1))).max(0.0)
+    }
+}
+
+/// Returns `sqrt(spread / number)` in counts, to 1/65536 count. Uses the integer square root,
+/// because `core` has no square root for floats.
+#[expect(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a variance of at most 2^46 times 2^32 saturates, and is far beyond any limit then"
+)]
+pub(crate) fn rms(spread: f64, number: u32) -> f64 {
+    let variance = spread / f64::from(number.max(1));
+    let scale = 65536.0;
+    // 2^31 counts^2 is the variance at 1 mV rms and gain 24. Below that, the scaled variance fits
+    // into 64 bits.
+    if variance < 2_147_483_648.0 {
+        ((variance * scale * scale) as u64).isqrt() as f64 / scale
+    } else {
+        (variance as u64).isqrt() as f64
+    }
+}

@@ -1,0 +1,133 @@
+//! What a device reports every second: counters, signal quality, durations.
+
+use core::fmt;
+
+use heapless::Vec;
+use serde::{Deserialize, Serialize};
+
+use crate::commands::Streams;
+
+/// Counters of the device since boot; sent every second while streaming, and after `Stop`.
+///
+/// Every counter wraps; a host computes differences modulo 2^32 (`samples`: 2^64).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stats {
+    /// Streams that are running; empty on an idle device.
+    pub streams: Streams,
+    /// Index of the window of the next code: the number of codes made since `Start`.
+    pub next_window: u32,
+    /// Codes made since boot, dropped ones included.
+    pub codes_made: u32,
+    /// Frames that were made, numbered and then dropped because the host did not read them.
+    pub frames_dropped: u32,
+    /// ADC samples that were read.
+    pub samples: u64,
+    /// ADC samples that were not read in time.
+    pub overruns: u32,
+    /// ADC samples with a wrong status word.
+    pub adc_status_bad: u32,
+    /// Electrode values clipped to int8, each counted once although windows overlap.
+    pub clipped: u32,
+    /// Values of codes that were clipped to the range of the code's format.
+    pub clipped_values: u32,
+    /// Commands received intact.
+    pub commands: u32,
+    /// Frames from the host that were refused, for any [`FrameError`](crate::FrameError).
+    pub input_bad: u32,
+}
+
+/// Largest number of electrodes in a [`Quality`]; equals the number of bits of
+/// [`Code::saturated`](crate::Code::saturated).
+pub const MAX_ELECTRODES: usize = 64;
+
+/// Signal quality of each electrode over one second; sent every second while streaming.
+///
+/// `pipeline::Quality` is the device's own type, with as many electrodes as its model. This one has
+/// room for any model, because a host reads devices with any model.
+///
+/// Seconds are counted from `Start`; a second that `Stop` interrupts is not reported.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// Index since `Start` of the second's first ADC sample.
+    pub first_sample: u64,
+    /// True if the filters had not settled: `rms_uv` and `mains_residual_uv` then include the
+    /// filters' transient.
+    pub settling: bool,
+    /// One entry per electrode, in the order of
+    /// [`Capabilities::labels`](crate::Capabilities::labels).
+    pub electrodes: Vec<ElectrodeQuality, MAX_ELECTRODES>,
+}
+
+/// Signal quality of one electrode over one second.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ElectrodeQuality {
+    /// RMS of the filtered steps that the encoder reads, microvolt.
+    pub rms_uv: f32,
+    /// RMS of the mains frequency ([`Capabilities::mains_hz`](crate::Capabilities::mains_hz)) at
+    /// the input, before any filter, microvolt.
+    pub mains_uv: f32,
+    /// RMS of the mains frequency that is left in the filtered steps, microvolt.
+    pub mains_residual_uv: f32,
+    /// Number of ADC samples at the converter's rail, at most the number of samples in a second.
+    pub samples_at_rail: u16,
+    /// True if the peak-to-peak range of the ADC samples was less than half the converter's own
+    /// noise. A working converter has a larger range, even with its input shorted.
+    pub flat: bool,
+}
+
+/// Largest number of stages in a [`Timing`].
+pub const MAX_STAGES: usize = 8;
+
+/// Durations of the stages of the signal path since boot. A device that measures them sends this
+/// message every second while streaming, after `Stats`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Timing {
+    /// The stages that are measured, each once, in the order of [`Stage`].
+    pub stages: Vec<StageTiming, MAX_STAGES>,
+    /// Deepest use of the stack since boot, bytes; 0 on a device that does not measure it.
+    pub stack_used: u32,
+    /// Size of the stack, bytes; 0 on a device that does not measure its use.
+    pub stack_size: u32,
+}
+
+/// Durations of one stage since boot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StageTiming {
+    /// Stage whose durations these are.
+    pub stage: Stage,
+    /// Longest allowed duration, nanoseconds; anything longer is late.
+    pub deadline_ns: u32,
+    /// Longest measured duration, nanoseconds; saturates.
+    pub worst_ns: u32,
+    /// Number of durations by eighths of the deadline. Element k below 8 counts durations above k/8
+    /// and up to (k+1)/8 of the deadline; element 8 counts longer ones. Every element wraps.
+    pub histogram: [u32; 9],
+}
+
+byte_enum! {
+    /// Interval between two points of the signal path; one byte on the wire.
+    pub enum Stage {
+        /// 0: from a sample's DRDY edge until the sample is in the encoder's queue.
+        Acquire = 0,
+        /// 1: processing of a sample that completes a step: encoder, reports, streams.
+        Step = 1,
+        /// 2: from the DRDY edge of a window's last sample until its code is in the output queue.
+        Code = 2,
+        /// 3: from the entry of a code into the output queue until its frame is written to the
+        /// port.
+        Send = 3,
+        _ => "Any other: a stage newer than this host.",
+    }
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Stage::Acquire => formatter.write_str("acquire"),
+            Stage::Step => formatter.write_str("step"),
+            Stage::Code => formatter.write_str("code"),
+            Stage::Send => formatter.write_str("send"),
+            Stage::Newer(number) => write!(formatter, "stage {number}"),
+        }
+    }
+}

@@ -1,0 +1,285 @@
+//! One message of each kind, with the contents of the dumps in `docs/wire-format.md`.
+
+use link::{
+    Audit, BlockForm, Capabilities, ChannelFault, ChannelTest, ChipTest, ClockReading, Code,
+    CodeFormat, CodeValues, CompressedRaw, Converters, ElectrodeQuality, Event, EventKind,
+    Filtered, Flags, Hello, PackedCode, Quality, Raw, ResetCause, SelfTest, Stage, StageTiming,
+    Stats, Streams, Substitutes, Timing, ToHost,
+};
+
+pub(crate) fn hello() -> ToHost<'static> {
+    ToHost::Hello(Hello {
+        firmware: "0.1.0",
+        board: "host-sim",
+        chip_uid: *b"0123456789ab",
+        model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
+        session_id: 0xC0DE_0001,
+        reset_cause: ResetCause::PowerOn,
+        fault: "",
+    })
+}
+
+/// A board with two electrodes and two code values, to keep the dump short.
+pub(crate) fn capabilities() -> ToHost<'static> {
+    ToHost::Capabilities(Capabilities {
+        adc_rate_hz: 512,
+        step_rate_hz: 128,
+        window_steps: 16,
+        hop_steps: 8,
+        channels: 64,
+        lsb_nv: 22.351_742,
+        mains_hz: 50,
+        group_delay_us: 16_000,
+        labels: "F3 F1",
+        filters: "notch 50 Hz",
+        code_format: CodeFormat::Int8,
+        code_scale: [0.5, 0.25].into_iter().collect(),
+        code_zero_point: [0, -3].into_iter().collect(),
+    })
+}
+
+/// The values -64 to 63 as bytes.
+const RAMP: [u8; 128] = {
+    let mut ramp = [192_u8; 128];
+    let mut index = 1;
+    while index < ramp.len() {
+        ramp[index] = ramp[index - 1].wrapping_add(1);
+        index += 1;
+    }
+    ramp
+};
+
+/// The values of [`RAMP`] times 256, of 16 bits each.
+const WIDE_RAMP: [u8; 256] = {
+    let mut ramp = [0; 256];
+    let mut index = 0;
+    while index < RAMP.len() {
+        ramp[2 * index + 1] = RAMP[index];
+        index += 1;
+    }
+    ramp
+};
+
+pub(crate) fn code() -> ToHost<'static> {
+    ToHost::Code(code_in(CodeValues::int8(&RAMP)))
+}
+
+/// The code of [`code`] with other values, as a model with another code format would send it.
+pub(crate) fn code_in(values: CodeValues<'_>) -> Code<'_> {
+    Code {
+        model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
+        window: 300,
+        first_sample: 9600,
+        flags: Flags::SATURATED | Flags::SETTLING | Flags::CLIPPED | Flags::CODE_CLIPPED,
+        clipped: 2,
+        clipped_values: 1,
+        saturated: 1 << 20,
+        values,
+    }
+}
+
+pub(crate) fn code_with_exponent() -> ToHost<'static> {
+    ToHost::Code(code_in(CodeValues::int8_exponent(3, &RAMP)))
+}
+
+pub(crate) fn code_of_16_bits() -> ToHost<'static> {
+    ToHost::Code(code_in(CodeValues::int16(&WIDE_RAMP)))
+}
+
+pub(crate) fn stats() -> ToHost<'static> {
+    ToHost::Stats(Stats {
+        streams: Streams::CODES,
+        next_window: 301,
+        codes_made: 301,
+        frames_dropped: 0,
+        samples: 9661,
+        overruns: 0,
+        adc_status_bad: 0,
+        clipped: 2,
+        clipped_values: 1,
+        commands: 2,
+        input_bad: 0,
+    })
+}
+
+/// Signal quality of two electrodes; the second electrode has no contact.
+pub(crate) fn quality() -> ToHost<'static> {
+    let good = ElectrodeQuality {
+        rms_uv: 12.5,
+        mains_uv: 40.0,
+        mains_residual_uv: 0.25,
+        samples_at_rail: 0,
+        flat: false,
+    };
+    let off = ElectrodeQuality {
+        mains_uv: 3000.0,
+        samples_at_rail: 300,
+        ..good
+    };
+    ToHost::Quality(Quality {
+        first_sample: 8704,
+        settling: false,
+        electrodes: [good, off].into_iter().collect(),
+    })
+}
+
+/// Durations of two stages over 19 s; one code was late.
+pub(crate) fn timing() -> ToHost<'static> {
+    let acquire = StageTiming {
+        stage: Stage::Acquire,
+        deadline_ns: 1_953_125,
+        worst_ns: 260_000,
+        histogram: [9_660, 1, 0, 0, 0, 0, 0, 0, 0],
+    };
+    let code = StageTiming {
+        stage: Stage::Code,
+        deadline_ns: 62_500_000,
+        worst_ns: 63_000_000,
+        histogram: [0, 0, 298, 2, 0, 0, 0, 0, 1],
+    };
+    ToHost::Timing(Timing {
+        stages: [acquire, code].into_iter().collect(),
+        stack_used: 5_120,
+        stack_size: 16_384,
+    })
+}
+
+/// Two samples of two channels; the second channel is at the rail in both samples.
+pub(crate) fn raw() -> ToHost<'static> {
+    ToHost::Raw(Raw {
+        first_sample: 9_656,
+        channels: 2,
+        flags: Flags::LEAD_OFF,
+        counts: &[1, 0, 0, 0xff, 0xff, 0x7f, 0xfe, 0xff, 0xff, 0, 0, 0x80],
+    })
+}
+
+/// One step of two electrodes: 25 and -25 counts.
+pub(crate) fn filtered() -> ToHost<'static> {
+    ToHost::Filtered(Filtered {
+        first_step: 2_412,
+        electrodes: 2,
+        fraction_bits: 5,
+        flags: Flags::empty(),
+        values: &[0x20, 3, 0, 0, 0xe0, 0xfc, 0xff, 0xff],
+    })
+}
+
+/// A window of two planes with two cells each, to keep the dump short.
+pub(crate) fn audit() -> ToHost<'static> {
+    ToHost::Audit(Audit {
+        model_id: [0x11, 0x22, 0x33, 0x44, 0x55, 0x66, 0x77, 0x88],
+        window: 300,
+        planes: &[0, 0x7f, 0x80, 0xff],
+        values: CodeValues::int8_exponent(3, &RAMP),
+    })
+}
+
+pub(crate) fn event() -> ToHost<'static> {
+    ToHost::Event(Event {
+        kind: EventKind::TriggerRise,
+        number: 12,
+        sample: 9_660,
+    })
+}
+
+/// Status of two chips; the second chip has delivered three bad frames and has an electrode off.
+pub(crate) fn converters() -> ToHost<'static> {
+    ToHost::Converters(Converters {
+        fault: heapless::String::new(),
+        drdy_millihertz: 512_003,
+        off_positive: 1 << 9,
+        off_negative: 0,
+        frames_bad: [0, 3].into_iter().collect(),
+    })
+}
+
+/// Result of a chip with two channels, to keep the dump short; the second channel is dead.
+pub(crate) fn self_test() -> ToHost<'static> {
+    let good = ChannelTest {
+        gain_error: 0.015_625,
+        offset_uv: -12.5,
+        noise_uv: 0.25,
+        shorted_noise_uv: 0.25,
+        fault: ChannelFault::None,
+    };
+    let dead = ChannelTest {
+        gain_error: -1.0,
+        offset_uv: 0.0,
+        noise_uv: 0.0,
+        shorted_noise_uv: 0.0,
+        fault: ChannelFault::Gain,
+    };
+    let chip = ChipTest {
+        id: 0x3e,
+        ..ChipTest::default()
+    };
+    ToHost::SelfTest(SelfTest {
+        fault: "chip 0, channel 2".try_into().unwrap(),
+        drdy_millihertz: 512_000,
+        expected_millihertz: 512_000,
+        drdy_early: 0,
+        drdy_missed: 0,
+        chips: [chip].into_iter().collect(),
+        channels: [good, dead].into_iter().collect(),
+    })
+}
+
+pub(crate) fn clock_reading() -> ToHost<'static> {
+    ToHost::ClockReading(ClockReading {
+        host_time_us: 1_700_000_000_000_000,
+        received_us: 19_900_250,
+    })
+}
+
+pub(crate) fn substitutes() -> ToHost<'static> {
+    ToHost::Substitutes(Substitutes {
+        interpolated: 0b1_0000_0010,
+        zero: 1 << 60,
+    })
+}
+
+/// Eight samples of two channels, to keep the dump short; the bytes are those of
+/// `kernels/lossless/tests/reference.py`.
+pub(crate) fn compressed_key() -> ToHost<'static> {
+    ToHost::CompressedRaw(CompressedRaw {
+        first_sample: 9_656,
+        channels: 2,
+        flags: Flags::empty(),
+        form: BlockForm::Key,
+        samples: 8,
+        bytes: &[
+            0x84, 0xdd, 0x00, 0x00, 0x64, 0x82, 0x2d, 0x2d, 0x7f, 0xfb, 0x9b, 0x10, 0x81, 0x1d,
+            0x9c, 0x8b, 0x40,
+        ],
+    })
+}
+
+/// The eight samples after those of [`compressed_key`], with a jump in the second channel.
+pub(crate) fn compressed_continuing() -> ToHost<'static> {
+    ToHost::CompressedRaw(CompressedRaw {
+        first_sample: 9_664,
+        channels: 2,
+        flags: Flags::empty(),
+        form: BlockForm::Continuing,
+        samples: 8,
+        bytes: &[
+            0x48, 0xe9, 0xd2, 0x6a, 0x4c, 0x85, 0x00, 0xff, 0xe8, 0x90, 0x00, 0xff, 0xe8, 0x9a,
+            0xab, 0x48,
+        ],
+    })
+}
+
+pub(crate) fn packed_code() -> ToHost<'static> {
+    ToHost::PackedCode(PackedCode {
+        block: 301,
+        rate: 4,
+        flags: Flags::SATURATED | Flags::CLIPPED | Flags::MISFIT,
+        clipped: 3,
+        saturated: 1 << 20,
+        bytes: &[
+            0x5b, 0x12, 0x00, 0xc4, 0x9e, 0x3f, 0xa1, 0x00, 0x77, 0xe8, 0x2d, 0x60, 0xb3, 0x4f,
+            0x91, 0x08, 0xd6, 0x7a, 0x35, 0xec, 0x19, 0x82, 0x40,
+        ],
+    })
+}
