@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use serde::Serialize;
 use trainer::comparison;
-use trainer::packed;
-use trainer::progress::{EpochReport, ProgressObserver};
+use trainer::progress::ProgressObserver;
 
 use super::checked_in;
 
@@ -54,8 +53,8 @@ pub(crate) fn measure() -> anyhow::Result<Option<Errors>> {
         PathBuf::from(data).join(FOLDER),
     );
     let names = RECORDINGS.map(str::to_owned);
-    let figures = packed::compare(folder, &data, &names, MAINS_HZ, &mut Silent)?;
     let comparison = comparison::compare(folder, &data, &names, Some(MAINS_HZ), &mut Silent)?;
+    let figures = comparison.packed;
     let codes = comparison
         .codes
         .context("the built-in model has no network")?;
@@ -91,10 +90,4 @@ struct Silent;
 
 impl ProgressObserver for Silent {
     fn message(&mut self, _text: &str) {}
-    fn epoch_started(&mut self, _epoch: u32, _epochs: u32, _batches: usize, _windows: usize) {}
-    fn batch_finished(&mut self, _batches: usize, _loss: f64) {}
-    fn epoch_finished(&mut self, _report: EpochReport) {}
-    fn is_interrupted(&self) -> bool {
-        false
-    }
 }
