@@ -1,9 +1,9 @@
 //! The Adam optimiser.
 //!
-//! The state is plain vectors, so a resumed training run equals an uninterrupted one bit for bit.
+//! A checkpoint holds the whole state, so a resumed training run equals an uninterrupted one bit
+//! for bit.
 
-use crate::parameters::{Parameters, is_statistic, rate_factor};
-use std::collections::BTreeMap;
+use crate::parameters::{Parameters, TENSORS, Weights};
 
 /// Factor by which the mean gradient decays in an update, beta1.
 const MEAN_DECAY: f32 = 0.9;
@@ -12,44 +12,27 @@ const SQUARE_DECAY: f32 = 0.999;
 /// Number added to the denominator, which keeps the update finite when gradients vanish.
 const EPSILON: f32 = 1e-8;
 
-/// Gradients, keyed by tensor name, in row-major order.
-pub type Gradients = BTreeMap<&'static str, Vec<f32>>;
-
 /// Adam (Kingma and Ba, arXiv 1412.6980, algorithm 1) with its usual constants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
     pub(crate) updates: u64,
-    /// Decaying means of the gradient and of its square, keyed by tensor name.
-    pub(crate) moments: BTreeMap<&'static str, Moments>,
-}
-
-/// Exponentially decaying means of one tensor's gradient and squared gradient.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Moments {
-    pub(crate) mean: Vec<f32>,
-    pub(crate) square: Vec<f32>,
+    /// Decaying means of the gradients.
+    pub(crate) mean: Weights,
+    /// Decaying means of the squared gradients.
+    pub(crate) square: Weights,
 }
 
 impl Adam {
     /// Creates an optimiser for all tensors of `parameters` except the running statistics.
     pub fn new(parameters: &Parameters) -> Self {
-        let moments = parameters
-            .iter()
-            .filter(|(name, _)| !is_statistic(name))
-            .map(|(name, values)| {
-                let rest = vec![0.0; values.len()];
-                (
-                    name,
-                    Moments {
-                        mean: rest.clone(),
-                        square: rest,
-                    },
-                )
-            })
-            .collect();
+        let mut rest = Weights::default();
+        for tensor in TENSORS.iter().filter(|tensor| tensor.is_trained()) {
+            *tensor.of_mut(&mut rest) = vec![0.0; tensor.of(&parameters.weights).len()];
+        }
         Self {
             updates: 0,
-            moments,
+            mean: rest.clone(),
+            square: rest,
         }
     }
 
@@ -66,17 +49,25 @@ impl Adam {
         clippy::cast_possible_truncation,
         reason = "a rate and its corrections are f32"
     )]
-    pub fn update(&mut self, parameters: &mut Parameters, gradients: &Gradients, rate: f64) {
+    pub fn update(&mut self, parameters: &mut Parameters, gradients: &Weights, rate: f64) {
         self.updates += 1;
         let exponent = i32::try_from(self.updates).unwrap_or(i32::MAX);
         let correction = |decay: f32| 1.0 - f64::from(decay).powi(exponent);
         let rate = (rate / correction(MEAN_DECAY)) as f32;
         let square_factor = (1.0 / correction(SQUARE_DECAY)) as f32;
-        for (name, moments) in &mut self.moments {
-            let rate = rate * rate_factor(name);
-            let values = parameters.values_mut(name).iter_mut().zip(&gradients[name]);
-            let state = moments.mean.iter_mut().zip(&mut moments.square);
-            for ((value, gradient), (mean, square)) in values.zip(state) {
+        for tensor in TENSORS.iter().filter(|tensor| tensor.is_trained()) {
+            let rate = rate * tensor.rate_factor();
+            let values = tensor.of_mut(&mut parameters.weights);
+            let gradients = tensor.of(gradients);
+            assert_eq!(
+                values.len(),
+                gradients.len(),
+                "the gradient of {}",
+                tensor.name
+            );
+            let mean = tensor.of_mut(&mut self.mean).iter_mut();
+            let state = mean.zip(tensor.of_mut(&mut self.square));
+            for ((value, gradient), (mean, square)) in values.iter_mut().zip(gradients).zip(state) {
                 *mean = MEAN_DECAY * *mean + (1.0 - MEAN_DECAY) * gradient;
                 *square = SQUARE_DECAY * *square + (1.0 - SQUARE_DECAY) * gradient * gradient;
                 *value -= rate * *mean / ((*square * square_factor).sqrt() + EPSILON);
@@ -92,22 +83,20 @@ mod tests {
 
     #[test]
     fn the_first_update_is_the_rate_against_the_sign_of_the_gradient() {
-        let start = Parameters::pca(testing::geometry(), &testing::directions());
+        let start = testing::pca();
         let mut parameters = start.clone();
         let mut adam = Adam::new(&parameters);
-        let gradients = start
-            .iter()
-            .map(|(name, values)| {
-                (
-                    name,
-                    (0..values.len()).map(|i| [2.0, -0.1, 0.0][i % 3]).collect(),
-                )
-            })
-            .collect();
-        // The shortcut has a hundredth of the learning rate, so each update is +-1, or 0 without a gradient.
+        let mut gradients = start.weights.clone();
+        for tensor in TENSORS {
+            let values = tensor.of_mut(&mut gradients).iter_mut().enumerate();
+            values.for_each(|(index, value)| *value = [2.0, -0.1, 0.0][index % 3]);
+        }
+        // The shortcut has a hundredth of the learning rate, so each update is +-1, or 0 without a
+        // gradient.
         adam.update(&mut parameters, &gradients, 100.0);
-        for ((_, before), (_, after)) in start.iter().zip(parameters.iter()) {
-            for (index, (before, after)) in before.iter().zip(after).enumerate() {
+        for tensor in TENSORS {
+            let before = tensor.of(&start.weights).iter();
+            for (index, (before, after)) in before.zip(tensor.of(&parameters.weights)).enumerate() {
                 let expected = [-1.0, 1.0, 0.0][index % 3];
                 assert!((after - before - expected).abs() < 1e-5);
             }

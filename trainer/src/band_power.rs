@@ -1,4 +1,4 @@
-//! How well the power of the alpha and the beta band survives.
+//! Correlation of the power of the alpha and the beta band before and after coding.
 
 use crate::in_parallel;
 use std::f64::consts::TAU;
@@ -16,14 +16,14 @@ pub(crate) struct BandPower {
     electrodes: usize,
     /// Number of steps in a second.
     second: usize,
-    /// For each bin of 1 Hz in any band: its band, and cosine and sine times a Hann window for each step.
+    /// For each bin of 1 Hz in any band: its band, and cosine and sine times a Hann window for each
+    /// step.
     bins: Vec<(usize, Vec<[f64; 2]>)>,
 }
 
 impl BandPower {
     pub(crate) fn new(electrodes: usize, rate_hz: u32) -> Self {
         let second = rate_hz as usize;
-        #[expect(clippy::cast_precision_loss, reason = "below 2^53")]
         let part = |product: usize| TAU * (product % second) as f64 / second as f64;
         let wave = |hz: usize| {
             let value = |step| {
@@ -44,15 +44,17 @@ impl BandPower {
         }
     }
 
-    /// Returns the correlation of each band's power in coded sequences with that in the original ones: Pearson's, of
-    /// the logarithm in each second, mean over the electrodes. The values are in the order step, electrode.
+    /// Returns the correlation of each band's power in coded sequences with that in the original
+    /// ones: Pearson's, of the logarithm in each second, mean over the electrodes. The values are
+    /// in the order step, electrode.
     pub(crate) fn correlation(&self, original: &[Vec<f32>], coded: &[Vec<f32>]) -> [f64; 2] {
         let powers =
             |sequences| in_parallel::map(sequences, |values: &Vec<f32>| self.log_powers(values));
         correlation(&powers(original), &powers(coded))
     }
 
-    /// Returns the logarithm of each band's power in each second. The values are in the order step, electrode.
+    /// Returns the logarithm of each band's power in each second. The values are in the order step,
+    /// electrode.
     pub(crate) fn log_powers(&self, values: &[f32]) -> LogPowers {
         let mut powers = [(); 2].map(|()| vec![Vec::new(); self.electrodes]);
         let window = self.second * self.electrodes;
@@ -77,7 +79,8 @@ impl BandPower {
     }
 }
 
-/// Returns the correlation of each band's power in two lists of sequences, mean over the electrodes.
+/// Returns the correlation of each band's power in two lists of sequences, mean over the
+/// electrodes.
 pub(crate) fn correlation(one: &[LogPowers], other: &[LogPowers]) -> [f64; 2] {
     [0, 1].map(|band| {
         let series = |powers: &[LogPowers]| joined(powers.iter().map(|powers| &powers[band]));
@@ -97,19 +100,18 @@ fn joined<'p>(sequences: impl Iterator<Item = &'p Vec<Vec<f64>>>) -> Vec<Vec<f64
     joined
 }
 
-/// Returns the mean over the electrodes of Pearson's correlation of two series, `[electrode][second]`.
+/// Returns the mean over the electrodes of Pearson's correlation of two series,
+/// `[electrode][second]`.
 fn mean_correlation(one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
     let correlations = one
         .iter()
         .zip(other)
         .map(|(one, other)| pearson(one, other));
-    #[expect(clippy::cast_precision_loss, reason = "a few electrodes")]
     let count = one.len().max(1) as f64;
     correlations.sum::<f64>() / count
 }
 
 fn pearson(one: &[f64], other: &[f64]) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 seconds")]
     let count = one.len().max(1) as f64;
     let mean = |values: &[f64]| values.iter().sum::<f64>() / count;
     let (mean_one, mean_other) = (mean(one), mean(other));
@@ -127,32 +129,26 @@ fn pearson(one: &[f64], other: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Returns two electrodes at 128 Hz: a tone of 10 Hz and one of 20 Hz, with these amplitudes in each
-    /// second.
+    /// Returns two electrodes at 128 Hz: a tone of 10 Hz and one of 20 Hz, with these amplitudes in
+    /// each second.
+    #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
     fn tones(amplitudes: &[[f64; 2]]) -> Vec<f32> {
-        let step = |index: usize| {
-            let amplitudes = amplitudes[index / 128];
-            [10.0, 20.0].map(|hz| {
-                #[expect(
-                    clippy::cast_precision_loss,
-                    clippy::cast_possible_truncation,
-                    reason = "small"
-                )]
-                let value = [0, 1].map(|tone| {
-                    let phase = TAU * hz * index as f64 / 128.0;
-                    amplitudes[tone] * phase.sin()
-                })[usize::from(hz > 15.0)] as f32;
-                value
-            })
+        let value = |index: usize, tone: usize| {
+            let phase = TAU * [10.0, 20.0][tone] * index as f64 / 128.0;
+            (amplitudes[index / 128][tone] * phase.sin()) as f32
         };
-        (0..128 * amplitudes.len()).flat_map(step).collect()
+        let indices = 0..128 * amplitudes.len();
+        indices
+            .flat_map(|index| [0, 1].map(|tone| value(index, tone)))
+            .collect()
     }
 
     #[test]
     fn a_tone_has_its_power_in_its_band_only() {
         let powers = BandPower::new(2, 128).log_powers(&tones(&[[2.0, 3.0]]));
         let [alpha, beta] = powers;
-        // A Hann window halves the amplitude: |X|^2 = (a / 2 * 64)^2 in its bin, a quarter of that in each neighbour.
+        // A Hann window halves the amplitude: |X|^2 = (a / 2 * 64)^2 in its bin, a quarter of that
+        // in each neighbour.
         let expected = |amplitude: f64| ((amplitude * 32.0).powi(2) * 1.5).ln();
         assert!((alpha[0][0] - expected(2.0)).abs() < 1e-3, "{alpha:?}");
         assert!((beta[1][0] - expected(3.0)).abs() < 1e-3, "{beta:?}");

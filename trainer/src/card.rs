@@ -1,37 +1,101 @@
 //! The description of a new artifact, and its training card.
 
-use artifact::{
-    CodeFormat, CodeQuantisation, Decimation, Description, Dimensions, Figures, Filters, Input,
-    Mode, MontageFile, NetworkShape, Padding, TrainingCard, Window,
-};
-
 use crate::error::TrainerError;
-use crate::evaluate::{Evaluation, ReconstructionError};
 use crate::montage_check::MontageCheck;
 use crate::track::Track;
+use artifact::{
+    CodeFormat, CodeQuantisation, Decimation, Description, Dimensions, Filters, Input, Mode,
+    MontageFile, NetworkShape, Padding, TrainingCard, Window,
+};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use serde::de::{DeserializeOwned, IntoDeserializer, value::Error as ValueError};
+use std::path::{Path, PathBuf};
 
 /// Rate of the time steps, Hz.
 const STEP_RATE_HZ: u32 = 128;
 
-/// What `trainer train` can choose of a model; the defaults of its command line are the paper's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The default montage.
+const PAPER: &str = include_str!("../../files/montages/paper-61.toml");
+
+/// Montage and shape of a model.
+#[derive(Args, Clone, Debug)]
+pub struct ModelOptions {
+    /// Montage file: grid, order of the ADC's channels, ADC [default:
+    /// files/montages/paper-61.toml].
+    #[arg(long)]
+    montage: Option<PathBuf>,
+    /// Sampling rate of the ADC, Hz [default: that of the montage].
+    #[arg(long, value_name = "HZ")]
+    rate: Option<u32>,
+    /// Mode and dimensions.
+    #[command(flatten)]
+    pub shape: Shape,
+}
+
+/// Mode and dimensions of a model; the defaults of the command line are the paper's.
+#[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// Layers of the network.
+    /// Layers of the network; pca takes no epochs.
+    #[arg(long, default_value = "shortcut", value_parser = choice::<Mode, 4>([
+        ("pca", "Linear maps only, fitted without epochs"),
+        ("shortcut", "The paper's network plus linear maps, which start as PCA"),
+        ("paper", "The paper's network with index unpooling: its codes cannot be decoded, so only `crossval` takes it"),
+        ("paper-code-only", "The paper's network with nearest-neighbour unpooling"),
+    ]))]
     pub mode: Mode,
-    /// Number of numbers in a code.
+    /// Length of a code: 8 to 256, a multiple of 4, at most steps times electrodes.
+    #[arg(long, default_value_t = 128)]
     pub numbers: usize,
-    /// Number of time steps in a window.
+    /// Time steps of a window: 16 or 32.
+    #[arg(long, default_value_t = 16)]
     pub steps: usize,
-    /// Time steps from the start of one window to the start of the next.
+    /// Time steps from the start of one window to the next: 4, 8 or 16.
+    #[arg(long, default_value_t = 8)]
     pub hop: usize,
     /// Zero padding of both convolutions.
+    #[arg(long, default_value = "none", value_parser = choice::<Padding, 3>([
+        ("none", "No padding; needs a grid of at least 6 x 8 cells"),
+        ("space", "One row and column on each side"),
+        ("all", "One row, column and step on each side"),
+    ]))]
     pub padding: Padding,
     /// Integer format of the codes.
+    #[arg(long = "code-format", value_name = "CODE_FORMAT", default_value = "int8", value_parser = choice::<CodeFormat, 3>([
+        ("int8", "8 bits for each number"),
+        ("int8-exponent", "8 bits for each number, and a power of two for each window"),
+        ("int16", "16 bits for each number"),
+    ]))]
     pub format: CodeFormat,
 }
 
-/// Returns the description of the paper's chain (arXiv 2008.13485) for a montage, with an empty training
-/// card. Only an ADC rate that is no multiple of the step rate needs another decimation than the paper's.
+/// Returns a parser of the names of an enum's values, each with its help.
+fn choice<T: DeserializeOwned + Clone + Send + Sync + 'static, const N: usize>(
+    values: [(&'static str, &'static str); N],
+) -> impl TypedValueParser<Value = T> {
+    let values = values.map(|(name, help)| PossibleValue::new(name).help(help));
+    PossibleValuesParser::new(values)
+        .try_map(|name| T::deserialize(name.into_deserializer()) as Result<T, ValueError>)
+}
+
+impl ModelOptions {
+    /// Reads the montage file, or returns the paper's montage.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is no montage.
+    pub fn montage(&self) -> Result<MontageFile, TrainerError> {
+        let mut montage = match &self.montage {
+            Some(path) => MontageFile::read(path)?,
+            None => MontageFile::parse(Path::new("files/montages/paper-61.toml"), PAPER)?,
+        };
+        montage.adc.rate_hz = self.rate.unwrap_or(montage.adc.rate_hz);
+        Ok(montage)
+    }
+}
+
+/// Returns the description of the paper's chain (arXiv 2008.13485) for a montage, with an empty
+/// training card. Only an ADC rate that is no multiple of the step rate needs another decimation
+/// than the paper's.
 pub fn description(montage: &MontageFile, shape: Shape) -> Description {
     let adc = montage.adc();
     let decimation = if adc.rate_hz.is_multiple_of(STEP_RATE_HZ) {
@@ -66,6 +130,7 @@ pub fn description(montage: &MontageFile, shape: Shape) -> Description {
             order: 5,
             decimation,
         },
+        // Replaced by the standard deviation of the recordings.
         input: Input { sd_uv: 1.0 },
         training: TrainingCard {
             dataset: String::new(),
@@ -89,8 +154,8 @@ pub fn description(montage: &MontageFile, shape: Shape) -> Description {
     }
 }
 
-/// Returns the training card's note about recorded and interpolated electrodes. `signals` is the number of recorded
-/// signals from which all electrodes were computed.
+/// Returns the training card's note about recorded and interpolated electrodes. `signals` is the
+/// number of recorded signals from which all electrodes were computed.
 fn note(electrodes: usize, interpolated: usize, signals: usize) -> String {
     if interpolated == 0 {
         return "All electrodes were recorded.".to_owned();
@@ -112,31 +177,14 @@ pub(crate) fn fill_electrodes(card: &mut TrainingCard, electrodes: &[String], tr
     card.note = note(electrodes.len(), card.interpolated_electrodes, signals);
 }
 
-/// Returns the training card's text about the parts of the recordings that training does not see: `held_out`, and the
-/// first `settling_steps`.
+/// Returns the training card's text about the parts of the recordings that training does not see:
+/// `held_out`, and the first `settling_steps`.
 pub(crate) fn validation(held_out: Option<&str>, settling_steps: usize, rate_hz: u32) -> String {
-    #[expect(clippy::cast_precision_loss, reason = "a few thousand steps")]
     let settling_s = settling_steps as f64 / f64::from(rate_hz);
     format!(
         "{}; the first {settling_s:.1} s of every file, in which the filters settle, are left out",
         held_out.unwrap_or("none")
     )
-}
-
-/// Returns the figure that `figure` selects, of the network and of PCA, rounded to six decimals.
-pub fn figures(
-    network: &Evaluation,
-    pca: &Evaluation,
-    figure: impl Fn(&ReconstructionError) -> f64,
-) -> Figures {
-    // One training run on one subject does not make more decimals significant.
-    let figure = |error| (figure(error) * 1e6).round() / 1e6;
-    Figures {
-        autoencoder_float: figure(&network.float),
-        autoencoder_int8: figure(&network.integer),
-        pca_float: figure(&pca.float),
-        pca_int8: figure(&pca.integer),
-    }
 }
 
 /// Returns the description of the model to train, after all checks that need no recording.
@@ -153,8 +201,8 @@ pub fn checked_description(
     description_to_compare(montage, shape)
 }
 
-/// Returns the description of a model to train and compare, whose codes need not be decodable, after all
-/// checks that need no recording.
+/// Returns the description of a model to train and compare, whose codes need not be decodable,
+/// after all checks that need no recording.
 ///
 /// # Errors
 /// If the montage has mistakes, or no model can have this shape.
@@ -166,12 +214,10 @@ pub fn description_to_compare(
     if !mistakes.is_empty() {
         return Err(TrainerError::MontageMistakes {
             name: montage.name.clone(),
-            mistakes: mistakes.iter().map(ToString::to_string).collect(),
+            mistakes,
         });
     }
-    let mut description = description(montage, shape);
-    // Replaced by the standard deviation of the recordings.
-    description.input.sd_uv = 1.0;
+    let description = description(montage, shape);
     artifact::check_description(&description).map_err(TrainerError::Shape)?;
     let Dimensions {
         steps,
@@ -179,11 +225,9 @@ pub fn description_to_compare(
         numbers,
         ..
     } = description.dimensions();
-    let values = steps * electrodes;
-    if numbers > values {
+    if numbers > steps * electrodes {
         return Err(TrainerError::TooManyNumbers {
             numbers,
-            values,
             steps,
             electrodes,
         });

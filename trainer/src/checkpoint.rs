@@ -1,10 +1,10 @@
 //! Saves a training run between two epochs, and restores it.
 
-use crate::adam::{Adam, Moments};
+use crate::adam::Adam;
 use crate::error::TrainerError;
-use crate::parameters::{Parameters, is_statistic};
+use crate::parameters::{Parameters, TENSORS, Tensor, Weights, shapes};
 use crate::training::{Candidate, Settings, Training};
-use artifact::{Description, Geometry, Tensors, weight_shapes};
+use artifact::{Description, Geometry, Tensors};
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
 use std::collections::{BTreeMap, HashMap};
@@ -14,16 +14,14 @@ use std::str::FromStr;
 
 /// Writes a training run to `path`; a crash while writing leaves the previous checkpoint intact.
 ///
-/// `data` identifies the data and the model's shape: a training run can be resumed only with the same.
+/// `data` identifies the data and the model's shape: a training run can be resumed only with the
+/// same.
 ///
 /// # Errors
 /// If the file cannot be written.
 pub fn write(path: &Path, training: &Training, data: &str) -> Result<(), TrainerError> {
     let bytes = to_bytes(training, data).map_err(|error| damaged(path, &error))?;
-    let file_error = |source| TrainerError::File {
-        path: path.to_owned(),
-        source,
-    };
+    let file_error = TrainerError::file(path);
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(file_error)?;
     }
@@ -32,8 +30,9 @@ pub fn write(path: &Path, training: &Training, data: &str) -> Result<(), Trainer
     std::fs::rename(&partial, path).map_err(file_error)
 }
 
-/// Reads a training run that [`write()`] has written with the same settings and data. If it is finished and
-/// `settings` has more epochs, they are added with a learning rate that begins another cycle.
+/// Reads a training run that [`write()`] has written with the same settings and data. If it is
+/// finished and `settings` has more epochs, they are added with a learning rate that begins another
+/// cycle.
 ///
 /// # Errors
 /// If the file cannot be read, is damaged or belongs to another training run.
@@ -44,10 +43,7 @@ pub fn read(
     data: &str,
 ) -> Result<Training, TrainerError> {
     let (mode, geometry) = (description.mode, Geometry::new(description));
-    let bytes = std::fs::read(path).map_err(|source| TrainerError::File {
-        path: path.to_owned(),
-        source,
-    })?;
+    let bytes = std::fs::read(path).map_err(TrainerError::file(path))?;
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|error| damaged(path, &error))?;
     let metadata = Metadata {
         path,
@@ -56,11 +52,8 @@ pub fn read(
     let expected = training_identity(settings, data);
     let found = metadata.text("training")?;
     if found != expected {
-        return Err(TrainerError::OtherTraining {
-            path: path.to_owned(),
-            found,
-            expected,
-        });
+        let path = path.to_owned();
+        return Err(TrainerError::OtherTraining(path, found, expected));
     }
     let stored = Settings {
         epochs: metadata.number("epochs")?,
@@ -73,12 +66,12 @@ pub fn read(
             path: path.to_owned(),
             stored: stored.epochs,
             finished: epoch,
-            wanted: settings.epochs,
+            requested: settings.epochs,
         });
     }
     let file = SafeTensors::deserialize(&bytes).map_err(|error| damaged(path, &error))?;
-    let tensor = |kind: &str, name: &str, shape: &[usize]| -> Result<Vec<f32>, TrainerError> {
-        let name = format!("{kind}.{name}");
+    let tensor = |kind: &str, tensor: &Tensor, shape: &[usize]| -> Result<Vec<f32>, TrainerError> {
+        let name = format!("{kind}.{}", tensor.name);
         let view = file.tensor(&name).map_err(|error| damaged(path, &error))?;
         if view.dtype() != Dtype::F32 || view.shape() != [shape.iter().product::<usize>()] {
             return Err(damaged(path, &format!("tensor {name} has the wrong shape")));
@@ -86,26 +79,21 @@ pub fn read(
         let (words, _) = view.data().as_chunks();
         Ok(words.iter().map(|word| f32::from_le_bytes(*word)).collect())
     };
+    let shapes = shapes(mode, &geometry);
     let parameters = |kind: &str| -> Result<Parameters, TrainerError> {
         let mut tensors = Tensors::for_weights();
-        for (name, shape) in weight_shapes(mode, &geometry) {
-            tensors.insert(name, &shape, tensor(kind, name, &shape)?);
+        for (field, shape) in &shapes {
+            tensors.insert(field.name, shape, tensor(kind, field, shape)?);
         }
         Ok(Parameters::from_tensors(mode, geometry, &tensors)?)
     };
-    let mut moments = BTreeMap::new();
-    for (name, shape) in weight_shapes(mode, &geometry) {
-        if !is_statistic(name) {
-            let mean = tensor("mean", name, &shape)?;
-            moments.insert(
-                name,
-                Moments {
-                    mean,
-                    square: tensor("square", name, &shape)?,
-                },
-            );
+    let moments = |kind: &str| -> Result<Weights, TrainerError> {
+        let mut weights = Weights::default();
+        for (field, shape) in shapes.iter().filter(|(tensor, _)| tensor.is_trained()) {
+            *field.of_mut(&mut weights) = tensor(kind, field, shape)?;
         }
-    }
+        Ok(weights)
+    };
     let mut training = Training {
         settings: stored,
         epoch,
@@ -113,7 +101,8 @@ pub fn read(
         parameters: parameters("current")?,
         adam: Adam {
             updates: metadata.number("updates")?,
-            moments,
+            mean: moments("mean")?,
+            square: moments("square")?,
         },
         best: Candidate {
             epoch: metadata.number("best_epoch")?,
@@ -128,8 +117,8 @@ pub fn read(
     Ok(training)
 }
 
-/// Returns settings and data as text, without the number of epochs. A training run can be resumed only if this text
-/// is the same.
+/// Returns settings and data as text, without the number of epochs. A training run can be resumed
+/// only if this text is the same.
 fn training_identity(settings: Settings, data: &str) -> String {
     let Settings {
         epochs: _,
@@ -142,22 +131,19 @@ fn training_identity(settings: Settings, data: &str) -> String {
 
 fn to_bytes(training: &Training, data: &str) -> Result<Vec<u8>, safetensors::SafeTensorError> {
     let mut tensors: BTreeMap<String, Vec<u8>> = BTreeMap::new();
-    let mut put = |kind: &str, name: &str, values: &[f32]| {
-        let bytes = values
-            .iter()
-            .flat_map(|value| value.to_le_bytes())
-            .collect();
-        tensors.insert(format!("{kind}.{name}"), bytes);
-    };
-    for (name, values) in training.parameters.iter() {
-        put("current", name, values);
-    }
-    for (name, values) in training.best.parameters.iter() {
-        put("best", name, values);
-    }
-    for (name, moments) in &training.adam.moments {
-        put("mean", name, &moments.mean);
-        put("square", name, &moments.square);
+    for (kind, weights) in [
+        ("current", &training.parameters.weights),
+        ("best", &training.best.parameters.weights),
+        ("mean", &training.adam.mean),
+        ("square", &training.adam.square),
+    ] {
+        for tensor in TENSORS {
+            let values = tensor.of(weights).iter();
+            if values.len() > 0 {
+                let bytes = values.flat_map(|value| value.to_le_bytes()).collect();
+                tensors.insert(format!("{kind}.{}", tensor.name), bytes);
+            }
+        }
     }
     let mut views = Vec::with_capacity(tensors.len());
     for (name, bytes) in &tensors {
@@ -185,10 +171,7 @@ fn to_bytes(training: &Training, data: &str) -> Result<Vec<u8>, safetensors::Saf
 }
 
 fn damaged(path: &Path, problem: &dyn Display) -> TrainerError {
-    TrainerError::Checkpoint {
-        path: path.to_owned(),
-        problem: problem.to_string(),
-    }
+    TrainerError::Checkpoint(path.to_owned(), problem.to_string())
 }
 
 /// Metadata in the header of a checkpoint.
@@ -215,97 +198,63 @@ impl Metadata<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::Split;
-    use crate::network::Network;
-    use crate::testing;
-    use std::ops::ControlFlow;
+    use crate::testing::{self, Run, SETTINGS};
+    use std::path::PathBuf;
 
-    const SETTINGS: Settings = Settings {
-        epochs: 2,
-        batch: 8,
-        peak_rate: 1e-3,
-        seed: 4,
-    };
+    fn path(folder: &tempfile::TempDir) -> PathBuf {
+        folder.path().join("deep/checkpoint.safetensors")
+    }
+
+    fn read_with(path: &Path, settings: Settings, data: &str) -> Result<Training, TrainerError> {
+        read(path, &testing::description(), settings, data)
+    }
 
     #[test]
     fn a_resumed_training_equals_an_uninterrupted_one() {
-        let network = Network::new(&testing::description());
-        let split = Split {
-            training: testing::dataset(1, 16 * 16),
-            validation: testing::dataset(2, 16 * 4),
-        };
-        let parameters =
-            Parameters::from_directions(testing::geometry(), &testing::directions(), SETTINGS.seed);
-        let mut through = Training::start(SETTINGS, parameters, &network, &split);
-        through
-            .run_epoch(&network, &split, |_, _| ControlFlow::Continue(()))
-            .unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("deep/checkpoint.safetensors");
+        let (run, folder) = (Run::new(), tempfile::tempdir().unwrap());
+        let path = path(&folder);
+        let mut through = run.start();
+        run.run_epoch(&mut through);
         write(&path, &through, "these").unwrap();
-        let mut resumed = read(&path, &testing::description(), SETTINGS, "these").unwrap();
+        let mut resumed = read_with(&path, SETTINGS, "these").unwrap();
         assert_eq!(resumed, through);
-        through
-            .run_epoch(&network, &split, |_, _| ControlFlow::Continue(()))
-            .unwrap();
-        resumed
-            .run_epoch(&network, &split, |_, _| ControlFlow::Continue(()))
-            .unwrap();
+        run.run_epoch(&mut through);
+        run.run_epoch(&mut resumed);
         assert_eq!(resumed, through);
 
-        let error = read(&path, &testing::description(), SETTINGS, "others").unwrap_err();
-        assert!(
-            matches!(error, TrainerError::OtherTraining { .. }),
-            "{error}"
-        );
-        let other = Settings {
-            seed: 5,
-            ..SETTINGS
-        };
-        assert!(matches!(
-            read(&path, &testing::description(), other, "these"),
-            Err(TrainerError::OtherTraining { .. })
-        ));
+        let seed = SETTINGS.seed + 1;
+        for (settings, data) in [
+            (SETTINGS, "others"),
+            (Settings { seed, ..SETTINGS }, "these"),
+        ] {
+            let error = read_with(&path, settings, data).unwrap_err();
+            let is_other = matches!(error, TrainerError::OtherTraining(..));
+            assert!(is_other, "{error}");
+        }
         std::fs::write(&path, b"nothing").unwrap();
-        assert!(matches!(
-            read(&path, &testing::description(), SETTINGS, "these"),
-            Err(TrainerError::Checkpoint { .. })
-        ));
+        let error = read_with(&path, SETTINGS, "these").unwrap_err();
+        assert!(matches!(error, TrainerError::Checkpoint(..)), "{error}");
     }
 
     #[test]
     fn a_finished_training_can_go_on_with_another_cycle_and_an_unfinished_one_cannot_change() {
-        let network = Network::new(&testing::description());
-        let split = Split {
-            training: testing::dataset(1, 16 * 16),
-            validation: testing::dataset(2, 16 * 4),
-        };
-        let start = Parameters::from_directions(testing::geometry(), &testing::directions(), 4);
-        let mut training = Training::start(SETTINGS, start, &network, &split);
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("checkpoint.safetensors");
-        let run = |training: &mut Training| {
-            let go_on = |_, _| ControlFlow::Continue(());
-            training.run_epoch(&network, &split, go_on).unwrap()
-        };
-        let read_with = |epochs| {
-            let settings = Settings { epochs, ..SETTINGS };
-            read(&path, &testing::description(), settings, "these")
-        };
-        run(&mut training);
+        let (run, folder) = (Run::new(), tempfile::tempdir().unwrap());
+        let path = path(&folder);
+        let mut training = run.start();
+        let read_with = |epochs| read_with(&path, Settings { epochs, ..SETTINGS }, "these");
+        run.run_epoch(&mut training);
         write(&path, &training, "these").unwrap();
         let error = read_with(5).unwrap_err().to_string();
         assert!(error.contains("1 of 2 epochs"), "{error}");
-        run(&mut training);
+        run.run_epoch(&mut training);
         write(&path, &training, "these").unwrap();
         assert!(read_with(1).is_err());
         let mut longer = read_with(5).unwrap();
         assert!(!longer.is_done());
         let before = longer.parameters.clone();
-        run(&mut longer);
+        run.run_epoch(&mut longer);
+        // The first rate of the new cycle is not 0.
         assert_ne!(longer.parameters, before);
-        // The first rate of the cycle is far above the last of the one before, so the parameters move further than
-        // they would have.
         assert_eq!(
             (longer.epoch(), longer.epochs(), longer.cycle_start),
             (3, 5, 2)

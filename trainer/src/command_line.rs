@@ -1,26 +1,32 @@
-//! The command line: `trainer train`, `evaluate`, `crossval`, `merge` and `montage check`.
+//! The command line of `trainer`.
 
-mod crossval;
-mod evaluate;
-mod mains;
-mod montage;
-mod packed;
-mod shape;
 mod terminal;
-mod train;
 
-use clap::{Parser, Subcommand};
+use artifact::MontageFile;
+use clap::{Args, Parser, Subcommand};
+use rustix::time::{ClockId, clock_gettime};
+use serde_json::Value as Json;
+use std::error::Error;
+use std::fmt;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Instant;
+use terminal::Terminal;
+use trainer::check::{CheckOptions, check};
+use trainer::comparison;
+use trainer::crossval::{self, CrossvalOptions, Table};
+use trainer::difference::Difference;
 use trainer::error::TrainerError;
+use trainer::import::Import;
+use trainer::montage_check::{MontageCheck, RecordingCheck};
+use trainer::packed::{self, PackedOptions, RateTable};
+use trainer::progress::ProgressObserver;
+use trainer::report;
+use trainer::selection::TestFiles;
+use trainer::session::{self, TrainOptions};
+use trainer::show::Shown;
 
-use self::crossval::{CrossvalArgs, MergeArgs};
-use self::evaluate::EvaluateArgs;
-use self::montage::MontageVerb;
-use self::packed::PackedArgs;
-use self::terminal::print_error;
-use self::train::TrainArgs;
-
-/// Trains the convolutional autoencoder on EEG recordings, and writes the artifact.
+/// Trains models of EEG, evaluates them, imports networks, and shows, compares and checks models.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Cli {
@@ -31,59 +37,287 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Verb {
     /// Train a model and write its artifact.
-    Train(Box<TrainArgs>),
-    /// Print the figures of an artifact on recordings, beside PCA with the same number of components.
+    Train(Box<TrainOptions>),
+    /// Print the figures of an artifact on recordings, and those of PCA with the same number of
+    /// components.
     Evaluate(EvaluateArgs),
     /// Compare a model with PCA by cross-validation, for each subject.
     Crossval(Box<CrossvalArgs>),
     /// Make the table of a cross-validation from the folders of its shards.
     Merge(MergeArgs),
-    /// Train a packed model: as few bits as the wanted error allows.
-    Packed(PackedArgs),
+    /// Train a packed model: as few bits as the requested error allows.
+    Packed(Box<PackedOptions>),
+    /// Make a model from the tensors of a network that was trained elsewhere, for example in
+    /// PyTorch.
+    Import(Import),
+    /// Print what a model is: grid, training card, filters, layers, memory.
+    Show(ShowArgs),
+    /// Print the differences between two models. Exit status: 0 equal, 1 different, 2 error.
+    Diff(DiffArgs),
+    /// Check files, integers and golden codes of a model, and its error on recordings. Exit status:
+    /// 0 sound, 1 golden codes differ, 2 error.
+    Check(CheckOptions),
     /// Work with montage files, such as those in `files/montages/`.
     #[command(subcommand)]
     Montage(MontageVerb),
 }
 
-/// Runs the program; returns 0, 1 for a failure, 2 for wrong usage and 130 after Ctrl-C.
+#[derive(Args, Debug)]
+struct EvaluateArgs {
+    /// Folder to read the artifact from.
+    #[arg(long)]
+    artifact: PathBuf,
+    #[command(flatten)]
+    files: TestFiles,
+    /// Print one JSON object instead of a table.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    report: ReportArgs,
+}
+
+#[derive(Args, Debug)]
+struct CrossvalArgs {
+    #[command(flatten)]
+    options: CrossvalOptions,
+    #[command(flatten)]
+    report: ReportArgs,
+}
+
+#[derive(Args, Debug)]
+struct MergeArgs {
+    /// Folders that `trainer crossval --out` wrote.
+    #[arg(required = true)]
+    folders: Vec<PathBuf>,
+    /// Folder of the table and of all outcomes.
+    #[arg(long)]
+    out: PathBuf,
+    #[command(flatten)]
+    report: ReportArgs,
+}
+
+#[derive(Args, Debug)]
+struct ReportArgs {
+    /// Folder to write a report to: pictures with their values, and a page that shows them. That of
+    /// a cross-validation is written once all folds are there.
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// Replace a report in this folder.
+    #[arg(long, requires = "report")]
+    force: bool,
+}
+
+#[derive(Args, Debug)]
+struct ShowArgs {
+    /// Folder of the model.
+    #[arg(default_value = "signal/model/artifact")]
+    folder: PathBuf,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Args, Debug)]
+struct DiffArgs {
+    /// Folder of the first model.
+    one: PathBuf,
+    /// Folder of the second model.
+    other: PathBuf,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum MontageVerb {
+    /// Print the grid of a montage and every mistake in it. Exit status: 0 no mistake, 2 mistakes.
+    Check {
+        /// Montage file.
+        file: PathBuf,
+        /// Recording (EDF, BDF, GDF) to compare: which electrodes it has, which are missing.
+        #[arg(long)]
+        recording: Option<PathBuf>,
+    },
+}
+
+/// Exit status of wrong usage, and of every error of a command that checks.
+const USAGE: u8 = 2;
+
+/// Runs the program. Returns 0, 1 for a failure, 2 for wrong usage and 130 after Ctrl-C. Commands
+/// that check return 2 for every error, and 1 or 2 for what they find.
 pub(crate) fn run() -> ExitCode {
-    let result = match Cli::parse().verb {
-        Verb::Train(args) => args.run(),
-        Verb::Evaluate(args) => args.run(),
-        Verb::Crossval(args) => args.run(),
-        Verb::Merge(args) => args.run(),
-        Verb::Packed(args) => args.run(),
-        Verb::Montage(verb) => return verb.run(),
+    let (result, on_failure) = match Cli::parse().verb {
+        Verb::Train(options) => (train(&options), 1),
+        Verb::Evaluate(args) => (evaluate(&args), 1),
+        Verb::Crossval(args) => (cross_validate(&args), 1),
+        Verb::Merge(args) => (merge(&args), 1),
+        Verb::Packed(options) => (train_packed(&options), 1),
+        Verb::Import(import) => (run_import(&import), USAGE),
+        Verb::Show(args) => (show(&args), USAGE),
+        Verb::Diff(args) => (diff(&args), USAGE),
+        Verb::Check(options) => (check_model(&options), USAGE),
+        Verb::Montage(MontageVerb::Check { file, recording }) => {
+            (check_montage(&file, recording.as_deref()), USAGE)
+        }
     };
-    let Err(error) = result else {
-        return ExitCode::SUCCESS;
+    let error = match result {
+        Ok(status) => return status,
+        Err(error) => error,
     };
     print_error(&error);
-    match error {
-        // Settings and montages that no model can have are wrong usage.
-        TrainerError::MontageFile(_)
-        | TrainerError::MontageMistakes { .. }
-        | TrainerError::TooManyNumbers { .. }
-        | TrainerError::TooFewBlocks { .. }
-        | TrainerError::NothingFound { .. }
-        | TrainerError::NothingMatches { .. }
-        | TrainerError::EmptyFolder { .. }
-        | TrainerError::BadPattern { .. }
-        | TrainerError::BadRange { .. }
-        | TrainerError::TrainedOn { .. }
-        | TrainerError::NothingToTest
-        | TrainerError::ArtifactExists { .. }
-        | TrainerError::Report(_)
-        | TrainerError::NothingToReport
-        | TrainerError::OtherTraining { .. }
-        | TrainerError::OtherEpochs { .. }
-        | TrainerError::OtherCrossval { .. }
-        | TrainerError::PaperMode
-        | TrainerError::PackedExists { .. }
-        | TrainerError::Coefficients { .. }
-        | TrainerError::TargetOutOfReach { .. }
-        | TrainerError::Shape(_) => ExitCode::from(2),
-        TrainerError::Interrupted { .. } => ExitCode::from(130),
-        _ => ExitCode::FAILURE,
+    ExitCode::from(match error {
+        TrainerError::Interrupted(..) => 130,
+        error if error.is_usage() => USAGE,
+        _ => on_failure,
+    })
+}
+
+/// Trains a model, and prints its figures on the test recordings.
+fn train(options: &TrainOptions) -> Result<ExitCode, TrainerError> {
+    if let Some(comparison) = session::train(options, &mut Terminal::with_interrupt()?)? {
+        print!("{comparison}");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the figures of a model and of its PCA.
+fn evaluate(args: &EvaluateArgs) -> Result<ExitCode, TrainerError> {
+    let folder = args.report.report.as_deref();
+    report::prepare(folder, args.report.force)?;
+    let terminal = &mut Terminal::new();
+    let files = &args.files;
+    let (data, mains_hz) = (files.folder(), files.mains_hz);
+    let comparison = comparison::compare(&args.artifact, data, &files.test, mains_hz, terminal)?;
+    if let Some(folder) = folder {
+        report::write_evaluation(folder, &comparison)?;
+        terminal.message(&report::message(folder));
+    }
+    print(&comparison, args.json.then(|| comparison.to_json()));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Runs a cross-validation, and prints the table once all folds are there.
+fn cross_validate(args: &CrossvalArgs) -> Result<ExitCode, TrainerError> {
+    let CrossvalArgs { options, report } = args;
+    report::prepare(report.report.as_deref(), report.force)?;
+    let start = Instant::now();
+    let terminal = &mut Terminal::new();
+    let table = crossval::run(options, terminal)?;
+    terminal.message(&cost(start));
+    match table {
+        Some(table) => print_table(&table, &options.out, report)?,
+        None => terminal.message(&format!(
+            "folds of other shards are missing; `trainer merge {} --out TABLE` makes the table once \
+             all are done",
+            options.out.display()
+        )),
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Merges the outcomes of shards and prints the table.
+fn merge(args: &MergeArgs) -> Result<ExitCode, TrainerError> {
+    report::prepare(args.report.report.as_deref(), args.report.force)?;
+    let table = crossval::merge(&args.folders, &args.out)?;
+    print_table(&table, &args.out, &args.report)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn print_table(table: &Table, folder: &Path, report: &ReportArgs) -> Result<(), TrainerError> {
+    print!("{table}");
+    let folder = folder.display();
+    eprintln!("table.md, table.csv and table.json written to {folder}");
+    if let Some(folder) = &report.report {
+        report::write_crossval(folder, table)?;
+        eprintln!("{}", report::message(folder));
+    }
+    Ok(())
+}
+
+/// Returns wall time, processor time and peak memory of this process, as text.
+fn cost(start: Instant) -> String {
+    let time = clock_gettime(ClockId::ProcessCPUTime);
+    let wall = start.elapsed().as_secs_f64();
+    let memory = peak_memory_mb().map_or_else(String::new, |mb| format!(", peak memory {mb} MB"));
+    format!("{wall:.0} s, {} s of processor time{memory}", time.tv_sec)
+}
+
+/// Returns the peak memory of this process, megabytes; `None` if the system does not report it.
+fn peak_memory_mb() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let mut lines = status.lines();
+    let line = lines.find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024 / 1_000_000)
+}
+
+/// Trains a packed model, and prints its bits and errors at each rate, and those of the same
+/// transform code without prediction.
+fn train_packed(options: &PackedOptions) -> Result<ExitCode, TrainerError> {
+    let trained = packed::train(options, &mut Terminal::new())?;
+    println!("packed code");
+    print!("{}", RateTable(&trained.figures));
+    println!("\nKLT of a block, coded alike, without prediction");
+    print!("{}", RateTable(&trained.without_prediction));
+    Ok(ExitCode::SUCCESS)
+}
+
+fn run_import(import: &Import) -> Result<ExitCode, TrainerError> {
+    let imported = import.run()?;
+    print!("{imported}");
+    println!("model {} written to {}", imported.id, import.out.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+fn show(args: &ShowArgs) -> Result<ExitCode, TrainerError> {
+    let shown = Shown::read(&args.folder)?;
+    print(&shown, args.json.then(|| shown.to_json()));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Returns 1 unless the models are equal.
+fn diff(args: &DiffArgs) -> Result<ExitCode, TrainerError> {
+    let difference = Difference::read([&args.one, &args.other])?;
+    print(&difference, args.json.then(|| difference.to_json()));
+    Ok(ExitCode::from(u8::from(!difference.is_empty())))
+}
+
+/// Returns 1 unless the golden codes are right.
+fn check_model(options: &CheckOptions) -> Result<ExitCode, TrainerError> {
+    let checked = check(options, &mut Terminal::new())?;
+    print(&checked, options.json.then(|| checked.to_json()));
+    Ok(ExitCode::from(u8::from(!checked.is_good())))
+}
+
+/// Prints the check of a montage, and how a recording fits it. Returns 2 if the montage has
+/// mistakes.
+fn check_montage(file: &Path, recording: Option<&Path>) -> Result<ExitCode, TrainerError> {
+    let montage = MontageFile::read(file)?;
+    let check = MontageCheck::new(&montage);
+    print!("{check}");
+    if !check.mistakes.is_empty() {
+        return Ok(ExitCode::from(USAGE));
+    }
+    if let Some(recording) = recording {
+        print!("{}", RecordingCheck::read(recording, &montage)?);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints an object, as JSON if there is any.
+fn print(object: &impl fmt::Display, json: Option<Json>) {
+    match json {
+        Some(json) => println!("{json:#}"),
+        None => print!("{object}"),
+    }
+}
+
+/// Prints an error with its causes to standard error.
+fn print_error(error: &dyn Error) {
+    eprintln!("trainer: {error}");
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        eprintln!("  because {error}");
+        cause = error.source();
     }
 }

@@ -1,21 +1,23 @@
-//! Figures of a model on recordings that need not be those of the training.
+//! Figures of a model on recordings, of its training or others.
 
-use crate::card;
-use crate::code_comparison::CodeComparison;
+use crate::band_power::BandPower;
 use crate::dataset::Dataset;
+use crate::electrode_error::{ElectrodeError, ElectrodeSums};
 use crate::error::TrainerError;
-use crate::evaluate::{ReconstructionError, Table};
+use crate::evaluate::{CodedBlock, Evaluation, ReconstructionError, Table, evaluate_blocks};
+use crate::overlap::OverlapMean;
 use crate::packed::{RateFigures, RateTable, evaluate as evaluate_packed};
 use crate::progress::ProgressObserver;
 use crate::selection::{self, file_name};
 use crate::track::{Track, read_tracks};
+use crate::truncation::{TruncationError, TruncationSums};
 use artifact::{Artifact, Figures, Mode, PackedFigures, Pca};
 use serde_json::{Value as Json, json};
 use std::fmt;
 use std::path::Path;
 
-/// Figures of a model on recordings: of its network, beside PCA with the same number of components, and of its packed
-/// code.
+/// Figures of a model on recordings: of its network, of PCA with the same number of components, and
+/// of its packed code.
 #[derive(Clone, Debug)]
 pub struct Comparison {
     /// Id of the model.
@@ -30,12 +32,13 @@ pub struct Comparison {
     pub recordings: Vec<String>,
     /// Codes of the network and of PCA; `None` if the model has no network.
     pub codes: Option<CodeComparison>,
-    /// Bits and error of the packed model at each rate, finest first; empty if the artifact has none.
+    /// Bits and error of the packed model at each rate, finest first; empty if the artifact has
+    /// none.
     pub packed: Vec<RateFigures>,
     /// Rate that a device starts with; `None` without a packed model.
     pub packed_rate: Option<u8>,
-    /// Figures of the Karhunen-Loeve transform of a block, coded alike but without prediction, from the packed model's
-    /// card; empty if its test recordings are others.
+    /// Figures of the Karhunen-Loeve transform of a block, coded alike but without prediction, from
+    /// the packed model's card; empty if its test recordings are others.
     pub without_prediction: Vec<PackedFigures>,
     /// Number of time steps from one code, and one packed block, to the next.
     pub hop: usize,
@@ -86,7 +89,8 @@ impl Comparison {
         })
     }
 
-    /// Returns the figures as a JSON object. Those of a network are missing where the model has none.
+    /// Returns the figures as a JSON object. Those of a network are missing where the model has
+    /// none.
     pub fn to_json(&self) -> Json {
         let mut object = json!({
             "model": self.model,
@@ -104,14 +108,21 @@ impl Comparison {
         object
     }
 
-    /// Returns the figures that `figure` selects, for the training card.
+    /// Returns the figures that `figure` selects, for the training card, rounded to six decimals:
+    /// one training run on one subject does not make more decimals significant.
     pub(crate) fn figures(&self, figure: fn(&ReconstructionError) -> f64) -> Option<Figures> {
         let codes = self.codes.as_ref()?;
         let pca = codes.pca.as_ref()?;
-        Some(card::figures(&codes.network, pca, figure))
+        let figure = |error| (figure(error) * 1e6).round() / 1e6;
+        Some(Figures {
+            autoencoder_float: figure(&codes.network.float),
+            autoencoder_int8: figure(&codes.network.integer),
+            pca_float: figure(&pca.float),
+            pca_int8: figure(&pca.integer),
+        })
     }
 
-    /// Prints the errors of network and PCA, and what becomes of the power of two bands.
+    /// Prints the errors of network and PCA, and the correlation of the power of two bands.
     fn fmt_codes(&self, codes: &CodeComparison, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = format!("PCA-{}", codes.numbers);
         let mut rows = Vec::new();
@@ -174,7 +185,7 @@ impl fmt::Display for Comparison {
     }
 }
 
-/// Returns the figures in the card of the packed model if they are of these recordings.
+/// Returns the figures in the card of the packed model if its test recordings are these.
 fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> {
     let card = model
         .packed
@@ -185,8 +196,9 @@ fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> 
     of_these.map_or_else(Vec::new, |card| card.without_prediction.clone())
 }
 
-/// Evaluates the artifact in `folder`, and its PCA, on recordings. `names` selects them in `data` or by path; if it
-/// is empty, those of the training card are used. `mains_hz` replaces the mains frequency of the training.
+/// Evaluates the artifact in `folder`, and its PCA, on recordings. `names` selects them in `data`
+/// or by path; if it is empty, those of the training card are used. `mains_hz` replaces the mains
+/// frequency of the training.
 ///
 /// # Errors
 /// If the artifact or a recording cannot be used.
@@ -225,4 +237,127 @@ pub fn compare(
     let tracks = read_tracks(&files, &model.description, mains_hz, observer)?;
     observer.message("evaluating ...");
     Comparison::new(&model, pca.as_ref(), &tracks)
+}
+
+/// Figures of a network's codes, and of PCA with the same number of components, on the same
+/// recordings.
+#[derive(Clone, Debug)]
+pub struct CodeComparison {
+    /// Figures of the network.
+    pub network: Evaluation,
+    /// Figures of PCA; `None` if the artifact has no `pca.safetensors`.
+    pub pca: Option<Evaluation>,
+    /// Number of numbers in a code.
+    pub numbers: usize,
+    /// Errors of the network at each electrode, in the order of the montage.
+    pub electrode_errors: Vec<ElectrodeError>,
+    /// Errors of PCA with fewer numbers, in ascending order, up to all of them; empty without PCA.
+    pub pca_by_numbers: Vec<TruncationError>,
+    /// Correlation of band powers with those of the original, of the network's integer codes:
+    /// overlapping windows are averaged, as in a stream. The bands are those of
+    /// [`RateFigures`](crate::packed::RateFigures).
+    pub network_bands: [f64; 2],
+    /// Correlation of band powers of PCA's integer codes.
+    pub pca_bands: Option<[f64; 2]>,
+}
+
+impl CodeComparison {
+    /// Measures a network and its PCA on a dataset in units of `input.sd_uv`. `is_recorded` returns
+    /// whether every recording has an electrode.
+    ///
+    /// # Errors
+    /// If the model cannot be turned into integers, or its codes cannot be decoded.
+    pub(crate) fn new(
+        model: &Artifact,
+        pca: Option<&Pca>,
+        dataset: &Dataset,
+        is_recorded: impl Fn(&String) -> bool,
+    ) -> Result<Self, TrainerError> {
+        let description = &model.description;
+        let mut electrodes = ElectrodeSums::new(description.montage.electrodes.len());
+        let is_pca = description.mode == Mode::Pca;
+        let mut truncation = is_pca.then(|| TruncationSums::new(model)).transpose()?;
+        let (network, network_bands) = evaluate_with_bands(model, dataset, |block| {
+            electrodes.add(block);
+            if let Some(sums) = &mut truncation {
+                sums.add(block);
+            }
+        })?;
+        let pca = match pca {
+            _ if is_pca => Some((network, network_bands)),
+            Some(pca) => {
+                let linear = pca.to_model(description.clone())?;
+                let sums = truncation.insert(TruncationSums::new(&linear)?);
+                Some(evaluate_with_bands(&linear, dataset, |block| {
+                    sums.add(block);
+                })?)
+            }
+            None => None,
+        };
+        Ok(Self {
+            network,
+            pca: pca.map(|(evaluation, _)| evaluation),
+            numbers: description.code.numbers,
+            electrode_errors: electrodes.errors(description, is_recorded),
+            pca_by_numbers: truncation.map_or_else(Vec::new, |sums| sums.errors_by_numbers()),
+            network_bands,
+            pca_bands: pca.map(|(_, bands)| bands),
+        })
+    }
+
+    /// Returns the figures as a JSON object.
+    pub(crate) fn to_json(&self) -> Json {
+        let pca = self.pca.as_ref();
+        json!({
+            "windows": self.network.windows,
+            "numbers": self.numbers,
+            "code_format": self.network.format.to_string(),
+            "bits_per_window": self.bits_per_window(),
+            "mse_float": self.network.float.mse,
+            "mse_int8": self.network.integer.mse,
+            "mse_pca": pca.map(|pca| pca.float.mse),
+            "mse_pca_int8": pca.map(|pca| pca.integer.mse),
+            "prd_percent_float": self.network.float.prd_percent,
+            "prd_percent_int8": self.network.integer.prd_percent,
+            "prd_percent_pca": pca.map(|pca| pca.float.prd_percent),
+            "prd_percent_pca_int8": pca.map(|pca| pca.integer.prd_percent),
+            "band_correlation_8_13": self.network_bands[0],
+            "band_correlation_13_30": self.network_bands[1],
+            "band_correlation_8_13_pca": self.pca_bands.map(|bands| bands[0]),
+            "band_correlation_13_30_pca": self.pca_bands.map(|bands| bands[1]),
+            "input_clipped": self.network.input_clipped,
+            "codes_at_rail": self.network.code_clipped,
+        })
+    }
+
+    /// Returns the number of bits of an integer code.
+    pub fn bits_per_window(&self) -> usize {
+        self.bits_of(self.numbers)
+    }
+
+    /// Returns the number of bits of an integer code with this number of numbers.
+    pub fn bits_of(&self, numbers: usize) -> usize {
+        self.network.format.bits(numbers)
+    }
+}
+
+/// Measures a model; returns its figures, and the correlation of band powers with its integer
+/// codes.
+fn evaluate_with_bands(
+    model: &Artifact,
+    dataset: &Dataset,
+    mut observe: impl FnMut(&CodedBlock),
+) -> Result<(Evaluation, [f64; 2]), TrainerError> {
+    let description = &model.description;
+    let mut decoded = OverlapMean::new(dataset, description.window.hop);
+    let evaluation = evaluate_blocks(model, dataset, |block| {
+        decoded.add(block.decoded_received);
+        observe(block);
+    })?;
+    let band_power = BandPower::new(
+        description.montage.electrodes.len(),
+        description.window.rate_hz,
+    );
+    let bands = band_power.correlation(&decoded.original(), &decoded.mean());
+    Ok((evaluation, bands))
 }

@@ -1,5 +1,5 @@
-//! Cross-validation: the test error of a model and of PCA, for each subject, over folds of whole runs or of
-//! contiguous blocks.
+//! Cross-validation: the test error of a model and of PCA, for each subject, over folds of whole
+//! runs or of contiguous blocks.
 //!
 //! ```text
 //! recordings --group--> Subject --deal--> Fold --fit, test--> Outcome, one file each
@@ -7,54 +7,95 @@
 //!                                     shard K of N              merge: Table as Markdown, CSV, JSON
 //! ```
 //!
-//! Each fold is tested with a model that was trained on the other folds of the same subject. No window of a
-//! test fold overlaps a window of the training: folds consist of whole runs or of blocks with a window left
-//! out between them, never of shuffled windows.
+//! Each fold is tested with a model that was trained on the other folds of the same subject. No
+//! window of a test fold overlaps a window of the training: folds consist of whole runs or of
+//! blocks with a window left out between them, never of shuffled windows.
 //!
-//! Every outcome is a file of its own, so an interrupted cross-validation continues with the missing folds,
-//! and several processes or machines can share the folds ([`Shard`]) and a folder. The table depends on the
-//! outcomes alone.
+//! Every outcome is a file of its own, so an interrupted cross-validation continues with the
+//! missing folds, and several processes or machines can share the folds ([`Shard`]) and a folder.
+//! The table depends on the outcomes alone.
 
-mod deal;
 mod fit;
-mod observer;
-mod options;
 mod outcome;
-mod shard;
-mod subject;
+mod plan;
 mod table;
 
-use crate::card::Shape;
+use crate::card::{ModelOptions, Shape, description_to_compare};
 use crate::error::TrainerError;
-use crate::track::Track;
+use crate::progress::ProgressObserver;
+use crate::selection::{self, mains_hz};
+use crate::track::{Track, read_tracks};
 use crate::training::Settings;
-use artifact::Description;
-use std::path::PathBuf;
+use clap::Args;
+use std::path::{Path, PathBuf};
 
-pub use deal::Fold;
-pub use observer::CrossvalObserver;
-pub use options::CrossvalOptions;
-pub use outcome::{Errors, Outcome, Validation};
-pub use shard::Shard;
-pub use subject::{Subject, group};
+pub use outcome::{Outcome, Validation};
+pub use plan::{Fold, Shard, Subject, group};
 pub use table::Table;
 pub(crate) use table::columns;
 
-/// Computes the folds of the shard whose outcomes are missing, and writes each outcome. Returns the table if
-/// the outcomes of all shards are there, else `None`.
+/// Options of `trainer crossval`.
+#[derive(Args, Clone, Debug)]
+pub struct CrossvalOptions {
+    /// Folder in which names of recordings are searched.
+    #[arg(long, default_value = ".")]
+    data: PathBuf,
+    /// Recordings (EDF, BDF, GDF) of all subjects: files, folders, patterns such as 'S001*.edf',
+    /// ends of the names of files in --data, or ranges of them like R03..R12 [default: all in
+    /// --data].
+    #[arg(long, value_delimiter = ',')]
+    recordings: Vec<String>,
+    /// Name of the only subject [default: what precedes the number of the run in the files' names].
+    #[arg(long)]
+    subject: Option<String>,
+    #[command(flatten)]
+    model: ModelOptions,
+    /// Mains frequency of the recordings, Hz: 50 or 60.
+    #[arg(long = "mains", value_name = "MAINS", value_parser = mains_hz)]
+    mains_hz: u32,
+    #[command(flatten)]
+    settings: Settings,
+    /// Number of folds of each repetition.
+    #[arg(long, default_value_t = 3)]
+    folds: usize,
+    /// Number of repetitions, each with another split into folds.
+    #[arg(long, default_value_t = 3)]
+    repetitions: usize,
+    /// Contiguous blocks of each recording, which are dealt to the folds; 1 deals whole runs
+    /// [default: 1 where a subject has a run for each fold, otherwise enough for two blocks in each
+    /// fold].
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=100))]
+    blocks: Option<u16>,
+    /// Compute only shard K of N of the folds. Shards may share the folder.
+    #[arg(long, value_name = "K/N", default_value = "1/1")]
+    shard: Shard,
+    /// Folder of the outcomes and of the table. Folds whose outcome is there are not computed
+    /// again.
+    #[arg(long)]
+    pub out: PathBuf,
+}
+
+/// Computes the folds of the shard whose outcomes are missing, and writes each outcome. Returns the
+/// table if the outcomes of all shards are there, else `None`.
 ///
 /// # Errors
 /// If a recording cannot be used, a subject has too little data, or a file cannot be written.
 pub fn run(
     options: &CrossvalOptions,
-    observer: &mut impl CrossvalObserver,
+    observer: &mut impl ProgressObserver,
 ) -> Result<Option<Table>, TrainerError> {
-    let description = crate::card::description_to_compare(&options.montage, options.shape)?;
-    let subjects = group(&options.recordings, options.subject.as_deref());
+    let recordings = match options.recordings.as_slice() {
+        [] => selection::all_in(&options.data)?,
+        names => selection::recordings(&options.data, names)?,
+    };
+    let montage = options.model.montage()?;
+    let description = description_to_compare(&montage, options.model.shape)?;
+    let identity = |fold: &Fold| identity(options, &montage.name, fold);
+    let subjects = group(&recordings, options.subject.as_deref());
     outcome::prepare(&options.out)?;
     let mut plan = Vec::new();
     for subject in &subjects {
-        for fold in deal::folds(subject, options)? {
+        for fold in plan::folds(subject, options)? {
             plan.push((subject, fold));
         }
     }
@@ -65,7 +106,7 @@ pub fn run(
         .collect();
     let mut tracks: Option<(&str, Vec<Track>)> = None;
     for (number, (subject, fold)) in own.iter().enumerate() {
-        let settings = identity(options, fold);
+        let settings = identity(fold);
         if outcome::read(&options.out, fold, &settings)?.is_some() {
             observer.message(&format!("{}: done before", fold.name()));
             continue;
@@ -76,12 +117,17 @@ pub fn run(
             .is_none_or(|(name, _)| *name != subject.name)
         {
             drop(tracks.take());
-            let read = read_tracks(subject, &description, options.mains_hz, observer)?;
+            let read = read_tracks(
+                &subject.recordings,
+                &description,
+                options.mains_hz,
+                observer,
+            )?;
             tracks = Some((&subject.name, read));
         }
         observer.fold_started(&fold.name(), number + 1, own.len());
         if let Some((_, tracks)) = &tracks {
-            let outcome = fit::test_fold(tracks, fold, &description, options, observer)?;
+            let outcome = fit::test_fold(tracks, fold, &description, options.settings, observer)?;
             let outcome = outcome.with_settings(settings);
             outcome.write(&options.out)?;
             observer.fold_finished(&outcome);
@@ -89,7 +135,7 @@ pub fn run(
     }
     let mut outcomes = Vec::new();
     for (_, fold) in &plan {
-        match outcome::read(&options.out, fold, &identity(options, fold))? {
+        match outcome::read(&options.out, fold, &identity(fold))? {
             Some(outcome) => outcomes.push(outcome),
             None => return Ok(None),
         }
@@ -103,7 +149,7 @@ pub fn run(
 ///
 /// # Errors
 /// If outcomes are missing, exist twice with different contents, or belong to different settings.
-pub fn merge(folders: &[PathBuf], out: &std::path::Path) -> Result<Table, TrainerError> {
+pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Table, TrainerError> {
     let table = Table::new(outcome::read_all(folders)?)?;
     outcome::prepare(out)?;
     for outcome in table.outcomes() {
@@ -113,30 +159,9 @@ pub fn merge(folders: &[PathBuf], out: &std::path::Path) -> Result<Table, Traine
     Ok(table)
 }
 
-fn read_tracks(
-    subject: &Subject,
-    description: &Description,
-    mains_hz: u32,
-    observer: &mut impl CrossvalObserver,
-) -> Result<Vec<Track>, TrainerError> {
-    let mut tracks = Vec::new();
-    for file in &subject.recordings {
-        let track = Track::read(file, description, mains_hz)?;
-        for warning in &track.warnings {
-            observer.message(&format!("{}: warning: {warning}", track.name));
-        }
-        if !track.interpolated.is_empty() {
-            let labels = track.interpolated.join(" ");
-            observer.message(&format!("{}: interpolated: {labels}", track.name));
-        }
-        tracks.push(track);
-    }
-    Ok(tracks)
-}
-
-/// Returns everything that determines an outcome besides the fold's number, as text. Outcomes with different
-/// texts are not in one table.
-fn identity(options: &CrossvalOptions, fold: &Fold) -> String {
+/// Returns all settings that determine an outcome except the fold's number, as text. The outcomes
+/// of a table have the same text.
+fn identity(options: &CrossvalOptions, montage: &str, fold: &Fold) -> String {
     let Shape {
         mode,
         numbers,
@@ -144,7 +169,7 @@ fn identity(options: &CrossvalOptions, fold: &Fold) -> String {
         hop,
         padding,
         format,
-    } = options.shape;
+    } = options.model.shape;
     let Settings {
         epochs,
         batch,
@@ -152,10 +177,9 @@ fn identity(options: &CrossvalOptions, fold: &Fold) -> String {
         seed,
     } = options.settings;
     format!(
-        "montage {}, mode {mode}, {numbers} numbers, windows of {steps} steps, hop {hop}, padding {padding}, codes {format}, mains {} Hz; \
-         {epochs} epochs in batches of {batch} at a learning rate of {peak_rate} with seed {seed}; {} folds of {} in {} \
-         repetitions",
-        options.montage.name,
+        "montage {montage}, mode {mode}, {numbers} numbers, windows of {steps} steps, hop {hop}, \
+         padding {padding}, codes {format}, mains {} Hz; {epochs} epochs in batches of {batch} at a \
+         learning rate of {peak_rate} with seed {seed}; {} folds of {} in {} repetitions",
         options.mains_hz,
         options.folds,
         fold.kind(),

@@ -34,8 +34,9 @@ impl Dataset {
         })
     }
 
-    /// Splits every track: the last eighth is for validation, the rest for training. The time steps of one
-    /// window between the two parts are in neither, so that windows of different parts are not adjacent.
+    /// Splits every track: the last eighth is for validation, the rest for training. The time steps
+    /// of one window between the two parts are in neither, so that windows of different parts are
+    /// not adjacent.
     ///
     /// # Errors
     /// If the last eighth of a track would be shorter than two windows.
@@ -103,14 +104,13 @@ impl Dataset {
         }
     }
 
-    /// Returns the root mean square over all time steps and electrodes. This is the standard deviation,
-    /// because the band-pass removes the mean.
+    /// Returns the root mean square over all time steps and electrodes. This is the standard
+    /// deviation, because the band-pass removes the mean.
     pub fn deviation(&self) -> f64 {
         let values = self.segments.iter().flatten();
         let (count, sum) = values.fold((0_u64, 0.0), |(count, sum), value| {
             (count + 1, sum + f64::from(*value).powi(2))
         });
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 numbers")]
         let mean = sum / count as f64;
         mean.sqrt()
     }
@@ -192,19 +192,10 @@ mod tests {
     }
 
     /// Returns a track whose values equal the index of their time step.
-    #[expect(clippy::cast_precision_loss, reason = "a few hundred steps")]
     fn ramp(length: usize) -> Track {
         let electrodes = dimensions().electrodes;
         let values = (0..length).flat_map(|step| vec![step as f32; electrodes]);
-        Track {
-            name: "ramp".to_owned(),
-            electrodes,
-            values: values.collect(),
-            interpolated: vec![],
-            signals: 61,
-            saturated: 0,
-            warnings: Vec::new(),
-        }
+        testing::track("ramp", electrodes, values.collect())
     }
 
     #[test]

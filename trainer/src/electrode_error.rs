@@ -9,10 +9,10 @@ use artifact::{Description, ScalpGrid};
 pub struct ElectrodeError {
     /// Label of the electrode.
     pub label: String,
-    /// Row and column of its cell of the scalp grid, from 0; the first row is at the front of the head, the first
-    /// column on the left.
+    /// Row and column of its cell of the scalp grid, from 0; the first row is at the front of the
+    /// head, the first column on the left.
     pub cell: [usize; 2],
-    /// Whether every recording has it; an electrode that a recording lacks is interpolated.
+    /// Whether every recording has the electrode; otherwise it is interpolated.
     pub is_recorded: bool,
     /// Mean squared error with float codes, in units of `input.sd_uv` squared.
     pub mse_float: f64,
@@ -62,13 +62,13 @@ impl ElectrodeSums {
         }
     }
 
-    /// Returns the errors of the electrodes of a description; `is_recorded` tells which every recording has.
+    /// Returns the errors of the electrodes of a description; `is_recorded` returns whether
+    /// every recording has one.
     pub(crate) fn errors(
         &self,
         description: &Description,
         is_recorded: impl Fn(&String) -> bool,
     ) -> Vec<ElectrodeError> {
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 steps")]
         let steps = self.steps as f64;
         let grid = ScalpGrid::new(description);
         let columns = description.dimensions().columns;
@@ -113,7 +113,6 @@ mod tests {
         });
         let is_recorded = |label: &String| *label != description.montage.electrodes[5];
         let errors = sums.errors(&description, is_recorded);
-        #[expect(clippy::cast_precision_loss, reason = "small numbers")]
         let steps = 2.0 * dimensions.steps as f64;
         for (electrode, error) in errors.iter().enumerate() {
             let [row, column] = error.cell;

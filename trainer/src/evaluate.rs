@@ -7,6 +7,7 @@ use crate::network::Network;
 use crate::parameters::Parameters;
 use artifact::{Artifact, CodeFormat, Geometry, IntegerCode, Mode, ScalpGrid};
 use model_gen::IntegerModel;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Reconstruction and quantisation figures of a model, measured on a set of windows.
@@ -22,24 +23,26 @@ pub struct Evaluation {
     pub integer: ReconstructionError,
     /// Format of the integer codes.
     pub format: CodeFormat,
-    /// Signal-to-quantisation-noise ratio of the integer codes relative to the float codes, over all
-    /// dimensions, dB.
+    /// Signal-to-quantisation-noise ratio of the integer codes relative to the float codes, over
+    /// all dimensions, dB.
     pub code_sqnr_db: f64,
     /// Number of values of the quantised windows that saturated.
     pub input_clipped: u64,
-    /// Number of values of the integer codes at either end of their range; with an exponent, counted
-    /// only in codes with the largest exponent.
+    /// Number of values of the integer codes at either end of their range; with an exponent,
+    /// counted only in codes with the largest exponent.
     pub code_clipped: u64,
 }
 
 /// Error of reconstructed windows over all electrodes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ReconstructionError {
     /// Mean squared error, in units of `input.sd_uv` squared.
     pub mse: f64,
     /// Mean squared error, in microvolts squared.
     pub mse_uv2: f64,
-    /// Percent root-mean-square difference: root of the squared error over root of the squared signal.
+    /// Percent root-mean-square difference: root of the squared error over root of the squared
+    /// signal.
     pub prd_percent: f64,
 }
 
@@ -64,7 +67,7 @@ struct Codec {
     sd_uv: f64,
 }
 
-/// A block of windows, and what a model makes of them; codes and windows follow each other.
+/// A block of windows, with their codes and reconstructions; each list is concatenated.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CodedBlock<'a> {
     /// Windows, in units of `input.sd_uv`.
@@ -91,7 +94,7 @@ pub fn evaluate(model: &Artifact, dataset: &Dataset) -> Result<Evaluation, Train
     evaluate_blocks(model, dataset, |_| {})
 }
 
-/// As [`evaluate`]; `observe` receives each block of windows.
+/// Measures a model like [`evaluate`], and passes each block of windows to `observe`.
 ///
 /// # Errors
 /// If the model has no decoder or cannot be turned into integers.
@@ -117,7 +120,6 @@ pub(crate) fn evaluate_blocks(
     for block in windows.chunks(BLOCK) {
         codec.measure(block, &mut total, &mut observe);
     }
-    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 numbers")]
     let count = (windows.len() * dataset.dimensions().window_electrodes()) as f64;
     let relative = |error: f64| ReconstructionError {
         mse: error / count,
@@ -188,7 +190,7 @@ impl Codec {
     }
 }
 
-/// Returns the squared error of decoded windows, which follow each other in `decoded`.
+/// Returns the squared error of decoded windows, which are concatenated in `decoded`.
 fn error(windows: &[&Window], decoded: &[f32]) -> f64 {
     let length = windows.first().map_or(1, |window| window.len());
     let pairs = windows.iter().zip(decoded.chunks_exact(length));
@@ -242,26 +244,28 @@ impl fmt::Display for Table<'_> {
             "codes at rail"
         )?;
         for (name, e) in self.0 {
-            let ReconstructionError {
-                mse,
-                mse_uv2,
-                prd_percent,
-            } = e.float;
-            writeln!(
-                f,
-                "{name:<14}{:>14}{mse:>12.5}{mse_uv2:>12.2}{prd_percent:>9.2}",
-                "float"
-            )?;
-            let ReconstructionError {
-                mse,
-                mse_uv2,
-                prd_percent,
-            } = e.integer;
-            writeln!(
-                f,
-                "{name:<14}{:>14}{mse:>12.5}{mse_uv2:>12.2}{prd_percent:>9.2}{:>12.2}{:>16}{:>15}",
-                e.format, e.code_sqnr_db, e.input_clipped, e.code_clipped
-            )?;
+            for (format, error) in [
+                ("float".to_owned(), e.float),
+                (e.format.to_string(), e.integer),
+            ] {
+                let ReconstructionError {
+                    mse,
+                    mse_uv2,
+                    prd_percent,
+                } = error;
+                write!(
+                    f,
+                    "{name:<14}{format:>14}{mse:>12.5}{mse_uv2:>12.2}{prd_percent:>9.2}"
+                )?;
+                if format != "float" {
+                    write!(
+                        f,
+                        "{:>12.2}{:>16}{:>15}",
+                        e.code_sqnr_db, e.input_clipped, e.code_clipped
+                    )?;
+                }
+                writeln!(f)?;
+            }
         }
         Ok(())
     }
@@ -270,8 +274,6 @@ impl fmt::Display for Table<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate::calibrated_artifact;
-    use crate::parameters::Parameters;
     use crate::testing;
 
     #[test]
@@ -279,8 +281,8 @@ mod tests {
         let mut dataset = testing::dataset(9, 256);
         // Scale the data so that they fill the minimum range of the calibration.
         dataset.scale(5.0);
-        let parameters = Parameters::pca(testing::geometry(), &testing::directions());
-        let model = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
+        let parameters = testing::pca();
+        let model = testing::model(&parameters, &dataset);
         let evaluation = evaluate(&model, &dataset).unwrap();
         let windows = dataset.aligned(8);
         assert_eq!(evaluation.windows, windows.len());
@@ -298,8 +300,8 @@ mod tests {
         let expected = 100.0 * (lost / signal).sqrt();
         assert!((evaluation.float.prd_percent - expected).abs() < 1e-3);
         assert!(evaluation.integer.mse > evaluation.float.mse);
-        // Quantisation at the input and at the output, each to about 1/200 of a value's range, limits
-        // the ratio; measured: 38 dB.
+        // Quantisation at the input and at the output, each to about 1/200 of a value's range,
+        // limits the ratio; measured: 38 dB.
         assert!(evaluation.code_sqnr_db > 35.0, "{evaluation:?}");
         assert_eq!(evaluation.input_clipped, 0);
         let ratio = evaluation.float.mse_uv2 / evaluation.float.mse;
@@ -309,8 +311,8 @@ mod tests {
     #[test]
     fn wider_code_formats_have_less_error_and_clip_nothing() {
         let mut dataset = testing::dataset(9, 64);
-        let parameters = Parameters::pca(testing::geometry(), &testing::directions());
-        let mut model = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
+        let parameters = testing::pca();
+        let mut model = testing::model(&parameters, &dataset);
         // The scaled data exceed the head room of int8 codes, but not that of the other formats or
         // of the input.
         for name in ["code.min", "code.max"] {
@@ -343,8 +345,8 @@ mod tests {
     #[test]
     fn clipped_inputs_are_counted() {
         let mut dataset = testing::dataset(9, 64);
-        let parameters = Parameters::pca(testing::geometry(), &testing::directions());
-        let model = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
+        let parameters = testing::pca();
+        let model = testing::model(&parameters, &dataset);
         dataset.scale(10.0);
         assert!(evaluate(&model, &dataset).unwrap().input_clipped > 0);
     }

@@ -41,8 +41,8 @@ pub fn golden_windows(integers: &IntegerModel) -> Golden {
     }
 }
 
-/// Returns ten windows: zeros, each rail, three patterns that alternate between the rails in time, in
-/// space and in both, and four single impulses.
+/// Returns ten windows: zeros, each rail, three patterns that alternate between the rails in time,
+/// in space and in both, and four single impulses.
 fn extremes(cells: &[usize], dimensions: &Dimensions) -> Vec<Vec<i8>> {
     let window_of = |f: &dyn Fn(usize, usize) -> i8| {
         let mut window = vec![0; dimensions.window_cells()];
@@ -81,8 +81,8 @@ fn extremes(cells: &[usize], dimensions: &Dimensions) -> Vec<Vec<i8>> {
     windows
 }
 
-/// Returns a window of 12 plane waves over the scalp grid, whose amplitudes fall as 1 / frequency, plus
-/// white noise in each electrode.
+/// Returns a window of 12 plane waves over the scalp grid, whose amplitudes fall as 1 / frequency,
+/// plus white noise in each electrode.
 fn noise(cells: &[usize], dimensions: &Dimensions, amplitude: f32, rng: &mut impl Rng) -> Vec<i8> {
     let columns = dimensions.columns;
     let mut window = vec![0.0_f32; dimensions.window_cells()];
@@ -91,7 +91,6 @@ fn noise(cells: &[usize], dimensions: &Dimensions, amplitude: f32, rng: &mut imp
         let (phase, tilt) = (rng.random_range(0.0..TAU), rng.random_range(0.0..TAU));
         for (step, plane) in (0_u8..).zip(window.chunks_mut(dimensions.cells())) {
             for &cell in cells {
-                #[expect(clippy::cast_precision_loss, reason = "a cell's index is below 144")]
                 let place = tilt + 0.3 * (cell % columns) as f32 + 0.2 * (cell / columns) as f32;
                 let wave = (TAU * frequency * f32::from(step) + phase + place).sin();
                 plane[cell] += wave / f32::from(harmonic) + rng.random_range(-0.05..0.05);
@@ -111,15 +110,13 @@ fn noise(cells: &[usize], dimensions: &Dimensions, amplitude: f32, rng: &mut imp
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate::calibrated_artifact;
-    use crate::parameters::Parameters;
     use crate::testing;
 
     #[test]
     fn golden_windows_reach_both_rails_keep_empty_cells_0_and_are_reproducible() {
-        let parameters = Parameters::pca(testing::geometry(), &testing::directions());
+        let parameters = testing::pca();
         let data = testing::dataset(1, 64);
-        let model = calibrated_artifact(testing::description(), &parameters, &data).unwrap();
+        let model = testing::model(&parameters, &data);
         let integers = model_gen::quantise(&model).unwrap();
         let golden = golden_windows(&integers);
         assert_eq!(

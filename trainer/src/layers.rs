@@ -1,15 +1,16 @@
 //! The layers of the autoencoder, forward and backward, for 16 windows at a time.
 //!
-//! A value of a feature map is an array of [`LANES`] numbers, one for each window of a group. So the loops
-//! over the windows are vector instructions whatever the sizes of the feature maps, and no layer copies its
-//! input into a matrix first.
+//! A value of a feature map is an array of [`LANES`] numbers, one for each window of a group. So
+//! the loops over the windows are vector instructions whatever the sizes of the feature maps, and
+//! no layer copies its input into a matrix first.
 //!
 //! ```text
 //! Volume: channel, step, row, column, lane (the last fastest)
 //! ```
 //!
-//! Every product is added by a fused multiply-add, and in an order that does not depend on the processor or
-//! the number of threads: the same parameters and windows yield the same bits everywhere.
+//! Every product is added by a fused multiply-add, and in an order that does not depend on the
+//! processor or the number of threads: the same parameters and windows yield the same bits
+//! everywhere.
 
 #![expect(
     clippy::inline_always,
@@ -18,11 +19,8 @@
 
 pub(crate) mod batch_norm;
 pub(crate) mod convolution;
-mod correlation;
 pub(crate) mod linear;
 pub(crate) mod pool;
-pub(crate) mod volume;
-mod weight_gradient;
 
 /// Number of windows in a group.
 pub(crate) const LANES: usize = 16;
@@ -48,4 +46,118 @@ pub(crate) fn total(lanes: &Lanes) -> f32 {
         }
     }
     sums[0]
+}
+
+/// A feature map of [`LANES`] windows: channel, step, row, column, lane (the last fastest).
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Volume {
+    /// Number of channels.
+    pub(crate) channels: usize,
+    /// Steps, rows and columns.
+    pub(crate) size: [usize; 3],
+    /// Values in row-major order.
+    pub(crate) values: Vec<Lanes>,
+}
+
+impl Volume {
+    /// Creates a volume of zeros.
+    pub(crate) fn zeros(channels: usize, size: [usize; 3]) -> Self {
+        Self::from_values(channels, size, vec![[0.0; LANES]; channels * product(size)])
+    }
+
+    /// Creates a volume from its values.
+    ///
+    /// # Panics
+    /// If the number of values is not that of the volume.
+    pub(crate) fn from_values(channels: usize, size: [usize; 3], values: Vec<Lanes>) -> Self {
+        assert_eq!(
+            values.len(),
+            channels * product(size),
+            "a value for each place"
+        );
+        Self {
+            channels,
+            size,
+            values,
+        }
+    }
+
+    /// Returns the number of values of a channel.
+    pub(crate) fn places(&self) -> usize {
+        product(self.size)
+    }
+
+    /// Iterates over the values of each channel.
+    pub(crate) fn by_channel(&self) -> impl Iterator<Item = &[Lanes]> {
+        self.values.chunks_exact(self.places().max(1))
+    }
+
+    /// Iterates over the values of each channel, to change them.
+    pub(crate) fn by_channel_mut(&mut self) -> impl Iterator<Item = &mut [Lanes]> {
+        let places = self.places().max(1);
+        self.values.chunks_exact_mut(places)
+    }
+
+    /// Returns a copy with `pads` zeros added at both ends of each axis.
+    pub(crate) fn padded(&self, pads: [usize; 3]) -> Self {
+        let [steps, rows, columns] = self.size;
+        let size = [
+            steps + 2 * pads[0],
+            rows + 2 * pads[1],
+            columns + 2 * pads[2],
+        ];
+        let mut padded = Self::zeros(self.channels, size);
+        for (source, target) in self.by_channel().zip(padded.by_channel_mut()) {
+            for (at, row) in source.chunks_exact(columns.max(1)).enumerate() {
+                let step = at / rows + pads[0];
+                let start = (step * size[1] + at % rows + pads[1]) * size[2] + pads[2];
+                target[start..start + columns].copy_from_slice(row);
+            }
+        }
+        padded
+    }
+
+    /// Sets negative values to 0 (ReLU).
+    pub(crate) fn rectify(&mut self) {
+        for value in self.values.as_flattened_mut() {
+            *value = value.max(0.0);
+        }
+    }
+
+    /// Sets the values to 0 at which `activation`, the output of a ReLU, is 0: the gradient of the
+    /// ReLU.
+    pub(crate) fn rectify_gradient(&mut self, activation: &Self) {
+        let active = activation.values.as_flattened();
+        for (gradient, active) in self.values.as_flattened_mut().iter_mut().zip(active) {
+            *gradient = if *active > 0.0 { *gradient } else { 0.0 };
+        }
+    }
+}
+
+/// Returns the number of places in a volume of this size.
+pub(crate) fn product(size: [usize; 3]) -> usize {
+    size.iter().product()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn padding_surrounds_each_channel_with_zeros() {
+        let mut volume = Volume::zeros(2, [1, 2, 3]);
+        let mut next = 0_u8;
+        volume.values.fill_with(|| {
+            next += 1;
+            [f32::from(next); LANES]
+        });
+        let padded = volume.padded([1, 0, 1]);
+        assert_eq!(padded.size, [3, 2, 5]);
+        let first: Vec<f32> = padded.values.iter().map(|lanes| lanes[0]).collect();
+        let middle = [0.0, 1.0, 2.0, 3.0, 0.0, 0.0, 4.0, 5.0, 6.0, 0.0];
+        assert_eq!(first[..10], [0.0; 10]);
+        assert_eq!(first[10..20], middle);
+        assert_eq!(first[20..40], [0.0; 20]);
+        assert_eq!(first[41].to_bits(), 7.0_f32.to_bits());
+    }
 }

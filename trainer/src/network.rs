@@ -3,19 +3,17 @@
 use crate::dataset::Window;
 use crate::in_parallel;
 use crate::layers::LANES;
-use crate::parameters::Parameters;
+use crate::parameters::{Parameters, Weights};
 use artifact::Description;
 
 mod autoencoder;
-mod batch;
+mod backward;
 mod group;
-mod layout;
 
 use autoencoder::Autoencoder;
-use group::{Group, by_window, lanes};
-use layout::Layout;
+use group::{Group, Layout, by_window, lanes};
 
-pub use batch::BatchGradients;
+pub use backward::BatchGradients;
 
 /// Weight of a batch in the running statistics; PyTorch's default.
 const MOMENTUM: f32 = 0.1;
@@ -26,13 +24,13 @@ pub struct Network {
     layout: Layout,
 }
 
-/// Codes of windows, and what calibration needs besides them.
+/// Codes of windows and the largest activations, for calibration.
 #[derive(Debug)]
 pub struct Trace {
     /// Codes, one window after the other.
     pub codes: Vec<f32>,
-    /// Largest |g| * relu(conv) of both convolutions over all windows, where g = weight / sqrt(variance +
-    /// 1e-5) of the batch norm after it; 0 in mode `pca`.
+    /// Largest |g| * relu(conv) of both convolutions over all windows, where g = weight /
+    /// sqrt(variance + 1e-5) of the batch norm after it; 0 in mode `pca`.
     pub activations: [f32; 2],
 }
 
@@ -48,16 +46,18 @@ impl Network {
     pub fn gradients(&self, parameters: &mut Parameters, windows: &[&Window]) -> BatchGradients {
         let groups = self.groups(windows);
         let (batch, statistics) =
-            batch::gradients(&Autoencoder::new(&self.layout, parameters), &groups);
-        for (norm, moments) in statistics {
-            let mut update = |name: &str, batch: Vec<f32>| {
-                let running = parameters.values_mut(&format!("{norm}.running_{name}"));
+            backward::gradients(&Autoencoder::new(&self.layout, parameters), &groups);
+        let Weights { encoder, decoder } = &mut parameters.weights;
+        let norms = [&mut encoder.norm1, &mut encoder.norm2, &mut decoder.norm1];
+        for (norm, moments) in norms.into_iter().zip(statistics) {
+            for (running, batch) in [
+                (&mut norm.running_mean, moments.mean()),
+                (&mut norm.running_var, moments.unbiased_variance()),
+            ] {
                 for (running, batch) in running.iter_mut().zip(batch) {
                     *running += MOMENTUM * (batch - *running);
                 }
-            };
-            update("mean", moments.mean());
-            update("var", moments.unbiased_variance());
+            }
         }
         batch
     }
@@ -72,8 +72,8 @@ impl Network {
         sums.iter().sum::<f64>() / self.count(windows)
     }
 
-    /// Returns the mean squared error over windows, and the mean square of the windows; batch norm uses the
-    /// running statistics.
+    /// Returns the mean squared error over windows, and the mean square of the windows; batch norm
+    /// uses the running statistics.
     pub fn errors(&self, parameters: &Parameters, windows: &[&Window]) -> [f64; 2] {
         let squares = |window: &&Window| window.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
         let signal: f64 = windows.iter().map(squares).sum();
@@ -103,12 +103,12 @@ impl Network {
     }
 
     /// Returns the number of values of all windows.
-    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 numbers")]
     fn count(&self, windows: &[&Window]) -> f64 {
         (windows.len() * self.layout.geometry.dimensions.window_electrodes()) as f64
     }
 
-    /// Returns the windows that codes, one after the other, decode to; batch norm uses the running statistics.
+    /// Returns the windows that codes, one after the other, decode to; batch norm uses the running
+    /// statistics.
     ///
     /// # Panics
     /// In mode `paper`, whose codes cannot be decoded.
@@ -123,7 +123,8 @@ impl Network {
         windows.concat()
     }
 
-    /// Returns the codes of windows and the largest activations; batch norm uses the running statistics.
+    /// Returns the codes of windows and the largest activations; batch norm uses the running
+    /// statistics.
     pub fn trace(&self, parameters: &Parameters, windows: &[&Window]) -> Trace {
         let autoencoder = Autoencoder::new(&self.layout, parameters);
         let traces = in_parallel::map(&self.groups(windows), |group| {

@@ -30,8 +30,8 @@ impl<'d> OverlapMean<'d> {
         }
     }
 
-    /// Adds decoded windows, which follow each other and those that were added before, in the order of
-    /// [`Dataset::aligned`].
+    /// Adds decoded windows, which follow each other and those that were added before, in the order
+    /// of [`Dataset::aligned`].
     pub(crate) fn add(&mut self, decoded: &[f32]) {
         let dimensions = self.dataset.dimensions();
         for window in decoded.chunks_exact(dimensions.window_electrodes()) {
@@ -59,7 +59,6 @@ impl<'d> OverlapMean<'d> {
                 // A hop near either end of a segment, or of a short one, is in fewer windows.
                 let windows = hops + 1 - open;
                 let covering = open.min(windows).min(index + 1).min(hops - index);
-                #[expect(clippy::cast_precision_loss, reason = "at most eight windows")]
                 let factor = 1.0 / covering as f32;
                 sums.iter().map(|sum| sum * factor).collect()
             };

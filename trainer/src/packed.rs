@@ -1,27 +1,220 @@
 //! Trains the packed model: transform, prediction, probabilities and smoother.
 //!
 //! ```text
-//! tracks --> Blocks --> Transform (float) --> PackedModel --coded--> levels, frequencies --> Smoother
-//!                       KLT of what a         integers of            four rounds             ridge
-//!                       predictor leaves      proven ranges
+//! tracks --> Blocks --> Transform --> PackedModel --coded--> levels, frequencies --> Smoother
+//!                       KLT of a      integers of            four rounds             ridge
+//!                       residual      proven ranges
 //! ```
 
-mod alone;
-mod blocks;
 mod coded;
 mod evaluation;
 mod fit;
 mod integers;
 mod probabilities;
 mod ridge;
-mod scale;
-mod session;
-mod smoother;
 mod transform;
-mod unpredicted;
 
-pub use alone::{AloneOptions, train_alone};
+use crate::card::{self, Shape};
+use crate::dataset::Dataset;
+use crate::error::TrainerError;
+use crate::output::{check_writable, refuse_model};
+use crate::progress::ProgressObserver;
+use crate::selection::{Selected, TrainingFiles};
+use crate::track::{Track, settling_steps};
+use artifact::{Artifact, CodeFormat, Description, Mode, MontageFile, PackedModel, Padding};
+use clap::{ArgGroup, Args};
+use std::path::{Path, PathBuf};
+
 pub(crate) use evaluation::evaluate;
 pub use evaluation::{RateFigures, RateTable};
-pub use fit::{FitOptions, PackedTrained};
-pub use session::{PackedOptions, compare, train};
+pub use fit::PackedTrained;
+
+/// Number of time steps that `model.toml` states for a window, which only a network reads.
+const STEPS: usize = 16;
+
+/// Options of `trainer packed`.
+#[derive(Args, Clone, Debug)]
+#[command(group = ArgGroup::new("model").args(["artifact", "montage"]).required(true))]
+pub struct PackedOptions {
+    /// Folder of the artifact that the packed model joins: its montage, hop and filters are used.
+    #[arg(long)]
+    artifact: Option<PathBuf>,
+    #[command(flatten)]
+    alone: AloneOptions,
+    #[command(flatten)]
+    files: TrainingFiles,
+    #[command(flatten)]
+    fit: FitOptions,
+    /// Replace the packed model of --artifact, or the artifact in --out.
+    #[arg(long)]
+    force: bool,
+}
+
+/// Options of a new model without a network.
+#[derive(Args, Clone, Debug)]
+struct AloneOptions {
+    /// Montage file of a new model without a network: grid, order of the ADC's channels, ADC.
+    #[arg(long, requires = "out")]
+    montage: Option<PathBuf>,
+    /// Folder to write the new model to.
+    #[arg(long, requires = "montage", conflicts_with = "artifact")]
+    out: Option<PathBuf>,
+    /// Sampling rate of the new model's ADC, Hz [default: that of the montage].
+    #[arg(
+        long,
+        value_name = "HZ",
+        requires = "montage",
+        conflicts_with = "artifact"
+    )]
+    rate: Option<u32>,
+    /// Time steps of a block of the new model: 4, 8 or 16 [default: 8].
+    #[arg(long, requires = "montage", conflicts_with = "artifact")]
+    hop: Option<usize>,
+    /// Origin and licence of the recordings, for the new model's training card [default: not
+    /// stated].
+    #[arg(long, requires = "montage", conflicts_with = "artifact")]
+    dataset: Option<String>,
+    /// References to cite, for the new model's training card [default: not stated].
+    #[arg(long, requires = "montage", conflicts_with = "artifact")]
+    citation: Option<String>,
+}
+
+/// Options of the fit.
+#[derive(Args, Clone, Copy, Debug)]
+struct FitOptions {
+    /// Number of coefficients of a block: a multiple of 16 up to 256. Fewer need less flash and
+    /// time; more reach a smaller error at fine rates [default: 176, or as many as the values of a
+    /// block allow].
+    #[arg(long)]
+    coefficients: Option<usize>,
+    /// Start the device with the coarsest rate whose mean squared error is at most this, in units
+    /// of the training data's variance [default: rate 4].
+    #[arg(long)]
+    target_mse: Option<f64>,
+}
+
+/// Filtered recordings.
+struct Tracks {
+    train: Vec<Track>,
+    test: Vec<Track>,
+}
+
+impl Tracks {
+    fn read(
+        selected: &Selected,
+        description: &Description,
+        observer: &mut impl ProgressObserver,
+    ) -> Result<Self, TrainerError> {
+        Ok(Self {
+            train: selected.read(&selected.train, description, observer)?,
+            test: selected.read(&selected.test, description, observer)?,
+        })
+    }
+}
+
+/// Trains a packed model, adds it to an artifact or writes a new artifact without a network, and
+/// returns its figures.
+///
+/// # Errors
+/// If the montage has mistakes, recordings cannot be used, the requested error cannot be reached or
+/// files cannot be written.
+pub fn train(
+    options: &PackedOptions,
+    observer: &mut impl ProgressObserver,
+) -> Result<PackedTrained, TrainerError> {
+    let alone = &options.alone;
+    let (folder, artifact, trained) = match (&options.artifact, &alone.montage, &alone.out) {
+        (Some(folder), ..) => {
+            let (artifact, trained) = train_joined(options, folder, observer)?;
+            (folder, artifact, trained)
+        }
+        (None, Some(montage), Some(out)) => {
+            let (artifact, trained) = train_alone(options, montage, out, observer)?;
+            (out, artifact, trained)
+        }
+        _ => unreachable!("clap requires --artifact or --montage with --out"),
+    };
+    let id = artifact.write(folder)?;
+    observer.message(&format!("model {id} written to {}", folder.display()));
+    Ok(trained)
+}
+
+/// Trains a packed model for the artifact in a folder.
+fn train_joined(
+    options: &PackedOptions,
+    folder: &Path,
+    observer: &mut impl ProgressObserver,
+) -> Result<(Artifact, PackedTrained), TrainerError> {
+    let artifact = Artifact::read(folder)?;
+    if artifact.packed.is_some() && !options.force {
+        return Err(TrainerError::PackedExists(folder.to_owned()));
+    }
+    let description = &artifact.description;
+    let count = fit::coefficients(options.fit.coefficients, description)?;
+    let selected = options.files.find()?;
+    check_writable(folder)?;
+    let tracks = Tracks::read(&selected, description, observer)?;
+    let target_mse = options.fit.target_mse;
+    let (model, trained) = fit::fit(&tracks, description, count, target_mse, observer)?;
+    let model = with_files(model, &selected);
+    Ok((artifact.with_packed(Some(model))?, trained))
+}
+
+/// Trains a packed model and returns it as an artifact without a network.
+fn train_alone(
+    options: &PackedOptions,
+    montage: &Path,
+    out: &Path,
+    observer: &mut impl ProgressObserver,
+) -> Result<(Artifact, PackedTrained), TrainerError> {
+    let alone = &options.alone;
+    let mut montage = MontageFile::read(montage)?;
+    montage.adc.rate_hz = alone.rate.unwrap_or(montage.adc.rate_hz);
+    refuse_model(out, options.force)?;
+    let shape = Shape {
+        mode: Mode::Packed,
+        numbers: 0,
+        steps: STEPS,
+        hop: alone.hop.unwrap_or(8),
+        padding: Padding::None,
+        format: CodeFormat::Int8,
+    };
+    let mut description = card::checked_description(&montage, shape)?;
+    let count = fit::coefficients(options.fit.coefficients, &description)?;
+    let selected = options.files.find()?;
+    check_writable(out)?;
+    let tracks = Tracks::read(&selected, &description, observer)?;
+    let whole = Dataset::from_tracks(&tracks.train, description.dimensions())?;
+    let sd_uv = whole.deviation();
+    if sd_uv <= 0.0 {
+        return Err(TrainerError::Silent);
+    }
+    observer.message(&format!(
+        "standard deviation of the training recordings: {sd_uv:.2} uV"
+    ));
+    description.input.sd_uv = sd_uv;
+    let target_mse = options.fit.target_mse;
+    let (model, trained) = fit::fit(&tracks, &description, count, target_mse, observer)?;
+    let mains_hz = options.files.mains_hz;
+    let settling = settling_steps(&description, mains_hz)?;
+    let card = &mut description.training;
+    card::fill_electrodes(card, &description.montage.electrodes, &tracks.train);
+    let or_not_stated = |text: &Option<String>| text.clone().unwrap_or("not stated".to_owned());
+    card.dataset = or_not_stated(&alone.dataset);
+    card.citation = or_not_stated(&alone.citation);
+    [card.train_files, card.test_files] = selected.names();
+    card.validation = card::validation(None, settling, description.window.rate_hz);
+    card.mains_hz = mains_hz;
+    "none: transform of the signals' covariance, prediction by ridge regression"
+        .clone_into(&mut card.optimiser);
+    let model = with_files(model, &selected);
+    let artifact = Artifact::without_network(description, whole.max_abs(), model)?;
+    Ok((artifact, trained))
+}
+
+/// Names the recordings in the card of a packed model.
+fn with_files(mut model: PackedModel, selected: &Selected) -> PackedModel {
+    let card = &mut model.description.training;
+    [card.train_files, card.test_files] = selected.names();
+    model
+}

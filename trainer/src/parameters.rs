@@ -1,26 +1,203 @@
-//! The parameters of the network, keyed by the artifact's tensor names.
+//! The parameters of the network: a field for each tensor, with the artifact's name.
 
-use artifact::{
-    ArtifactError, CONV1_CHANNELS, Geometry, KERNEL, Mode, NORM_EPSILON, Tensors, weight_shapes,
-};
+use artifact::{ArtifactError, Geometry, Mode, NORM_EPSILON, Tensors, weight_shapes};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::collections::BTreeMap;
 
-/// Values of all tensors of a network by the artifact's tensor names, last dimension fastest.
+/// A number for each element of each tensor of a network: weights, gradients or state of the
+/// optimiser. The last dimension is the fastest; a tensor that the mode lacks is empty.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[expect(missing_docs, reason = "layers, by their names")]
+pub struct Weights {
+    pub encoder: Encoder,
+    pub decoder: Decoder,
+}
+
+/// The layers from a window to its code.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[expect(missing_docs, reason = "layers, by their names")]
+pub struct Encoder {
+    pub conv1: Layer,
+    pub norm1: Norm,
+    pub conv2: Layer,
+    pub norm2: Norm,
+    pub fc: Layer,
+    pub shortcut: Linear,
+}
+
+/// The layers from a code to its window.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[expect(missing_docs, reason = "layers, by their names")]
+pub struct Decoder {
+    pub fc: Layer,
+    pub conv1: Layer,
+    pub norm1: Norm,
+    pub conv2: Layer,
+    pub shortcut: Linear,
+}
+
+/// A convolution or a fully connected layer.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[expect(missing_docs, reason = "PyTorch's names")]
+pub struct Layer {
+    pub weight: Vec<f32>,
+    pub bias: Vec<f32>,
+}
+
+/// A batch norm, with a number for each channel in each tensor.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[expect(missing_docs, reason = "PyTorch's names")]
+pub struct Norm {
+    pub weight: Vec<f32>,
+    pub bias: Vec<f32>,
+    pub running_mean: Vec<f32>,
+    pub running_var: Vec<f32>,
+}
+
+/// A matrix without a bias.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[expect(missing_docs, reason = "PyTorch's name")]
+pub struct Linear {
+    pub weight: Vec<f32>,
+}
+
+/// A tensor: its name in files, and its field.
+#[derive(Debug)]
+pub struct Tensor {
+    /// Name in the artifact and in checkpoints.
+    pub name: &'static str,
+    role: Role,
+    get: fn(&Weights) -> &Vec<f32>,
+    get_mut: fn(&mut Weights) -> &mut Vec<f32>,
+}
+
+/// Determines how a tensor is initialised and trained.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Role {
+    /// Kernels, matrix or bias.
+    Layer,
+    /// Kernels, matrix or bias of the last layer of encoder or decoder. Starts at 0 if there is a
+    /// shortcut, so that the convolutions contribute nothing at first. Its gradients are not 0,
+    /// because the inputs of the layer are not.
+    LastLayer,
+    /// Factor of a batch norm.
+    Gain,
+    /// Offset of a batch norm.
+    Offset,
+    /// Running mean of a batch norm.
+    Mean,
+    /// Running variance of a batch norm.
+    Variance,
+    /// Linear map between window and code.
+    Shortcut,
+}
+
+macro_rules! tensors {
+    ($($role:ident $half:ident.$layer:ident.$part:ident)*) => {
+        &[$(Tensor {
+            name: concat!(stringify!($half), ".", stringify!($layer), ".", stringify!($part)),
+            role: Role::$role,
+            get: |weights| &weights.$half.$layer.$part,
+            get_mut: |weights| &mut weights.$half.$layer.$part,
+        }),*]
+    };
+}
+
+/// All tensors.
+pub const TENSORS: &[Tensor] = tensors! {
+    Layer     encoder.conv1.weight
+    Layer     encoder.conv1.bias
+    Gain      encoder.norm1.weight
+    Offset    encoder.norm1.bias
+    Mean      encoder.norm1.running_mean
+    Variance  encoder.norm1.running_var
+    Layer     encoder.conv2.weight
+    Layer     encoder.conv2.bias
+    Gain      encoder.norm2.weight
+    Offset    encoder.norm2.bias
+    Mean      encoder.norm2.running_mean
+    Variance  encoder.norm2.running_var
+    LastLayer encoder.fc.weight
+    LastLayer encoder.fc.bias
+    Layer     decoder.fc.weight
+    Layer     decoder.fc.bias
+    Layer     decoder.conv1.weight
+    Layer     decoder.conv1.bias
+    Gain      decoder.norm1.weight
+    Offset    decoder.norm1.bias
+    Mean      decoder.norm1.running_mean
+    Variance  decoder.norm1.running_var
+    LastLayer decoder.conv2.weight
+    LastLayer decoder.conv2.bias
+    Shortcut  encoder.shortcut.weight
+    Shortcut  decoder.shortcut.weight
+};
+
+impl Tensor {
+    /// Returns the elements.
+    pub fn of<'w>(&self, weights: &'w Weights) -> &'w [f32] {
+        (self.get)(weights)
+    }
+
+    /// Returns the elements, to change them.
+    pub fn of_mut<'w>(&self, weights: &'w mut Weights) -> &'w mut Vec<f32> {
+        (self.get_mut)(weights)
+    }
+
+    /// Returns whether gradients train the tensor, unlike a running statistic of a batch norm.
+    pub(crate) fn is_trained(&self) -> bool {
+        !matches!(self.role, Role::Mean | Role::Variance)
+    }
+
+    /// Returns the factor by which the learning rate of the tensor is multiplied.
+    pub(crate) fn rate_factor(&self) -> f32 {
+        match self.role {
+            Role::Shortcut => 0.01,
+            _ => 1.0,
+        }
+    }
+}
+
+/// Returns the tensors of a mode with their shapes, in the order of the artifact.
+pub(crate) fn shapes(mode: Mode, geometry: &Geometry) -> Vec<(&'static Tensor, Vec<usize>)> {
+    let tensor = |(name, shape)| {
+        let tensor = TENSORS.iter().find(|tensor| tensor.name == name);
+        (tensor.expect("a field for each tensor of a mode"), shape)
+    };
+    let shapes = weight_shapes(mode, geometry);
+    shapes.into_iter().map(tensor).collect()
+}
+
+/// The parameters of a network of a mode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     mode: Mode,
     geometry: Geometry,
-    values: BTreeMap<&'static str, Vec<f32>>,
+    /// The tensors of the mode.
+    pub weights: Weights,
 }
 
 impl Parameters {
+    /// Returns the initial parameters of a training run: [`Self::from_directions`] in a mode with a
+    /// shortcut, otherwise [`Self::random`].
+    pub(crate) fn initial(
+        mode: Mode,
+        geometry: Geometry,
+        directions: &[Vec<f32>],
+        seed: u64,
+    ) -> Self {
+        if mode.has_shortcut() {
+            Self::from_directions(geometry, directions, seed)
+        } else {
+            Self::random(mode, geometry, seed)
+        }
+    }
+
     /// Returns the initial parameters of a training run in mode `shortcut`.
     ///
-    /// The shortcut is the projection onto `directions` and back. `encoder.fc` and `decoder.conv2`, the
-    /// last layers of the convolutional encoder and decoder, are 0, and batch norm starts with factor 1
-    /// and offset 0. All other layers are random.
+    /// The shortcut is the projection onto `directions` and back. `encoder.fc` and `decoder.conv2`,
+    /// the last layers of the convolutional encoder and decoder, are 0, and batch norm starts with
+    /// factor 1 and offset 0. All other layers are random.
     ///
     /// # Panics
     /// Unless there is a direction for each number of the code, with an element for each value of a
@@ -31,13 +208,14 @@ impl Parameters {
         parameters
     }
 
-    /// Returns the initial parameters of a training run without a shortcut (mode `paper-code-only`):
-    /// all layers are random, and batch norm starts with factor 1 and offset 0.
+    /// Returns the initial parameters of a training run without a shortcut (mode
+    /// `paper-code-only`): all layers are random, and batch norm starts with factor 1 and offset 0.
     pub fn random(mode: Mode, geometry: Geometry, seed: u64) -> Self {
+        let weights = Weights::default();
         let mut parameters = Self {
             mode,
             geometry,
-            values: BTreeMap::new(),
+            weights,
         };
         parameters.draw_convolutions(seed);
         parameters
@@ -45,27 +223,33 @@ impl Parameters {
 
     /// Draws the initial values of all tensors except those of the shortcut.
     fn draw_convolutions(&mut self, seed: u64) {
-        let geometry = self.geometry;
-        for (index, (name, shape)) in weight_shapes(self.mode, &geometry).into_iter().enumerate() {
-            if name.contains("shortcut") {
-                continue;
-            }
+        let has_shortcut = self.mode.has_shortcut();
+        // The bias of a layer follows its weight, and has the same range.
+        let mut fan_in = 1.0_f32;
+        for (index, (tensor, shape)) in shapes(self.mode, &self.geometry).into_iter().enumerate() {
             let count = shape.iter().product();
-            // One random stream for each tensor, so that no tensor depends on the size of another.
-            let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            rng.set_stream(index as u64);
-            let values = match (name.rsplit_once('.'), name.contains("norm")) {
-                (Some((_, "weight" | "running_var")), true) => vec![1.0; count],
-                (_, true) => vec![0.0; count],
-                _ if self.mode.has_shortcut() && starts_at_zero(name) => vec![0.0; count],
-                _ => {
-                    let bound = 1.0 / fan_in(name, &geometry).sqrt();
+            if shape.len() > 1 {
+                // PyTorch's count of a layer's inputs; initial values are within +-1 /
+                // sqrt(fan-in).
+                fan_in = shape[1..].iter().product::<usize>() as f32;
+            }
+            let values = match tensor.role {
+                Role::Shortcut => continue,
+                Role::Gain | Role::Variance => vec![1.0; count],
+                Role::Offset | Role::Mean => vec![0.0; count],
+                Role::LastLayer if has_shortcut => vec![0.0; count],
+                Role::Layer | Role::LastLayer => {
+                    // One random stream for each tensor, so that no tensor depends on the size of
+                    // another.
+                    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+                    rng.set_stream(index as u64);
+                    let bound = 1.0 / fan_in.sqrt();
                     (0..count)
                         .map(|_| rng.random_range(-bound..bound))
                         .collect()
                 }
             };
-            self.values.insert(name, values);
+            *tensor.of_mut(&mut self.weights) = values;
         }
     }
 
@@ -95,14 +279,13 @@ impl Parameters {
         let decoder = (0..features)
             .flat_map(|feature| directions.iter().map(move |direction| direction[feature]))
             .collect();
-        let values = BTreeMap::from([
-            ("encoder.shortcut.weight", encoder),
-            ("decoder.shortcut.weight", decoder),
-        ]);
+        let mut weights = Weights::default();
+        weights.encoder.shortcut.weight = encoder;
+        weights.decoder.shortcut.weight = decoder;
         Self {
             mode,
             geometry,
-            values,
+            weights,
         }
     }
 
@@ -113,31 +296,26 @@ impl Parameters {
     pub fn from_tensors(
         mode: Mode,
         geometry: Geometry,
-        weights: &Tensors,
+        tensors: &Tensors,
     ) -> Result<Self, ArtifactError> {
-        let values = weight_shapes(mode, &geometry)
-            .into_iter()
-            .map(|(name, shape)| Ok((name, weights.tensor(name, &shape)?.to_vec())))
-            .collect::<Result<_, ArtifactError>>()?;
+        let mut weights = Weights::default();
+        for (tensor, shape) in shapes(mode, &geometry) {
+            *tensor.of_mut(&mut weights) = tensors.tensor(tensor.name, &shape)?.to_vec();
+        }
         Ok(Self {
             mode,
             geometry,
-            values,
+            weights,
         })
     }
 
     /// Returns the parameters as weights of an artifact.
     pub fn to_tensors(&self) -> Tensors {
-        let mut weights = Tensors::for_weights();
-        for (name, shape) in weight_shapes(self.mode, &self.geometry) {
-            weights.insert(name, &shape, self.values[name].clone());
+        let mut tensors = Tensors::for_weights();
+        for (tensor, shape) in shapes(self.mode, &self.geometry) {
+            tensors.insert(tensor.name, &shape, tensor.of(&self.weights).to_vec());
         }
-        weights
-    }
-
-    /// Returns the sizes between the layers, which determine the shapes of the tensors.
-    pub fn geometry(&self) -> Geometry {
-        self.geometry
+        tensors
     }
 
     /// Returns the mode, which determines which tensors there are.
@@ -145,27 +323,18 @@ impl Parameters {
         self.mode
     }
 
-    /// Iterates over names and values of all tensors, sorted by name.
-    pub fn iter(&self) -> impl Iterator<Item = (&'static str, &[f32])> {
-        self.values
-            .iter()
-            .map(|(&name, values)| (name, values.as_slice()))
-    }
-
-    /// Holds the channels of batch norm whose input does not vary at the norm's bias, and returns their
-    /// number.
+    /// Holds the channels of batch norm whose input does not vary at the norm's bias, and returns
+    /// their number.
     ///
-    /// ReLU can silence a channel for good. Its variance then decays towards 0, and the norm would amplify
-    /// the first window that excites the channel several hundred times, beyond the range of an int8
-    /// factor. On all windows of the training set the output stays what it was.
+    /// ReLU can silence a channel for good. Its variance then decays towards 0, and the norm would
+    /// amplify the first window that excites the channel several hundred times, beyond the range of
+    /// an int8 factor. On all windows of the training set the output stays what it was.
     pub fn hold_silent_channels(&mut self) -> usize {
+        let Weights { encoder, decoder } = &mut self.weights;
         let mut held = 0;
-        for (weight, variance) in NORMS {
-            let Some(variance) = self.values.get(variance).cloned() else {
-                continue;
-            };
-            for (weight, variance) in self.values_mut(weight).iter_mut().zip(variance) {
-                if variance < SILENT_VARIANCE {
+        for norm in [&mut encoder.norm1, &mut encoder.norm2, &mut decoder.norm1] {
+            for (weight, variance) in norm.weight.iter_mut().zip(&norm.running_var) {
+                if *variance < SILENT_VARIANCE {
                     *weight = 0.0;
                     held += 1;
                 }
@@ -173,125 +342,61 @@ impl Parameters {
         }
         held
     }
-
-    /// Returns the values of a tensor.
-    ///
-    /// # Panics
-    /// If the mode has no tensor of this name.
-    pub fn values(&self, name: &str) -> &[f32] {
-        let values = self.values.get(name);
-        values.unwrap_or_else(|| panic!("the mode has no tensor {name}"))
-    }
-
-    /// Returns the values of a tensor, to change them.
-    ///
-    /// # Panics
-    /// If the mode has no tensor of this name.
-    pub fn values_mut(&mut self, name: &str) -> &mut [f32] {
-        self.values
-            .get_mut(name)
-            .unwrap_or_else(|| panic!("the mode has no tensor {name}"))
-    }
 }
 
 /// Largest variance of a silent channel: the norm's output varies by a thousandth of its weight.
 const SILENT_VARIANCE: f32 = 1e-6 * NORM_EPSILON;
-
-/// Weight and variance of each batch norm.
-const NORMS: [(&str, &str); 3] = [
-    ("encoder.norm1.weight", "encoder.norm1.running_var"),
-    ("encoder.norm2.weight", "encoder.norm2.running_var"),
-    ("decoder.norm1.weight", "decoder.norm1.running_var"),
-];
-
-/// Returns whether the tensor `name` is a running statistic of batch norm, which is not trained
-/// by gradients.
-pub fn is_statistic(name: &str) -> bool {
-    name.contains(".running_")
-}
-
-/// Returns the factor by which the learning rate of the tensor `name` is multiplied.
-pub fn rate_factor(name: &str) -> f32 {
-    if name.contains(".shortcut.") {
-        0.01
-    } else {
-        1.0
-    }
-}
-
-/// Returns whether the tensor `name` starts at 0, so that the convolutions contribute nothing at first.
-/// The gradients of such a tensor are not 0, because the inputs of its layer are not.
-fn starts_at_zero(name: &str) -> bool {
-    name.starts_with("encoder.fc.") || name.starts_with("decoder.conv2.")
-}
-
-/// Returns the fan-in of a layer as PyTorch counts it; initial values are uniform within +-1 /
-/// sqrt(fan-in).
-#[expect(clippy::cast_precision_loss, reason = "a few thousand inputs")]
-fn fan_in(name: &str, geometry: &Geometry) -> f32 {
-    const TAPS: usize = KERNEL.pow(3);
-    let inputs = match name.rsplit_once('.') {
-        Some(("encoder.conv1" | "decoder.conv2", _)) => TAPS,
-        Some(("encoder.conv2" | "decoder.conv1", _)) => CONV1_CHANNELS * TAPS,
-        Some(("encoder.fc", _)) => geometry.flat(),
-        _ => geometry.dimensions.numbers,
-    };
-    inputs as f32
-}
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::testing;
 
+    fn start(seed: u64) -> Parameters {
+        testing::shortcut(seed)
+    }
+
     #[test]
     fn the_initial_parameters_have_every_tensor_and_depend_on_the_seed_only() {
-        let start = Parameters::from_directions(testing::geometry(), &testing::directions(), 7);
-        let tensors = start.to_tensors();
+        let tensors = start(7).to_tensors();
+        let read = Parameters::from_tensors(Mode::Shortcut, testing::geometry(), &tensors);
+        assert_eq!(read.unwrap(), start(7));
+        assert_ne!(start(7), start(8));
+        let filled = TENSORS.iter();
         assert_eq!(
-            Parameters::from_tensors(Mode::Shortcut, testing::geometry(), &tensors).unwrap(),
-            start
-        );
-        assert_eq!(
-            start,
-            Parameters::from_directions(testing::geometry(), &testing::directions(), 7)
-        );
-        assert_ne!(
-            start,
-            Parameters::from_directions(testing::geometry(), &testing::directions(), 8)
+            filled
+                .filter(|t| t.of(&start(7).weights).is_empty())
+                .count(),
+            0
         );
     }
 
     #[test]
     fn a_channel_that_never_varies_is_held_at_the_bias_of_its_norm() {
-        let mut parameters =
-            Parameters::from_directions(testing::geometry(), &testing::directions(), 7);
+        let mut parameters = start(7);
         assert_eq!(parameters.clone().hold_silent_channels(), 0);
-        parameters.values_mut("encoder.norm2.running_var")[17] = 0.0;
-        parameters.values_mut("encoder.norm2.bias")[17] = 0.5;
+        parameters.weights.encoder.norm2.running_var[17] = 0.0;
+        parameters.weights.encoder.norm2.bias[17] = 0.5;
         let before = parameters.clone();
         assert_eq!(parameters.hold_silent_channels(), 1);
-        parameters.values_mut("encoder.norm2.weight")[17] = 1.0;
+        parameters.weights.encoder.norm2.weight[17] = 1.0;
         assert_eq!(parameters, before);
     }
 
     #[test]
     fn random_layers_fill_their_range() {
-        let start = Parameters::from_directions(testing::geometry(), &testing::directions(), 7);
-        let largest = |name: &str| {
-            start.values[name]
-                .iter()
-                .fold(0.0, |largest: f32, value| largest.max(value.abs()))
-        };
-        for (name, bound) in [
-            ("encoder.conv1.weight", 0.192_450_09),
-            ("decoder.fc.weight", 0.088_388_35),
+        let Weights { encoder, decoder } = start(7).weights;
+        let largest = |values: &[f32]| values.iter().fold(0.0_f32, |a, b| a.max(b.abs()));
+        for (values, bound) in [
+            (&encoder.conv1.weight, 0.192_450_09),
+            (&decoder.fc.weight, 0.088_388_35),
         ] {
+            let largest = largest(values);
             assert!(
-                largest(name) <= bound && largest(name) > 0.95 * bound,
-                "{name}"
+                largest <= bound && largest > 0.95 * bound,
+                "{largest} {bound}"
             );
         }
-        assert!(largest("encoder.fc.weight") == 0.0 && largest("decoder.conv2.weight") == 0.0);
+        assert!(largest(&encoder.fc.weight) == 0.0 && largest(&decoder.conv2.weight) == 0.0);
     }
 }

@@ -1,5 +1,5 @@
-//! Principal directions of the windows: the initial weights of the shortcut, and the weights of the PCA
-//! code with which the network is compared.
+//! Principal directions of the windows: the initial weights of the shortcut, and the weights of the
+//! PCA code with which the network is compared.
 
 use crate::dataset::Dataset;
 use nalgebra::{DMatrix, SymmetricEigen};
@@ -7,9 +7,9 @@ use nalgebra::{DMatrix, SymmetricEigen};
 /// Number of windows in one matrix product.
 const BLOCK: usize = 512;
 
-/// Returns the second-moment matrix of the dataset's windows, one every half a window. It is used instead of
-/// the covariance: the band-pass removes the mean, and without subtraction of a mean the code of a zero window
-/// is 0.
+/// Returns the second-moment matrix of the dataset's windows, one every half a window. It is used
+/// instead of the covariance: the band-pass removes the mean, and without subtraction of a mean the
+/// code of a zero window is 0.
 pub fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
     let windows = dataset.aligned(dataset.dimensions().steps / 2);
     let features = dataset.dimensions().window_electrodes();
@@ -24,15 +24,14 @@ pub fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
         );
         moment.gemm(1.0, &columns, &columns.transpose(), 1.0);
     }
-    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 windows")]
     let count = windows.len().max(1) as f64;
     moment / count
 }
 
 /// Returns the `count` orthonormal directions with the largest second moment, largest first.
 ///
-/// The sign of each direction is chosen such that the element of largest magnitude is positive, so that
-/// the same data yield the same signs.
+/// The sign of each direction is chosen such that the element of largest magnitude is positive, so
+/// that the same data yield the same signs.
 ///
 /// # Panics
 /// If the matrix has fewer than `count` rows.
@@ -61,8 +60,8 @@ mod tests {
 
     #[test]
     fn the_directions_of_a_known_matrix_are_in_descending_order() {
-        // The matrix has the eigenvalues 1 and 4 in a plane rotated by 30 degrees, and 2 perpendicular
-        // to this plane.
+        // The matrix has the eigenvalues 1 and 4 in a plane rotated by 30 degrees, and 2
+        // perpendicular to this plane.
         let (sin, cos) = std::f64::consts::FRAC_PI_6.sin_cos();
         let rotation =
             DMatrix::from_row_slice(3, 3, &[cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0]);

@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-/// A one-cycle schedule: the rate rises to the peak, then falls to almost 0, both along a cosine (Smith
-/// and Topin, arXiv 1708.07120; shape and ratios of PyTorch's `OneCycleLR`).
+/// A one-cycle schedule: the rate rises to the peak, then falls to almost 0, both along a cosine
+/// (Smith and Topin, arXiv 1708.07120; shape and ratios of PyTorch's `OneCycleLR`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OneCycle {
     /// Largest learning rate, reached after 15 % of the updates.
@@ -21,7 +21,6 @@ const FALL: f64 = 1e4;
 
 impl OneCycle {
     /// Returns the learning rate of an update, counted from 0.
-    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 updates")]
     pub fn rate(&self, update: u64) -> f64 {
         let last = self.updates.saturating_sub(1).max(1) as f64;
         let peak_at = WARM_UP * last;

@@ -1,55 +1,55 @@
 //! Trains a model from recordings.
 
 use crate::calibrate::calibrated_artifact;
+use crate::card::{ModelOptions, Shape};
 use crate::comparison::Comparison;
 use crate::dataset::{Dataset, Split};
 use crate::error::TrainerError;
 use crate::golden::golden_windows;
 use crate::learning_curve::Learning;
 use crate::network::Network;
-use crate::output_folder::check_writable;
+use crate::output::{check_writable, refuse_model};
 use crate::parameters::Parameters;
 use crate::progress::ProgressObserver;
-use crate::selection::file_name;
-use crate::track::{read_tracks, settling_steps};
+use crate::selection::{Selected, TrainingFiles};
+use crate::track::settling_steps;
 use crate::training::{Settings, Training, validation_windows};
-use crate::{card, checkpoint, pca, report, selection};
+use crate::{card, checkpoint, pca, report};
 use artifact::{Description, Geometry, Mode, MontageFile, Pca};
-use new_file::Existing;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 /// Options of `trainer train`.
-#[derive(Clone, Debug)]
+#[derive(clap::Args, Clone, Debug)]
 pub struct TrainOptions {
-    /// Folder in which names select recordings.
-    pub data: PathBuf,
-    /// Paths, patterns, names or ranges of the training recordings.
-    pub train: Vec<String>,
-    /// Paths, patterns, names or ranges of the test recordings; may be empty.
-    pub test: Vec<String>,
-    /// Grid, order of the ADC's channels and ADC.
-    pub montage: MontageFile,
-    /// Mode and dimensions of the model.
-    pub shape: card::Shape,
-    /// Mains frequency of the recordings, Hz.
-    pub mains_hz: u32,
+    #[command(flatten)]
+    files: TrainingFiles,
+    #[command(flatten)]
+    model: ModelOptions,
+    #[command(flatten)]
+    settings: Settings,
     /// Origin and licence of the recordings, for the training card.
-    pub dataset: String,
+    #[arg(long, default_value = "not stated")]
+    dataset: String,
     /// References to cite, for the training card.
-    pub citation: String,
-    /// Epochs, batch size, learning rate and seed, which determine the trained model.
-    pub settings: Settings,
+    #[arg(long, default_value = "not stated")]
+    citation: String,
     /// File that stores the training run after each epoch.
-    pub checkpoint: PathBuf,
-    /// True to continue the training run stored in `checkpoint`.
-    pub resume: bool,
+    #[arg(long, default_value = "target/trainer/checkpoint.safetensors")]
+    checkpoint: PathBuf,
+    /// Resume the training run from the checkpoint.
+    #[arg(long)]
+    resume: bool,
     /// Folder to write the artifact to.
-    pub out: PathBuf,
-    /// Folder to write the report to; `None` for no report.
-    pub report: Option<PathBuf>,
-    /// True to replace an artifact in `out` and a report in `report`.
-    pub force: bool,
+    #[arg(long)]
+    out: PathBuf,
+    /// Folder to write a report to: learning curves, error of each electrode, rate and error, as
+    /// pictures with their values and a page that shows them.
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// Replace an artifact in the folder of --out, and a report in that of --report.
+    #[arg(long)]
+    force: bool,
 }
 
 /// Recordings after the front end, scaled and split for training.
@@ -61,30 +61,26 @@ struct PreparedData {
     sd_uv: f64,
 }
 
-/// Trains a model, calibrates and evaluates it, and writes its artifact, golden windows and PCA, and its report if
-/// the options name a folder for it. Returns the comparison on the test recordings; `None` if there are none.
+/// Trains a model, calibrates and evaluates it, and writes its artifact, golden windows and PCA,
+/// and its report if the options name a folder for it. Returns the comparison on the test
+/// recordings; `None` if there are none.
 ///
 /// # Errors
-/// If recordings cannot be used, training diverges, the user interrupts it or files cannot be written.
+/// If recordings cannot be used, training diverges, the user interrupts it or files cannot be
+/// written.
 pub fn train(
     options: &TrainOptions,
     observer: &mut impl ProgressObserver,
 ) -> Result<Option<Comparison>, TrainerError> {
-    // Before the training, which takes hours.
-    if !options.force && options.out.join("model.toml").exists() {
-        let folder = options.out.clone();
-        return Err(TrainerError::ArtifactExists { folder });
-    }
-    let mut description = card::checked_description(&options.montage, options.shape)?;
-    let train_files = selection::recordings(&options.data, &options.train)?;
-    let test_files = selection::recordings(&options.data, &options.test)?;
-    selection::refuse_same(&train_files, &test_files)?;
-    if options.report.is_some() && test_files.is_empty() && description.mode == Mode::Pca {
+    // All checks come before the training, which takes hours.
+    let montage = options.model.montage()?;
+    refuse_model(&options.out, options.force)?;
+    let mut description = card::checked_description(&montage, options.model.shape)?;
+    let selected = options.files.find()?;
+    if options.report.is_some() && selected.test.is_empty() && description.mode == Mode::Pca {
         return Err(TrainerError::NothingToReport);
     }
-    if let Some(folder) = &options.report {
-        report::prepare(folder, Existing::from_force(options.force))?;
-    }
+    report::prepare(options.report.as_deref(), options.force)?;
     check_writable(&options.out)?;
     if let (true, Some(folder)) = (
         description.mode.has_convolutions(),
@@ -92,7 +88,7 @@ pub fn train(
     ) {
         check_writable(folder)?;
     }
-    let data = PreparedData::read(&train_files, &mut description, options.mains_hz, observer)?;
+    let data = PreparedData::read(&selected, &mut description, observer)?;
     observer.message("computing the principal directions of the training windows ...");
     let geometry = Geometry::new(&description);
     let directions = data.directions(geometry.dimensions.numbers);
@@ -101,7 +97,20 @@ pub fn train(
     let (best, learning) = if description.mode == Mode::Pca {
         (pca.clone(), None)
     } else {
-        let training = train_network(options, &mut description, &data, &directions, observer)?;
+        let identity = data.identity(&montage, options.model.shape);
+        let start = Parameters::initial(
+            description.mode,
+            geometry,
+            &directions,
+            options.settings.seed,
+        );
+        let training = train_network(
+            options,
+            &mut description,
+            (&data, &identity),
+            start,
+            observer,
+        )?;
         let network = Network::new(&description);
         let validation = validation_windows(&data.split);
         let learning = Learning {
@@ -111,14 +120,14 @@ pub fn train(
         };
         (training.best().parameters.clone(), Some(learning))
     };
-    description.training.test_files = test_files.iter().map(|file| file_name(file)).collect();
+    [_, description.training.test_files] = selected.names();
     let mut model = calibrated_artifact(description.clone(), &best, &data.whole)?;
     let pca = Pca::from_model(&calibrated_artifact(description, &pca, &data.whole)?)?;
-    let comparison = if test_files.is_empty() {
+    let comparison = if selected.test.is_empty() {
         observer.message("no test recordings: the training card has no figures");
         None
     } else {
-        let tracks = read_tracks(&test_files, &model.description, options.mains_hz, observer)?;
+        let tracks = selected.read(&selected.test, &model.description, observer)?;
         observer.message("evaluating on the test recordings ...");
         Some(Comparison::new(&model, Some(&pca), &tracks)?)
     };
@@ -143,37 +152,20 @@ pub fn train(
     Ok(comparison)
 }
 
-/// Runs the remaining epochs of a training run and writes a checkpoint after each epoch.
+/// Runs the remaining epochs of a training run from `start`, or from its checkpoint, and writes a
+/// checkpoint after each epoch.
 fn run_epochs(
     options: &TrainOptions,
-    data: &PreparedData,
-    network: &Network,
-    (description, directions): (&Description, &[Vec<f32>]),
+    (data, identity): (&PreparedData, &str),
+    description: &Description,
+    start: Parameters,
     observer: &mut impl ProgressObserver,
 ) -> Result<Training, TrainerError> {
-    let TrainOptions {
-        settings,
-        checkpoint: path,
-        ..
-    } = options;
+    let (settings, path) = (&options.settings, &options.checkpoint);
     let split = &data.split;
-    let card::Shape {
-        mode,
-        numbers,
-        steps,
-        hop,
-        padding,
-        format: _,
-    } = options.shape;
-    let data_identity = format!(
-        "{} with SD {} uV; montage {}, mode {mode}, {numbers} numbers, windows of {steps} steps, hop {hop}, \
-         padding {padding}",
-        data.files.join(" "),
-        data.sd_uv,
-        options.montage.name
-    );
+    let network = &Network::new(description);
     let mut training = if options.resume {
-        let training = checkpoint::read(path, description, *settings, &data_identity)?;
+        let training = checkpoint::read(path, description, *settings, identity)?;
         observer.message(&format!(
             "resumed after epoch {}; best validation MSE so far {:.5}",
             training.epoch(),
@@ -181,12 +173,6 @@ fn run_epochs(
         ));
         training
     } else {
-        let geometry = Geometry::new(description);
-        let start = if description.mode.has_shortcut() {
-            Parameters::from_directions(geometry, directions, settings.seed)
-        } else {
-            Parameters::random(description.mode, geometry, settings.seed)
-        };
         let training = Training::start(*settings, start, network, split);
         let is_pca = if description.mode.has_shortcut() {
             " (PCA)"
@@ -200,15 +186,10 @@ fn run_epochs(
         training
     };
     while !training.is_done() {
-        let batches = training.batches(split);
-        observer.epoch_started(
-            training.epoch() + 1,
-            settings.epochs,
-            batches,
-            settings.batch,
-        );
-        let report = training.run_epoch(network, split, |done, loss| {
-            observer.batch_finished(done, loss);
+        let (epoch, batches) = (training.epoch() + 1, training.batches(split));
+        observer.epoch_started(epoch, settings.epochs, batches, settings.batch);
+        let report = training.run_epoch(network, split, |loss| {
+            observer.batch_finished(loss);
             if observer.is_interrupted() {
                 ControlFlow::Break(())
             } else {
@@ -216,14 +197,11 @@ fn run_epochs(
             }
         });
         let report = report.map_err(|error| match error {
-            TrainerError::Interrupted { .. } => TrainerError::Interrupted {
-                epochs: training.epoch(),
-                checkpoint: path.clone(),
-            },
+            TrainerError::Interrupted(epochs, _) => TrainerError::Interrupted(epochs, path.clone()),
             other => other,
         })?;
         observer.epoch_finished(report);
-        checkpoint::write(path, &training, &data_identity)?;
+        checkpoint::write(path, &training, identity)?;
     }
     Ok(training)
 }
@@ -234,7 +212,8 @@ fn fill_card(
     options: &TrainOptions,
     data: &PreparedData,
 ) -> Result<(), TrainerError> {
-    let settling = settling_steps(description, options.mains_hz)?;
+    let mains_hz = options.files.mains_hz;
+    let settling = settling_steps(description, mains_hz)?;
     let card = &mut description.training;
     card.dataset.clone_from(&options.dataset);
     card.citation.clone_from(&options.citation);
@@ -244,22 +223,22 @@ fn fill_card(
         settling,
         description.window.rate_hz,
     );
-    card.mains_hz = options.mains_hz;
+    card.mains_hz = mains_hz;
     card.seed = options.settings.seed;
     "none: principal directions of the training part".clone_into(&mut card.optimiser);
     Ok(())
 }
 
-/// Trains a network from its initial parameters, and completes the training card.
+/// Trains a network from its initial parameters, and completes the training card. `data` comes with
+/// its identity.
 fn train_network(
     options: &TrainOptions,
     description: &mut Description,
-    data: &PreparedData,
-    directions: &[Vec<f32>],
+    data: (&PreparedData, &str),
+    start: Parameters,
     observer: &mut impl ProgressObserver,
 ) -> Result<Training, TrainerError> {
-    let network = Network::new(description);
-    let training = run_epochs(options, data, &network, (description, directions), observer)?;
+    let training = run_epochs(options, data, description, start, observer)?;
     let best = training.best();
     observer.message(&format!(
         "best epoch: {}, validation MSE {:.5}",
@@ -281,7 +260,7 @@ fn train_network(
     let card = &mut description.training;
     card.epochs = epochs;
     card.best_epoch = best.epoch;
-    card.windows = (training.batches(&data.split) * batch) as u64;
+    card.windows = (training.batches(&data.0.split) * batch) as u64;
     let (start, shortcut) = if description.mode.has_shortcut() {
         (
             "PCA start, convolutions silent at first",
@@ -297,15 +276,14 @@ fn train_network(
 }
 
 impl PreparedData {
-    /// Passes recordings through the front end, and scales them to a standard deviation of 1 over the
-    /// training part. Fills in `input.sd_uv`, and the electrodes of the training card.
+    /// Passes recordings through the front end, and scales them to a standard deviation of 1 over
+    /// the training part. Fills in `input.sd_uv`, and the electrodes of the training card.
     fn read(
-        files: &[PathBuf],
+        selected: &Selected,
         description: &mut Description,
-        mains_hz: u32,
         observer: &mut impl ProgressObserver,
     ) -> Result<Self, TrainerError> {
-        let tracks = read_tracks(files, description, mains_hz, observer)?;
+        let tracks = selected.read(&selected.train, description, observer)?;
         let mut split = Dataset::split(&tracks, description.dimensions())?;
         let mut whole = Dataset::from_tracks(&tracks, description.dimensions())?;
         let sd_uv = split.training.deviation();
@@ -317,7 +295,7 @@ impl PreparedData {
         }
         let electrodes = &description.montage.electrodes;
         card::fill_electrodes(&mut description.training, electrodes, &tracks);
-        let files = tracks.into_iter().map(|track| track.name).collect();
+        let [files, _] = selected.names();
         description.input.sd_uv = sd_uv;
         observer.message(&format!(
             "standard deviation of the training part: {sd_uv:.2} uV"
@@ -328,6 +306,26 @@ impl PreparedData {
             whole,
             sd_uv,
         })
+    }
+
+    /// Returns data and shape of the model as text; a checkpoint of other data or another shape is
+    /// refused.
+    fn identity(&self, montage: &MontageFile, shape: Shape) -> String {
+        let Shape {
+            mode,
+            numbers,
+            steps,
+            hop,
+            padding,
+            format: _,
+        } = shape;
+        format!(
+            "{} with SD {} uV; montage {}, mode {mode}, {numbers} numbers, windows of {steps} steps, \
+             hop {hop}, padding {padding}",
+            self.files.join(" "),
+            self.sd_uv,
+            montage.name
+        )
     }
 
     /// Returns the `count` principal directions of the training part.

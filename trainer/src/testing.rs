@@ -2,15 +2,20 @@
 
 use crate::calibrate::calibrated_artifact;
 use crate::card::{self, Shape};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, Split};
+use crate::network::Network;
 use crate::parameters::Parameters;
+use crate::progress::EpochReport;
+use crate::track::Track;
+use crate::training::{Settings, Training};
 use artifact::{Artifact, CodeFormat, Description, Geometry, Mode, MontageFile, Padding};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Returns orthonormal directions. Each selects a single feature, and the selected features are spread
-/// evenly over the window.
+/// Returns orthonormal directions. Each selects a single feature, and the selected features are
+/// spread evenly over the window.
 pub(crate) fn directions() -> Vec<Vec<f32>> {
     (0..geometry().dimensions.numbers)
         .map(|index| {
@@ -27,7 +32,8 @@ pub(crate) fn feature(index: usize) -> usize {
     index * dimensions.window_electrodes() / dimensions.numbers
 }
 
-/// Returns a dataset of a few low-pass-filtered sources shared by all electrodes, plus a little noise.
+/// Returns a dataset of a few low-pass-filtered sources shared by all electrodes, plus a little
+/// noise.
 pub(crate) fn dataset(seed: u64, steps: usize) -> Dataset {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut sources = [0.0_f32; 4];
@@ -63,9 +69,19 @@ pub(crate) fn description() -> Description {
     description
 }
 
-/// Returns a calibrated model with the given parameters.
-pub(crate) fn artifact(parameters: &Parameters) -> Artifact {
-    calibrated_artifact(description(), parameters, &dataset(1, 64)).unwrap()
+/// Returns the parameters of PCA with [`directions`].
+pub(crate) fn pca() -> Parameters {
+    Parameters::pca(geometry(), &directions())
+}
+
+/// Returns the initial parameters of mode `shortcut` with [`directions`].
+pub(crate) fn shortcut(seed: u64) -> Parameters {
+    Parameters::from_directions(geometry(), &directions(), seed)
+}
+
+/// Returns a model with these parameters, calibrated on a dataset.
+pub(crate) fn model(parameters: &Parameters, dataset: &Dataset) -> Artifact {
+    calibrated_artifact(description(), parameters, dataset).unwrap()
 }
 
 /// Returns the paper's montage.
@@ -77,4 +93,55 @@ pub(crate) fn montage() -> MontageFile {
 /// Returns the sizes between the layers of the paper's network.
 pub(crate) fn geometry() -> Geometry {
     Geometry::new(&description())
+}
+
+/// Returns a track without defects.
+pub(crate) fn track(name: &str, electrodes: usize, values: Vec<f32>) -> Track {
+    Track {
+        name: name.to_owned(),
+        electrodes,
+        values,
+        interpolated: Vec::new(),
+        signals: electrodes,
+        saturated: 0,
+        warnings: Vec::new(),
+    }
+}
+
+/// Settings of [`Run`].
+pub(crate) const SETTINGS: Settings = Settings {
+    epochs: 2,
+    batch: 8,
+    peak_rate: 1e-3,
+    seed: 4,
+};
+
+/// The network and the data of a small training run.
+pub(crate) struct Run {
+    pub(crate) network: Network,
+    pub(crate) split: Split,
+}
+
+impl Run {
+    pub(crate) fn new() -> Self {
+        Self {
+            network: Network::new(&description()),
+            split: Split {
+                training: dataset(1, 16 * 24),
+                validation: dataset(2, 16 * 8),
+            },
+        }
+    }
+
+    /// Returns the training run before its first epoch.
+    pub(crate) fn start(&self) -> Training {
+        let start = shortcut(SETTINGS.seed);
+        Training::start(SETTINGS, start, &self.network, &self.split)
+    }
+
+    pub(crate) fn run_epoch(&self, training: &mut Training) -> EpochReport {
+        let go_on = |_| ControlFlow::Continue(());
+        let report = training.run_epoch(&self.network, &self.split, go_on);
+        report.unwrap()
+    }
 }

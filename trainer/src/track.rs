@@ -1,9 +1,8 @@
 //! A recording, filtered by the device's front end.
 
 use crate::error::TrainerError;
-use crate::filters::Filters;
+use crate::front_end::{Filters, Resampler};
 use crate::progress::ProgressObserver;
-use crate::resampler::Resampler;
 use crate::selection::file_name;
 use artifact::Description;
 use model_gen::headroom::GUARD_BITS;
@@ -14,7 +13,8 @@ use std::path::{Path, PathBuf};
 /// Number of units of the front end's output in one ADC count.
 const UNITS_PER_COUNT: f64 = (1_u32 << GUARD_BITS) as f64;
 
-/// A recording as the encoder receives it: filtered, at 128 Hz, in the order of the montage.
+/// A recording in the form that the encoder receives: filtered, at 128 Hz, in the order of the
+/// montage.
 #[derive(Clone, Debug)]
 pub struct Track {
     /// File name of the recording.
@@ -34,7 +34,8 @@ pub struct Track {
     pub warnings: Vec<Warning>,
 }
 
-/// Passes recordings through the front end, and reports the length and the warnings of each recording.
+/// Passes recordings through the front end, and reports the length and the warnings of each
+/// recording.
 pub(crate) fn read_tracks(
     files: &[PathBuf],
     description: &Description,
@@ -60,8 +61,8 @@ pub(crate) fn read_tracks(
         .collect()
 }
 
-/// Returns the number of time steps at the start of a recording in which the filters respond to its offset: as
-/// long as the device keeps its flag `settling` set.
+/// Returns the number of time steps at the start of a recording in which the filters respond to its
+/// offset: as long as the device keeps its flag `settling` set.
 ///
 /// # Errors
 /// If the filters cannot be realised.
@@ -75,25 +76,19 @@ impl Track {
     /// Reads a recording and passes it through a virtual ADC and the filters of `description`.
     ///
     /// # Errors
-    /// If the recording cannot be read or does not fit the montage, or the filters cannot be realised.
+    /// If the recording cannot be read or does not fit the montage, or the filters cannot be
+    /// realised.
     pub fn read(
         path: &Path,
         description: &Description,
         mains_hz: u32,
     ) -> Result<Self, TrainerError> {
         let name = file_name(path);
-        let unreadable = |source| TrainerError::Recording {
-            name: name.clone(),
-            source,
-        };
+        let unreadable = |source| TrainerError::Recording(name.clone(), source);
         let recording = Recording::open(path).map_err(unreadable)?;
         let electrodes = &description.montage.electrodes;
-        let map = MontageMap::new(&recording.labels(), electrodes, Missing::Interpolate).map_err(
-            |source| TrainerError::Montage {
-                name: name.clone(),
-                source,
-            },
-        )?;
+        let map = MontageMap::new(&recording.labels(), electrodes, Missing::Interpolate)
+            .map_err(|source| TrainerError::Montage(name.clone(), source))?;
         let adc = &description.adc;
         let spec = AdcSpec {
             rate_hz: adc.rate_hz,
@@ -147,16 +142,9 @@ impl Track {
     pub fn part(&self, steps: std::ops::Range<usize>) -> Self {
         let values = steps.start * self.electrodes..steps.end * self.electrodes;
         Self {
-            values: self.values[values].to_vec(),
-            ..self.without_values()
-        }
-    }
-
-    fn without_values(&self) -> Self {
-        Self {
             name: self.name.clone(),
             electrodes: self.electrodes,
-            values: Vec::new(),
+            values: self.values[values].to_vec(),
             interpolated: self.interpolated.clone(),
             signals: self.signals,
             saturated: self.saturated,

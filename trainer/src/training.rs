@@ -14,15 +14,24 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 /// Settings that determine the result of a training run on given data.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(clap::Args, Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Number of epochs of the training run.
+    /// Number of epochs. With `train --resume`, more than the checkpoint's: another cycle of the
+    /// learning rate begins.
+    #[arg(long, default_value_t = 12)]
     pub epochs: u32,
     /// Number of windows in a batch; each batch is one update of the parameters.
+    #[arg(skip = 32_usize)]
     pub batch: usize,
     /// Largest learning rate.
+    #[arg(
+        long = "learning-rate",
+        value_name = "LEARNING_RATE",
+        default_value_t = 1e-3
+    )]
     pub peak_rate: f64,
-    /// Seed of the initial parameters and of the order of the windows.
+    /// Seed of all random numbers.
+    #[arg(long, default_value_t = 1)]
     pub seed: u64,
 }
 
@@ -52,7 +61,8 @@ pub struct Candidate {
 }
 
 impl Training {
-    /// Creates a training run before its first epoch; the initial parameters are the first candidate.
+    /// Creates a training run before its first epoch; the initial parameters are the first
+    /// candidate.
     pub fn start(
         settings: Settings,
         parameters: Parameters,
@@ -85,8 +95,8 @@ impl Training {
         self.epoch
     }
 
-    /// Adds epochs to a finished training run: another cycle of the learning rate begins, and the optimiser keeps
-    /// its state.
+    /// Adds epochs to a finished training run: another cycle of the learning rate begins, and the
+    /// optimiser keeps its state.
     pub(crate) fn extend(&mut self, epochs: u32) {
         self.cycle_start = self.settings.epochs;
         self.settings.epochs = epochs;
@@ -118,12 +128,11 @@ impl Training {
         (split.training.disjoint_windows() / self.settings.batch).max(1)
     }
 
-    /// Runs the next epoch over windows at random offsets; `after_batch` receives the number of finished
-    /// batches and the loss of the last batch, and may stop the epoch, which then leaves the training run
-    /// unusable.
+    /// Runs the next epoch over windows at random offsets; `after_batch` receives the loss of each
+    /// batch, and may stop the epoch, which then leaves the training run unusable.
     ///
-    /// The order of the windows depends only on the seed and the epoch, so that a resumed training run
-    /// equals an uninterrupted one.
+    /// The order of the windows depends only on the seed and the epoch, so that a resumed training
+    /// run equals an uninterrupted one.
     ///
     /// # Errors
     /// If the loss becomes infinite or NaN, or `after_batch` stops the epoch.
@@ -131,7 +140,7 @@ impl Training {
         &mut self,
         network: &Network,
         split: &Split,
-        mut after_batch: impl FnMut(usize, f64) -> ControlFlow<()>,
+        mut after_batch: impl FnMut(f64) -> ControlFlow<()>,
     ) -> Result<EpochReport, TrainerError> {
         let epoch = self.epoch + 1;
         let batches = self.batches(split);
@@ -146,19 +155,16 @@ impl Training {
             .training
             .random(batches * self.settings.batch, &mut rng);
         let mut sum = 0.0;
-        for (index, batch) in windows.chunks(self.settings.batch).enumerate() {
+        for batch in windows.chunks(self.settings.batch) {
             let BatchGradients { loss, gradients } = network.gradients(&mut self.parameters, batch);
             if !loss.is_finite() {
-                return Err(TrainerError::Diverged { epoch, loss });
+                return Err(TrainerError::Diverged(epoch, loss));
             }
             let rate = schedule.rate(self.adam.updates() - first_update);
             self.adam.update(&mut self.parameters, &gradients, rate);
             sum += loss;
-            if after_batch(index + 1, loss).is_break() {
-                return Err(TrainerError::Interrupted {
-                    epochs: self.epoch,
-                    checkpoint: PathBuf::new(),
-                });
+            if after_batch(loss).is_break() {
+                return Err(TrainerError::Interrupted(self.epoch, PathBuf::new()));
             }
         }
         let validation = network.mean_squared_error(&self.parameters, &validation_windows(split));
@@ -170,7 +176,6 @@ impl Training {
                 parameters: self.parameters.clone(),
             };
         }
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 batches")]
         let loss = sum / batches as f64;
         self.curve.epochs.push(EpochLosses { loss, validation });
         Ok(EpochReport {
@@ -181,7 +186,8 @@ impl Training {
     }
 }
 
-/// Returns disjoint windows of the validation part; overlapping windows would slow down every epoch.
+/// Returns disjoint windows of the validation part; overlapping windows would slow down every
+/// epoch.
 pub(crate) fn validation_windows(split: &Split) -> Vec<&Window> {
     split
         .validation
@@ -191,42 +197,12 @@ pub(crate) fn validation_windows(split: &Split) -> Vec<&Window> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing;
-
-    const SETTINGS: Settings = Settings {
-        epochs: 2,
-        batch: 8,
-        peak_rate: 1e-3,
-        seed: 4,
-    };
-
-    fn network() -> Network {
-        Network::new(&testing::description())
-    }
-
-    fn split() -> Split {
-        Split {
-            training: testing::dataset(1, 16 * 24),
-            validation: testing::dataset(2, 16 * 8),
-        }
-    }
-
-    fn start() -> Training {
-        let parameters =
-            Parameters::from_directions(testing::geometry(), &testing::directions(), SETTINGS.seed);
-        Training::start(SETTINGS, parameters, &network(), &split())
-    }
-
-    fn run(training: &mut Training) -> EpochReport {
-        training
-            .run_epoch(&network(), &split(), |_, _| ControlFlow::Continue(()))
-            .unwrap()
-    }
+    use crate::testing::{self, Run};
 
     #[test]
     fn epoch_0_has_the_error_of_the_projection_onto_the_directions() {
-        let split = split();
-        let windows = validation_windows(&split);
+        let run = Run::new();
+        let windows = validation_windows(&run.split);
         let directions = testing::directions();
         let mut sum = 0.0;
         for window in &windows {
@@ -238,18 +214,18 @@ mod tests {
                 .collect();
             sum += energy(&window[..]) - energy(&code);
         }
-        #[expect(clippy::cast_precision_loss, reason = "a small number")]
         let expected = sum / (windows.len() * windows[0].len()) as f64;
-        let training = start();
+        let training = run.start();
         assert!((training.best().validation - expected).abs() < 1e-6 * expected);
         assert_eq!(training.best().epoch, 0);
     }
 
     #[test]
     fn the_loss_falls_and_the_best_epoch_is_kept() {
-        let mut training = start();
+        let run = Run::new();
+        let mut training = run.start();
         let before = training.best().validation;
-        let reports = [run(&mut training), run(&mut training)];
+        let reports = [run.run_epoch(&mut training), run.run_epoch(&mut training)];
         assert!(training.is_done());
         assert!(reports[1].loss < reports[0].loss, "{reports:?}");
         let best = reports
@@ -258,21 +234,21 @@ mod tests {
             .fold(before, f64::min);
         assert!(best < before, "{reports:?}, before {before}");
         assert!((training.best().validation - best).abs() < f64::EPSILON);
-        let measured = network()
-            .mean_squared_error(&training.best().parameters, &validation_windows(&split()));
+        let windows = validation_windows(&run.split);
+        let best_parameters = &training.best().parameters;
+        let measured = run.network.mean_squared_error(best_parameters, &windows);
         assert!((measured - best).abs() < f64::EPSILON);
     }
 
     #[test]
     fn a_training_is_reproducible_and_depends_on_the_seed() {
-        let mut first = start();
-        let mut second = start();
-        run(&mut first);
-        run(&mut second);
+        let run = Run::new();
+        let [mut first, mut second, mut other] = [run.start(), run.start(), run.start()];
+        run.run_epoch(&mut first);
+        run.run_epoch(&mut second);
         assert_eq!(first, second);
-        let mut other = start();
         other.settings.seed = 5;
-        run(&mut other);
+        run.run_epoch(&mut other);
         assert_ne!(first.parameters, other.parameters);
     }
 }

@@ -5,7 +5,7 @@ use crate::evaluate::CodedBlock;
 use crate::in_parallel;
 use artifact::{Artifact, ArtifactError};
 
-/// Error of PCA whose code has only its first numbers, over all measured windows.
+/// Error of PCA with the first numbers of its code only, over all measured windows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TruncationError {
     /// Number of numbers, from 1.
@@ -19,7 +19,7 @@ pub struct TruncationError {
 /// Sums of squared errors for each number of numbers.
 #[derive(Clone, Debug)]
 pub(crate) struct TruncationSums {
-    /// What a code's number 1 decodes to, for each number: a window in units of `input.sd_uv`.
+    /// Columns of the decoder: the window of a code whose only number is 1, for each number.
     components: Vec<Vec<f32>>,
     /// Sums with float codes and with integer codes, for the first number, the first two, ...
     squares: Vec<[f64; 2]>,
@@ -52,7 +52,8 @@ impl TruncationSums {
         let codes = block.codes.chunks_exact(numbers);
         let codes = codes.zip(block.received.chunks_exact(numbers));
         let coded: Vec<_> = block.windows.iter().zip(codes).collect();
-        // Summed in the order of the windows, so that the result does not depend on the number of processors.
+        // Summed in the order of the windows, so that the result does not depend on the number of
+        // processors.
         let errors = in_parallel::map(&coded, |(window, (float, integer))| {
             [self.errors(window, float), self.errors(window, integer)]
         });
@@ -69,7 +70,8 @@ impl TruncationSums {
             .sum::<usize>();
     }
 
-    /// Returns the squared errors of a window that is decoded from the first number of its code, the first two, ...
+    /// Returns the squared errors of a window that is decoded from the first number of its code,
+    /// the first two, ...
     fn errors(&self, window: &Window, code: &[f32]) -> Vec<f64> {
         let mut rest = window.to_vec();
         let numbers = self.components.iter().zip(code);
@@ -87,7 +89,6 @@ impl TruncationSums {
 
     /// Returns the errors in ascending order of the number of numbers.
     pub(crate) fn errors_by_numbers(&self) -> Vec<TruncationError> {
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 values")]
         let values = self.values as f64;
         let sums = (1..).zip(&self.squares);
         sums.map(|(numbers, [float, integer])| TruncationError {
@@ -102,17 +103,15 @@ impl TruncationSums {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate::calibrated_artifact;
     use crate::evaluate::{evaluate, evaluate_blocks};
-    use crate::parameters::Parameters;
     use crate::testing;
 
     #[test]
     fn the_error_is_that_of_the_numbers_left_out_plus_that_of_rounding() {
         let mut dataset = testing::dataset(9, 256);
         dataset.scale(5.0);
-        let parameters = Parameters::pca(testing::geometry(), &testing::directions());
-        let model = calibrated_artifact(testing::description(), &parameters, &dataset).unwrap();
+        let parameters = testing::pca();
+        let model = testing::model(&parameters, &dataset);
         let mut sums = TruncationSums::new(&model).unwrap();
         let (mut windows, mut energy) = (0, 0.0);
         // Independent of the decoder, because the directions are orthonormal:
@@ -135,7 +134,6 @@ mod tests {
             }
         })
         .unwrap();
-        #[expect(clippy::cast_precision_loss, reason = "small numbers")]
         let values = (windows * testing::description().dimensions().window_electrodes()) as f64;
         let mut expected = [energy; 2];
         let errors = sums.errors_by_numbers();

@@ -2,14 +2,14 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::SIGINT;
-use std::error::Error;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
+use trainer::crossval::Outcome;
 use trainer::error::TrainerError;
 use trainer::progress::{EpochReport, ProgressObserver};
 
-/// Prints progress to standard error: lines, and a bar over all epochs with windows per second and the time left.
+/// Prints progress to standard error: lines, and a bar over all epochs or folds with the time left.
 pub(crate) struct Terminal {
     bar: ProgressBar,
     start: Option<Instant>,
@@ -21,22 +21,29 @@ pub(crate) struct Terminal {
 }
 
 impl Terminal {
-    /// Creates the display. The first Ctrl-C stops a training after its present batch, the second ends the program.
-    ///
-    /// # Errors
-    /// If the system refuses to report Ctrl-C.
-    pub(crate) fn new() -> Result<Self, TrainerError> {
-        let interrupted = Arc::new(AtomicBool::new(false));
-        signal_hook::flag::register_conditional_shutdown(SIGINT, 130, interrupted.clone())
-            .and_then(|_| signal_hook::flag::register(SIGINT, interrupted.clone()))
-            .map_err(TrainerError::Signals)?;
-        Ok(Self {
+    /// Creates the display. Ctrl-C ends the program.
+    pub(crate) fn new() -> Self {
+        Self {
             bar: ProgressBar::hidden(),
             start: None,
             size: [0; 2],
             finished: 0,
-            interrupted,
-        })
+            interrupted: Arc::new(AtomicBool::new(false)),
+        }
+    }
+
+    /// Creates the display. The first Ctrl-C stops a training after its present batch, the second
+    /// ends the program.
+    ///
+    /// # Errors
+    /// If the system refuses to report Ctrl-C.
+    pub(crate) fn with_interrupt() -> Result<Self, TrainerError> {
+        let terminal = Self::new();
+        let interrupted = &terminal.interrupted;
+        signal_hook::flag::register_conditional_shutdown(SIGINT, 130, interrupted.clone())
+            .and_then(|_| signal_hook::flag::register(SIGINT, interrupted.clone()))
+            .map_err(TrainerError::Signals)?;
+        Ok(terminal)
     }
 
     #[expect(clippy::cast_precision_loss, reason = "for display")]
@@ -56,9 +63,8 @@ impl ProgressObserver for Terminal {
     fn epoch_started(&mut self, epoch: u32, epochs: u32, batches: usize, windows: usize) {
         if self.start.is_none() {
             let style = "epoch {prefix} {bar:30} {pos}/{len} batches, {eta} left, {msg}";
-            let style = ProgressStyle::with_template(style).expect("a template with known keys");
             let done = u64::from(epoch - 1) * batches as u64;
-            self.bar = ProgressBar::new(u64::from(epochs) * batches as u64).with_style(style);
+            self.bar = bar(style, u64::from(epochs) * batches as u64);
             self.bar.set_position(done);
             self.bar.reset_eta();
             self.start = Some(Instant::now());
@@ -67,7 +73,7 @@ impl ProgressObserver for Terminal {
         self.bar.set_prefix(format!("{epoch}/{epochs}"));
     }
 
-    fn batch_finished(&mut self, _batches: usize, loss: f64) {
+    fn batch_finished(&mut self, loss: f64) {
         self.finished += 1;
         self.bar.inc(1);
         let speed = self.windows_per_second();
@@ -81,9 +87,39 @@ impl ProgressObserver for Terminal {
             loss,
             validation,
         } = report;
+        if self.start.is_none() {
+            // An epoch of a fold: the bar shows the folds.
+            let text = format!("epoch {epoch}, validation MSE {validation:.5}");
+            self.bar.set_message(text);
+            return;
+        }
         let speed = self.windows_per_second();
         self.message(&format!(
-            "epoch {epoch}: training loss {loss:.5}, validation MSE {validation:.5}, {speed:.0} windows/s"
+            "epoch {epoch}: training loss {loss:.5}, validation MSE {validation:.5}, {speed:.0} \
+             windows/s"
+        ));
+    }
+
+    fn fold_started(&mut self, name: &str, number: usize, folds: usize) {
+        if self.bar.is_hidden() {
+            let style = "{prefix} {bar:30} {pos}/{len} folds, {eta} left, {msg}";
+            self.bar = bar(style, folds as u64);
+        }
+        self.bar.set_position(number as u64 - 1);
+        self.bar.set_prefix(name.to_owned());
+    }
+
+    fn fold_finished(&mut self, outcome: &Outcome) {
+        self.bar.inc(1);
+        let model = outcome.model_float.map_or(f64::NAN, |errors| errors.mse);
+        self.message(&format!(
+            "{}: MSE {model:.5}, PCA {:.5}; validation {:.5}, PCA {:.5}; best epoch {}; tested on {}",
+            outcome.name(),
+            outcome.pca_float.mse,
+            outcome.validation.model,
+            outcome.validation.pca,
+            outcome.best_epoch,
+            outcome.tested_on
         ));
     }
 
@@ -92,18 +128,13 @@ impl ProgressObserver for Terminal {
     }
 }
 
+fn bar(style: &str, length: u64) -> ProgressBar {
+    let style = ProgressStyle::with_template(style).expect("a template with known keys");
+    ProgressBar::new(length).with_style(style)
+}
+
 impl Drop for Terminal {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
-    }
-}
-
-/// Prints an error with its causes to standard error.
-pub(super) fn print_error(error: &dyn Error) {
-    eprintln!("trainer: {error}");
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        eprintln!("  because {error}");
-        cause = error.source();
     }
 }

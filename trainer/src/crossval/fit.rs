@@ -1,16 +1,15 @@
 //! Trains on the blocks outside a fold, and tests on the fold.
 
-use super::deal::{Block, Fold};
-use super::observer::CrossvalObserver;
-use super::options::CrossvalOptions;
-use super::outcome::{Errors, Outcome, Validation};
+use super::outcome::{Outcome, Validation};
+use super::plan::{Block, Fold};
 use crate::calibrate::calibrated_artifact;
-use crate::dataset::{Dataset, Split};
+use crate::dataset::Dataset;
 use crate::error::TrainerError;
-use crate::evaluate::evaluate;
+use crate::evaluate::{ReconstructionError, evaluate};
 use crate::network::Network;
 use crate::parameters::Parameters;
 use crate::pca;
+use crate::progress::ProgressObserver;
 use crate::track::Track;
 use crate::training::{Settings, Training};
 use artifact::{Description, Geometry, Mode};
@@ -21,8 +20,8 @@ pub(super) fn test_fold(
     tracks: &[Track],
     fold: &Fold,
     description: &Description,
-    options: &CrossvalOptions,
-    observer: &mut impl CrossvalObserver,
+    settings: Settings,
+    observer: &mut impl ProgressObserver,
 ) -> Result<Outcome, TrainerError> {
     let mut description = description.clone();
     let dimensions = description.dimensions();
@@ -51,23 +50,18 @@ pub(super) fn test_fold(
     let validation = split.validation.aligned(dimensions.steps);
     let pca_validation = network.mean_squared_error(&linear, &validation);
     let settings = Settings {
-        seed: seed(options.settings.seed, fold),
-        ..options.settings
+        seed: seed(settings.seed, fold),
+        ..settings
     };
     let (best, best_epoch, model_validation, curve) = match description.mode {
         Mode::Pca => (linear.clone(), 0, pca_validation, None),
         mode => {
-            let start = if mode.has_shortcut() {
-                Parameters::from_directions(geometry, &directions, settings.seed)
-            } else {
-                Parameters::random(mode, geometry, settings.seed)
-            };
-            let training = train(
-                Training::start(settings, start, &network, &split),
-                &network,
-                &split,
-                observer,
-            )?;
+            let start = Parameters::initial(mode, geometry, &directions, settings.seed);
+            let mut training = Training::start(settings, start, &network, &split);
+            while !training.is_done() {
+                let go_on = |_| ControlFlow::Continue(());
+                observer.epoch_finished(training.run_epoch(&network, &split, go_on)?);
+            }
             let best = training.best();
             let curve = Some(training.curve().clone());
             (best.parameters.clone(), best.epoch, best.validation, curve)
@@ -77,15 +71,21 @@ pub(super) fn test_fold(
     let pca = evaluate(&pca, &test)?;
     let windows = test.aligned(description.window.hop).len();
     let model = if description.mode == Mode::Paper {
-        // Its integer codes have no decoder, so the test is that of the float network with the pools' places.
-        let errors = network.errors(&best, &test.aligned(description.window.hop));
-        [Some(Errors::new(errors, sd_uv)), None]
+        // Its integer codes have no decoder, so the test is that of the float network with the
+        // pools' places.
+        let [mse, signal] = network.errors(&best, &test.aligned(description.window.hop));
+        let error = ReconstructionError {
+            mse,
+            mse_uv2: mse * sd_uv.powi(2),
+            prd_percent: 100.0 * (mse / signal).sqrt(),
+        };
+        [Some(error), None]
     } else {
         let evaluation = evaluate(
             &calibrated_artifact(description.clone(), &best, &whole)?,
             &test,
         )?;
-        [evaluation.float, evaluation.integer].map(|error| Some(Errors::from(error)))
+        [Some(evaluation.float), Some(evaluation.integer)]
     };
     Ok(Outcome {
         settings: String::new(),
@@ -106,22 +106,9 @@ pub(super) fn test_fold(
         curve,
         model_float: model[0],
         model_integer: model[1],
-        pca_float: Errors::from(pca.float),
-        pca_integer: Errors::from(pca.integer),
+        pca_float: pca.float,
+        pca_integer: pca.integer,
     })
-}
-
-fn train(
-    mut training: Training,
-    network: &Network,
-    split: &Split,
-    observer: &mut impl CrossvalObserver,
-) -> Result<Training, TrainerError> {
-    while !training.is_done() {
-        let report = training.run_epoch(network, split, |_, _| ControlFlow::Continue(()))?;
-        observer.epoch_finished(report.epoch, training.epochs(), report.validation);
-    }
-    Ok(training)
 }
 
 /// Returns the seed of a fold, so that repetitions start with other parameters.
@@ -132,8 +119,9 @@ fn seed(first: u64, fold: &Fold) -> u64 {
         .wrapping_add(fold.fold as u64)
 }
 
-/// Returns the contiguous parts of the tracks that belong to the test, or those that do not. The first `gap`
-/// steps of a part that continues another are left out, so that no window of one overlaps one of the other.
+/// Returns the contiguous parts of the tracks that belong to the test, or those that do not. The
+/// first `gap` steps of a part that continues another are left out, so that no window of one
+/// overlaps one of the other.
 fn parts(tracks: &[Track], fold: &Fold, gap: usize, is_test: bool) -> Vec<Track> {
     let mut parts = Vec::new();
     for (recording, track) in tracks.iter().enumerate() {
@@ -160,21 +148,12 @@ fn parts(tracks: &[Track], fold: &Fold, gap: usize, is_test: bool) -> Vec<Track>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing;
 
     /// Returns a track whose values are 1000 times the recording plus the step.
-    #[expect(clippy::cast_precision_loss, reason = "small numbers")]
     fn track(recording: usize, steps: usize) -> Track {
-        Track {
-            name: format!("run{recording}"),
-            electrodes: 1,
-            values: (0..steps)
-                .map(|step| (1000 * recording + step) as f32)
-                .collect(),
-            interpolated: Vec::new(),
-            signals: 1,
-            saturated: 0,
-            warnings: Vec::new(),
-        }
+        let values = (0..steps).map(|step| (1000 * recording + step) as f32);
+        testing::track(&format!("run{recording}"), 1, values.collect())
     }
 
     fn fold(blocks: usize, test: &[(usize, usize)]) -> Fold {

@@ -1,6 +1,6 @@
 //! The outcome of one fold, as a file.
 
-use super::deal::Fold;
+use super::plan::Fold;
 use crate::error::TrainerError;
 use crate::evaluate::ReconstructionError;
 use crate::learning_curve::LearningCurve;
@@ -12,11 +12,12 @@ use std::path::{Path, PathBuf};
 /// Folder of the outcomes, below that of the tables.
 const FOLDER: &str = "folds";
 
-/// Errors of a fold. All figures are over the windows of the test at every hop, and all electrodes.
+/// ReconstructionError of a fold. All figures are over the windows of the test at every hop, and
+/// all electrodes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Outcome {
-    /// Everything else that determines the figures.
+    /// All settings that determine the figures, as text.
     pub(super) settings: String,
     /// Name of the subject.
     pub subject: String,
@@ -40,61 +41,29 @@ pub struct Outcome {
     pub best_epoch: u32,
     /// Validation errors.
     pub validation: Validation,
-    /// Errors of all epochs; absent in mode `pca`, which has none, and in files of earlier versions.
+    /// ReconstructionError of all epochs; absent in mode `pca`, which has none, and in files of
+    /// earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<LearningCurve>,
-    /// Errors of the model with float codes.
-    pub model_float: Option<Errors>,
-    /// Errors of the model with integer codes; absent if they cannot be decoded.
-    pub model_integer: Option<Errors>,
-    /// Errors of PCA with float codes.
-    pub pca_float: Errors,
-    /// Errors of PCA with integer codes.
-    pub pca_integer: Errors,
+    /// ReconstructionError of the model with float codes.
+    pub model_float: Option<ReconstructionError>,
+    /// ReconstructionError of the model with integer codes; absent if they cannot be decoded.
+    pub model_integer: Option<ReconstructionError>,
+    /// ReconstructionError of PCA with float codes.
+    pub pca_float: ReconstructionError,
+    /// ReconstructionError of PCA with integer codes.
+    pub pca_integer: ReconstructionError,
 }
 
-/// Mean squared errors on disjoint windows of the validation part, in units of the training variance.
+/// Mean squared errors on disjoint windows of the validation part, in units of the training
+/// variance.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Validation {
-    /// That of the model at its best epoch.
+    /// Error of the model at its best epoch.
     pub model: f64,
-    /// That of PCA.
+    /// Error of PCA.
     pub pca: f64,
-}
-
-/// Reconstruction errors on the test.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Errors {
-    /// Mean squared error, in units of the training variance.
-    pub mse: f64,
-    /// Mean squared error, uV^2.
-    pub mse_uv2: f64,
-    /// Root of the squared error over root of the squared signal, percent.
-    pub prd_percent: f64,
-}
-
-impl Errors {
-    /// Returns the errors from the mean squared error and the mean square of the signal, in units of the
-    /// training variance.
-    pub(super) fn new([mse, signal]: [f64; 2], sd_uv: f64) -> Self {
-        Self {
-            mse,
-            mse_uv2: mse * sd_uv.powi(2),
-            prd_percent: 100.0 * (mse / signal).sqrt(),
-        }
-    }
-}
-
-impl From<ReconstructionError> for Errors {
-    fn from(error: ReconstructionError) -> Self {
-        Self {
-            mse: error.mse,
-            mse_uv2: error.mse_uv2,
-            prd_percent: error.prd_percent,
-        }
-    }
 }
 
 impl Outcome {
@@ -111,18 +80,18 @@ impl Outcome {
     /// Writes the outcome into a folder; a crash while writing leaves no half file under its name.
     pub(super) fn write(&self, folder: &Path) -> Result<(), TrainerError> {
         let path = folder.join(FOLDER).join(format!("{}.json", self.name()));
-        let unreadable = |error: serde_json::Error| damaged(&path, error);
-        let text = serde_json::to_string_pretty(self).map_err(unreadable)?;
+        let text = serde_json::to_string_pretty(self)
+            .map_err(|source| TrainerError::Outcome(path.clone(), source))?;
         let partial = path.with_extension(format!("{}.part", std::process::id()));
         let written = fs::write(&partial, text + "\n").and_then(|()| fs::rename(&partial, &path));
-        written.map_err(|source| TrainerError::File { path, source })
+        written.map_err(TrainerError::file(&path))
     }
 }
 
 /// Creates the folders of outcomes and tables.
 pub(super) fn prepare(folder: &Path) -> Result<(), TrainerError> {
     let path = folder.join(FOLDER);
-    fs::create_dir_all(&path).map_err(|source| TrainerError::File { path, source })
+    fs::create_dir_all(&path).map_err(TrainerError::file(&path))
 }
 
 /// Reads the outcome of a fold; `None` if it has none yet.
@@ -137,11 +106,8 @@ pub(super) fn read(
     }
     let outcome = read_file(&path)?;
     if outcome.settings != settings {
-        return Err(TrainerError::OtherCrossval {
-            path,
-            found: outcome.settings,
-            expected: settings.to_owned(),
-        });
+        let (found, expected) = (outcome.settings, settings.to_owned());
+        return Err(TrainerError::OtherCrossval(path, found, expected));
     }
     Ok(Some(outcome))
 }
@@ -151,10 +117,7 @@ pub(super) fn read_all(folders: &[PathBuf]) -> Result<Vec<Outcome>, TrainerError
     let mut outcomes: BTreeMap<(String, usize, usize), Outcome> = BTreeMap::new();
     for folder in folders {
         let path = folder.join(FOLDER);
-        let error = |source| TrainerError::File {
-            path: path.clone(),
-            source,
-        };
+        let error = TrainerError::file(&path);
         for entry in fs::read_dir(&path).map_err(error)? {
             let file = entry.map_err(error)?.path();
             if file.extension().is_none_or(|extension| extension != "json") {
@@ -163,10 +126,7 @@ pub(super) fn read_all(folders: &[PathBuf]) -> Result<Vec<Outcome>, TrainerError
             let outcome = read_file(&file)?;
             let key = (outcome.subject.clone(), outcome.repetition, outcome.fold);
             if outcomes.get(&key).is_some_and(|other| *other != outcome) {
-                return Err(TrainerError::TwoOutcomes {
-                    fold: outcome.name(),
-                    path: file,
-                });
+                return Err(TrainerError::TwoOutcomes(outcome.name(), file));
             }
             outcomes.insert(key, outcome);
         }
@@ -175,16 +135,6 @@ pub(super) fn read_all(folders: &[PathBuf]) -> Result<Vec<Outcome>, TrainerError
 }
 
 fn read_file(path: &Path) -> Result<Outcome, TrainerError> {
-    let text = fs::read_to_string(path).map_err(|source| TrainerError::File {
-        path: path.to_owned(),
-        source,
-    })?;
-    serde_json::from_str(&text).map_err(|error| damaged(path, error))
-}
-
-fn damaged(path: &Path, source: serde_json::Error) -> TrainerError {
-    TrainerError::Outcome {
-        path: path.to_owned(),
-        source,
-    }
+    let text = fs::read_to_string(path).map_err(TrainerError::file(path))?;
+    serde_json::from_str(&text).map_err(|source| TrainerError::Outcome(path.to_owned(), source))
 }

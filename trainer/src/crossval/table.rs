@@ -1,21 +1,22 @@
 //! The table of a cross-validation: mean and standard deviation over the folds of each subject.
 
-use super::outcome::{Errors, Outcome};
+use super::outcome::Outcome;
 use crate::error::TrainerError;
+use crate::evaluate::ReconstructionError;
 use picture::csv_field::field;
 use serde::Serialize;
 use std::fmt::{self, Write};
 use std::fs;
 use std::path::Path;
 
-/// Outcomes of all folds, and what they amount to.
+/// Outcomes of all folds, and their means and deviations.
 #[derive(Clone, Debug)]
 pub struct Table {
     outcomes: Vec<Outcome>,
     rows: Vec<Row>,
 }
 
-/// Errors of one kind of code over the folds of a subject, or over all subjects.
+/// ReconstructionError of one kind of code over the folds of a subject, or over all subjects.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Row {
     /// Name of the subject; `all` for the mean over the subjects' means.
@@ -36,6 +37,23 @@ pub(crate) struct Row {
     pub(crate) prd_percent: Spread,
 }
 
+impl Row {
+    /// Returns subject, folds, model, codes, and mean and deviation of the three errors.
+    pub(crate) fn cells(&self) -> [String; 7] {
+        let spread =
+            |Spread { mean, sd }: Spread, digits| format!("{mean:.digits$} ± {sd:.digits$}");
+        [
+            self.subject.clone(),
+            self.folds.to_string(),
+            self.model.clone(),
+            self.codes.to_owned(),
+            spread(self.mse, 5),
+            spread(self.mse_uv2, 2),
+            spread(self.prd_percent, 2),
+        ]
+    }
+}
+
 /// Mean and sample standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(crate) struct Spread {
@@ -49,7 +67,7 @@ const COLUMNS: usize = 4;
 impl Table {
     /// Makes the table from the outcomes of all folds, in any order.
     ///
-    /// # Errors
+    /// # ReconstructionError
     /// If there are no outcomes, they belong to different settings, or folds are missing.
     pub(super) fn new(mut outcomes: Vec<Outcome>) -> Result<Self, TrainerError> {
         outcomes.sort_by(|a, b| {
@@ -64,12 +82,8 @@ impl Table {
             .iter()
             .find(|outcome| !is_same_kind(first, outcome))
         {
-            return Err(TrainerError::MixedOutcomes {
-                first: first.name(),
-                of_first: first.settings.clone(),
-                other: other.name(),
-                of_other: other.settings.clone(),
-            });
+            let named = |outcome: &Outcome| (outcome.name(), outcome.settings.clone());
+            return Err(TrainerError::MixedOutcomes(named(first), named(other)));
         }
         check_complete(&outcomes)?;
         let mut rows = Vec::new();
@@ -92,12 +106,14 @@ impl Table {
             .map_or("", |outcome| outcome.settings.as_str())
     }
 
-    /// Returns the rows: those of each subject in turn, and those over all subjects if there are several.
+    /// Returns the rows: those of each subject in turn, and those over all subjects if there are
+    /// several.
     pub(crate) fn rows(&self) -> &[Row] {
         &self.rows
     }
 
-    /// Writes `table.md`, `table.csv` and `table.json` into a folder. The files depend on the outcomes alone.
+    /// Writes `table.md`, `table.csv` and `table.json` into a folder. The files depend on the
+    /// outcomes alone.
     pub(super) fn write(&self, folder: &Path) -> Result<(), TrainerError> {
         let json = serde_json::json!({
             "settings": self.outcomes.first().map(|outcome| &outcome.settings),
@@ -110,7 +126,7 @@ impl Table {
             ("table.json", format!("{json:#}\n")),
         ] {
             let path = folder.join(name);
-            fs::write(&path, text).map_err(|source| TrainerError::File { path, source })?;
+            fs::write(&path, text).map_err(TrainerError::file(&path))?;
         }
         Ok(())
     }
@@ -151,20 +167,12 @@ impl fmt::Display for Table {
         )?;
         writeln!(f, "| --- | ---: | --- | --- | --- | ---: | ---: | ---: |")?;
         for row in &self.rows {
+            let [subject, folds, model, codes, errors @ ..] = row.cells();
             let decodable = if row.is_decodable { "yes" } else { "no" };
+            let errors = errors.join(" | ");
             writeln!(
                 f,
-                "| {} | {} | {} | {} | {decodable} | {:.5} ± {:.5} | {:.2} ± {:.2} | {:.2} ± {:.2} |",
-                row.subject,
-                row.folds,
-                row.model,
-                row.codes,
-                row.mse.mean,
-                row.mse.sd,
-                row.mse_uv2.mean,
-                row.mse_uv2.sd,
-                row.prd_percent.mean,
-                row.prd_percent.sd
+                "| {subject} | {folds} | {model} | {codes} | {decodable} | {errors} |"
             )?;
         }
         let Some(outcome) = self.outcomes.first() else {
@@ -178,7 +186,8 @@ impl fmt::Display for Table {
     }
 }
 
-/// Returns whether two outcomes have the same settings. The blocks of a run may differ between subjects.
+/// Returns whether two outcomes have the same settings. The blocks of a run may differ between
+/// subjects.
 fn is_same_kind(a: &Outcome, b: &Outcome) -> bool {
     if a.subject == b.subject {
         return a.settings == b.settings;
@@ -210,16 +219,16 @@ fn check_complete(outcomes: &[Outcome]) -> Result<(), TrainerError> {
     if missing.is_empty() {
         return Ok(());
     }
-    Err(TrainerError::MissingOutcomes { missing })
+    Err(TrainerError::MissingOutcomes(missing))
 }
 
 /// Returns the errors of an outcome with the names of their rows.
 pub(crate) fn columns(
     outcome: &Outcome,
-) -> [(String, &'static str, bool, Option<Errors>); COLUMNS] {
+) -> [(String, &'static str, bool, Option<ReconstructionError>); COLUMNS] {
     let pca = format!("PCA-{}", outcome.numbers);
     let is_pca = outcome.mode == "pca";
-    let model = |errors: Option<Errors>| errors.filter(|_| !is_pca);
+    let model = |errors: Option<ReconstructionError>| errors.filter(|_| !is_pca);
     [
         (
             outcome.mode.clone(),
@@ -243,8 +252,10 @@ fn rows_of(outcomes: &[Outcome]) -> Vec<Row> {
     let columns: Vec<_> = outcomes.iter().map(columns).collect();
     let rows = (0..COLUMNS).filter_map(|at| {
         let (model, codes, is_decodable, _) = columns.first()?[at].clone();
-        let errors: Vec<Errors> = columns.iter().filter_map(|column| column[at].3).collect();
-        let spread = |figure: fn(&Errors) -> f64| Spread::new(errors.iter().map(figure));
+        let errors: Vec<ReconstructionError> =
+            columns.iter().filter_map(|column| column[at].3).collect();
+        let spread =
+            |figure: fn(&ReconstructionError) -> f64| Spread::new(errors.iter().map(figure));
         (!errors.is_empty()).then(|| Row {
             subject: outcomes[0].subject.clone(),
             folds: errors.len(),
@@ -289,7 +300,6 @@ fn over_subjects(rows: &[Row]) -> Vec<Row> {
 
 impl Spread {
     /// Returns mean and sample standard deviation, which is 0 for one value.
-    #[expect(clippy::cast_precision_loss, reason = "a few values")]
     fn new(values: impl Iterator<Item = f64> + Clone) -> Self {
         let count = values.clone().count() as f64;
         let mean = values.clone().sum::<f64>() / count;
@@ -302,4 +312,110 @@ impl Spread {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::super::outcome::Validation;
+    use super::*;
+
+    fn errors(mse: f64) -> ReconstructionError {
+        ReconstructionError {
+            mse,
+            mse_uv2: 100.0 * mse,
+            prd_percent: 10.0,
+        }
+    }
+
+    fn outcome(subject: &str, fold: usize, mse: f64) -> Outcome {
+        Outcome {
+            settings: "montage m; 2 epochs; 2 folds of whole runs".to_owned(),
+            subject: subject.to_owned(),
+            repetition: 1,
+            fold,
+            mode: "shortcut".to_owned(),
+            numbers: 16,
+            is_decodable: true,
+            tested_on: "a.edf".to_owned(),
+            windows: 10,
+            sd_uv: 10.0,
+            best_epoch: 2,
+            validation: Validation {
+                model: 0.1,
+                pca: 0.2,
+            },
+            curve: None,
+            model_float: Some(errors(mse)),
+            model_integer: Some(errors(2.0 * mse)),
+            pca_float: errors(3.0 * mse),
+            pca_integer: errors(4.0 * mse),
+        }
+    }
+
+    fn two_subjects() -> Vec<Outcome> {
+        [("a", 1, 1.0), ("a", 2, 3.0), ("b", 1, 5.0), ("b", 2, 7.0)]
+            .map(|(subject, fold, mse)| outcome(subject, fold, mse))
+            .into()
+    }
+
+    #[test]
+    fn mean_and_deviation_are_over_folds_and_over_the_means_of_subjects() {
+        let table = Table::new(two_subjects()).unwrap();
+        assert_eq!(table.rows.len(), 12);
+        let row = |subject: &str, model: &str, codes: &str| {
+            let is =
+                |row: &&Row| row.subject == subject && row.model == model && row.codes == codes;
+            table.rows.iter().find(is).unwrap().mse
+        };
+        let spread = |mean, sd| Spread { mean, sd };
+        // The sample deviation of two values is their difference over the root of 2.
+        let root = 2.0_f64.sqrt();
+        assert_eq!(row("a", "shortcut", "float"), spread(2.0, root));
+        assert_eq!(row("b", "PCA-16", "integer"), spread(24.0, 4.0 * root));
+        // Subject means 2 and 6.
+        let all = row("all", "shortcut", "float");
+        assert!(
+            (all.mean - 4.0).abs() < 1e-12 && (all.sd - 4.0 / root).abs() < 1e-12,
+            "{all:?}"
+        );
+    }
+
+    #[test]
+    fn the_table_does_not_depend_on_the_order_of_the_outcomes() {
+        let table = Table::new(two_subjects()).unwrap();
+        let mut reversed = two_subjects();
+        reversed.reverse();
+        let other = Table::new(reversed).unwrap();
+        assert_eq!(other.to_string(), table.to_string());
+        assert_eq!(other.csv(), table.csv());
+        assert_eq!(table.csv().lines().count(), 1 + table.rows.len());
+    }
+
+    #[test]
+    fn missing_mixed_and_absent_outcomes_are_named() {
+        let mut outcomes = two_subjects();
+        outcomes.remove(2);
+        let error = Table::new(outcomes).unwrap_err().to_string();
+        assert!(error.contains("b-r1-f1"), "{error}");
+        let mut outcomes = two_subjects();
+        outcomes[1].settings = "montage m; 9 epochs; 2 folds of whole runs".to_owned();
+        let error = Table::new(outcomes).unwrap_err().to_string();
+        assert!(
+            error.contains("9 epochs") && error.contains("a-r1-f2"),
+            "{error}"
+        );
+        assert!(matches!(
+            Table::new(Vec::new()),
+            Err(TrainerError::NoOutcomes)
+        ));
+    }
+
+    #[test]
+    fn codes_that_cannot_be_decoded_have_no_row_of_integers() {
+        let mut outcomes = two_subjects();
+        for outcome in &mut outcomes {
+            outcome.model_integer = None;
+            outcome.is_decodable = false;
+        }
+        let text = Table::new(outcomes).unwrap().to_string();
+        assert!(text.contains("| a | 2 | shortcut | float | no |"), "{text}");
+        assert!(!text.contains("shortcut | integer"), "{text}");
+    }
+}

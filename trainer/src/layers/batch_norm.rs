@@ -2,8 +2,7 @@
 
 use artifact::NORM_EPSILON;
 
-use super::volume::Volume;
-use super::{LANES, Lanes};
+use super::{LANES, Lanes, Volume};
 
 /// Number, mean and squared deviations of the values of each channel.
 #[derive(Clone, Debug)]
@@ -18,7 +17,6 @@ pub(crate) struct Moments {
 impl Moments {
     /// Returns the moments of the first `windows` windows of a group.
     pub(crate) fn new(x: &Volume, windows: usize) -> Self {
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 values")]
         let count = (x.places() * windows) as f64;
         let (mean, squares) = x
             .by_channel()
@@ -114,7 +112,8 @@ impl<'a> BatchNorm<'a> {
         y
     }
 
-    /// Returns the largest value of the first `windows` windows times the magnitude of its channel's factor.
+    /// Returns the largest value of the first `windows` windows times the magnitude of its
+    /// channel's factor.
     pub(crate) fn largest_scaled(&self, x: &Volume, windows: usize) -> f32 {
         let channels = x.by_channel().enumerate();
         let largest = channels.map(|(channel, values)| {
@@ -125,8 +124,8 @@ impl<'a> BatchNorm<'a> {
         largest.fold(0.0, f32::max)
     }
 
-    /// Returns the gradients of gain and offset, from input and gradient at the output. Windows without a
-    /// gradient do not count.
+    /// Returns the gradients of gain and offset, from input and gradient at the output. Windows
+    /// without a gradient do not count.
     pub(crate) fn parameter_gradient(&self, x: &Volume, gradient: &Volume) -> NormGradient {
         let pairs = x.by_channel().zip(gradient.by_channel()).enumerate();
         let (gain, offset) = pairs
@@ -149,9 +148,9 @@ impl<'a> BatchNorm<'a> {
         NormGradient { gain, offset }
     }
 
-    /// Returns the gradient at the input. `total` and `values` are the gradients of gain and offset over all
-    /// groups of the batch, and the number of values of a channel; of this group, the first `windows` windows
-    /// belong to the batch.
+    /// Returns the gradient at the input. `total` and `values` are the gradients of gain and offset
+    /// over all groups of the batch, and the number of values of a channel; of this group, the
+    /// first `windows` windows belong to the batch.
     pub(crate) fn input_gradient(
         &self,
         x: &Volume,
@@ -235,7 +234,6 @@ mod tests {
                 values.map(f64::from).collect()
             };
             let all = [values(&first, LANES), values(&second, 3)].concat();
-            #[expect(clippy::cast_precision_loss, reason = "a small number")]
             let count = all.len() as f64;
             let mean = all.iter().sum::<f64>() / count;
             let squares: f64 = all.iter().map(|value| (value - mean).powi(2)).sum();

@@ -10,12 +10,21 @@ const TILE: usize = 4;
 /// A matrix of \[outputs, inputs\] in PyTorch's order, the inputs fastest.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Matrix<'a> {
-    pub(crate) values: &'a [f32],
-    pub(crate) outputs: usize,
-    pub(crate) inputs: usize,
+    values: &'a [f32],
+    outputs: usize,
+    inputs: usize,
 }
 
-impl Matrix<'_> {
+impl<'a> Matrix<'a> {
+    /// Creates a matrix with this number of inputs.
+    pub(crate) fn new(values: &'a [f32], inputs: usize) -> Self {
+        Self {
+            values,
+            outputs: values.len() / inputs,
+            inputs,
+        }
+    }
+
     /// Adds the product of the matrix and `x` to `y`.
     pub(crate) fn multiply(&self, x: &[Lanes], y: &mut [Lanes]) {
         pulp::Arch::new().dispatch(Product {
@@ -27,7 +36,8 @@ impl Matrix<'_> {
         });
     }
 
-    /// Adds the product of the transposed matrix and `gradient` to `sums`: the gradient at the layer's input.
+    /// Adds the product of the transposed matrix and `gradient` to `sums`: the gradient at the
+    /// layer's input.
     pub(crate) fn multiply_transposed(&self, gradient: &[Lanes], sums: &mut [Lanes]) {
         pulp::Arch::new().dispatch(Product {
             values: self.values,
@@ -39,8 +49,8 @@ impl Matrix<'_> {
     }
 }
 
-/// Returns the gradient of a matrix, in its order: the sum over the windows of the gradient at an output
-/// times an input.
+/// Returns the gradient of a matrix, in its order: the sum over the windows of the gradient at an
+/// output times an input.
 pub(crate) fn matrix_gradient(x: &[Lanes], gradient: &[Lanes]) -> Vec<f32> {
     let inputs = x.len();
     let mut sums = vec![0.0; gradient.len() * inputs];

@@ -2,8 +2,7 @@
 
 use artifact::{CONV2_CHANNELS, Geometry};
 
-use super::volume::{Volume, product};
-use super::{LANES, Lanes};
+use super::{LANES, Lanes, Volume, product};
 
 /// The output of a max-pool, and where each maximum was.
 #[derive(Clone, Debug)]
@@ -14,8 +13,8 @@ pub(crate) struct Pooled {
     places: Vec<[u16; LANES]>,
 }
 
-/// Returns the max-pool of a feature map. Places that do not fill a pool are dropped; of equal values the
-/// first counts.
+/// Returns the max-pool of a feature map. Places that do not fill a pool are dropped; of equal
+/// values the first counts.
 pub(crate) fn max_pool(x: &Volume, geometry: &Geometry) -> Pooled {
     let count = x.channels * product(geometry.pooled);
     let mut pooled = Pooled {
@@ -43,8 +42,8 @@ pub(crate) fn max_pool(x: &Volume, geometry: &Geometry) -> Pooled {
 }
 
 impl Pooled {
-    /// Puts a value for each pool back to the place of its maximum; all other places are 0. This is the
-    /// gradient of the max-pool, and the unpooling of mode `paper`.
+    /// Puts a value for each pool back to the place of its maximum; all other places are 0. This is
+    /// the gradient of the max-pool, and the unpooling of mode `paper`.
     pub(crate) fn scatter(&self, values: &[Lanes], geometry: &Geometry) -> Volume {
         let mut x = Volume::zeros(CONV2_CHANNELS, geometry.feature_map);
         let per_channel = product(geometry.pooled);
@@ -76,8 +75,8 @@ impl Pooled {
     }
 }
 
-/// Unpools to the feature map by nearest neighbour. For example, in the paper's network, columns 0 to 2
-/// of the five take pooled column 0, and columns 3 and 4 take pooled column 1.
+/// Unpools to the feature map by nearest neighbour. For example, in the paper's network, columns 0
+/// to 2 of the five take pooled column 0, and columns 3 and 4 take pooled column 1.
 pub(crate) fn unpool(values: &[Lanes], geometry: &Geometry) -> Volume {
     let sources = nearest(geometry);
     let per_channel = product(geometry.pooled);

@@ -4,6 +4,7 @@ use super::*;
 use crate::calibrate::calibrated_artifact;
 use crate::card::{self, Shape};
 use crate::dataset::Dataset;
+use crate::parameters::TENSORS;
 use crate::testing;
 use artifact::{Artifact, CodeFormat, FloatDecoder, FloatEncoder, Mode, MontageFile, Padding};
 use artifact::{Geometry, ScalpGrid};
@@ -17,22 +18,16 @@ fn network() -> Network {
 
 /// Returns parameters in which no layer is 0.
 fn parameters() -> Parameters {
-    let directions = testing::directions();
-    changed(Parameters::from_directions(
-        testing::geometry(),
-        &directions,
-        3,
-    ))
+    changed(testing::shortcut(3))
 }
 
 /// Returns parameters with a change of each value.
 fn changed(mut parameters: Parameters) -> Parameters {
-    let names: Vec<&str> = parameters.iter().map(|(name, _)| name).collect();
-    for name in names {
-        for (index, value) in parameters.values_mut(name).iter_mut().enumerate() {
-            #[expect(clippy::cast_precision_loss, reason = "a small number")]
+    for tensor in TENSORS {
+        let values = tensor.of_mut(&mut parameters.weights);
+        for (index, value) in values.iter_mut().enumerate() {
             let change = (index * 7 % 11) as f32 - 4.5;
-            *value += if name.ends_with("running_var") {
+            *value += if tensor.name.ends_with("running_var") {
                 change.abs()
             } else {
                 0.02 * change
@@ -42,8 +37,9 @@ fn changed(mut parameters: Parameters) -> Parameters {
     parameters
 }
 
-/// Returns the largest difference between the codes and windows of the network and of the artifact's
-/// float encoder and decoder, relative to the largest value of the code and window (at least 1).
+/// Returns the largest difference between the codes and windows of the network and of the
+/// artifact's float encoder and decoder, relative to the largest value of the code and window (at
+/// least 1).
 fn worst_difference(
     network: &Network,
     parameters: &Parameters,
@@ -74,7 +70,7 @@ fn worst_difference(
 fn the_network_equals_the_artifacts_float_encoder_and_decoder() {
     let parameters = parameters();
     let dataset = testing::dataset(5, 64);
-    let artifact = testing::artifact(&parameters);
+    let artifact = testing::model(&parameters, &testing::dataset(1, 64));
     let worst = worst_difference(&network(), &parameters, &artifact, &dataset);
     // Each implementation adds at most 1152 products in f32, in its own order. Measured: 9e-6.
     assert!(worst < 1e-4, "{worst}");
@@ -84,7 +80,7 @@ fn the_network_equals_the_artifacts_float_encoder_and_decoder() {
 fn the_trace_equals_that_of_the_artifacts_float_encoder() {
     let parameters = parameters();
     let dataset = testing::dataset(5, 16 * 20);
-    let artifact = testing::artifact(&parameters);
+    let artifact = testing::model(&parameters, &testing::dataset(1, 64));
     let encoder = FloatEncoder::new(&artifact).unwrap();
     let grid = ScalpGrid::new(&artifact.description);
     // More windows than a group has, and not a multiple of them.
@@ -111,31 +107,22 @@ fn the_trace_equals_that_of_the_artifacts_float_encoder() {
     }
 }
 
-#[test]
-fn gradients_of_index_unpooling_equal_finite_differences() {
-    let mut description = testing::description();
-    description.mode = Mode::Paper;
-    let network = Network::new(&description);
-    let parameters = changed(Parameters::random(Mode::Paper, testing::geometry(), 3));
+/// Compares gradients, each at an index of a tensor, with finite differences of the loss.
+fn compare_gradients(network: &Network, parameters: &Parameters, places: &[(&str, usize)]) {
     let dataset = testing::dataset(6, 64);
     let windows = dataset.aligned(16);
-    let gradients = network
-        .gradients(&mut parameters.clone(), &windows)
-        .gradients;
-    // The loss jumps where the maximum of a pool moves, so layers before the pool are left out.
-    for (name, index) in [
-        ("encoder.fc.weight", 5000),
-        ("decoder.fc.bias", 100),
-        ("decoder.conv1.weight", 700),
-    ] {
+    let batch = network.gradients(&mut parameters.clone(), &windows);
+    for &(name, index) in places {
+        let tensor = TENSORS.iter().find(|tensor| tensor.name == name).unwrap();
         let change = 1e-2;
         let loss = |change: f32| {
             let mut changed = parameters.clone();
-            changed.values_mut(name)[index] += change;
+            tensor.of_mut(&mut changed.weights)[index] += change;
             network.gradients(&mut changed, &windows).loss
         };
         let slope = (loss(change) - loss(-change)) / (2.0 * f64::from(change));
-        let gradient = f64::from(gradients[name][index]);
+        let gradient = f64::from(tensor.of(&batch.gradients)[index]);
+        // The loss is in f32 and only piecewise smooth: measured deviations of up to 2 %.
         assert!(
             (slope - gradient).abs() < 0.05 * gradient.abs() + 1e-3,
             "{name}: {slope} {gradient}"
@@ -144,18 +131,22 @@ fn gradients_of_index_unpooling_equal_finite_differences() {
 }
 
 #[test]
+fn gradients_of_index_unpooling_equal_finite_differences() {
+    let mut description = testing::description();
+    description.mode = Mode::Paper;
+    let parameters = changed(Parameters::random(Mode::Paper, testing::geometry(), 3));
+    // The loss jumps where the maximum of a pool moves, so layers before the pool are left out.
+    let places = [
+        ("encoder.fc.weight", 5000),
+        ("decoder.fc.bias", 100),
+        ("decoder.conv1.weight", 700),
+    ];
+    compare_gradients(&Network::new(&description), &parameters, &places);
+}
+
+#[test]
 fn gradients_equal_finite_differences_of_the_loss() {
-    let parameters = parameters();
-    let dataset = testing::dataset(6, 64);
-    let windows = dataset.aligned(16);
-    let network = network();
-    let batch = network.gradients(&mut parameters.clone(), &windows);
-    let loss_with = |name: &str, index: usize, change: f32| {
-        let mut changed = parameters.clone();
-        changed.values_mut(name)[index] += change;
-        network.gradients(&mut changed, &windows).loss
-    };
-    for (name, index) in [
+    let places = [
         ("encoder.conv1.weight", 30),
         ("encoder.norm1.weight", 3),
         ("encoder.conv2.weight", 1000),
@@ -166,31 +157,21 @@ fn gradients_equal_finite_differences_of_the_loss() {
         ("decoder.norm1.bias", 5),
         ("decoder.conv2.weight", 40),
         ("decoder.shortcut.weight", 300),
-    ] {
-        let change = 1e-2;
-        let slope = (loss_with(name, index, change) - loss_with(name, index, -change))
-            / (2.0 * f64::from(change));
-        let gradient = f64::from(batch.gradients[name][index]);
-        // The loss is in f32 and only piecewise smooth: measured deviations of up to 2 %.
-        assert!(
-            (slope - gradient).abs() < 0.05 * gradient.abs() + 1e-3,
-            "{name}: {slope} {gradient}"
-        );
-    }
+    ];
+    compare_gradients(&network(), &parameters(), &places);
 }
 
 #[test]
 fn running_statistics_move_a_tenth_towards_the_batch() {
     let mut parameters = parameters();
-    let mean =
-        |parameters: &mut Parameters| parameters.values_mut("encoder.norm1.running_mean").to_vec();
-    let before = mean(&mut parameters);
+    let mean = |parameters: &Parameters| parameters.weights.encoder.norm1.running_mean.clone();
+    let before = mean(&parameters);
     let dataset = testing::dataset(6, 64);
     let windows = dataset.aligned(16);
     network().gradients(&mut parameters, &windows);
-    let first = mean(&mut parameters);
+    let first = mean(&parameters);
     network().gradients(&mut parameters, &windows);
-    let second = mean(&mut parameters);
+    let second = mean(&parameters);
     for ((before, first), second) in before.iter().zip(first).zip(second) {
         // The batch is the same twice, and each update removes a tenth of the remaining difference.
         assert!(((second - first) - 0.9 * (first - before)).abs() < 1e-5);
@@ -231,7 +212,7 @@ fn networks_of_other_shapes_equal_the_artifacts_float_encoder_and_decoder() {
         let artifact = calibrated_artifact(description.clone(), &parameters, &dataset).unwrap();
         let network = Network::new(&description);
         let worst = worst_difference(&network, &parameters, &artifact, &dataset);
-        // As for the paper's network, with fewer products.
+        // The bound of the paper's network, which has more products.
         assert!(worst < 1e-4, "{mode:?} {padding:?}: {worst}");
     }
 }

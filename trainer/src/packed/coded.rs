@@ -1,13 +1,13 @@
-//! Blocks coded by the real quantiser and range coder.
+//! Blocks coded with the device's quantiser and range coder.
 
 use crate::in_parallel;
 use artifact::PackedModel;
 use packed::{Context, Header, LEVELS, MAGNITUDES, Magnitude, Rate, Tables};
 
-/// Bytes that hold any block.
+/// Size of the buffer of a block, bytes; no block is longer.
 const MAX_BYTES: usize = 2048;
 
-/// Number of blocks with each magnitude, for each level, for each quantiser.
+/// Number of times each magnitude was coded: quantiser, level, magnitude.
 pub(super) type Histogram = [[[u32; MAGNITUDES]; LEVELS]; 2];
 
 /// A coded sequence of blocks.
@@ -19,12 +19,12 @@ pub(super) struct Coded {
     pub(super) magnitudes: Vec<i32>,
     /// Bytes of each block.
     pub(super) bytes: Vec<usize>,
-    /// Which magnitudes were coded with which table.
+    /// Number of magnitudes coded with each table.
     pub(super) histogram: Box<Histogram>,
 }
 
-/// Codes sequences of coefficients `[sequence][block][coefficient]` at a rate. The first block of each sequence
-/// has no prediction; so has every `reset`-th block.
+/// Codes sequences of coefficients `[sequence][block][coefficient]` at a rate. The first block of
+/// each sequence has no prediction; so has every `reset`-th block.
 pub(super) fn code(
     model: &PackedModel,
     coefficients: &[Vec<i16>],

@@ -1,12 +1,10 @@
 //! Bits and error of a packed model at each rate.
 
-use super::blocks::Blocks;
-use super::coded::{self, Coded};
-use super::integers::analysed;
-use super::scale::Scale;
-use super::smoother::next_residuals;
-use super::transform::to_f32;
-use crate::band_power::{BandPower, LogPowers, correlation};
+use super::coded;
+use super::integers::{Scale, analysed};
+use super::ridge::next_residuals;
+use super::transform::{Blocks, to_f32};
+use crate::band_power::{BandPower, correlation};
 use crate::error::TrainerError;
 use crate::in_parallel;
 use crate::track::Track;
@@ -19,8 +17,8 @@ use std::fmt;
 /// Blocks from one reset to the next, as on a device: 4 s.
 const RESET: usize = 64;
 
-/// Blocks at both ends of a sequence that do not count: at the start the state has not settled, at the end
-/// there is no next block.
+/// Blocks at both ends of a sequence that are excluded: at the start the state has not settled, at
+/// the end there is no next block.
 const EDGE: usize = 4;
 
 /// Bits and error at one rate, measured on recordings.
@@ -36,8 +34,9 @@ pub struct RateFigures {
     pub mse: f64,
     /// Mean squared error one block later.
     pub mse_smoothed: f64,
-    /// Correlation of the power of the alpha band (8 to 13 Hz) and of the beta band (13 to 30 Hz) with that of the
-    /// original, at once: Pearson's, of the logarithm in each second, mean over the electrodes.
+    /// Correlation of the power of the alpha band (8 to 13 Hz) and of the beta band (13 to 30 Hz)
+    /// with that of the original, at once: Pearson's, of the logarithm in each second, mean over
+    /// the electrodes.
     pub band_correlation: [f64; 2],
 }
 
@@ -55,7 +54,7 @@ impl RateFigures {
         })
     }
 
-    /// Returns the figures as `packed.toml` states them.
+    /// Returns the figures as rounded in `packed.toml`.
     pub(super) fn rounded(self) -> PackedFigures {
         let to = |digits: f64, value: f64| (value * digits).round() / digits;
         PackedFigures {
@@ -92,97 +91,49 @@ pub(super) fn evaluate_with_resets(
     let synthesis = synthesis(model)?;
     let scale = Scale::new(model, sd_uv);
     let electrodes = description.montage.electrodes.len();
-    let original = Original::new(
-        blocks,
-        BandPower::new(electrodes, description.window.rate_hz),
-    );
+    let band_power = BandPower::new(electrodes, description.window.rate_hz);
+    let powers = |sequences: &[DMatrix<f32>]| {
+        in_parallel::map(sequences, |blocks| band_power.log_powers(blocks.as_slice()))
+    };
+    let original_powers = powers(&blocks.sequences);
     let figures = Rate::all().map(|rate| {
         let coded = coded::code(model, &coefficients, rate, reset);
         let count = model.coefficients();
         let smoother = DMatrix::from_row_slice(count, count, &model.smoother.matrix(rate.index()));
-        original.compare(rate, &coded, |states| {
-            let own = scale.columns(states);
-            let next = next_residuals(model, states, scale);
+        let decoded = in_parallel::map(&coded, |coded| {
+            let own = scale.columns(&coded.states);
+            let next = next_residuals(model, &coded.states, scale);
             let mut smoothed = own.clone();
             let mut inner = smoothed.columns_mut(0, next.ncols());
             inner += &smoother * next;
-            [&synthesis * own, &synthesis * smoothed]
-        })
+            (&synthesis * own, &synthesis * smoothed)
+        });
+        let (at_once, smoothed): (Vec<_>, Vec<_>) = decoded.into_iter().unzip();
+        let lengths = || coded.iter().flat_map(|coded| &coded.bytes);
+        RateFigures {
+            rate: rate.index(),
+            bits: 8.0 * lengths().sum::<usize>() as f64 / lengths().count().max(1) as f64,
+            longest: lengths().copied().max().unwrap_or(0),
+            mse: mean_squared_error(&blocks.sequences, &at_once),
+            mse_smoothed: mean_squared_error(&blocks.sequences, &smoothed),
+            band_correlation: correlation(&original_powers, &powers(&at_once)),
+        }
     });
     Ok(figures.collect())
 }
 
-/// Blocks before they are coded, and the powers of their bands.
-struct Original {
-    blocks: Blocks,
-    band_power: BandPower,
-    /// Of each sequence.
-    powers: Vec<LogPowers>,
-}
-
-impl Original {
-    fn new(blocks: Blocks, band_power: BandPower) -> Self {
-        let powers = in_parallel::map(&blocks.sequences, |blocks| {
-            band_power.log_powers(blocks.as_slice())
-        });
-        Self {
-            blocks,
-            band_power,
-            powers,
-        }
+/// Returns the mean squared error of decoded sequences of blocks without their ends.
+fn mean_squared_error(original: &[DMatrix<f32>], decoded: &[DMatrix<f32>]) -> f64 {
+    let (mut error, mut values) = (0.0, 0.0_f64);
+    for (original, decoded) in original.iter().zip(decoded) {
+        let counted = original.ncols().saturating_sub(2 * EDGE);
+        let original = original.columns(EDGE.min(original.ncols()), counted);
+        let difference = decoded.columns(EDGE.min(decoded.ncols()), counted) - original;
+        let squares = difference.iter().map(|&d| f64::from(d).powi(2));
+        error += squares.sum::<f64>();
+        values += original.len() as f64;
     }
-
-    /// Measures coded blocks; `reconstruct` returns the blocks of a sequence at once and smoothed.
-    fn compare(
-        &self,
-        rate: Rate,
-        coded: &[Coded],
-        reconstruct: impl Fn(&[i16]) -> [DMatrix<f32>; 2] + Sync,
-    ) -> RateFigures {
-        let reconstructed = in_parallel::map(coded, |coded| reconstruct(&coded.states));
-        let mut errors = [0.0; 2];
-        let mut values = 0.0_f64;
-        for (original, reconstructed) in self.blocks.sequences.iter().zip(&reconstructed) {
-            let counted = original.ncols().saturating_sub(2 * EDGE);
-            let original = original.columns(EDGE.min(original.ncols()), counted);
-            for (error, blocks) in errors.iter_mut().zip(reconstructed) {
-                let difference = blocks.columns(EDGE.min(blocks.ncols()), counted) - original;
-                let squares = difference.iter().map(|&d| f64::from(d).powi(2));
-                *error += squares.sum::<f64>();
-            }
-            #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
-            let counted = original.len() as f64;
-            values += counted;
-        }
-        let powers = in_parallel::map(&reconstructed, |[at_once, _]| {
-            self.band_power.log_powers(at_once.as_slice())
-        });
-        figures(
-            rate,
-            coded,
-            errors.map(|error| error / values.max(1.0)),
-            correlation(&self.powers, &powers),
-        )
-    }
-}
-
-fn figures(
-    rate: Rate,
-    coded: &[Coded],
-    [mse, mse_smoothed]: [f64; 2],
-    band_correlation: [f64; 2],
-) -> RateFigures {
-    let lengths = || coded.iter().flat_map(|coded| &coded.bytes);
-    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
-    let bits = 8.0 * lengths().sum::<usize>() as f64 / lengths().count().max(1) as f64;
-    RateFigures {
-        rate: rate.index(),
-        bits,
-        longest: lengths().copied().max().unwrap_or(0),
-        mse,
-        mse_smoothed,
-        band_correlation,
-    }
+    error / values.max(1.0)
 }
 
 /// Returns the pseudoinverse of the analysis, `[value, coefficient]`, in units of `input.sd_uv`.

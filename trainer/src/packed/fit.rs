@@ -1,31 +1,25 @@
 //! Fit of a packed model to filtered recordings.
 
-use super::blocks::Blocks;
 use super::coded::{self, Coded};
 use super::evaluation::{self, RateFigures};
-use super::integers::{self, INPUT_LIMIT, UNIT_UV, analysed};
-use super::probabilities;
-use super::ridge::{Ridge, penalty};
-use super::scale::Scale;
-use super::smoother;
-use super::transform::Transform;
-use super::unpredicted;
+use super::integers::{self, INPUT_LIMIT, Scale, UNIT_UV, analysed};
+use super::ridge::{Ridge, fit_smoother, penalty};
+use super::transform::{Blocks, Transform};
+use super::{Tracks, probabilities};
 use crate::error::TrainerError;
 use crate::progress::ProgressObserver;
-use crate::selection::{self, file_name};
-use crate::track::{Track, read_tracks};
+use crate::track::Track;
 use artifact::{
     Description, INPUTS_PER_ROUND, IntegerMatrix, PackedDescription, PackedModel, PackedTraining,
     Smoother, slice_ends,
 };
 use packed::{LEVELS, MAGNITUDES, MAX_COEFFICIENTS, RATES, Rate};
-use std::path::PathBuf;
 
 /// Rate at which the probabilities are trained; the other rates follow from it.
 const BASE_RATE: Rate = Rate::MIDDLE;
 
-/// Part of the training data's variance above which a block's unrepresented part is a misfit; in the training
-/// data it is 0.002 on average.
+/// Part of the training data's variance above which a block's unrepresented part is a misfit; in
+/// the training data it is 0.002 on average.
 const MISFIT: f64 = 0.01;
 
 /// Number of coefficients that represents EEG of 61 electrodes within 0.3 % of its variance.
@@ -34,68 +28,15 @@ const COEFFICIENTS: usize = 176;
 /// Rounds of coding the training blocks and counting magnitudes.
 const ROUNDS: usize = 4;
 
-/// Recordings and settings of a packed model.
-#[derive(Clone, Debug)]
-pub struct FitOptions {
-    /// Folder in which names select recordings.
-    pub data: PathBuf,
-    /// Paths, patterns, names or ranges of the training recordings.
-    pub train: Vec<String>,
-    /// Paths, patterns, names or ranges of the test recordings.
-    pub test: Vec<String>,
-    /// Number of coefficients; `None` for [`COEFFICIENTS`], or as many as a block allows.
-    pub coefficients: Option<usize>,
-    /// Mains frequency of the recordings, Hz.
-    pub mains_hz: u32,
-    /// Mean squared error that the device's first rate may have, in units of `input.sd_uv` squared.
-    pub target_mse: Option<f64>,
-}
-
-/// Figures of a trained packed model on the test recordings; without any, on the training recordings.
+/// Figures of a trained packed model on the test recordings; without any, on the training
+/// recordings.
 #[derive(Clone, Debug)]
 pub struct PackedTrained {
-    /// Of the model at each rate, finest first.
+    /// Figures of the model at each rate, finest first.
     pub figures: Vec<RateFigures>,
-    /// Of the Karhunen-Loeve transform of a block, coded alike but without prediction.
+    /// Figures of the Karhunen-Loeve transform of a block, coded in the same way but without
+    /// prediction.
     pub without_prediction: Vec<RateFigures>,
-}
-
-/// Recordings that are selected for a fit, none of them twice.
-pub(super) struct Selected {
-    train: Vec<PathBuf>,
-    test: Vec<PathBuf>,
-}
-
-/// Filtered recordings.
-pub(super) struct Tracks {
-    pub(super) train: Vec<Track>,
-    pub(super) test: Vec<Track>,
-}
-
-impl Selected {
-    pub(super) fn find(options: &FitOptions) -> Result<Self, TrainerError> {
-        let train = selection::recordings(&options.data, &options.train)?;
-        let test = selection::recordings(&options.data, &options.test)?;
-        selection::refuse_same(&train, &test)?;
-        Ok(Self { train, test })
-    }
-
-    pub(super) fn read(
-        &self,
-        description: &Description,
-        mains_hz: u32,
-        observer: &mut impl ProgressObserver,
-    ) -> Result<Tracks, TrainerError> {
-        Ok(Tracks {
-            train: read_tracks(&self.train, description, mains_hz, observer)?,
-            test: read_tracks(&self.test, description, mains_hz, observer)?,
-        })
-    }
-
-    /// File names of the training recordings, and of the test recordings.
-    pub(super) fn names(&self) -> [Vec<String>; 2] {
-        [&self.train, &self.test].map(|files| files.iter().map(|file| file_name(file)).collect())
-    }
 }
 
 /// Returns the number of coefficients of a block of this description's montage and hop.
@@ -142,7 +83,7 @@ pub(super) fn fit(
         ));
     }
     observer.message("fitting the transform without prediction, to compare ...");
-    let without_prediction = unpredicted::figures(&model, &tracks.train, tested, description)?;
+    let without_prediction = fit_without_prediction(&model, &tracks.train, tested, description)?;
     if !tracks.test.is_empty() {
         let rounded =
             |figures: &[RateFigures]| figures.iter().map(|figures| figures.rounded()).collect();
@@ -166,8 +107,8 @@ fn fit_model(
     let (hop, sd_uv) = (description.window.hop, description.input.sd_uv);
     let electrodes = description.montage.electrodes.len();
     observer.message("fitting transform and prediction ...");
-    let every_quarter: Vec<usize> = (0..hop).step_by((hop / 4).max(1)).collect();
-    let transform = Transform::fit(&Blocks::cut(tracks, hop, sd_uv, &every_quarter), count)?;
+    let blocks = Blocks::cut(tracks, hop, sd_uv, &every_quarter(hop));
+    let transform = Transform::fit(&blocks, count)?;
     let mut model = PackedModel {
         description: PackedDescription {
             format: 1,
@@ -192,11 +133,16 @@ fn fit_model(
     observer.message("fitting the smoother of each rate ...");
     let matrices = Rate::all().map(|rate| {
         let coded = coded::code(&model, &coefficients, rate, usize::MAX);
-        smoother::fit(&model, &coded, &coefficients, scale)
+        fit_smoother(&model, &coded, &coefficients, scale)
     });
     let matrices = matrices.collect::<Result<Vec<_>, _>>()?;
     model.smoother = Smoother::quantised(&matrices, count);
     Ok(model)
+}
+
+/// Returns the first steps of four series of blocks, a quarter of a block apart.
+fn every_quarter(hop: usize) -> Vec<usize> {
+    (0..hop).step_by((hop / 4).max(1)).collect()
 }
 
 /// Returns the coarsest rate whose error at once is at most `target`.
@@ -219,7 +165,7 @@ fn fit_probabilities(
     observer: &mut impl ProgressObserver,
 ) -> Result<(), TrainerError> {
     let count = model.coefficients();
-    // Of the unit of a magnitude: two steps.
+    // A magnitude of 1 is two steps.
     let two_steps = 2.0 * f64::from(BASE_RATE.step());
     let (mut predicted, unpredicted) = first_guess(model, coefficients, two_steps);
     for round in 0..ROUNDS {
@@ -239,7 +185,6 @@ fn fit_probabilities(
             model.prediction = refitted_prediction(&coded, coefficients, scale)?;
         }
         let bytes = coded.iter().flat_map(|coded| &coded.bytes);
-        #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53")]
         let bits = 8.0 * bytes.clone().sum::<usize>() as f64 / bytes.count().max(1) as f64;
         observer.message(&format!("round {}: {bits:.1} bits a block", round + 1));
     }
@@ -247,7 +192,7 @@ fn fit_probabilities(
     Ok(())
 }
 
-/// Returns guesses of the mean magnitudes of predicted blocks and of blocks without prediction.
+/// Returns estimates of the mean magnitudes of predicted blocks and of blocks without prediction.
 fn first_guess(
     model: &PackedModel,
     coefficients: &[Vec<i16>],
@@ -289,4 +234,45 @@ fn refitted_prediction(
     let largest = integers::largest_prediction(scale.count);
     let prediction = ridge.solve_within(penalty(coded.len()), largest)?;
     Ok(integers::prediction(&prediction))
+}
+
+/// Fits the Karhunen-Loeve transform of a block to `tracks`, with the number of coefficients of
+/// `model`, and with the quantiser, contexts and range coder of the packed code, every block
+/// without prediction. Returns its figures on `tested` at every rate, finest first: the gain by
+/// prediction is the difference.
+///
+/// # Errors
+/// If the recordings are silent.
+fn fit_without_prediction(
+    model: &PackedModel,
+    tracks: &[Track],
+    tested: &[Track],
+    description: &Description,
+) -> Result<Vec<RateFigures>, TrainerError> {
+    let (hop, sd_uv) = (description.window.hop, description.input.sd_uv);
+    let electrodes = description.montage.electrodes.len();
+    let blocks = Blocks::cut(tracks, hop, sd_uv, &every_quarter(hop));
+    let transform = Transform::without_prediction(&blocks, model.coefficients());
+    let mut model = PackedModel {
+        analysis: integers::analysis(&transform, &slice_ends(electrodes, hop)),
+        ..model.clone()
+    };
+    let blocks = Blocks::cut(tracks, hop, sd_uv, &[0, hop / 2]);
+    let coefficients = analysed(&model, &blocks, sd_uv);
+    let two_steps = 2.0 * f64::from(BASE_RATE.step());
+    let mut means = probabilities::mean_sizes(&coefficients, model.coefficients(), two_steps);
+    for _ in 0..ROUNDS {
+        model.reset_levels = probabilities::levels(&means);
+        let coded = coded::code(&model, &coefficients, BASE_RATE, 1);
+        model.starts = probabilities::starts(&coded::sum(&coded));
+        means = probabilities::mean_magnitudes(&coded, model.coefficients());
+    }
+    model.reset_levels = probabilities::levels(&means);
+    let figures = evaluation::evaluate_with_resets(&model, tested, description, 1)?;
+    // Without prediction, a block has no information about the one before it.
+    let alone = |figures: RateFigures| RateFigures {
+        mse_smoothed: figures.mse,
+        ..figures
+    };
+    Ok(figures.into_iter().map(alone).collect())
 }

@@ -1,27 +1,26 @@
-//! Transform and prediction as integers of proven ranges.
+//! Transform and prediction as integers of proven ranges, and integers as floats.
 
-use super::blocks::Blocks;
-use super::transform::Transform;
+use super::transform::{Blocks, Transform};
 use crate::in_parallel;
 use artifact::{IntegerMatrix, LARGEST_STATE, PackedModel, SUM_LIMIT};
 use nalgebra::DMatrix;
 
-/// Microvolts of one unit of an input value, and of a coefficient. Rounding of the inputs adds 1e-5 to the mean
-/// squared error of EEG.
+/// Microvolts of one unit of an input value, and of a coefficient. Rounding of the inputs adds 1e-5
+/// to the mean squared error of EEG.
 pub(super) const UNIT_UV: f64 = 0.5;
 
-/// Largest magnitude of an input value: 2 mV. It takes 12 bits, so that the sums of a slice of inputs stay
-/// below 2^23.
+/// Largest magnitude of an input value: 2 mV. It takes 12 bits, so that the sums of a slice of
+/// inputs stay below 2^23.
 pub(super) const INPUT_LIMIT: i16 = 4095;
 
-/// Sum of magnitudes that stands for a smaller one.
+/// Smallest sum of magnitudes by which a scale is divided.
 const SMALLEST_SUM: f64 = 1e-12;
 
-/// Units of the state in one unit of a rounded one.
+/// Units of the state in one unit of the rounded state.
 const STATE_UNIT: f64 = 8.0;
 
-/// Returns the analysis of blocks in integers. `slices` are the ends of the inputs that the device adds at
-/// each step.
+/// Returns the analysis of blocks in integers. `slices` are the ends of the inputs that the device
+/// adds at each step.
 pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix {
     let directions = &transform.directions;
     IntegerMatrix::quantised(directions.as_slice(), directions.nrows(), 1.0, |weights| {
@@ -35,8 +34,9 @@ pub(super) fn analysis(transform: &Transform, slices: &[usize]) -> IntegerMatrix
     })
 }
 
-/// Returns the largest sum of magnitudes that the `count` weights of a coefficient's prediction can have: with a larger
-/// one, the weights would need a factor of 1/2 or more, so that no sum leaves its range.
+/// Returns the largest sum of magnitudes that the `count` weights of a coefficient's prediction can
+/// have: with a larger one, the weights would need a factor of 1/2 or more, so that no sum leaves
+/// its range.
 pub(super) fn largest_prediction(count: usize) -> f64 {
     scale_for(&vec![0.0; count], LARGEST_STATE) * SMALLEST_SUM / (2.0 * STATE_UNIT)
 }
@@ -52,7 +52,6 @@ pub(super) fn prediction(prediction: &DMatrix<f64>) -> IntegerMatrix {
 /// Returns the largest scale with which rounded weights times inputs up to `limit` sum to at most
 /// [`SUM_LIMIT`].
 fn scale_for(weights: &[f64], limit: i16) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "both are below 2^24")]
     let (most, rounding) = (
         (SUM_LIMIT / i64::from(limit)) as f64,
         0.5 * weights.len() as f64,
@@ -79,4 +78,31 @@ pub(super) fn analysed(model: &PackedModel, blocks: &Blocks, sd_uv: f64) -> Vec<
         };
         blocks.column_iter().flat_map(block).collect()
     })
+}
+
+/// Converts coefficients to the columns of a matrix, in units of `input.sd_uv`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Scale {
+    /// Coefficients of a block.
+    pub(super) count: usize,
+    /// `input.sd_uv` in one unit of a coefficient.
+    unit: f64,
+}
+
+impl Scale {
+    pub(super) fn new(model: &PackedModel, sd_uv: f64) -> Self {
+        Self {
+            count: model.coefficients(),
+            unit: model.description.unit_uv / sd_uv,
+        }
+    }
+
+    /// Returns coefficients, block by block, as the columns of a matrix.
+    pub(super) fn columns(self, values: &[i16]) -> DMatrix<f32> {
+        #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
+        let scaled = values
+            .iter()
+            .map(|&value| (f64::from(value) * self.unit) as f32);
+        DMatrix::from_iterator(self.count, values.len() / self.count, scaled)
+    }
 }

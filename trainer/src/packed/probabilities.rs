@@ -9,7 +9,7 @@ const LEAST_MEAN: f64 = 0.0015;
 /// The last level.
 const LAST_LEVEL: f64 = 63.0;
 
-/// Blocks for which the assumed distribution of a level counts.
+/// Weight of the assumed distribution of a level, in blocks.
 const ASSUMED: f64 = 20.0;
 
 /// Natural logarithm of the ratio of neighbouring levels' mean magnitudes.
@@ -50,9 +50,9 @@ pub(super) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
     means
 }
 
-/// Returns a guess of the mean magnitude of each coefficient, without prediction and the first block of each sequence:
-/// its mean size in units of
-/// `two_steps`, which is a magnitude of 1, less what the quantiser takes away.
+/// Returns an estimate of the mean magnitude of each coefficient without prediction, without the
+/// first block of each sequence: its mean size in units of `two_steps`, which is a magnitude of 1,
+/// less the part that the quantiser's dead zone removes.
 pub(super) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64) -> Vec<f64> {
     let mut means = vec![0.0; count];
     let mut blocks = 0.0_f64;
@@ -71,8 +71,8 @@ pub(super) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64
         .collect()
 }
 
-/// Returns the first frequencies of the magnitudes: those counted, plus a geometric distribution with the
-/// level's mean that counts as [`ASSUMED`] blocks.
+/// Returns the initial frequencies of the magnitudes: the counted ones, plus a geometric
+/// distribution with the level's mean and the weight of [`ASSUMED`] blocks.
 pub(super) fn starts(histogram: &Histogram) -> Box<Starts> {
     let mut table = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
     for (rows, counts) in table.iter_mut().zip(histogram) {
@@ -91,8 +91,8 @@ pub(super) fn starts(histogram: &Histogram) -> Box<Starts> {
     table
 }
 
-/// Returns the first frequencies of a row: in proportion to the weights, each at least 1. The likeliest
-/// magnitude takes what rounding leaves.
+/// Returns the initial frequencies of a row: in proportion to the weights, each at least 1. The
+/// most frequent magnitude absorbs the error of rounding.
 fn row_starts(weights: &[f64]) -> [u16; MAGNITUDES] {
     let total: f64 = weights.iter().sum();
     let all = f64::from(1_u32 << FREQUENCY_BITS);

@@ -1,6 +1,10 @@
-//! Ridge regression.
+//! Ridge regression, and the smoother: the error of a state, estimated from the residual of the
+//! next block.
 
+use super::coded::Coded;
+use super::integers::Scale;
 use crate::error::TrainerError;
+use artifact::PackedModel;
 use nalgebra::{DMatrix, DMatrixView};
 
 /// Penalty for each sequence of training blocks.
@@ -8,12 +12,11 @@ const PENALTY: f64 = 12.5;
 
 /// Returns the penalty for a number of sequences.
 pub(super) fn penalty(sequences: usize) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a few hundred sequences")]
-    let sequences = sequences as f64;
-    PENALTY * sequences
+    PENALTY * sequences as f64
 }
 
-/// Sums from which a linear map is fitted: products of its inputs with themselves and with its outputs.
+/// Sums from which a linear map is fitted: products of its inputs with themselves and with its
+/// outputs.
 #[derive(Clone, Debug)]
 pub(super) struct Ridge {
     inputs: DMatrix<f64>,
@@ -36,11 +39,12 @@ impl Ridge {
         self.products.gemm(1.0, &inputs, &outputs.transpose(), 1.0);
     }
 
-    /// Returns the matrix of [`Self::solve`] with the smallest penalty of `penalty` times a power of two for which the
-    /// magnitudes of each output's weights sum to at most `largest_sum`. Little data allows large weights.
+    /// Returns the matrix of [`Self::solve`] with the smallest penalty of `penalty` times a power
+    /// of two for which the magnitudes of each output's weights sum to at most `largest_sum`.
+    /// Little data allows large weights.
     ///
     /// # Errors
-    /// As [`Self::solve`].
+    /// See [`Self::solve`].
     pub(super) fn solve_within(
         &self,
         mut penalty: f64,
@@ -56,8 +60,8 @@ impl Ridge {
         }
     }
 
-    /// Returns the matrix `[output, input]` with the least sum of squared errors plus `penalty` times its own
-    /// squares.
+    /// Returns the matrix `[output, input]` with the least sum of squared errors plus `penalty`
+    /// times its own squares.
     ///
     /// # Errors
     /// If the inputs are all zero and the penalty is 0, or not finite.
@@ -68,6 +72,36 @@ impl Ridge {
         let factors = self.inputs.cholesky().ok_or(TrainerError::Silent)?;
         Ok(factors.solve(&self.products).transpose())
     }
+}
+
+/// Fits the smoother of one rate to coded blocks, `[coefficient][residual of the next block]`.
+pub(super) fn fit_smoother(
+    model: &PackedModel,
+    coded: &[Coded],
+    coefficients: &[Vec<i16>],
+    scale: Scale,
+) -> Result<Vec<f64>, TrainerError> {
+    let mut ridge = Ridge::new(scale.count, scale.count);
+    for (coded, coefficients) in coded.iter().zip(coefficients) {
+        let missing = scale.columns(coefficients) - scale.columns(&coded.states);
+        let next = next_residuals(model, &coded.states, scale);
+        ridge.add(
+            next.columns(0, next.ncols()),
+            missing.columns(0, next.ncols()),
+        );
+    }
+    let matrix = ridge.solve(penalty(coded.len()))?;
+    Ok(matrix.transpose().as_slice().to_vec())
+}
+
+/// Returns, for each block except the last, the dequantised residual (state minus prediction) of
+/// the next block.
+pub(super) fn next_residuals(model: &PackedModel, states: &[i16], scale: Scale) -> DMatrix<f32> {
+    let blocks = states.chunks_exact(scale.count);
+    let predictions: Vec<i16> = blocks.flat_map(|state| model.predict(state)).collect();
+    let (states, predictions) = (scale.columns(states), scale.columns(&predictions));
+    let last = states.ncols().saturating_sub(1);
+    states.columns(1, last) - predictions.columns(0, last)
 }
 
 #[cfg(test)]

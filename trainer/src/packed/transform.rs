@@ -1,33 +1,64 @@
 //! The transform of a block and the prediction of the next one, in floats.
 
-use super::blocks::Blocks;
 use super::ridge::{Ridge, penalty};
 use crate::error::TrainerError;
 use crate::pca::principal_directions;
+use crate::track::Track;
 use nalgebra::{DMatrix, DVector};
 
 /// Rounds of fitting the predictor on decoded states and rotating the transform to its residual.
 const ROUNDS: usize = 2;
 
-/// Step of the dead-zone quantiser that stands for the real one, units of `input.sd_uv`. With the rounding
-/// offset, it leaves about as much error as rate 4.
+/// Step of the dead-zone quantiser that replaces the device's quantiser here, units of
+/// `input.sd_uv`. With the rounding offset, its error is about that of rate 4.
 const STEP: f32 = 0.6;
 
 /// Part of a step that is added before rounding down.
 const ROUNDING: f32 = 0.35;
 
-/// Orthonormal directions of a block, and how the next block follows.
+/// Consecutive blocks of one or several recordings. A block is a hop of time steps.
+#[derive(Clone, Debug)]
+pub(super) struct Blocks {
+    /// One matrix for each sequence: each column is a block, in the order step, electrode, in units
+    /// of `input.sd_uv`.
+    pub(super) sequences: Vec<DMatrix<f32>>,
+}
+
+impl Blocks {
+    /// Cuts tracks into blocks of `hop` steps, once from each of the first steps in `offsets`. So
+    /// the statistics do not depend on where the first block begins.
+    pub(super) fn cut(tracks: &[Track], hop: usize, sd_uv: f64, offsets: &[usize]) -> Self {
+        let sequences = offsets.iter().flat_map(|&offset| {
+            tracks.iter().map(move |track| {
+                let block = hop * track.electrodes;
+                let values = track.values.get(offset * track.electrodes..).unwrap_or(&[]);
+                let count = values.len() / block;
+                let scaled = values.iter().map(|&uv| {
+                    #[expect(clippy::cast_possible_truncation, reason = "signals are f32")]
+                    let value = (f64::from(uv) / sd_uv) as f32;
+                    value
+                });
+                DMatrix::from_iterator(block, count, scaled.take(count * block))
+            })
+        });
+        Self {
+            sequences: sequences.collect(),
+        }
+    }
+}
+
+/// Orthonormal directions of a block, and the prediction of the next block.
 #[derive(Clone, Debug)]
 pub(super) struct Transform {
-    /// `[value, coefficient]`; the coefficient with the loudest residual is the first.
+    /// `[value, coefficient]`; the coefficient with the largest residual is the first.
     pub(super) directions: DMatrix<f64>,
     /// `[coefficient, coefficient before]`.
     pub(super) prediction: DMatrix<f64>,
 }
 
 impl Transform {
-    /// Fits `count` coefficients to blocks: the subspace with the most energy, turned until the coefficients of
-    /// what the predictor leaves are uncorrelated.
+    /// Fits `count` coefficients to blocks: the subspace with the most energy, rotated until the
+    /// coefficients of the prediction's residual are uncorrelated.
     pub(super) fn fit(blocks: &Blocks, count: usize) -> Result<Self, TrainerError> {
         let mut transform = Self::without_prediction(blocks, count);
         let mut coefficients = transform.coefficients(blocks);
@@ -48,7 +79,8 @@ impl Transform {
         Ok(transform)
     }
 
-    /// Fits `count` coefficients to blocks: the Karhunen-Loeve transform, with a prediction of zeros.
+    /// Fits `count` coefficients to blocks: the Karhunen-Loeve transform, with a prediction of
+    /// zeros.
     pub(super) fn without_prediction(blocks: &Blocks, count: usize) -> Self {
         let directions = principal_directions(second_moment(&blocks.sequences), count);
         Self {
@@ -82,7 +114,8 @@ impl Transform {
         Ok(())
     }
 
-    /// Codes a sequence in a closed loop with a dead-zone quantiser, and returns the decoded states.
+    /// Codes a sequence in a closed loop with a dead-zone quantiser, and returns the decoded
+    /// states.
     fn decoded(&self, coefficients: &DMatrix<f32>) -> DMatrix<f32> {
         let prediction = to_f32(&self.prediction);
         let mut states = DMatrix::zeros(coefficients.nrows(), coefficients.ncols());
@@ -117,7 +150,6 @@ fn second_moment(sequences: &[DMatrix<f32>]) -> DMatrix<f64> {
         moment.gemm(1.0, &columns, &columns.transpose(), 1.0);
     }
     let count: usize = sequences.iter().map(DMatrix::ncols).sum();
-    #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^53 blocks")]
     let count = count.max(1) as f64;
     moment / count
 }

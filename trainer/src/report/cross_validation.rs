@@ -1,7 +1,7 @@
 //! Errors of all folds of a cross-validation, and their learning curves.
 
 use super::learning::numbered;
-use super::writer::{MSE, Report};
+use super::{MSE, Report};
 use crate::crossval::{Outcome, Table, columns};
 use crate::error::TrainerError;
 use picture::axis::{Axis, Scale};
@@ -29,13 +29,11 @@ pub(super) fn add(report: &mut Report, table: &Table) -> Result<(), TrainerError
         "Test error of each fold, and at the end of each subject mean and standard deviation of its folds.",
         &folds_csv(table),
     )?;
-    if table
-        .outcomes()
-        .iter()
-        .all(|outcome| outcome.curve.is_none())
-    {
-        let text = "There are no learning curves: mode pca has no epochs, and outcomes of earlier versions lack them.";
-        report.page.push_text(text);
+    if table.outcomes().iter().all(|fold| fold.curve.is_none()) {
+        report.page.push_text(
+            "There are no learning curves: mode pca has no epochs, and outcomes of earlier versions \
+             lack them.",
+        );
         return Ok(());
     }
     let learning = learning(table);
@@ -59,17 +57,7 @@ fn figures(table: &Table) -> Vec<Vec<String>> {
         "PRD, %",
     ];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
-    for row in table.rows() {
-        rows.push(vec![
-            row.subject.clone(),
-            row.folds.to_string(),
-            row.model.clone(),
-            row.codes.to_owned(),
-            format!("{:.5} ± {:.5}", row.mse.mean, row.mse.sd),
-            format!("{:.2} ± {:.2}", row.mse_uv2.mean, row.mse_uv2.sd),
-            format!("{:.2} ± {:.2}", row.prd_percent.mean, row.prd_percent.sd),
-        ]);
-    }
+    rows.extend(table.rows().iter().map(|row| row.cells().to_vec()));
     rows
 }
 
@@ -79,32 +67,30 @@ fn subjects(table: &Table) -> Vec<&[Outcome]> {
     outcomes.chunk_by(|a, b| a.subject == b.subject).collect()
 }
 
-/// Returns the chart of the test errors: a place for each fold, for the mean of each subject and, if there are
-/// several subjects, for the mean over them.
+/// Returns the chart of the test errors: a place for each fold, for the mean of each subject and,
+/// if there are several subjects, for the mean over them.
 fn folds(table: &Table) -> Lines {
     let subjects = subjects(table);
     let groups = subjects.len() + usize::from(subjects.len() > 1);
     let kinds = table.rows().len() / groups.max(1);
-    let mut series: Vec<Series> = table.rows()[..kinds]
-        .iter()
-        .map(|row| Series {
-            label: format!("{}, {} codes", row.model, row.codes),
-            color: if row.model.starts_with("PCA") {
-                RESULT
-            } else {
-                SOURCE
-            },
-            mark: if row.codes == "float" {
-                Mark::Rings
-            } else {
-                Mark::Dots
-            },
-            points: Vec::new(),
-            sd: Vec::new(),
-        })
-        .collect();
+    let rows = table.rows()[..kinds].iter();
+    let series = rows.map(|row| Series {
+        label: format!("{}, {} codes", row.model, row.codes),
+        color: if row.model.starts_with("PCA") {
+            RESULT
+        } else {
+            SOURCE
+        },
+        mark: match row.codes {
+            "float" => Mark::Rings,
+            _ => Mark::Dots,
+        },
+        points: Vec::new(),
+        sd: Vec::new(),
+    });
+    let mut series: Vec<Series> = series.collect();
     let mut add = |kind: usize, place: f64, mse: f64, sd: f64| {
-        // Of three kinds: -1, 0 and 1 distances from the place.
+        // With three kinds, the points are -1, 0 and 1 distances from the place.
         let [kind_place, centre] =
             [kind, kinds - 1].map(|kind| f64::from(u32::try_from(kind).unwrap_or(0)));
         let x = place + APART * (kind_place - centre / 2.0);
@@ -118,10 +104,8 @@ fn folds(table: &Table) -> Lines {
         let outcomes = subjects.get(group).copied().unwrap_or(&[]);
         let first = place;
         for outcome in outcomes {
-            let present = columns(outcome)
-                .into_iter()
-                .filter_map(|(_, _, _, errors)| errors);
-            for (kind, errors) in present.enumerate() {
+            let columns = columns(outcome).into_iter();
+            for (kind, errors) in columns.filter_map(|column| column.3).enumerate() {
                 add(kind, place, errors.mse, 0.0);
             }
             if is_named {
@@ -171,7 +155,6 @@ fn folds_csv(table: &Table) -> String {
             let Some(errors) = errors else {
                 continue;
             };
-            // Writing to a string never fails.
             let _ = writeln!(
                 text,
                 "{},{},{},{model},{codes},{},{},{}",
@@ -188,8 +171,14 @@ fn folds_csv(table: &Table) -> String {
 }
 
 fn learning(table: &Table) -> Lines {
-    let mut series = Vec::new();
-    let (mut chosen, mut last) = (Vec::new(), 0.0_f64);
+    let series = |label: &str, color, mark, points| Series {
+        label: label.to_owned(),
+        color,
+        mark,
+        points,
+        sd: Vec::new(),
+    };
+    let (mut curves, mut chosen, mut last) = (Vec::new(), Vec::new(), 0.0_f64);
     for outcome in table.outcomes() {
         let Some(curve) = &outcome.curve else {
             continue;
@@ -199,40 +188,22 @@ fn learning(table: &Table) -> Lines {
         last = points.last().map_or(last, |(epoch, _)| last.max(*epoch));
         let best = usize::try_from(outcome.best_epoch).ok();
         chosen.extend(best.and_then(|epoch| points.get(epoch)).copied());
-        let is_first = series.is_empty();
-        series.push(Series {
-            label: if is_first {
-                "validation of each fold".to_owned()
-            } else {
-                String::new()
-            },
-            color: SOURCE,
-            mark: Mark::ThinLine,
-            points,
-            sd: Vec::new(),
-        });
+        let label = if curves.is_empty() {
+            "validation of each fold"
+        } else {
+            ""
+        };
+        curves.push(series(label, SOURCE, Mark::ThinLine, points));
     }
-    let pca = Series {
-        label: "PCA".to_owned(),
-        color: RESULT,
-        mark: Mark::Line,
-        points: vec![(0.0, 1.0), (last, 1.0)],
-        sd: Vec::new(),
-    };
-    series.insert(0, pca);
-    series.push(Series {
-        label: "chosen epochs".to_owned(),
-        color: INK,
-        mark: Mark::Rings,
-        points: chosen,
-        sd: Vec::new(),
-    });
+    let pca = vec![(0.0, 1.0), (last, 1.0)];
+    curves.insert(0, series("PCA", RESULT, Mark::Line, pca));
+    curves.push(series("chosen epochs", INK, Mark::Rings, chosen));
     Lines {
         title: "Learning curves of all folds".to_owned(),
         subtitle: "mean squared error on the validation part of each fold, relative to PCA of the same fold".to_owned(),
         x: Axis::new("epoch", Scale::Whole),
         y: Axis::new("validation MSE / validation MSE of PCA", Scale::Logarithmic),
-        series,
+        series: curves,
     }
 }
 
@@ -249,7 +220,6 @@ fn learning_csv(table: &Table) -> String {
         let losses = curve.epochs.iter().map(|epoch| epoch.loss.to_string());
         let losses = std::iter::once(String::new()).chain(losses);
         for (epoch, (loss, validation)) in losses.zip(curve.validations()).enumerate() {
-            // Writing to a string never fails.
             let _ = writeln!(
                 text,
                 "{subject},{},{},{epoch},{loss},{validation},{}",

@@ -1,8 +1,7 @@
 //! Error of each electrode, and error of PCA with fewer numbers.
 
-use super::writer::{MSE, Report};
-use crate::code_comparison::CodeComparison;
-use crate::comparison::Comparison;
+use super::{MSE, Report};
+use crate::comparison::{CodeComparison, Comparison};
 use crate::electrode_error::ElectrodeError;
 use crate::error::TrainerError;
 use crate::truncation::TruncationError;
@@ -17,17 +16,16 @@ use std::fmt::Write as _;
 
 /// Adds figures and pictures of an evaluation to a report.
 pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), TrainerError> {
-    let windows = match &comparison.codes {
-        Some(codes) => format!("{} windows of ", codes.network.windows),
-        None => String::new(),
-    };
-    let prd = match &comparison.codes {
-        Some(_) => "; PRD = 100 sqrt(sum of squared difference / sum of squared original)",
-        None => "",
+    let (windows, prd) = match &comparison.codes {
+        Some(codes) => (
+            format!("{} windows of ", codes.network.windows),
+            "; PRD = 100 sqrt(sum of squared difference / sum of squared original)",
+        ),
+        None => (String::new(), ""),
     };
     report.page.push_text(&format!(
-        "Model {}, mode {}, on {windows}{}. {} of {} electrodes were recorded. MSE is in units of the training data's \
-         standard deviation ({:.2} uV) squared{prd}.",
+        "Model {}, mode {}, on {windows}{}. {} of {} electrodes were recorded. MSE is in units of the \
+         training data's standard deviation ({:.2} uV) squared{prd}.",
         comparison.model,
         comparison.mode,
         comparison.recordings.join(", "),
@@ -36,43 +34,25 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
         comparison.sd_uv
     ));
     if let Some(codes) = &comparison.codes {
-        add_errors(report, comparison, codes)?;
+        report.page.push_table(&figures(comparison.mode, codes));
+        let map = scalp_map(codes, comparison.sd_uv);
+        report.add_picture(
+            "electrodes",
+            |path| map.draw(path),
+            &format!(
+                "Mean squared error of each electrode with {} codes. The mean over all electrodes is \
+                 the error of the model.",
+                codes.network.format
+            ),
+            &electrodes_csv(codes, comparison.sd_uv),
+        )?;
     }
     if !comparison.packed.is_empty() {
         super::packed::add(report, comparison)?;
     }
-    match &comparison.codes {
-        Some(codes) => add_rate(report, comparison, codes),
-        None => Ok(()),
-    }
-}
-
-/// Adds the errors of network and PCA, and the map of the network's.
-fn add_errors(
-    report: &mut Report,
-    comparison: &Comparison,
-    codes: &CodeComparison,
-) -> Result<(), TrainerError> {
-    report.page.push_table(&figures(comparison.mode, codes));
-    let map = scalp_map(codes, comparison.sd_uv);
-    report.add_picture(
-        "electrodes",
-        |path| map.draw(path),
-        &format!(
-            "Mean squared error of each electrode with {} codes. The mean over all electrodes is the error of the \
-             model.",
-            codes.network.format
-        ),
-        &electrodes_csv(codes, comparison.sd_uv),
-    )
-}
-
-/// Adds the error of PCA by number of numbers.
-fn add_rate(
-    report: &mut Report,
-    comparison: &Comparison,
-    codes: &CodeComparison,
-) -> Result<(), TrainerError> {
+    let Some(codes) = &comparison.codes else {
+        return Ok(());
+    };
     if codes.pca_by_numbers.is_empty() {
         report.page.push_text(
             "The artifact has no pca.safetensors, so there is no picture of rate and error.",
@@ -84,9 +64,9 @@ fn add_rate(
         "rate",
         |path| rate.draw(path),
         &format!(
-            "Error by bits per window: PCA with the first number of its code, the first two, up to all {}. Float \
-             codes are drawn at the bits of {} codes with as many numbers: the distance between the two is the \
-             error of rounding.",
+            "Error by bits per window: PCA with the first number of its code, the first two, up to \
+             all {}. Float codes are drawn at the bits of {} codes with as many numbers: the distance \
+             between the two is the error of rounding.",
             codes.numbers, codes.network.format
         ),
         &rate_csv(codes),
@@ -113,20 +93,11 @@ fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
         models.push((format!("PCA-{}", codes.numbers), pca, bands));
     }
     for (name, evaluation, bands) in models {
-        let bands = bands.map(|band| format!("{band:.3}"));
+        let bits = codes.bits_per_window().to_string();
+        let format = evaluation.format.to_string();
         for (format, bits, error, bands) in [
-            (
-                "float".to_owned(),
-                String::new(),
-                evaluation.float,
-                Default::default(),
-            ),
-            (
-                evaluation.format.to_string(),
-                codes.bits_per_window().to_string(),
-                evaluation.integer,
-                bands,
-            ),
+            ("float".to_owned(), String::new(), evaluation.float, None),
+            (format, bits, evaluation.integer, Some(bands)),
         ] {
             let mut row = vec![
                 name.clone(),
@@ -136,7 +107,8 @@ fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
                 format!("{:.2}", error.mse_uv2),
                 format!("{:.2} %", error.prd_percent),
             ];
-            row.extend(bands);
+            let band = |at: usize| bands.map_or(String::new(), |bands| format!("{:.3}", bands[at]));
+            row.extend([band(0), band(1)]);
             rows.push(row);
         }
     }
@@ -169,8 +141,8 @@ fn scalp_map(codes: &CodeComparison, sd_uv: f64) -> ScalpMap {
     }
 }
 
-/// Returns the places of the electrodes on the map: those of their labels, or those of their cells of the scalp grid
-/// if a label has no place in the 10-20 system.
+/// Returns the places of the electrodes on the map: those of their labels, or those of their cells
+/// of the scalp grid if a label has no place in the 10-20 system.
 fn places(errors: &[ElectrodeError]) -> Vec<[f64; 2]> {
     let labelled = errors.iter().map(|error| {
         let Position { x, y, z } = Position::from_label(&error.label)?;
@@ -183,7 +155,6 @@ fn places(errors: &[ElectrodeError]) -> Vec<[f64; 2]> {
         let on_side = |cell: usize, largest: usize| {
             /// Largest distance from the centre of the map, so that the corners are on the head.
             const REACH: f64 = 0.65;
-            #[expect(clippy::cast_precision_loss, reason = "at most 12 cells on each side")]
             let part = cell as f64 / largest.max(1) as f64;
             if largest == 0 {
                 0.0
@@ -218,7 +189,6 @@ fn electrodes_csv(codes: &CodeComparison, sd_uv: f64) -> String {
         } else {
             "interpolated"
         };
-        // Writing to a string never fails.
         let _ = writeln!(
             text,
             "{},{row},{column},{origin},{mse_float},{mse_int8},{},{}",
@@ -231,54 +201,28 @@ fn electrodes_csv(codes: &CodeComparison, sd_uv: f64) -> String {
 }
 
 fn rate(comparison: &Comparison, codes: &CodeComparison) -> Lines {
-    let format = codes.network.format;
-    let bits =
-        |numbers: usize| f64::from(u32::try_from(codes.bits_of(numbers)).unwrap_or(u32::MAX));
-    let curve = |label, color, mark, error: fn(&TruncationError) -> f64| {
-        let points = codes.pca_by_numbers.iter();
-        Series {
-            label,
-            color,
-            mark,
-            points: points.map(|at| (bits(at.numbers), error(at))).collect(),
-            sd: Vec::new(),
-        }
+    let (format, model) = (codes.network.format, &codes.network);
+    let of_model = |mark, label: String, mse| Series {
+        label,
+        color: SOURCE,
+        mark,
+        points: vec![(bits(codes, codes.numbers), mse)],
+        sd: Vec::new(),
     };
-    let mut series = vec![
-        curve(
-            format!("PCA, {format} codes"),
-            RESULT,
-            Mark::Line,
-            |error| error.mse_int8,
-        ),
-        curve(
-            "PCA, float codes".to_owned(),
-            INK,
-            Mark::ThinLine,
-            |error| error.mse_float,
-        ),
-    ];
-    let model = &codes.network;
-    for (label, mark, mse) in [
-        (
-            format!("model, {format} codes"),
+    let mut series = pca_curves(codes);
+    let [float, integer] = ["float".to_owned(), format.to_string()];
+    series.extend([
+        of_model(
             Mark::Dots,
+            format!("model, {integer} codes"),
             model.integer.mse,
         ),
-        (
-            "model, float codes".to_owned(),
+        of_model(
             Mark::Rings,
+            format!("model, {float} codes"),
             model.float.mse,
         ),
-    ] {
-        series.push(Series {
-            label,
-            color: SOURCE,
-            mark,
-            points: vec![(bits(codes.numbers), mse)],
-            sd: Vec::new(),
-        });
-    }
+    ]);
     Lines {
         title: "Rate and error".to_owned(),
         subtitle: format!(
@@ -294,6 +238,40 @@ fn rate(comparison: &Comparison, codes: &CodeComparison) -> Lines {
     }
 }
 
+/// Returns the curves of PCA with fewer numbers; none without PCA.
+pub(super) fn pca_curves(codes: &CodeComparison) -> Vec<Series> {
+    if codes.pca_by_numbers.is_empty() {
+        return Vec::new();
+    }
+    let points = |error: fn(&TruncationError) -> f64| {
+        let errors = codes.pca_by_numbers.iter();
+        errors
+            .map(|at| (bits(codes, at.numbers), error(at)))
+            .collect()
+    };
+    vec![
+        Series {
+            label: format!("PCA, {} codes", codes.network.format),
+            color: RESULT,
+            mark: Mark::Line,
+            points: points(|error| error.mse_int8),
+            sd: Vec::new(),
+        },
+        Series {
+            label: "PCA, float codes".to_owned(),
+            color: INK,
+            mark: Mark::ThinLine,
+            points: points(|error| error.mse_float),
+            sd: Vec::new(),
+        },
+    ]
+}
+
+/// Returns the bits of a code with this number of numbers.
+pub(super) fn bits(codes: &CodeComparison, numbers: usize) -> f64 {
+    f64::from(u32::try_from(codes.bits_of(numbers)).unwrap_or(u32::MAX))
+}
+
 /// Returns one line for each number of numbers of PCA, and one for the model.
 fn rate_csv(codes: &CodeComparison) -> String {
     let mut text = "model,numbers,bits_per_window,mse_float,mse_int8\n".to_owned();
@@ -304,7 +282,6 @@ fn rate_csv(codes: &CodeComparison) -> String {
             mse_int8,
         } = error;
         let bits = codes.bits_of(*numbers);
-        // Writing to a string never fails.
         let _ = writeln!(text, "PCA,{numbers},{bits},{mse_float},{mse_int8}");
     }
     let _ = writeln!(

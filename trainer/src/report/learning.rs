@@ -1,6 +1,6 @@
 //! Learning curves of a training run.
 
-use super::writer::{MSE, Report};
+use super::{MSE, Report};
 use crate::error::TrainerError;
 use crate::learning_curve::{Learning, LearningCurve};
 use picture::axis::{Axis, Scale};
@@ -80,7 +80,6 @@ pub(super) fn numbered(values: impl Iterator<Item = f64>, first: u32) -> Vec<(f6
 /// Returns one line for each epoch; epoch 0 has no training loss.
 fn csv(curve: &LearningCurve, pca_validation: f64) -> String {
     let mut text = "epoch,training_loss,validation_mse,validation_mse_pca\n".to_owned();
-    // Writing to a string never fails.
     let _ = writeln!(text, "0,,{},{pca_validation}", curve.initial_validation);
     for (epoch, losses) in (1..).zip(&curve.epochs) {
         let (loss, validation) = (losses.loss, losses.validation);

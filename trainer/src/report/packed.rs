@@ -1,13 +1,12 @@
-//! Rate and error of the packed model, beside the codes of the network and of PCA.
+//! Rate and error of the packed model, compared with the codes of the network and of PCA.
 
-use super::writer::{MSE, Report};
-use crate::code_comparison::CodeComparison;
+use super::evaluation::{bits, pca_curves};
+use super::{MSE, Report};
 use crate::comparison::Comparison;
 use crate::error::TrainerError;
 use crate::packed::RateFigures;
-use crate::truncation::TruncationError;
 use picture::axis::{Axis, Scale};
-use picture::canvas::{INK, REFERENCE, RESULT, SOURCE};
+use picture::canvas::{INK, REFERENCE, SOURCE};
 use picture::lines::{Lines, Mark, Series};
 use std::fmt::Write as _;
 
@@ -72,43 +71,37 @@ fn lines(comparison: &Comparison) -> Lines {
         sd: Vec::new(),
     };
     let codes = comparison.codes.as_ref();
-    let mut series = codes.map_or_else(Vec::new, pca);
+    let mut series = codes.map_or_else(Vec::new, pca_curves);
     if !comparison.without_prediction.is_empty() {
+        let figures = comparison.without_prediction.iter();
         series.push(Series {
             label: "KLT, entropy-coded".to_owned(),
             color: REFERENCE,
             mark: Mark::ThinLine,
-            points: comparison
-                .without_prediction
-                .iter()
-                .map(|figures| (figures.bits, figures.mse))
-                .collect(),
+            points: figures.map(|figures| (figures.bits, figures.mse)).collect(),
             sd: Vec::new(),
         });
     }
     series.push(packed("packed code", Mark::Line));
     series.push(packed("", Mark::Dots));
-    let rate = comparison.packed_rate;
-    let of_rate = comparison.packed.iter();
-    series.extend(rate.map(|rate| {
-        Series {
-            label: format!("packed code at the model's rate, {rate}"),
-            color: INK,
-            mark: Mark::Rings,
-            points: of_rate
-                .filter(|figures| figures.rate == rate)
-                .map(point)
-                .collect(),
-            sd: Vec::new(),
-        }
-    }));
-    series.extend(codes.map(|codes| Series {
-        label: format!("network, {} codes", codes.network.format),
+    let own = |label, mark, points| Series {
+        label,
         color: INK,
-        mark: Mark::Dots,
-        points: vec![(bits(codes, codes.numbers), codes.network.integer.mse)],
+        mark,
+        points,
         sd: Vec::new(),
-    }));
+    };
+    if let Some(rate) = comparison.packed_rate {
+        let label = format!("packed code at the model's rate, {rate}");
+        let figures = comparison.packed.iter();
+        let points = figures.filter(|figures| figures.rate == rate).map(point);
+        series.push(own(label, Mark::Rings, points.collect()));
+    }
+    if let Some(codes) = codes {
+        let label = format!("network, {} codes", codes.network.format);
+        let point = (bits(codes, codes.numbers), codes.network.integer.mse);
+        series.push(own(label, Mark::Dots, vec![point]));
+    }
     Lines {
         title: "Packed code: rate and error".to_owned(),
         subtitle: format!(
@@ -122,45 +115,12 @@ fn lines(comparison: &Comparison) -> Lines {
     }
 }
 
-/// Returns the curves of PCA with fewer numbers; none without PCA.
-fn pca(codes: &CodeComparison) -> Vec<Series> {
-    if codes.pca_by_numbers.is_empty() {
-        return Vec::new();
-    }
-    let curve = |label: String, (color, mark), error: fn(&TruncationError) -> f64| Series {
-        label,
-        color,
-        mark,
-        points: codes
-            .pca_by_numbers
-            .iter()
-            .map(|at| (bits(codes, at.numbers), error(at)))
-            .collect(),
-        sd: Vec::new(),
-    };
-    let format = codes.network.format;
-    vec![
-        curve(format!("PCA, {format} codes"), (RESULT, Mark::Line), |at| {
-            at.mse_int8
-        }),
-        curve("PCA, float codes".to_owned(), (INK, Mark::ThinLine), |at| {
-            at.mse_float
-        }),
-    ]
-}
-
-/// Returns the bits of a code with this number of numbers.
-fn bits(codes: &CodeComparison, numbers: usize) -> f64 {
-    f64::from(u32::try_from(codes.bits_of(numbers)).unwrap_or(u32::MAX))
-}
-
-/// Returns one line for each rate, one for each number of numbers of PCA, and one for the network. A code has no
-/// second error; the band powers of PCA are those of all its numbers.
+/// Returns one line for each rate, one for each number of numbers of PCA, and one for the network.
+/// A code has no second error; the band powers of PCA are those of all its numbers.
 fn csv(comparison: &Comparison) -> String {
     let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later,\
                     band_correlation_8_13,band_correlation_13_30\n"
         .to_owned();
-    // Writing to a string never fails.
     for figures in &comparison.packed {
         let RateFigures {
             rate,

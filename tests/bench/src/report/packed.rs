@@ -11,8 +11,7 @@ use pipeline::{PackedEncoder, Step};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use trainer::comparison;
-use trainer::packed;
-use trainer::progress::{EpochReport, ProgressObserver};
+use trainer::progress::ProgressObserver;
 
 use super::checked_in;
 use super::figures::Report;
@@ -250,8 +249,8 @@ fn recorded_errors() -> anyhow::Result<Option<Errors>> {
         PathBuf::from(data).join(FOLDER),
     );
     let names = RECORDINGS.map(str::to_owned);
-    let figures = packed::compare(folder, &data, &names, MAINS_HZ, &mut Silent)?;
     let comparison = comparison::compare(folder, &data, &names, Some(MAINS_HZ), &mut Silent)?;
+    let figures = comparison.packed;
     let codes = comparison
         .codes
         .context("the built-in model has no network")?;
@@ -287,10 +286,4 @@ struct Silent;
 
 impl ProgressObserver for Silent {
     fn message(&mut self, _text: &str) {}
-    fn epoch_started(&mut self, _epoch: u32, _epochs: u32, _batches: usize, _windows: usize) {}
-    fn batch_finished(&mut self, _batches: usize, _loss: f64) {}
-    fn epoch_finished(&mut self, _report: EpochReport) {}
-    fn is_interrupted(&self) -> bool {
-        false
-    }
 }

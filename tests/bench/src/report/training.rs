@@ -101,7 +101,7 @@ fn report(rounds: &[Pair]) -> anyhow::Result<Report> {
         "threads": 1,
         "torch": theirs.as_ref().and_then(|theirs| theirs.version.clone()),
     });
-    let next = "compare tests/bench/training_torch.py with trainer/src/network/batch.rs";
+    let next = "compare tests/bench/training_torch.py with trainer/src/network/backward.rs";
     Report::new("training", figures, next)
 }
 

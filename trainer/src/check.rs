@@ -1,0 +1,168 @@
+//! Checks a model: its files, its integers, its golden codes and, on recordings, its error.
+
+use crate::comparison::{self, Comparison};
+use crate::error::TrainerError;
+use crate::progress::ProgressObserver;
+use crate::selection::TestFiles;
+use artifact::{Artifact, Golden};
+use model_gen::{DeviceModel, IntegerModel};
+use serde_json::{Value as Json, json};
+use std::fmt;
+use std::path::PathBuf;
+
+/// Options of `trainer check`.
+#[derive(clap::Args, Clone, Debug)]
+pub struct CheckOptions {
+    /// Folder of the model.
+    #[arg(default_value = "signal/model/artifact")]
+    folder: PathBuf,
+    /// Recordings to measure the error of the model and of PCA on, if any is named.
+    #[command(flatten)]
+    files: TestFiles,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Result of a check.
+#[derive(Clone, Debug)]
+pub struct Checked {
+    /// Id of the model.
+    pub model: String,
+    /// Number of electrodes that were recorded in training.
+    pub real_electrodes: usize,
+    /// The golden codes; `None` if the model has no network.
+    pub codes: Option<CheckedCodes>,
+    /// Error on recordings.
+    pub comparison: Option<Comparison>,
+}
+
+/// The golden codes of a network.
+#[derive(Clone, Debug)]
+pub struct CheckedCodes {
+    /// Bits of an integer code.
+    pub bits_per_window: usize,
+    /// Number of golden windows.
+    pub windows: usize,
+    /// Golden windows whose stored code is not that of the integer encoder.
+    pub wrong: Vec<usize>,
+}
+
+/// Reads a model, turns it into integers, which proves that no sum overflows, compares its golden
+/// codes, and measures its error on recordings if the options name any.
+///
+/// # Errors
+/// If a file cannot be read, the model cannot be turned into integers, or a recording cannot be
+/// used. Golden codes that differ are no error: [`CheckedCodes::wrong`] has them.
+pub fn check(
+    options: &CheckOptions,
+    observer: &mut impl ProgressObserver,
+) -> Result<Checked, TrainerError> {
+    let folder = &options.folder;
+    let model = Artifact::read(folder).map_err(TrainerError::no_model(folder))?;
+    let has_network = model.description.mode.has_network();
+    let golden = has_network.then(|| Golden::read(folder));
+    let golden = golden.transpose().map_err(TrainerError::no_model(folder))?;
+    let integers = DeviceModel::new(&model)?.integers;
+    let files = &options.files;
+    let comparison = if files.data.is_none() && files.test.is_empty() {
+        None
+    } else {
+        let (data, mains_hz) = (files.folder(), files.mains_hz);
+        let comparison = comparison::compare(folder, data, &files.test, mains_hz, observer)?;
+        Some(comparison)
+    };
+    let code = &model.description.code;
+    let codes = golden.map(|golden| CheckedCodes {
+        bits_per_window: code.format.bits(code.numbers),
+        windows: golden.windows.len(),
+        wrong: wrong_windows(&integers, &golden),
+    });
+    Ok(Checked {
+        model: model.id.to_string(),
+        real_electrodes: model.description.training.real_electrodes,
+        codes,
+        comparison,
+    })
+}
+
+/// Returns the golden windows whose code differs; all, if their shape or format is not the model's.
+fn wrong_windows(integers: &IntegerModel, golden: &Golden) -> Vec<usize> {
+    let dimensions = integers.geometry.dimensions;
+    let all = 0..golden.windows.len();
+    if golden.format != integers.code_format
+        || golden.window_shape != [dimensions.steps, dimensions.cells()]
+    {
+        return all.collect();
+    }
+    all.filter(|&index| integers.encode_window(&golden.windows[index]) != golden.codes[index])
+        .collect()
+}
+
+impl Checked {
+    /// Returns whether all golden codes are right, if the model has a network.
+    pub fn is_good(&self) -> bool {
+        let codes = self.codes.as_ref();
+        codes.is_none_or(|codes| codes.wrong.is_empty() && codes.windows > 0)
+    }
+
+    /// Returns the result as a JSON object. With recordings it has the keys of `trainer evaluate
+    /// --json`, and `real_electrodes` counts those of the recordings. A model without a network has
+    /// no key of its codes.
+    pub fn to_json(&self) -> Json {
+        let mut object = json!({
+            "model": self.model,
+            "real_electrodes": self.real_electrodes,
+        });
+        let codes = self.codes.as_ref().map(|codes| {
+            json!({
+                "bits_per_window": codes.bits_per_window,
+                "golden_windows": codes.windows,
+                "golden_wrong": codes.wrong,
+            })
+        });
+        let figures = self.comparison.as_ref().map(Comparison::to_json);
+        for part in [codes, figures].into_iter().flatten() {
+            if let (Json::Object(object), Json::Object(part)) = (&mut object, part) {
+                object.extend(part);
+            }
+        }
+        object
+    }
+}
+
+impl fmt::Display for Checked {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "model {}: files, ranges and filters are valid",
+            self.model
+        )?;
+        match &self.codes {
+            Some(codes) => write!(f, "{codes}")?,
+            None => writeln!(f, "the model has no network, so it has no golden codes")?,
+        }
+        match &self.comparison {
+            Some(comparison) => write!(f, "{comparison}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl fmt::Display for CheckedCodes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { windows, wrong, .. } = self;
+        match wrong.as_slice() {
+            [] if *windows == 0 => {
+                writeln!(f, "golden.safetensors has no window, so it checks nothing")
+            }
+            [] => writeln!(f, "{windows} golden codes equal the integer encoder's"),
+            [first, ..] => writeln!(
+                f,
+                "{} of {windows} golden codes differ from the integer encoder's, the first is that of window {first}: \
+                 golden.safetensors belongs to another model",
+                wrong.len(),
+            ),
+        }
+    }
+}

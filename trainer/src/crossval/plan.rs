@@ -1,0 +1,263 @@
+//! Plan of a cross-validation: subjects, their folds, and the shards of the folds.
+
+use super::CrossvalOptions;
+use crate::error::TrainerError;
+use crate::selection::file_name;
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// A subject with its recordings.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Subject {
+    /// Name of the subject.
+    pub name: String,
+    /// Recordings, sorted by name.
+    pub recordings: Vec<PathBuf>,
+}
+
+/// Groups recordings by subject. With a name, all belong to one subject; else the subject's name is
+/// that of the file without its ending, the number of the run and the word before the number:
+/// `S001R03.edf` and `S001R04.edf` belong to `S001`, `motorexecution_subject2_run1.gdf` to
+/// `motorexecution_subject2`. A file without a number is a subject of its own.
+pub fn group(recordings: &[PathBuf], name: Option<&str>) -> Vec<Subject> {
+    let mut subjects: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
+    for recording in recordings {
+        let subject = name.map_or_else(|| subject_of(recording), str::to_owned);
+        subjects.entry(subject).or_default().push(recording.clone());
+    }
+    let subjects = subjects.into_iter().map(|(name, mut recordings)| {
+        recordings.sort();
+        recordings.dedup();
+        Subject { name, recordings }
+    });
+    subjects.collect()
+}
+
+fn subject_of(recording: &Path) -> String {
+    let stem = recording
+        .file_stem()
+        .map(|stem| stem.to_string_lossy().into_owned());
+    let stem = stem.unwrap_or_else(|| file_name(recording));
+    let without_number = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+    if without_number.len() == stem.len() {
+        return stem;
+    }
+    let is_letter = |c: char| c.is_ascii_alphabetic();
+    let without_word = without_number.trim_end_matches(is_letter);
+    let subject = without_word.trim_end_matches(['_', '-', ' ']);
+    // A name of one word and a number, such as run3, has no subject.
+    if subject.is_empty() {
+        "all".to_owned()
+    } else {
+        subject.to_owned()
+    }
+}
+
+/// A fold: the blocks of its test. Its model is trained on all other blocks of the subject.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fold {
+    /// Name of the subject.
+    pub subject: String,
+    /// Number of the repetition, from 1.
+    pub repetition: usize,
+    /// Number of the fold within the repetition, from 1.
+    pub fold: usize,
+    /// Number of blocks into which each recording is divided; 1 for whole runs.
+    pub blocks: usize,
+    /// Blocks of the test, in their order.
+    pub test: Vec<Block>,
+    /// File names of the subject's recordings.
+    pub recordings: Vec<String>,
+}
+
+/// A contiguous part of a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Block {
+    /// Index of the recording among those of the subject.
+    pub recording: usize,
+    /// Index of the block in its recording.
+    pub block: usize,
+}
+
+impl Fold {
+    /// Returns the name of the fold, which is also that of its file.
+    pub fn name(&self) -> String {
+        format!("{}-r{}-f{}", self.subject, self.repetition, self.fold)
+    }
+
+    /// Returns the kind of blocks, as text.
+    pub fn kind(&self) -> String {
+        if self.blocks == 1 {
+            "whole runs".to_owned()
+        } else {
+            format!("blocks, {} in each run", self.blocks)
+        }
+    }
+
+    /// Returns the runs of the test, or the blocks of each run (from 1), as text.
+    pub fn tested_on(&self) -> String {
+        let mut text = String::new();
+        for block in &self.test {
+            let separator = if text.is_empty() { "" } else { " " };
+            let name = &self.recordings[block.recording];
+            // Writing to a string cannot fail.
+            let _ = write!(text, "{separator}{name}");
+            if self.blocks > 1 {
+                let _ = write!(text, "[{}/{}]", block.block + 1, self.blocks);
+            }
+        }
+        text
+    }
+}
+
+/// Returns the folds of all repetitions of a subject. Each repetition deals the blocks in another
+/// random order, which depends on seed and repetition alone.
+///
+/// # Errors
+/// If there are fewer blocks than folds, or a single fold.
+pub(super) fn folds(
+    subject: &Subject,
+    options: &CrossvalOptions,
+) -> Result<Vec<Fold>, TrainerError> {
+    let runs = subject.recordings.len();
+    let enough = (2 * options.folds).div_ceil(runs.max(1));
+    let default = if runs >= options.folds { 1 } else { enough };
+    let blocks = options.blocks.map_or(default, usize::from);
+    if options.folds < 2 || runs * blocks < options.folds {
+        return Err(TrainerError::TooFewBlocks {
+            subject: subject.name.clone(),
+            blocks: runs * blocks,
+            folds: options.folds,
+        });
+    }
+    let all: Vec<Block> = (0..runs)
+        .flat_map(|recording| (0..blocks).map(move |block| Block { recording, block }))
+        .collect();
+    let mut folds = Vec::new();
+    for repetition in 1..=options.repetitions {
+        let mut rng = ChaCha8Rng::seed_from_u64(options.settings.seed);
+        rng.set_stream(repetition as u64);
+        let mut dealt = all.clone();
+        dealt.shuffle(&mut rng);
+        for fold in 0..options.folds {
+            let mut test: Vec<Block> = dealt
+                .iter()
+                .skip(fold)
+                .step_by(options.folds)
+                .copied()
+                .collect();
+            test.sort_unstable();
+            folds.push(Fold {
+                subject: subject.name.clone(),
+                repetition,
+                fold: fold + 1,
+                blocks,
+                test,
+                recordings: subject
+                    .recordings
+                    .iter()
+                    .map(|file| file_name(file))
+                    .collect(),
+            });
+        }
+    }
+    Ok(folds)
+}
+
+/// Shard K of N: every N-th fold, from the K-th on. The default is the whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// Number of the shard, from 0.
+    index: usize,
+    /// Number of shards.
+    count: usize,
+}
+
+impl Shard {
+    /// Returns whether the shard has the fold of this index, from 0.
+    pub fn contains(&self, fold: usize) -> bool {
+        fold % self.count == self.index
+    }
+}
+
+impl Default for Shard {
+    fn default() -> Self {
+        Self { index: 0, count: 1 }
+    }
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let error = || format!("{text} is no shard; write K/N with 1 <= K <= N, such as 2/8");
+        let (number, count) = text.split_once('/').ok_or_else(error)?;
+        let number: usize = number.parse().map_err(|_| error())?;
+        let count: usize = count.parse().map_err(|_| error())?;
+        if number < 1 || number > count {
+            return Err(error());
+        }
+        Ok(Self {
+            index: number - 1,
+            count,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_are_grouped_by_what_precedes_their_number() {
+        for (file, subject) in [
+            ("data/S001R03.edf", "S001"),
+            (
+                "data/motorexecution_subject2_run10.gdf",
+                "motorexecution_subject2",
+            ),
+            ("A01-3.gdf", "A01"),
+            ("run7.edf", "all"),
+            ("test.bdf", "test"),
+        ] {
+            assert_eq!(subject_of(Path::new(file)), subject, "{file}");
+        }
+    }
+
+    #[test]
+    fn a_name_unites_all_recordings_sorted_and_once() {
+        let files = ["b2.edf", "a1.edf", "b2.edf"].map(PathBuf::from);
+        let subjects = group(&files, Some("me"));
+        assert_eq!(subjects.len(), 1);
+        assert_eq!(
+            subjects[0].recordings,
+            ["a1.edf", "b2.edf"].map(PathBuf::from)
+        );
+        assert_eq!(group(&files, None)[0].name, "all");
+    }
+
+    #[test]
+    fn each_fold_is_in_one_shard() {
+        let shards: Vec<Shard> = ["1/3", "2/3", "3/3"]
+            .map(|text| text.parse().unwrap())
+            .into();
+        for fold in 0..20 {
+            let owners = shards.iter().filter(|shard| shard.contains(fold));
+            assert_eq!(owners.count(), 1);
+        }
+        assert!((0..20).all(|fold| Shard::default().contains(fold)));
+    }
+
+    #[test]
+    fn other_text_is_refused_with_an_example() {
+        for text in ["0/3", "4/3", "3", "a/b", "1/0", "-1/2"] {
+            let error = text.parse::<Shard>().unwrap_err();
+            assert!(error.contains(text) && error.contains("2/8"), "{error}");
+        }
+    }
+}

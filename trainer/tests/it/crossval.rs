@@ -1,0 +1,133 @@
+//! `trainer crossval` and `trainer merge`.
+
+use super::files::{Values, assert_near, elements, mean, points};
+use super::{Folder, SMALL};
+use std::fs;
+
+/// Returns the command of a cross-validation with two folds and two repetitions.
+fn crossval(mode: &str, arguments: &str) -> String {
+    format!("crossval {SMALL} --mode={mode} --folds=2 --repetitions=2 --epochs=1 {arguments}")
+}
+
+#[test]
+fn merged_shards_are_the_table_of_one_process_bit_for_bit() {
+    let folder = Folder::with_runs(3, 24);
+    let whole = folder.succeed(&crossval("pca", "--out=whole"));
+    for shard in 1..=3 {
+        let arguments = format!("--out=shard{shard} --shard={shard}/3");
+        let printed = folder.succeed(&crossval("pca", &arguments));
+        assert_eq!(printed, "", "the folds of other shards are missing");
+    }
+    let error = folder.fail("merge shard1 shard2 --out=table", 1);
+    assert!(error.contains("folds are missing: all-r"), "{error}");
+    let merged = folder.succeed("merge shard1 shard2 shard3 --out=table");
+    assert_eq!(merged, whole);
+    for name in ["table.md", "table.csv", "table.json"] {
+        let read = |out: &str| folder.read(&format!("{out}/{name}"));
+        assert_eq!(read("table"), read("whole"), "{name}");
+    }
+    // Shards may also share a folder: the last one makes the table.
+    for shard in ["1/2", "2/2"] {
+        folder.succeed(&crossval("pca", &format!("--out=shared --shard={shard}")));
+    }
+    assert_eq!(
+        folder.read("shared/table.json"),
+        folder.read("whole/table.json")
+    );
+}
+
+#[test]
+fn finished_folds_are_kept_and_other_settings_refused() {
+    let folder = Folder::with_runs(2, 24);
+    let table = folder.succeed(&crossval("shortcut", "--out=out"));
+    let missing = "out/folds/all-r2-f1.json";
+    let before = folder.read(missing);
+    fs::remove_file(folder.path(missing)).expect("an outcome");
+    let [again, log] = folder.run(&crossval("shortcut", "--out=out"), 0);
+    assert_eq!(again, table);
+    assert_eq!(log.matches("done before").count(), 3, "{log}");
+    assert_eq!(folder.read(missing), before);
+    let error = folder.fail(&crossval("shortcut", "--out=out --seed=2"), 2);
+    assert!(
+        error.contains("belongs to another cross-validation") && error.contains("seed 2"),
+        "{error}"
+    );
+}
+
+#[test]
+fn one_recording_is_divided_into_blocks_and_too_few_runs_are_refused() {
+    let folder = Folder::with_runs(1, 60);
+    let error = folder.fail(&crossval("shortcut", "--out=out --blocks=1"), 2);
+    assert!(error.contains("1 runs or blocks for 2 folds"), "{error}");
+    let table = folder.succeed(&crossval("shortcut", "--out=out --subject=me"));
+    for words in [
+        "| me | 4 | shortcut | float | yes |",
+        "blocks, 4 in each run",
+    ] {
+        assert!(table.contains(words), "{table}");
+    }
+}
+
+#[test]
+fn pictures_have_every_fold_its_mean_and_its_epochs() {
+    let folder = Folder::with_runs(2, 24);
+    folder.write("file", "");
+    let log = folder.fail(&crossval("shortcut", "--out=out --report=file"), 1);
+    assert!(log.contains("file cannot be written"), "{log}");
+    assert!(!folder.path("out").exists());
+    folder.succeed(&crossval("shortcut", "--out=out --report=report"));
+    let folds = Values::read(&folder.path("report/folds.csv"));
+    // 2 folds, 2 repetitions; model and PCA, float and integer codes.
+    assert_eq!(folds.rows.len(), 16);
+    let table = Values::read(&folder.path("out/table.csv"));
+    let models = table.column("model").into_iter().zip(table.column("codes"));
+    let means = table.numbers("mse_mean").into_iter();
+    for ((model, codes), (expected, sd)) in models.zip(means.zip(table.numbers("mse_sd"))) {
+        let all = folds.column("model").into_iter().zip(folds.column("codes"));
+        let errors = all.zip(folds.numbers("mse"));
+        let errors = errors.filter(|(kind, _)| *kind == (model, codes));
+        let errors: Vec<f64> = errors.map(|(_, mse)| mse).collect();
+        assert_eq!(errors.len(), 4);
+        assert_near(mean(&errors), expected, 1e-12);
+        let squares = errors.iter().map(|mse| (mse - expected).powi(2));
+        assert_near((squares.sum::<f64>() / 3.0).sqrt(), sd, 1e-9);
+    }
+    // Each of four kinds has circles for four folds, the mean and the legend; each mean has a bar.
+    let picture = folder.path("report/folds.svg");
+    assert_eq!(elements(&picture, "circle").len(), 4 * (4 + 1 + 1));
+    assert_eq!(points(&picture, "#2B6CB0"), [2, 2]);
+    assert_eq!(points(&picture, "#DD6B20"), [2, 2]);
+
+    let learning = Values::read(&folder.path("report/learning.csv"));
+    assert_eq!(learning.column("epoch"), ["0", "1"].repeat(4));
+    // The shortcut starts as PCA.
+    let pca = learning.numbers("validation_mse_pca");
+    let errors = learning.numbers("validation_mse").into_iter().zip(pca);
+    for (mse, pca) in errors.step_by(2) {
+        assert_near(mse, pca, 1e-5);
+    }
+    // The curves of four folds, and the entry in the legend.
+    assert_eq!(
+        points(&folder.path("report/learning.svg"), "#2B6CB0"),
+        [2; 5]
+    );
+    // Finished folds are enough for another report.
+    let merge = "merge out --out=merged --report=again";
+    folder.succeed(merge);
+    for name in ["index.html", "folds.svg", "learning.svg"] {
+        let read = |report: &str| folder.read(&format!("{report}/{name}"));
+        assert_eq!(read("again"), read("report"), "{name}");
+    }
+    assert!(folder.fail(merge, 2).contains("--force"));
+}
+
+#[test]
+fn index_unpooling_is_compared_but_not_called_decodable() {
+    let folder = Folder::with_runs(2, 24);
+    let crossval = "--mode=paper --folds=2 --repetitions=1 --epochs=1 --out=out";
+    let table = folder.succeed(&format!("crossval {SMALL} {crossval}"));
+    for words in ["| all | 2 | paper | float | no |", "PCA-16 | integer | yes"] {
+        assert!(table.contains(words), "{table}");
+    }
+    assert!(!table.contains("paper | integer"), "{table}");
+}

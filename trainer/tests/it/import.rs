@@ -1,0 +1,183 @@
+//! Files that can be imported.
+
+use super::Folder;
+use super::export::{self, SPEC, WINDOWS, export, insert_all, write};
+use any_model::{any_artifact, quantised, windows};
+use artifact::{Artifact, FloatEncoder, Mode, Padding, Tensors};
+use safetensors::Dtype;
+
+/// Returns a random network of the built-in model's shape.
+pub(crate) fn network() -> Artifact {
+    any_artifact(5, Mode::Shortcut, Padding::None, [2, 2, 2], 8).expect("a model")
+}
+
+/// The command that imports `network.safetensors` and `network.toml`.
+pub(crate) const IMPORT: &str =
+    "import --safetensors=network.safetensors --spec=network.toml --out=model";
+
+/// Imports a network's file after a change, and returns the artifact and what the program prints.
+fn import(
+    folder: &Folder,
+    network: &Artifact,
+    spec: &str,
+    edit: impl FnOnce(&mut export::File),
+) -> (Artifact, String) {
+    let mut file = export(network);
+    edit(&mut file);
+    write(folder, &file, spec);
+    let printed = folder.succeed(IMPORT);
+    folder.succeed("check model");
+    let model = Artifact::read(&folder.path("model"));
+    (model.expect("a model"), printed)
+}
+
+/// Returns the error of the integer codes relative to the float codes, both RMS over windows unlike
+/// those of the calibration.
+fn relative_code_error(model: &Artifact) -> f64 {
+    let integers = model_gen::quantise(model).expect("integers");
+    let encoder = FloatEncoder::new(model).expect("an encoder");
+    let (mut error, mut energy) = (0.0, 0.0);
+    for window in windows(3, model, WINDOWS) {
+        let code = integers.encode_window(&quantised(model, &integers, &window));
+        for (integer, float) in integers
+            .dequantise(&code)
+            .iter()
+            .zip(encoder.encode(&window))
+        {
+            error += f64::from(integer - float).powi(2);
+            energy += f64::from(float).powi(2);
+        }
+    }
+    (error / energy).sqrt()
+}
+
+fn values<'t>(tensors: &'t Tensors, name: &str) -> &'t [f32] {
+    let shapes: Vec<_> = tensors.shapes().collect();
+    let (_, shape) = shapes
+        .iter()
+        .find(|(found, _)| *found == name)
+        .expect("a tensor");
+    tensors.tensor(name, shape).expect("its own shape")
+}
+
+#[test]
+fn an_exported_network_is_imported_with_its_weights_and_codes() {
+    let folder = Folder::new();
+    let network = network();
+    let (model, printed) = import(&folder, &network, SPEC, |_| {});
+    assert_eq!(model.weights, network.weights);
+    assert!(
+        printed.contains("The codes of 24 windows equal the exported network's within"),
+        "{printed}"
+    );
+    assert!(
+        printed.contains("their reconstructions within"),
+        "{printed}"
+    );
+    let card = &model.description.training;
+    assert!(
+        card.note
+            .starts_with("Imported from network.safetensors, SHA-256 "),
+        "{}",
+        card.note
+    );
+    assert_eq!(
+        (card.optimiser.as_str(), card.dataset.as_str()),
+        ("imported", "random")
+    );
+    // Random networks amplify the rounding of their inputs more than trained ones.
+    let error = relative_code_error(&model);
+    assert!(error < 0.05, "{error}");
+}
+
+#[test]
+fn tensors_of_other_names_and_of_64_bits_are_imported_by_the_table_of_names() {
+    let folder = Folder::new();
+    let network = network();
+    let spec = format!(
+        "{SPEC}[names]\n\"encoder.conv1\" = \"features.0\"\n\"encoder.fc.bias\" = \"to_code.offset\"\n"
+    );
+    let (model, _) = import(&folder, &network, &spec, |file| {
+        for (from, to) in [
+            ("encoder.conv1.weight", "features.0.weight"),
+            ("encoder.conv1.bias", "features.0.bias"),
+            ("encoder.fc.bias", "to_code.offset"),
+        ] {
+            let tensor = file.remove(from).expect("a tensor");
+            file.insert(to.to_owned(), tensor);
+        }
+        let wide = file.get_mut("to_code.offset").expect("a tensor");
+        let (words, _) = wide.bytes.as_chunks();
+        wide.bytes = words
+            .iter()
+            .flat_map(|word| f64::from(f32::from_le_bytes(*word)).to_le_bytes())
+            .collect();
+        wide.dtype = Dtype::F64;
+    });
+    assert_eq!(model.weights, network.weights);
+}
+
+#[test]
+fn ranges_can_replace_the_windows_of_the_calibration_and_no_reference_is_a_warning() {
+    let folder = Folder::new();
+    let network = network();
+    let (model, printed) = import(&folder, &network, SPEC, |file| {
+        file.retain(|name, _| !name.starts_with("calibration") && !name.starts_with("reference"));
+        insert_all(file, "calibration.", &network.calibration);
+    });
+    assert_eq!(model.calibration, network.calibration);
+    assert!(
+        printed.starts_with("warning: the file has no reference.windows"),
+        "{printed}"
+    );
+    assert!(
+        model
+            .description
+            .training
+            .note
+            .ends_with("Not compared with the exported network.")
+    );
+}
+
+#[test]
+fn a_silent_channel_is_held_constant_and_reported() {
+    let folder = Folder::new();
+    let mut network = network();
+    let channels = values(&network.weights, "encoder.norm2.running_var").len();
+    for (name, value) in [("running_var", 0.0), ("running_mean", 0.0)] {
+        let name = format!("encoder.norm2.{name}");
+        let mut changed = values(&network.weights, &name).to_vec();
+        changed[17] = value;
+        network.weights.insert(&name, &[channels], changed);
+    }
+    let mut bias = values(&network.weights, "encoder.conv2.bias").to_vec();
+    bias[17] = -1e3;
+    network
+        .weights
+        .insert("encoder.conv2.bias", &[channels], bias);
+    let (model, printed) = import(&folder, &network, SPEC, |_| {});
+    assert!(
+        printed.contains("warning: 1 channels of the convolutions never vary"),
+        "{printed}"
+    );
+    let held = values(&model.weights, "encoder.norm2.weight")[17];
+    assert!(held.abs() < f32::EPSILON, "{held}");
+}
+
+#[test]
+fn a_model_in_the_folder_is_replaced_by_force_only() {
+    let folder = Folder::new();
+    let network = network();
+    let (before, _) = import(&folder, &network, SPEC, |_| {});
+    let file = export(&network);
+    write(&folder, &file, &SPEC.replace("47.5", "50.0"));
+    let out = folder.path("model");
+    let error = folder.fail(IMPORT, 2);
+    assert!(
+        error.contains("holds a model already; choose another folder, or replace it with --force"),
+        "{error}"
+    );
+    assert_eq!(Artifact::read(&out).expect("a model"), before);
+    folder.succeed(&format!("{IMPORT} --force"));
+    assert_ne!(Artifact::read(&out).expect("a model").id, before.id);
+}

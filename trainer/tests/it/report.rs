@@ -1,0 +1,120 @@
+//! `--report` of `trainer train` and `trainer evaluate`.
+
+use super::files::{Values, assert_near, elements, mean, points};
+use super::{Folder, LABELS, SMALL};
+
+#[test]
+fn pictures_of_an_evaluation_have_its_figures() {
+    let folder = Folder::with_runs(1, 30);
+    folder.train(
+        "shortcut",
+        "--train=run1 --epochs=1 --code-format=int8-exponent",
+    );
+    // A recording without the last two electrodes.
+    folder.write_recording("other.gdf", &LABELS[..6], 30, 9);
+    let evaluate = "evaluate --artifact=model --test=other.gdf --json --report=report";
+    let json = folder.json(evaluate);
+    let figure = |name: &str| json[name].as_f64().expect("a number");
+
+    let electrodes = Values::read(&folder.path("report/electrodes.csv"));
+    assert_eq!(electrodes.column("electrode"), LABELS);
+    for name in ["mse_float", "mse_int8"] {
+        assert_near(mean(&electrodes.numbers(name)), figure(name), 1e-9);
+    }
+    let origins: Vec<&str> = electrodes.column("origin");
+    assert_eq!(origins[..6], ["measured"; 6]);
+    assert_eq!(origins[6..], ["interpolated"; 2]);
+    // The head, and two circles for each electrode, of which the inner one is hollow where it is
+    // interpolated.
+    let map = elements(&folder.path("report/electrodes.svg"), "circle");
+    assert_eq!(map.len(), 1 + 2 * LABELS.len());
+    let is_hollow = |circle: &&String| circle.contains("r=3;") && circle.contains("fill=none;");
+    assert_eq!(map.iter().filter(is_hollow).count(), 2);
+
+    let rate = Values::read(&folder.path("report/rate.csv"));
+    let numbers = rate.rows.len() - 1;
+    assert_eq!(rate.column("model")[..numbers], vec!["PCA"; numbers]);
+    let bits = rate.numbers("bits_per_window");
+    for (column, pca, model) in [
+        ("mse_float", "mse_pca", "mse_float"),
+        ("mse_int8", "mse_pca_int8", "mse_int8"),
+    ] {
+        let errors = rate.numbers(column);
+        // f32 in another order of summation.
+        assert_near(errors[numbers - 1], figure(pca), 1e-4);
+        assert_near(errors[numbers], figure(model), 1e-12);
+        assert!(errors[0] > errors[numbers - 1], "{errors:?}");
+    }
+    assert_near(bits[0], 16.0, 1e-12);
+    assert_near(bits[numbers], figure("bits_per_window"), 1e-12);
+    let picture = folder.path("report/rate.svg");
+    // Two points are those of the entry in the legend.
+    assert_eq!(points(&picture, "#DD6B20"), [numbers, 2]);
+    assert_eq!(elements(&picture, "circle").len(), 2 + 2);
+    let page = folder.read("report/index.html");
+    for name in ["electrodes.svg", "electrodes.csv", "rate.svg", "rate.csv"] {
+        assert!(page.contains(&format!("=\"{name}\"")), "{page}");
+    }
+    let error = format!("{:.5}", figure("mse_int8"));
+    assert!(page.contains(&error), "{page}");
+
+    // A report is replaced only on request.
+    let log = folder.fail(evaluate, 2);
+    assert!(log.contains("report/index.html exists already"), "{log}");
+    folder.succeed(&format!("{evaluate} --force"));
+}
+
+#[test]
+fn learning_curves_have_all_epochs_also_those_before_a_checkpoint() {
+    let folder = Folder::with_runs(2, 30);
+    let train = "--train=run1 --test=run2 --checkpoint=state --learning-rate=1e-2 --report=report";
+    folder.train("shortcut", &format!("{train} --epochs=1"));
+    let learning = || Values::read(&folder.path("report/learning.csv"));
+    let first = learning();
+    assert_eq!(first.column("epoch"), ["0", "1"]);
+    // Epochs can be added to a finished training run.
+    folder.train("shortcut", &format!("{train} --epochs=3 --resume --force"));
+    let resumed = learning();
+    assert_eq!(resumed.column("epoch"), ["0", "1", "2", "3"]);
+    assert_eq!(resumed.rows[..2], first.rows);
+    // The shortcut starts as PCA.
+    let validation = resumed.numbers("validation_mse");
+    let pca = resumed.numbers("validation_mse_pca");
+    assert_near(validation[0], pca[0], 1e-5);
+    assert_eq!(resumed.column("training_loss")[0], "");
+    let best = (0..validation.len()).min_by(|a, b| validation[*a].total_cmp(&validation[*b]));
+    let best = best.expect("epochs");
+    let card = folder.read("model/model.toml");
+    for line in [format!("best_epoch = {best}"), "epochs = 3".to_owned()] {
+        assert!(card.lines().any(|found| found == line), "{line}: {card}");
+    }
+    let picture = folder.path("report/learning.svg");
+    // Blue: validation errors; orange: those of PCA; with the two points of each entry in the
+    // legend.
+    assert_eq!(points(&picture, "#2B6CB0"), [4, 2]);
+    assert_eq!(points(&picture, "#DD6B20"), [2, 2]);
+    let page = folder.read("report/index.html");
+    for name in ["learning.svg", "electrodes.svg", "rate.svg"] {
+        assert!(page.contains(&format!("src=\"{name}\"")), "{page}");
+    }
+}
+
+#[test]
+fn a_report_that_cannot_be_written_is_found_before_anything_is_read() {
+    let folder = Folder::new();
+    // Neither a recording nor a model: reading one would fail with other words.
+    folder.write("run1.gdf", "nothing");
+    folder.write("file", "");
+    let train = format!("train {SMALL} --train=run1 --out=model");
+    for report in ["file", "file/report"] {
+        for command in [&train, "evaluate --artifact=model --test=run1.gdf"] {
+            let log = folder.fail(&format!("{command} --report={report}"), 1);
+            let expected = format!("{report} cannot be written; name another folder");
+            assert!(log.contains(&expected), "{log}");
+        }
+    }
+    // Mode pca has no epochs.
+    let log = folder.fail(&format!("{train} --mode=pca --report=report"), 2);
+    assert!(log.contains("--report has nothing to show"), "{log}");
+    assert!(!folder.path("report").exists());
+}
