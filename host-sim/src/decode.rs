@@ -9,8 +9,8 @@ use offline::{
 use thiserror::Error;
 
 use crate::batch::{self, Job};
+use crate::command_line::DecodeOptions;
 use crate::encode::{CODES, RECORDINGS};
-use crate::offline_options::DecodeOptions;
 
 pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
     let model = match &options.model {

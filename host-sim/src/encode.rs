@@ -7,7 +7,7 @@ use offline::{Encoded, EncodedStream, Encoding, PackedCounts};
 use recordings::Recording;
 
 use crate::batch::{self, Job};
-use crate::offline_options::{CodeStream, EncodeOptions};
+use crate::command_line::{CodeStream, EncodeOptions};
 
 /// Extensions of recordings in a folder.
 pub(crate) const RECORDINGS: [&str; 3] = ["edf", "bdf", "gdf"];

@@ -22,8 +22,8 @@ pub(crate) struct OpenedInput {
 }
 
 impl OpenedInput {
-    /// Opens the input that the options name, and prints what is wrong with it. Prints how a recording fits
-    /// the montage unless the options forbid it.
+    /// Opens the input that the options name, and prints what is wrong with it. Prints how a
+    /// recording fits the montage unless the options forbid it.
     pub(crate) fn new(options: &RunOptions) -> Result<Self, Box<dyn Error>> {
         match &options.input {
             Input::Synthetic => {

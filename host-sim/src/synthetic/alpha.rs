@@ -14,8 +14,8 @@ const ALPHA_HZ: f64 = 10.0;
 /// Half of the rhythm's bandwidth, Hz. This bandwidth makes the amplitude vary within about a
 /// second, even during a burst.
 const HALF_WIDTH: f64 = 0.5;
-/// Places, in radii of the scalp, and moments of the rhythm's dipoles in the occipital cortex: left, right
-/// and upper.
+/// Places, in radii of the scalp, and moments of the rhythm's dipoles in the occipital cortex:
+/// left, right and upper.
 const DIPOLES: [([f64; 3], [f64; 3]); 3] = [
     ([-0.2, -0.6, 0.15], [-0.2, -1.0, 0.3]),
     ([0.2, -0.6, 0.15], [0.2, -1.0, 0.3]),

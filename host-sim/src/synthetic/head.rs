@@ -10,9 +10,9 @@ const RADII: [f64; 2] = [0.87, 0.92];
 /// Conductivities of brain, skull and scalp, relative to that of the brain. The skull conducts 15
 /// times worse than brain and scalp (Oostendorp, Delbeke and Stegeman 2000).
 pub(super) const CONDUCTIVITIES: [f64; 3] = [1.0, 1.0 / 15.0, 1.0];
-/// Number of terms of the series. A term falls with `eccentricity^n`. Measured against 400 terms: 5e-6 of
-/// the largest potential for the eyes, which are farthest out (0.83), below 1e-7 for the cortex (at
-/// most 0.75).
+/// Number of terms of the series. A term falls with `eccentricity^n`. Measured against 400 terms:
+/// 5e-6 of the largest potential for the eyes, which are farthest out (0.83), below 1e-7 for the
+/// cortex (at most 0.75).
 const TERMS: usize = 64;
 
 /// Three concentric spheres, each of one conductivity, in air.
@@ -45,8 +45,8 @@ impl Head {
         let transfer = std::array::from_fn(|_| {
             order += 1.0;
             let n = order;
-            // In each sphere the potential of order n is `rising r^n + falling r^-(n+1)`. This ratio
-            // lets no current leave the scalp, where r = 1 and the potential is 2n + 1.
+            // In each sphere the potential of order n is `rising r^n + falling r^-(n+1)`. This
+            // ratio lets no current leave the scalp, where r = 1 and the potential is 2n + 1.
             let (mut rising, mut falling) = (n + 1.0, n);
             let outer = [skull / brain, scalp / skull];
             for index in [1, 0] {
@@ -65,7 +65,8 @@ impl Head {
         Self { transfer }
     }
 
-    /// Returns the potential of `dipole` at a point of the scalp, relative to the potential far away.
+    /// Returns the potential of `dipole` at a point of the scalp, relative to the potential far
+    /// away.
     pub(super) fn potential(&self, dipole: &Dipole, at: Position) -> f64 {
         let x = dot(dipole.direction, at);
         let radial = dot(dipole.moment, dipole.direction);
@@ -166,7 +167,8 @@ mod tests {
             for (label, expected) in ELECTRODES.into_iter().zip(expected) {
                 let at = Position::from_label(label).expect("an electrode");
                 let found = unit_uv * head.potential(&dipole, at);
-                // MNE replaces the series by three dipoles (Berg and Scherg 1994). Measured: 0.0013.
+                // MNE replaces the series by three dipoles (Berg and Scherg 1994). Measured:
+                // 0.0013.
                 assert!(
                     (found - expected).abs() < 0.002,
                     "{place:?} at {label}: {found}, MNE {expected}"

@@ -9,7 +9,8 @@ use thiserror::Error;
 
 use crate::encoded_stream::CodeKind;
 
-/// First bytes of a recording of corticode-bridge, which holds frames of both directions with times.
+/// First bytes of a recording of corticode-bridge, which holds frames of both directions with
+/// times.
 const BRIDGE_RECORDING: &[u8] = b"CORTIREC";
 /// Number of bytes that are read together.
 const PIECE: usize = 1 << 16;
@@ -229,8 +230,8 @@ pub(crate) struct CodeFile<R> {
 }
 
 impl<R: Read> CodeFile<R> {
-    /// Creates a reader for codes of `model`, of which an hour holds `windows_per_hour`. Those of `kind` are returned,
-    /// or of the kind that comes first.
+    /// Creates a reader for codes of `model`, of which an hour holds `windows_per_hour`. Those of
+    /// `kind` are returned, or of the kind that comes first.
     pub(crate) fn new(
         source: R,
         model: ModelId,

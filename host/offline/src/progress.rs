@@ -4,7 +4,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::error::OfflineError;
 
-/// Seconds of signal processed by all jobs, and whether they shall end early. Jobs share one progress.
+/// Seconds of signal processed by all jobs, and whether they shall end early. Jobs share one
+/// progress.
 #[derive(Debug, Default)]
 pub struct Progress {
     seconds: AtomicU64,

@@ -3,7 +3,7 @@
 use artifact::Description;
 use picture::page::{Page, escaped, href, image};
 
-use super::{entry::Entry, pictures};
+use super::{Entry, pictures};
 use crate::comparison::{Comparison, settling_s};
 use crate::decoding::Decoded;
 
