@@ -2,6 +2,7 @@
 
 use std::{convert::Infallible, num::NonZero, path::PathBuf, str::FromStr, time::Duration};
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use host_sim::{Fault, Output, Trigger, fault_help};
 use link::MAX_RATE;
@@ -69,8 +70,8 @@ pub(crate) struct RunOptions {
     #[command(flatten)]
     pub(crate) pace: PaceOptions,
     /// Mains frequency of the notch until a host selects another one, Hz.
-    #[arg(long, value_enum, default_value = "50")]
-    pub(crate) mains: MainsHz,
+    #[arg(long, value_parser = mains(), default_value = "50")]
+    pub(crate) mains: Mains,
     /// Stop after this many seconds of signal, or without a host after the rest of this time.
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) duration: Option<f64>,
@@ -134,8 +135,8 @@ pub(crate) struct EncodeOptions {
     /// NAME.edf.codes.
     pub(crate) output: PathBuf,
     /// Mains frequency of the notch, Hz.
-    #[arg(long, value_enum, default_value = "50")]
-    pub(crate) mains: MainsHz,
+    #[arg(long, value_parser = mains(), default_value = "50")]
+    pub(crate) mains: Mains,
     /// Treatment of montage electrodes that a recording lacks.
     #[arg(long, value_enum, default_value = "interpolate")]
     pub(crate) missing: MissingElectrodes,
@@ -181,7 +182,7 @@ impl From<CodeStream> for CodeKind {
 pub(crate) struct DecodeOptions {
     /// File of codes or of packed blocks, or a folder with files *.codes.
     pub(crate) input: PathBuf,
-    /// File to write, or a folder for the codes of a folder; by default NAME.decoded.FORMAT beside
+    /// File to write, or a folder for the codes of a folder; by default NAME.decoded.FORMAT next to
     /// NAME.codes.
     pub(crate) output: Option<PathBuf>,
     /// Format of the decoded signal.
@@ -193,8 +194,8 @@ pub(crate) struct DecodeOptions {
     /// Folder of the model that decodes; by default the model with which this program was built.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
-    /// Recording of which the codes are, or a folder of recordings for those of a folder: NAME.edf
-    /// for NAME.edf.codes. Its events are written to the output, and the decoded signal is compared
+    /// Recording from which the codes were made, or a folder of recordings for those of a folder:
+    /// NAME.edf for NAME.edf.codes. Its events are written to the output, and the decoded signal is compared
     /// with its own.
     #[arg(long, value_name = "FILE|FOLDER")]
     pub(crate) original: Option<PathBuf>,
@@ -244,33 +245,11 @@ impl From<FileFormat> for SignalFormat {
     }
 }
 
-/// Mains frequency of the notch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum MainsHz {
-    /// 50 Hz: Europe, most of Africa, Asia and Australia.
-    #[value(name = "50")]
-    Fifty,
-    /// 60 Hz: the Americas and parts of Asia.
-    #[value(name = "60")]
-    Sixty,
-}
-
-impl MainsHz {
-    pub(crate) fn hz(self) -> u8 {
-        match self {
-            Self::Fifty => 50,
-            Self::Sixty => 60,
-        }
-    }
-}
-
-impl From<MainsHz> for Mains {
-    fn from(mains: MainsHz) -> Self {
-        match mains {
-            MainsHz::Fifty => Self::Hz50,
-            MainsHz::Sixty => Self::Hz60,
-        }
-    }
+fn mains() -> impl TypedValueParser<Value = Mains> {
+    PossibleValuesParser::new(["50", "60"]).map(|hz| match &*hz {
+        "60" => Mains::Hz60,
+        _ => Mains::Hz50,
+    })
 }
 
 /// Treatment of montage electrodes that a recording lacks.

@@ -148,7 +148,7 @@ enum DecodeError {
     OriginalIsFile(PathBuf),
 }
 
-/// The recordings of which the codes are.
+/// Recordings from which the codes were made.
 enum Originals {
     None,
     File(PathBuf),

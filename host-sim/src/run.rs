@@ -115,7 +115,7 @@ fn session(options: &RunOptions, faults: Faults, substitutes: Substitutes) -> Se
         },
         streams: streams(&options.streams),
         pace,
-        mains: options.mains.into(),
+        mains: options.mains,
         identity: Identity {
             session_id: options.session_id.unwrap_or_else(default_id),
             chip_uid: *b"\0host-sim\0\0\0",

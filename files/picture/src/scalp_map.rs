@@ -37,7 +37,7 @@ pub struct ScalpMap {
 const SIZE: (u32, u32) = (900, 860);
 /// Radius of the head, pixels.
 const RADIUS: i32 = 330;
-/// Side of the squares of which the map consists, pixels.
+/// Side of the squares that make up the map, pixels.
 const SQUARE: i32 = 6;
 /// [`SQUARE`], for ranges.
 const STEP: usize = SQUARE.unsigned_abs() as usize;
@@ -189,7 +189,7 @@ fn pixel(centre: (i32, i32), [x, y]: [f64; 2]) -> (i32, i32) {
     (centre.0.saturating_add(x), centre.1.saturating_sub(y))
 }
 
-/// Returns a value with as many decimal places as give `largest` three digits, at most 6.
+/// Formats a value with the decimal places that show three digits of `largest`, at most 6.
 fn with_digits(value: f64, largest: f64) -> String {
     let places = (0..6).find(|places| largest * 10_f64.powi(*places) >= 99.95);
     let places = usize::try_from(places.unwrap_or(6)).unwrap_or(0);

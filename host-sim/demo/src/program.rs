@@ -38,7 +38,7 @@ impl Program {
                 .spawn()
         };
         let child = start()
-            .map_err(|error| Failure::unreachable(&name, error, "`cargo build --release`"))?;
+            .map_err(|error| Failure::unreachable(&name, error, "`cargo demo`, which builds it"))?;
         let name = name.into_owned();
         Ok(Self { name, child, log })
     }

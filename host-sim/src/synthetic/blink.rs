@@ -1,7 +1,5 @@
 //! Blinks: large frontal deflections of 0.3 s, from a dipole in each eye.
 
-use recordings::Position;
-
 use super::{dipole::Dipole, noise::Noise, scalp::Scalp};
 
 /// Electrode at which blinks have their largest amplitude.
@@ -31,8 +29,7 @@ pub(super) struct Blinks {
 
 impl Blinks {
     pub(super) fn new(mut noise: Noise, scalp: &Scalp, rate: f64) -> Self {
-        let vector = |[x, y, z]: [f64; 3]| Position { x, y, z };
-        let eyes = EYES.map(|place| Dipole::at(vector(place), vector(MOMENT)));
+        let eyes = EYES.map(|place| Dipole::at(place, MOMENT));
         let peak: f64 = eyes.iter().map(|eye| scalp.potential_at(eye, SITE)).sum();
         let [left, right] = eyes.map(|eye| scalp.potentials(&eye, 1.0 / peak));
         let weights = left.iter().zip(right).map(|(a, b)| a + b).collect();

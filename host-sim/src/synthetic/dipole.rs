@@ -25,7 +25,8 @@ pub(super) struct Dipole {
 
 impl Dipole {
     /// Creates a dipole at `place`, in radii of the scalp.
-    pub(super) fn at(place: Position, moment: Position) -> Self {
+    pub(super) fn at(place: [f64; 3], moment: [f64; 3]) -> Self {
+        let [place, moment] = [place, moment].map(|[x, y, z]| Position { x, y, z });
         let eccentricity = dot(place, place).sqrt();
         Self {
             eccentricity,

@@ -102,17 +102,6 @@ mod tests {
         vector([a.x + factor * b.x, a.y + factor * b.y, a.z + factor * b.z])
     }
 
-    /// Returns the dipole at a place, in radii of the scalp.
-    fn dipole(place: [f64; 3], moment: [f64; 3]) -> Dipole {
-        let place = vector(place);
-        let eccentricity = dot(place, place).sqrt();
-        Dipole {
-            eccentricity,
-            direction: combine(vector([0.0; 3]), 1.0 / eccentricity, place),
-            moment: vector(moment),
-        }
-    }
-
     const DIPOLES: [([f64; 3], [f64; 3]); 4] = [
         ([0.0, 0.0, 0.5], [0.0, 0.0, 1.0]),
         ([0.2, -0.5, 0.3], [0.6, 0.0, 0.8]),
@@ -137,7 +126,7 @@ mod tests {
     fn equal_conductivities_yield_the_closed_form_of_one_sphere() {
         let head = Head::new([1.0; 3]);
         for (place, moment) in DIPOLES {
-            let dipole = dipole(place, moment);
+            let dipole = Dipole::at(place, moment);
             for label in ELECTRODES {
                 let at = Position::from_label(label).expect("an electrode");
                 let (series, closed) = (head.potential(&dipole, at), one_sphere(&dipole, at));
@@ -163,7 +152,7 @@ mod tests {
         let head = Head::new(CONDUCTIVITIES);
         let unit_uv = 1e-8 / (4.0 * std::f64::consts::PI * 0.33 * 0.09 * 0.09) * 1e6;
         for ((place, moment), expected) in DIPOLES.into_iter().zip(golden) {
-            let dipole = dipole(place, moment);
+            let dipole = Dipole::at(place, moment);
             for (label, expected) in ELECTRODES.into_iter().zip(expected) {
                 let at = Position::from_label(label).expect("an electrode");
                 let found = unit_uv * head.potential(&dipole, at);
@@ -179,7 +168,7 @@ mod tests {
 
     #[test]
     fn the_skull_weakens_and_widens_a_potential() {
-        let dipole = dipole([0.0, 0.0, 0.7], [0.0, 0.0, 1.0]);
+        let dipole = Dipole::at([0.0, 0.0, 0.7], [0.0, 0.0, 1.0]);
         let ratio = |conductivities: [f64; 3]| {
             let head = Head::new(conductivities);
             let [near, far] = ["Cz", "C3"].map(|label| {

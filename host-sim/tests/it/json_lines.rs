@@ -8,11 +8,12 @@ use std::{
 };
 
 use link::{Flags, ToHost};
+use reconstruction::dequantise;
 use serde_json::{Value, json};
 
 use crate::edf_file::EdfFile;
 use crate::host::frames;
-use crate::program::{Finished, program, run, wait};
+use crate::program::{Finished, program, wait};
 
 /// Runs the program at full speed and returns its standard output.
 fn run_to_stdout(input: &Path, more: &[&str]) -> (Finished, Vec<u8>) {
@@ -67,59 +68,42 @@ fn codes_are_lines_of_json_with_the_fields_of_the_bridge() {
         }
         ToHost::Code(code) => {
             let levels = code.values.levels().zip(&scales);
-            #[expect(clippy::cast_precision_loss, reason = "levels have 17 bits at most")]
-            let value = |(level, (scale, zero)): (i32, &(f32, i8))| {
-                f64::from((level - i32::from(*zero)) as f32 * scale)
-            };
-            let values: Vec<f64> = levels.map(value).collect();
-            Some((frame.header.device_time_us, code.flags, values))
+            let values = levels.map(|(level, (scale, zero))| dequantise(level, *scale, *zero));
+            let flags = u64::from(code.flags.bits());
+            Some((
+                frame.header.device_time_us,
+                flags,
+                values.collect::<Vec<f32>>(),
+            ))
         }
         _ => None,
     });
     assert_eq!(codes.len(), expected.len());
-    for (index, (line, (time_us, flags, values))) in codes.iter().zip(expected).enumerate() {
-        let message = &line["message"];
-        let seq = json!(index + 1);
-        assert_eq!(line["device_time_us"], time_us);
+    for ((index, line), (us, flags, values)) in (0_u64..).zip(&codes).zip(expected) {
+        let (message, seq) = (&line["message"], index + 1);
+        assert_eq!(line["device_time_us"], us);
         assert_eq!(
             message["header"],
             json!({"seq": seq, "frame_id": "autoencoder"})
         );
         assert_eq!(message["neuroheader"], json!({"seq": seq}));
         assert_eq!(message["sr"], 16);
-        let data: Vec<f64> = message["eeg"]["data"]
-            .as_array()
-            .expect("a list")
-            .iter()
-            .map(|value| f64::from(value.as_f64().expect("a number") as f32))
-            .collect();
+        let data: Vec<f32> =
+            serde_json::from_value(message["eeg"]["data"].clone()).expect("a list");
         assert_eq!(data, values);
-        let words = [
-            flags.bits().into(),
-            index as u64,
-            0,
-            time_us & 0xFFFF,
-            time_us >> 16,
-            0,
-            0,
-            0,
-        ];
+        let words = [flags, index, 0, us & 0xFFFF, us >> 16, 0, 0, 0];
         assert_eq!(message["tri"]["data"], json!(words));
     }
     let info = &codes[0]["message"]["eeg"]["info"];
-    let numbers = codes[0]["message"]["eeg"]["data"]
-        .as_array()
-        .expect("a list")
-        .len();
-    assert_eq!(info["nchannels"], numbers);
     assert_eq!(
-        (&info["nsamples"], &info["unit"]),
-        (&json!(1), &json!("a.u."))
+        (&info["nchannels"], &info["nsamples"]),
+        (&json!(model::CODE), &json!(1))
     );
     assert_eq!(
-        (&info["labels"][0], &info["transducter"]),
-        (&json!("z000"), &json!("autoencoder"))
+        (&info["unit"], &info["transducter"]),
+        (&json!("a.u."), &json!("autoencoder"))
     );
+    assert_eq!(info["labels"][0], "z000");
     assert!(info["minmax"][0].as_f64() < Some(0.0) && info["minmax"][1].as_f64() > Some(0.0));
 
     let quality = of_topic(&lines, "/quality");
@@ -133,16 +117,10 @@ fn codes_are_lines_of_json_with_the_fields_of_the_bridge() {
 #[test]
 fn selected_streams_are_in_a_file_in_the_order_of_the_wire() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let input = format!("--input={}", recording(folder.path()).display());
     let path = folder.path().join("lines");
     let output = format!("--output=ndjson:{}", path.display());
-    let finished = run(&[
-        "run",
-        "-q",
-        &input,
-        &output,
-        "--streams=codes,packed,events",
-    ]);
+    let options = ["-q", &output, "--streams=codes,packed,events"];
+    let finished = run_to_stdout(&recording(folder.path()), &options).0;
     assert_eq!((finished.status, &*finished.log), (Some(0), ""));
     let lines = lines(&fs::read(&path).expect("the file"));
 

@@ -1,4 +1,5 @@
 //! Tests of the virtual board as a library and as the program `host-sim`.
+#![forbid(unsafe_code)]
 
 mod defects;
 mod duration;

@@ -238,14 +238,3 @@ fn a_second_host_replaces_the_first_and_virtual_time_waits_for_it() {
     );
     running.finish();
 }
-
-#[test]
-fn a_file_at_the_path_of_the_link_is_not_overwritten() {
-    let folder = folder();
-    let path = folder.path().join("precious");
-    fs::write(&path, "data").expect("a file");
-    let session = session(Output::Pty(path.clone()), Pace::Fast, Some(1));
-    let error = run(&session, &AtomicBool::new(false)).expect_err("a file is in the way");
-    assert!(matches!(error, SessionError::Port { .. }));
-    assert_eq!(fs::read(&path).expect("it is still there"), b"data");
-}

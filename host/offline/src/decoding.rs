@@ -93,8 +93,9 @@ impl Decoded {
 }
 
 impl Decoding<'_> {
-    /// Decodes the file of codes `input` to the file `output`. `original` is the recording of which
-    /// the codes are: its events are written, and the decoded signal is compared with its own.
+    /// Decodes the file of codes `input` to the file `output`. `original` is the recording from
+    /// which the codes were made: its events are written, and the decoded signal is compared with
+    /// its own.
     ///
     /// # Errors
     /// [`OfflineError`] if a file cannot be read or written, or [`Progress::interrupt`] was called.
@@ -255,7 +256,7 @@ impl Decoding<'_> {
             path: codes.to_owned(),
             source: CodeFileError::Mains(mains_hz),
         })?;
-        // As the recording was encoded.
+        // The same treatment as when the recording was encoded.
         let missing = if survey.announcement.substitutes.zero == 0 {
             Missing::Interpolate
         } else {

@@ -19,7 +19,7 @@ use crate::played::{Played, first_channels};
 use crate::progress::Progress;
 use device::Device;
 
-/// Number of bytes of frames that are written together.
+/// Number of bytes of frames written at a time.
 const PIECE: usize = 1 << 16;
 
 /// How recordings are encoded.

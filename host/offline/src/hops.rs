@@ -16,8 +16,8 @@ pub(crate) struct DecodedHop<'a> {
     pub(crate) first_row: u64,
     /// Microvolts, all electrodes of the first step, then of the next.
     pub(crate) uv: &'a [f32],
-    /// Flags of all windows that contain the hop. The filler flag marks values that stand for steps
-    /// of which every code is missing: they repeat the last step.
+    /// Flags of all windows that contain the hop. The filler flag marks steps for which every code
+    /// is missing: their values repeat the last step.
     pub(crate) flags: Flags,
 }
 

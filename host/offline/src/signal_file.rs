@@ -47,14 +47,14 @@ pub(crate) struct RowEvent {
     pub(crate) kind: u16,
 }
 
-/// What a file is told about the signal before its first row.
+/// Description of a signal, which a file states before the first row.
 #[derive(Debug, Clone)]
 pub(crate) struct Signal<'a> {
     /// Electrodes, in the order of the values in a row.
     pub(crate) labels: &'a [String],
     /// Rows per second, Hz.
     pub(crate) rate_hz: u32,
-    /// Rows that are written together.
+    /// Number of rows written at a time.
     pub(crate) rows_per_hop: u32,
     /// Number of all rows.
     pub(crate) rows: u64,

@@ -148,16 +148,3 @@ fn amplitudes_are_as_specified() {
         "{powers:?}"
     );
 }
-
-#[test]
-fn correlation_falls_with_distance() {
-    let traces = generate(&quiet(), 60);
-    let with = |a, b| correlation(&traces[channel(a)], &traces[channel(b)]);
-    let (near, far, across) = (with("Cz", "C1"), with("Cz", "O1"), with("Fpz", "O2"));
-    assert!(near > 0.9, "Cz and C1, 18 degrees apart: {near}");
-    assert!(far < near - 0.1, "Cz and O1: {far}");
-    assert!(
-        (0.05..0.7).contains(&across) && across < far,
-        "Fpz and O2: {across}"
-    );
-}

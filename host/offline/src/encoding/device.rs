@@ -45,7 +45,7 @@ const ABILITIES: Abilities = Abilities {
 };
 
 /// A device that streams codes or packed blocks from its first sample on. Its frames are those of a
-/// board but for the status of the converters, which it lacks.
+/// board, without the status of the converters.
 #[derive(Debug)]
 pub(super) struct Device {
     session: Session<'static>,
