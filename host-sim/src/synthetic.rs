@@ -132,9 +132,9 @@ impl Generator {
         self.background.add(scalp);
         self.alpha.add(scalp);
         if let Some(sensors) = &mut self.sensors {
-            scalp
-                .iter_mut()
-                .for_each(|uv| *uv += SENSOR_UV * sensors.normal());
+            for uv in &mut *scalp {
+                *uv += SENSOR_UV * sensors.normal();
+            }
         }
         if let Some(blinks) = &mut self.blinks {
             blinks.add(scalp);
