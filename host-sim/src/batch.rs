@@ -19,7 +19,7 @@ use offline::{OfflineError, Progress};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use thiserror::Error;
 
-use crate::offline_options::BatchOptions;
+use crate::command_line::BatchOptions;
 
 /// Time between two updates of the progress bar.
 const TICK: Duration = Duration::from_millis(100);
@@ -82,9 +82,9 @@ pub(crate) struct Job {
     pub(crate) name: PathBuf,
 }
 
-/// Returns one job for a file, which becomes `output`, or one for each file of a folder and its subfolders
-/// that has one of the extensions. Those become files at the same places below the folder `output`, with
-/// names from `rename`.
+/// Returns one job for a file, which becomes `output`, or one for each file of a folder and its
+/// subfolders that has one of the extensions. Those become files at the same places below the
+/// folder `output`, with names from `rename`.
 ///
 /// # Errors
 /// [`BatchError`] if there is nothing to do, or a folder cannot be read or created.
@@ -137,8 +137,8 @@ pub(crate) fn jobs(
     Ok(jobs)
 }
 
-/// Adds the files of a folder and its subfolders. `visited` has the folders that were read, so that links
-/// between folders form no circle.
+/// Adds the files of a folder and its subfolders. `visited` has the folders that were read, so that
+/// links between folders form no circle.
 fn collect(
     folder: &Path,
     extensions: &[&str],
@@ -183,8 +183,8 @@ pub(crate) struct Finished<'j, R> {
     pub(crate) threads: usize,
 }
 
-/// Runs `work` for all jobs in parallel. Prints the error of each job that fails while others go on.
-/// `seconds` is the length of all signals, if it is known.
+/// Runs `work` for all jobs in parallel. Prints the error of each job that fails while others go
+/// on. `seconds` is the length of all signals, if it is known.
 ///
 /// # Errors
 /// The error of a single job; that of an interruption.
@@ -209,7 +209,12 @@ pub(crate) fn run<'j, R: Send>(
     let progress = Progress::default();
     let next = AtomicUsize::new(0);
     let results = Mutex::new(Vec::new());
-    let bar = progress_bar(seconds, options.quiet);
+    let left = if seconds.is_some() {
+        ", {eta} left"
+    } else {
+        ""
+    };
+    let bar = progress_bar(seconds, &format!("s of signal{left}"), options.quiet);
     let start = Instant::now();
     thread::scope(|scope| {
         let workers = (0..threads).map(|_| {
@@ -277,26 +282,23 @@ pub(crate) fn run<'j, R: Send>(
     })
 }
 
-fn progress_bar(seconds: Option<u64>, quiet: bool) -> ProgressBar {
-    let (bar, template) = match seconds {
+/// Returns a bar of `seconds` of signal, or a spinner if their number is not known. `end` is the
+/// template of the text after the number of seconds.
+pub(crate) fn progress_bar(seconds: Option<u64>, end: &str, quiet: bool) -> ProgressBar {
+    let (bar, place) = match seconds {
         _ if quiet => return ProgressBar::hidden(),
-        Some(seconds) => (
-            ProgressBar::new(seconds),
-            "{elapsed_precise} {bar:32} {pos}/{len} s of signal, {eta} left",
-        ),
-        None => (
-            ProgressBar::new_spinner(),
-            "{elapsed_precise} {spinner} {pos} s of signal",
-        ),
+        Some(seconds) => (ProgressBar::new(seconds), "{bar:32} {pos}/{len}"),
+        None => (ProgressBar::new_spinner(), "{spinner} {pos}"),
     };
-    match ProgressStyle::with_template(template) {
+    match ProgressStyle::with_template(&format!("{{elapsed_precise}} {place} {end}")) {
         Ok(style) => bar.with_style(style),
         Err(_) => bar,
     }
 }
 
 impl<R> Finished<'_, R> {
-    /// Returns a line about `seconds` of signal: how many times faster than real time they were processed.
+    /// Returns a line about `seconds` of signal: how many times faster than real time they were
+    /// processed.
     pub(crate) fn speed(&self, seconds: f64) -> String {
         let times = seconds / self.elapsed.as_secs_f64();
         let per_thread = match self.threads {

@@ -1,13 +1,14 @@
 //! Options of the command line.
 
-use std::{convert::Infallible, path::PathBuf, str::FromStr, time::Duration};
+use std::{convert::Infallible, num::NonZero, path::PathBuf, str::FromStr, time::Duration};
 
-use clap::{Args, Parser, Subcommand};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use host_sim::{Fault, Output, Trigger, fault_help};
-
-use crate::mains_hz::MainsHz;
-use crate::missing_electrodes::MissingElectrodes;
-use crate::offline_options::{DecodeOptions, EncodeOptions};
+use link::MAX_RATE;
+use offline::{CodeKind, SignalFormat};
+use pipeline::Mains;
+use recordings::Missing;
 
 /// Virtual board: plays EEG through the firmware's pipeline, bit for bit.
 #[derive(Debug, Parser)]
@@ -52,21 +53,25 @@ impl FromStr for Input {
 
 #[derive(Debug, Args)]
 pub(crate) struct RunOptions {
-    /// EDF, BDF or GDF file, or the word `synthetic`: EEG from dipoles in a spherical head, against linked
-    /// ear lobes, with blinks, alpha and mains.
+    /// EDF, BDF or GDF file, or the word `synthetic`: EEG from dipoles in a spherical head, against
+    /// linked ear lobes, with blinks, alpha and mains.
     #[arg(long, value_name = "FILE|synthetic")]
     pub(crate) input: Input,
-    /// Destination of the frames: pty:PATH, tcp:HOST:PORT (listens) or file:PATH.
+    /// Destination of the frames: pty:PATH, tcp:HOST:PORT (listens) or file:PATH; ndjson:PATH for
+    /// lines of JSON. The path - is standard output.
     #[arg(long, value_name = "OUTPUT")]
     pub(crate) output: Output,
+    /// What file: and ndjson: hold: by default codes, or packed blocks if the model has no network.
+    #[arg(long, value_enum, value_delimiter = ',')]
+    pub(crate) streams: Vec<Stream>,
     /// Replace the file of --output if it exists; the file of --input is never replaced.
     #[arg(long)]
     pub(crate) force: bool,
     #[command(flatten)]
     pub(crate) pace: PaceOptions,
     /// Mains frequency of the notch until a host selects another one, Hz.
-    #[arg(long, value_enum, default_value = "50")]
-    pub(crate) mains: MainsHz,
+    #[arg(long, value_parser = mains(), default_value = "50")]
+    pub(crate) mains: Mains,
     /// Stop after this many seconds of signal, or without a host after the rest of this time.
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) duration: Option<f64>,
@@ -79,8 +84,8 @@ pub(crate) struct RunOptions {
     /// Drive single electrodes of the synthetic EEG to the ADC's rail at random times.
     #[arg(long)]
     pub(crate) rails: bool,
-    /// Inject a fault into a converter or an electrode, such as dead@3s:chip0; can be repeated. --help
-    /// lists the faults.
+    /// Inject a fault into a converter or an electrode, such as dead@3s:chip0; can be repeated.
+    /// --help lists the faults.
     #[arg(long, value_name = "FAULT", long_help = fault_help())]
     pub(crate) fault: Vec<Fault>,
     /// Generate trigger edges at this interval of device time, rising and falling in turn; a bridge
@@ -95,12 +100,23 @@ pub(crate) struct RunOptions {
     pub(crate) quiet: bool,
 }
 
+/// A stream that a file can hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Stream {
+    /// Codes of the network.
+    Codes,
+    /// Packed blocks.
+    Packed,
+    /// Edges of the trigger input.
+    Events,
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct PaceOptions {
     /// Process samples when they are due, as on a board (default for pty and tcp).
     #[arg(long, conflicts_with = "fast")]
     pub(crate) realtime: bool,
-    /// Process samples as fast as the host reads the frames (default for file).
+    /// Process samples as fast as the host reads the frames (default for file and ndjson).
     #[arg(long)]
     pub(crate) fast: bool,
 }
@@ -109,6 +125,152 @@ pub(crate) struct PaceOptions {
 pub(crate) struct InspectOptions {
     /// EDF, BDF or GDF file.
     pub(crate) file: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct EncodeOptions {
+    /// EDF, BDF or GDF file, or a folder whose recordings are encoded.
+    pub(crate) input: PathBuf,
+    /// File of codes to write, or a folder for the recordings of a folder: NAME.edf becomes
+    /// NAME.edf.codes.
+    pub(crate) output: PathBuf,
+    /// Mains frequency of the notch, Hz.
+    #[arg(long, value_parser = mains(), default_value = "50")]
+    pub(crate) mains: Mains,
+    /// Treatment of montage electrodes that a recording lacks.
+    #[arg(long, value_enum, default_value = "interpolate")]
+    pub(crate) missing: MissingElectrodes,
+    /// What to write: codes of the network, or packed blocks, which take a fifth of the bits.
+    #[arg(long, value_enum, default_value = CodeStream::DEFAULT)]
+    pub(crate) stream: CodeStream,
+    /// Rate of the packed blocks, 0 to 15: one more is 3 dB coarser; the model's by default.
+    #[arg(long, value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
+    pub(crate) packed_rate: Option<u8>,
+    #[command(flatten)]
+    pub(crate) batch: BatchOptions,
+}
+
+/// Kind of codes.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum CodeStream {
+    /// Codes of the network.
+    Codes,
+    /// Packed blocks.
+    Packed,
+}
+
+impl CodeStream {
+    /// Name of what is written unless --stream states it: codes, if the built-in model has a
+    /// network.
+    const DEFAULT: &str = if model::HAS_NETWORK {
+        "codes"
+    } else {
+        "packed"
+    };
+}
+
+impl From<CodeStream> for CodeKind {
+    fn from(stream: CodeStream) -> Self {
+        match stream {
+            CodeStream::Codes => Self::Codes,
+            CodeStream::Packed => Self::Packed,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DecodeOptions {
+    /// File of codes or of packed blocks, or a folder with files *.codes.
+    pub(crate) input: PathBuf,
+    /// File to write, or a folder for the codes of a folder; by default NAME.decoded.FORMAT next to
+    /// NAME.codes.
+    pub(crate) output: Option<PathBuf>,
+    /// Format of the decoded signal.
+    #[arg(long, value_enum)]
+    pub(crate) to: FileFormat,
+    /// What to decode of a file that holds codes and packed blocks; by default what comes first.
+    #[arg(long, value_enum)]
+    pub(crate) stream: Option<CodeStream>,
+    /// Folder of the model that decodes; by default the model with which this program was built.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) model: Option<PathBuf>,
+    /// Recording from which the codes were made, or a folder of recordings for those of a folder:
+    /// NAME.edf for NAME.edf.codes. Its events are written to the output, and the decoded signal is compared
+    /// with its own.
+    #[arg(long, value_name = "FILE|FOLDER")]
+    pub(crate) original: Option<PathBuf>,
+    /// Write a report to this folder: index.html, electrodes.csv and pictures.
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) report: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) batch: BatchOptions,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct BatchOptions {
+    /// Replace outputs that exist; inputs are never replaced.
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Number of files to process at a time; by default one for each core.
+    #[arg(long, short, value_name = "NUMBER")]
+    pub(crate) jobs: Option<NonZero<usize>>,
+    /// Print no progress bar and no summary; warnings about the input are printed.
+    #[arg(long, short)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum FileFormat {
+    /// EDF+: 16 bits, tenths of a microvolt, up to 3276.7 uV.
+    Edf,
+    /// BDF+: 24 bits over the ADC's full scale.
+    Bdf,
+    /// GDF 2.20: float32.
+    Gdf,
+    /// Arrays for numpy.load: float32.
+    Npz,
+    /// One line per step.
+    Csv,
+}
+
+impl From<FileFormat> for SignalFormat {
+    fn from(format: FileFormat) -> Self {
+        match format {
+            FileFormat::Edf => Self::Edf,
+            FileFormat::Bdf => Self::Bdf,
+            FileFormat::Gdf => Self::Gdf,
+            FileFormat::Npz => Self::Npz,
+            FileFormat::Csv => Self::Csv,
+        }
+    }
+}
+
+fn mains() -> impl TypedValueParser<Value = Mains> {
+    PossibleValuesParser::new(["50", "60"]).map(|hz| match &*hz {
+        "60" => Mains::Hz60,
+        _ => Mains::Hz50,
+    })
+}
+
+/// Treatment of montage electrodes that a recording lacks.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum MissingElectrodes {
+    /// Interpolate missing electrodes from the four nearest ones.
+    Interpolate,
+    /// Set missing electrodes to 0.
+    Zero,
+    /// Refuse the recording.
+    Refuse,
+}
+
+impl From<MissingElectrodes> for Missing {
+    fn from(choice: MissingElectrodes) -> Self {
+        match choice {
+            MissingElectrodes::Interpolate => Self::Interpolate,
+            MissingElectrodes::Zero => Self::Zero,
+            MissingElectrodes::Refuse => Self::Refuse,
+        }
+    }
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {

@@ -38,8 +38,8 @@ pub struct Converters {
     faults: Faults,
     /// Number of sample periods started. This number determines which faults are due.
     periods: u64,
-    /// Due time of the current sample's DRDY edge; `None` before the first sample after start-up or a
-    /// self-test.
+    /// Due time of the current sample's DRDY edge; `None` before the first sample after start-up or
+    /// a self-test.
     due: Option<Due>,
     /// True if all samples of the current period have been read.
     is_done: bool,

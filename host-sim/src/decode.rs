@@ -9,8 +9,8 @@ use offline::{
 use thiserror::Error;
 
 use crate::batch::{self, Job};
+use crate::command_line::DecodeOptions;
 use crate::encode::{CODES, RECORDINGS};
-use crate::offline_options::DecodeOptions;
 
 pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
     let model = match &options.model {
@@ -148,7 +148,7 @@ enum DecodeError {
     OriginalIsFile(PathBuf),
 }
 
-/// The recordings of which the codes are.
+/// Recordings from which the codes were made.
 enum Originals {
     None,
     File(PathBuf),

@@ -60,8 +60,8 @@ impl DeviceClock {
         due
     }
 
-    /// Sleeps until the next sample is due; returns at once in virtual time. The deadline is absolute,
-    /// so lateness does not accumulate.
+    /// Sleeps until the next sample is due; returns at once in virtual time. The deadline is
+    /// absolute, so lateness does not accumulate.
     pub fn wait_for_next(&self) {
         if self.pace == Pace::Fast {
             return;

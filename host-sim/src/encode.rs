@@ -7,7 +7,7 @@ use offline::{Encoded, EncodedStream, Encoding, PackedCounts};
 use recordings::Recording;
 
 use crate::batch::{self, Job};
-use crate::offline_options::{CodeStream, EncodeOptions};
+use crate::command_line::{CodeStream, EncodeOptions};
 
 /// Extensions of recordings in a folder.
 pub(crate) const RECORDINGS: [&str; 3] = ["edf", "bdf", "gdf"];
@@ -19,7 +19,7 @@ pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
         return Err("--packed-rate is the rate of packed blocks; add --stream packed".into());
     }
     let encoding = Encoding {
-        mains: options.mains.into(),
+        mains: options.mains,
         missing: options.missing.into(),
         existing: Existing::from_force(options.batch.force),
         stream: match options.stream {

@@ -35,6 +35,7 @@
 mod converters;
 mod device_clock;
 mod fault;
+mod json_lines;
 mod outbox;
 mod port;
 mod recorded_edges;

@@ -6,9 +6,6 @@ mod command_line;
 mod decode;
 mod encode;
 mod inspect;
-mod mains_hz;
-mod missing_electrodes;
-mod offline_options;
 mod opened_input;
 mod run;
 

@@ -8,6 +8,7 @@ use host_sim::{
 };
 use link::Substitutes;
 use offline::Played;
+use pipeline::Mains;
 use recordings::Onsets;
 
 use crate::command_line::{Input, RunOptions};
@@ -22,13 +23,16 @@ pub(crate) struct OpenedInput {
 }
 
 impl OpenedInput {
-    /// Opens the input that the options name, and prints what is wrong with it. Prints how a recording fits
-    /// the montage unless the options forbid it.
+    /// Opens the input that the options name, and prints what is wrong with it. Prints how a
+    /// recording fits the montage unless the options forbid it.
     pub(crate) fn new(options: &RunOptions) -> Result<Self, Box<dyn Error>> {
         match &options.input {
             Input::Synthetic => {
                 let mut spec = SyntheticSpec::new(options.seed, model::LABELS.split(' '));
-                spec.mains_hz = options.mains.hz().into();
+                spec.mains_hz = match options.mains {
+                    Mains::Hz50 => 50,
+                    Mains::Hz60 => 60,
+                };
                 spec.rate_hz = model::ADC_RATE_HZ.into();
                 spec.rails = options.rails;
                 Ok(Self {

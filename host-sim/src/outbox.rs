@@ -52,7 +52,8 @@ const CODE_RATE: usize = model::STEP_RATE_HZ as usize / model::HOP;
 /// Number of reports per second.
 const REPORT_RATE: usize = 5;
 
-/// Number of frames per second of all streams together: raw samples, filtered steps, codes and reports.
+/// Number of frames per second of all streams together: raw samples, filtered steps, codes and
+/// reports.
 const FRAME_RATE: usize = (model::ADC_RATE_HZ as usize).div_ceil(RAW_SAMPLES)
     + (model::STEP_RATE_HZ as usize).div_ceil(FILTERED_STEPS)
     + CODE_RATE
@@ -65,8 +66,8 @@ const CAPACITY: usize = 4 * CODE_RATE;
 /// that the frequent raw frames do not displace the codes during a pause.
 const MAX_AGE: Duration = Duration::from_secs(4);
 
-/// Largest number of queued frames in real time: those of all streams in 4.5 s, about 0.5 MB, so that
-/// [`MAX_AGE`] is reached first.
+/// Largest number of queued frames in real time: those of all streams in 4.5 s, about 0.5 MB, so
+/// that [`MAX_AGE`] is reached first.
 const MAX_FRAMES: usize = FRAME_RATE * 9 / 2;
 
 impl Outbox {
@@ -94,9 +95,9 @@ impl Outbox {
         self.when_full == WhenFull::DropOldest || self.wait_while(timeout, full)
     }
 
-    /// Appends a frame. With [`WhenFull::DropOldest`], drops frames older than [`MAX_AGE`] first. With
-    /// [`WhenFull::Wait`], the queue can exceed its limit, so call [`Outbox::wait_for_room`] before
-    /// making a frame. A closed outbox counts the frame as dropped.
+    /// Appends a frame. With [`WhenFull::DropOldest`], drops frames older than [`MAX_AGE`] first.
+    /// With [`WhenFull::Wait`], the queue can exceed its limit, so call [`Outbox::wait_for_room`]
+    /// before making a frame. A closed outbox counts the frame as dropped.
     pub fn push(&self, frame: &[u8]) {
         self.push_at(frame, Instant::now());
     }
@@ -162,6 +163,14 @@ impl Outbox {
         self.lock().drop_frames(1);
     }
 
+    /// Returns whether the reader of a pipe has closed it, so that no frame can be written any
+    /// more.
+    pub fn reader_has_left(&self) -> bool {
+        let queue = self.lock();
+        let failure = queue.failure.as_ref().map(io::Error::kind);
+        failure == Some(io::ErrorKind::BrokenPipe)
+    }
+
     /// Returns why the first lost frame could not be written; `None` from the second call on.
     pub fn take_failure(&self) -> Option<io::Error> {
         self.lock().failure.take()
@@ -178,8 +187,8 @@ impl Outbox {
         self.wait_while(timeout, Queue::is_busy)
     }
 
-    /// Waits until no frame is queued or being written, however long a slow writer takes. Returns false
-    /// if it wrote no frame for `stall`.
+    /// Waits until no frame is queued or being written, however long a slow writer takes. Returns
+    /// false if it wrote no frame for `stall`.
     pub fn drain_slowly(&self, stall: Duration) -> bool {
         loop {
             let written = self.lock().written;

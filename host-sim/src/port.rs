@@ -5,7 +5,7 @@ use std::{
     fs::{self, File},
     io::{self, Write},
     net::TcpListener,
-    os::fd::OwnedFd,
+    os::fd::{AsFd, OwnedFd},
     path::{Path, PathBuf},
     str::FromStr,
     sync::{atomic::AtomicBool, mpsc},
@@ -20,6 +20,7 @@ use rustix::{
 };
 
 use crate::{
+    json_lines::JsonLines,
     outbox::{Outbox, WhenFull},
     tcp::{CurrentHost, RETRY, forward, is_absent, serve, wait_until_closed},
 };
@@ -39,9 +40,29 @@ pub enum Output {
     Pty(PathBuf),
     /// A TCP port for one host at a time. Holds the address to listen on, HOST:PORT.
     Tcp(String),
-    /// A file. No commands come from a file, so the codes start at once.
+    /// A file of frames, or standard output for the path `-`. No commands come from a file, so the
+    /// streams start at once.
     File(PathBuf),
+    /// A file of lines of JSON, or standard output for the path `-`.
+    JsonLines(PathBuf),
 }
+
+impl Output {
+    /// Path of a file; `None` for an output with a host, which sends commands.
+    pub fn file(&self) -> Option<&Path> {
+        match self {
+            Self::File(path) | Self::JsonLines(path) => Some(path),
+            Self::Pty(_) | Self::Tcp(_) => None,
+        }
+    }
+
+    pub(crate) fn is_stdout(&self) -> bool {
+        self.file() == Some(Path::new(STDOUT))
+    }
+}
+
+/// Path that stands for standard output.
+const STDOUT: &str = "-";
 
 impl FromStr for Output {
     type Err = String;
@@ -58,8 +79,10 @@ impl FromStr for Output {
                 )),
             },
             Some(("file", path)) if !path.is_empty() => Ok(Self::File(path.into())),
+            Some(("ndjson", path)) if !path.is_empty() => Ok(Self::JsonLines(path.into())),
             _ => Err(format!(
-                "'{text}' is no output; write pty:PATH, tcp:HOST:PORT or file:PATH"
+                "'{text}' is no output; write pty:PATH, tcp:HOST:PORT or file:PATH, or ndjson:PATH for \
+                 lines of JSON; the path - is standard output"
             )),
         }
     }
@@ -71,6 +94,7 @@ impl fmt::Display for Output {
             Self::Pty(path) => write!(f, "pty:{}", path.display()),
             Self::Tcp(address) => write!(f, "tcp:{address}"),
             Self::File(path) => write!(f, "file:{}", path.display()),
+            Self::JsonLines(path) => write!(f, "ndjson:{}", path.display()),
         }
     }
 }
@@ -127,11 +151,13 @@ pub struct Port {
     pty: Option<Pty>,
     /// The connected host of a TCP port in virtual time.
     waiting_host: Option<CurrentHost>,
-    /// The file of [`Output::File`], with the thread that writes it.
-    file: Option<(NewFile, Option<JoinHandle<()>>)>,
+    /// The file, unless it is standard output.
+    file: Option<NewFile>,
+    /// The thread that writes the file.
+    writer: Option<JoinHandle<()>>,
 }
 
-/// What may happen to files that exist when an [`Output::File`] is opened.
+/// What may happen to files that exist when an output that is a file is opened.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct FileRules {
     /// Whether a file with the name of the output is replaced.
@@ -155,8 +181,7 @@ impl Port {
     /// [`PortError`] if the terminal, its link, the TCP port or the file cannot be opened.
     pub fn open(output: &Output, rules: &FileRules, outbox: &Outbox) -> Result<Self, PortError> {
         let (sender, commands) = mpsc::channel();
-        let mut waiting_host = None;
-        let mut file = None;
+        let (mut waiting_host, mut file, mut writer) = (None, None, None);
         let pty = match output {
             Output::Pty(link) => {
                 let (controller, pty) = open_pty(link)?;
@@ -164,7 +189,8 @@ impl Port {
                 thread::spawn(move || forward(reader, &sender));
                 let outbox = outbox.clone();
                 let terminal = pty.terminal.try_clone().map_err(PortError::Pty)?;
-                thread::spawn(move || write_all_to(controller, || unread_in(&terminal), &outbox));
+                let write = to_file(controller);
+                thread::spawn(move || write_all(write, || unread_in(&terminal), &outbox));
                 Some(pty)
             }
             Output::Tcp(address) => {
@@ -177,15 +203,30 @@ impl Port {
                 waiting_host = (outbox.when_full() == WhenFull::Wait).then_some(host);
                 None
             }
-            Output::File(path) => {
-                let new = NewFile::create(path, rules.existing, &rules.inputs)?;
-                let handle = new.handle().map_err(|source| NewFileError::Create {
+            Output::File(path) | Output::JsonLines(path) => {
+                let create = |source| NewFileError::Create {
                     path: path.clone(),
                     source,
-                })?;
+                };
+                let handle = if output.is_stdout() {
+                    let stdout = io::stdout().as_fd().try_clone_to_owned();
+                    stdout.map(File::from).map_err(create)?
+                } else {
+                    let new = NewFile::create(path, rules.existing, &rules.inputs)?;
+                    file.insert(new).handle().map_err(create)?
+                };
                 let outbox = outbox.clone();
-                let thread = thread::spawn(move || write_all_to(handle, || 0, &outbox));
-                file = Some((new, Some(thread)));
+                let mut write = to_file(handle);
+                writer = Some(if let Output::JsonLines(_) = output {
+                    let mut lines = JsonLines::default();
+                    let write = move |frame: &[u8]| match lines.line(frame)? {
+                        Some(line) => write(&line),
+                        None => Ok(()),
+                    };
+                    thread::spawn(move || write_all(write, || 0, &outbox))
+                } else {
+                    thread::spawn(move || write_all(write, || 0, &outbox))
+                });
                 None
             }
         };
@@ -194,22 +235,23 @@ impl Port {
             pty,
             waiting_host,
             file,
+            writer,
         })
     }
 
-    /// Waits until the thread that writes an [`Output::File`] has ended, after the outbox was drained and
+    /// Waits until the thread that writes a file has ended, after the outbox was drained and
     /// closed. Returns false if the thread failed.
     pub fn join_writer(&mut self) -> bool {
-        let writer = self.file.as_mut().and_then(|(_, writer)| writer.take());
+        let writer = self.writer.take();
         writer.is_none_or(|writer| writer.join().is_ok())
     }
 
-    /// Moves an [`Output::File`] to its name; other outputs stay as they are.
+    /// Moves a file to its name; other outputs stay as they are.
     ///
     /// # Errors
     /// [`NewFileError`] if the file cannot be completed.
     pub fn finish_file(&mut self) -> Result<(), NewFileError> {
-        self.file.take().map_or(Ok(()), |(file, _)| file.finish())
+        self.file.take().map_or(Ok(()), NewFile::finish)
     }
 
     /// Returns whether this is a TCP port in virtual time without a host.
@@ -237,8 +279,8 @@ impl Port {
     /// Waits until the host has read everything, at most `timeout`, and returns the number of
     /// unread bytes. Closing a pseudo-terminal discards unread bytes.
     ///
-    /// A TCP port in virtual time waits until the host closes the connection, `stop` is set, or at most
-    /// a minute: a command that arrives after this program has ended would discard what the
+    /// A TCP port in virtual time waits until the host closes the connection, `stop` is set, or at
+    /// most a minute: a command that arrives after this program has ended would discard what the
     /// host has not read. Returns 0 then, and for other outputs at once.
     pub fn wait_until_read(&self, timeout: Duration, stop: &AtomicBool) -> u64 {
         if let Some(host) = &self.waiting_host {
@@ -319,16 +361,24 @@ fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
     ))
 }
 
+fn to_file(mut file: File) -> impl FnMut(&[u8]) -> io::Result<()> {
+    move |bytes| file.write_all(bytes)
+}
+
 /// Writes frames until the outbox is closed; a frame that cannot be written is counted as lost.
 ///
 /// Before each frame, waits until the host has at most [`MAX_UNREAD`] bytes to read; `unread`
 /// returns their number.
-fn write_all_to(mut out: impl Write, unread: impl Fn() -> u64, outbox: &Outbox) {
+fn write_all(
+    mut write: impl FnMut(&[u8]) -> io::Result<()>,
+    unread: impl Fn() -> u64,
+    outbox: &Outbox,
+) {
     while let Some(frame) = outbox.pop() {
         while unread() > MAX_UNREAD && !outbox.is_closed() {
             thread::sleep(POLL);
         }
-        match out.write_all(&frame).and_then(|()| out.flush()) {
+        match write(&frame) {
             Ok(()) => outbox.mark_written(),
             Err(error) => outbox.mark_lost(error),
         }
@@ -353,8 +403,11 @@ mod tests {
             "file:codes.bin".parse(),
             Ok(Output::File("codes.bin".into()))
         );
+        let json: Output = "ndjson:-".parse().expect("an output");
+        assert!(json == Output::JsonLines("-".into()) && json.is_stdout());
         let wrong = [
             "pty:",
+            "ndjson:",
             "tcp:7000",
             "tcp::7000",
             "tcp:host:99999",

@@ -8,12 +8,12 @@ use recordings::Onsets;
 /// Longest time from the rising edge of an event to its falling edge, microseconds.
 const LONGEST_PULSE_US: u64 = 10_000;
 
-/// Shortest time between two rising edges, microseconds. An event that follows sooner shares the pulse of
-/// the event before it.
+/// Shortest time between two rising edges, microseconds. An event that follows sooner shares the
+/// pulse of the event before it.
 const SHORTEST_PERIOD_US: u64 = 2_000;
 
-/// Edges of a trigger input that has a pulse at the start of each event of a recording: of 10 ms, or of
-/// half the time to the next pulse.
+/// Edges of a trigger input that has a pulse at the start of each event of a recording: of 10 ms,
+/// or of half the time to the next pulse.
 #[derive(Clone, Debug, Default)]
 pub struct RecordedEdges {
     /// Edges that are left, as pairs (time in the signal, microseconds; direction).
@@ -61,8 +61,8 @@ impl RecordedEdges {
         self.edges.len().div_ceil(2)
     }
 
-    /// Removes and returns the next edge if it is not after the sample at `signal_us`, microseconds of the
-    /// signal.
+    /// Removes and returns the next edge if it is not after the sample at `signal_us`, microseconds
+    /// of the signal.
     pub(crate) fn take_due(&mut self, signal_us: u64) -> Option<DueEdge> {
         let (at_us, kind) = self.edges.pop_front_if(|(at_us, _)| *at_us <= signal_us)?;
         Some(DueEdge {

@@ -6,16 +6,27 @@ use std::{
     time::{SystemTime, UNIX_EPOCH},
 };
 
-use host_sim::{Faults, FileRules, Identity, Output, Pace, RecordedEdges, Report, Session, Source};
-use indicatif::{ProgressBar, ProgressStyle};
-use link::Substitutes;
+use host_sim::{Faults, FileRules, Identity, Pace, RecordedEdges, Report, Session, Source};
+use link::{Streams, Substitutes};
 use new_file::Existing;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use crate::command_line::{Input, RunOptions};
+use crate::batch::progress_bar;
+use crate::command_line::{Input, RunOptions, Stream};
 use crate::opened_input::OpenedInput;
 
 pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
+    if !options.streams.is_empty() && options.output.file().is_none() {
+        return Err(
+            "--streams is for file: and ndjson:; of a port, the host selects the streams".into(),
+        );
+    }
+    if options.streams.contains(&Stream::Codes) && !model::HAS_NETWORK {
+        return Err("the built-in model has no network; write --streams packed".into());
+    }
+    if options.streams.contains(&Stream::Packed) && model::PACKED.is_none() {
+        return Err("the built-in model has no packed code; write --streams codes".into());
+    }
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, stop.clone())?;
@@ -40,7 +51,8 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
             session.output
         );
     }
-    let progress = progress_bar(total.map(|samples| samples / rate()), options.quiet);
+    let seconds = total.map(|samples| samples / rate());
+    let progress = progress_bar(seconds, "s  {msg}", options.quiet);
     let report = session.run(&mut source, &stop, |stats, blocks| {
         progress.inc(1);
         let hops = hops(stats.codes_made, blocks, "");
@@ -53,8 +65,8 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Returns the numbers of codes and of packed blocks that were made, each followed by `made`; those of the streams that
-/// a host asked for.
+/// Returns the numbers of codes and of packed blocks that were made, each followed by `made`; those
+/// of the streams that a host asked for.
 fn hops(codes: u32, blocks: u64, made: &str) -> String {
     match (codes, blocks) {
         (0, 1..) => format!("{blocks} packed blocks{made}"),
@@ -68,9 +80,11 @@ fn rate() -> u64 {
 }
 
 fn session(options: &RunOptions, faults: Faults, substitutes: Substitutes) -> Session {
-    let pace = match (options.pace.fast, options.pace.realtime, &options.output) {
-        (true, _, _) | (false, false, Output::File(_)) => Pace::Fast,
-        _ => Pace::Realtime,
+    let is_fast = options.output.file().is_some() && !options.pace.realtime;
+    let pace = if options.pace.fast || is_fast {
+        Pace::Fast
+    } else {
+        Pace::Realtime
     };
     let default_id = || match pace {
         // In virtual time the id is constant, because equal runs must write equal bytes.
@@ -99,8 +113,9 @@ fn session(options: &RunOptions, faults: Faults, substitutes: Substitutes) -> Se
             existing: Existing::from_force(options.force),
             inputs,
         },
+        streams: streams(&options.streams),
         pace,
-        mains: options.mains.into(),
+        mains: options.mains,
         identity: Identity {
             session_id: options.session_id.unwrap_or_else(default_id),
             chip_uid: *b"\0host-sim\0\0\0",
@@ -113,22 +128,20 @@ fn session(options: &RunOptions, faults: Faults, substitutes: Substitutes) -> Se
     }
 }
 
-fn progress_bar(seconds: Option<u64>, quiet: bool) -> ProgressBar {
-    let (bar, template) = match seconds {
-        _ if quiet => return ProgressBar::hidden(),
-        Some(seconds) => (
-            ProgressBar::new(seconds),
-            "{elapsed_precise} {bar:32} {pos}/{len} s  {msg}",
-        ),
-        None => (
-            ProgressBar::new_spinner(),
-            "{elapsed_precise} {spinner} {pos} s  {msg}",
-        ),
-    };
-    match ProgressStyle::with_template(template) {
-        Ok(style) => bar.with_style(style),
-        Err(_) => bar,
+fn streams(selected: &[Stream]) -> Streams {
+    if selected.is_empty() {
+        return if model::HAS_NETWORK {
+            Streams::CODES
+        } else {
+            Streams::PACKED
+        };
     }
+    let bits = selected.iter().map(|stream| match stream {
+        Stream::Codes => Streams::CODES,
+        Stream::Packed => Streams::PACKED,
+        Stream::Events => Streams::EVENTS,
+    });
+    bits.fold(Streams::empty(), |all, stream| all | stream)
 }
 
 fn summary(report: &Report, source: &Source) -> String {

@@ -27,7 +27,8 @@ use crate::virtual_board::{Identity, VirtualBoard};
 /// them.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Longest time in which a file takes no frame at the end of a run: a disk that spins up takes less.
+/// Longest time in which a file takes no frame at the end of a run: a disk that spins up takes
+/// less.
 const STALL_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Longest wait for a command or for room in the outbox before the stop flag is checked again.
@@ -40,14 +41,17 @@ pub struct Session {
     pub output: Output,
     /// Rules for an output that is a file.
     pub file_rules: FileRules,
+    /// Streams of an output that is a file. A host selects its own streams.
+    pub streams: Streams,
     /// Real time or virtual time; decides whether a slow host loses frames or delays the board.
     pub pace: Pace,
     /// Mains frequency that the notch filter removes until a host selects another one.
     pub mains: Mains,
     /// Session id and chip id that the board reports in `Hello`.
     pub identity: Identity,
-    /// Number of ADC samples after which the run ends; `None` for no limit. Time in which no host lets the
-    /// board stream counts too, from the last sample on: a run without a host ends after this time.
+    /// Number of ADC samples after which the run ends; `None` for no limit. Time in which no host
+    /// lets the board stream counts too, from the last sample on: a run without a host ends after
+    /// this time.
     pub limit: Option<u64>,
     /// Schedule of the faults of converters and electrodes.
     pub faults: Faults,
@@ -98,8 +102,8 @@ pub enum SessionError {
 }
 
 impl SessionError {
-    /// Returns the exit status of the program: 1 if the output cannot be written any further, 2 if the input
-    /// or the output's name cannot be used, 3 if the port cannot be opened.
+    /// Returns the exit status of the program: 1 if the output cannot be written any further, 2 if
+    /// the input or the output's name cannot be used, 3 if the port cannot be opened.
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Write { .. } | Self::Finish(_) => 1,
@@ -141,8 +145,9 @@ impl Report {
 }
 
 impl Session {
-    /// Runs the board until the source ends, the limit is reached or `stop` is set. Calls `on_second`
-    /// after each second of signal, with the board's counters and its number of packed blocks.
+    /// Runs the board until the source ends, the limit is reached or `stop` is set. Calls
+    /// `on_second` after each second of signal, with the board's counters and its number of packed
+    /// blocks.
     ///
     /// # Errors
     /// The output cannot be opened, a file cannot be written, or the recording cannot be read.
@@ -165,26 +170,21 @@ impl Session {
                 .with_trigger(self.trigger);
         let mut recorded_edges = self.recorded_edges.clone();
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into());
-        if let Output::File(_) = self.output {
+        if self.output.file().is_some() {
             // A file has no host that could send a `Start`, so the board starts here.
-            board.start(
-                Start {
-                    streams: if model::HAS_NETWORK {
-                        Streams::CODES
-                    } else {
-                        Streams::PACKED
-                    },
-                    mains_hz: 0,
-                },
-                clock.now_us(),
-            );
+            let start = Start {
+                streams: self.streams,
+                mains_hz: 0,
+            };
+            board.start(start, clock.now_us());
         }
 
         let mut started = None;
         let mut samples = 0;
         let mut last_sample = Instant::now();
         let outcome = loop {
-            if stop.load(Ordering::Relaxed) || self.limit == Some(samples) {
+            let is_unread = self.output.is_stdout() && outbox.reader_has_left();
+            if is_unread || stop.load(Ordering::Relaxed) || self.limit == Some(samples) {
                 break Ok(());
             }
             for bytes in port.received() {
@@ -230,7 +230,7 @@ impl Session {
         };
         let elapsed = started.map_or(Duration::ZERO, |started: Instant| started.elapsed());
         board.send_stats(clock.now_us());
-        if let Output::File(_) = self.output {
+        if self.output.file().is_some() {
             self.complete_writing(&outbox, &mut port)?;
         }
         // Without a stream there is nothing that a host could miss.
@@ -267,6 +267,9 @@ impl Session {
             let reason = format!("nothing was written for {} s", STALL_TIMEOUT.as_secs());
             io::Error::new(io::ErrorKind::TimedOut, reason)
         };
+        if self.output.is_stdout() && outbox.reader_has_left() {
+            return Ok(());
+        }
         let failure = outbox.take_failure();
         match failure.or_else(|| (!has_ended).then(unknown)) {
             None => Ok(()),

@@ -39,8 +39,8 @@ impl Source {
     }
 }
 
-/// Returns the sample of the model's ADC. The sources fill the channels of the longest chain; those beyond
-/// the model's carry no electrode.
+/// Returns the sample of the model's ADC. The sources fill the channels of the longest chain; those
+/// beyond the model's carry no electrode.
 fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
     Sample {
         counts: std::array::from_fn(|channel| counts[channel]),

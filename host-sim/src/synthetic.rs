@@ -1,15 +1,16 @@
 //! Synthetic EEG: seeded, endless, in ADC counts.
 //!
 //! Each sample is the sum of several components: a 1/f^1.7 background from dipoles in the cortex
-//! (`background`), alpha bursts from the occipital cortex (`alpha`) and blinks (`blink`); noise of the
-//! sensors (`sensor`); mains, an electrode offset and its slow drift (`interference`); and, on request,
-//! episodes at the ADC's rail (`rail`). Each component has a separate random stream, so switching blinks
-//! or rails off does not change the others. The dipoles are drawn from the seed, and the potentials at
-//! an electrode do not depend on the other electrodes.
+//! (`background`), alpha bursts from the occipital cortex (`alpha`) and blinks (`blink`); white
+//! noise of the sensors; mains, an electrode offset and its slow drift (`interference`); and, on
+//! request, episodes at the ADC's rail (`rail`). Each component has a separate random stream, so
+//! switching blinks or rails off does not change the others. The dipoles are drawn from the seed,
+//! and the potentials at an electrode do not depend on the other electrodes.
 //!
-//! A dipole's potential is that on a sphere of brain, skull and scalp (`head`), against the mean of both
-//! ear lobes. Compared with a recording of the same 61 electrodes (`files/montages/ten-ten-61.toml`) against
-//! the same reference, both within 0.5-60 Hz, with alpha and blinks, seeds 1, 2, 3 and 7 over 120 s:
+//! A dipole's potential is that on a sphere of brain, skull and scalp (`head`), against the mean of
+//! both ear lobes. Compared with a recording of the same 61 electrodes
+//! (`files/montages/ten-ten-61.toml`) against the same reference, both within 0.5-60 Hz, with alpha
+//! and blinks, seeds 1, 2, 3 and 7 over 120 s:
 //!
 //! | | Generator | EEGMMIDB S001 |
 //! | --- | --- | --- |
@@ -39,7 +40,6 @@ mod noise;
 mod phasor;
 mod rail;
 mod scalp;
-mod sensor;
 mod spec;
 #[cfg(test)]
 mod tests;
@@ -48,7 +48,7 @@ use recordings::virtual_adc::CHANNELS;
 
 use self::{
     alpha::Alpha, background::Background, blink::Blinks, interference::Interference, noise::Noise,
-    rail::Rails, scalp::Scalp, sensor::Sensors,
+    rail::Rails, scalp::Scalp,
 };
 
 pub use spec::{SyntheticError, SyntheticSpec};
@@ -56,13 +56,19 @@ pub use spec::{SyntheticError, SyntheticSpec};
 /// Range of a 24-bit ADC, counts.
 const RAILS: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 
+/// White noise of electrode, skin and amplifier, independent at each electrode, uV RMS over half
+/// the sample rate; at 512 Hz, 0.5 of it are within 0.5-60 Hz. An ADS1299 at gain 24 and 512 Hz
+/// contributes about 0.2 (`ads1299::typical_noise_uv`, derived from the data sheet); the rest
+/// represents wet electrodes.
+const SENSOR_UV: f64 = 1.0;
+
 /// Generator of synthetic EEG: an endless iterator over samples of 64 counts, i24 in i32.
 #[derive(Debug, Clone)]
 pub struct Generator {
     lsb_uv: f64,
     electrodes: usize,
     background: Background,
-    sensors: Option<Sensors>,
+    sensors: Option<Noise>,
     alpha: Alpha,
     blinks: Option<Blinks>,
     interference: Interference,
@@ -113,7 +119,7 @@ impl Generator {
             alpha: Alpha::new(noise(2), &scalp, rate, spec.alpha_uv),
             blinks: spec.blinks.then(|| Blinks::new(noise(3), &scalp, rate)),
             interference: Interference::new(noise(4), spec),
-            sensors: (spec.background_uv > 0.0).then(|| Sensors::new(noise(6))),
+            sensors: (spec.background_uv > 0.0).then(|| noise(6)),
             rails: spec.rails.then(|| Rails::new(noise(5), electrodes, rate)),
             saturated: 0,
         })
@@ -126,7 +132,9 @@ impl Generator {
         self.background.add(scalp);
         self.alpha.add(scalp);
         if let Some(sensors) = &mut self.sensors {
-            sensors.add(scalp);
+            for uv in &mut *scalp {
+                *uv += SENSOR_UV * sensors.normal();
+            }
         }
         if let Some(blinks) = &mut self.blinks {
             blinks.add(scalp);

@@ -17,8 +17,8 @@ use crate::outbox::{Outbox, WhenFull};
 /// Pause before a failed operation is tried again.
 pub(crate) const RETRY: Duration = Duration::from_millis(20);
 
-/// Longest wait for a host to read the last frames from a TCP port in virtual time. The kernel holds
-/// up to some megabytes of them.
+/// Longest wait for a host to read the last frames from a TCP port in virtual time. The kernel
+/// holds up to some megabytes of them.
 const CLOSE_TIMEOUT: Duration = Duration::from_mins(1);
 
 /// Forwards the host's bytes to the board until the host disconnects or the board ends.

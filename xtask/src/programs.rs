@@ -13,11 +13,11 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     eprintln!(
         "The whole path of Corticode for {seconds} s: synthetic EEG, virtual board, bridge, ROS master and \
          subscriber, then four pictures in target/demo/.\n\
-         First its programs are built, which takes some minutes the first time."
+         First its programs are built, which takes about two minutes the first time."
     );
-    let build = "build --release --package demo --package host-sim --package bridge --bins";
+    let build = "build --profile quick --package demo --package host-sim --package bridge --bins";
     run(&mut cargo(build), AFTER_A_BUILD)?;
-    let mut demo = Command::new(target_folder().join("release/demo"));
+    let mut demo = Command::new(target_folder().join("quick/demo"));
     replace(demo.args([seconds.to_string(), seed.to_string()]))
 }
 

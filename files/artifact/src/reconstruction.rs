@@ -32,7 +32,7 @@ mod packed_overlap;
 mod synthesis;
 mod window_decoder;
 
-pub use dequantise::dequantise;
+pub use dequantise::{code_range, dequantise};
 pub use overlap::{Hop, HopLayout, Overlap, Source, Window};
 pub use packed_decoder::{HEALING_BLOCKS, PackedBlock, PackedDecoder};
 pub use packed_overlap::{PackedHop, PackedOverlap, PackedSource};

@@ -50,8 +50,8 @@ impl Axis {
         }
     }
 
-    /// Returns the smallest and the largest coordinate of an axis that shows all of these values, with some room
-    /// at both ends.
+    /// Returns the smallest and the largest coordinate of an axis that shows all of these values,
+    /// with some room at both ends.
     pub(crate) fn coordinates(&self, values: impl Iterator<Item = f64>) -> [f64; 2] {
         let coordinates = values
             .filter(|value| self.has(*value))

@@ -38,7 +38,8 @@ pub struct PictureError {
     why: String,
 }
 
-/// Writes an SVG file of `size` pixels (width, height) with title and subtitle; `draw` draws below them.
+/// Writes an SVG file of `size` pixels (width, height) with title and subtitle; `draw` draws below
+/// them.
 pub(crate) fn page(
     path: &Path,
     size: (u32, u32),
@@ -79,7 +80,8 @@ pub(crate) fn text(height: u32, color: RGBColor) -> TextStyle<'static> {
     (FONT, height).into_font().color(&color)
 }
 
-/// Returns a text style with `height` in pixels, anchored at `side` horizontally and at the centre vertically.
+/// Returns a text style with `height` in pixels, anchored at `side` horizontally and at the centre
+/// vertically.
 pub(crate) fn anchored(height: u32, color: RGBColor, side: HPos) -> TextStyle<'static> {
     text(height, color).pos(Pos::new(side, VPos::Center))
 }
@@ -92,8 +94,8 @@ pub(crate) fn legend(area: &Area, at: (i32, i32), color: RGBColor, label: &str) 
     area.draw(&Text::new(label.to_owned(), (at.0 + 34, at.1), style))
 }
 
-/// Converts page coordinates, which charts return, to coordinates in `area`, in pixels. The area must start
-/// at the page's left edge.
+/// Converts page coordinates, which charts return, to coordinates in `area`, in pixels. The area
+/// must start at the page's left edge.
 pub(crate) fn inside(area: &Area, (x, y): (i32, i32)) -> (i32, i32) {
     (x, y - area.get_base_pixel().1)
 }

@@ -38,8 +38,8 @@ pub struct Curves {
     pub subtitle: String,
     /// Lowest and highest frequency of the x axis, Hz.
     pub x_hz: [f64; 2],
-    /// Lowest and highest value on the y axis. Points outside this range are not drawn. A line that leaves or
-    /// enters the range at its lower end is drawn down to that end.
+    /// Lowest and highest value on the y axis. Points outside this range are not drawn. A line that
+    /// leaves or enters the range at its lower end is drawn down to that end.
     pub y: [f64; 2],
     /// Quantity and unit that label the y axis.
     pub y_label: &'static str,
@@ -78,7 +78,8 @@ impl Curves {
             .bold_line_style(GRID)
             .axis_style(FAINT)
             .disable_x_mesh()
-            // No ticks here: plotters would label only powers of ten. The loop over `TICKS_HZ` draws them.
+            // No ticks here: plotters would label only powers of ten. The loop over `TICKS_HZ`
+            // draws them.
             .x_labels(0)
             .x_label_formatter(&|_| String::new())
             .set_tick_mark_size(LabelAreaPosition::Bottom, 0)
@@ -135,7 +136,8 @@ impl Curves {
     }
 }
 
-/// Returns the points at or above `low`, and the points next to them that are below, moved up to `low`.
+/// Returns the points at or above `low`, and the points next to them that are below, moved up to
+/// `low`.
 fn down_to(low: f64, points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let is_above = |place: usize| points.get(place).is_some_and(|(_, y)| *y >= low);
     let places =

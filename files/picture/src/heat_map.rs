@@ -24,12 +24,13 @@ pub struct HeatMap {
 }
 
 const SIZE: (u32, u32) = (1200, 860);
-/// Highest colour level. A value is drawn in one of the levels -10 to 10, depending on its deviation from the
-/// component's mean.
+/// Highest colour level. A value is drawn in one of the levels -10 to 10, depending on its
+/// deviation from the component's mean.
 const STRONGEST: i32 = 10;
 /// Deviation from the component's mean, in SDs, that is drawn in the highest level.
 const REACH: f64 = 2.5;
-/// Colours of the lowest level, of level 0 and of the highest level; those in between are interpolated.
+/// Colours of the lowest level, of level 0 and of the highest level; those in between are
+/// interpolated.
 const COLORS: [RGBColor; 3] = [
     RGBColor(0x21, 0x5a, 0xa0),
     WHITE,
@@ -69,7 +70,8 @@ impl HeatMap {
             .axis_desc_style(canvas::text(16, INK))
             .draw()?;
         for component in 0..components {
-            // Adjacent codes with the same level share a rectangle, which makes the file a third smaller.
+            // Adjacent codes with the same level share a rectangle, which makes the file a third
+            // smaller.
             let mut code = 0;
             for run in self.levels(component).chunk_by(|a, b| a == b) {
                 let (left, right) = (start_of(code), start_of(code + run.len()));
@@ -95,9 +97,9 @@ impl HeatMap {
 
     /// Returns a component's level in every code, or `None` for a lost code.
     ///
-    /// A level is the rounded deviation from the component's mean, in units of a tenth of [`REACH`]. It is
-    /// relative to the component's SD, because the scales of the components differ a hundredfold. Mean and SD
-    /// are those of the codes after settling.
+    /// A level is the rounded deviation from the component's mean, in units of a tenth of
+    /// [`REACH`]. It is relative to the component's SD, because the scales of the components differ
+    /// a hundredfold. Mean and SD are those of the codes after settling.
     fn levels(&self, component: usize) -> Vec<Option<f64>> {
         let value = |code: &Vec<f32>| code.get(component).copied().map(f64::from);
         let settled = match self.codes.get(self.settling..) {
@@ -119,7 +121,8 @@ impl HeatMap {
     }
 }
 
-/// Draws the scale of the colours, from far above the mean down to far below it, and the colour of a lost code.
+/// Draws the scale of the colours, from far above the mean down to far below it, and the colour of
+/// a lost code.
 fn draw_scale(area: &Area) -> Drawn {
     let (top, bottom, left, right) = (60, 560, 14, 34);
     let count = 2 * STRONGEST + 1;

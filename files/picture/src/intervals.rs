@@ -62,8 +62,8 @@ impl Intervals {
         let sd = spreads
             .map(|series| Spread::from_values(&series.ms).sd)
             .fold(0.0, f64::max);
-        // Wide enough for the paper's curve and nearly all intervals of this run; the legend states how many
-        // intervals are outside.
+        // Wide enough for the paper's curve and nearly all intervals of this run; the legend states
+        // how many intervals are outside.
         let reach = (4.0 * sd).clamp(4.0 * PAPER_MS.sd, 6.0);
         let (low, high) = (62.5 - reach, 62.5 + reach);
         let width = (high - low) / f64::from(BINS);

@@ -1,9 +1,9 @@
 //! Charts as SVG files, drawn without any font or library of the system.
 //!
-//! Each chart is a struct of plain numbers with a `draw` method that writes one file. The demo draws
-//! a run of the signal path, the benchmarks draw the filters over
-//! frequency, `host-sim decode` draws the error of decoded recordings, `trainer` that of models. A [`page::Page`]
-//! shows the pictures of a report.
+//! Each chart is a struct of plain numbers with a `draw` method that writes one file. The demo
+//! draws a run of the signal path, the benchmarks draw the filters over frequency, `host-sim
+//! decode` draws the error of decoded recordings, `trainer` that of models. A [`page::Page`] shows
+//! the pictures of a report.
 //!
 //! ```text
 //! demo  ────┬─ Traces     electrodes over time ─────┐
@@ -34,7 +34,6 @@
 
 pub mod axis;
 pub mod canvas;
-pub mod csv_field;
 pub mod curves;
 pub mod heat_map;
 pub mod histogram;

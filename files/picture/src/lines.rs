@@ -31,7 +31,8 @@ pub struct Series {
     pub color: RGBColor,
     /// How the points are drawn.
     pub mark: Mark,
-    /// Points in drawing order: values on the x and the y axis. A point without a place on an axis is not drawn.
+    /// Points in drawing order: values on the x and the y axis. A point without a place on an axis
+    /// is not drawn.
     pub points: Vec<(f64, f64)>,
     /// Standard deviation at each point, drawn as a bar to both sides; empty for none.
     pub sd: Vec<f64>,
@@ -153,7 +154,8 @@ impl Lines {
         self.series.iter().flat_map(points)
     }
 
-    /// Returns the listed series with the places of their entries, in pixels: in rows as wide as the page.
+    /// Returns the listed series with the places of their entries, in pixels: in rows as wide as
+    /// the page.
     fn legend(&self) -> Vec<(&Series, (i32, i32))> {
         let right = i32::try_from(SIZE.0).unwrap_or(i32::MAX) - 30;
         let (mut x, mut y) = (LEGEND_LEFT, 8);

@@ -1,5 +1,5 @@
-//! The page of a report: pictures with captions, tables and text as one HTML file that needs no other but the
-//! pictures.
+//! The page of a report: pictures with captions, tables and text as one HTML file that needs no
+//! other but the pictures. Its values go to files of comma-separated fields.
 
 use std::fmt::Write as _;
 
@@ -36,8 +36,8 @@ impl Page {
         let _ = writeln!(self.body, "<p>{}</p>", escaped(text));
     }
 
-    /// Appends a picture with a caption in plain text, and links to the files with its values. `path` and `values`
-    /// are relative to the page.
+    /// Appends a picture with a caption in plain text, and links to the files with its values.
+    /// `path` and `values` are relative to the page.
     pub fn push_picture(&mut self, path: &str, caption: &str, values: &[&str]) {
         // Writing to a string never fails.
         let _ = write!(
@@ -81,7 +81,8 @@ impl Page {
     }
 }
 
-/// Returns the HTML of a picture, which is loaded when it is scrolled into view; `path` is relative to the page.
+/// Returns the HTML of a picture, which is loaded when it is scrolled into view; `path` is relative
+/// to the page.
 pub fn image(path: &str, description: &str) -> String {
     format!(
         "<img loading=\"lazy\" src=\"{}\" alt=\"{}\">",
@@ -113,6 +114,16 @@ fn replaced(text: &str, pairs: &[(&str, &str)]) -> String {
         .fold(text.to_owned(), |text, (from, to)| text.replace(from, to))
 }
 
+/// Returns a text as a field (RFC 4180): in quotation marks if it holds one, a comma, a semicolon
+/// or a line break.
+pub fn csv_field(text: &str) -> String {
+    if text.contains(['"', ',', ';', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -133,6 +144,17 @@ mod tests {
             "<tr><th>&lt;x&gt;</th></tr>\n<tr><td>1</td></tr>",
         ] {
             assert!(html.contains(part), "{part} is not in {html}");
+        }
+    }
+
+    #[test]
+    fn texts_with_separators_are_quoted() {
+        for (text, written) in [
+            ("T1", "T1"),
+            ("a,b", "\"a,b\""),
+            ("say \"go\"", "\"say \"\"go\"\"\""),
+        ] {
+            assert_eq!(csv_field(text), written);
         }
     }
 }

@@ -12,8 +12,8 @@ use crate::canvas::{self, Area, Drawn, FAINT, INK, PictureError};
 pub struct Place {
     /// Name of the electrode, such as "Cz".
     pub label: String,
-    /// Distance from the vertex towards the right ear and towards the nose; the circle of the map has
-    /// radius 1.
+    /// Distance from the vertex towards the right ear and towards the nose; the circle of the map
+    /// has radius 1.
     pub at: [f64; 2],
     /// Value at the electrode.
     pub value: f64,
@@ -37,7 +37,7 @@ pub struct ScalpMap {
 const SIZE: (u32, u32) = (900, 860);
 /// Radius of the head, pixels.
 const RADIUS: i32 = 330;
-/// Side of the squares of which the map consists, pixels.
+/// Side of the squares that make up the map, pixels.
 const SQUARE: i32 = 6;
 /// [`SQUARE`], for ranges.
 const STEP: usize = SQUARE.unsigned_abs() as usize;
@@ -118,8 +118,8 @@ impl ScalpMap {
         Ok(())
     }
 
-    /// Interpolates the values: the mean of all electrodes, weighted by the inverse fourth power of their
-    /// distance. `None` where no electrode is near.
+    /// Interpolates the values: the mean of all electrodes, weighted by the inverse fourth power of
+    /// their distance. `None` where no electrode is near.
     fn value_at(&self, at: [f64; 2]) -> Option<f64> {
         let (mut sum, mut weights, mut nearest) = (0.0, 0.0, f64::INFINITY);
         for place in &self.places {
@@ -164,9 +164,9 @@ impl ScalpMap {
     }
 }
 
-/// Returns the place of an electrode on the map from its position on the unit sphere: towards the right ear, the
-/// nose and the vertex. The map's circle is the circumference of the 10-20 system; angles from the vertex become
-/// distances.
+/// Returns the place of an electrode on the map from its position on the unit sphere: towards the
+/// right ear, the nose and the vertex. The map's circle is the circumference of the 10-20 system;
+/// angles from the vertex become distances.
 pub fn on_map([x, y, z]: [f64; 3]) -> [f64; 2] {
     /// Angle from the vertex to the circumference, degrees.
     const CIRCUMFERENCE: f64 = 72.0;
@@ -189,7 +189,7 @@ fn pixel(centre: (i32, i32), [x, y]: [f64; 2]) -> (i32, i32) {
     (centre.0.saturating_add(x), centre.1.saturating_sub(y))
 }
 
-/// Returns a value with as many decimal places as give `largest` three digits, at most 6.
+/// Formats a value with the decimal places that show three digits of `largest`, at most 6.
 fn with_digits(value: f64, largest: f64) -> String {
     let places = (0..6).find(|places| largest * 10_f64.powi(*places) >= 99.95);
     let places = usize::try_from(places.unwrap_or(6)).unwrap_or(0);

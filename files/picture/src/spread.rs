@@ -24,7 +24,8 @@ impl Spread {
         Self { mean, sd }
     }
 
-    /// Returns the density of the normal distribution with this mean and SD at `x`, per unit of the values.
+    /// Returns the density of the normal distribution with this mean and SD at `x`, per unit of the
+    /// values.
     pub(crate) fn density(self, x: f64) -> f64 {
         let deviations = (x - self.mean) / self.sd;
         (-0.5 * deviations * deviations).exp() / (self.sd * (2.0 * PI).sqrt())

@@ -97,7 +97,8 @@ impl Traces {
             area.draw(&Text::new(trace.label.clone(), (LEFT - 14, y), style))?;
         }
 
-        // One scale bar next to the lowest trace suffices, because all traces have the same vertical scale.
+        // One scale bar next to the lowest trace suffices, because all traces have the same
+        // vertical scale.
         let bar_uv = scale_bar_uv(spacing);
         let lowest = (1.0 - count) * spacing;
         let [base, top] = [-0.5, 0.5].map(|part| {
@@ -111,8 +112,8 @@ impl Traces {
         area.draw(&Text::new(format!("{bar_uv:.0} µV"), place, style))
     }
 
-    /// Returns the distance between the zero lines of two adjacent traces, uV: twice the 99th percentile of the
-    /// magnitudes before encoding.
+    /// Returns the distance between the zero lines of two adjacent traces, uV: twice the 99th
+    /// percentile of the magnitudes before encoding.
     fn spacing_uv(&self) -> f64 {
         let values = self.rows.iter().flat_map(|trace| &trace.source_uv);
         let mut sizes: Vec<f32> = values.map(|uv| uv.abs()).collect();

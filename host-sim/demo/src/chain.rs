@@ -23,15 +23,16 @@ pub(crate) const BRIDGE: &str = "corticode-bridge";
 const CODE_RATE_HZ: u64 = model::STEP_RATE_HZ as u64 / model::HOP as u64;
 /// Longest permitted time between two codes while the board runs: 80 times the normal interval.
 const SILENCE: Duration = Duration::from_secs(5);
-/// Longest permitted time, on a busy machine, for the bridge to announce its topics and for the first code to
-/// arrive.
+/// Longest permitted time, on a busy machine, for the bridge to announce its topics and for the
+/// first code to arrive.
 const START: Duration = Duration::from_secs(20);
 /// Time without a code, once the board has ended, after which no further code is expected.
 const STRAGGLERS: Duration = Duration::from_millis(700);
 /// Capacity of each subscription's queue: messages that wait while the progress bar is drawn.
 const QUEUE: usize = 64;
 
-/// Runs the whole path, then stops everything that was started. Returns what the subscriber received.
+/// Runs the whole path, then stops everything that was started. Returns what the subscriber
+/// received.
 ///
 /// # Errors
 /// A part does not start, ends early or stays silent, or the user presses Ctrl-C.

@@ -1,5 +1,5 @@
-//! Comparison of the reconstructed EEG with a reference: the same EEG after the same filters, neither encoded
-//! nor sent.
+//! Comparison of the reconstructed EEG with a reference: the same EEG after the same filters,
+//! neither encoded nor sent.
 
 use std::fmt;
 
@@ -13,8 +13,8 @@ use crate::run::Run;
 /// Values of all electrodes at one step, uV; there are 128 steps per second.
 type StepUv = [f32; ELECTRODES];
 
-/// Reference and reconstruction over the same steps: the last uninterrupted series of steps with settled
-/// filters and no lost code.
+/// Reference and reconstruction over the same steps: the last uninterrupted series of steps with
+/// settled filters and no lost code.
 #[derive(Debug, Clone)]
 pub(crate) struct Comparison {
     /// Index of the first compared step since the start of the stream.
@@ -23,8 +23,8 @@ pub(crate) struct Comparison {
     pub(crate) source_uv: Vec<StepUv>,
     /// Reconstruction: EEG decoded from the codes, uV.
     pub(crate) result_uv: Vec<StepUv>,
-    /// Percentage root-mean-square difference (PRD) of reference x and reconstruction y, `100 sqrt(sum (x -
-    /// y)^2 / sum x^2)` over all electrodes and steps, percent.
+    /// Percentage root-mean-square difference (PRD) of reference x and reconstruction y, `100
+    /// sqrt(sum (x - y)^2 / sum x^2)` over all electrodes and steps, percent.
     pub(crate) prd_percent: f64,
 }
 
@@ -61,8 +61,8 @@ impl Comparison {
     }
 }
 
-/// States the error and over which electrodes and times it was taken, such as `PRD 13.1 % over 61 electrodes,
-/// 9.9 to 14.9 s`.
+/// States the error and over which electrodes and times it was taken, such as `PRD 13.1 % over 61
+/// electrodes, 9.9 to 14.9 s`.
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let steps = self.source_uv.len();
@@ -102,7 +102,8 @@ fn reference(seconds: u32, seed: u64) -> Result<Vec<StepUv>, Failure> {
 }
 
 fn microvolts(electrodes: &Electrodes) -> StepUv {
-    // The filters' output is in ADC counts with GUARD_BITS fraction bits (Q27.5). One count is LSB_NV nV.
+    // The filters' output is in ADC counts with GUARD_BITS fraction bits (Q27.5). One count is
+    // LSB_NV nV.
     let levels_per_count = f32::from(1_u16 << model::GUARD_BITS);
     #[expect(clippy::cast_precision_loss, reason = "24 bits do for a picture")]
     electrodes.map(|value| value as f32 / levels_per_count * model::LSB_NV / 1000.0)

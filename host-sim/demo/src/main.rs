@@ -81,7 +81,8 @@ fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     Err(Failure::check("the demo", why, next))
 }
 
-/// Returns the folder of this program. It must also hold host-sim and the bridge, which `cargo demo` builds.
+/// Returns the folder of this program. It must also hold host-sim and the bridge, which `cargo
+/// demo` builds.
 fn programs_folder() -> Result<PathBuf, Failure> {
     let own = std::env::current_exe().unwrap_or_default();
     let folder = own.parent().unwrap_or(Path::new("."));

@@ -80,8 +80,8 @@ fn traces(comparison: &Comparison) -> Traces {
     }
 }
 
-/// Returns the indices of up to [`SHOWN`] of `count` electrodes, evenly spread over the model's order, which
-/// is front to back.
+/// Returns the indices of up to [`SHOWN`] of `count` electrodes, evenly spread over the model's
+/// order, which is front to back.
 fn shown(count: usize) -> Vec<usize> {
     let last = SHOWN.min(count).saturating_sub(1);
     let index = |row: usize| row * count.saturating_sub(1) / last.max(1);

@@ -31,14 +31,14 @@ impl Program {
                 .stdin(Stdio::null())
                 .stdout(file.try_clone()?)
                 .stderr(file)
-                // In a process group of its own, so that Ctrl-C in the terminal reaches only the demo, which
-                // stops its children.
+                // In a process group of its own, so that Ctrl-C in the terminal reaches only the
+                // demo, which stops its children.
                 .process_group(0)
                 .kill_on_drop(true)
                 .spawn()
         };
         let child = start()
-            .map_err(|error| Failure::unreachable(&name, error, "`cargo build --release`"))?;
+            .map_err(|error| Failure::unreachable(&name, error, "`cargo demo`, which builds it"))?;
         let name = name.into_owned();
         Ok(Self { name, child, log })
     }
@@ -54,8 +54,8 @@ impl Program {
         Failure::unreachable(&self.name, why, "see its message")
     }
 
-    /// Returns the failure for a program that was given the time `after`. `what` states what did not happen,
-    /// such as "no code came".
+    /// Returns the failure for a program that was given the time `after`. `what` states what did
+    /// not happen, such as "no code came".
     pub(crate) fn timed_out(&self, what: &str, after: Duration) -> Failure {
         let (name, log) = (&self.name, self.log());
         let why = format!(
@@ -70,7 +70,8 @@ impl Program {
     pub(crate) async fn terminate(&mut self, deadline: Duration) -> Result<(), Failure> {
         let pid = self.child.id().map(u32::cast_signed);
         if let Some(pid) = pid.and_then(Pid::from_raw) {
-            // Fails if the program has already ended by itself; the `wait` below then returns its status.
+            // Fails if the program has already ended by itself; the `wait` below then returns its
+            // status.
             let _ = kill_process(pid, Signal::TERM);
         }
         match timeout(deadline, self.child.wait()).await {

@@ -6,17 +6,19 @@ use crate::run::Run;
 
 /// Number of components of the code that fit on a line of 80 characters, next to the counts.
 const SHOWN: usize = 24;
-/// Number of codes after which a line is printed if there is no terminal for a bar: one line every 5 s.
+/// Number of codes after which a line is printed if there is no terminal for a bar: one line every
+/// 5 s.
 const LINE_EVERY: usize = 80;
 
-/// Returns a progress bar that is full after `codes` codes. Dropping the bar clears it from the terminal.
+/// Returns a progress bar that is full after `codes` codes. Dropping the bar clears it from the
+/// terminal.
 pub(crate) fn bar(codes: u64) -> ProgressBar {
     let style = ProgressStyle::with_template("{elapsed_precise} {bar:16} {msg}");
     ProgressBar::new(codes).with_style(style.unwrap_or(ProgressStyle::default_bar()))
 }
 
-/// Shows the sequence number of the newest frame, the number of lost codes, and the values of the newest
-/// code.
+/// Shows the sequence number of the newest frame, the number of lost codes, and the values of the
+/// newest code.
 pub(crate) fn show(bar: &ProgressBar, run: &Run) {
     let Some(latest) = run.codes.last() else {
         return;
@@ -31,7 +33,8 @@ pub(crate) fn show(bar: &ProgressBar, run: &Run) {
     }
 }
 
-/// Formats the first components of a code as blocks of eight heights, scaled to the largest magnitude.
+/// Formats the first components of a code as blocks of eight heights, scaled to the largest
+/// magnitude.
 fn blocks(code: &[f32]) -> String {
     const HEIGHTS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
     let shown = &code[..code.len().min(SHOWN)];

@@ -1,13 +1,14 @@
 //! Frequency response of the filters, measured with impulses, and that of their float64 twin.
 
-mod impulse;
-mod twin;
+use std::f64::consts::PI;
 
+use artifact::Filters;
+use fixed_dsp::{CascadeState, Filter};
+use model_gen::design::{butterworth_band_pass, notch};
+use num_complex::Complex64;
 use picture::canvas::{RESULT, SOURCE};
 use picture::curves::{Curve, Curves, Mark};
-
-use self::impulse::ImpulseResponse;
-pub use self::twin::{MAINS_HZ, Twin};
+use pipeline::Mains;
 
 /// Pass band of the filters, Hz.
 pub const BAND_HZ: [f64; 2] = [0.5, 60.0];
@@ -87,8 +88,8 @@ impl Response {
         }
     }
 
-    /// Returns, for each point of a curve, the frequency in Hz, and `quantity` of the filters and of
-    /// the twin at this frequency.
+    /// Returns, for each point of a curve, the frequency in Hz, and `quantity` of the filters and
+    /// of the twin at this frequency.
     fn compare(
         &self,
         quantity: fn(&ImpulseResponse, f64) -> f64,
@@ -105,8 +106,8 @@ impl Response {
         frequencies.into_iter().map(compared).collect()
     }
 
-    /// Returns the largest difference between the filters and the twin, among the points at which the
-    /// twin's magnitude exceeds `least_db`.
+    /// Returns the largest difference between the filters and the twin, among the points at which
+    /// the twin's magnitude exceeds `least_db`.
     fn largest_difference(&self, compared: &[[f64; 3]], least_db: f64) -> f64 {
         let compared = compared.iter();
         let passed = compared.filter(|[hz, ..]| self.twin.magnitude_db(*hz) > least_db);
@@ -132,6 +133,132 @@ fn curves(compared: &[[f64; 3]]) -> Vec<Curve> {
             points: designed.step_by(CIRCLE_DISTANCE).collect(),
         },
     ]
+}
+
+/// Height of the impulse, Q27.5: twice the ADC's full scale, so that rounding is small relative to
+/// the response. No node wraps: all have headroom for 8 times full scale, and even for the worst
+/// input of full scale the largest node reaches only 6.8 times (signal/model/manifest.txt). A
+/// single impulse, even of twice full scale, excites a node far less.
+const IMPULSE: i32 = 1 << 29;
+/// Length of the recorded response, s. The slowest poles decay at 0.96 / s, so after 10 s they have
+/// decayed by about e^-10. Later values are mostly rounding errors, and the group delay weights
+/// each value by its time.
+const SECONDS: usize = 10;
+
+/// Response of a filter to a unit impulse, at the ADC's rate.
+#[derive(Debug)]
+struct ImpulseResponse(Vec<f64>);
+
+impl ImpulseResponse {
+    /// Measures the response of the fixed-point filters: half the difference between the responses
+    /// to an impulse and to its negative. In this difference, the initial value of the carried
+    /// rounding error cancels.
+    fn from_filters() -> Self {
+        let mut states = [CascadeState::REST; 2];
+        let response = (0..samples()).map(|n| {
+            let x = if n == 0 { IMPULSE } else { 0 };
+            let up = f64::from(Mains::Hz50.apply(&mut states[0], x));
+            let down = f64::from(Mains::Hz50.apply(&mut states[1], -x));
+            (up - down) / 2.0 / f64::from(IMPULSE)
+        });
+        Self(response.collect())
+    }
+
+    /// Computes the response of the float64 twin.
+    fn from_twin(twin: &Twin) -> Self {
+        let mut twin = twin.clone();
+        let response = (0..samples()).map(|n| twin.apply(if n == 0 { 1.0 } else { 0.0 }));
+        Self(response.collect())
+    }
+
+    /// Returns the magnitude at a frequency, dB.
+    fn magnitude_db(&self, hz: f64) -> f64 {
+        10.0 * self.sums(hz)[0].norm_sqr().log10()
+    }
+
+    /// Returns the group delay at a frequency, ms: the real part of `sum n h[n] z^n / sum h[n]
+    /// z^n`.
+    fn group_delay_ms(&self, hz: f64) -> f64 {
+        let [sum, moment] = self.sums(hz);
+        (moment / sum).re / f64::from(model::ADC_RATE_HZ) * 1000.0
+    }
+
+    /// Returns `sum h[n] z^n` and `sum n h[n] z^n`, by Horner's rule.
+    fn sums(&self, hz: f64) -> [Complex64; 2] {
+        let z = Complex64::from_polar(1.0, -2.0 * PI * hz / f64::from(model::ADC_RATE_HZ));
+        let [mut sum, mut moment] = [Complex64::ZERO; 2];
+        let length = u32::try_from(self.0.len()).unwrap_or(u32::MAX);
+        for (n, h) in (0..length).zip(&self.0).rev() {
+            sum = sum * z + h;
+            moment = moment * z + f64::from(n) * h;
+        }
+        [sum, moment]
+    }
+}
+
+fn samples() -> usize {
+    SECONDS * usize::from(model::ADC_RATE_HZ)
+}
+
+/// Mains frequency that the filters stop, Hz.
+pub const MAINS_HZ: f64 = 50.0;
+
+/// Band-pass and notches in float64, with their states.
+#[derive(Debug, Clone)]
+pub struct Twin {
+    /// Coefficients `b0, b1, b2, a1, a2` of each section.
+    sections: Vec<[f64; 5]>,
+    /// Previous inputs and outputs `x1, x2, y1, y2` of each section.
+    states: Vec<[f64; 4]>,
+}
+
+impl Twin {
+    /// Designs the filters for 50 Hz mains at the model's ADC rate, with all states zero.
+    pub fn new(filters: &Filters) -> Self {
+        let rate_hz = model::ADC_RATE_HZ.into();
+        let notches = (1..=filters.harmonics + 1).map(|multiple| {
+            let notch = notch(MAINS_HZ * f64::from(multiple), filters.notch_q, rate_hz);
+            let cosine = notch.gain * notch.cosine;
+            [
+                notch.gain,
+                cosine,
+                notch.gain,
+                cosine,
+                2.0 * notch.gain - 1.0,
+            ]
+        });
+        let [low, high] = filters.band_hz;
+        let order = usize::try_from(filters.order).unwrap_or(usize::MAX);
+        let band_pass = butterworth_band_pass(order, low, high, rate_hz);
+        let (real, complex): (Vec<Complex64>, Vec<Complex64>) = band_pass
+            .poles
+            .iter()
+            .partition(|pole| pole.im.abs() < 1e-9);
+        let above = complex.into_iter().filter(|pole| pole.im > 0.0);
+        let pairs = above.map(|pole| [pole, pole.conj()]);
+        // Each pair of poles gets one zero at DC and one at the Nyquist frequency.
+        let pairs = pairs.chain(real.as_chunks().0.iter().copied());
+        let pairs = pairs.map(|[p, q]| [1.0, 0.0, -1.0, -(p + q).re, (p * q).re]);
+        let mut sections: Vec<[f64; 5]> = pairs.chain(notches).collect();
+        for b in &mut sections[0][..3] {
+            *b *= band_pass.gain;
+        }
+        Self {
+            states: vec![[0.0; 4]; sections.len()],
+            sections,
+        }
+    }
+
+    /// Filters one sample.
+    pub fn apply(&mut self, x: f64) -> f64 {
+        let sections = self.sections.iter().zip(&mut self.states);
+        sections.fold(x, |x, ([b0, b1, b2, a1, a2], state)| {
+            let [x1, x2, y1, y2] = *state;
+            let y = b0 * x + b1 * x1 + b2 * x2 - a1 * y1 - a2 * y2;
+            *state = [x, x1, y, y1];
+            y
+        })
+    }
 }
 
 #[cfg(test)]
@@ -181,6 +308,16 @@ mod tests {
             // The impulse response ends after 10 s, which changes the magnitude by at most 4e-4 dB
             // (measured).
             assert!((db - expected).abs() < 1e-3, "{hz} Hz: {db}");
+        }
+    }
+
+    #[test]
+    fn an_impulse_three_samples_late_has_a_delay_of_three_samples_and_gain_1() {
+        let late = ImpulseResponse(vec![0.0, 0.0, 0.0, 1.0]);
+        let three_ms = 3000.0 / f64::from(model::ADC_RATE_HZ);
+        for hz in [1.0, 40.0] {
+            assert!(late.magnitude_db(hz).abs() < 1e-12);
+            assert!((late.group_delay_ms(hz) - three_ms).abs() < 1e-9);
         }
     }
 }

@@ -25,8 +25,8 @@ impl Received {
         Duration::from_micros(us)
     }
 
-    /// Returns whether `flag` is set in the message's status words. [`Flags::FILLER`] marks a message that
-    /// the bridge sent in place of a lost code.
+    /// Returns whether `flag` is set in the message's status words. [`Flags::FILLER`] marks a
+    /// message that the bridge sent in place of a lost code.
     pub(crate) fn has(&self, flag: Flags) -> bool {
         self.word("flags") & u64::from(flag.bits()) != 0
     }
@@ -52,7 +52,8 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// Returns the messages that carry a code, in order; fillers, which replace lost codes, are left out.
+    /// Returns the messages that carry a code, in order; fillers, which replace lost codes, are
+    /// left out.
     fn without_fillers(&self) -> impl Iterator<Item = &Received> {
         self.codes.iter().filter(|code| !code.has(Flags::FILLER))
     }

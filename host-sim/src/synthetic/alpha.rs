@@ -1,7 +1,5 @@
 //! Alpha rhythm: bursts of 10 Hz from the occipital cortex.
 
-use recordings::Position;
-
 use super::{
     dipole::Dipole,
     noise::{Noise, pole},
@@ -14,8 +12,8 @@ const ALPHA_HZ: f64 = 10.0;
 /// Half of the rhythm's bandwidth, Hz. This bandwidth makes the amplitude vary within about a
 /// second, even during a burst.
 const HALF_WIDTH: f64 = 0.5;
-/// Places, in radii of the scalp, and moments of the rhythm's dipoles in the occipital cortex: left, right
-/// and upper.
+/// Places, in radii of the scalp, and moments of the rhythm's dipoles in the occipital cortex:
+/// left, right and upper.
 const DIPOLES: [([f64; 3], [f64; 3]); 3] = [
     ([-0.2, -0.6, 0.15], [-0.2, -1.0, 0.3]),
     ([0.2, -0.6, 0.15], [0.2, -1.0, 0.3]),
@@ -45,8 +43,7 @@ pub(super) struct Alpha {
 
 impl Alpha {
     pub(super) fn new(noise: Noise, scalp: &Scalp, rate: f64, rms_uv: f64) -> Self {
-        let vector = |[x, y, z]: [f64; 3]| Position { x, y, z };
-        let dipoles = DIPOLES.map(|(place, moment)| Dipole::at(vector(place), vector(moment)));
+        let dipoles = DIPOLES.map(|(place, moment)| Dipole::at(place, moment));
         let powers = scalp.powers_at(&dipoles, SITES);
         let scale = rms_uv / powers.into_iter().fold(0.0, f64::max).sqrt();
         let amplitudes = dipoles.iter().map(|dipole| scalp.potentials(dipole, scale));

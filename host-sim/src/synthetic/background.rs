@@ -14,13 +14,15 @@ struct Band {
     eccentricity: (f64, f64),
 }
 
-/// Bands of the background. Each has four times the corner frequency and [`FALL`] times the variance of
-/// the previous one, so the power spectrum falls as 1/f^1.7 from the first corner to the last, as in
-/// EEGMMIDB S001 (exponents of 1.6 to 1.7 from 2 to 40 Hz in R01, R03, R07 and R11).
+/// Bands of the background. Each has four times the corner frequency and [`FALL`] times the
+/// variance of the previous one, so the power spectrum falls as 1/f^1.7 from the first corner to
+/// the last, as in EEGMMIDB S001 (exponents of 1.6 to 1.7 from 2 to 40 Hz in R01, R03, R07 and
+/// R11).
 ///
 /// Slow activity spans larger patches of cortex than fast activity, and the dipole that has the
-/// potential of a patch is deeper than the patch (de Munck, Vijn and Lopes da Silva 1992). In S001R11,
-/// ten spatial components hold 99.1 % of the variance from 0.5 to 2 Hz and 95.3 % from 14 to 30 Hz.
+/// potential of a patch is deeper than the patch (de Munck, Vijn and Lopes da Silva 1992). In
+/// S001R11, ten spatial components hold 99.1 % of the variance from 0.5 to 2 Hz and 95.3 % from 14
+/// to 30 Hz.
 const BANDS: [Band; 4] = [
     Band {
         corner: 0.5,
@@ -47,8 +49,9 @@ const IN_BAND: f64 = 0.6146;
 /// Number of dipoles in each band.
 const DIPOLES: usize = 48;
 
-/// Share of the variance that comes from the reference: potentials at the ear lobes' electrodes, which
-/// are the same at each electrode of the scalp. It sets the correlation of distant electrodes.
+/// Share of the variance that comes from the reference: potentials at the ear lobes' electrodes,
+/// which are the same at each electrode of the scalp. It sets the correlation of distant
+/// electrodes.
 const REFERENCE: f64 = 0.5;
 
 /// Electrodes over which the variance of the background is averaged: the 10-20 system.

@@ -1,13 +1,11 @@
 //! Blinks: large frontal deflections of 0.3 s, from a dipole in each eye.
 
-use recordings::Position;
-
 use super::{dipole::Dipole, noise::Noise, scalp::Scalp};
 
 /// Electrode at which blinks have their largest amplitude.
 const SITE: &str = "Fpz";
-/// Places of the eyes, in radii of the scalp. Their distance from the midline and their height are those
-/// of a head; they are moved back to where the spheres have brain.
+/// Places of the eyes, in radii of the scalp. Their distance from the midline and their height are
+/// those of a head; they are moved back to where the spheres have brain.
 const EYES: [[f64; 3]; 2] = [[-0.33, 0.7, -0.3], [0.33, 0.7, -0.3]];
 /// Moment of each eye while the lid slides over the cornea: forward and up.
 const MOMENT: [f64; 3] = [0.0, 0.8, 0.6];
@@ -31,8 +29,7 @@ pub(super) struct Blinks {
 
 impl Blinks {
     pub(super) fn new(mut noise: Noise, scalp: &Scalp, rate: f64) -> Self {
-        let vector = |[x, y, z]: [f64; 3]| Position { x, y, z };
-        let eyes = EYES.map(|place| Dipole::at(vector(place), vector(MOMENT)));
+        let eyes = EYES.map(|place| Dipole::at(place, MOMENT));
         let peak: f64 = eyes.iter().map(|eye| scalp.potential_at(eye, SITE)).sum();
         let [left, right] = eyes.map(|eye| scalp.potentials(&eye, 1.0 / peak));
         let weights = left.iter().zip(right).map(|(a, b)| a + b).collect();

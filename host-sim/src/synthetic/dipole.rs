@@ -4,11 +4,11 @@ use recordings::Position;
 
 use super::noise::Noise;
 
-/// Share of the random dipoles that are radial, as in the crowns of gyri. The others are tangential, as
-/// in the walls of sulci.
+/// Share of the random dipoles that are radial, as in the crowns of gyri. The others are
+/// tangential, as in the walls of sulci.
 const RADIAL: f64 = 0.7;
-/// Smallest height of a random dipole's direction above the centre of the head: about 17 degrees below
-/// the plane through the ears.
+/// Smallest height of a random dipole's direction above the centre of the head: about 17 degrees
+/// below the plane through the ears.
 const LOWEST: f64 = -0.3;
 
 /// Current dipole in the brain.
@@ -25,7 +25,8 @@ pub(super) struct Dipole {
 
 impl Dipole {
     /// Creates a dipole at `place`, in radii of the scalp.
-    pub(super) fn at(place: Position, moment: Position) -> Self {
+    pub(super) fn at(place: [f64; 3], moment: [f64; 3]) -> Self {
+        let [place, moment] = [place, moment].map(|[x, y, z]| Position { x, y, z });
         let eccentricity = dot(place, place).sqrt();
         Self {
             eccentricity,
@@ -34,8 +35,8 @@ impl Dipole {
         }
     }
 
-    /// Draws a dipole with a moment of length 1: the direction uniform over the upper part of the head,
-    /// the eccentricity uniform between the given limits.
+    /// Draws a dipole with a moment of length 1: the direction uniform over the upper part of the
+    /// head, the eccentricity uniform between the given limits.
     pub(super) fn draw(noise: &mut Noise, eccentricity: (f64, f64)) -> Self {
         let direction = loop {
             let direction = direction(noise);
@@ -56,8 +57,8 @@ impl Dipole {
     }
 }
 
-/// Draws a direction, uniform over the sphere: a point of the cube, drawn again where it is not within
-/// the sphere.
+/// Draws a direction, uniform over the sphere: a point of the cube, drawn again where it is not
+/// within the sphere.
 fn direction(noise: &mut Noise) -> Position {
     loop {
         let mut coordinate = || noise.uniform(-1.0, 1.0);

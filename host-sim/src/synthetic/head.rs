@@ -10,9 +10,9 @@ const RADII: [f64; 2] = [0.87, 0.92];
 /// Conductivities of brain, skull and scalp, relative to that of the brain. The skull conducts 15
 /// times worse than brain and scalp (Oostendorp, Delbeke and Stegeman 2000).
 pub(super) const CONDUCTIVITIES: [f64; 3] = [1.0, 1.0 / 15.0, 1.0];
-/// Number of terms of the series. A term falls with `eccentricity^n`. Measured against 400 terms: 5e-6 of
-/// the largest potential for the eyes, which are farthest out (0.83), below 1e-7 for the cortex (at
-/// most 0.75).
+/// Number of terms of the series. A term falls with `eccentricity^n`. Measured against 400 terms:
+/// 5e-6 of the largest potential for the eyes, which are farthest out (0.83), below 1e-7 for the
+/// cortex (at most 0.75).
 const TERMS: usize = 64;
 
 /// Three concentric spheres, each of one conductivity, in air.
@@ -45,8 +45,8 @@ impl Head {
         let transfer = std::array::from_fn(|_| {
             order += 1.0;
             let n = order;
-            // In each sphere the potential of order n is `rising r^n + falling r^-(n+1)`. This ratio
-            // lets no current leave the scalp, where r = 1 and the potential is 2n + 1.
+            // In each sphere the potential of order n is `rising r^n + falling r^-(n+1)`. This
+            // ratio lets no current leave the scalp, where r = 1 and the potential is 2n + 1.
             let (mut rising, mut falling) = (n + 1.0, n);
             let outer = [skull / brain, scalp / skull];
             for index in [1, 0] {
@@ -65,7 +65,8 @@ impl Head {
         Self { transfer }
     }
 
-    /// Returns the potential of `dipole` at a point of the scalp, relative to the potential far away.
+    /// Returns the potential of `dipole` at a point of the scalp, relative to the potential far
+    /// away.
     pub(super) fn potential(&self, dipole: &Dipole, at: Position) -> f64 {
         let x = dot(dipole.direction, at);
         let radial = dot(dipole.moment, dipole.direction);
@@ -101,17 +102,6 @@ mod tests {
         vector([a.x + factor * b.x, a.y + factor * b.y, a.z + factor * b.z])
     }
 
-    /// Returns the dipole at a place, in radii of the scalp.
-    fn dipole(place: [f64; 3], moment: [f64; 3]) -> Dipole {
-        let place = vector(place);
-        let eccentricity = dot(place, place).sqrt();
-        Dipole {
-            eccentricity,
-            direction: combine(vector([0.0; 3]), 1.0 / eccentricity, place),
-            moment: vector(moment),
-        }
-    }
-
     const DIPOLES: [([f64; 3], [f64; 3]); 4] = [
         ([0.0, 0.0, 0.5], [0.0, 0.0, 1.0]),
         ([0.2, -0.5, 0.3], [0.6, 0.0, 0.8]),
@@ -136,7 +126,7 @@ mod tests {
     fn equal_conductivities_yield_the_closed_form_of_one_sphere() {
         let head = Head::new([1.0; 3]);
         for (place, moment) in DIPOLES {
-            let dipole = dipole(place, moment);
+            let dipole = Dipole::at(place, moment);
             for label in ELECTRODES {
                 let at = Position::from_label(label).expect("an electrode");
                 let (series, closed) = (head.potential(&dipole, at), one_sphere(&dipole, at));
@@ -162,11 +152,12 @@ mod tests {
         let head = Head::new(CONDUCTIVITIES);
         let unit_uv = 1e-8 / (4.0 * std::f64::consts::PI * 0.33 * 0.09 * 0.09) * 1e6;
         for ((place, moment), expected) in DIPOLES.into_iter().zip(golden) {
-            let dipole = dipole(place, moment);
+            let dipole = Dipole::at(place, moment);
             for (label, expected) in ELECTRODES.into_iter().zip(expected) {
                 let at = Position::from_label(label).expect("an electrode");
                 let found = unit_uv * head.potential(&dipole, at);
-                // MNE replaces the series by three dipoles (Berg and Scherg 1994). Measured: 0.0013.
+                // MNE replaces the series by three dipoles (Berg and Scherg 1994). Measured:
+                // 0.0013.
                 assert!(
                     (found - expected).abs() < 0.002,
                     "{place:?} at {label}: {found}, MNE {expected}"
@@ -177,7 +168,7 @@ mod tests {
 
     #[test]
     fn the_skull_weakens_and_widens_a_potential() {
-        let dipole = dipole([0.0, 0.0, 0.7], [0.0, 0.0, 1.0]);
+        let dipole = Dipole::at([0.0, 0.0, 0.7], [0.0, 0.0, 1.0]);
         let ratio = |conductivities: [f64; 3]| {
             let head = Head::new(conductivities);
             let [near, far] = ["Cz", "C3"].map(|label| {

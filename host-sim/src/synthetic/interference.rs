@@ -6,9 +6,9 @@ use super::{
     spec::SyntheticSpec,
 };
 
-/// Corner frequency of the drift's low-pass, Hz. The low-pass is of second order: of a drift of 100 uV
-/// RMS, 0.5 uV are above 0.5 Hz. A first order leaves 16 uV there, which are no drift but noise that
-/// differs at each electrode.
+/// Corner frequency of the drift's low-pass, Hz. The low-pass is of second order: of a drift of 100
+/// uV RMS, 0.5 uV are above 0.5 Hz. A first order leaves 16 uV there, which are no drift but noise
+/// that differs at each electrode.
 const DRIFT_HZ: f64 = 0.02;
 
 #[derive(Debug, Clone)]

@@ -86,9 +86,9 @@ impl LowPassNoise {
     }
 }
 
-/// Second-order low-pass noise of variance 1: a [`LowPassNoise`] through a low-pass of the same corner
-/// frequency, `y <- pole * y + drive * x`. Its spectrum falls as 1/f^4, that of [`LowPassNoise`] as
-/// 1/f^2.
+/// Second-order low-pass noise of variance 1: a [`LowPassNoise`] through a low-pass of the same
+/// corner frequency, `y <- pole * y + drive * x`. Its spectrum falls as 1/f^4, that of
+/// [`LowPassNoise`] as 1/f^2.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SmoothNoise {
     input: LowPassNoise,

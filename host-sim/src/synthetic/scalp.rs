@@ -8,11 +8,12 @@ use super::{
     spec::SyntheticError,
 };
 
-/// Positions next to the ear lobes. Their mean is the reference, as in EEGMMIDB, whose amplifier had
-/// both ear lobes linked.
+/// Positions next to the ear lobes. Their mean is the reference, as in EEGMMIDB, whose amplifier
+/// had both ear lobes linked.
 const REFERENCE: [&str; 2] = ["T9", "T10"];
 
-/// Positions of the electrodes on the unit sphere, in the order of the spec, and the head under them.
+/// Positions of the electrodes on the unit sphere, in the order of the spec, and the head under
+/// them.
 #[derive(Debug, Clone)]
 pub(super) struct Scalp {
     head: Head,
@@ -57,8 +58,8 @@ impl Scalp {
         potentials.into_iter().sum()
     }
 
-    /// Returns the power of independent dipoles of RMS 1 at each of some places of the same head. A scale
-    /// that is computed from it does not depend on the electrodes of the spec.
+    /// Returns the power of independent dipoles of RMS 1 at each of some places of the same head. A
+    /// scale that is computed from it does not depend on the electrodes of the spec.
     pub(super) fn powers_at(&self, dipoles: &[Dipole], labels: &str) -> Vec<f64> {
         let places = labels.split(' ').filter_map(Position::from_label);
         let mut powers: Vec<(Position, f64)> = places.map(|place| (place, 0.0)).collect();

@@ -255,7 +255,7 @@ fn the_rail_is_reached_only_on_request() {
             .filter(|&count| count > 0)
             .collect::<Vec<_>>()
     };
-    assert_eq!(railed(&spec()), []);
+    assert_eq!(railed(&spec()), [0_u64; 0]);
     let counts = railed(&SyntheticSpec {
         rails: true,
         ..spec()

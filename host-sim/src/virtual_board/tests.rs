@@ -44,10 +44,14 @@ fn frames<T>(outbox: &Outbox, select: impl Fn(ToHost<'_>) -> Option<T>) -> Vec<T
     seen
 }
 
-const START: ToDevice = ToDevice::Start(Start {
-    streams: Streams::CODES,
-    mains_hz: 0,
-});
+const fn start(streams: Streams) -> ToDevice {
+    ToDevice::Start(Start {
+        streams,
+        mains_hz: 0,
+    })
+}
+
+const START: ToDevice = start(Streams::CODES);
 
 #[test]
 fn a_board_introduces_itself_when_it_starts_and_when_asked() {
@@ -68,10 +72,7 @@ fn every_command_is_acknowledged_with_its_seq() {
         streams: Streams::CODES,
         mains_hz: 55,
     });
-    let bad_stream = ToDevice::Start(Start {
-        streams: Streams::from_bits(512),
-        mains_hz: 0,
-    });
+    let bad_stream = start(Streams::from_bits(512));
     for command in [
         START,
         START,

@@ -1,6 +1,6 @@
 //! Properties of the connected device, from its `Hello` and `Capabilities`.
 
-use artifact::reconstruction::dequantise;
+use artifact::reconstruction::{code_range, dequantise};
 use link::{Capabilities, CodeFormat, CodeValues, Hello, Substitutes};
 use thiserror::Error;
 
@@ -193,18 +193,9 @@ impl Device {
     /// Returns the electrodes whose signal was not recorded, such as "interpolated: F1 F2; zero: Cz";
     /// `None` if every electrode was.
     pub fn unrecorded(&self) -> Option<String> {
-        let kinds = [
-            ("interpolated", self.substitutes.interpolated),
-            ("zero", self.substitutes.zero),
-        ];
-        let lists = kinds.map(|(kind, bits)| {
-            let electrodes = self.labels.iter().enumerate();
-            let electrodes = electrodes.filter(|(index, _)| *index < 64 && bits >> index & 1 == 1);
-            let labels: Vec<&str> = electrodes.map(|(_, label)| label.as_str()).collect();
-            (!labels.is_empty()).then(|| format!("{kind}: {}", labels.join(" ")))
-        });
-        let lists: Vec<String> = lists.into_iter().flatten().collect();
-        (!lists.is_empty()).then(|| lists.join("; "))
+        let labels = self.labels.iter().map(String::as_str);
+        let text = self.substitutes.named(labels).to_string();
+        (!text.is_empty()).then_some(text)
     }
 
     /// Checks that frames from `other` match the announcement of this device. Mains frequency,
@@ -308,20 +299,4 @@ impl Device {
 pub(crate) fn channel_label(labels: &[String], channel: usize) -> String {
     let spare = || format!("exg{}", channel + 1 - labels.len());
     labels.get(channel).cloned().unwrap_or_else(spare)
-}
-
-/// Returns the smallest and the largest value `z` to which levels from `least` to `greatest`
-/// dequantise, over all places of a code; zeros for a code without values.
-fn code_range([least, greatest]: [i32; 2], scale: &[f32], zero_point: &[i8]) -> [f32; 2] {
-    if scale.is_empty() {
-        return [0.0; 2];
-    }
-    let ends = |level| {
-        let numbers = scale.iter().zip(zero_point);
-        numbers.map(move |(scale, zero_point)| dequantise(level, *scale, *zero_point))
-    };
-    [
-        ends(least).fold(f32::INFINITY, f32::min),
-        ends(greatest).fold(f32::NEG_INFINITY, f32::max),
-    ]
 }

@@ -102,6 +102,7 @@ pub use device::{Device, DeviceError};
 pub use diagnostics::summary::{PackedSummary, Summary};
 pub use effects::{Announcement, Effects};
 pub use error::BridgeError;
+pub use neuro_ros::{TRI_LABELS, TriWords};
 pub use query::protocol::{Answer, Query, QueryResult, Request};
 pub use query::report::{ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport};
 pub use recording::error::RecordingError;
@@ -115,7 +116,6 @@ pub use settings::{
     AnnouncedStream, EventStamps, FillerPolicy, RawForm, Settings, StampPoint, StreamKind,
 };
 pub use streams::ledger::{Arrival, Ledger};
-pub use streams::tri::{TRI_LABELS, TriWords};
 pub use time::clock::Clock;
 pub use time::host_time::HostTime;
 pub use wire::connection::Event as FeedEvent;

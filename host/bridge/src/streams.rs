@@ -16,5 +16,4 @@ mod recorder_shift;
 pub(crate) mod sample;
 pub(crate) mod side;
 pub(crate) mod stamps;
-pub(crate) mod tri;
 pub(crate) mod trigger;

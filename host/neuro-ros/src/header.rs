@@ -11,7 +11,8 @@ pub struct Header {
     /// Sequence number of the message. In roscpp and rospy the publisher sets this number; in this
     /// crate the caller sets it to the value of [`NeuroHeader::seq`].
     pub seq: u32,
-    /// Time of the frame's first sample, or start of the event.
+    /// Time of the frame's first sample, or start of the event. An unset stamp is left out of JSON.
+    #[serde(skip_serializing_if = "Stamp::is_unset")]
     pub stamp: Stamp,
     /// Coordinate frame of the data, as free text; can be empty.
     pub frame_id: String,

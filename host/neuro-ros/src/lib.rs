@@ -46,7 +46,9 @@
 #![forbid(unsafe_code)]
 
 mod acquisition_info;
+#[cfg(feature = "ros1")]
 mod acquisition_services;
+#[cfg(feature = "ros1")]
 mod definition;
 mod diagnostics;
 mod header;
@@ -54,30 +56,37 @@ mod log;
 mod ndjson_sink;
 mod neuro_event;
 mod neuro_frame;
+#[cfg(feature = "ros1")]
 mod ros_sink;
 mod shape;
 mod sink;
 mod stamp;
+mod status_words;
 mod uint8;
 mod wire;
 
 pub use acquisition_info::AcquisitionInfo;
+#[cfg(feature = "ros1")]
 pub use acquisition_services::{
     AcquisitionCommand, AcquisitionServices, EMPTY, GET_ACQUISITION_INFO, GET_INFO_SERVICE,
 };
+#[cfg(feature = "ros1")]
 pub use definition::RosMessage;
 pub use diagnostics::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, KeyValue};
 pub use header::{Header, NeuroHeader};
 pub use log::Log;
-pub use ndjson_sink::{NdjsonSink, NdjsonWriter};
+pub use ndjson_sink::{JsonLine, NdjsonSink, NdjsonWriter};
 pub use neuro_event::NeuroEvent;
 pub use neuro_frame::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
+#[cfg(feature = "ros1")]
 pub use ros_sink::RosSink;
 pub use shape::{ContractError, Shape};
 pub use sink::{FrameSink, Sink, SinkError};
 pub use stamp::Stamp;
+pub use status_words::{TRI_LABELS, TriWords};
 pub use uint8::UInt8;
 pub use wire::{Reader, Wire, WireError};
 
 /// The `ros1` crate, re-exported because [`RosSink`] and [`AcquisitionServices`] use its `Node`.
+#[cfg(feature = "ros1")]
 pub use ros1;

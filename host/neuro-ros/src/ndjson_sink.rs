@@ -146,20 +146,39 @@ pub struct NdjsonSink<M> {
     message: PhantomData<fn(M)>,
 }
 
+/// One line of JSON: a message and its topic.
 #[derive(Serialize)]
-struct Line<'a, M> {
-    topic: &'a str,
-    message: &'a M,
+pub struct JsonLine<'a, M> {
+    /// Name of the topic, such as `/encoded`.
+    pub topic: &'a str,
+    /// Device time of the message, microseconds; `None` where `message` has a stamp.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub device_time_us: Option<u64>,
+    /// The message.
+    pub message: &'a M,
+}
+
+impl<M: Serialize> JsonLine<'_, M> {
+    /// Returns the line with the line feed at its end.
+    ///
+    /// # Errors
+    ///
+    /// A number or text of the message that JSON cannot express.
+    pub fn to_bytes(&self) -> std::io::Result<Vec<u8>> {
+        let mut line = serde_json::to_vec(self)?;
+        line.push(b'\n');
+        Ok(line)
+    }
 }
 
 impl<M: Serialize> Sink<M> for NdjsonSink<M> {
     fn publish(&mut self, message: &M) -> Result<(), SinkError> {
-        let mut line = serde_json::to_vec(&Line {
+        let line = JsonLine {
             topic: &self.topic,
+            device_time_us: None,
             message,
-        })
-        .map_err(std::io::Error::from)?;
-        line.push(b'\n');
+        };
+        let line = line.to_bytes()?;
         if !self.usage.reserve(line.len()) {
             self.dropped += 1;
             return Ok(());

@@ -24,6 +24,32 @@ pub struct NeuroEvent {
     pub description: String,
 }
 
+impl NeuroEvent {
+    /// Code of a rising edge of the trigger input. A falling edge is its end.
+    pub const TRIGGER: i32 = 0x0001;
+    /// Bit of [`NeuroEvent::event`] that marks the end of an event, which ROS-Neuro calls OFF.
+    pub const END: i32 = 0x8000;
+
+    /// Returns an event of the bus without number, time and code.
+    pub fn on_bus() -> NeuroEvent {
+        let mut event = NeuroEvent {
+            version: "1".to_owned(),
+            ..NeuroEvent::default()
+        };
+        "trigger".clone_into(&mut event.header.frame_id);
+        event
+    }
+
+    /// Returns the code and the description of an edge of the trigger input.
+    pub const fn trigger_edge(is_rising: bool) -> (i32, &'static str) {
+        if is_rising {
+            (Self::TRIGGER, "trigger high")
+        } else {
+            (Self::TRIGGER | Self::END, "trigger low")
+        }
+    }
+}
+
 impl_wire!(NeuroEvent {
     header: Header,
     neuroheader: NeuroHeader,

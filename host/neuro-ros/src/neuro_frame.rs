@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::header::{Header, NeuroHeader};
+use crate::status_words::tri_info;
 use crate::wire::impl_wire;
 
 /// `rosneuro_msgs/NeuroFrame`: the samples of all channels over a fixed number of time steps.
@@ -22,6 +23,58 @@ pub struct NeuroFrame {
     /// Triggers and status words. Values have at most 16 bits. The recorder stores them as float32,
     /// which is exact up to 2^24.
     pub tri: NeuroDataInt32,
+}
+
+impl NeuroFrame {
+    /// Value of `header.frame_id`, and start of `transducter`, in frames with values that the network
+    /// computed.
+    pub const NETWORK: &'static str = "autoencoder";
+
+    /// Creates a frame for `/encoded` that holds one code of `numbers` values, all zeros.
+    /// `eeg` has the transducter, the filters, and the smallest and largest value.
+    pub fn encoded(codes_per_second: u16, numbers: usize, eeg: NeuroDataInfo) -> NeuroFrame {
+        let eeg = NeuroDataInfo {
+            nsamples: 1,
+            unit: "a.u.".to_owned(),
+            ..eeg.with_labels((0..numbers).map(|index| format!("z{index:03}")).collect())
+        };
+        let exg = NeuroDataInfo::default();
+        NeuroFrame::zeros(codes_per_second, NeuroFrame::NETWORK, eeg, exg)
+    }
+
+    /// Creates a frame in which every value is 0, with the `tri` channels of the status words.
+    pub fn zeros(
+        sr: u16,
+        frame_id: &str,
+        eeg: NeuroDataInfo,
+        mut exg: NeuroDataInfo,
+    ) -> NeuroFrame {
+        let nsamples = eeg.nsamples;
+        let values = |channels: u16| usize::from(nsamples) * usize::from(channels);
+        exg.nsamples = nsamples;
+        if exg.minmax.is_empty() {
+            exg.minmax = vec![0.0, 0.0];
+        }
+        let tri = tri_info(nsamples);
+        let mut frame = NeuroFrame {
+            sr,
+            ..NeuroFrame::default()
+        };
+        frame_id.clone_into(&mut frame.header.frame_id);
+        frame.eeg = NeuroDataFloat {
+            data: vec![0.0; values(eeg.nchannels)],
+            info: eeg,
+        };
+        frame.exg = NeuroDataFloat {
+            data: vec![0.0; values(exg.nchannels)],
+            info: exg,
+        };
+        frame.tri = NeuroDataInt32 {
+            data: vec![0; values(tri.nchannels)],
+            info: tri,
+        };
+        frame
+    }
 }
 
 impl_wire!(NeuroFrame {
@@ -56,6 +109,20 @@ pub struct NeuroDataInfo {
     pub minmax: Vec<f64>,
     /// Names of the channels, in the order of the channels in `data`.
     pub labels: Vec<String>,
+}
+
+impl NeuroDataInfo {
+    /// Returns the description with these channels.
+    #[must_use]
+    pub fn with_labels(self, labels: Vec<String>) -> NeuroDataInfo {
+        let nchannels = u16::try_from(labels.len()).unwrap_or(u16::MAX);
+        NeuroDataInfo {
+            nchannels,
+            stride: nchannels.saturating_mul(4),
+            labels,
+            ..self
+        }
+    }
 }
 
 impl_wire!(NeuroDataInfo {

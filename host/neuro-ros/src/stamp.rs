@@ -39,6 +39,11 @@ impl Stamp {
         }
     }
 
+    /// Returns whether this is time 0, which in ROS means that the time is not known.
+    pub fn is_unset(&self) -> bool {
+        *self == Stamp::default()
+    }
+
     /// Returns the current time of the host's wall clock.
     pub fn now() -> Stamp {
         let since = SystemTime::now()

@@ -9,9 +9,10 @@ use thiserror::Error;
 
 use crate::encoded_stream::CodeKind;
 
-/// First bytes of a recording of corticode-bridge, which holds frames of both directions with times.
+/// First bytes of a recording of corticode-bridge, which holds frames of both directions with
+/// times.
 const BRIDGE_RECORDING: &[u8] = b"CORTIREC";
-/// Number of bytes that are read together.
+/// Number of bytes read at a time.
 const PIECE: usize = 1 << 16;
 
 /// Why a file of codes cannot be decoded.
@@ -229,8 +230,8 @@ pub(crate) struct CodeFile<R> {
 }
 
 impl<R: Read> CodeFile<R> {
-    /// Creates a reader for codes of `model`, of which an hour holds `windows_per_hour`. Those of `kind` are returned,
-    /// or of the kind that comes first.
+    /// Creates a reader that returns the codes of `kind`, or of the kind that comes first. The file
+    /// must be of `model`, and a gap at most `windows_per_hour` windows long.
     pub(crate) fn new(
         source: R,
         model: ModelId,

@@ -7,7 +7,7 @@ use pipeline::Mains;
 
 use crate::error::OfflineError;
 use crate::hops::DecodedHop;
-use crate::original::Original;
+use crate::played::Original;
 
 /// Sums over the compared steps of one electrode, or of several, uV^2.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -19,8 +19,8 @@ pub struct ElectrodeSums {
 }
 
 impl ElectrodeSums {
-    /// Returns the percentage root-mean-square difference, `100 sqrt(error / signal)`; not finite without a
-    /// signal.
+    /// Returns the percentage root-mean-square difference, `100 sqrt(error / signal)`; not finite
+    /// without a signal.
     pub fn prd_percent(&self) -> f64 {
         100.0 * (self.error / self.signal).sqrt()
     }
@@ -47,8 +47,8 @@ impl fmt::Display for ElectrodeOrigin {
     }
 }
 
-/// Returns the time after which the filters of the built-in model have settled, seconds, rounded up: the
-/// shortest recording that can be compared is longer.
+/// Returns the time after which the filters of the built-in model have settled, seconds, rounded
+/// up: the shortest recording that can be compared is longer.
 pub fn settling_s() -> u32 {
     let samples = [Mains::Hz50, Mains::Hz60].map(|mains| mains.filter().settling_samples);
     let samples = samples.into_iter().max().unwrap_or(0);
@@ -66,8 +66,8 @@ pub struct Excerpt {
     pub decoded_uv: Vec<Vec<f32>>,
 }
 
-/// Comparison of a recording after the filters with the signal decoded from its codes. Steps before the
-/// filters had settled, and those without a code, are left out.
+/// Comparison of a recording after the filters with the signal decoded from its codes. Steps before
+/// the filters had settled, and those without a code, are left out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
     /// Errors by electrode.
@@ -101,7 +101,8 @@ impl Comparison {
         (self.total().signal / values.max(1.0)).sqrt()
     }
 
-    /// Returns the mean squared error of `error`, uV^2, which is a sum over `electrodes` electrodes.
+    /// Returns the mean squared error of `error`, uV^2, which is a sum over `electrodes`
+    /// electrodes.
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 values")]
     pub fn mse_uv2(&self, error: ElectrodeSums, electrodes: usize) -> f64 {
         error.error / (self.steps as f64 * electrodes as f64).max(1.0)

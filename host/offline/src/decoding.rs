@@ -15,11 +15,9 @@ use crate::comparison::{Comparing, Comparison};
 use crate::encoded_stream::CodeKind;
 use crate::error::OfflineError;
 use crate::histogram::LevelHistogram;
-use crate::hops::{DecodedHop, Hops};
+use crate::hops::{DecodedHop, Hops, PackedHops};
 use crate::model::Model;
-use crate::original::Original;
-use crate::packed_hops::PackedHops;
-use crate::played::Played;
+use crate::played::{Original, Played};
 use crate::progress::Progress;
 use crate::row_events::RowEvents;
 use crate::signal_file::{self, RowEvent, Signal, SignalFormat};
@@ -27,8 +25,8 @@ use crate::survey::Survey;
 
 /// Length of the excerpt that is kept for a picture, seconds.
 const EXCERPT_S: u64 = 4;
-/// Largest difference between the lengths of a recording and of its decoded signal, seconds: the last steps
-/// fill no hop.
+/// Largest difference between the lengths of a recording and of its decoded signal, seconds: the
+/// last steps fill no hop.
 const LENGTH_TOLERANCE_S: f64 = 0.5;
 
 /// How files of codes are decoded.
@@ -38,7 +36,8 @@ pub struct Decoding<'m> {
     pub model: &'m Model,
     /// Format of the files to write.
     pub format: SignalFormat,
-    /// Codes to decode of a file that holds codes and packed blocks; `None` for the kind that comes first.
+    /// Codes to decode of a file that holds codes and packed blocks; `None` for the kind that comes
+    /// first.
     pub kind: Option<CodeKind>,
     /// Treatment of a file that has the name of the output.
     pub existing: Existing,
@@ -51,8 +50,8 @@ pub struct Decoded {
     pub codes: u64,
     /// Number of bits of the packed blocks; `None` for codes of the network.
     pub packed_bits: Option<u64>,
-    /// Number of windows whose code is missing, or of missing packed blocks. Where neighbours do not cover a
-    /// window, the last values are repeated; a missing block is predicted.
+    /// Number of windows whose code is missing, or of missing packed blocks. Where neighbours do
+    /// not cover a window, the last values are repeated; a missing block is predicted.
     pub missing: u64,
     /// Number of damaged frames.
     pub damaged: u32,
@@ -73,7 +72,8 @@ pub struct Decoded {
 }
 
 impl Decoded {
-    /// Returns whether the file holds packed blocks, of one hop each, instead of codes of the network.
+    /// Returns whether the file holds packed blocks, of one hop each, instead of codes of the
+    /// network.
     pub const fn is_packed(&self) -> bool {
         self.packed_bits.is_some()
     }
@@ -93,12 +93,13 @@ impl Decoded {
 }
 
 impl Decoding<'_> {
-    /// Decodes the file of codes `input` to the file `output`. `original` is the recording of which the codes
-    /// are: its events are written, and the decoded signal is compared with its own.
+    /// Decodes the file of codes `input` to the file `output`. `original` is the recording from
+    /// which the codes were made: its events are written, and the decoded signal is compared with
+    /// its own.
     ///
     /// # Errors
-    /// [`OfflineError`] if a file cannot be read or written, or [`Progress::interrupt`] was called. Then no
-    /// file has the name of the output.
+    /// [`OfflineError`] if a file cannot be read or written, or [`Progress::interrupt`] was called.
+    /// Then no file has the name of the output.
     pub fn decode(
         &self,
         input: &Path,
@@ -255,7 +256,7 @@ impl Decoding<'_> {
             path: codes.to_owned(),
             source: CodeFileError::Mains(mains_hz),
         })?;
-        // As the recording was encoded.
+        // The same treatment as when the recording was encoded.
         let missing = if survey.announcement.substitutes.zero == 0 {
             Missing::Interpolate
         } else {

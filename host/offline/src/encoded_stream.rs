@@ -48,9 +48,11 @@ pub struct PackedCounts {
     pub bits: u64,
     /// Number of electrode values that were clipped to the range of the inputs.
     pub clipped: u64,
-    /// Number of blocks, made after the filters had settled, that the model does not represent well.
+    /// Number of blocks, made after the filters had settled, that the model does not represent
+    /// well.
     pub misfits: u64,
-    /// Number of blocks, made after the filters had settled, that were too long and have no content.
+    /// Number of blocks, made after the filters had settled, that were too long and have no
+    /// content.
     pub blanks: u64,
 }
 

@@ -19,7 +19,7 @@ use crate::played::{Played, first_channels};
 use crate::progress::Progress;
 use device::Device;
 
-/// Number of bytes of frames that are written together.
+/// Number of bytes of frames written at a time.
 const PIECE: usize = 1 << 16;
 
 /// How recordings are encoded.
@@ -64,8 +64,8 @@ impl Encoded {
 }
 
 impl Encoding {
-    /// Encodes the recording `input` to the file `output`, which holds the frames of a device from its start
-    /// to the end of the recording. The codes are those of `host-sim run`, bit for bit.
+    /// Encodes the recording `input` to the file `output`, which holds the frames of a device from
+    /// its start to the end of the recording. The codes are those of `host-sim run`, bit for bit.
     ///
     /// # Errors
     /// [`OfflineError`] if the recording cannot be read to its end, the file cannot be written, or

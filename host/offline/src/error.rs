@@ -117,8 +117,8 @@ impl OfflineError {
         }
     }
 
-    /// Returns the exit status of a program: 1 if the output cannot be written any further, or the user
-    /// ended the program; 2 if an input or the name of an output cannot be used.
+    /// Returns the exit status of a program: 1 if the output cannot be written any further, or the
+    /// user ended the program; 2 if an input or the name of an output cannot be used.
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Write { .. }

@@ -1,9 +1,9 @@
-//! Recordings encoded to files of codes or of packed blocks, these decoded to files of signals, and the error between them,
-//! without a host or a clock.
+//! Recordings encoded to files of codes or of packed blocks, these decoded to files of signals, and
+//! the error between them, without a host or a clock.
 //!
-//! The pipeline and the link are those of the firmware, and the decoder is the bridge's, so codes and
-//! microvolts equal theirs bit for bit. The commands `host-sim encode` and `host-sim decode` run
-//! [`Encoding`] and [`Decoding`] for many files at once.
+//! The pipeline and the link are those of the firmware, and the decoder is the bridge's, so codes
+//! and microvolts equal theirs bit for bit. The commands `host-sim encode` and `host-sim decode`
+//! run [`Encoding`] and [`Decoding`] for many files at once.
 //!
 //! ```text
 //! recording ──Played: virtual ADC──► Device: pipeline ──frames──► file of codes
@@ -23,8 +23,6 @@ mod error;
 mod histogram;
 mod hops;
 mod model;
-mod original;
-mod packed_hops;
 mod played;
 mod progress;
 pub mod report;

@@ -36,8 +36,8 @@ impl Model {
     /// Reads the model in a folder.
     ///
     /// # Errors
-    /// [`OfflineError::Model`] if the folder holds no valid model, or its decoder needs more input than
-    /// the code.
+    /// [`OfflineError::Model`] if the folder holds no valid model, or its decoder needs more input
+    /// than the code.
     pub fn read(folder: &Path) -> Result<Self, OfflineError> {
         Artifact::read(folder)
             .and_then(|artifact| Self::new(&artifact))
@@ -47,7 +47,8 @@ impl Model {
             })
     }
 
-    /// Returns whether this program was built with this model, so that it can filter recordings for it.
+    /// Returns whether this program was built with this model, so that it can filter recordings for
+    /// it.
     pub fn is_built_in(&self) -> bool {
         self.id.0 == ::model::MODEL_ID
     }

@@ -1,11 +1,12 @@
-//! A recording that a virtual ADC plays to the model's electrodes.
+//! A recording at the model's ADC, and after its filters.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use link::Substitutes;
-use pipeline::Sample;
+use pipeline::{ELECTRODES, Electrodes, FrontEnd, Mains, Sample};
 use recordings::{
-    AdcSpec, Missing, MontageMap, Onsets, Recording, VirtualAdc, montage_map::Origin, virtual_adc,
+    AdcSpec, Missing, MontageMap, Onsets, Recording, RecordingError, VirtualAdc,
+    montage_map::Origin, virtual_adc,
 };
 
 use crate::error::OfflineError;
@@ -65,8 +66,8 @@ impl Played {
     }
 }
 
-/// Returns the sample of the model's ADC. The virtual ADC fills the channels of the longest chain; those
-/// beyond the model's carry no electrode.
+/// Returns the sample of the model's ADC. The virtual ADC fills the channels of the longest chain;
+/// those beyond the model's carry no electrode.
 pub(crate) fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
     Sample {
         counts: std::array::from_fn(|channel| counts[channel]),
@@ -78,4 +79,53 @@ fn bits(map: &MontageMap, wanted: impl Fn(&Origin) -> bool) -> u64 {
     let electrodes = (0..u64::BITS).zip(map.origins());
     let electrodes = electrodes.filter(|(_, origin)| wanted(origin));
     electrodes.fold(0, |bits, (electrode, _)| bits | 1 << electrode)
+}
+
+/// Steps of a recording after the filters, before they become int8.
+pub(crate) struct Original {
+    path: PathBuf,
+    pub(crate) played: Played,
+    front_end: FrontEnd<'static, Mains, { model::PHASES }, { model::TAPS }>,
+}
+
+impl Original {
+    /// Opens a recording, whose missing electrodes get the treatment `missing`, and puts the
+    /// filters at rest before its first sample.
+    ///
+    /// # Errors
+    /// Those of [`Played::open`].
+    pub(crate) fn open(path: &Path, mains: Mains, missing: Missing) -> Result<Self, OfflineError> {
+        Ok(Self {
+            path: path.to_owned(),
+            played: Played::open(path, missing)?,
+            front_end: FrontEnd::new(mains, &model::RESAMPLER),
+        })
+    }
+
+    /// Returns the electrodes at the next step, microvolts; `None` at the end of the recording.
+    ///
+    /// # Errors
+    /// [`OfflineError::Recording`] if the rest cannot be read.
+    pub(crate) fn next_step(&mut self) -> Result<Option<[f32; ELECTRODES]>, OfflineError> {
+        while let Some(counts) = self.played.adc.next() {
+            let counts = counts.map_err(|source: RecordingError| OfflineError::Recording {
+                path: self.path.clone(),
+                source,
+            })?;
+            if let Some((electrodes, _)) = self.front_end.filter_sample(&first_channels(counts)) {
+                return Ok(Some(microvolts(&electrodes)));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// Converts the filters' output, counts with [`model::GUARD_BITS`] fraction bits, to microvolts.
+fn microvolts(electrodes: &Electrodes) -> [f32; ELECTRODES] {
+    let levels_per_count = f32::from(1_u16 << model::GUARD_BITS);
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "24 bits are far finer than the decoder's error"
+    )]
+    electrodes.map(|value| value as f32 / levels_per_count * model::LSB_NV / 1000.0)
 }

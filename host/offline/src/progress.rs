@@ -4,7 +4,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::error::OfflineError;
 
-/// Seconds of signal processed by all jobs, and whether they shall end early. Jobs share one progress.
+/// Seconds of signal processed by all jobs, and whether they should end early. Jobs share one
+/// progress.
 #[derive(Debug, Default)]
 pub struct Progress {
     seconds: AtomicU64,
@@ -31,7 +32,7 @@ impl Progress {
         self.check()
     }
 
-    /// Returns whether the jobs may go on.
+    /// Checks whether the jobs may continue.
     ///
     /// # Errors
     /// [`OfflineError::Interrupted`] after [`Self::interrupt`].

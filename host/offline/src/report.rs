@@ -1,29 +1,48 @@
 //! The report of decoded recordings: pictures, a table, and a page that shows them.
 
-mod entry;
 mod page;
 mod pictures;
-mod table;
 
+use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
 use artifact::Description;
 use new_file::{Existing, NewFileError};
+use picture::page::csv_field;
 
+use crate::comparison::Comparison;
+use crate::decoding::Decoded;
 use crate::error::OfflineError;
-pub use entry::Entry;
 
 /// File name of the page.
 const PAGE: &str = "index.html";
 /// File name of the errors of all electrodes.
 const TABLE: &str = "electrodes.csv";
 
+/// A decoded recording, with its name in the report.
+#[derive(Debug, Clone)]
+pub struct Entry {
+    /// Name, such as "S001/S001R11": the folder of its pictures within that of the report.
+    pub name: String,
+    /// Result of decoding it.
+    pub decoded: Decoded,
+}
+
+impl Entry {
+    /// Returns the comparison with the original; `None` without one, and if no step could be
+    /// compared.
+    fn compared(&self) -> Option<&Comparison> {
+        let comparison = self.decoded.comparison.as_ref();
+        comparison.filter(|comparison| comparison.steps > 0)
+    }
+}
+
 /// Creates the folder of a report.
 ///
 /// # Errors
-/// [`OfflineError::NewFile`] if the folder holds a report already and `existing` does not allow to replace it;
-/// [`OfflineError::Write`] if the folder cannot be created.
+/// [`OfflineError::NewFile`] if the folder holds a report already and `existing` does not allow to
+/// replace it; [`OfflineError::Write`] if the folder cannot be created.
 pub fn check(folder: &Path, existing: Existing) -> Result<(), OfflineError> {
     for path in [PAGE, TABLE].map(|name| folder.join(name)) {
         if path.exists() && existing == Existing::Refuse {
@@ -33,9 +52,10 @@ pub fn check(folder: &Path, existing: Existing) -> Result<(), OfflineError> {
     fs::create_dir_all(folder).map_err(OfflineError::write(folder))
 }
 
-/// Writes the report of `entries` to `folder`, which is created: `index.html`, `electrodes.csv`, and the
-/// pictures of each recording in a folder with its name. Entries without a comparison have no error and no
-/// traces. Files of an earlier report are replaced; [`check`] refuses that before the work begins.
+/// Writes the report of `entries` to `folder`, which is created: `index.html`, `electrodes.csv`,
+/// and the pictures of each recording in a folder with its name. Entries without a comparison have
+/// no error and no traces. Files of an earlier report are replaced; [`check`] refuses that before
+/// the work begins.
 ///
 /// # Errors
 /// [`OfflineError::Write`] or [`OfflineError::Picture`] if a file cannot be written.
@@ -51,10 +71,36 @@ pub fn write(
     }
     for (name, text) in [
         (PAGE, page::page(description, entries)),
-        (TABLE, table::electrodes(description, entries)),
+        (TABLE, electrodes(description, entries)),
     ] {
         let path = folder.join(name);
         fs::write(&path, text).map_err(OfflineError::write(&path))?;
     }
     Ok(())
+}
+
+/// Returns one line for each recording and electrode.
+fn electrodes(description: &Description, entries: &[Entry]) -> String {
+    let mut text = "recording,electrode,origin,steps,mse,mse_uv2,prd_percent\n".to_owned();
+    let unit = description.input.sd_uv.powi(2);
+    for entry in entries {
+        let Some(comparison) = entry.compared() else {
+            continue;
+        };
+        let labels = description.montage.electrodes.iter();
+        let errors = comparison.electrodes.iter().zip(&comparison.origins);
+        for (label, (error, origin)) in labels.zip(errors) {
+            let mse_uv2 = comparison.mse_uv2(*error, 1);
+            // Writing to a string never fails.
+            let _ = writeln!(
+                text,
+                "{},{label},{origin},{},{},{mse_uv2},{}",
+                csv_field(&entry.name),
+                comparison.steps,
+                mse_uv2 / unit,
+                error.prd_percent()
+            );
+        }
+    }
+    text
 }

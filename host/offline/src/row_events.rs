@@ -17,13 +17,14 @@ pub(crate) struct RowEvents {
     pub(crate) rows: Vec<RowEvent>,
     /// GDF types of texts, from 1.
     pub(crate) types: Vec<(String, u16)>,
-    /// Number of events outside the decoded signal, and of those that would need another type than 1 to 254.
+    /// Number of events outside the decoded signal, and of those that would need another type than
+    /// 1 to 254.
     pub(crate) left_out: usize,
 }
 
 impl RowEvents {
-    /// Places the events of a recording, if there is one, at the rows that show them, and an event at the
-    /// first row of each gap.
+    /// Places the events of a recording, if there is one, at the rows that show them, and an event
+    /// at the first row of each gap.
     pub(crate) fn new(onsets: Option<&Onsets>, survey: &Survey, description: &Description) -> Self {
         let mut events = Self::default();
         if let Some(onsets) = onsets {
@@ -76,8 +77,8 @@ impl RowEvents {
     }
 }
 
-/// Returns the row that shows the electrodes at a time of the recording; `None` outside the decoded signal.
-/// The filters delay the signal.
+/// Returns the row that shows the electrodes at a time of the recording; `None` outside the decoded
+/// signal. The filters delay the signal.
 fn row_of(onset_s: f64, survey: &Survey, description: &Description) -> Option<u64> {
     let delay_s = f64::from(survey.announcement.group_delay_us) / 1e6;
     let row = ((onset_s + delay_s) * f64::from(description.window.rate_hz)).round();

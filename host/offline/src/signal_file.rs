@@ -2,16 +2,88 @@
 
 mod csv;
 mod edf;
-mod format;
 mod gdf;
 mod npz;
-mod signal;
 
 use std::fs::File;
 use std::io;
 
-pub use format::SignalFormat;
-pub(crate) use signal::{RowEvent, Signal, SignalFile};
+use link::Flags;
+
+/// Format of a file of decoded signals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SignalFormat {
+    /// EDF+: 16 bits, tenths of a microvolt, +-3276.7 uV.
+    Edf,
+    /// BDF+: 24 bits over the ADC's full scale.
+    Bdf,
+    /// GDF 2.20: float32.
+    Gdf,
+    /// Arrays for `numpy.load`: float32.
+    Npz,
+    /// One line per step.
+    Csv,
+}
+
+impl SignalFormat {
+    /// Returns the extension of a file name.
+    pub const fn extension(self) -> &'static str {
+        match self {
+            Self::Edf => "edf",
+            Self::Bdf => "bdf",
+            Self::Gdf => "gdf",
+            Self::Npz => "npz",
+            Self::Csv => "csv",
+        }
+    }
+}
+
+/// An event at a row of the signal.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct RowEvent {
+    pub(crate) row: u64,
+    pub(crate) text: String,
+    /// Type in a GDF file.
+    pub(crate) kind: u16,
+}
+
+/// Description of a signal, which a file states before the first row.
+#[derive(Debug, Clone)]
+pub(crate) struct Signal<'a> {
+    /// Electrodes, in the order of the values in a row.
+    pub(crate) labels: &'a [String],
+    /// Rows per second, Hz.
+    pub(crate) rate_hz: u32,
+    /// Number of rows written at a time.
+    pub(crate) rows_per_hop: u32,
+    /// Number of all rows.
+    pub(crate) rows: u64,
+    /// Delay of the filters, microseconds: a row with the time t shows the electrodes at t less the
+    /// delay.
+    pub(crate) group_delay_us: u32,
+    /// Largest magnitude of a value, microvolts.
+    pub(crate) full_scale_uv: f32,
+    /// Events in the order of their rows.
+    pub(crate) events: Vec<RowEvent>,
+    /// Text that identifies the signal.
+    pub(crate) description: String,
+}
+
+/// Writes the rows of a signal in a file format.
+pub(crate) trait SignalFile {
+    /// Writes one hop: [`Signal::rows_per_hop`] rows with a value for each electrode, and the flags
+    /// of all of them.
+    ///
+    /// # Errors
+    /// The operating system's error, or `InvalidInput` for what the format cannot hold.
+    fn write_hop(&mut self, uv: &[f32], flags: Flags) -> io::Result<()>;
+
+    /// Completes the file. Returns the number of values that were limited to the format's range.
+    ///
+    /// # Errors
+    /// As [`Self::write_hop`].
+    fn finish(self: Box<Self>) -> io::Result<u64>;
+}
 
 /// Creates the writer of a format.
 ///

@@ -116,4 +116,30 @@ impl Substitutes {
         interpolated: 0,
         zero: 0,
     };
+
+    /// Formats the electrodes of both sets by their labels, such as "interpolated: F1 F2; zero: Cz".
+    /// `labels` are those of [`Capabilities::labels`](crate::Capabilities::labels).
+    pub fn named<'a>(
+        self,
+        labels: impl Iterator<Item = &'a str> + Clone,
+    ) -> impl core::fmt::Display {
+        core::fmt::from_fn(move |f| {
+            let mut separator = "";
+            for (kind, set) in [("interpolated", self.interpolated), ("zero", self.zero)] {
+                let mut start = kind;
+                for (_, label) in labels
+                    .clone()
+                    .enumerate()
+                    .filter(|(n, _)| *n < 64 && set >> n & 1 == 1)
+                {
+                    if start == kind {
+                        write!(f, "{separator}{kind}:")?;
+                    }
+                    (start, separator) = ("", "; ");
+                    write!(f, " {label}")?;
+                }
+            }
+            Ok(())
+        })
+    }
 }

@@ -3,7 +3,7 @@
 use super::outcome::Outcome;
 use crate::error::TrainerError;
 use crate::evaluate::ReconstructionError;
-use picture::csv_field::field;
+use picture::page::csv_field;
 use serde::Serialize;
 use std::fmt::{self, Write};
 use std::fs;
@@ -147,7 +147,7 @@ impl Table {
                 mse_uv2,
                 prd_percent,
             } = row;
-            let subject = field(subject);
+            let subject = csv_field(subject);
             let _ = write!(text, "{subject},{folds},{model},{codes},{is_decodable}");
             for Spread { mean, sd } in [mse, mse_uv2, prd_percent] {
                 let _ = write!(text, ",{mean},{sd}");

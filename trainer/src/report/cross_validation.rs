@@ -6,8 +6,8 @@ use crate::crossval::{Outcome, Table, columns};
 use crate::error::TrainerError;
 use picture::axis::{Axis, Scale};
 use picture::canvas::{INK, RESULT, SOURCE};
-use picture::csv_field::field;
 use picture::lines::{Lines, Mark, Series};
+use picture::page::csv_field;
 use std::fmt::Write as _;
 
 /// Largest number of folds whose names fit below the axis.
@@ -158,7 +158,7 @@ fn folds_csv(table: &Table) -> String {
             let _ = writeln!(
                 text,
                 "{},{},{},{model},{codes},{},{},{}",
-                field(&outcome.subject),
+                csv_field(&outcome.subject),
                 outcome.repetition,
                 outcome.fold,
                 errors.mse,
@@ -216,7 +216,7 @@ fn learning_csv(table: &Table) -> String {
         let Some(curve) = &outcome.curve else {
             continue;
         };
-        let subject = field(&outcome.subject);
+        let subject = csv_field(&outcome.subject);
         let losses = curve.epochs.iter().map(|epoch| epoch.loss.to_string());
         let losses = std::iter::once(String::new()).chain(losses);
         for (epoch, (loss, validation)) in losses.zip(curve.validations()).enumerate() {

@@ -8,8 +8,8 @@ use crate::truncation::TruncationError;
 use artifact::Mode;
 use picture::axis::{Axis, Scale};
 use picture::canvas::{INK, RESULT, SOURCE};
-use picture::csv_field::field;
 use picture::lines::{Lines, Mark, Series};
+use picture::page::csv_field;
 use picture::scalp_map::{Place, ScalpMap, on_map};
 use recordings::Position;
 use std::fmt::Write as _;
@@ -192,7 +192,7 @@ fn electrodes_csv(codes: &CodeComparison, sd_uv: f64) -> String {
         let _ = writeln!(
             text,
             "{},{row},{column},{origin},{mse_float},{mse_int8},{},{}",
-            field(label),
+            csv_field(label),
             mse_float * unit,
             mse_int8 * unit
         );

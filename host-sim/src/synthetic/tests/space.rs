@@ -95,8 +95,8 @@ fn components_and_correlations_are_close_to_a_recording() {
     for (share, low) in found.into_iter().zip([0.96, 0.985, 0.995]) {
         assert!((low..0.9995).contains(&share), "{found:?}");
     }
-    // EEGMMIDB S001R03: 0.94, 0.67, 0.42. Limits: 0.1 for the dipoles of one seed. Measured here: 0.96,
-    // 0.64, 0.40.
+    // EEGMMIDB S001R03: 0.94, 0.67, 0.42. Limits: 0.1 for the dipoles of one seed. Measured here:
+    // 0.96, 0.64, 0.40.
     let found = correlations(&labels, &traces, [0.3, 1.1, 1.7]);
     for (correlation, expected) in found.into_iter().zip([0.94, 0.67, 0.42]) {
         assert!((correlation - expected).abs() < 0.1, "{found:?}");
@@ -146,18 +146,5 @@ fn amplitudes_are_as_specified() {
             .iter()
             .all(|power| (15.0..35.0).contains(&power.sqrt())),
         "{powers:?}"
-    );
-}
-
-#[test]
-fn correlation_falls_with_distance() {
-    let traces = generate(&quiet(), 60);
-    let with = |a, b| correlation(&traces[channel(a)], &traces[channel(b)]);
-    let (near, far, across) = (with("Cz", "C1"), with("Cz", "O1"), with("Fpz", "O2"));
-    assert!(near > 0.9, "Cz and C1, 18 degrees apart: {near}");
-    assert!(far < near - 0.1, "Cz and O1: {far}");
-    assert!(
-        (0.05..0.7).contains(&across) && across < far,
-        "Fpz and O2: {across}"
     );
 }

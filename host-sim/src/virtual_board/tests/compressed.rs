@@ -37,11 +37,7 @@ struct Bytes {
 fn compare(samples: impl Iterator<Item = Sample>) -> Bytes {
     let (mut board, outbox) = board();
     let streams = Streams::RAW | Streams::COMPRESSED_RAW;
-    let start = ToDevice::Start(Start {
-        streams,
-        mains_hz: 0,
-    });
-    send(&mut board, &mut Encoder::default(), start);
+    send(&mut board, &mut Encoder::default(), start(streams));
     let mut decoder = lossless::Decoder::NEW;
     let mut bytes = Bytes::default();
     let mut raw = Vec::new();

@@ -4,10 +4,7 @@ use link::ResetInto;
 
 use super::*;
 
-const START_PACKED: ToDevice = ToDevice::Start(Start {
-    streams: Streams::PACKED,
-    mains_hz: 0,
-});
+const START_PACKED: ToDevice = start(Streams::PACKED);
 
 /// Returns the rates of the packed blocks of one second.
 fn rates(board: &mut VirtualBoard, outbox: &Outbox) -> Vec<u8> {

@@ -27,13 +27,6 @@ fn samples(count: usize) -> Vec<Sample> {
     (0..count).map(sample).collect()
 }
 
-fn start(streams: Streams) -> ToDevice {
-    ToDevice::Start(Start {
-        streams,
-        mains_hz: 0,
-    })
-}
-
 /// Passes `samples` to a board that sends `streams`. Returns what `select` picks from the messages.
 fn streamed<T>(
     streams: Streams,
@@ -91,38 +84,6 @@ fn filtered_frames_are_the_steps_that_the_encoder_reads() {
     let expected: Vec<i32> = steps.iter().flat_map(|step| step.electrodes).collect();
     let together: Vec<i32> = seen.into_iter().flat_map(|(_, values)| values).collect();
     assert_eq!(together, expected);
-}
-
-#[test]
-fn an_audit_contains_the_planes_of_its_code() {
-    // Every ten seconds a window has an audit: here windows 0 and `period`.
-    let period = 10 * usize::from(model::STEP_RATE_HZ) / model::HOP;
-    let steps = period * model::HOP + model::STEPS;
-    let samples =
-        samples((steps * model::ADC_RATE_HZ as usize).div_ceil(usize::from(model::STEP_RATE_HZ)));
-    let seen = streamed(Streams::AUDIT, &samples, |message| match message {
-        ToHost::Audit(audit) => {
-            let levels: Vec<i32> = audit.values.levels().collect();
-            Some((audit.window, audit.planes.to_vec(), levels))
-        }
-        _ => None,
-    });
-    let windows: Vec<u32> = seen.iter().map(|(window, ..)| *window).collect();
-    assert_eq!(windows, [0, u32::try_from(period).expect("small")]);
-    for (_, planes, values) in seen {
-        let mut encoder = pipeline::Encoder::new();
-        let code = planes
-            .chunks_exact(model::CELLS)
-            .find_map(|plane| {
-                let mut step = Step::SILENCE;
-                for (cell, byte) in step.plane.iter_mut().zip(plane) {
-                    *cell = byte.cast_signed();
-                }
-                encoder.encode_step(&step)
-            })
-            .expect("a window of planes");
-        assert_eq!(code.values.levels().to_vec(), values);
-    }
 }
 
 #[test]

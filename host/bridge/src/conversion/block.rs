@@ -3,7 +3,7 @@
 use link::Flags;
 use neuro_ros::NeuroFrame;
 
-use crate::streams::tri::TRI_LABELS;
+use neuro_ros::TRI_LABELS;
 
 /// A stream that a recording is converted to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

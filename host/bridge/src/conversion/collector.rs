@@ -284,7 +284,7 @@ mod tests {
     use crate::decoder::thread::tests::{SETTINGS, device};
     use crate::effects::{Announcement, Effects};
     use crate::settings::Settings;
-    use crate::streams::tri::TriWords;
+    use neuro_ros::TriWords;
 
     /// Keeps the times of rows, and whether they are fillers.
     #[derive(Default)]

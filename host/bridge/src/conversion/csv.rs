@@ -4,7 +4,7 @@ use std::io::{self, BufWriter, Write};
 
 use crate::conversion::block::Block;
 use crate::conversion::rows::{RowWriter, StreamFile};
-use crate::streams::tri::TRI_LABELS;
+use neuro_ros::TRI_LABELS;
 
 /// Writes a header line and one line per row.
 pub(crate) struct CsvWriter<W: Write> {

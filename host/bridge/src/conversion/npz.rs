@@ -6,7 +6,7 @@ use recordings::npz::NpzWriter;
 
 use crate::conversion::block::{Block, TimedEvent};
 use crate::conversion::rows::{RowWriter, StreamFile};
-use crate::streams::tri::TRI_LABELS;
+use neuro_ros::TRI_LABELS;
 
 /// Writes a file for `numpy.load`: the arrays `labels`, `words`, `rate_hz`, `events` and `rows`.
 ///

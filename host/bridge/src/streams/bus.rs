@@ -4,10 +4,6 @@ use neuro_ros::{NeuroEvent, Stamp};
 
 use crate::effects::Effects;
 
-/// Bit that marks the end of an event in GDF's event table and on ROS-Neuro's event bus, where it
-/// is called OFF (32768).
-const END_OF_EVENT: i32 = 0x8000;
-
 /// What an event on the bus reports.
 ///
 /// The codes of lost data, lost edges and refused devices are the project's own; they are outside
@@ -36,11 +32,11 @@ impl BusEvent {
     /// Returns the event's code.
     fn code(&self) -> i32 {
         match self {
-            BusEvent::TriggerHigh => 0x0001,
-            BusEvent::TriggerLow => 0x0001 | END_OF_EVENT,
+            BusEvent::TriggerHigh => NeuroEvent::trigger_edge(true).0,
+            BusEvent::TriggerLow => NeuroEvent::trigger_edge(false).0,
             // GDF's event table: artifact, failing electrode.
             BusEvent::ElectrodesOff(_) => 0x0105,
-            BusEvent::ElectrodesOn => 0x0105 | END_OF_EVENT,
+            BusEvent::ElectrodesOn => 0x0105 | NeuroEvent::END,
             BusEvent::DataLost(_) => 0x7f01,
             BusEvent::EdgesLost(_) => 0x7f02,
             BusEvent::DeviceRefused(_) => 0x7f03,
@@ -59,8 +55,8 @@ impl BusEvent {
 
     fn description(&self) -> String {
         match self {
-            BusEvent::TriggerHigh => "trigger high".to_owned(),
-            BusEvent::TriggerLow => "trigger low".to_owned(),
+            BusEvent::TriggerHigh => NeuroEvent::trigger_edge(true).1.to_owned(),
+            BusEvent::TriggerLow => NeuroEvent::trigger_edge(false).1.to_owned(),
             BusEvent::ElectrodesOff(labels) => format!("electrodes off: {}", labels.join(" ")),
             BusEvent::ElectrodesOn => "electrodes have contact".to_owned(),
             BusEvent::DataLost(seconds) => format!("data lost: {seconds:.3} s"),
@@ -83,13 +79,8 @@ pub(crate) struct EventBus {
 
 impl EventBus {
     pub(crate) fn new(enabled: bool) -> EventBus {
-        let mut message = NeuroEvent {
-            version: "1".to_owned(),
-            ..NeuroEvent::default()
-        };
-        "trigger".clone_into(&mut message.header.frame_id);
         EventBus {
-            message,
+            message: NeuroEvent::on_bus(),
             enabled,
             shift_us: 0,
         }

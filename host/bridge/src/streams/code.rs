@@ -14,7 +14,7 @@ use crate::streams::counts::{CodeCounts, HopCounts};
 use crate::streams::decoding::{DecodedStream, Decoding};
 use crate::streams::hop_timeline::{HopDurations, HopPlace, HopTimeline};
 use crate::streams::stamps::{FrameSteps, MonotoneStamps, Reception, frame_time_ns};
-use crate::streams::tri::TriWords;
+use neuro_ros::TriWords;
 
 /// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Fillers replace lost
 /// codes.

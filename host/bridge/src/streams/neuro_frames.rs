@@ -1,13 +1,9 @@
 //! Templates of the NeuroFrames for the topics of a device.
 
-use neuro_ros::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
+use neuro_ros::{NeuroDataInfo, NeuroFrame};
 
 use crate::device::Device;
-use crate::streams::tri::tri_info;
 
-/// Value of `header.frame_id`, and start of `transducter`, in frames with values that the network
-/// computed.
-const NETWORK: &str = "autoencoder";
 /// Value of `header.frame_id`, and start of `transducter`, in frames with values that the packed code
 /// holds.
 const PACKED: &str = "packed code";
@@ -18,32 +14,19 @@ const AMPLIFIER: &str = "electrodes";
 impl Device {
     /// Returns a frame for `/encoded` that holds one code, all zeros.
     pub fn encoded_frame(&self) -> NeuroFrame {
-        let numbers = u16::try_from(self.numbers()).unwrap_or(u16::MAX);
-        let labels = (0..numbers).map(|index| format!("z{index:03}")).collect();
         let eeg = NeuroDataInfo {
-            nsamples: 1,
-            nchannels: numbers,
-            // Bytes of one sample, with four bytes for each number.
-            stride: numbers.saturating_mul(4),
-            unit: "a.u.".to_owned(),
-            transducter: self.transducter(NETWORK),
+            transducter: self.transducter(NeuroFrame::NETWORK),
             prefiltering: self.filters.clone(),
-            isint: 0,
             minmax: self.code_range.map(f64::from).to_vec(),
-            labels,
+            ..NeuroDataInfo::default()
         };
-        frame(
-            self.codes_per_second(),
-            NETWORK,
-            eeg,
-            NeuroDataInfo::default(),
-        )
+        NeuroFrame::encoded(self.codes_per_second(), self.numbers(), eeg)
     }
 
     /// Returns a frame for `/neurodata_reconstructed`, from codes, that holds the steps of one hop, all
     /// zeros.
     pub fn reconstructed_frame(&self) -> NeuroFrame {
-        self.hop_frame(NETWORK)
+        self.hop_frame(NeuroFrame::NETWORK)
     }
 
     /// Returns a frame for `/neurodata_reconstructed`, from packed blocks, that holds the steps of one hop,
@@ -57,13 +40,13 @@ impl Device {
             transducter: self.transducter(origin),
             ..self.electrodes(u16::from(self.hop_steps))
         };
-        frame(self.step_rate_hz, origin, eeg, NeuroDataInfo::default())
+        NeuroFrame::zeros(self.step_rate_hz, origin, eeg, NeuroDataInfo::default())
     }
 
     /// Returns a frame for `/neurodata_corticode` that holds the steps of one hop, all zeros.
     pub fn filtered_frame(&self) -> NeuroFrame {
         let eeg = self.electrodes(u16::from(self.hop_steps));
-        frame(self.step_rate_hz, AMPLIFIER, eeg, NeuroDataInfo::default())
+        NeuroFrame::zeros(self.step_rate_hz, AMPLIFIER, eeg, NeuroDataInfo::default())
     }
 
     /// Returns a frame for `/neurodata` that holds the samples of about one hop, all zeros, with
@@ -78,9 +61,9 @@ impl Device {
         let labels = spare.map(|channel| self.channel_label(channel)).collect();
         let exg = NeuroDataInfo {
             transducter: AMPLIFIER.to_owned(),
-            ..channels_like(&eeg, labels)
+            ..eeg.clone().with_labels(labels)
         };
-        frame(self.adc_rate_hz, AMPLIFIER, eeg, exg)
+        NeuroFrame::zeros(self.adc_rate_hz, AMPLIFIER, eeg, exg)
     }
 
     /// Returns the number of samples in a frame of `/neurodata`: the largest divisor of the ADC's
@@ -110,45 +93,6 @@ impl Device {
             minmax: vec![-self.full_scale_uv, self.full_scale_uv],
             ..NeuroDataInfo::default()
         };
-        channels_like(&info, self.labels.clone())
+        info.with_labels(self.labels.clone())
     }
-}
-
-/// Returns a copy of `info` for the channels `labels`.
-fn channels_like(info: &NeuroDataInfo, labels: Vec<String>) -> NeuroDataInfo {
-    let nchannels = u16::try_from(labels.len()).unwrap_or(u16::MAX);
-    NeuroDataInfo {
-        nchannels,
-        stride: nchannels.saturating_mul(4),
-        labels,
-        ..info.clone()
-    }
-}
-
-fn frame(sr: u16, frame_id: &str, eeg: NeuroDataInfo, mut exg: NeuroDataInfo) -> NeuroFrame {
-    let nsamples = eeg.nsamples;
-    let values = |channels: u16| usize::from(nsamples) * usize::from(channels);
-    exg.nsamples = nsamples;
-    if exg.minmax.is_empty() {
-        exg.minmax = vec![0.0, 0.0];
-    }
-    let tri = tri_info(nsamples);
-    let mut frame = NeuroFrame {
-        sr,
-        ..NeuroFrame::default()
-    };
-    frame_id.clone_into(&mut frame.header.frame_id);
-    frame.eeg = NeuroDataFloat {
-        data: vec![0.0; values(eeg.nchannels)],
-        info: eeg,
-    };
-    frame.exg = NeuroDataFloat {
-        data: vec![0.0; values(exg.nchannels)],
-        info: exg,
-    };
-    frame.tri = NeuroDataInt32 {
-        data: vec![0; values(tri.nchannels)],
-        info: tri,
-    };
-    frame
 }

@@ -14,7 +14,7 @@ use crate::streams::counts::{HopCounts, PackedCounts};
 use crate::streams::decoding::{DecodedStream, Decoding};
 use crate::streams::hop_timeline::{HopDurations, HopPlace, HopTimeline};
 use crate::streams::stamps::{FrameSteps, MonotoneStamps, Reception, frame_time_ns};
-use crate::streams::tri::TriWords;
+use neuro_ros::TriWords;
 
 /// Places packed blocks in time and passes them to the decoder, with a placeholder for each missing one.
 ///

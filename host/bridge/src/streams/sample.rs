@@ -7,7 +7,7 @@ use crate::settings::{FillerPolicy, Settings, StampPoint};
 use crate::streams::continuity::{Continuity, MissingStretch};
 use crate::streams::counts::SampleCounts;
 use crate::streams::stamps::{MonotoneStamps, Reception};
-use crate::streams::tri::TriWords;
+use neuro_ros::TriWords;
 
 /// Longest part of a gap that is filled, seconds. At 16 frames per second it takes 1,920 frames,
 /// which fit into a subscriber's queue. After a longer outage a new recording is needed.

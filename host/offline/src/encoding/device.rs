@@ -44,8 +44,8 @@ const ABILITIES: Abilities = Abilities {
     clock: false,
 };
 
-/// A device that streams codes or packed blocks from its first sample on. Its frames are those of a board but for the
-/// status of the converters, which it lacks.
+/// A device that streams codes or packed blocks from its first sample on. Its frames are those of a
+/// board, without the status of the converters.
 #[derive(Debug)]
 pub(super) struct Device {
     session: Session<'static>,

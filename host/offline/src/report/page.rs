@@ -3,11 +3,11 @@
 use artifact::Description;
 use picture::page::{Page, escaped, href, image};
 
-use super::{entry::Entry, pictures};
+use super::{Entry, pictures};
 use crate::comparison::{Comparison, settling_s};
 use crate::decoding::Decoded;
 
-/// Returns the page as HTML. Its pictures are files in folders beside it.
+/// Returns the page as HTML. Its pictures are files in folders next to it.
 pub(super) fn page(description: &Description, entries: &[Entry]) -> String {
     let rows: String = entries
         .iter()

@@ -8,7 +8,7 @@ use picture::scalp_map::{Place, ScalpMap, on_map};
 use picture::traces::{Trace, Traces};
 use recordings::Position;
 
-use super::entry::Entry;
+use super::Entry;
 use crate::comparison::{Comparison, ElectrodeOrigin};
 use crate::error::OfflineError;
 

@@ -6,13 +6,12 @@ use std::{
 };
 
 use link::Flags;
+use picture::page::csv_field;
 
-use picture::csv_field::field;
+use super::{RowEvent, Signal, SignalFile};
 
-use super::signal::{RowEvent, Signal, SignalFile};
-
-/// Writes a header line, and one line per row: `row`, `time_s` (time at the electrodes since the first
-/// sample), `flags`, `events` (separated by `|`), and one column per electrode.
+/// Writes a header line, and one line per row: `row`, `time_s` (time at the electrodes since the
+/// first sample), `flags`, `events` (separated by `|`), and one column per electrode.
 pub(super) struct CsvFile {
     out: BufWriter<File>,
     electrodes: usize,
@@ -59,7 +58,7 @@ impl SignalFile for CsvFile {
             while let Some(event) = self.events.pop_if(|event| event.row <= self.row) {
                 texts.push(event.text);
             }
-            write!(self.out, "{}", field(&texts.join("|")))?;
+            write!(self.out, "{}", csv_field(&texts.join("|")))?;
             for value in values {
                 write!(self.out, ",{value}")?;
             }

@@ -8,12 +8,12 @@ use std::{
 use link::Flags;
 use recordings::{EdfWriter, FileToWrite, RowAnnotation, SignalToWrite};
 
-use super::signal::{Signal, SignalFile};
+use super::{Signal, SignalFile};
 
 /// Range of an EDF file, uV: 16 bits of 0.1 uV.
 const EDF_RANGE_UV: [f64; 2] = [-3_276.8, 3_276.7];
-/// Start of the signal, nanoseconds since 1970: 1 January 1985, the first day that EDF can state. A file of
-/// codes does not state when it was recorded.
+/// Start of the signal, nanoseconds since 1970: 1 January 1985, the first day that EDF can state. A
+/// file of codes does not state when it was recorded.
 const START_NS: i64 = 473_385_600_000_000_000;
 
 /// Writes one record for each hop.

@@ -9,7 +9,7 @@ use link::Flags;
 use recordings::GdfWriter;
 
 use super::edf::file_to_write;
-use super::signal::{Signal, SignalFile};
+use super::{Signal, SignalFile};
 
 /// Writes one record for each hop; values are float32 and unchanged.
 pub(super) struct GdfFile {

@@ -8,7 +8,7 @@ use std::{
 use link::Flags;
 use recordings::npz::NpzWriter;
 
-use super::signal::{Signal, SignalFile};
+use super::{Signal, SignalFile};
 
 /// Writes the arrays `labels`, `rate_hz`, `group_delay_us`, `event_rows`, `event_texts`, `uv`
 /// (rows x electrodes) and `flags` (rows).

@@ -1,9 +1,8 @@
-//! Tests that run the virtual board with each kind of output.
+//! Sessions of the virtual board with each kind of output.
 
 use std::{
     fs::{self, File, OpenOptions},
-    io::{Read, Write},
-    net::TcpStream,
+    io::Read,
     path::{Path, PathBuf},
     sync::{
         Arc,
@@ -18,18 +17,18 @@ use host_sim::{
     Source,
     synthetic::{Generator, SyntheticSpec},
 };
-use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice, ToHost};
+use link::{Decoder, MAX_FRAME, Streams, ToDevice, ToHost};
 use pipeline::Mains;
 use rustix::fs::{CWD, Mode, mkfifoat};
 use rustix::pipe::fcntl_setpipe_size;
 
-/// Time limit of each wait: far longer than any operation takes, even on a busy machine.
-const TIMEOUT: Duration = Duration::from_secs(30);
+use crate::host::{TIMEOUT, connect, eventually, free_address, send, start};
 
 fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
     Session {
         output,
         file_rules: FileRules::default(),
+        streams: Streams::CODES,
         pace,
         mains: Mains::Hz50,
         identity: Identity {
@@ -98,28 +97,8 @@ fn folder() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
-/// Repeats `attempt` until it returns a value; fails after [`TIMEOUT`].
-fn eventually<T>(mut attempt: impl FnMut() -> Option<T>) -> T {
-    let deadline = Instant::now() + TIMEOUT;
-    loop {
-        if let Some(value) = attempt() {
-            return value;
-        }
-        assert!(Instant::now() < deadline, "no success within {TIMEOUT:?}");
-        thread::sleep(Duration::from_millis(10));
-    }
-}
-
 fn open_terminal(link: &Path) -> File {
     eventually(|| OpenOptions::new().read(true).write(true).open(link).ok())
-}
-
-fn send(port: &mut impl Write, command: ToDevice) {
-    let mut buffer = [0; MAX_FRAME];
-    let frame = Encoder::default()
-        .encode(0, &command, &mut buffer)
-        .expect("a command fits");
-    port.write_all(frame).expect("the board's port is open");
 }
 
 /// Reads until `count` codes have arrived and returns their window indices.
@@ -142,10 +121,7 @@ fn read_codes(port: &mut impl Read, count: usize) -> Vec<u32> {
     windows
 }
 
-const START: ToDevice = ToDevice::Start(Start {
-    streams: Streams::CODES,
-    mains_hz: 0,
-});
+const START: ToDevice = start(Streams::CODES);
 
 fn file_of(seconds: u64, path: PathBuf) -> (Vec<u8>, Report) {
     let session = session(Output::File(path.clone()), Pace::Fast, Some(seconds));
@@ -208,7 +184,7 @@ fn a_terminal_can_be_closed_and_opened_again() {
     let link = folder.path().join("board");
     let running = Running::start(session(Output::Pty(link.clone()), Pace::Realtime, None));
     let mut terminal = open_terminal(&link);
-    send(&mut terminal, START);
+    send(&mut terminal, 0, START);
     assert_eq!(read_codes(&mut terminal, 3)[..3], [0, 1, 2]);
     drop(terminal);
 
@@ -218,7 +194,7 @@ fn a_terminal_can_be_closed_and_opened_again() {
         windows[0] >= 3 && windows[2] == windows[0] + 2,
         "{windows:?}"
     );
-    send(&mut terminal, ToDevice::Stop);
+    send(&mut terminal, 0, ToDevice::Stop);
     running.finish();
     assert!(!link.exists(), "the board removes its link");
 }
@@ -229,7 +205,7 @@ fn a_board_without_a_reader_counts_its_codes_as_dropped_and_stops_on_request() {
     let link = folder.path().join("board");
     let running = Running::start(session(Output::Pty(link.clone()), Pace::Fast, None));
     let mut terminal = open_terminal(&link);
-    send(&mut terminal, START);
+    send(&mut terminal, 0, START);
     // Wait until the board makes no more codes, because the terminal and the queue are full.
     let mut codes = 0;
     eventually(|| {
@@ -248,31 +224,17 @@ fn a_board_without_a_reader_counts_its_codes_as_dropped_and_stops_on_request() {
 
 #[test]
 fn a_second_host_replaces_the_first_and_virtual_time_waits_for_it() {
-    let port = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
-    let address = port.local_addr().expect("its address").to_string();
-    drop(port);
+    let address = free_address();
     let running = Running::start(session(Output::Tcp(address.clone()), Pace::Fast, None));
-    let connect = || eventually(|| TcpStream::connect(&address).ok());
-    let mut first = connect();
-    send(&mut first, START);
+    let mut first = connect(&address);
+    send(&mut first, 0, START);
     assert_eq!(read_codes(&mut first, 2)[..2], [0, 1]);
     drop(first);
-    let mut second = connect();
+    let mut second = connect(&address);
     assert!(
         read_codes(&mut second, 20)
             .windows(2)
             .all(|pair| pair[1] == pair[0] + 1)
     );
     running.finish();
-}
-
-#[test]
-fn a_file_at_the_path_of_the_link_is_not_overwritten() {
-    let folder = folder();
-    let path = folder.path().join("precious");
-    fs::write(&path, "data").expect("a file");
-    let session = session(Output::Pty(path.clone()), Pace::Fast, Some(1));
-    let error = run(&session, &AtomicBool::new(false)).expect_err("a file is in the way");
-    assert!(matches!(error, SessionError::Port { .. }));
-    assert_eq!(fs::read(&path).expect("it is still there"), b"data");
 }

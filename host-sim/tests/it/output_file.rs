@@ -1,16 +1,11 @@
 //! The file of `--output file:PATH`: never the input, replaced only on request, whole or absent.
 
-use std::{
-    fs,
-    os::unix::fs::symlink,
-    path::Path,
-    thread,
-    time::{Duration, Instant},
-};
+use std::{fs, os::unix::fs::symlink, path::Path};
 
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::edf_file::EdfFile;
+use crate::host::{eventually, frames};
 use crate::program::{Finished, program, run, wait};
 
 fn play(input: &Path, output: &Path, more: &[&str]) -> Finished {
@@ -65,16 +60,11 @@ fn interrupt(path: &Path, signal: Signal) -> Finished {
     let child = program(&["run", "-q", "--input=synthetic", &output]);
     let child = { child }.spawn().expect("the program starts");
     let folder = path.parent().expect("a folder");
-    let deadline = Instant::now() + Duration::from_mins(1);
-    loop {
+    eventually(|| {
         let files = fs::read_dir(folder).expect("a folder").flatten();
         let mut lengths = files.filter_map(|file| Some(file.metadata().ok()?.len()));
-        if lengths.any(|length| length > 10_000) {
-            break;
-        }
-        assert!(Instant::now() < deadline, "nothing is written");
-        thread::sleep(Duration::from_millis(10));
-    }
+        lengths.any(|length| length > 10_000).then_some(())
+    });
     kill_process(Pid::from_child(&child), signal).expect("it runs");
     wait(child)
 }
@@ -91,13 +81,7 @@ fn a_killed_run_leaves_no_half_file_under_the_name_and_an_interrupted_one_a_whol
     let finished = interrupt(&path, Signal::INT);
     assert_eq!(finished.status, Some(0), "{finished:?}");
     let bytes = fs::read(&path).expect("the file");
-    let mut rest = &bytes[..];
-    let mut decoder = link::Decoder::<{ link::MAX_FRAME }>::new();
-    let mut frames = 0;
-    while let Some(frame) = decoder.next::<link::ToHost<'_>>(&mut rest) {
-        frame.expect("a whole frame");
-        frames += 1;
-    }
+    let frames = frames(&bytes, |_| Some(())).len();
     assert!(frames > 50, "{frames} frames");
     assert_eq!(bytes.last(), Some(&0), "the last frame is whole");
 }
@@ -133,6 +117,7 @@ fn an_output_that_cannot_be_is_wrong_usage_with_what_is_allowed() {
         ),
         ("tcp::5555", "write tcp:127.0.0.1:5555"),
         ("99999", "write pty:PATH, tcp:HOST:PORT or file:PATH"),
+        ("ndjson:", "ndjson:PATH for lines of JSON"),
         (
             "file:/tmp",
             "/tmp is a folder; write the name of a file in it",

@@ -8,10 +8,14 @@ use host_sim::{
     Fault, Faults, Identity, Outbox, VirtualBoard, WhenFull,
     synthetic::{Generator, SyntheticSpec},
 };
-use link::{Decoder, Flags, MAX_FRAME, Start, Stats, Streams, ToHost};
+use link::{Flags, Start, Stats, Streams, ToHost};
 use pipeline::{Mains, Sample};
 
+use crate::host::frames;
+
 const BAD: Flags = Flags::ADC_STATUS_BAD;
+
+const NO_WINDOW: [usize; 0] = [];
 
 /// Samples per hop at 512 Hz.
 const HOP: usize = 32;
@@ -65,18 +69,16 @@ fn observe(faults: &[&str]) -> Observed {
         board.process_sample(&Sample { counts }, index * 1_000_000 / 512);
     }
     let mut codes = Vec::new();
-    let mut decoder = Decoder::<MAX_FRAME>::new();
     while !outbox.drain(Duration::ZERO) {
         let frame = outbox.pop().expect("a frame waits");
         outbox.mark_written();
-        let mut bytes = &frame[..];
-        while let Some(outcome) = decoder.next::<ToHost<'_>>(&mut bytes) {
-            if let ToHost::Code(code) = outcome.expect("a sound frame").message {
-                assert_eq!(code.window as usize, codes.len());
-                codes.push(code.flags);
-            }
-        }
+        codes.extend(frames(&frame, |frame| match frame.message {
+            ToHost::Code(code) => Some((code.window as usize, code.flags)),
+            _ => None,
+        }));
     }
+    assert!(codes.iter().map(|(window, _)| *window).eq(0..codes.len()));
+    let codes = codes.into_iter().map(|(_, flags)| flags).collect();
     let stats = board.stats();
     Observed { codes, stats }
 }
@@ -102,7 +104,7 @@ fn without_a_fault_nothing_is_flagged() {
     let observed = observe(&[]);
     assert_eq!(observed.codes.len(), 31);
     for flag in [BAD, Flags::OVERRUN, Flags::LEAD_OFF] {
-        assert_eq!(observed.windows_with(flag), []);
+        assert_eq!(observed.windows_with(flag), NO_WINDOW);
     }
     assert_eq!(
         (observed.stats.adc_status_bad, observed.stats.overruns),
@@ -121,7 +123,11 @@ fn a_lasting_fault_is_flagged_from_the_first_window_that_contains_it() {
                 windows_of(FROM..1024),
                 "{kind} {chip}"
             );
-            assert_eq!(observed.windows_with(Flags::OVERRUN), [], "{kind} {chip}");
+            assert_eq!(
+                observed.windows_with(Flags::OVERRUN),
+                NO_WINDOW,
+                "{kind} {chip}"
+            );
             assert_eq!(
                 u64::from(observed.stats.adc_status_bad),
                 1024 - FROM,
@@ -174,7 +180,7 @@ fn a_missed_edge_is_an_overrun_and_nothing_else() {
         observed.windows_with(Flags::OVERRUN),
         windows_of(FROM..FROM + 1)
     );
-    assert_eq!(observed.windows_with(BAD), []);
+    assert_eq!(observed.windows_with(BAD), NO_WINDOW);
     assert_eq!((observed.stats.overruns, observed.stats.samples), (1, 1023));
 }
 
@@ -201,7 +207,7 @@ fn an_electrode_that_is_off_is_flagged_and_saturates() {
         observed.windows_with(Flags::LEAD_OFF),
         windows_of(FROM..FROM + 48)
     );
-    assert_eq!(observed.windows_with(BAD), []);
+    assert_eq!(observed.windows_with(BAD), NO_WINDOW);
     // The lead-off current has no path through the electrode, so the input goes to the rail.
     assert_eq!(
         observed.windows_with(Flags::SATURATED),

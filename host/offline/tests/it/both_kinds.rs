@@ -1,4 +1,5 @@
-//! A file with codes and packed blocks, as a captured port may hold, is decoded from one of them, with a warning.
+//! A file with codes and packed blocks, as a captured port may hold, is decoded from one of them,
+//! with a warning.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,7 +22,8 @@ fn encoded(fixture: &Fixture, stream: EncodedStream, name: &str) -> Vec<u8> {
     fs::read(path).expect("codes")
 }
 
-/// Returns the frames of a file: the device time of each, whether it is a packed block, and its bytes.
+/// Returns the frames of a file: the device time of each, whether it is a packed block, and its
+/// bytes.
 fn frames(bytes: &[u8]) -> Vec<(u64, bool, &[u8])> {
     let mut decoder = Decoder::<MAX_FRAME>::new();
     let pieces = bytes.split_inclusive(|byte| *byte == 0);
@@ -34,7 +36,8 @@ fn frames(bytes: &[u8]) -> Vec<(u64, bool, &[u8])> {
         .collect()
 }
 
-/// Writes a file with the codes and the packed blocks of the recording, in the order in which a device sends them.
+/// Writes a file with the codes and the packed blocks of the recording, in the order in which a
+/// device sends them.
 fn both(fixture: &Fixture) -> PathBuf {
     let codes = encoded(fixture, EncodedStream::Codes, "codes.codes");
     let packed = encoded(fixture, EncodedStream::Packed(None), "packed.codes");

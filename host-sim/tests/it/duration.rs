@@ -1,20 +1,14 @@
 //! `--duration` ends a run, whether a host has connected or not.
 
 use std::{
-    io::{Read as _, Write as _},
-    net::{TcpListener, TcpStream},
-    thread,
+    io::Read as _,
     time::{Duration, Instant},
 };
 
-use link::{Encoder, MAX_FRAME, Start, Streams, ToDevice};
+use link::{Streams, ToDevice};
 
+use crate::host::{connect, free_address, send, start};
 use crate::program::{program, run, wait};
-
-fn free_address() -> String {
-    let free = TcpListener::bind("127.0.0.1:0").expect("a free port");
-    free.local_addr().expect("its address").to_string()
-}
 
 #[test]
 fn a_run_without_a_host_ends_after_its_duration() {
@@ -34,18 +28,6 @@ fn a_run_without_a_host_ends_after_its_duration() {
     }
 }
 
-/// Connects to the program at `address`, which may not listen yet.
-fn connect(address: &str) -> TcpStream {
-    let deadline = Instant::now() + Duration::from_mins(1);
-    loop {
-        match TcpStream::connect(address) {
-            Ok(port) => return port,
-            Err(error) => assert!(Instant::now() < deadline, "{error}"),
-        }
-        thread::sleep(Duration::from_millis(10));
-    }
-}
-
 #[test]
 fn the_last_line_counts_what_the_host_asked_for() {
     let both = Streams::CODES | Streams::PACKED;
@@ -59,13 +41,7 @@ fn the_last_line_counts_what_the_host_asked_for() {
         let child = program(&["run", "--input=synthetic", "--duration=1", &tcp, "--fast"]);
         let child = { child }.spawn().expect("the program starts");
         let mut port = connect(&address);
-        let start = ToDevice::Start(Start {
-            streams,
-            mains_hz: 0,
-        });
-        let mut buffer = [0; MAX_FRAME];
-        let frame = Encoder::default().encode(0, &start, &mut buffer);
-        port.write_all(frame.expect("it fits")).expect("connected");
+        send(&mut port, 0, start(streams));
         port.read_to_end(&mut Vec::new()).expect("all frames");
         // The program waits for it.
         drop(port);
@@ -82,14 +58,9 @@ fn a_run_whose_host_has_left_ends_too() {
         let child = program(&["run", "-q", "--input=synthetic", "--duration=5", &tcp, pace]);
         let child = { child }.spawn().expect("the program starts");
         let mut port = connect(&address);
-        let start = ToDevice::Start(Start {
-            streams: Streams::ALL,
-            mains_hz: 0,
-        });
-        for (number, command) in (0..).zip([Some(start), command].into_iter().flatten()) {
-            let mut buffer = [0; MAX_FRAME];
-            let frame = Encoder::default().encode(number, &command, &mut buffer);
-            port.write_all(frame.expect("it fits")).expect("connected");
+        let commands = [Some(start(Streams::ALL)), command];
+        for (number, command) in (0..).zip(commands.into_iter().flatten()) {
+            send(&mut port, number, command);
             // Some bytes of the answer.
             port.read_exact(&mut [0; 100]).expect("frames");
         }

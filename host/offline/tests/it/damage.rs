@@ -2,42 +2,16 @@
 
 use std::error::Error as _;
 use std::fs;
-use std::path::PathBuf;
 
-use link::{Decoder, Encoder, MAX_FRAME, ToHost};
+use link::ToHost;
 use new_file::{Existing, NewFileError};
 use offline::{Encoding, OfflineError, Progress, SignalFormat};
 
 use crate::recording::{ENCODING, Fixture};
 
-/// Returns the frames of a file, with the zeros that end them, and the window of each code.
-fn frames(bytes: &[u8]) -> Vec<(Option<u32>, Vec<u8>)> {
-    let frames = bytes.split_inclusive(|byte| *byte == 0);
-    let frames = frames.map(|frame| {
-        let mut rest = frame;
-        let mut decoder = Decoder::<MAX_FRAME>::new();
-        let window = match decoder.next::<ToHost>(&mut rest) {
-            Some(Ok(frame)) => match frame.message {
-                ToHost::Code(code) => Some(code.window),
-                _ => None,
-            },
-            _ => None,
-        };
-        (window, frame.to_vec())
-    });
-    frames.collect()
-}
-
-/// Writes a variant of the fixture's codes.
-fn variant(fixture: &Fixture, name: &str, bytes: &[u8]) -> PathBuf {
-    let path = fixture.path(name);
-    fs::write(&path, bytes).expect("writable");
-    path
-}
-
 /// Returns what a user reads about a file that cannot be decoded.
 fn refusal(fixture: &Fixture, bytes: &[u8]) -> String {
-    let path = variant(fixture, "refused.codes", bytes);
+    let path = fixture.written("refused.codes", bytes);
     let error = fixture.decode(&path, "refused.csv", SignalFormat::Csv, false);
     let error = error.expect_err("no codes");
     assert!(!fixture.path("refused.csv").exists());
@@ -49,13 +23,12 @@ fn refusal(fixture: &Fixture, bytes: &[u8]) -> String {
 fn missing_codes_are_covered_by_their_neighbours_or_flagged() {
     let fixture = Fixture::new();
     fixture.encode();
-    let bytes = fs::read(fixture.codes()).expect("codes");
     // One code alone, and three in a row.
     let lost = [50, 80, 81, 82];
-    let kept = frames(&bytes).into_iter();
-    let kept = kept.filter(|(window, _)| window.is_none_or(|window| !lost.contains(&window)));
-    let kept: Vec<u8> = kept.flat_map(|(_, frame)| frame).collect();
-    let path = variant(&fixture, "lossy.codes", &kept);
+    let path = fixture.changed(
+        "lossy.codes",
+        |message| !matches!(message, ToHost::Code(code) if lost.contains(&code.window)),
+    );
     let whole = fixture.decode(&fixture.codes(), "whole.csv", SignalFormat::Csv, false);
     let decoded = fixture.decode(&path, "lossy.csv", SignalFormat::Csv, false);
     let (whole, decoded) = (whole.expect("decoded"), decoded.expect("decoded"));
@@ -80,11 +53,10 @@ fn missing_codes_are_covered_by_their_neighbours_or_flagged() {
 fn codes_that_are_missing_at_the_start_keep_the_time_of_the_others() {
     let fixture = Fixture::new();
     fixture.encode();
-    let bytes = fs::read(fixture.codes()).expect("codes");
-    let kept = frames(&bytes).into_iter();
-    let kept = kept.filter(|(window, _)| window.is_none_or(|window| window >= 10));
-    let kept: Vec<u8> = kept.flat_map(|(_, frame)| frame).collect();
-    let path = variant(&fixture, "late.codes", &kept);
+    let path = fixture.changed(
+        "late.codes",
+        |message| !matches!(message, ToHost::Code(code) if code.window < 10),
+    );
     let whole = fixture.decode(&fixture.codes(), "whole.csv", SignalFormat::Csv, false);
     let decoded = fixture.decode(&path, "late.csv", SignalFormat::Csv, false);
     let (whole, decoded) = (whole.expect("decoded"), decoded.expect("decoded"));
@@ -102,14 +74,15 @@ fn a_damaged_byte_costs_one_code_and_is_reported() {
     let fixture = Fixture::new();
     let encoded = fixture.encode();
     let mut bytes = fs::read(fixture.codes()).expect("codes");
-    let all = frames(&bytes);
-    let target = all
-        .iter()
-        .position(|(window, _)| *window == Some(100))
-        .expect("window 100");
-    let at: usize = all[..target].iter().map(|(_, frame)| frame.len()).sum();
+    // The frames before that of window 100 are as long in a file that ends there.
+    let mut is_before = true;
+    let before = fixture.changed("before.codes", |message| {
+        is_before &= !matches!(message, ToHost::Code(code) if code.window == 100);
+        is_before
+    });
+    let at = fs::read(before).expect("codes").len();
     bytes[at + 40] ^= 0x10;
-    let path = variant(&fixture, "damaged.codes", &bytes);
+    let path = fixture.written("damaged.codes", &bytes);
     let decoded = fixture.decode(&path, "damaged.gdf", SignalFormat::Gdf, false);
     let decoded = decoded.expect("decoded");
     assert_eq!((decoded.missing, decoded.damaged), (1, 1));
@@ -121,7 +94,7 @@ fn a_file_that_was_cut_off_yields_what_it_holds() {
     let fixture = Fixture::new();
     fixture.encode();
     let bytes = fs::read(fixture.codes()).expect("codes");
-    let path = variant(&fixture, "short.codes", &bytes[..bytes.len() / 2]);
+    let path = fixture.written("short.codes", &bytes[..bytes.len() / 2]);
     let decoded = fixture.decode(&path, "short.gdf", SignalFormat::Gdf, true);
     let decoded = decoded.expect("decoded");
     assert!((40..60).contains(&decoded.codes), "{}", decoded.codes);
@@ -133,16 +106,28 @@ fn other_files_are_refused_with_what_to_do() {
     let fixture = Fixture::new();
     fixture.encode();
     let bytes = fs::read(fixture.codes()).expect("codes");
-    let codes: Vec<u8> = frames(&bytes)
-        .into_iter()
-        .filter(|(window, _)| window.is_some())
-        .flat_map(|(_, frame)| frame)
-        .collect();
-    let introduction: Vec<u8> = frames(&bytes)
-        .into_iter()
-        .take_while(|(window, _)| window.is_none())
-        .flat_map(|(_, frame)| frame)
-        .collect();
+    let is_code = |message: &ToHost| matches!(message, ToHost::Code(_));
+    let mut is_start = true;
+    let variants = [
+        fixture.changed("codes alone", |message| is_code(message)),
+        fixture.changed("introduction", |message| {
+            is_start &= !is_code(message);
+            is_start
+        }),
+        fixture.changed("another model", |message| {
+            if let ToHost::Code(code) = message {
+                code.model_id[0] ^= 1;
+            }
+            true
+        }),
+        fixture.changed("a gap", |message| {
+            if let ToHost::Code(code) = message {
+                code.window += 1_000_000 * (code.window / 80);
+            }
+            true
+        }),
+    ];
+    let [codes, introduction, model, gap] = variants.map(|path| fs::read(path).expect("codes"));
     for (bytes, words) in [
         (
             Vec::new(),
@@ -159,36 +144,12 @@ fn other_files_are_refused_with_what_to_do() {
             [bytes.clone(), bytes.clone()].concat(),
             "a second run starts after window",
         ),
-        (
-            changed(&bytes, |code| code.model_id[0] ^= 1),
-            "with --model",
-        ),
-        (
-            changed(&bytes, |code| code.window += 1_000_000 * (code.window / 80)),
-            "more than an hour",
-        ),
+        (model, "with --model"),
+        (gap, "more than an hour"),
     ] {
         let text = refusal(&fixture, &bytes);
         assert!(text.contains(words), "{words}: {text}");
     }
-}
-
-/// Returns the file with every code changed.
-fn changed(bytes: &[u8], change: impl Fn(&mut link::Code)) -> Vec<u8> {
-    let mut rest = bytes;
-    let mut decoder = Decoder::<MAX_FRAME>::new();
-    let mut encoder = Encoder::starting_at(0);
-    let mut written = Vec::new();
-    while let Some(frame) = decoder.next::<ToHost>(&mut rest) {
-        let mut frame = frame.expect("an intact frame");
-        if let ToHost::Code(code) = &mut frame.message {
-            change(code);
-        }
-        let mut buffer = [0; MAX_FRAME];
-        let frame = encoder.encode(frame.header.device_time_us, &frame.message, &mut buffer);
-        written.extend(frame.expect("a frame"));
-    }
-    written
 }
 
 #[test]

@@ -5,8 +5,8 @@ use std::fs;
 use artifact::reconstruction::{WindowDecoder, dequantise};
 use new_file::Existing;
 use offline::{Decoding, Model, Progress, SignalFormat};
-use pipeline::{Mains, Pipeline, Sample};
-use recordings::{AdcSpec, EventLabel, Missing, MontageMap, Recording, VirtualAdc};
+use pipeline::{Mains, Pipeline};
+use recordings::{EventLabel, Recording};
 
 use crate::recording::{ENCODING, EVENTS, Fixture, labels, values};
 
@@ -148,13 +148,6 @@ fn a_line_of_csv_has_row_time_flags_events_and_microvolts() {
 
 /// Returns the decoded signal, computed window by window: the electrodes of each row, uV.
 fn expected(fixture: &Fixture) -> Vec<Vec<f32>> {
-    let recording = Recording::open(fixture.recording()).expect("a recording");
-    let map = MontageMap::new(&recording.labels(), &labels(), Missing::Refuse).expect("a map");
-    let spec = AdcSpec {
-        rate_hz: model::ADC_RATE_HZ.into(),
-        lsb_uv: f64::from(model::LSB_NV) / 1000.0,
-    };
-    let adc = VirtualAdc::new(recording, &map, spec).expect("an ADC");
     let mut pipeline = Pipeline::new(Mains::Hz50);
     let folder =
         std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../signal/model/artifact");
@@ -162,11 +155,7 @@ fn expected(fixture: &Fixture) -> Vec<Vec<f32>> {
     let decoder = WindowDecoder::new(&artifact).expect("a decoder");
     let electrodes = labels().len();
     let mut rows: Vec<Vec<Vec<f32>>> = Vec::new();
-    for counts in adc {
-        let counts = counts.expect("a sample");
-        let sample = Sample {
-            counts: std::array::from_fn(|channel| counts[channel]),
-        };
+    for sample in fixture.samples() {
         let Some(code) = pipeline.encode_sample(&sample) else {
             continue;
         };

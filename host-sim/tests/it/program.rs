@@ -6,8 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// Time limit of a run: far longer than any run takes, even on a busy machine.
-const TIMEOUT: Duration = Duration::from_mins(1);
+use crate::host::TIMEOUT;
 
 /// A finished run.
 #[derive(Debug)]

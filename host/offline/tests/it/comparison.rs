@@ -1,8 +1,7 @@
 //! The error of each electrode is that of the written file against the filtered recording.
 
 use offline::{ElectrodeOrigin, SignalFormat};
-use pipeline::{FrontEnd, Mains, Sample};
-use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
+use pipeline::{FrontEnd, Mains};
 
 use crate::recording::{Fixture, labels, values};
 
@@ -55,18 +54,9 @@ fn a_recording_in_which_the_filters_settle_to_the_end_has_no_error() {
 
 /// Returns the electrodes of all steps after the filters, uV.
 fn filtered(fixture: &Fixture) -> Vec<Vec<f64>> {
-    let recording = Recording::open(fixture.recording()).expect("a recording");
-    let map = MontageMap::new(&recording.labels(), &labels(), Missing::Refuse).expect("a map");
-    let spec = AdcSpec {
-        rate_hz: model::ADC_RATE_HZ.into(),
-        lsb_uv: f64::from(model::LSB_NV) / 1000.0,
-    };
-    let adc = VirtualAdc::new(recording, &map, spec).expect("an ADC");
     let mut front_end = FrontEnd::new(Mains::Hz50, &model::RESAMPLER);
-    let steps = adc.filter_map(|counts| {
-        let counts = counts.expect("a sample");
-        let counts = std::array::from_fn(|channel| counts[channel]);
-        let (electrodes, _) = front_end.filter_sample(&Sample { counts })?;
+    let steps = fixture.samples().filter_map(|sample| {
+        let (electrodes, _) = front_end.filter_sample(&sample)?;
         let uv =
             electrodes.map(|value| f64::from(value) / 32.0 * f64::from(model::LSB_NV) / 1000.0);
         Some(uv.to_vec())

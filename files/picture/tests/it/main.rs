@@ -14,8 +14,8 @@ use picture::traces::{Trace, Traces};
 
 const SUBTITLE: &str = "synthetic data";
 
-/// Asserts that a picture contains its subtitle and all `words`, and that the number of its elements `shape`
-/// is in `counts`.
+/// Asserts that a picture contains its subtitle and all `words`, and that the number of its
+/// elements `shape` is in `counts`.
 fn assert_drawn(
     draw: impl FnOnce(&Path) -> Result<(), PictureError>,
     words: &[&str],

@@ -2,59 +2,37 @@
 
 use std::{
     fs,
-    io::{Cursor, Read as _, Write as _},
-    net::{TcpListener, TcpStream},
+    io::{Cursor, Read as _},
     path::Path,
-    thread,
-    time::{Duration, Instant},
 };
 
-use link::{Decoder, Encoder, Event, EventKind, MAX_FRAME, Start, Streams, ToDevice, ToHost};
+use link::{Event, EventKind, Streams, ToHost};
 use recordings::{FileToWrite, GdfWriter, SignalToWrite};
 
 use crate::edf_file::EdfFile;
+use crate::host::{connect, frames, free_address, send, start};
 use crate::program::{program, run, wait};
 
-/// Plays a recording to a host that wants events. Returns each event with its time, us after the run's
-/// first sample.
+/// Plays a recording to a host that wants events. Returns each event with its time, us after the
+/// run's first sample.
 fn played(input: &Path, more: &[&str]) -> Vec<(Event, u64)> {
-    let free = TcpListener::bind("127.0.0.1:0").expect("a free port");
-    let address = free.local_addr().expect("its address").to_string();
-    drop(free);
+    let address = free_address();
     let input = format!("--input={}", input.display());
     let output = format!("--output=tcp:{address}");
     let arguments = [&["run", "-q", "--fast", &input, &output], more].concat();
     let child = program(&arguments).spawn().expect("the program starts");
-    let deadline = Instant::now() + Duration::from_mins(1);
-    let mut port = loop {
-        match TcpStream::connect(&address) {
-            Ok(port) => break port,
-            Err(error) => assert!(Instant::now() < deadline, "{error}"),
-        }
-        thread::sleep(Duration::from_millis(10));
-    };
-    let start = ToDevice::Start(Start {
-        streams: Streams::CODES | Streams::EVENTS,
-        mains_hz: 0,
-    });
-    let mut buffer = [0; MAX_FRAME];
-    let frame = Encoder::default().encode(0, &start, &mut buffer);
-    port.write_all(frame.expect("it fits")).expect("connected");
+    let mut port = connect(&address);
+    send(&mut port, 0, start(Streams::CODES | Streams::EVENTS));
     let mut bytes = Vec::new();
     port.read_to_end(&mut bytes).expect("all frames");
     drop(port);
     let finished = wait(child);
     assert_eq!(finished.status, Some(0), "{finished:?}");
 
-    let (mut rest, mut decoder) = (&bytes[..], Decoder::<MAX_FRAME>::new());
-    let mut events = Vec::new();
-    while let Some(frame) = decoder.next::<ToHost<'_>>(&mut rest) {
-        let frame = frame.expect("a whole frame");
-        if let ToHost::Event(event) = frame.message {
-            events.push((event, frame.header.device_time_us));
-        }
-    }
-    events
+    frames(&bytes, |frame| match frame.message {
+        ToHost::Event(event) => Some((event, frame.header.device_time_us)),
+        _ => None,
+    })
 }
 
 /// Returns the edges of pulses of 10 ms at these times, in milliseconds of the signal.

@@ -2,12 +2,14 @@
 
 use std::{env, fs, io::Write as _, path::Path};
 
-use link::{Decoder, Flags, MAX_FRAME, ToHost};
+use link::{Flags, ToHost};
 
 use crate::edf_file::EdfFile;
+use crate::host::frames;
 use crate::program::run;
 
-/// Plays a recording into a file and returns the number of its codes and of those with a bad status.
+/// Plays a recording into a file and returns the number of its codes and of those with a bad
+/// status.
 fn codes_and_bad_ones(input: &Path) -> (usize, usize) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("codes");
@@ -17,15 +19,11 @@ fn codes_and_bad_ones(input: &Path) -> (usize, usize) {
     assert_eq!(finished.status, Some(0), "{finished:?}");
     assert!(!finished.log.contains("bad in"), "{finished:?}");
     let bytes = fs::read(path).expect("the codes");
-    let (mut rest, mut decoder) = (&bytes[..], Decoder::<MAX_FRAME>::new());
-    let (mut codes, mut bad) = (0, 0);
-    while let Some(frame) = decoder.next::<ToHost<'_>>(&mut rest) {
-        if let ToHost::Code(code) = frame.expect("a whole frame").message {
-            codes += 1;
-            bad += usize::from(code.flags.contains(Flags::ADC_STATUS_BAD));
-        }
-    }
-    (codes, bad)
+    let codes = frames(&bytes, |frame| match frame.message {
+        ToHost::Code(code) => Some(code.flags.contains(Flags::ADC_STATUS_BAD)),
+        _ => None,
+    });
+    (codes.len(), codes.iter().filter(|is_bad| **is_bad).count())
 }
 
 #[test]

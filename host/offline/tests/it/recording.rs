@@ -1,15 +1,18 @@
 //! A recording, and the files of codes made of it.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
+use link::{Decoder, Encoder, MAX_FRAME, ToHost};
 use new_file::Existing;
 use offline::{
     Decoded, Decoding, Encoded, EncodedStream, Encoding, Model, OfflineError, Progress,
     SignalFormat,
 };
-use pipeline::Mains;
-use recordings::{FileToWrite, GdfWriter, Missing, Recording, SignalToWrite};
+use pipeline::{Mains, Sample};
+use recordings::{
+    AdcSpec, FileToWrite, GdfWriter, Missing, MontageMap, Recording, SignalToWrite, VirtualAdc,
+};
 
 /// Length of a recording that is not compared, seconds.
 const SHORT_S: u32 = 7;
@@ -52,6 +55,53 @@ impl Fixture {
 
     pub(crate) fn codes(&self) -> PathBuf {
         self.path("recording.codes")
+    }
+
+    /// Returns the samples of the recording at the model's ADC.
+    pub(crate) fn samples(&self) -> impl Iterator<Item = Sample> {
+        let recording = Recording::open(self.recording()).expect("a recording");
+        let map = MontageMap::new(&recording.labels(), &labels(), Missing::Refuse).expect("a map");
+        let spec = AdcSpec {
+            rate_hz: model::ADC_RATE_HZ.into(),
+            lsb_uv: f64::from(model::LSB_NV) / 1000.0,
+        };
+        VirtualAdc::new(recording, &map, spec)
+            .expect("an ADC")
+            .map(|counts| {
+                let counts = counts.expect("a sample");
+                Sample {
+                    counts: std::array::from_fn(|channel| counts[channel]),
+                }
+            })
+    }
+
+    /// Writes a file of codes with the frames of [`Self::codes`] for whose message `change` returns
+    /// true; it may change the message.
+    pub(crate) fn changed(
+        &self,
+        name: &str,
+        mut change: impl for<'m> FnMut(&mut ToHost<'m>) -> bool,
+    ) -> PathBuf {
+        let bytes = fs::read(self.codes()).expect("codes");
+        let mut decoder = Decoder::<MAX_FRAME>::new();
+        let (mut input, mut changed) = (&bytes[..], Vec::new());
+        while let Some(outcome) = decoder.next::<ToHost>(&mut input) {
+            let mut frame = outcome.expect("a whole frame");
+            if change(&mut frame.message) {
+                let mut buffer = [0; MAX_FRAME];
+                let mut encoder = Encoder::starting_at(frame.header.seq);
+                let time_us = frame.header.device_time_us;
+                let bytes = encoder.encode(time_us, &frame.message, &mut buffer);
+                changed.extend_from_slice(bytes.expect("it fits a frame"));
+            }
+        }
+        self.written(name, &changed)
+    }
+
+    /// Writes a file into the folder.
+    pub(crate) fn written(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        fs::write(self.path(name), bytes).expect("writable");
+        self.path(name)
     }
 
     /// Encodes the recording to [`Self::codes`].

@@ -1,6 +1,6 @@
 //! Status words in the `tri` block of every NeuroFrame.
 
-use neuro_ros::NeuroDataInfo;
+use crate::neuro_frame::NeuroDataInfo;
 
 /// Labels of the eight `tri` channels, in the order of [`TriWords::words`].
 pub const TRI_LABELS: [&str; 8] = [
@@ -13,7 +13,7 @@ pub const TRI_LABELS: [&str; 8] = [
 /// exact only for integers up to 2^24.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TriWords {
-    /// Bits of [`link::Flags`], including `filler`.
+    /// Bits of the flags on the wire, including `filler`.
     pub flags: u16,
     /// Index, since `Start`, of the code's window or of the packed block, or of the frame that
     /// contains the sample or step.

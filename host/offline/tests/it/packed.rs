@@ -3,16 +3,15 @@
 use std::fs;
 
 use artifact::reconstruction::PackedDecoder;
-use link::{Decoder, Encoder, Flags, MAX_FRAME, ToHost};
+use link::{Flags, ToHost};
 use offline::report::{self, Entry};
 use offline::{
     CodeFileError, EncodedStream, Encoding, Model, OfflineError, PackedCounts, Progress,
     SignalFormat,
 };
-use pipeline::{Mains, PackedCode, PackedEncoder, Rate, Sample};
-use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
+use pipeline::{Mains, PackedCode, PackedEncoder, Rate};
 
-use crate::recording::{ENCODING, Fixture, labels, values};
+use crate::recording::{ENCODING, Fixture, values};
 
 /// A rate other than the model's.
 const RATE: u8 = 2;
@@ -28,27 +27,19 @@ fn encode(fixture: &Fixture, rate: Option<u8>) -> offline::Encoded {
 
 /// Returns the blocks that the pipeline makes of the recording.
 fn blocks(fixture: &Fixture) -> Vec<PackedCode> {
-    let recording = Recording::open(fixture.recording()).expect("a recording");
-    let map = MontageMap::new(&recording.labels(), &labels(), Missing::Refuse).expect("a map");
-    let spec = AdcSpec {
-        rate_hz: model::ADC_RATE_HZ.into(),
-        lsb_uv: f64::from(model::LSB_NV) / 1e3,
-    };
-    let adc = VirtualAdc::new(recording, &map, spec).expect("an ADC");
     let mut acquisition = pipeline::Acquisition::new(Mains::Hz50);
     let mut encoder = Box::new(PackedEncoder::new());
     encoder.set_rate(Rate::new(RATE).expect("a rate"));
-    adc.filter_map(|counts| {
-        let counts = counts.expect("a sample");
-        let sample = Sample {
-            counts: std::array::from_fn(|channel| counts[channel]),
-        };
-        encoder.encode_step(&acquisition.process_sample(&sample)?)
-    })
-    .collect()
+    let steps = fixture
+        .samples()
+        .filter_map(|sample| acquisition.process_sample(&sample));
+    steps
+        .filter_map(|step| encoder.encode_step(&step))
+        .collect()
 }
 
-/// Returns the values of the rows that the library decodes: each block corrected by the next, `None` for a lost one.
+/// Returns the values of the rows that the library decodes: each block corrected by the next,
+/// `None` for a lost one.
 fn expected(blocks: &[Option<&PackedCode>]) -> Vec<f32> {
     let model = offline::Model::embedded().expect("a model");
     let artifact = artifact::Artifact::from_bytes(
@@ -76,23 +67,6 @@ fn expected(blocks: &[Option<&PackedCode>]) -> Vec<f32> {
         hops.push(microvolts);
     }
     hops.concat()
-}
-
-/// Returns the frames of a file of blocks, those for whose message `change` returns true, which may change it.
-fn changed(fixture: &Fixture, mut change: impl for<'m> FnMut(&mut ToHost<'m>) -> bool) -> Vec<u8> {
-    let bytes = fs::read(fixture.codes()).expect("a file of blocks");
-    let mut decoder = Decoder::<MAX_FRAME>::new();
-    let (mut input, mut changed) = (&bytes[..], Vec::new());
-    while let Some(outcome) = decoder.next::<ToHost>(&mut input) {
-        let mut frame = outcome.expect("a whole frame");
-        if change(&mut frame.message) {
-            let mut buffer = [0; MAX_FRAME];
-            let mut encoder = Encoder::starting_at(frame.header.seq);
-            let bytes = encoder.encode(frame.header.device_time_us, &frame.message, &mut buffer);
-            changed.extend_from_slice(bytes.expect("it fits a frame"));
-        }
-    }
-    changed
 }
 
 /// Returns the values of a decoded file in the order row, electrode.
@@ -127,8 +101,8 @@ fn rows_are_those_of_the_packed_decoder() {
     assert_eq!(decoded.rows, (blocks.len() * model::HOP) as u64);
     assert!(rows(&fixture, "decoded.gdf") == expected(&all));
     assert_eq!(decoded.warnings, [""; 0]);
-    // A fine rate reproduces the filtered recording: the error of these waves, which no model is trained on, is 11.5 %
-    // with the checked-in model. A third more leaves room for another fit.
+    // A fine rate reproduces the filtered recording: the error of these waves, which no model is
+    // trained on, is 11.5 % with the checked-in model. A third more leaves room for another fit.
     let comparison = decoded.comparison.expect("compared with the recording");
     assert!(comparison.steps > 0);
     let prd_percent = comparison.total().prd_percent();
@@ -162,12 +136,10 @@ fn a_lost_block_is_predicted_and_counted() {
     let fixture = Fixture::settled();
     encode(&fixture, Some(RATE));
     let is_lost = |block: u32| (100..103).contains(&block) || block == 150;
-    let kept = changed(
-        &fixture,
+    let input = fixture.changed(
+        "lossy.codes",
         |message| !matches!(message, ToHost::PackedCode(code) if is_lost(code.block)),
     );
-    fs::write(fixture.path("lossy.codes"), kept).expect("written");
-    let input = fixture.path("lossy.codes");
     let decoded = fixture.decode(&input, "lossy.gdf", SignalFormat::Gdf, false);
     assert_eq!(decoded.expect("decoded").missing, 4);
     let blocks = blocks(&fixture);
@@ -192,7 +164,7 @@ fn the_models_rate_is_the_default_and_takes_fewer_bits_than_a_finer_one() {
 fn a_malformed_block_is_predicted_and_reported() {
     let fixture = Fixture::settled();
     encode(&fixture, Some(RATE));
-    let changed = changed(&fixture, |message| {
+    let input = fixture.changed("malformed.codes", |message| {
         if let ToHost::PackedCode(code) = message
             && code.block == 100
         {
@@ -201,8 +173,6 @@ fn a_malformed_block_is_predicted_and_reported() {
         }
         true
     });
-    fs::write(fixture.path("malformed.codes"), changed).expect("written");
-    let input = fixture.path("malformed.codes");
     let decoded = fixture.decode(&input, "malformed.gdf", SignalFormat::Gdf, false);
     let decoded = decoded.expect("decoded");
     assert_eq!(decoded.missing, 0);
@@ -236,9 +206,9 @@ fn a_malformed_block_is_predicted_and_reported() {
 fn a_file_without_the_devices_hello_is_refused() {
     let fixture = Fixture::new();
     encode(&fixture, None);
-    let changed = changed(&fixture, |message| !matches!(message, ToHost::Hello(_)));
-    fs::write(fixture.path("damaged.codes"), changed).expect("written");
-    let input = fixture.path("damaged.codes");
+    let input = fixture.changed("damaged.codes", |message| {
+        !matches!(message, ToHost::Hello(_))
+    });
     let decoded = fixture.decode(&input, "damaged.gdf", SignalFormat::Gdf, false);
     let error = decoded.expect_err("nobody knows the model");
     assert!(

@@ -1,0 +1,145 @@
+//! Lines of JSON in place of frames, with the topics and fields of the bridge.
+
+use std::io;
+
+use artifact::reconstruction::{code_range, dequantise};
+use link::{Capabilities, Code, Decoder, Event, EventKind, PackedCode, Substitutes, ToHost};
+use neuro_ros::{JsonLine, NeuroDataInfo, NeuroEvent, NeuroFrame, TriWords};
+use serde::Serialize;
+
+/// Turns the frames of a device into lines of JSON: codes, packed blocks, trigger edges and signal
+/// quality. Other messages have no line.
+///
+/// Codes and edges are the messages of the bridge without `header.stamp`: the device has no time of
+/// day. Every line has the device time instead. Packed blocks and quality are the messages on the
+/// wire.
+#[derive(Default)]
+pub(crate) struct JsonLines {
+    decoder: Decoder,
+    substitutes: Substitutes,
+    codes: Option<CodeFrames>,
+    events: u32,
+    /// Level of the trigger input according to the edges so far, 0 or 1.
+    trigger: u16,
+}
+
+/// The newest code as a message, and what dequantises the next one.
+struct CodeFrames {
+    frame: NeuroFrame,
+    scale: Vec<f32>,
+    zero_point: Vec<i8>,
+}
+
+/// A packed block with its bytes, which on the wire follow its fields.
+#[derive(Serialize)]
+struct PackedBlock<'a> {
+    #[serde(flatten)]
+    fields: PackedCode<'a>,
+    bytes: &'a [u8],
+}
+
+impl JsonLines {
+    /// Returns the line of a whole frame; `None` for a message without one.
+    ///
+    /// # Errors
+    /// The frame is damaged, or it holds a code before the device's introduction.
+    pub(crate) fn line(&mut self, mut frame: &[u8]) -> io::Result<Option<Vec<u8>>> {
+        let mut decoder = std::mem::take(&mut self.decoder);
+        let outcome = decoder.next::<ToHost<'_>>(&mut frame).transpose();
+        let frame = outcome.map_err(io::Error::other)?;
+        let line = frame.map_or(Ok(None), |frame| {
+            self.message(frame.message, frame.header.device_time_us)
+        });
+        self.decoder = decoder;
+        line
+    }
+
+    fn message(&mut self, message: ToHost<'_>, device_time_us: u64) -> io::Result<Option<Vec<u8>>> {
+        let time = device_time_us;
+        match message {
+            ToHost::Substitutes(substitutes) => self.substitutes = substitutes,
+            ToHost::Capabilities(about) => self.codes = CodeFrames::new(&about, self.substitutes),
+            ToHost::Code(code) => {
+                let codes = self.codes.as_mut();
+                let codes = codes.ok_or_else(|| io::Error::other("a code before Capabilities"))?;
+                return line("/encoded", time, codes.next(&code, time, self.trigger));
+            }
+            ToHost::Event(event) => return line("/events/bus", time, &self.edge(event)),
+            ToHost::PackedCode(fields) => {
+                let bytes = fields.bytes;
+                return line("/packed", time, &PackedBlock { fields, bytes });
+            }
+            ToHost::Quality(quality) => return line("/quality", time, &quality),
+            _ => {}
+        }
+        Ok(None)
+    }
+
+    fn edge(&mut self, event: Event) -> NeuroEvent {
+        let is_rising = event.kind == EventKind::TriggerRise;
+        self.trigger = is_rising.into();
+        self.events += 1;
+        let mut message = NeuroEvent::on_bus();
+        (message.header.seq, message.neuroheader.seq) = (self.events, self.events);
+        let (code, description) = NeuroEvent::trigger_edge(is_rising);
+        message.event = code;
+        description.clone_into(&mut message.description);
+        message
+    }
+}
+
+impl CodeFrames {
+    /// Returns `None` if the device's codes have a format that is newer than this program.
+    fn new(about: &Capabilities<'_>, substitutes: Substitutes) -> Option<Self> {
+        let (scale, zero_point) = (about.code_scale.to_vec(), about.code_zero_point.to_vec());
+        let range = code_range(about.code_format.range()?, &scale, &zero_point);
+        let unrecorded = substitutes.named(about.labels.split(' ')).to_string();
+        let transducter = [NeuroFrame::NETWORK, &unrecorded];
+        let transducter = transducter.into_iter().filter(|part| !part.is_empty());
+        let eeg = NeuroDataInfo {
+            transducter: transducter.collect::<Vec<_>>().join("; "),
+            prefiltering: about.filters.to_owned(),
+            minmax: range.map(f64::from).to_vec(),
+            ..NeuroDataInfo::default()
+        };
+        let codes_per_second = about.step_rate_hz / u16::from(about.hop_steps);
+        Some(Self {
+            frame: NeuroFrame::encoded(codes_per_second, scale.len(), eeg),
+            scale,
+            zero_point,
+        })
+    }
+
+    fn next(&mut self, code: &Code<'_>, device_time_us: u64, trigger: u16) -> &NeuroFrame {
+        let frame = &mut self.frame;
+        frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
+        frame.header.seq = frame.neuroheader.seq;
+        let scales = self.scale.iter().zip(&self.zero_point);
+        let values = frame
+            .eeg
+            .data
+            .iter_mut()
+            .zip(code.values.levels().zip(scales));
+        for (value, (level, (scale, zero_point))) in values {
+            *value = dequantise(level, *scale, *zero_point);
+        }
+        let words = TriWords {
+            flags: code.flags.bits(),
+            window: code.window,
+            device_time_us,
+            lost: 0,
+            trigger,
+        };
+        frame.tri.data.copy_from_slice(&words.words());
+        frame
+    }
+}
+
+fn line(topic: &str, time_us: u64, message: &impl Serialize) -> io::Result<Option<Vec<u8>>> {
+    let line = JsonLine {
+        topic,
+        device_time_us: Some(time_us),
+        message,
+    };
+    line.to_bytes().map(Some)
+}

@@ -1,9 +1,0 @@
-//! Tests that run the program `host-sim`.
-
-mod defects;
-mod duration;
-mod edf_file;
-mod events;
-mod output_file;
-mod program;
-mod repeated_values;
