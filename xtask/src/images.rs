@@ -25,8 +25,8 @@ impl Board {
         ["h743", "f446"][self as usize]
     }
 
-    /// Names of the board's images, each with the arguments for cargo that select it: the image with the other
-    /// port first, the default image last.
+    /// Names of the board's images, each with the arguments for cargo that select it: the image
+    /// with the other port first, the default image last.
     pub(crate) const fn images(self) -> &'static [[&'static str; 2]] {
         match self {
             Self::H743 => &[
@@ -58,9 +58,9 @@ pub(crate) fn file(name: &str) -> PathBuf {
     folder().join(name).with_extension("elf")
 }
 
-/// Builds the images of a board, the default one last. Cargo writes all of them
-/// to the same path, so each is copied to a separate file, together with the list of its sources (`.d`). The
-/// default image, built last, remains at cargo's path, where `cargo flash` looks for it.
+/// Builds the images of a board, the default one last. Cargo writes all of them to the same path,
+/// so each is copied to a separate file, together with the list of its sources (`.d`). The default
+/// image, built last, remains at cargo's path, where `cargo flash` looks for it.
 pub(crate) fn build(board: Board) -> Result<(), Failure> {
     install::board_target()?;
     let built = target_folder().join(BOARD_TARGET).join("firmware");

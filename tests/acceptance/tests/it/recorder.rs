@@ -1,0 +1,369 @@
+//! A recording of `/neurodata` in ROS-Neuro's format shows every event at its sample, also after
+//! the device restarted, the bridge was suspended, the cable was unplugged, or while frames are
+//! lost, and every status word as it was published. `CORTICODE_RECORDER_SECONDS` sets the length of
+//! each run; 12 s in CI.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    reason = "indices of seconds of samples, and 16-bit words, in floating point"
+)]
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+use acceptance::lossy_cable::LossyCable;
+use acceptance::machine_load::without_builds;
+use acceptance::port::free_port;
+use acceptance::process::Process;
+use acceptance::programs::programs;
+use acceptance::workspace;
+use emulator::skip::skip_unless_required;
+use recordings::{Block, EventLabel, Recording};
+use rustix::process::Signal;
+
+/// Sampling rate of the recording, Hz.
+const RATE: f64 = 512.0;
+/// Largest error of an event's place, seconds. It is that of the arrival of the first frame at the
+/// recorder, on a busy machine.
+const TOLERANCE_S: f64 = 0.03;
+/// Longest time for a program to end.
+const EXIT_TIMEOUT: Duration = Duration::from_secs(20);
+/// Event code of a rising edge of the trigger input, as GDF stores it.
+const TRIGGER_HIGH: u16 = 1;
+
+/// A board, a bridge and a recorder of the topic `/neurodata`.
+struct Session<'a> {
+    folder: &'a Path,
+    board: Process,
+    bridge: Process,
+    recorder: Process,
+}
+
+impl<'a> Session<'a> {
+    fn start(folder: &'a Path) -> Self {
+        let port = folder.join("port").display().to_string();
+        let board = board(folder, &format!("pty:{port}"), 0);
+        Self::with_board(folder, board, &port)
+    }
+
+    /// Starts the bridge at `port`, which leads to the board.
+    fn with_board(folder: &'a Path, board: Process, port: &str) -> Self {
+        let mut bridge = Command::new(&programs().bridge);
+        bridge.args([
+            "--sink=ndjson",
+            "--streams=codes,raw,events",
+            "--announce=raw",
+            "--port",
+        ]);
+        bridge.arg(port);
+        bridge.env("CORTICODE_CONFIG", "/dev/null");
+        // The recorder reads what the bridge writes: a named pipe between them.
+        let pipe = folder.join("lines");
+        let made = Command::new("mkfifo")
+            .arg(&pipe)
+            .status()
+            .expect("mkfifo starts");
+        assert!(made.success());
+        let script = workspace::root().join("tests/acceptance/ros/record_gdf.py");
+        let line = "exec /usr/bin/python3 \"$0\" /neurodata \"$1\" < \"$2\"";
+        let mut python = Command::new("sh");
+        python
+            .args(["-c", line])
+            .arg(script)
+            .arg(folder.join("run.gdf"))
+            .arg(&pipe);
+        let recorder = Process::start("recorder", &mut python, folder).expect("sh starts");
+        let mut shell = Command::new("sh");
+        shell
+            .args(["-c", "exec \"$0\" \"$@\" > \"$LINES_PIPE\""])
+            .env("LINES_PIPE", &pipe);
+        shell.arg(bridge.get_program()).args(bridge.get_args());
+        let bridge = Process::start("bridge", &mut shell, folder).expect("sh starts");
+        Self {
+            folder,
+            board,
+            bridge,
+            recorder,
+        }
+    }
+
+    /// Kills the board and starts another one after `outage`.
+    fn restart_board(&mut self, outage: Duration) {
+        self.board.kill();
+        sleep(outage);
+        let port = self.folder.join("port");
+        self.board = board(self.folder, &format!("pty:{}", port.display()), 1);
+    }
+
+    /// Ends the recording and returns it with the last line of the bridge.
+    fn stop(mut self) -> (Recording, String) {
+        let log = self.bridge.errors();
+        let exit = self.bridge.stop(Signal::TERM, EXIT_TIMEOUT);
+        assert!(exit.success(), "the bridge: {exit}\n{log}");
+        let exit = self.recorder.wait(EXIT_TIMEOUT);
+        assert!(
+            exit.success(),
+            "the recorder: {exit}\n{}",
+            self.recorder.errors()
+        );
+        self.board.kill();
+        (
+            Recording::open(self.folder.join("run.gdf")).expect("a GDF file"),
+            log,
+        )
+    }
+}
+
+/// Starts host-sim at `output` as board number `number` of the test.
+fn board(folder: &Path, output: &str, number: u32) -> Process {
+    let mut board = Command::new(&programs().host_sim);
+    board.args([
+        "run",
+        "--input=synthetic",
+        "--realtime",
+        "--quiet",
+        "--trigger-every=0.7",
+    ]);
+    board.arg(format!("--output={output}"));
+    Process::start(&format!("board{number}"), &mut board, folder).expect("host-sim starts")
+}
+
+/// What a recording shows.
+struct Recorded {
+    /// Status words by label, one per sample.
+    flags: Vec<u16>,
+    frames: Vec<u32>,
+    trigger: Vec<u16>,
+    /// Samples at which the recorder has placed rising edges.
+    rises: Vec<f64>,
+    /// Codes of all other events, without falling edges.
+    reports: Vec<u16>,
+}
+
+impl Recorded {
+    fn read(mut recording: Recording) -> Self {
+        let words = ["flags", "seq_lo", "seq_hi", "trigger"];
+        let labels = recording.labels();
+        let places = words.map(|word| {
+            labels
+                .iter()
+                .position(|label| *label == word)
+                .expect("a word")
+        });
+        let mut values = [const { Vec::new() }; 4];
+        let mut block = Block::default();
+        while recording.read_block(&mut block).expect("a whole file") {
+            for (values, place) in values.iter_mut().zip(places) {
+                values.extend(block.samples[place].iter().map(|&value| word(value)));
+            }
+        }
+        // The library fills the last record of 1 s with zeros; only the first frame has the index
+        // 0.
+        let written = values[1]
+            .iter()
+            .zip(&values[2])
+            .rposition(|words| words != (&0, &0));
+        for values in &mut values {
+            values.truncate(written.map_or(0, |last| last + 1));
+        }
+        let events = recording.events().expect("an event table");
+        let mut recorded = Self {
+            frames: values[1]
+                .iter()
+                .zip(&values[2])
+                .map(|(low, high)| u32::from(*low) | u32::from(*high) << 16)
+                .collect(),
+            flags: values[0].clone(),
+            trigger: values[3].clone(),
+            rises: Vec::new(),
+            reports: Vec::new(),
+        };
+        for event in events {
+            match event.label {
+                EventLabel::Type(TRIGGER_HIGH) => recorded.rises.push(event.onset_s * RATE),
+                EventLabel::Type(code) if code & 0x8000 == 0 => recorded.reports.push(code),
+                _ => {}
+            }
+        }
+        recorded
+    }
+
+    /// Checks that the words are those of consecutive frames, that each edge that the status words
+    /// show is an event at its sample, and returns the largest error, seconds.
+    fn largest_error_s(&self) -> f64 {
+        for (sample, frame) in self.frames.iter().enumerate() {
+            assert_eq!(*frame as usize, sample / 32, "sample {sample}");
+        }
+        let pairs = self.trigger.windows(2).enumerate();
+        let rises = pairs
+            .filter(|(_, pair)| *pair == [0, 1])
+            .map(|(sample, _)| sample + 1);
+        let errors = rises.map(|sample| {
+            // The edge happened before this sample and after the one before.
+            let errors = self.rises.iter().map(|rise| rise - (sample as f64 - 0.5));
+            let nearest = errors.min_by(|a, b| a.abs().total_cmp(&b.abs()));
+            nearest.expect("an event") / RATE
+        });
+        let errors: Vec<f64> = errors.collect();
+        assert!(errors.len() >= 3, "{} edges", errors.len());
+        errors
+            .iter()
+            .fold(0.0, |most: f64, error| most.max(error.abs()))
+    }
+
+    fn fillers(&self) -> usize {
+        self.flags
+            .iter()
+            .filter(|flags| **flags & 0x8000 != 0)
+            .count()
+    }
+}
+
+/// Returns a status word as an integer.
+fn word(value: f64) -> u16 {
+    assert!(
+        value.is_finite() && (value - value.round()).abs() < 0.01,
+        "{value} is no word"
+    );
+    let word = value.round();
+    assert!((0.0..=65_535.0).contains(&word), "{value} is no word");
+    #[expect(clippy::cast_sign_loss, reason = "checked above")]
+    let word = word as u16;
+    word
+}
+
+/// Returns half the length of a run.
+fn half() -> Duration {
+    let seconds = std::env::var("CORTICODE_RECORDER_SECONDS");
+    let seconds = seconds.map_or(12, |seconds| seconds.parse().expect("a number of seconds"));
+    Duration::from_secs(seconds) / 2
+}
+
+/// Returns whether Python and libxdffileio are installed; reports the test as skipped if not.
+fn available() -> bool {
+    let load = "import ctypes; ctypes.CDLL('libxdffileio.so.0')";
+    let python = Command::new("/usr/bin/python3")
+        .args(["-c", load])
+        .stderr(Stdio::null())
+        .status();
+    if python.is_ok_and(|status| status.success()) {
+        return true;
+    }
+    skip_unless_required(
+        "events in a recording of ROS-Neuro's format",
+        "/usr/bin/python3 does not load libxdffileio; `apt-get install libxdffileio0`",
+    );
+    false
+}
+
+#[test]
+fn events_are_at_their_samples_after_a_restart_of_the_board() {
+    if !available() {
+        return;
+    }
+    let _quiet = without_builds();
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut session = Session::start(folder.path());
+    sleep(half());
+    session.restart_board(Duration::from_secs(2));
+    sleep(half());
+    let (recording, _) = session.stop();
+    let recorded = Recorded::read(recording);
+    let error_s = recorded.largest_error_s();
+    println!("restart: largest error of an event {:.1} ms", error_s * 1e3);
+    assert!(error_s < TOLERANCE_S, "{error_s} s");
+    assert!(
+        recorded.fillers() as f64 > 2.0 * RATE,
+        "{} fillers",
+        recorded.fillers()
+    );
+    assert!(recorded.reports.contains(&0x7ffe), "{:?}", recorded.reports);
+}
+
+#[test]
+fn events_are_at_their_samples_after_the_bridge_stood_still() {
+    if !available() {
+        return;
+    }
+    let _quiet = without_builds();
+    let folder = tempfile::tempdir().expect("a folder");
+    let session = Session::start(folder.path());
+    sleep(half());
+    session.bridge.signal(Signal::STOP);
+    sleep(Duration::from_secs(13));
+    session.bridge.signal(Signal::CONT);
+    sleep(half());
+    let (recording, log) = session.stop();
+    let recorded = Recorded::read(recording);
+    let error_s = recorded.largest_error_s();
+    println!(
+        "stall: largest error of an event {:.1} ms; {log}",
+        error_s * 1e3
+    );
+    assert!(error_s < TOLERANCE_S, "{error_s} s");
+}
+
+#[test]
+fn events_are_at_their_samples_after_the_cable_was_unplugged() {
+    let Some((recorded, error_s)) = with_cable("unplugged cable", 0, |cable| {
+        sleep(half());
+        cable.unplug();
+        sleep(Duration::from_secs(2));
+        cable.plug();
+        sleep(half());
+    }) else {
+        return;
+    };
+    assert!(error_s < TOLERANCE_S, "{error_s} s");
+    // The cable is unplugged for 2 s, and the bridge tries again every quarter of a second.
+    assert!(
+        recorded.fillers() as f64 > 1.9 * RATE,
+        "{} fillers",
+        recorded.fillers()
+    );
+    assert!(recorded.reports.contains(&0x7f01), "{:?}", recorded.reports);
+}
+
+#[test]
+fn events_are_at_their_samples_while_frames_are_lost() {
+    let Some((recorded, error_s)) = with_cable("5 % loss", 5, |_| sleep(2 * half())) else {
+        return;
+    };
+    assert!(error_s < TOLERANCE_S, "{error_s} s");
+    let part = recorded.fillers() as f64 / recorded.flags.len() as f64;
+    assert!(
+        (0.02..0.1).contains(&part),
+        "{part} of the samples are lost"
+    );
+    assert!(recorded.reports.contains(&0x7f01), "{:?}", recorded.reports);
+}
+
+/// Records through a cable that loses `percent` of the frames, while `scenario` runs. Returns the
+/// recording and the largest error of an event, seconds; `None` if the test is skipped.
+fn with_cable(
+    test: &str,
+    percent: u64,
+    scenario: impl FnOnce(&LossyCable),
+) -> Option<(Recorded, f64)> {
+    if !available() {
+        return None;
+    }
+    let _quiet = without_builds();
+    let folder = tempfile::tempdir().expect("a folder");
+    let port = free_port().expect("a free port");
+    let board = board(folder.path(), &format!("tcp:127.0.0.1:{port}"), 0);
+    let cable = LossyCable::new(port, percent).expect("the board opens its port");
+    let session = Session::with_board(folder.path(), board, &cable.port);
+    scenario(&cable);
+    let (recording, log) = session.stop();
+    let recorded = Recorded::read(recording);
+    let error_s = recorded.largest_error_s();
+    println!(
+        "{test}: largest error of an event {:.1} ms in {:.1} s; {log}",
+        error_s * 1e3,
+        recorded.flags.len() as f64 / RATE
+    );
+    Some((recorded, error_s))
+}
