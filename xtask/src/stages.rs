@@ -35,7 +35,7 @@ const SLOW_TESTS: [&str; 11] = [
     "own_master::",
     "packed_loss::",
     "raw_forms::",
-    "recorder::",
+    "events_are_at_their_samples",
 ];
 
 /// Number of tests that run in parallel, at least: most of the time, a test of the whole chain

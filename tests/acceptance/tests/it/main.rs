@@ -23,7 +23,6 @@ mod packed_python;
 mod qemu_chain;
 mod quantise;
 mod raw_forms;
-mod recorder;
 mod ros_chain;
 mod samples_chain;
 mod service;

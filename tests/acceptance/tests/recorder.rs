@@ -2,6 +2,9 @@
 //! the device restarted, the bridge was suspended, the cable was unplugged, or while frames are
 //! lost, and every status word as it was published. `CORTICODE_RECORDER_SECONDS` sets the length of
 //! each run; 12 s in CI.
+//!
+//! A binary of its own: its times are judged by the wall clock, so nothing else may run meanwhile.
+#![forbid(unsafe_code)]
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
@@ -14,7 +17,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use acceptance::lossy_cable::LossyCable;
-use acceptance::machine_load::without_builds;
+use acceptance::machine_load::exclusive;
 use acceptance::port::free_port;
 use acceptance::process::Process;
 use acceptance::programs::programs;
@@ -263,7 +266,7 @@ fn events_are_at_their_samples_after_a_restart_of_the_board() {
     if !available() {
         return;
     }
-    let _quiet = without_builds();
+    let _alone = exclusive();
     let folder = tempfile::tempdir().expect("a folder");
     let mut session = Session::start(folder.path());
     sleep(half());
@@ -287,7 +290,7 @@ fn events_are_at_their_samples_after_the_bridge_stood_still() {
     if !available() {
         return;
     }
-    let _quiet = without_builds();
+    let _alone = exclusive();
     let folder = tempfile::tempdir().expect("a folder");
     let session = Session::start(folder.path());
     sleep(half());
@@ -350,7 +353,7 @@ fn with_cable(
     if !available() {
         return None;
     }
-    let _quiet = without_builds();
+    let _alone = exclusive();
     let folder = tempfile::tempdir().expect("a folder");
     let port = free_port().expect("a free port");
     let board = board(folder.path(), &format!("tcp:127.0.0.1:{port}"), 0);
