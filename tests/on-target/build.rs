@@ -21,8 +21,8 @@ mod kernels;
 #[path = "src/signal.rs"]
 mod signal;
 
-/// Environment variable that names the folder of a model to use instead of the checked-in one, as in
-/// `signal/model/build.rs`.
+/// Environment variable that names the folder of a model to use instead of the checked-in one, as
+/// in `signal/model/build.rs`.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 /// File with the filter outputs that scipy computes; `scipy_rates.py` in the same folder writes it.
 const SCIPY: &str = "../../signal/pipeline/tests/it/front_end/scipy_rates.csv";
@@ -33,7 +33,8 @@ const WIRE_FORMAT: &str = "../../docs/wire-format.md";
 const WINDOWS: usize = 6;
 /// Number of codes that are compared for each mains frequency.
 const CODES: usize = 12;
-/// Number of packed blocks that are compared: more than from one block without prediction to the next.
+/// Number of packed blocks that are compared: more than from one block without prediction to the
+/// next.
 const BLOCKS: u8 = 70;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -58,8 +59,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     link(&out)
 }
 
-/// Writes the filters that model-gen designs for three test cases, and for each case the outputs that scipy
-/// computes and those that this PC computes.
+/// Writes the filters that model-gen designs for three test cases, and for each case the outputs
+/// that scipy computes and those that this PC computes.
 fn filters(golden: &mut String) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed={SCIPY}");
     let scipy = fs::read_to_string(SCIPY)?;
@@ -133,8 +134,8 @@ fn filtered<const PHASES: usize, const TAPS: usize>(
     Ok(())
 }
 
-/// Writes up to [`WINDOWS`] golden windows, evenly spaced over all those of the artifact, with their codes,
-/// which model-gen's batch reference has computed.
+/// Writes up to [`WINDOWS`] golden windows, evenly spaced over all those of the artifact, with
+/// their codes, which model-gen's batch reference has computed.
 fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-env-changed={ARTIFACT}");
     let folder = env::var_os(ARTIFACT).map_or("../../signal/model/artifact".into(), PathBuf::from);
@@ -170,8 +171,8 @@ fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Er
     Ok(())
 }
 
-/// Writes the first [`BLOCKS`] packed blocks that this PC computes for [`signal::samples`], each at another rate, and the
-/// state after them.
+/// Writes the first [`BLOCKS`] packed blocks that this PC computes for [`signal::samples`], each at
+/// another rate, and the state after them.
 fn blocks(golden: &mut String) -> Result<(), Box<dyn Error>> {
     let mut acquisition = Acquisition::new(Mains::Hz50);
     let mut encoder = Box::new(PackedEncoder::new());
@@ -201,8 +202,8 @@ fn blocks(golden: &mut String) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Writes the bytes of a hex dump in [`WIRE_FORMAT`]: the block that opens with ```` ```hex NAME ````,
-/// where NAME is the value of `dump`.
+/// Writes the bytes of a hex dump in [`WIRE_FORMAT`]: the block that opens with
+/// ```` ```hex NAME ````, where NAME is the value of `dump`.
 fn frame(golden: &mut String, name: &str, dump: &str) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed={WIRE_FORMAT}");
     let document = fs::read_to_string(WIRE_FORMAT)?;
@@ -225,8 +226,8 @@ fn has_feature(feature: &str) -> bool {
     env::var_os(format!("CARGO_FEATURE_{feature}")).is_some()
 }
 
-/// Passes to the linker the memory map of the board that the features select. Does nothing in a build for
-/// the PC.
+/// Passes to the linker the memory map of the board that the features select. Does nothing in a
+/// build for the PC.
 fn link(out: &Path) -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=../../memory.x");
     let map = match (has_feature("H743"), has_feature("F446")) {

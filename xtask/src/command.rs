@@ -49,14 +49,16 @@ impl<T, E: Display> OrFail<T> for Result<T, E> {
 
 /// Returns a cargo command in the workspace's root; `words` are its arguments, separated by blanks.
 pub(crate) fn cargo(words: &str) -> Command {
-    // Use the cargo that runs this program, so that a toolchain chosen on the command line stays chosen.
+    // Use the cargo that runs this program, so that a toolchain chosen on the command line stays
+    // chosen.
     let program = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(program);
     command.args(words.split_whitespace()).current_dir(root());
     command
 }
 
-/// Returns a cargo command in the workspace of the emulated boards, with its own toolchain and target folder.
+/// Returns a cargo command in the workspace of the emulated boards, with its own toolchain and
+/// target folder.
 pub(crate) fn virtual_board_cargo(words: &str) -> Command {
     let mut command = Command::new("rustup");
     command
@@ -67,13 +69,15 @@ pub(crate) fn virtual_board_cargo(words: &str) -> Command {
     command
 }
 
-/// Returns the name of the Rust toolchain, such as "1.98.0", from the emulated boards' rust-toolchain.toml.
+/// Returns the name of the Rust toolchain, such as "1.98.0", from the emulated boards'
+/// rust-toolchain.toml.
 pub(crate) fn virtual_board_toolchain() -> &'static str {
     let file = include_str!("../../tests/virtual-board/rust-toolchain.toml");
     file.split('"').nth(1).unwrap_or("stable")
 }
 
-/// Returns the folder of the workspace's Cargo.toml; its path is fixed when this program is compiled.
+/// Returns the folder of the workspace's Cargo.toml; its path is fixed when this program is
+/// compiled.
 pub(crate) fn root() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
@@ -84,7 +88,8 @@ pub(crate) fn target_folder() -> PathBuf {
     program.ancestors().nth(2).unwrap_or(root()).to_owned()
 }
 
-/// Runs the command with this program's standard streams. `next` is the advice to the user if it fails.
+/// Runs the command with this program's standard streams. `next` is the advice to the user if it
+/// fails.
 pub(crate) fn run(command: &mut Command, next: &str) -> Result<(), Failure> {
     let status = command.status().or_fail(typed(command), next)?;
     if status.success() {

@@ -34,9 +34,9 @@ const COMPLETIONS: [(&str, &str); 3] = [
     ("fish", "fish/vendor_completions.d/corticode-bridge.fish"),
 ];
 
-/// Builds the package and prints its path. It contains the bridge `program` and `corticode-node` from the same
-/// folder; without `program`, both are built in release first. With `check`, also runs the test that installs
-/// the package.
+/// Builds the package and prints its path. It contains the bridge `program` and `corticode-node`
+/// from the same folder; without `program`, both are built in release first. With `check`, also
+/// runs the test that installs the package.
 pub(crate) fn deb(program: Option<PathBuf>, check: bool) -> Result<(), Failure> {
     let program = if let Some(program) = program {
         program
@@ -48,7 +48,7 @@ pub(crate) fn deb(program: Option<PathBuf>, check: bool) -> Result<(), Failure> 
     refuse_missing(&program)?;
     let package = package(&program)?;
     if check {
-        let mut test = cargo("test --package acceptance --test debian_package -- --nocapture");
+        let mut test = cargo("test --package acceptance debian_package:: -- --nocapture");
         run(test.env("CORTICODE_DEB", &package), AFTER_A_TEST)?;
     }
     println!("{}", package.display());
@@ -118,7 +118,8 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     let mut gzip = Command::new("gzip");
     run(gzip.args(["-9nr"]).args([&pages, &changelog]), NEXT)?;
 
-    // dpkg-shlibdeps reads the control file of a source package, of which it needs no more than this.
+    // dpkg-shlibdeps reads the control file of a source package, of which it needs no more than
+    // this.
     let source = "Source: corticode-bridge\n\nPackage: corticode-bridge\nArchitecture: any\n";
     write("debian/control", source)?;
     let mut libraries = Command::new("dpkg-shlibdeps");

@@ -1,5 +1,5 @@
-//! `cargo xtask docs`: measures the figures and writes docs/figures.md; `cargo xtask test` compares the page
-//! with its own measurements.
+//! `cargo xtask docs`: measures the figures and writes docs/figures.md; `cargo xtask test` compares
+//! the page with its own measurements.
 
 use std::env;
 use std::fs;
@@ -36,16 +36,16 @@ pub(crate) fn save(verb: &str, object: &Value) -> Result<(), Failure> {
     write(&object_file(&folder(), verb), &object.to_string())
 }
 
-/// Makes `program` also write the JSON object that it prints with `--json` to the file of `verb`. Empties the
-/// file first, so that an object of an earlier run cannot be mistaken for the new one.
+/// Makes `program` also write the JSON object that it prints with `--json` to the file of `verb`.
+/// Empties the file first, so that an object of an earlier run cannot be mistaken for the new one.
 pub(crate) fn attach(program: &mut Command, verb: &str) -> Result<(), Failure> {
     let file = object_file(&folder(), verb);
     program.env("CORTICODE_OBJECT", &file);
     write(&file, "")
 }
 
-/// Measures every figure, or reads the JSON objects from the folder `measured` if it is given, and writes
-/// docs/figures.md.
+/// Measures every figure, or reads the JSON objects from the folder `measured` if it is given, and
+/// writes docs/figures.md.
 pub(crate) fn docs(measured: Option<&Path>) -> Result<(), Failure> {
     let source = source()?;
     let mut page = HEADER.to_owned();
@@ -64,7 +64,8 @@ pub(crate) fn docs(measured: Option<&Path>) -> Result<(), Failure> {
 
 /// Compares docs/figures.md with the JSON objects that the verbs of this run have saved.
 pub(crate) fn check() -> Result<(), Failure> {
-    // The page states figures measured with real recordings; without them, this run has other figures.
+    // The page states figures measured with real recordings; without them, this run has other
+    // figures.
     if env::var_os("CORTICODE_DATA").is_none() {
         eprintln!("SKIPPED: the comparison with docs/figures.md needs CORTICODE_DATA");
         return Ok(());

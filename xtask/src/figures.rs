@@ -1,5 +1,5 @@
-//! Figures that tests measure and append, as lines of JSON, to the file named by `CORTICODE_FIGURES`: read
-//! from that file, and printed as one object or as tables.
+//! Figures that tests measure and append, as lines of JSON, to the file named by
+//! `CORTICODE_FIGURES`: read from that file, and printed as one object or as tables.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -18,11 +18,13 @@ pub(crate) type Row = Map<String, Value>;
 /// Rows by the name of the machine or board; the row with an empty name belongs to the whole run.
 pub(crate) type Figures = BTreeMap<String, Row>;
 
-/// Makes the tests that `command` runs write their figures to a new file for `verb`, and returns its path.
-/// With `json`, the command's stdout is redirected to stderr, so that stdout holds only the JSON object.
+/// Makes the tests that `command` runs write their figures to a new file for `verb`, and returns
+/// its path. With `json`, the command's stdout is redirected to stderr, so that stdout holds only
+/// the JSON object.
 pub(crate) fn attach(command: &mut Command, verb: &str, json: bool) -> PathBuf {
     let file = target_folder().join(format!("{verb}-figures.jsonl"));
-    // Fails if no earlier run left a file, which is no error. A test that cannot write the file reports it.
+    // Fails if no earlier run left a file, which is no error. A test that cannot write the file
+    // reports it.
     let _ = fs::remove_file(&file);
     if json {
         command.stdout(stderr());
@@ -31,8 +33,8 @@ pub(crate) fn attach(command: &mut Command, verb: &str, json: bool) -> PathBuf {
     file
 }
 
-/// Reads a file of figures and merges its lines by their member `subject`. Returns no figures if the file
-/// does not exist, because a run that fails early writes none.
+/// Reads a file of figures and merges its lines by their member `subject`. Returns no figures if
+/// the file does not exist, because a run that fails early writes none.
 ///
 /// # Errors
 /// A line is not a JSON object.
@@ -41,8 +43,8 @@ pub(crate) fn read(file: &Path, subject: &str) -> Result<Figures, Failure> {
     merged(&text, subject).or_fail(format!("reading {}", file.display()), "run the verb again")
 }
 
-/// Merges the lines of `text`, each a JSON object, into one row for each value of their member `subject`,
-/// such as "machine". If a figure occurs twice, the later value counts.
+/// Merges the lines of `text`, each a JSON object, into one row for each value of their member
+/// `subject`, such as "machine". If a figure occurs twice, the later value counts.
 fn merged(text: &str, subject: &str) -> Result<Figures, serde_json::Error> {
     let mut figures = Figures::new();
     for line in text.lines() {
@@ -53,9 +55,9 @@ fn merged(text: &str, subject: &str) -> Result<Figures, serde_json::Error> {
     Ok(figures)
 }
 
-/// Prints the figures of a run, as one JSON object or as one table for each row and one for `whole`. Also
-/// saves the object for docs/figures.md. The object has the members of `whole` and the list of rows, named
-/// after `subject` in the plural, such as "machines".
+/// Prints the figures of a run, as one JSON object or as one table for each row and one for
+/// `whole`. Also saves the object for docs/figures.md. The object has the members of `whole` and
+/// the list of rows, named after `subject` in the plural, such as "machines".
 ///
 /// # Errors
 /// The object cannot be saved.

@@ -3,7 +3,8 @@
 use serde::Deserialize;
 use serde_json::Value;
 
-/// Description of docs/figures.md, read from `docs/figures.toml`: its sections in the order of the page.
+/// Description of docs/figures.md, read from `docs/figures.toml`: its sections in the order of the
+/// page.
 #[derive(Debug, Deserialize)]
 pub(crate) struct FiguresPage {
     #[serde(rename = "section")]
@@ -58,8 +59,8 @@ impl Section {
         ))
     }
 
-    /// Returns one line for each figure whose values in `page` and `measured` disagree, or that one of the
-    /// two lacks. Only an optional figure may be absent from `measured`.
+    /// Returns one line for each figure whose values in `page` and `measured` disagree, or that one
+    /// of the two lacks. Only an optional figure may be absent from `measured`.
     pub(crate) fn differences(&self, page: &str, measured: &Value) -> Vec<String> {
         let mut sections = page.split("\n## ");
         let section = sections.find(|text| text.starts_with(&self.title));
@@ -91,8 +92,8 @@ impl Figure {
         Some(measured.pointer(&self.pointer)?.as_f64()? * self.scale.unwrap_or(1.0))
     }
 
-    /// Returns whether a new value equals the value on the page within the tolerance plus the page's
-    /// rounding.
+    /// Returns whether a new value equals the value on the page within the tolerance plus the
+    /// page's rounding.
     fn agree(&self, stated: f64, now: f64) -> bool {
         let digits = i32::try_from(self.decimals).unwrap_or(i32::MAX);
         (stated - now).abs() <= now.abs() * self.tolerance + 0.5001 * 10_f64.powi(-digits)

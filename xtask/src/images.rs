@@ -68,9 +68,9 @@ pub(crate) fn file(name: &str) -> PathBuf {
     folder().join(name).with_extension("elf")
 }
 
-/// Builds the images of a board, the default one last. Cargo writes all of them
-/// to the same path, so each is copied to a separate file, together with the list of its sources (`.d`). The
-/// default image, built last, remains at cargo's path, where `cargo flash` looks for it.
+/// Builds the images of a board, the default one last. Cargo writes all of them to the same path,
+/// so each is copied to a separate file, together with the list of its sources (`.d`). The default
+/// image, built last, remains at cargo's path, where `cargo flash` looks for it.
 pub(crate) fn build(board: Board) -> Result<(), Failure> {
     install::board_target()?;
     let built = target_folder().join(BOARD_TARGET).join("firmware");

@@ -1,15 +1,16 @@
-//! Installs Debian packages and parts of Rust that `cargo xtask test` needs, if this user has the rights to.
+//! Installs Debian packages and parts of Rust that `cargo xtask test` needs, if this user has the
+//! rights to.
 
 use std::path::Path;
 use std::process::Command;
 
 use crate::command::{BOARD_TARGET, Failure, run, succeeds, typed, virtual_board_toolchain};
 
-/// Debian packages: ROS 1 with roscore, rospy, rostopic, rosservice and rosbag; the service types of the node
-/// `acquisition`; numpy, with which tests read arrays; the library with which ROS-Neuro's
-/// recorder writes GDF; the emulator of the microcontrollers; udev, and a testbed with simulated devices for it;
-/// the formatter of manual pages; what catkin builds the packages in `ros/` with; what makes the Debian package,
-/// and the clean Debian and the systemd that check it.
+/// Debian packages: ROS 1 with roscore, rospy, rostopic, rosservice and rosbag; the service types
+/// of the node `acquisition`; numpy, with which tests read arrays; the library with which
+/// ROS-Neuro's recorder writes GDF; the emulator of the microcontrollers; udev, and a testbed with
+/// simulated devices for it; the formatter of manual pages; what catkin builds the packages in
+/// `ros/` with; what makes the Debian package, and the clean Debian and the systemd that check it.
 const PACKAGES: [&str; 20] = [
     "ros-core",
     "python3-std-srvs",
@@ -32,6 +33,9 @@ const PACKAGES: [&str; 20] = [
     "systemd",
     "groff-base",
 ];
+
+/// Option of apt-get: seconds to wait while another program installs packages.
+const WAIT: &str = "DPkg::Lock::Timeout=600";
 
 /// Installs whatever `cargo xtask test` needs and this machine lacks.
 pub(crate) fn install() -> Result<(), Failure> {
@@ -57,8 +61,8 @@ pub(crate) fn board_target() -> Result<(), Failure> {
     )
 }
 
-/// Installs the Rust toolchain of the emulated boards if it is missing: not every rustup installs a toolchain
-/// on first use.
+/// Installs the Rust toolchain of the emulated boards if it is missing: not every rustup installs a
+/// toolchain on first use.
 pub(crate) fn virtual_board_compiler() -> Result<(), Failure> {
     let version = virtual_board_toolchain();
     if succeeds(Command::new("rustup").args(["run", version, "cargo", "clippy", "--version"])) {
@@ -85,10 +89,7 @@ fn debian_packages() -> Result<(), Failure> {
     if missing.is_empty() {
         return Ok(());
     }
-    // Noninteractive, because a package's question would block a run without a terminal. The update comes
-    // first, because a fresh machine has no package lists, without which apt-get installs nothing.
-    let update = "export DEBIAN_FRONTEND=noninteractive; apt-get update";
-    let script = format!("{update}; {}", apt_get_install(&missing));
+    let script = script(&missing);
     let id = Command::new("id").arg("-u").output();
     let mut shell = if id.is_ok_and(|output| output.stdout == b"0\n") {
         Command::new("sh")
@@ -100,9 +101,27 @@ fn debian_packages() -> Result<(), Failure> {
     run(shell.args(["-c", &script]), "").map_err(|_| refusal(&missing))
 }
 
+/// Returns the shell script that installs packages.
+fn script(packages: &[&str]) -> String {
+    // Noninteractive, because a package's question would block a run without a terminal. The update
+    // comes first, because a fresh machine has no package lists, without which apt-get installs
+    // nothing. Only `install` has an option for waiting, so `update` is repeated, for ten minutes
+    // at most.
+    let install = apt_get_install(packages);
+    format!(
+        "export DEBIAN_FRONTEND=noninteractive LC_ALL=C
+        tries=120
+        while apt-get update 2>&1 | tee /dev/stderr | grep 'Could not get lock' >/dev/null &&
+            [ $((tries -= 1)) -gt 0 ]
+        do sleep 5
+        done
+        {install}"
+    )
+}
+
 fn apt_get_install(packages: &[&str]) -> String {
     let packages = packages.join(" ");
-    format!("apt-get install --yes --no-install-recommends {packages}")
+    format!("apt-get -o {WAIT} install --yes --no-install-recommends {packages}")
 }
 
 fn refusal(missing: &[&str]) -> Failure {
@@ -122,13 +141,45 @@ fn is_installed(package: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::{self, Permissions};
+    use std::os::unix::fs::PermissionsExt;
+
     use super::*;
 
     #[test]
     fn the_refusal_is_one_line_to_run() {
         let text = refusal(&["ros-core", "python3-numpy"]).message;
-        let line = "`sudo apt-get install --yes --no-install-recommends ros-core python3-numpy`";
+        let line = "`sudo apt-get -o DPkg::Lock::Timeout=600 install --yes --no-install-recommends \
+                    ros-core python3-numpy`";
         assert!(text.contains(line), "{text}");
         assert!(!is_installed("corticode-no-such-package"));
+    }
+
+    #[test]
+    fn a_busy_package_database_is_waited_for() {
+        let folder = std::env::temp_dir().join(format!("xtask-apt-{}", std::process::id()));
+        fs::create_dir_all(&folder).expect("a folder");
+        // Another program updates the lists until the third call.
+        let apt_get = "#!/bin/sh
+            cd \"$(dirname \"$0\")\"
+            echo \"$*\" >>calls
+            [ \"$1\" != update ] || [ \"$(grep -c update calls)\" = 3 ] && exit
+            echo 'E: Could not get lock /var/lib/apt/lists/lock.' >&2
+            exit 100";
+        for (name, text) in [("apt-get", apt_get), ("sleep", "#!/bin/sh")] {
+            let path = folder.join(name);
+            fs::write(&path, text).expect("a file");
+            fs::set_permissions(path, Permissions::from_mode(0o755)).expect("a program");
+        }
+        let path = format!("{}:/usr/bin:/bin", folder.display());
+        let mut shell = Command::new("sh");
+        let shell = shell.args(["-c", &script(&["make"])]).env("PATH", path);
+        let installed = shell.output().expect("a shell");
+        let calls = fs::read_to_string(folder.join("calls")).expect("the calls");
+        fs::remove_dir_all(&folder).expect("the folder");
+        assert!(installed.status.success(), "{installed:?}");
+        let expected = "update\nupdate\nupdate\n\
+                        -o DPkg::Lock::Timeout=600 install --yes --no-install-recommends make\n";
+        assert_eq!(calls, expected);
     }
 }

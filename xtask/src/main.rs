@@ -33,29 +33,31 @@ struct Arguments {
 enum Verb {
     /// Run everything that CI runs; install what is missing, or print the command that does
     Test {
-        /// Leave out the trainer, the emulators, the benchmarks and models of other shapes, and install
-        /// nothing; tests that need ROS are skipped if it is missing
+        /// Leave out the emulators, the benchmarks, models of other shapes and tests that start
+        /// programs or ROS, and install nothing
         #[arg(long)]
         fast: bool,
     },
     /// Show the whole path: synthetic EEG, virtual board, bridge, ROS master, subscriber, pictures
     Demo {
-        /// Seconds of EEG; the filters need the first 9.5 to settle, and nothing before that is compared
+        /// Seconds of EEG; the filters need the first 9.5 to settle, and nothing before that is
+        /// compared
         #[arg(long, default_value_t = 15, value_parser = clap::value_parser!(u32).range(12..=3600))]
         seconds: u32,
         /// Seed of the synthetic EEG
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
-    /// Count instructions on an emulated microcontroller, for the checked-in model or another one, measure and
-    /// draw the filters' noise, or time the encoder, the bridge or the node on this PC; `cargo xtask bench --help` lists the options
+    /// Count instructions on an emulated microcontroller, for the checked-in model or another one,
+    /// measure and draw the filters' noise, or time the encoder, the bridge or the node on this PC;
+    /// `cargo xtask bench --help` lists the options
     #[command(disable_help_flag = true)]
     Bench {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         words: Vec<String>,
     },
-    /// Run the application on emulated microcontrollers and compare its codes with host-sim's, or run it live
-    /// for a bridge
+    /// Run the application on emulated microcontrollers and compare its codes with host-sim's, or
+    /// run it live for a bridge
     Qemu {
         /// Number of codes that each machine makes, to be compared with host-sim's
         #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(500..=100_000))]
@@ -76,20 +78,21 @@ enum Verb {
         #[arg(long, value_enum)]
         board: Option<Board>,
     },
-    /// Test, on emulated boards, the images that are flashed to real ones, or leave one board running for a
-    /// bridge
+    /// Test, on emulated boards, the images that are flashed to real ones, or leave one board
+    /// running for a bridge
     Board {
         /// Board to test or to run; both if it is left out
         #[arg(value_enum)]
         board: Option<Board>,
-        /// Leave the board running at a TCP port for a bridge, until Ctrl-C, instead of running the tests
+        /// Leave the board running at a TCP port for a bridge, until Ctrl-C, instead of running the
+        /// tests
         #[arg(long, requires = "board")]
         live: bool,
         /// TCP port of --live on 127.0.0.1
         #[arg(long, default_value_t = 5556, requires = "live")]
         port: u16,
-        /// Run the image with the other port, for --live: the UART of the NUCLEO-H743ZI2, USB of the
-        /// NUCLEO-F446RE
+        /// Run the image with the other port, for --live: the UART of the NUCLEO-H743ZI2, USB of
+        /// the NUCLEO-F446RE
         #[arg(long, requires = "live")]
         other_port: bool,
         /// Print one JSON object instead of a table
@@ -102,10 +105,11 @@ enum Verb {
         #[arg(long)]
         json: bool,
     },
-    /// Build the Debian package of the bridge in target/debian/, for this distribution and later ones
+    /// Build the Debian package of the bridge in target/debian/, for this distribution and later
+    /// ones
     Deb {
-        /// Also install it in a clean Debian 12, start and purge it, and start its service in a container; needs
-        /// root, mmdebstrap and systemd-container
+        /// Also install it in a clean Debian 12, start and purge it, and start its service in a
+        /// container; needs root, mmdebstrap and systemd-container
         #[arg(long)]
         check: bool,
         /// Pack this bridge, and corticode-node from its folder, instead of building them
@@ -116,8 +120,8 @@ enum Verb {
     Deny,
     /// Measure every figure of docs/figures.md and write the page
     Docs {
-        /// Read the results from the JSON files in this folder instead of measuring; `test` leaves its own in
-        /// target/figures
+        /// Read the results from the JSON files in this folder instead of measuring; `test` leaves
+        /// its own in target/figures
         #[arg(long)]
         measured: Option<PathBuf>,
     },

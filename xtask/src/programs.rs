@@ -21,8 +21,8 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     replace(demo.args([seconds.to_string(), seed.to_string()]))
 }
 
-/// Runs the program `report` of the benchmarks with these arguments. It is optimised only for `host`, `offline`,
-/// `training`, `bridge` and `node`, the benchmarks that measure time on this PC.
+/// Runs the program `report` of the benchmarks with these arguments. It is optimised only for
+/// `host`, `offline`, `training`, `bridge` and `node`, the benchmarks that measure time on this PC.
 pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     install::board_target()?;
     match words.first().map(String::as_str) {
@@ -44,11 +44,12 @@ pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     }
 }
 
-/// Runs the golden vectors on both emulated microcontrollers or, if `board` is given, on that board.
+/// Runs the golden vectors on both emulated microcontrollers or, if `board` is given, on that
+/// board.
 pub(crate) fn hil(board: Option<Board>) -> Result<(), Failure> {
     install::board_target()?;
     let Some(board) = board else {
-        let test = "test --package emulated --test golden_vectors -- --nocapture";
+        let test = "test --package emulated golden_vectors:: -- --nocapture";
         return replace(&mut cargo(test));
     };
     require_probe_rs()?;
@@ -60,8 +61,8 @@ pub(crate) fn hil(board: Option<Board>) -> Result<(), Failure> {
     replace(cargo(&run).arg(image))
 }
 
-/// Builds the image with the golden vectors for a board. A successful build also shows that the image fits
-/// the board's memory.
+/// Builds the image with the golden vectors for a board. A successful build also shows that the
+/// image fits the board's memory.
 pub(crate) fn link_vectors(board: Board) -> Result<(), Failure> {
     let build = "build --package=on-target --bin=on-target --profile=firmware";
     let words = format!("{build} --target={BOARD_TARGET} --features={}", board.key());
@@ -75,7 +76,8 @@ pub(crate) fn budget(json: bool) -> Result<(), Failure> {
     replace(budget.arg(images::folder()).args(json.then_some("--json")))
 }
 
-/// Runs the application in real time on an emulated microcontroller, with its link at TCP port `port`.
+/// Runs the application in real time on an emulated microcontroller, with its link at TCP port
+/// `port`.
 pub(crate) fn live_qemu(port: u16) -> Result<(), Failure> {
     install::board_target()?;
     let live = format!("run --package emulated --bin live -- --port {port}");

@@ -1,5 +1,5 @@
-//! `cargo xtask qemu`: runs the application on emulated microcontrollers in virtual time and compares it with
-//! host-sim.
+//! `cargo xtask qemu`: runs the application on emulated microcontrollers in virtual time and
+//! compares it with host-sim.
 
 use std::path::Path;
 
@@ -15,13 +15,14 @@ pub(crate) fn qemu(codes: u32, json: bool) -> Result<(), Failure> {
     let mut test = cargo("test --package emulated --no-fail-fast");
     let file = figures::attach(&mut test, "qemu", json);
     test.env("CORTICODE_CODES", codes.to_string());
-    let next = "run the failed scenario alone: `cargo test --package emulated --test SCENARIO`";
+    let next = "run the failed scenario alone: `cargo test --package emulated SCENARIO::`";
     let passed = run(&mut test, next);
     report(&file, passed.as_ref().err(), json)?;
     passed
 }
 
-/// Prints the figures in `file`, and the message of `failure` among them, as one JSON object or as tables.
+/// Prints the figures in `file`, and the message of `failure` among them, as one JSON object or as
+/// tables.
 ///
 /// # Errors
 /// A line of the file is not a JSON object.
@@ -38,8 +39,8 @@ pub(crate) fn report(file: &Path, failure: Option<&Failure>, json: bool) -> Resu
     figures::publish("qemu", "machine", machines, whole, json)
 }
 
-/// Returns figures that summarise all machines: the smallest, the sum or the worst of their values. A truth
-/// value is true if it is true on every machine.
+/// Returns figures that summarise all machines: the smallest, the sum or the worst of their values.
+/// A truth value is true if it is true on every machine.
 fn summary(machines: &Value) -> Row {
     let machines = || machines.as_array().into_iter().flatten();
     let figure = |pointer: &'static str| machines().filter_map(move |row| row.pointer(pointer));

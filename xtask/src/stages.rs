@@ -1,7 +1,8 @@
 //! `cargo xtask test`: everything that CI checks, in stages that start with the quick checks.
 
 use std::process::Command;
-use std::time::Instant;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use crate::command::{
     AFTER_A_BUILD, AFTER_A_TEST, BOARD_TARGET, Failure, cargo, run, target_folder,
@@ -12,14 +13,34 @@ use crate::{board, docs, figures, install, programs, qemu};
 const AFTER_A_LINT: &str =
     "mend what clippy names above; a lint that is wrong gets `#[expect(.., reason = \"..\")]`";
 
-/// Cargo arguments for the lints: the crates that run on a microcontroller without a feature for one board,
-/// and the images for emulated microcontrollers.
+/// Cargo arguments for the lints: the crates that run on a microcontroller without a feature for
+/// one board, and the images for emulated microcontrollers.
 const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8-nn --package=packed --package=model \
     --package=pipeline --package=link --package=device --package=firmware --package=bench \
     --package=on-target --package=board-qemu";
 /// An image for models that are smaller than the default one, which does not fit.
 const F446_WITH_BOTH_ENCODERS: &str =
     "--package=board-f446 --no-default-features --features=uart,network,packed";
+
+/// Parts of names of tests that `--fast` leaves out: those that start programs or ROS, and models
+/// of other shapes.
+const SLOW_TESTS: [&str; 11] = [
+    "program::",
+    "_chain::",
+    "other_models::",
+    "catkin::",
+    "debian_package::",
+    "decoding_page::",
+    "offline_files::",
+    "own_master::",
+    "packed_loss::",
+    "raw_forms::",
+    "events_are_at_their_samples",
+];
+
+/// Number of tests that run in parallel, at least: most of the time, a test of the whole chain
+/// waits for samples.
+const TESTS_IN_PARALLEL: usize = 6;
 
 /// Name of a stage, and the function that runs it.
 type Stage = (&'static str, fn() -> Result<(), Failure>);
@@ -41,7 +62,6 @@ const FULL: &[Stage] = &[
     ("Debian packages, Rust's targets and toolchains", install::install),
     ("lints", || lints("--all-targets --workspace")),
     ("lints for the microcontrollers", lints_for_microcontrollers),
-    ("lints for the boards", lints_for_boards),
     ("tests, with ROS and emulated microcontrollers", full_tests),
     ("benchmarks on emulated microcontrollers", benchmarks),
     ("images for the boards", images_for_boards),
@@ -50,30 +70,39 @@ const FULL: &[Stage] = &[
     ("figures of docs/figures.md", docs::check),
 ];
 
-/// Runs the stages and stops at the first that fails.
+/// Runs the stages and stops at the first that fails. At the end, prints the time of each.
 pub(crate) fn test(fast: bool) -> Result<(), Failure> {
     let stages = if fast { FAST } else { FULL };
     let total = stages.len();
     print_skipped(fast);
     let start = Instant::now();
+    let mut times = Vec::new();
     for (number, (name, stage)) in (1..).zip(stages) {
         eprintln!("\n[{number}/{total}] {name}");
         let stage_start = Instant::now();
         stage()?;
-        let time = time_since(stage_start);
-        eprintln!("[{number}/{total}] {name}: passed in {time}");
+        let time = stage_start.elapsed();
+        eprintln!("[{number}/{total}] {name}: passed in {}", minutes(time));
+        times.push((*name, time));
     }
-    let time = time_since(start);
-    eprintln!("\nxtask test: all {total} stages passed in {time}");
+    times.push(("all stages", start.elapsed()));
+    eprintln!("\n{}", table(&times));
+    eprintln!("xtask test: all {total} stages passed");
     print_skipped(fast);
     Ok(())
+}
+
+/// Returns one line for each stage, with its time.
+fn table(times: &[(&str, Duration)]) -> String {
+    let line = |(name, time): &(&str, Duration)| format!("{name:<50} {:>12}\n", minutes(*time));
+    times.iter().map(line).collect()
 }
 
 fn print_skipped(fast: bool) {
     if fast {
         eprintln!(
-            "SKIPPED: the emulators, the benchmarks and models of other shapes, and what needs \
-             ROS where it is missing: leave --fast out"
+            "SKIPPED: the emulators, the benchmarks, models of other shapes, and tests that start \
+             programs or ROS: leave --fast out"
         );
     }
     if std::env::var_os("CORTICODE_DATA").is_none() {
@@ -95,32 +124,37 @@ fn lints(options: &str) -> Result<(), Failure> {
     run(&mut cargo(&words), AFTER_A_LINT)
 }
 
-/// Lints the selected packages for the microcontrollers' target, which includes code that is not compiled for
-/// a PC. Uses the profile of the images, so that lints and images share compiled macros and build scripts.
+/// Lints the selected packages for the microcontrollers' target, which includes code that is not
+/// compiled for a PC. Uses the profile of the images, so that lints and images share compiled
+/// macros and build scripts.
 fn lints_for_target(selection: &str) -> Result<(), Failure> {
     let target = format!("--profile=firmware --target={BOARD_TARGET}");
     lints(&format!("{target} {selection}"))
 }
 
+/// Lints the crates of [`THUMB_CRATES`] twice, with the schedule of each microcontroller, and every
+/// board with each of its ports. The features of the two chips exclude each other, so each image is
+/// a separate call of cargo.
 fn lints_for_microcontrollers() -> Result<(), Failure> {
-    lints_for_target(THUMB_CRATES)?;
-    lints_for_target(&format!("{THUMB_CRATES} --features=pipeline/cortex-m7"))
+    for board in Board::ALL {
+        for [name, selection] in board.images() {
+            // The image of the NUCLEO-H743ZI2 selects the schedule of a Cortex-M7.
+            let crates = if *name == board.key() {
+                THUMB_CRATES
+            } else {
+                ""
+            };
+            lints_for_target(&format!("{crates} --package=board-stm32 {selection}"))?;
+        }
+    }
+    lints_for_target(&format!("--package=board-stm32 {F446_WITH_BOTH_ENCODERS}"))
 }
 
-/// Lints every board with each of its ports in a separate call of cargo, because the features of the two
-/// chips exclude each other.
-fn lints_for_boards() -> Result<(), Failure> {
-    let images = Board::ALL.into_iter().flat_map(Board::images);
-    let mut images = images.map(|[_, selection]| *selection);
-    let lint = |image: &str| lints_for_target(&format!("--package=board-stm32 {image}"));
-    images.try_for_each(lint)?;
-    lint(F446_WITH_BOTH_ENCODERS)
-}
-
-/// Tests the default members of the workspace, except for models of other shapes.
+/// Tests the default members of the workspace, except for [`SLOW_TESTS`] and examples in the
+/// documentation.
 fn fast_tests() -> Result<(), Failure> {
-    let skip = "--skip any_model_streams_as_it_batches";
-    tests("", &mut cargo(&format!("test -- {skip}")))
+    let skipped = SLOW_TESTS.map(|part| format!("--skip={part}")).join(" ");
+    tests("", &mut cargo(&format!("test --tests -- {skipped}")))
 }
 
 /// Tests all members of the workspace, and prints the figures of the emulated microcontrollers.
@@ -131,12 +165,18 @@ fn full_tests() -> Result<(), Failure> {
     qemu::report(&figures, None, false)
 }
 
-/// Builds the programs that tests start, then runs the tests with these builds. Both commands must select the
-/// same packages: otherwise cargo would compile most crates twice, with different features.
+/// Builds the programs that tests start, then runs the tests with these builds. Both commands must
+/// select the same packages: otherwise cargo would compile most crates twice, with different
+/// features.
 fn tests(selection: &str, test: &mut Command) -> Result<(), Failure> {
     let build = format!("build --bins --tests {selection}");
     run(&mut cargo(&build), AFTER_A_BUILD)?;
     let programs = target_folder().join("debug");
+    let cores = thread::available_parallelism().map_or(1, usize::from);
+    test.env(
+        "RUST_TEST_THREADS",
+        cores.max(TESTS_IN_PARALLEL).to_string(),
+    );
     run(test.env("CORTICODE_PROGRAMS", programs), AFTER_A_TEST)
 }
 
@@ -160,7 +200,24 @@ fn images_for_boards() -> Result<(), Failure> {
     run(budget.arg(images::folder()), "see the message above")
 }
 
-fn time_since(start: Instant) -> String {
-    let seconds = start.elapsed().as_secs();
-    format!("{} min {} s", seconds / 60, seconds % 60)
+fn minutes(time: Duration) -> String {
+    let seconds = time.as_secs();
+    format!("{} min {:>2} s", seconds / 60, seconds % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_has_a_line_with_the_time_of_each_stage() {
+        let table = table(&[
+            ("format", Duration::from_secs(7)),
+            ("all stages", Duration::from_secs(754)),
+        ]);
+        let lines: Vec<&str> = table.lines().collect();
+        assert!(lines[0].starts_with("format ") && lines[0].ends_with(" 0 min  7 s"));
+        assert!(lines[1].starts_with("all stages ") && lines[1].ends_with(" 12 min 34 s"));
+        assert_eq!(lines[0].len(), lines[1].len());
+    }
 }

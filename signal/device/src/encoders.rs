@@ -151,8 +151,7 @@ impl<E: Encoders> Encoders for &mut E {
 mod tests {
     use super::*;
 
-    /// Also with models that have one of the encoders only, of which `tests/tests/montages.rs` and
-    /// `tests/tests/packed_alone.rs` build this test.
+    /// `tests/acceptance` also builds this test with models that have one of the encoders only.
     #[test]
     fn a_device_offers_what_its_encoders_feed_and_what_needs_none() {
         let packed = if PACKED.is_some() {

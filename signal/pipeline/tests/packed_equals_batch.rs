@@ -1,8 +1,8 @@
-//! The streaming packed encoder writes the blocks of a reference that multiplies whole blocks in plain loops, with
-//! the built-in model and with the one that `CORTICODE_ARTIFACT` names.
+//! The streaming packed encoder writes the blocks of a reference that multiplies whole blocks in
+//! plain loops, with the built-in model and with the one that `CORTICODE_ARTIFACT` names.
 //!
-//! Quantiser and range coder are those of the crate `packed`, which `tests/tests/packed_python.rs` compares with
-//! Python.
+//! Quantiser and range coder are those of the crate `packed`, which
+//! `tests/acceptance/tests/it/packed_python.rs` compares with Python.
 
 use std::path::{Path, PathBuf};
 
@@ -98,7 +98,8 @@ impl Reference {
         }
     }
 
-    /// Returns whether the coefficients lack more energy than the model permits and a sixty-fourth of the block's.
+    /// Returns whether the coefficients lack more energy than the model permits and a sixty-fourth
+    /// of the block's.
     fn is_misfit(&self, values: &[i16], coefficients: &[i16]) -> bool {
         let energy =
             |numbers: &[i16]| -> f64 { numbers.iter().map(|&n| f64::from(n).powi(2)).sum() };
@@ -166,7 +167,8 @@ struct Seen {
     coarser: usize,
 }
 
-/// Asserts that every block of a stream is that of the reference, and every state. Returns the numbers of unusual ones.
+/// Asserts that every block of a stream is that of the reference, and every state. Returns the
+/// numbers of unusual ones.
 fn assert_equal_on(steps: &[Step], rate: Rate) -> Seen {
     let artifact = Artifact::read(&artifact_folder()).expect("the artifact is readable");
     let mut encoder = PackedEncoder::new();
@@ -259,7 +261,8 @@ fn noise(seed: u32) -> impl FnMut() -> i32 {
 #[test]
 fn noise_of_any_size_has_the_references_blocks_among_them_coarser_and_blank_ones() {
     let mut seen = Seen::default();
-    // Full scale of the input is 2^24 counts in Q27.5; 2 mV, where input values are clipped, is about 2^21.5.
+    // Full scale of the input is 2^24 counts in Q27.5; 2 mV, where input values are clipped, is
+    // about 2^21.5.
     for shift in [3, 8, 9, 10, 11, 13, 15] {
         let mut next = noise(shift);
         let signal: Vec<i32> = (0..20 * HOP * ELECTRODES)

@@ -1,5 +1,5 @@
-//! The streaming encoder returns the codes of model-gen's batch reference, whose loops and order of the
-//! weights are different.
+//! The streaming encoder returns the codes of model-gen's batch reference, whose loops and order of
+//! the weights are different.
 
 use std::{path::Path, sync::LazyLock};
 
@@ -126,8 +126,9 @@ impl Noise {
     }
 }
 
-/// Returns a model in which every weight affects the code. It has dense random weights and, after the
-/// pool, factors of both signs; other factors keep activations and codes mostly within their range.
+/// Returns a model in which every weight affects the code. It has dense random weights and, after
+/// the pool, factors of both signs; other factors keep activations and codes mostly within their
+/// range.
 fn dense_model(seed: u32) -> IntegerModel {
     let mut noise = Noise(seed);
     let mut model = BUILT_IN.clone();
@@ -245,7 +246,8 @@ fn the_state_has_the_size_in_the_manifest() {
         .iter()
         .map(|part| part.ram_bytes)
         .sum();
-    // The rest holds the status of the windows, the indices of the rings, and padding for alignment.
+    // The rest holds the status of the windows, the indices of the rings, and padding for
+    // alignment.
     let rest = size_of::<Encoder<'_>>() - parts;
     let limit = 128 + 64 * model::OPEN_WINDOWS;
     assert!(rest < limit, "{rest} bytes in addition to {parts}");

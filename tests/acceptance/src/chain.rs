@@ -18,7 +18,8 @@ pub const NEURO_FRAME_MD5: &str = "797997e5036eb017437ce855856d3bad";
 /// Device time from one code to the next, in microseconds.
 const HOP_US: u64 = 62_500;
 
-/// Flags that no code of an undisturbed run may have: adc_status_bad, overrun, filler (docs/wire-format.md).
+/// Flags that no code of an undisturbed run may have: adc_status_bad, overrun, filler
+/// (docs/wire-format.md).
 const BAD_FLAGS: u64 = 1 << 0 | 1 << 5 | 1 << 15;
 
 /// Time between two looks at the output of the subscriber.
@@ -116,8 +117,8 @@ pub struct Chain<'a> {
 }
 
 impl<'a> Chain<'a> {
-    /// Starts everything but the board, and waits until the subscriber and the recorder are connected. The board is
-    /// started by [`Self::board`].
+    /// Starts everything but the board, and waits until the subscriber and the recorder are
+    /// connected. The board is started by [`Self::board`].
     ///
     /// # Panics
     /// When a program does not start.
@@ -223,8 +224,8 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// Stops the recorder and the bridge by signals, as a user does. Returns the output of `rosbag info` for
-    /// the recording.
+    /// Stops the recorder and the bridge by signals, as a user does. Returns the output of
+    /// `rosbag info` for the recording.
     ///
     /// # Panics
     /// When a program does not exit cleanly.
@@ -238,8 +239,8 @@ impl<'a> Chain<'a> {
         info
     }
 
-    /// Waits until the master lists the bridge, the subscriber and the recorder, and then 1 s for their
-    /// connections.
+    /// Waits until the master lists the bridge, the subscriber and the recorder, and then 1 s for
+    /// their connections.
     fn wait_until_connected(&mut self) {
         let Self { ros, bridge, .. } = self;
         bridge.wait_until("both subscribers are known to the master", TIMEOUT, |_| {
@@ -251,8 +252,9 @@ impl<'a> Chain<'a> {
     }
 }
 
-/// Checks that the codes start at window 0, that no code is missing or repeated, and that the device time of
-/// code number n, counted from 0, is n hops after that of the first code, within `tolerance_us`.
+/// Checks that the codes start at window 0, that no code is missing or repeated, and that the
+/// device time of code number n, counted from 0, is n hops after that of the first code, within
+/// `tolerance_us`.
 ///
 /// # Panics
 /// When a code is missing, repeated or wrong.
@@ -277,8 +279,8 @@ pub fn assert_continuous(messages: &[Message], tolerance_us: u64) {
     }
 }
 
-/// Returns the number of codes per second, by the device times of the first and the last code; NaN for fewer
-/// than two codes.
+/// Returns the number of codes per second, by the device times of the first and the last code; NaN
+/// for fewer than two codes.
 #[expect(clippy::cast_precision_loss, reason = "minutes in microseconds")]
 pub fn rate(messages: &[Message]) -> f64 {
     let time = |message: &Message| message.status.device_us() as f64 * 1e-6;
@@ -306,7 +308,8 @@ fn port(folder: &Path) -> PathBuf {
     folder.join("board-port")
 }
 
-/// Starts a rospy subscriber to a topic, with the Python class that genpy generates from `ros/rosneuro_msgs`.
+/// Starts a rospy subscriber to a topic, with the Python class that genpy generates from
+/// `ros/rosneuro_msgs`.
 fn subscribe(ros: &Ros<'_>, folder: &Path, name: &str, topic: &str) -> Process {
     let script = workspace::root().join("tests/acceptance/ros/subscribe.py");
     let script = script.canonicalize().expect("the script exists");

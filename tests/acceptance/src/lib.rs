@@ -1,7 +1,7 @@
 //! Acceptance tests: programs as a user starts them, checked from outside, end to end.
 //!
-//! Each file of `tests/` checks one promise. This library starts and stops what the tests need: the workspace's own
-//! programs, emulated boards, ROS and numpy.
+//! Each file of `tests/` checks one promise. This library starts and stops what the tests need: the
+//! workspace's own programs, emulated boards, ROS and numpy.
 //!
 //! ```text
 //! host-sim, QEMU or virtual-board ── PTY or TCP ──> bridge ──> roscore ──> rospy subscriber, rosbag
@@ -19,11 +19,14 @@
 pub mod catkin;
 pub mod chain;
 pub mod emulated_board;
+pub mod files;
 pub mod lossy_cable;
+pub mod machine_load;
 pub mod npz;
 pub mod numpy_reference;
 pub mod other_model;
 pub mod port;
+pub mod printing;
 pub mod process;
 pub mod programs;
 pub mod real_data;

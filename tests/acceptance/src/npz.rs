@@ -1,7 +1,7 @@
 //! Reader of numpy's `.npz` files: zip archives with one `.npy` file per array.
 //!
-//! A `.npy` file consists of a magic number, a version, the length of the header, the header as a Python
-//! dictionary, and the values (`numpy/lib/format.py`).
+//! A `.npy` file consists of a magic number, a version, the length of the header, the header as a
+//! Python dictionary, and the values (`numpy/lib/format.py`).
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -88,8 +88,8 @@ fn parse(bytes: &[u8]) -> Result<Array, NpzError> {
     Ok(Array { shape, values })
 }
 
-/// Splits the header from the values. The field with the header's length has two bytes in version 1 and four
-/// in later versions.
+/// Splits the header from the values. The field with the header's length has two bytes in version 1
+/// and four in later versions.
 fn split_header(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let rest = bytes.strip_prefix(b"\x93NUMPY")?;
     let (version, rest) = rest.split_at_checked(2)?;

@@ -1,5 +1,5 @@
-//! Runs the numpy implementations of the networks, `tests/acceptance/tests/*.py`, which share no code with the Rust
-//! implementations.
+//! Runs the numpy implementations of the networks, `tests/acceptance/tests/it/*.py`, which share no
+//! code with the Rust implementations.
 
 use std::fs;
 use std::io;
@@ -79,13 +79,14 @@ pub fn integer_codes<'w>(
         .collect())
 }
 
-/// Runs a program of `tests/acceptance/tests` with `folder` as its argument, and prints the program's output.
+/// Runs a program of `tests/acceptance/tests/it` with `folder` as its argument, and prints the
+/// program's output.
 ///
 /// # Errors
 /// When Python does not start or the program fails.
 pub fn run(script: &str, folder: &Path) -> Result<(), NumpyError> {
     let path = workspace::root()
-        .join("tests/acceptance/tests")
+        .join("tests/acceptance/tests/it")
         .join(script);
     let output = Command::new(PYTHON).arg(path).arg(folder).output()?;
     if output.status.success() {

@@ -1,30 +1,140 @@
-//! Builds with another model than the checked-in one.
+//! Programs and tests that are built with another model than the checked-in one.
 
-use std::{
-    env,
-    path::{Path, PathBuf},
-    process::Command,
-};
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::machine_load::exclusive;
 use crate::workspace;
 
-/// Returns cargo in the workspace, which builds with the model in `artifact` into [`target`].
-pub fn cargo(artifact: &Path) -> Command {
+/// Crates that contain the model, or depend on one that does.
+const DEPENDENTS: [&str; 7] = [
+    "model", "pipeline", "device", "offline", "host-sim", "bridge", "node",
+];
+
+/// Programs and tests that cargo has built with one model.
+#[derive(Debug)]
+pub struct OtherModel {
+    /// Copies of the executables.
+    folder: TempDir,
+    tests: Vec<PathBuf>,
+}
+
+impl OtherModel {
+    /// Builds programs and tests with the model in the folder `artifact`. Each string of `commands`
+    /// holds the arguments of one call of cargo, such as `build --workspace --bin=host-sim`.
+    ///
+    /// # Panics
+    /// When cargo fails or reports a warning.
+    pub fn build(artifact: &Path, commands: &[&str]) -> Self {
+        // The next build replaces the executables, so they are copied before it starts.
+        let _builds = exclusive();
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut tests = Vec::new();
+        for words in commands {
+            let mut cargo = cargo(words);
+            let messages = succeed(cargo.env("CORTICODE_ARTIFACT", artifact));
+            assert!(!messages.contains("warning: "), "{words}: {messages}");
+            let messages = messages.lines().map(serde_json::from_str::<Value>);
+            for message in messages.flatten() {
+                let Some(built) = message["executable"].as_str() else {
+                    continue;
+                };
+                let name = Path::new(built).file_name().expect("a name");
+                let copy = folder.path().join(name);
+                fs::copy(built, &copy).expect("the executable is readable");
+                if message["profile"]["test"] == true {
+                    tests.push(copy);
+                }
+            }
+        }
+        Self { folder, tests }
+    }
+
+    /// Returns a command that starts the program `name`.
+    pub fn program(&self, name: &str) -> Command {
+        Command::new(self.folder.path().join(name))
+    }
+
+    /// Runs all tests whose names contain `filter`.
+    ///
+    /// # Panics
+    /// When a test fails, or no name contains `filter`.
+    pub fn test(&self, filter: &str) {
+        let run = |test| succeed(Command::new(test).arg(filter));
+        let printed: String = self.tests.iter().map(run).collect();
+        let results = printed
+            .lines()
+            .filter_map(|line| line.strip_prefix("test "));
+        let passed = results.filter(|result| result.ends_with("... ok")).count();
+        assert!(passed > 0, "no test has {filter:?} in its name: {printed}");
+    }
+}
+
+/// Returns cargo in the root folder, for another model.
+///
+/// Other models use the target folder of this program, so that only the crates that depend on the
+/// model are compiled again. These have another profile there, and therefore other file names:
+/// builds with the checked-in model stay as they are. Programs, whose file names do not depend on
+/// the profile, go to the folder `variants`.
+fn cargo(words: &str) -> Command {
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo
+        .args(words.split(' '))
+        .args(options())
+        .arg("--message-format=json-render-diagnostics")
         .current_dir(workspace::root())
-        .env("CORTICODE_ARTIFACT", artifact)
-        .env("CARGO_TARGET_DIR", target());
+        .envs(environment());
     cargo
 }
 
-/// Returns the target folder of builds with other models. In the usual one, each change of the model would
-/// rebuild the crates that depend on it twice.
+/// Returns the environment variables of cargo that select the folders of builds with other models.
 ///
 /// # Panics
 /// When this program is not in a target folder of cargo.
-pub fn target() -> PathBuf {
+pub fn environment() -> [(&'static str, PathBuf); 2] {
     let this = env::current_exe().expect("this program has a path");
     let profile = this.ancestors().nth(2).expect("target/profile/deps/test");
-    profile.parent().expect("a target folder").join("variants")
+    let target = profile.parent().expect("a target folder");
+    [
+        ("CARGO_BUILD_BUILD_DIR", target.to_owned()),
+        ("CARGO_TARGET_DIR", target.join("variants")),
+    ]
+}
+
+/// Returns the options of cargo that change the profile of the crates that depend on the model.
+pub fn options() -> impl Iterator<Item = String> {
+    let option = |name| format!("--config=profile.dev.package.{name}.debug=false");
+    DEPENDENTS.into_iter().map(option)
+}
+
+/// Runs a command, and returns what it has printed.
+///
+/// # Panics
+/// When it fails.
+pub fn succeed(command: &mut Command) -> String {
+    let (succeeded, printed) = run(command);
+    assert!(succeeded, "{command:?}:\n{printed}");
+    printed
+}
+
+/// Runs a command that must fail, and returns what it has printed.
+///
+/// # Panics
+/// When it succeeds.
+pub fn fail(command: &mut Command) -> String {
+    let (succeeded, printed) = run(command);
+    assert!(!succeeded, "{command:?}:\n{printed}");
+    printed
+}
+
+fn run(command: &mut Command) -> (bool, String) {
+    let output = command.output().expect("the program starts");
+    let printed = [output.stdout, output.stderr].concat();
+    let printed = String::from_utf8_lossy(&printed).into_owned();
+    (output.status.success(), printed)
 }

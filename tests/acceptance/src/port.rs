@@ -4,8 +4,8 @@ use std::io;
 use std::net::{Ipv4Addr, TcpListener};
 use std::sync::atomic::{AtomicU16, Ordering::Relaxed};
 
-/// Range of the ports: below those that the system assigns to connections (from 32768 on). A program that
-/// waits for one of those could be assigned the port itself and connect to itself.
+/// Range of the ports: below those that the system assigns to connections (from 32768 on). A
+/// program that waits for one of those could be assigned the port itself and connect to itself.
 const FIRST: u16 = 20_000;
 const COUNT: u16 = 12_000;
 

@@ -24,8 +24,8 @@ pub struct Programs {
 /// Environment variable that names the folder with built programs.
 const FOLDER: &str = "CORTICODE_PROGRAMS";
 
-/// Returns the programs in the folder that `CORTICODE_PROGRAMS` names. Without this variable, builds them
-/// with the profile of the tests, once per test program.
+/// Returns the programs in the folder that `CORTICODE_PROGRAMS` names. Without this variable,
+/// builds them with the profile of the tests, once per test program.
 ///
 /// # Panics
 /// When a program does not build.
@@ -40,8 +40,8 @@ pub fn programs() -> &'static Programs {
                 xtask: folder.join("xtask"),
             };
         }
-        // Build all default members, as `cargo test` does. With another choice of packages, dependencies can
-        // have other features, and everything would be compiled a second time.
+        // Build all default members, as `cargo test` does. With another choice of packages,
+        // dependencies can have other features, and everything would be compiled a second time.
         let mut arguments = vec!["build", "--bins", "--message-format=json"];
         if !cfg!(debug_assertions) {
             arguments.push("--release");
@@ -56,9 +56,9 @@ pub fn programs() -> &'static Programs {
     })
 }
 
-/// Returns the path of `trainer`, which is no default member and takes minutes to build: in the folder that
-/// `CORTICODE_PROGRAMS` names, or where cargo has built it with the profile of the tests. Reports the test
-/// `what` as skipped if it is in neither place.
+/// Returns the path of `trainer`, which is no default member and takes minutes to build: in the
+/// folder that `CORTICODE_PROGRAMS` names, or where cargo has built it with the profile of the
+/// tests. Reports the test `what` as skipped if it is in neither place.
 ///
 /// # Panics
 /// When it is missing and `CORTICODE_REQUIRE_ROS=1`.

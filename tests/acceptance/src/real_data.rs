@@ -14,7 +14,8 @@ pub const GDF_F32: &str = "derived/s001r04_61ch_512hz_f32.gdf";
 pub const SCIPY_WINDOWS: &str = "derived/ref_windows_128hz.npz";
 /// EDF file: 64 electrodes at 160 Hz, 125 s; not used for training.
 pub const EDF_R11: &str = "eegmmidb_S001/S001R11.edf";
-/// EDF file: another recording with the format and the length of [`EDF_R11`]; not used for training either.
+/// EDF file: another recording with the format and the length of [`EDF_R11`]; not used for training
+/// either.
 pub const EDF_R12: &str = "eegmmidb_S001/S001R12.edf";
 
 /// A recording cannot be converted to samples.
@@ -28,8 +29,8 @@ pub enum SamplesError {
     Montage(#[from] recordings::MontageMapError),
 }
 
-/// Returns the path of a file under `CORTICODE_DATA`. Without this variable, reports `test` as skipped and
-/// returns `None`.
+/// Returns the path of a file under `CORTICODE_DATA`. Without this variable, reports `test` as
+/// skipped and returns `None`.
 ///
 /// # Panics
 /// When the variable is set and the file does not exist: a wrong path must not look like a skip.
@@ -51,8 +52,8 @@ pub fn path(test: &str, file: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// Returns the samples of a recording as the virtual ADC delivers them, at 512 Hz, with the channels in the
-/// order of `electrodes`.
+/// Returns the samples of a recording as the virtual ADC delivers them, at 512 Hz, with the
+/// channels in the order of `electrodes`.
 ///
 /// # Errors
 /// The file cannot be read, or lacks electrodes that cannot be interpolated.

@@ -15,7 +15,8 @@ use crate::ros_messages;
 /// Search path with only Debian's programs: another Python can lack rospy.
 const PATH: &str = "/usr/bin:/bin:/usr/sbin:/sbin";
 
-/// Longest time for an action such as a start, which normally takes 2 s; on a busy machine it takes longer.
+/// Longest time for an action such as a start, which normally takes 2 s; on a busy machine it takes
+/// longer.
 pub const TIMEOUT: Duration = Duration::from_mins(1);
 
 /// Returns whether ROS is installed; reports `test` as skipped if it is not.
@@ -52,7 +53,8 @@ pub struct Ros<'a> {
 }
 
 impl<'a> Ros<'a> {
-    /// Generates the Python message classes in `folder` and starts roscore, whose logs also go there.
+    /// Generates the Python message classes in `folder` and starts roscore, whose logs also go
+    /// there.
     ///
     /// # Errors
     /// There is no free port, or roscore does not start.
@@ -68,7 +70,8 @@ impl<'a> Ros<'a> {
         })
     }
 
-    /// Like [`Self::start`], but with the master of `corticode-bridge` at the path `bridge` instead of roscore.
+    /// Like [`Self::start`], but with the master of `corticode-bridge` at the path `bridge` instead
+    /// of roscore.
     ///
     /// # Errors
     /// There is no free port, or the master does not start.
@@ -111,7 +114,8 @@ impl<'a> Ros<'a> {
         Ok(())
     }
 
-    /// Returns a command for one of Debian's programs, with the environment that connects it to this master.
+    /// Returns a command for one of Debian's programs, with the environment that connects it to
+    /// this master.
     pub fn command(&self, program: &str) -> Command {
         command(program, self.port, self.folder)
     }
@@ -149,8 +153,8 @@ fn start_core(port: u16, folder: &Path, number: u32) -> io::Result<Process> {
 }
 
 fn command(program: &str, port: u16, folder: &Path) -> Command {
-    // Restore the default action of SIGINT. A shell starts background jobs with SIGINT ignored, which their
-    // children inherit; `rosbag record` would then not close its bag.
+    // Restore the default action of SIGINT. A shell starts background jobs with SIGINT ignored,
+    // which their children inherit; `rosbag record` would then not close its bag.
     let mut command = Command::new("env");
     command
         .args(["--default-signal=INT", program])

@@ -9,8 +9,9 @@ use crate::workspace;
 /// Folder with the code generators of Debian's genpy.
 const GENERATORS: &str = "/usr/lib/genpy";
 
-/// Generates the Python package `rosneuro_msgs` from the definitions in `ros/rosneuro_msgs/`, and returns the
-/// folder for `PYTHONPATH`. rostopic and rosservice find a type only in the package that defines it.
+/// Generates the Python package `rosneuro_msgs` from the definitions in `ros/rosneuro_msgs/`, and
+/// returns the folder for `PYTHONPATH`. rostopic and rosservice find a type only in the package
+/// that defines it.
 ///
 /// # Panics
 /// When genpy is missing or refuses a definition.

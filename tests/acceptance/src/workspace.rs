@@ -79,8 +79,8 @@ pub fn cargo(arguments: &[&str]) -> Result<String, WorkspaceError> {
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-/// Returns the members of the workspace whose manifest is at the path `manifest`, relative to the root
-/// folder.
+/// Returns the members of the workspace whose manifest is at the path `manifest`, relative to the
+/// root folder.
 ///
 /// # Errors
 /// Cargo is missing, fails, or its output has another format.

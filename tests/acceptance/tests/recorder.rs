@@ -1,6 +1,9 @@
-//! A recording of `/neurodata` in ROS-Neuro's format shows every event at its sample, also after the device
-//! restarted, the bridge was suspended, the cable was unplugged, or while frames are lost, and every status word
-//! as it was published. `CORTICODE_RECORDER_SECONDS` sets the length of each run; 12 s in CI.
+//! A recording of `/neurodata` in ROS-Neuro's format shows every event at its sample, also after
+//! the device restarted, the bridge was suspended, the cable was unplugged, or while frames are
+//! lost, and every status word as it was published. `CORTICODE_RECORDER_SECONDS` sets the length of
+//! each run; 12 s in CI.
+//!
+//! A binary of its own: its times are judged by the wall clock, so nothing else may run meanwhile.
 #![forbid(unsafe_code)]
 #![expect(
     clippy::cast_possible_truncation,
@@ -14,6 +17,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use acceptance::lossy_cable::LossyCable;
+use acceptance::machine_load::exclusive;
 use acceptance::port::free_port;
 use acceptance::process::Process;
 use acceptance::programs::programs;
@@ -158,7 +162,8 @@ impl Recorded {
                 values.extend(block.samples[place].iter().map(|&value| word(value)));
             }
         }
-        // The library fills the last record of 1 s with zeros; only the first frame has the index 0.
+        // The library fills the last record of 1 s with zeros; only the first frame has the index
+        // 0.
         let written = values[1]
             .iter()
             .zip(&values[2])
@@ -188,8 +193,8 @@ impl Recorded {
         recorded
     }
 
-    /// Checks that the words are those of consecutive frames, that each edge that the status words show
-    /// is an event at its sample, and returns the largest error, seconds.
+    /// Checks that the words are those of consecutive frames, that each edge that the status words
+    /// show is an event at its sample, and returns the largest error, seconds.
     fn largest_error_s(&self) -> f64 {
         for (sample, frame) in self.frames.iter().enumerate() {
             assert_eq!(*frame as usize, sample / 32, "sample {sample}");
@@ -261,6 +266,7 @@ fn events_are_at_their_samples_after_a_restart_of_the_board() {
     if !available() {
         return;
     }
+    let _alone = exclusive();
     let folder = tempfile::tempdir().expect("a folder");
     let mut session = Session::start(folder.path());
     sleep(half());
@@ -284,6 +290,7 @@ fn events_are_at_their_samples_after_the_bridge_stood_still() {
     if !available() {
         return;
     }
+    let _alone = exclusive();
     let folder = tempfile::tempdir().expect("a folder");
     let session = Session::start(folder.path());
     sleep(half());
@@ -336,8 +343,8 @@ fn events_are_at_their_samples_while_frames_are_lost() {
     assert!(recorded.reports.contains(&0x7f01), "{:?}", recorded.reports);
 }
 
-/// Records through a cable that loses `percent` of the frames, while `scenario` runs. Returns the recording and
-/// the largest error of an event, seconds; `None` if the test is skipped.
+/// Records through a cable that loses `percent` of the frames, while `scenario` runs. Returns the
+/// recording and the largest error of an event, seconds; `None` if the test is skipped.
 fn with_cable(
     test: &str,
     percent: u64,
@@ -346,6 +353,7 @@ fn with_cable(
     if !available() {
         return None;
     }
+    let _alone = exclusive();
     let folder = tempfile::tempdir().expect("a folder");
     let port = free_port().expect("a free port");
     let board = board(folder.path(), &format!("tcp:127.0.0.1:{port}"), 0);

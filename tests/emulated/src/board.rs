@@ -16,9 +16,9 @@ use crate::input;
 /// Name of the application's package, and of the program in it.
 pub const APPLICATION: &str = "board-qemu";
 
-/// Duration of an instruction in virtual time, as a power of two: 2^4 ns. This is 62.5 million instructions
-/// per second, or 2.7 cycles per instruction at 168 MHz. docs/real-time.md computes 1.6 cycles per
-/// instruction for a code.
+/// Duration of an instruction in virtual time, as a power of two: 2^4 ns. This is 62.5 million
+/// instructions per second, or 2.7 cycles per instruction at 168 MHz. docs/real-time.md computes
+/// 1.6 cycles per instruction for a code.
 pub const INSTRUCTION_SHIFT: u8 = 4;
 
 /// An emulated board with the application's image, and the folder of a scenario.
@@ -30,13 +30,14 @@ pub struct Board {
     pub image: Image,
     /// QEMU's working folder, in which the image reads its files.
     pub folder: PathBuf,
-    /// Longest time in which the image may print nothing: the duration of the samples, and a minute to start
-    /// and end QEMU on a loaded machine. The image prints only at its end, and runs faster than real time.
+    /// Longest time in which the image may print nothing: the duration of the samples, and a minute
+    /// to start and end QEMU on a loaded machine. The image prints only at its end, and runs faster
+    /// than real time.
     pub silence: Duration,
 }
 
-/// Returns both emulated machines. If QEMU or the target is missing, returns none and reports `test` as
-/// skipped.
+/// Returns both emulated machines. If QEMU or the target is missing, returns none and reports
+/// `test` as skipped.
 ///
 /// # Panics
 /// When one of them is missing and `CORTICODE_REQUIRE_ROS=1`.
@@ -51,11 +52,11 @@ pub fn machines(test: &str) -> impl Iterator<Item = Machine> + use<> {
     })
 }
 
-/// Returns a board for each of the [`machines`], with a folder for `scenario` that contains the file of
-/// samples.
+/// Returns a board for each of the [`machines`], with a folder for `scenario` that contains the
+/// file of samples.
 ///
-/// The iterator builds a board's image when it returns the board. A scenario runs on one board after the other,
-/// because the load of the PC affects the timing of the emulated UART.
+/// The iterator builds a board's image when it returns the board. A scenario runs on one board
+/// after the other, because the load of the PC affects the timing of the emulated UART.
 ///
 /// # Panics
 /// When the image does not build or the folder cannot be written, and when [`machines`] panics.
@@ -103,7 +104,8 @@ impl Board {
         or_panic(fs::write(&path, bytes).map_err(EmulatorError::file(&path)));
     }
 
-    /// Prepares QEMU with arguments for the application, in virtual time; the UART is not yet connected.
+    /// Prepares QEMU with arguments for the application, in virtual time; the UART is not yet
+    /// connected.
     pub fn qemu(&self, arguments: &[&str]) -> Qemu {
         let arguments = [&[APPLICATION], arguments].concat();
         let mut qemu = Qemu::new(&self.image, self.machine, &self.folder, &arguments);
@@ -127,8 +129,8 @@ impl Board {
         }
     }
 
-    /// Runs the image in two emulators at the same time, so that load of the PC affects the two runs at
-    /// different instructions.
+    /// Runs the image in two emulators at the same time, so that load of the PC affects the two
+    /// runs at different instructions.
     ///
     /// # Panics
     /// When QEMU fails.

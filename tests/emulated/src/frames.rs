@@ -8,8 +8,8 @@ use model::{HOP, STEP_RATE_HZ};
 
 use crate::compare::first_difference;
 
-/// Calls `select` with header and message of each intact frame, in order, and collects the items that it
-/// returns.
+/// Calls `select` with header and message of each intact frame, in order, and collects the items
+/// that it returns.
 pub fn filter_map<T>(
     mut sent: &[u8],
     mut select: impl FnMut(Header, ToHost<'_>) -> Option<T>,
@@ -62,9 +62,9 @@ pub struct SentCode {
 /// Everything that a board has sent from one reset to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Boot {
-    /// Reset cause and fault of each `Hello`. A board sends a `Hello` at the start of the boot and one per
-    /// `Identify`. The fault is that of the previous boot, or damage found at the start; empty if there is
-    /// neither.
+    /// Reset cause and fault of each `Hello`. A board sends a `Hello` at the start of the boot and
+    /// one per `Identify`. The fault is that of the previous boot, or damage found at the start;
+    /// empty if there is neither.
     pub hellos: Vec<(ResetCause, String)>,
     /// Every `Capabilities` message, as bytes from [`encoded`].
     pub capabilities: Vec<Vec<u8>>,
@@ -74,8 +74,8 @@ pub struct Boot {
     pub quality: Vec<Quality>,
     /// Counters of the board, one frame per second.
     pub stats: Vec<Stats>,
-    /// Times of the pipeline's stages in the last `Timing`, which cover the whole boot; empty if there was
-    /// none.
+    /// Times of the pipeline's stages in the last `Timing`, which cover the whole boot; empty if
+    /// there was none.
     pub timing: Timing,
     /// Answers to commands, in the order in which the board sent them.
     pub acks: Vec<Ack>,
@@ -94,8 +94,8 @@ pub struct Boot {
 }
 
 impl Boot {
-    /// Decodes the frames in `sent`, and starts a new boot at each frame with the sequence number 0. Returns
-    /// at least one boot.
+    /// Decodes the frames in `sent`, and starts a new boot at each frame with the sequence number
+    /// 0. Returns at least one boot.
     pub fn split(mut sent: &[u8]) -> Vec<Self> {
         let mut boots = Vec::new();
         let mut boot = Self::default();
@@ -171,8 +171,8 @@ impl Boot {
         self.stats.last().copied().unwrap_or_default()
     }
 
-    /// Largest deviation of a code's device time from its due time, in microseconds. Codes are due at whole
-    /// numbers of hops after the first code.
+    /// Largest deviation of a code's device time from its due time, in microseconds. Codes are due
+    /// at whole numbers of hops after the first code.
     pub fn jitter_us(&self) -> u64 {
         let Some((first, _)) = self.timed_codes.first() else {
             return 0;
@@ -184,7 +184,8 @@ impl Boot {
         differences.max().unwrap_or(0)
     }
 
-    /// Checks that codes and reports on the electrodes equal those in `expected`, which host-sim has sent.
+    /// Checks that codes and reports on the electrodes equal those in `expected`, which host-sim
+    /// has sent.
     ///
     /// # Panics
     /// When they differ; the message names the first that does.

@@ -7,8 +7,9 @@ use link::{Start, Streams};
 use model::ADC_RATE_HZ;
 use pipeline::{Mains, Sample};
 
-/// Returns the bytes that host-sim's virtual board sends when it streams these samples. The board starts at
-/// device time 0 with the default mains frequency, as the image does with the argument `start`.
+/// Returns the bytes that host-sim's virtual board sends when it streams these samples. The board
+/// starts at device time 0 with the default mains frequency, as the image does with the argument
+/// `start`.
 ///
 /// # Panics
 /// When the outbox is closed, which does not happen.

@@ -8,8 +8,8 @@ use model::{ADC_RATE_HZ, CHANNELS, HOP, STEP_RATE_HZ, STEPS};
 use pipeline::Sample;
 use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 
-/// Name of the file with the samples in the image's folder: 32-bit counts, little endian, one sample after
-/// the other.
+/// Name of the file with the samples in the image's folder: 32-bit counts, little endian, one
+/// sample after the other.
 pub const FILE: &str = "samples.i32";
 
 /// Real EEG below the folder that `CORTICODE_DATA` names: 125 s, not used in training.
@@ -27,7 +27,8 @@ pub struct Input {
 }
 
 impl Input {
-    /// Creates the samples for the number of codes in `CORTICODE_CODES`, or for 1000 codes if it is not set.
+    /// Creates the samples for the number of codes in `CORTICODE_CODES`, or for 1000 codes if it is
+    /// not set.
     ///
     /// # Panics
     /// When the variable is not a number from 500 to 100 000, and when [`Input::new`] panics.
@@ -41,9 +42,9 @@ impl Input {
         Self::new(codes)
     }
 
-    /// Creates the samples for `codes` codes, the same in every run: synthetic EEG with channels at the rail,
-    /// then a real recording for up to half of the samples. The recording is left out without
-    /// `CORTICODE_DATA`.
+    /// Creates the samples for `codes` codes, the same in every run: synthetic EEG with channels at
+    /// the rail, then a real recording for up to half of the samples. The recording is left out
+    /// without `CORTICODE_DATA`.
     ///
     /// # Panics
     /// When `CORTICODE_DATA` is set and the recording cannot be read.
@@ -78,8 +79,8 @@ impl Input {
     }
 }
 
-/// Returns the first `count` samples of a recording, or all if it is shorter, as the virtual ADC delivers
-/// them.
+/// Returns the first `count` samples of a recording, or all if it is shorter, as the virtual ADC
+/// delivers them.
 fn recorded(path: &Path, count: usize) -> Vec<[i32; CHANNELS]> {
     let recording = Recording::open(path);
     let recording = recording.unwrap_or_else(|error| panic!("{}: {error}", path.display()));

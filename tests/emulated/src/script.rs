@@ -4,9 +4,9 @@ use link::{Ack, AckResult, Decoder, MAX_FRAME, Message, Start, Streams, ToDevice
 
 use crate::frames::frame;
 
-/// Name of the script's file in the image's folder. An entry has four fields, all integers little endian:
-/// device time in microseconds (64 bits), number of the boot, from 1 (32 bits), number of bytes (32 bits),
-/// and the bytes.
+/// Name of the script's file in the image's folder. An entry has four fields, all integers little
+/// endian: device time in microseconds (64 bits), number of the boot, from 1 (32 bits), number of
+/// bytes (32 bits), and the bytes.
 pub const FILE: &str = "commands.bin";
 
 /// Bytes for the board, and the answers that it must send.
@@ -23,14 +23,15 @@ pub struct Script {
     next_seq: u32,
 }
 
-/// Returns the command that starts these streams. `mains_hz` is 50, 60, or 0 for the board's default.
+/// Returns the command that starts these streams. `mains_hz` is 50, 60, or 0 for the board's
+/// default.
 pub const fn start(streams: Streams, mains_hz: u8) -> ToDevice {
     ToDevice::Start(Start { streams, mains_hz })
 }
 
 impl Script {
-    /// Adds bytes that the board receives at the device time `at_us` of the boot `boot`; the first boot is 1.
-    /// Times must not decrease from call to call.
+    /// Adds bytes that the board receives at the device time `at_us` of the boot `boot`; the first
+    /// boot is 1. Times must not decrease from call to call.
     ///
     /// # Panics
     /// When `bytes` has 4 GiB or more.
@@ -65,7 +66,8 @@ impl Script {
         }
     }
 
-    /// Returns how many commands a board decodes from the script's bytes, and how many frames it cannot use.
+    /// Returns how many commands a board decodes from the script's bytes, and how many frames it
+    /// cannot use.
     pub fn decodable_and_unusable(&self) -> (u32, u32) {
         let mut bytes = &self.bytes[..];
         let mut decoder = Decoder::<MAX_FRAME>::new();

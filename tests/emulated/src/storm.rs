@@ -13,8 +13,8 @@ use crate::script::{Script, start};
 pub const PERIOD_US: u64 = 10_000;
 /// Time from a command to the garbage that follows it, in microseconds.
 const GARBAGE_US: u64 = 5_000;
-/// Time without commands before the samples end, in microseconds. It is long enough for the last counters to
-/// include every command.
+/// Time without commands before the samples end, in microseconds. It is long enough for the last
+/// counters to include every command.
 const SILENCE_US: u64 = 1_500_000;
 
 /// A command that no board knows.
@@ -70,8 +70,8 @@ fn add_command(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     }
 }
 
-/// Adds bytes that are not a valid command. The bytes end with a zero, which separates them from the next
-/// frame.
+/// Adds bytes that are not a valid command. The bytes end with a zero, which separates them from
+/// the next frame.
 fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
     let ping = frame(7, VERSION, &ToDevice::Ping);
     let mut bytes = match random.random_range(0..6) {

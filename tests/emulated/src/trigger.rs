@@ -3,27 +3,31 @@
 use link::{Event, EventKind};
 use model::ADC_RATE_HZ;
 
-/// Name of the file with the edges in the image's folder: microseconds after the first DRDY, 64 bits each,
-/// little endian.
+/// Name of the file with the edges in the image's folder: microseconds after the first DRDY, 64
+/// bits each, little endian.
 pub const FILE: &str = "trigger.u64";
 
-/// Smallest number of samples that last a whole number of microseconds: at 512 Hz, eight last 15 625 us.
+/// Smallest number of samples that last a whole number of microseconds: at 512 Hz, eight last 15
+/// 625 us.
 const SAMPLES: u64 = 8;
 const SAMPLES_US: u64 = SAMPLES * 1_000_000 / ADC_RATE_HZ as u64;
 const _: () = assert!((SAMPLES * 1_000_000).is_multiple_of(ADC_RATE_HZ as u64));
 
-/// Number of samples from one group of edges to the next: 104, a fifth of a second. It is not a multiple of
-/// the 64 samples of a window, so successive groups fall at different places in the window.
+/// Number of samples from one group of edges to the next: 104, a fifth of a second. It is not a
+/// multiple of the 64 samples of a window, so successive groups fall at different places in the
+/// window.
 const GROUP_PERIOD: u64 = 13 * SAMPLES;
 
 /// Number of groups from one burst to the next.
 const BURST_PERIOD: u64 = 40;
 
-/// Edges of a burst: more than the 16 that the board can keep (`firmware::deadlines::EVENTS_WAITING`).
+/// Edges of a burst: more than the 16 that the board can keep
+/// (`firmware::deadlines::EVENTS_WAITING`).
 const BURST_EDGES: usize = 24;
 
-/// Smallest number of events that a board must send for a burst. Its queue holds 16, of which the events of
-/// the three edges around the preceding DRDY may take three, because they wait while the encoder is busy.
+/// Smallest number of events that a board must send for a burst. Its queue holds 16, of which the
+/// events of the three edges around the preceding DRDY may take three, because they wait while the
+/// encoder is busy.
 const BURST_KEPT: usize = 13;
 
 /// Time between the edges of a burst in microseconds. The whole burst is between two DRDYs.
@@ -39,9 +43,9 @@ pub struct Edges {
 }
 
 impl Edges {
-    /// Creates edges for `samples` samples. The first edge is at the first DRDY, the second 100 us later.
-    /// Groups of edges follow: 1 us before a DRDY, at that DRDY, 1 us after it, and in the middle between two
-    /// later DRDYs. In some groups, a burst replaces the last edge.
+    /// Creates edges for `samples` samples. The first edge is at the first DRDY, the second 100 us
+    /// later. Groups of edges follow: 1 us before a DRDY, at that DRDY, 1 us after it, and in the
+    /// middle between two later DRDYs. In some groups, a burst replaces the last edge.
     pub fn new(samples: usize) -> Self {
         let mut at_us = vec![0, 100];
         let mut bursts = Vec::new();
@@ -59,11 +63,12 @@ impl Edges {
         Self { at_us, bursts }
     }
 
-    /// Returns the events that a board must send if its first DRDY was at `origin_us`, with their device
-    /// times in microseconds.
+    /// Returns the events that a board must send if its first DRDY was at `origin_us`, with their
+    /// device times in microseconds.
     ///
-    /// The sample of an event is the first whose DRDY is at or after the edge. Edges are close to DRDYs only
-    /// where the time of the DRDY is a whole number of microseconds, so rounding does not change the sample.
+    /// The sample of an event is the first whose DRDY is at or after the edge. Edges are close to
+    /// DRDYs only where the time of the DRDY is a whole number of microseconds, so rounding does
+    /// not change the sample.
     pub fn events(&self, origin_us: u64) -> Vec<(u64, Event)> {
         let kinds = [EventKind::TriggerRise, EventKind::TriggerFall].into_iter();
         let edges = (0..).zip(&self.at_us).zip(kinds.cycle());
@@ -78,9 +83,9 @@ impl Edges {
         events.collect()
     }
 
-    /// Returns whether the events of the edges `lost`, indices in `at_us`, may be missing. Each burst must
-    /// lose at least one event, but no more than the board's queue cannot hold; no other event may be
-    /// missing.
+    /// Returns whether the events of the edges `lost`, indices in `at_us`, may be missing. Each
+    /// burst must lose at least one event, but no more than the board's queue cannot hold; no other
+    /// event may be missing.
     pub fn may_lack(&self, lost: &[usize]) -> bool {
         let in_burst = |first: &usize| {
             let burst = *first..first + BURST_EDGES;
@@ -102,9 +107,9 @@ mod tests {
         let edges = Edges::new(10_000);
         assert!(edges.at_us.is_sorted_by(|a, b| a < b));
         let events = edges.events(0).into_iter().take(6);
-        // Sample 0 for the edge at the first DRDY, 1 for the edge 100 us later. Then the group at sample 104:
-        // 104 for the edges before and at its DRDY, 105 for the edge after it, 107 for the edge in the middle
-        // between two DRDYs.
+        // Sample 0 for the edge at the first DRDY, 1 for the edge 100 us later. Then the group at
+        // sample 104: 104 for the edges before and at its DRDY, 105 for the edge after it, 107 for
+        // the edge in the middle between two DRDYs.
         let samples: Vec<u64> = events.map(|(_, event)| event.sample).collect();
         assert_eq!(samples, [0, 1, 104, 104, 105, 107]);
         assert_eq!(edges.bursts.len(), 2);

@@ -3,8 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Reason why an image was not built or did not run to its end. Each message states what failed, why, and
-/// what to do next.
+/// Reason why an image was not built or did not run to its end. Each message states what failed,
+/// why, and what to do next.
 #[derive(Debug, thiserror::Error)]
 pub enum EmulatorError {
     /// `qemu-system-arm` is not on the PATH.
@@ -27,11 +27,12 @@ pub enum EmulatorError {
         /// Exit status of cargo, or what its output lacked.
         why: String,
     },
-    /// The emulator did not start, the emulator or its image ended with an error, or the image printed
-    /// nothing for too long.
+    /// The emulator did not start, the emulator or its image ended with an error, or the image
+    /// printed nothing for too long.
     #[error("the image failed: {why}; it printed: {output}\n  next: run it by hand: `{command}`")]
     Failed {
-        /// Exit status of the emulator, duration of the silence, or the reason of the operating system.
+        /// Exit status of the emulator, duration of the silence, or the reason of the operating
+        /// system.
         why: String,
         /// All printed lines, separated by slashes.
         output: String,

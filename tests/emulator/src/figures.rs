@@ -9,10 +9,11 @@ use serde::Serialize;
 /// Environment variable with the path of the file to which figures are appended.
 pub const FILE: &str = "CORTICODE_FIGURES";
 
-/// Prints figures as one JSON object, and appends it as a line to the file that [`FILE`] names, if it is set.
+/// Prints figures as one JSON object, and appends it as a line to the file that [`FILE`] names, if
+/// it is set.
 ///
-/// The object has the keys of `figures`, which must be a map or a struct, and the key `machine` unless the
-/// argument `machine` is `None`.
+/// The object has the keys of `figures`, which must be a map or a struct, and the key `machine`
+/// unless the argument `machine` is `None`.
 ///
 /// # Panics
 /// When `figures` has no keys, or the file cannot be written.

@@ -4,12 +4,17 @@ use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::{Mutex, PoisonError};
 
 use serde_json::Value;
 
 use crate::error::EmulatorError;
 use crate::installed::check_target;
 use crate::machine::TARGET;
+
+/// Locked during a build: cargo writes the images of all feature sets to the same path, and tests run
+/// in parallel.
+static BUILDS: Mutex<()> = Mutex::new(());
 
 /// A linked program for a microcontroller, as an ELF file.
 #[derive(Debug, Clone)]
@@ -22,18 +27,18 @@ pub struct Image {
 pub struct OtherModel<'p> {
     /// Absolute path of the folder of its artifact.
     pub artifact: &'p Path,
-    /// Cargo's target folder for the build. In the usual one, each change of the model would rebuild the crates
-    /// that depend on it twice.
+    /// Cargo's target folder for the build. In the usual one, each change of the model would
+    /// rebuild the crates that depend on it twice.
     pub target: &'p Path,
 }
 
 impl Image {
-    /// Builds the program `bin` of `package` with the profile `firmware` and the checked-in model, or the one
-    /// that `CORTICODE_ARTIFACT` names; `features` are arguments of cargo.
+    /// Builds the program `bin` of `package` with the profile `firmware` and the checked-in model,
+    /// or the one that `CORTICODE_ARTIFACT` names; `features` are arguments of cargo.
     ///
-    /// Cargo writes the images of all feature sets to the same path, so the image is copied to a folder named
-    /// after its features. Compiler messages go to the standard error. If this program runs under cargo, it
-    /// uses the same cargo.
+    /// Cargo writes the images of all feature sets to the same path, so the image is copied to a
+    /// folder named after its features. Compiler messages go to the standard error. If this program
+    /// runs under cargo, it uses the same cargo.
     ///
     /// # Errors
     /// The target is missing, the image does not build, or it cannot be copied.
@@ -66,6 +71,7 @@ impl Image {
         features: &[&str],
     ) -> Result<Self, EmulatorError> {
         check_target()?;
+        let _build = BUILDS.lock().unwrap_or_else(PoisonError::into_inner);
         let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
         cargo
             .args(["build", "--profile=firmware", "--target", TARGET])
@@ -92,8 +98,10 @@ impl Image {
         let variant = variant.replace(['/', ','], "-");
         let image = Self { path: built };
         let folder = image.create_folder(Path::new("emulator").join(variant))?;
-        let path = folder.join(bin);
-        fs::copy(&image.path, &path).map_err(EmulatorError::file(&path))?;
+        let [path, copy] = [folder.join(bin), folder.join(format!("{bin}.new"))];
+        // Renamed, because an emulator that starts now can be reading the former copy.
+        let copied = fs::copy(&image.path, &copy).and_then(|_| fs::rename(&copy, &path));
+        copied.map_err(EmulatorError::file(&path))?;
         Ok(Self { path })
     }
 
@@ -120,7 +128,8 @@ impl Image {
     }
 }
 
-/// Returns the path of the program `bin` from cargo's messages about a build, which are lines of JSON.
+/// Returns the path of the program `bin` from cargo's messages about a build, which are lines of
+/// JSON.
 fn executable(messages: &str, bin: &str) -> Option<PathBuf> {
     let messages = messages.lines();
     let messages = messages.filter_map(|line| serde_json::from_str::<Value>(line).ok());

@@ -9,8 +9,8 @@ use rustix::fs::{CWD, FileType, Mode, mknodat};
 
 use crate::error::EmulatorError;
 
-/// Creates a named pipe, which replaces any file of that name. A new thread writes the chunks to the pipe, as
-/// fast as the reader takes them.
+/// Creates a named pipe, which replaces any file of that name. A new thread writes the chunks to
+/// the pipe, as fast as the reader takes them.
 ///
 /// # Errors
 /// The pipe cannot be created.

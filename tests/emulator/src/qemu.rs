@@ -31,8 +31,8 @@ pub struct Qemu {
 }
 
 impl Qemu {
-    /// Prepares QEMU to run an image in `folder`. The image can read `arguments` through semihosting; the
-    /// first of them is the image's own name.
+    /// Prepares QEMU to run an image in `folder`. The image can read `arguments` through
+    /// semihosting; the first of them is the image's own name.
     pub fn new(image: &Image, machine: Machine, folder: &Path, arguments: &[&str]) -> Self {
         let semihosting = [&["enable=on,target=native"], arguments].concat();
         let mut command = Command::new(QEMU);
@@ -47,8 +47,8 @@ impl Qemu {
         Self { command }
     }
 
-    /// Makes virtual time advance by 2^`shift` ns per instruction. While the processor is idle, virtual time
-    /// jumps to the next interrupt.
+    /// Makes virtual time advance by 2^`shift` ns per instruction. While the processor is idle,
+    /// virtual time jumps to the next interrupt.
     pub fn instruction_time(&mut self, shift: u8) -> &mut Self {
         let icount = format!("shift={shift},sleep=off");
         self.command.args(["-icount", &icount]);
@@ -72,10 +72,12 @@ impl Qemu {
         self.command
     }
 
-    /// Runs the image to its end, calls `on_line` with each line that it prints, and returns all lines.
+    /// Runs the image to its end, calls `on_line` with each line that it prints, and returns all
+    /// lines.
     ///
     /// # Errors
-    /// QEMU is missing, the image prints nothing for longer than `silence`, or it ends with an error.
+    /// QEMU is missing, the image prints nothing for longer than `silence`, or it ends with an
+    /// error.
     pub fn run(
         &mut self,
         silence: Duration,
@@ -102,8 +104,8 @@ impl Qemu {
     }
 }
 
-/// Starts a command, calls `on_line` with each line of its standard output, and returns its exit status. Ends
-/// a command that prints nothing for longer than `silence`.
+/// Starts a command, calls `on_line` with each line of its standard output, and returns its exit
+/// status. Ends a command that prints nothing for longer than `silence`.
 fn pass_on(
     command: &mut Command,
     silence: Duration,

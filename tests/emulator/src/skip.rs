@@ -7,8 +7,8 @@ use std::io::Write;
 
 /// Prints `SKIPPED: WHAT: WHY` on the standard error, which the test harness does not capture here.
 pub fn skipped(what: &str, why: impl Display) {
-    // One write, so that lines of parallel tests stay whole. If standard error is closed, only this line is
-    // lost.
+    // One write, so that lines of parallel tests stay whole. If standard error is closed, only this
+    // line is lost.
     let line = format!("SKIPPED: {what}: {why}\n");
     let _ = std::io::stderr().write_all(line.as_bytes());
 }

@@ -1,5 +1,5 @@
-//! Runs the image on a board through its ST-LINK, with probe-rs; `cargo xtask hil --board` starts this
-//! program.
+//! Runs the image on a board through its ST-LINK, with probe-rs; `cargo xtask hil --board` starts
+//! this program.
 
 use std::env;
 use std::io::{BufRead, BufReader};
@@ -13,8 +13,9 @@ use on_target::results::{self, Line};
 /// For each board, its name on the command line and probe-rs's name for its microcontroller.
 const CHIPS: [(&str, &str); 2] = [("h743", "STM32H743ZITx"), ("f446", "STM32F446RETx")];
 
-/// Time without a line of output after which the run fails. It must exceed the time to flash the image, and
-/// the time of the slowest vector at 16 MHz, the clock of the NUCLEO-F446RE after a reset.
+/// Time without a line of output after which the run fails. It must exceed the time to flash the
+/// image, and the time of the slowest vector at 16 MHz, the clock of the NUCLEO-F446RE after a
+/// reset.
 const SILENCE: Duration = Duration::from_mins(3);
 
 /// Exit status for a wrong command line.
@@ -63,8 +64,8 @@ fn failure(status: u8, what: &str, next: &str) -> ExitCode {
     status.into()
 }
 
-/// Runs a command and calls `on_line` with each line that it prints. Kills the command and fails if no line
-/// is printed for [`SILENCE`].
+/// Runs a command and calls `on_line` with each line that it prints. Kills the command and fails if
+/// no line is printed for [`SILENCE`].
 fn run_to_end(command: &mut Command, mut on_line: impl FnMut(String)) -> Result<(), String> {
     let spawned = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn();
     let mut child = spawned.map_err(|error| error.to_string())?;

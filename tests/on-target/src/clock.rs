@@ -6,8 +6,8 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use cortex_m::peripheral::{SYST, syst::SystClkSource};
 use cortex_m_rt::exception;
 
-/// Value from which SysTick, a timer of 24 bits, counts down to 0 (ARMv7-M Architecture Reference Manual,
-/// B3.3).
+/// Value from which SysTick, a timer of 24 bits, counts down to 0 (ARMv7-M Architecture Reference
+/// Manual, B3.3).
 const RELOAD: u32 = 0x00ff_ffff;
 
 /// Number of times that SysTick has reached 0.

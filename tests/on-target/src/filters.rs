@@ -15,17 +15,18 @@ pub(crate) struct Filtered<const N: usize, const PHASES: usize, const TAPS: usiz
     pub(crate) resampler: Resampler<PHASES, TAPS>,
     /// Outputs computed by scipy in float64 and rounded to Q27.5.
     pub(crate) scipy: [i32; OUTPUTS],
-    /// Outputs computed by the PC with the same filters; the outputs of the device must be equal to them.
+    /// Outputs computed by the PC with the same filters; the outputs of the device must be equal to
+    /// them.
     pub(crate) bits: [i32; OUTPUTS],
 }
 
-/// Largest permitted difference from scipy's outputs, in units of 22.35 nV x 2^-5 (Q27.5): 0.08 uV, as in
-/// `signal/pipeline/tests/it/front_end/rates.rs`. It covers the rounding of counts and coefficients. The largest
-/// difference measured in that test is 0.040 uV.
+/// Largest permitted difference from scipy's outputs, in units of 22.35 nV x 2^-5 (Q27.5): 0.08 uV,
+/// as in `signal/pipeline/tests/it/front_end/rates.rs`. It covers the rounding of counts and
+/// coefficients. The largest difference measured in that test is 0.040 uV.
 const SCIPY_TOLERANCE: u64 = 114;
 
-/// Checks the outputs of filters and resampler against those of scipy and of the PC. Not inlined, to save
-/// flash: the model leaves little flash free on a NUCLEO-F446RE.
+/// Checks the outputs of filters and resampler against those of scipy and of the PC. Not inlined,
+/// to save flash: the model leaves little flash free on a NUCLEO-F446RE.
 #[inline(never)]
 pub(crate) fn check<const N: usize, const PHASES: usize, const TAPS: usize>(
     filtered: &Filtered<N, PHASES, TAPS>,

@@ -1,5 +1,5 @@
-//! Runs the int8 kernels on small random layers, whose weights and activations often have extreme values.
-//! `build.rs` includes this file as well.
+//! Runs the int8 kernels on small random layers, whose weights and activations often have extreme
+//! values. `build.rs` includes this file as well.
 
 use int8_nn::{Direct, Linear, Pair, PlaneShape, Winograd};
 
@@ -25,16 +25,16 @@ const SUMS: usize = 8;
 type Conv<'w> = Winograd<'w, PAIRS, COLUMNS>;
 type Plain<'w> = Direct<'w, PAIRS, COLUMNS>;
 
-/// Winograd convolution with 2 rows and 4 columns of sums per output channel, max-pooled over 2 rows and 2
-/// columns.
+/// Winograd convolution with 2 rows and 4 columns of sums per output channel, max-pooled over 2
+/// rows and 2 columns.
 const WINOGRAD: Conv<'_> = Winograd {
     tile_rows: 1,
     outputs: OUTPUTS,
     weights: &[],
 };
 const WINOGRAD_SUMS: usize = WINOGRAD.pooled().len();
-/// Direct convolution with 2 rows and 4 columns of sums per output channel, max-pooled over 1 row and 4
-/// columns.
+/// Direct convolution with 2 rows and 4 columns of sums per output channel, max-pooled over 1 row
+/// and 4 columns.
 const DIRECT: Plain<'_> = Direct {
     pool: [1, 4],
     pooled: PlaneShape {
@@ -49,8 +49,8 @@ const DIRECT_SUMS: usize = DIRECT.pooled.len();
 /// Number of outputs of all layers of all kinds.
 pub(crate) const RESULTS: usize = LAYERS * (SUMS + WINOGRAD_SUMS + DIRECT_SUMS);
 
-/// Returns the outputs of all layers, in [`LAYERS`] rounds of one fully connected layer, one Winograd
-/// convolution and one direct convolution.
+/// Returns the outputs of all layers, in [`LAYERS`] rounds of one fully connected layer, one
+/// Winograd convolution and one direct convolution.
 pub(crate) fn results() -> [i32; RESULTS] {
     let mut noise = Noise(11);
     let mut results = [0; RESULTS];
@@ -125,7 +125,8 @@ fn pooled(sums: &mut [i32], pool: impl FnOnce(&mut [i32])) -> usize {
     sums.len()
 }
 
-/// Draws a weight from -127 to 127, with a probability of at least 1/4 for the two extremes together.
+/// Draws a weight from -127 to 127, with a probability of at least 1/4 for the two extremes
+/// together.
 fn weight(noise: &mut Noise) -> i8 {
     let [.., choice, any] = noise.next().to_le_bytes();
     match choice % 8 {

@@ -1,9 +1,9 @@
 //! Golden vectors that a microcontroller checks itself, emulated or on a board.
 //!
-//! Each [`Vector`] runs a part of the signal path on a generated input and compares the output with an
-//! expectation that `build.rs` has written. The expectation comes from scipy, from model-gen's batch
-//! reference or from the dumps in `docs/wire-format.md`; where none of these exists, it is what the
-//! portable kernels compute on the PC. A [`Mismatch`] names the first number that differs.
+//! Each [`Vector`] runs a part of the signal path on a generated input and compares the output with
+//! an expectation that `build.rs` has written. The expectation comes from scipy, from model-gen's
+//! batch reference or from the dumps in `docs/wire-format.md`; where none of these exists, it is
+//! what the portable kernels compute on the PC. A [`Mismatch`] names the first number that differs.
 //!
 //! ```text
 //! scipy, model-gen, docs, PC ── build.rs ──> golden.rs ──┐ expected
@@ -55,8 +55,8 @@ pub struct Vector {
     pub check: fn(&mut Device) -> Result<(), Mismatch>,
 }
 
-/// All vectors, in the order of the signal path. The flash of an STM32F446 has no room for the packed code beside the
-/// network.
+/// All vectors, in the order of the signal path. The flash of an STM32F446 has no room for the
+/// packed code in addition to the network.
 pub const VECTORS: &[Vector] = &[
     Vector {
         name: "filters, 512 Hz, 50 Hz mains",

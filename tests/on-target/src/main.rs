@@ -1,5 +1,5 @@
-//! The image: runs every vector, prints each result on the host's standard output, and ends with an exit
-//! status. Output and exit status use semihosting, which QEMU and `probe-rs run` support.
+//! The image: runs every vector, prints each result on the host's standard output, and ends with an
+//! exit status. Output and exit status use semihosting, which QEMU and `probe-rs run` support.
 //!
 //! The image configures neither clocks nor caches: on a board it runs with the reset settings.
 #![cfg_attr(target_os = "none", no_std)]
@@ -29,12 +29,12 @@ mod image {
 
     use crate::clock;
 
-    /// State of the pipeline, initialised at run time. A static initial value would take 22 KB of flash,
-    /// which a NUCLEO-F446RE does not have in addition to the model.
+    /// State of the pipeline, initialised at run time. A static initial value would take 22 KB of
+    /// flash, which a NUCLEO-F446RE does not have in addition to the model.
     static DEVICE: StaticCell<Device> = StaticCell::new();
 
-    /// Prints one line for each vector, `passed TICKS NAME` or `FAILED NAME: WHY`, and a last line with the
-    /// number of vectors and the number of failures.
+    /// Prints one line for each vector, `passed TICKS NAME` or `FAILED NAME: WHY`, and a last line
+    /// with the number of vectors and the number of failures.
     #[entry]
     fn main() -> ! {
         let Some(mut core) = cortex_m::Peripherals::take() else {

@@ -10,7 +10,8 @@ use crate::{
     mismatch::{Mismatch, expect_equal},
 };
 
-/// Compares the checksum that was computed at compile time with the checksum of the network in flash.
+/// Compares the checksum that was computed at compile time with the checksum of the network in
+/// flash.
 pub(crate) fn check_sum() -> Result<(), Mismatch> {
     // `black_box` hides the network's contents from the compiler, so that the flash is read.
     expect_equal(
@@ -20,8 +21,8 @@ pub(crate) fn check_sum() -> Result<(), Mismatch> {
     )
 }
 
-/// Encodes each golden window with a restarted encoder and compares the code with that of model-gen's batch
-/// reference. The index of a mismatch counts the values of all codes.
+/// Encodes each golden window with a restarted encoder and compares the code with that of
+/// model-gen's batch reference. The index of a mismatch counts the values of all codes.
 pub(crate) fn check_codes(encoder: &mut Encoder<'static>) -> Result<(), Mismatch> {
     let mut made = 0;
     for (window, expected) in golden::WINDOWS.iter().zip(&golden::WINDOW_CODES) {

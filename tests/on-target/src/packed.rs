@@ -12,7 +12,8 @@ use crate::{
     signal,
 };
 
-/// Compares the checksum that was computed at compile time with the checksum of the packed model in flash.
+/// Compares the checksum that was computed at compile time with the checksum of the packed model in
+/// flash.
 pub(crate) fn check_sum() -> Result<(), Mismatch> {
     // `black_box` hides the contents from the compiler, so that the flash is read.
     let read = black_box(&PACKED).as_ref().map(model::Packed::checksum);
@@ -20,8 +21,9 @@ pub(crate) fn check_sum() -> Result<(), Mismatch> {
     expect_equal("sum", &[expected], &[read])
 }
 
-/// Restarts the device and compares its blocks for [`signal::samples`] with the golden ones, and then its state. The
-/// rate changes with every block. The index of a mismatch counts the bytes of all blocks.
+/// Restarts the device and compares its blocks for [`signal::samples`] with the golden ones, and
+/// then its state. The rate changes with every block. The index of a mismatch counts the bytes of
+/// all blocks.
 pub(crate) fn check_blocks(device: &mut Device) -> Result<(), Mismatch> {
     device.acquisition.restart(Mains::Hz50);
     device.packed.restart();

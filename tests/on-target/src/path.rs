@@ -40,8 +40,8 @@ impl Default for Device {
 /// Number of integers that [`numbers`] returns for a code.
 const NUMBERS: usize = 8;
 
-/// Restarts the device and compares its codes for [`signal::samples`] with `codes`, in every field. The
-/// index of a mismatch counts the numbers or values of all codes.
+/// Restarts the device and compares its codes for [`signal::samples`] with `codes`, in every field.
+/// The index of a mismatch counts the numbers or values of all codes.
 pub(crate) fn check(device: &mut Device, mains: Mains, codes: &[Code]) -> Result<(), Mismatch> {
     device.acquisition.restart(mains);
     device.encoder.restart();
@@ -62,8 +62,8 @@ pub(crate) fn check(device: &mut Device, mains: Mains, codes: &[Code]) -> Result
     Ok(())
 }
 
-/// Returns all fields of a code except its values: window, first sample, offset, clipped inputs, clipped
-/// values, settling, and the bits of the saturated channels, 0 to 31 and 32 to 63.
+/// Returns all fields of a code except its values: window, first sample, offset, clipped inputs,
+/// clipped values, settling, and the bits of the saturated channels, 0 to 31 and 32 to 63.
 fn numbers(code: &Code) -> [i64; NUMBERS] {
     let half =
         |shift: u32| i64::from(u32::try_from(code.saturated >> shift & 0xffff_ffff).unwrap_or(0));

@@ -45,8 +45,8 @@ impl<'l> Line<'l> {
     }
 }
 
-/// Formats a line for the user. The ticks of a passed vector are converted to `unit` by `from_ticks`; other
-/// lines are unchanged.
+/// Formats a line for the user. The ticks of a passed vector are converted to `unit` by
+/// `from_ticks`; other lines are unchanged.
 pub fn readable(line: &str, unit: &str, from_ticks: impl Fn(u64) -> u64) -> String {
     match Line::parse(line) {
         Some(Line::Passed { ticks, vector }) => {
@@ -56,8 +56,9 @@ pub fn readable(line: &str, unit: &str, from_ticks: impl Fn(u64) -> u64) -> Stri
     }
 }
 
-/// Checks that each vector has passed, and that the image has printed its last line with the number of
-/// vectors. An exit status of 0 is not enough: a run that the user ends with Ctrl-C also has this status.
+/// Checks that each vector has passed, and that the image has printed its last line with the number
+/// of vectors. An exit status of 0 is not enough: a run that the user ends with Ctrl-C also has
+/// this status.
 ///
 /// # Errors
 /// Returns why the run does not count as passed.

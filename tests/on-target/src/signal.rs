@@ -1,9 +1,10 @@
-//! Input signals, generated identically by the device and by the PC. `build.rs` includes this file as well.
+//! Input signals, generated identically by the device and by the PC. `build.rs` includes this file
+//! as well.
 
 use pipeline::Sample;
 
-/// Linear congruential generator with 32 bits of state (Numerical Recipes, section 7.1); its upper bits are
-/// the most random.
+/// Linear congruential generator with 32 bits of state (Numerical Recipes, section 7.1); its upper
+/// bits are the most random.
 pub(crate) struct Noise(pub(crate) u32);
 
 impl Noise {
@@ -13,8 +14,8 @@ impl Noise {
     }
 }
 
-/// Counts of one channel, equal to those in `signal/pipeline/tests/it/front_end/scipy_rates.py`: an offset of 20 mV
-/// plus noise of at most 46 uV.
+/// Counts of one channel, equal to those in `signal/pipeline/tests/it/front_end/scipy_rates.py`: an
+/// offset of 20 mV plus noise of at most 46 uV.
 pub(crate) fn counts() -> impl Iterator<Item = i32> {
     let mut noise = Noise(1);
     core::iter::from_fn(move || Some(894_784 + (noise.next() >> 20).cast_signed() - 2_048))
@@ -23,9 +24,9 @@ pub(crate) fn counts() -> impl Iterator<Item = i32> {
 /// Number of samples that a channel stays at one rail before it jumps to the other.
 const AT_RAIL: usize = 100;
 
-/// Samples of all channels. In each group of 16 channels, the first has noise over the whole range of 24
-/// bits, the second jumps from rail to rail, and the third has an offset of 2.2 mV. The third and the
-/// remaining channels have noise of at most 183 uV.
+/// Samples of all channels. In each group of 16 channels, the first has noise over the whole range
+/// of 24 bits, the second jumps from rail to rail, and the third has an offset of 2.2 mV. The third
+/// and the remaining channels have noise of at most 183 uV.
 pub(crate) fn samples() -> impl Iterator<Item = Sample> {
     let mut noise = Noise(7);
     (0..).map(move |index: usize| Sample {

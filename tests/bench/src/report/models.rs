@@ -112,7 +112,7 @@ fn report(rows: &[Map<String, Json>]) -> anyhow::Result<Report> {
         "montages": rows,
     });
     let next = "`cargo xtask bench montages --montage NAME` for the one that differs; then \
-                `cargo test --package acceptance --test montages`";
+                `cargo test --package acceptance montages::`";
     Report::new("montages", figures, next)
 }
 

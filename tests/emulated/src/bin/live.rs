@@ -1,4 +1,5 @@
-//! The application on the emulated Cortex-M4F in real time, as a board with a TCP port: `cargo xtask qemu --live`.
+//! The application on the emulated Cortex-M4F in real time, as a board with a TCP port:
+//! `cargo xtask qemu --live`.
 #![forbid(unsafe_code)]
 
 use std::convert::Infallible;
@@ -26,8 +27,8 @@ fn main() -> ExitCode {
     ExitCode::from(if missing { 2 } else { 1 })
 }
 
-/// Replaces this process by QEMU, which runs until Ctrl-C. There is no file of samples in the folder, so the
-/// image generates synthetic EEG.
+/// Replaces this process by QEMU, which runs until Ctrl-C. There is no file of samples in the
+/// folder, so the image generates synthetic EEG.
 fn run(port: u16) -> Result<Infallible, Box<dyn Error>> {
     installed::check()?;
     let [cortex_m4f, _] = MACHINES;
@@ -36,7 +37,8 @@ fn run(port: u16) -> Result<Infallible, Box<dyn Error>> {
     let mut qemu = Qemu::new(&image, cortex_m4f, &folder, &[APPLICATION]);
     qemu.uart(Uart::Tcp(port));
     let address = format!("tcp:127.0.0.1:{port}");
-    // Checks that the port is free. The listener is closed at once; no connection keeps the port busy.
+    // Checks that the port is free. The listener is closed at once; no connection keeps the port
+    // busy.
     TcpListener::bind(("127.0.0.1", port)).map_err(|error| {
         format!("cannot listen on {address}: {error}\n  next: `--port` with another port")
     })?;

@@ -89,7 +89,7 @@ fn codes(text: &str) -> usize {
 }
 
 /// The self-test that the bridge requests passes, and the bridge publishes codes.
-/// `tests/tests/board_chain.rs` checks the codes for gaps.
+/// `tests/acceptance/tests/it/board_chain.rs` checks the codes for gaps.
 pub(crate) fn bridge_delivers_codes(subject: Subject) -> Result<(), BoardError> {
     let mut board = power_on(subject, &subject.setup())?;
     let (mut table, mut status) = (String::new(), None);

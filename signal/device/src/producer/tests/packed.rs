@@ -68,8 +68,8 @@ fn exactly_the_blocks_with_a_lost_sample_are_marked_and_their_number_stays_right
     assert_eq!(marked, [1, 2, 3, 4]);
 }
 
-/// Also with a model whose ADC's rate is no multiple of the step rate, of which
-/// `tests/tests/packed_alone.rs` builds this test.
+/// `tests/acceptance` also builds this test with a model whose ADC's rate is no multiple of the
+/// step rate.
 #[test]
 fn blocks_of_repeated_steps_have_their_own_times() {
     let hop = HOP as u64;
@@ -285,7 +285,7 @@ fn audits_at_the_host(encoders: impl Encoders) -> Vec<(u32, usize)> {
     audits
 }
 
-/// Also with a model without a network, of which `tests/tests/packed_alone.rs` builds this test.
+/// `tests/acceptance` also builds this test with a model without a network.
 #[test]
 fn audits_reach_the_host_and_have_a_code_if_the_device_has_the_network() {
     let numbers = if model::HAS_NETWORK { model::CODE } else { 0 };

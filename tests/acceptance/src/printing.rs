@@ -1,0 +1,106 @@
+//! A board and a bridge without ROS: the bridge prints its messages as lines of JSON.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use std::time::Duration;
+
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::process::Process;
+use crate::programs::programs;
+
+/// Longest wait for a program on a busy machine.
+const SLACK: Duration = Duration::from_mins(1);
+
+/// Name of the bridge in [`print`] among the files of its output.
+const PRINTING: &str = "printing";
+
+/// Starts `host-sim run` in real time with synthetic EEG of the seed 7.
+///
+/// # Panics
+/// When host-sim does not start.
+pub fn board(folder: &Path, seconds: usize, output: &str) -> Process {
+    let mut board = Command::new(&programs().host_sim);
+    board
+        .args(["run", "--input=synthetic", "--seed=7", "--realtime"])
+        .arg(format!("--duration={seconds}"))
+        .arg(format!("--output={output}"));
+    Process::start("board", &mut board, folder).expect("host-sim starts")
+}
+
+/// Starts `corticode-bridge`, whose output goes to the files `NAME.out` and `NAME.err`.
+///
+/// # Panics
+/// When the bridge does not start.
+pub fn bridge(folder: &Path, name: &str, arguments: &[&str]) -> Process {
+    let mut bridge = Command::new(&programs().bridge);
+    bridge.args(arguments).env("CORTICODE_CONFIG", "/dev/null");
+    Process::start(name, &mut bridge, folder).expect("the bridge starts")
+}
+
+/// Starts a bridge that prints the messages of the device at `port`.
+pub fn print(folder: &Path, port: &str, options: &[&str]) -> Process {
+    let arguments = [&["--sink=ndjson", "--port", port], options].concat();
+    bridge(folder, PRINTING, &arguments)
+}
+
+/// Ends the bridge of [`print`]. Returns its standard output and its standard error.
+///
+/// # Panics
+/// When it does not end cleanly.
+pub fn stop(bridge: Process, folder: &Path) -> [String; 2] {
+    let log = bridge.errors();
+    let status = bridge.stop(Signal::TERM, SLACK);
+    assert!(status.success(), "{log}");
+    ["out", "err"].map(|end| {
+        let file = folder.join(PRINTING).with_extension(end);
+        fs::read_to_string(file).expect("its output")
+    })
+}
+
+/// Returns the messages of a topic in lines of JSON.
+///
+/// # Panics
+/// When a line with the topic's name is not JSON.
+pub fn messages<'l>(lines: &'l str, topic: &str) -> impl Iterator<Item = Value> + use<'l> {
+    let topic = format!("\"{topic}\"");
+    let lines = lines.lines().filter(move |line| line.contains(&topic));
+    lines.map(|line| serde_json::from_str::<Value>(line).expect("JSON")["message"].take())
+}
+
+/// Records a run of `seconds` with the bridge's options, plays the recording to another bridge that
+/// prints, and converts it to tables. Returns the bridge's log of the recording, that of the
+/// replay, and what was printed.
+///
+/// # Panics
+/// When a program fails.
+pub fn record_and_replay(
+    folder: &Path,
+    seconds: usize,
+    options: &[&str],
+    print_options: &[&str],
+) -> [String; 3] {
+    let port = folder.join("board").display().to_string();
+    let file = folder.join("run.wire").display().to_string();
+    let arguments = [&["record", &file, "--port", &port], options].concat();
+    let recording = bridge(folder, "recording", &arguments);
+    let ended = board(folder, seconds, &format!("pty:{port}")).wait(SLACK);
+    assert!(ended.success());
+    // The last bytes are on their way.
+    std::thread::sleep(Duration::from_secs(1));
+    assert!(recording.stop(Signal::INT, SLACK).success());
+    let log = fs::read_to_string(folder.join("recording.err")).expect("a log");
+
+    let output = format!("pty:{port}");
+    let mut replaying = bridge(folder, "replaying", &["replay", &file, "--output", &output]);
+    replaying.wait_until("a port", SLACK, |_| Path::new(&port).exists());
+    let printing = print(folder, &port, print_options);
+    assert!(replaying.wait(SLACK).success(), "{}", replaying.log());
+    let [printed, _] = stop(printing, folder);
+
+    let mut converting = bridge(folder, "converting", &["convert", &file, "--to=csv"]);
+    assert!(converting.wait(SLACK).success(), "{}", converting.log());
+    [log, replaying.log(), printed]
+}

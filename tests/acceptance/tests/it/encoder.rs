@@ -1,0 +1,74 @@
+//! The streaming encoder computes the codes of the batch reference, on every window of EEG that was
+//! not used for training.
+
+use acceptance::{real_data, workspace};
+use artifact::Artifact;
+use model_gen::IntegerModel;
+use pipeline::{Code, FrontEnd, Mains, Pipeline, Plane, Sample, quantise};
+
+const STEPS: usize = model::STEPS;
+
+#[test]
+fn streaming_equals_batch_on_every_window_of_r11() {
+    compare(real_data::EDF_R11);
+}
+
+#[test]
+fn streaming_equals_batch_on_every_window_of_r12() {
+    compare(real_data::EDF_R12);
+}
+
+/// Compares the codes of the pipeline with those that model-gen's plain loops compute from the same
+/// quantised planes.
+fn compare(file: &str) {
+    let test = format!("streaming equals batch on {file}");
+    let Some(path) = real_data::path(&test, file) else {
+        return;
+    };
+    let artifact =
+        Artifact::read(&workspace::root().join("signal/model/artifact")).expect("the artifact");
+    let batch = model_gen::quantise(&artifact).expect("an integer model");
+    let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
+    let samples = real_data::samples(&path, &electrodes).expect("samples");
+
+    // The recordings come from a country with 60 Hz mains.
+    let mut pipeline = Pipeline::new(Mains::Hz60);
+    let mut front_end = FrontEnd::new(Mains::Hz60, &model::RESAMPLER);
+    let mut planes: Vec<Plane> = Vec::new();
+    let mut codes: Vec<Code> = Vec::new();
+    for sample in samples {
+        let sample: Sample = sample.expect("a whole recording");
+        codes.extend(pipeline.encode_sample(&sample));
+        planes.extend(
+            front_end
+                .filter_sample(&sample)
+                .map(|(electrodes, _)| quantise(&electrodes).0),
+        );
+    }
+    assert_eq!(codes.len(), 1 + (planes.len() - STEPS) / model::HOP);
+    let different = different(&batch, &planes, &codes);
+    println!("{file}: {} windows, {different} different", codes.len());
+    assert_eq!(different, 0);
+    // 125 s of EEG are about 2,000 windows. Most codes must differ from the code before: they are
+    // neither constant nor all clipped.
+    assert!(codes.len() > 1900);
+    assert!(
+        codes
+            .windows(2)
+            .filter(|pair| pair[0].values != pair[1].values)
+            .count()
+            > 1800
+    );
+}
+
+fn different(batch: &IntegerModel, planes: &[Plane], codes: &[Code]) -> usize {
+    let windows = planes.windows(STEPS).step_by(model::HOP);
+    windows
+        .zip(codes)
+        .filter(|(window, code)| {
+            let batch = batch.encode_window(window.as_flattened());
+            let ours = (code.values.exponent(), code.values.integers().to_vec());
+            (batch.exponent, batch.values) != ours
+        })
+        .count()
+}

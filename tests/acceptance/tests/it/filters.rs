@@ -1,0 +1,110 @@
+//! The output of the fixed-point filters equals that of scipy's floating-point filters, on real
+//! EEG.
+
+use acceptance::npz::{Array, Npz};
+use acceptance::{real_data, workspace};
+use artifact::MontageFile;
+use pipeline::{FrontEnd, Mains};
+
+/// Largest error from rounding a sample to counts, which is half a count, in uV.
+const HALF_COUNT_UV: f64 = 0.5 * model::LSB_NV as f64 / 1000.0;
+
+/// Number of levels of a filtered sample per count.
+const LEVELS_PER_COUNT: f64 = (1_u32 << model::GUARD_BITS) as f64;
+
+/// The reference is the output of scipy's `sosfilt`, from zero states, with `iirnotch(50, 30, 512)`
+/// followed by `butter(5, [0.5, 60], 'bandpass', fs=512, output='sos')`: every fourth sample,
+/// float32. The archive contains scipy's coefficients, too. Its electrodes and its grid are the
+/// paper's.
+#[test]
+fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
+    let test = "filters against scipy";
+    let Some(recording) = real_data::path(test, real_data::GDF_F32) else {
+        return;
+    };
+    let Some(reference) = real_data::path(test, real_data::SCIPY_WINDOWS) else {
+        return;
+    };
+    let mut reference = Npz::open(&reference).expect("scipy's results");
+    let windows = reference.array("windows").expect("windows");
+    assert_eq!(windows.shape, [240, 16, 10, 9]);
+    let worst_gain = l1_norm(&sections(&mut reference));
+
+    let paper = MontageFile::read(&workspace::root().join("files/montages/paper-61.toml"));
+    let paper = paper.expect("the paper's montage");
+    let (cells, montage) = (paper.grid().cells.concat(), paper.montage());
+    let electrodes: Vec<&str> = montage.electrodes.iter().map(String::as_str).collect();
+    assert_eq!(electrodes.len(), model::ELECTRODES);
+    let samples = real_data::samples(&recording, &electrodes).expect("samples");
+    let mut front_end = FrontEnd::new(Mains::Hz50, &model::RESAMPLER);
+    let filtered: Vec<_> = samples
+        .filter_map(|sample| {
+            Some(
+                front_end
+                    .filter_sample(&sample.expect("a whole recording"))?
+                    .0,
+            )
+        })
+        .collect();
+    assert_eq!(filtered.len(), 240 * 16);
+
+    let uv_per_level = f64::from(model::LSB_NV) / 1000.0 / LEVELS_PER_COUNT;
+    let [mut worst, mut largest, mut squares] = [0.0_f64; 3];
+    for (plane, electrodes) in windows.values.chunks_exact(90).zip(&filtered) {
+        for (value, label) in electrodes.iter().zip(&montage.electrodes) {
+            let cell = cells.iter().position(|cell| cell == label);
+            let expected = plane[cell.expect("in the grid")];
+            let error = (f64::from(*value) * uv_per_level - expected).abs();
+            worst = worst.max(error);
+            largest = largest.max(expected.abs());
+            squares += error * error;
+        }
+    }
+    let rms = (squares / (240.0 * 16.0 * 61.0)).sqrt();
+    // Rounding of the input to counts, at worst half a count with the sign of the impulse response
+    // in every sample, plus rounding of the reference to float32.
+    let rounding = worst_gain * HALF_COUNT_UV + largest * f64::from(f32::EPSILON);
+    // Add one count for the filters' own rounding. The largest total error measured is 0.0177 uV.
+    let bound = rounding + LEVELS_PER_COUNT * uv_per_level;
+    println!(
+        "filters against scipy: max error {worst:.4} uV (bound {bound:.4}), rms {rms:.4} uV, of \
+         at most {largest:.1} uV; worst-case gain {worst_gain:.3}"
+    );
+    assert!(worst <= bound);
+    // The signal must not be zero, because two zero signals would also be equal.
+    assert!(largest > 50.0);
+}
+
+/// Returns scipy's filter sections, first the notch, then those of the band-pass. Each has b0, b1,
+/// b2, a0, a1, a2; a0 is 1.
+fn sections(reference: &mut Npz) -> Vec<[f64; 6]> {
+    let band_pass: Array = reference.array("sos").expect("sos");
+    let notch = reference.array("notch").expect("notch");
+    assert_eq!(
+        (&band_pass.shape[..], &notch.shape[..]),
+        (&[5, 6][..], &[2, 3][..])
+    );
+    let values = [notch.values, band_pass.values].concat();
+    values.as_chunks().0.to_vec()
+}
+
+/// Returns the sum of the magnitudes of the sections' impulse response, which is the gain for the
+/// worst input.
+fn l1_norm(sections: &[[f64; 6]]) -> f64 {
+    let mut states = vec![[0.0; 2]; sections.len()];
+    // 20 s are enough: the slowest poles decay at 0.96 / s, so the response has decayed by about
+    // e^-19.
+    let impulse = std::iter::once(1.0).chain(std::iter::repeat_n(0.0, 20 * 512));
+    impulse
+        .map(|input| {
+            let cascade = sections.iter().zip(&mut states);
+            cascade.fold(input, |x: f64, ([b0, b1, b2, _, a1, a2], [s1, s2])| {
+                let y = b0 * x + *s1;
+                *s1 = b1 * x - a1 * y + *s2;
+                *s2 = b2 * x - a2 * y;
+                y
+            })
+        })
+        .map(f64::abs)
+        .sum()
+}

@@ -1,0 +1,30 @@
+//! What the whole promises, with one module for each promise.
+#![forbid(unsafe_code)]
+
+mod architecture;
+mod board_chain;
+mod catkin;
+mod debian_package;
+mod decoding_page;
+mod encoder;
+mod encoder_numpy;
+mod filters;
+mod float_numpy;
+mod licences;
+mod manual;
+mod messages;
+mod node_chain;
+mod offline_files;
+mod other_models;
+mod own_master;
+mod packed_chain;
+mod packed_loss;
+mod packed_python;
+mod qemu_chain;
+mod quantise;
+mod raw_forms;
+mod ros_chain;
+mod samples_chain;
+mod service;
+mod synthetic_eeg;
+mod udev_rule;

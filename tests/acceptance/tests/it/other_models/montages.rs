@@ -1,0 +1,155 @@
+//! Each file in `files/montages/` makes a model that streams: the codes of the pipeline equal those
+//! of the batch reference, these equal numpy's, and host-sim, built with the model, announces and
+//! streams it. corticode-node builds for a montage with few channels, and decodes its codes. The
+//! same holds for the trained model of the paper's montage, whose codes host-sim also decodes.
+
+use std::fs;
+use std::path::Path;
+
+use acceptance::files::Table;
+use acceptance::other_model::{OtherModel, fail, succeed};
+use acceptance::{numpy_reference, workspace};
+use artifact::{Artifact, IntegerCode, Mode, MontageFile};
+use link::{Decoder, MAX_FRAME, ToHost};
+
+/// Numbers in a code of each model.
+const NUMBERS: usize = 48;
+/// Montage of the model with which corticode-node is built, which has another gain than the others.
+const NODE_MONTAGE: &str = "cyton-8";
+/// Gain of that model.
+const NODE_GAIN: u32 = 6;
+/// Seconds that host-sim plays.
+const SECONDS: u64 = 6;
+
+/// Builds what streams each model: the simulator, and the comparison of the pipeline with its batch
+/// reference.
+const BUILD: &str = "build --workspace --bin=host-sim --test=streaming_equals_batch";
+
+#[test]
+fn every_montage_streams_the_codes_of_numpy() {
+    let montages = any_model::montages().expect("the montages");
+    assert!(montages.len() >= 5, "{} montages", montages.len());
+    for (seed, montage) in (1..).zip(&montages) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let artifact = model(seed, montage);
+        artifact.write(folder.path()).expect("a folder to write to");
+        compare_with_numpy(seed, &artifact);
+        let built = OtherModel::build(folder.path(), &[BUILD]);
+        built.test("");
+        if montage.name == NODE_MONTAGE {
+            let tests = "test --no-run --package=node --test=*";
+            OtherModel::build(folder.path(), &[tests]).test("the_program_decodes");
+        }
+        let codes = play(&built, &artifact, &folder.path().join("frames"));
+        println!("{}: {codes} codes", montage.name);
+    }
+}
+
+#[test]
+fn the_trained_model_of_the_papers_montage_streams_and_decodes() {
+    let root = workspace::root().canonicalize().expect("the root");
+    let model = root.join("signal/model/paper");
+    let artifact = Artifact::read(&model).expect("the artifact");
+    let paper = MontageFile::read(&root.join("files/montages/paper-61.toml"));
+    let paper = paper.expect("the montage");
+    assert_eq!(artifact.description.montage, paper.montage());
+    assert_eq!(artifact.description.grid, paper.grid());
+    let built = OtherModel::build(&model, &[BUILD]);
+    built.test("");
+    let output = tempfile::tempdir().expect("a folder");
+    let codes = play(&built, &artifact, &output.path().join("run.codes"));
+    println!("{}: {codes} codes", paper.name);
+
+    // The model has no packed code, which the device knows and `encode` reports.
+    let device = OtherModel::build(&model, &["test --no-run --package=device"]);
+    device.test("a_device_offers");
+    let host_sim = |words: &str| {
+        let mut program = built.program("host-sim");
+        program.current_dir(output.path()).args(words.split(' '));
+        program
+    };
+    fs::write(output.path().join("in.edf"), "not read").expect("a file");
+    let refusal = fail(&mut host_sim("encode in.edf out.codes --stream=packed"));
+    assert!(refusal.contains("has no packed code"), "{refusal}");
+
+    succeed(&mut host_sim("decode run.codes run.csv --to csv"));
+    let table = Table::read(&output.path().join("run.csv"));
+    let electrodes = paper.montage().electrodes;
+    let electrodes: Vec<&str> = electrodes.iter().map(String::as_str).collect();
+    let rows: Vec<Vec<f32>> = table.numbers(&electrodes).collect();
+    assert!(rows.iter().any(|row| *row != rows[0]), "one row: {rows:?}");
+}
+
+/// Returns a model of mode `pca` with random weights for a montage.
+fn model(seed: u32, montage: &MontageFile) -> Artifact {
+    let mut montage = montage.clone();
+    if montage.name == NODE_MONTAGE {
+        montage.adc.gain = NODE_GAIN;
+    }
+    any_model::any_artifact_for(seed, &montage, Mode::Pca, NUMBERS).expect("a model")
+}
+
+/// Compares the batch reference with numpy on random windows.
+fn compare_with_numpy(seed: u32, artifact: &Artifact) {
+    if !numpy_reference::available("montages against numpy") {
+        return;
+    }
+    let model = model_gen::quantise(artifact).expect("an integer model");
+    let windows = any_model::windows(!seed, artifact, 20);
+    let quantise = |window| any_model::quantised(artifact, &model, window);
+    let windows: Vec<Vec<i8>> = windows.iter().map(quantise).collect();
+    let theirs = numpy_reference::integer_codes(&model, windows.iter().map(Vec::as_slice));
+    let ours: Vec<IntegerCode> = windows.iter().map(|w| model.encode_window(w)).collect();
+    assert_eq!(ours, theirs.expect("numpy's codes"));
+    assert_ne!(ours[0], ours[1]);
+}
+
+/// Plays synthetic EEG with host-sim, and checks what it sends to the file `frames`. Returns the
+/// number of codes.
+fn play(built: &OtherModel, artifact: &Artifact, frames: &Path) -> usize {
+    let mut host_sim = built.program("host-sim");
+    host_sim.args(["run", "--input=synthetic", "--mains=50"]);
+    host_sim.arg(format!("--duration={SECONDS}"));
+    host_sim.arg(format!("--output=file:{}", frames.display()));
+    succeed(&mut host_sim);
+
+    let description = &artifact.description;
+    let bytes = fs::read(frames).expect("frames");
+    let mut input = bytes.as_slice();
+    let mut decoder = Decoder::<MAX_FRAME>::new();
+    let (mut codes, mut announced) = (Vec::new(), 0);
+    while let Some(frame) = decoder.next::<ToHost<'_>>(&mut input) {
+        match frame.expect("a sound frame").message {
+            ToHost::Capabilities(capabilities) => {
+                announced += 1;
+                assert_eq!(u32::from(capabilities.adc_rate_hz), description.adc.rate_hz);
+                assert_eq!(usize::from(capabilities.channels), description.adc.channels);
+                let labels: Vec<&str> = capabilities.labels.split(' ').collect();
+                assert_eq!(labels, description.montage.electrodes);
+                assert_eq!(capabilities.code_scale.len(), description.code.numbers);
+                let lsb_nv = description.adc.lsb_uv() * 1_000.0;
+                assert!((f64::from(capabilities.lsb_nv) - lsb_nv).abs() < 1e-5 * lsb_nv);
+            }
+            ToHost::Code(code) => {
+                assert_eq!((code.model_id, code.saturated), (artifact.id.0, 0));
+                let flags = code.flags;
+                assert!(!flags.contains(link::Flags::ADC_STATUS_BAD), "{flags:?}");
+                codes.push(code.values.levels().collect::<Vec<i32>>());
+            }
+            _ => {}
+        }
+    }
+    assert!(announced > 0, "no Capabilities");
+    let steps = SECONDS * u64::from(description.window.rate_hz);
+    let window = &description.window;
+    let expected = (steps - window.steps as u64) / window.hop as u64 + 1;
+    assert_eq!(codes.len() as u64, expected);
+    assert!(
+        codes
+            .iter()
+            .all(|levels| levels.len() == description.code.numbers)
+    );
+    let changes = codes.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    assert!(changes > codes.len() / 2, "{changes} of {}", codes.len());
+    codes.len()
+}

@@ -1,0 +1,61 @@
+//! A model with the packed code alone builds, streams the blocks of the batch reference, and
+//! host-sim encodes and decodes recordings with it.
+
+use acceptance::files::{Table, noise, write_gdf};
+use acceptance::other_model::{OtherModel, fail, succeed};
+use acceptance::workspace;
+use any_model::any_packed_alone;
+use artifact::{Artifact, MontageFile};
+
+const SEED: u32 = 7;
+const SECONDS: u32 = 6;
+
+/// Returns a model of `files/montages/cyton-8.toml` with random integers.
+fn model() -> Artifact {
+    let montage = MontageFile::read(&workspace::root().join("files/montages/cyton-8.toml"));
+    any_packed_alone(SEED, &montage.expect("the montage")).expect("a model")
+}
+
+#[test]
+fn a_model_without_a_network_encodes_and_decodes_recordings() {
+    let model = model();
+    let folder = tempfile::tempdir().expect("a folder");
+    let artifact = folder.path().join("model");
+    model.write(&artifact).expect("a folder to write to");
+    let pipeline = "build --workspace --bin=host-sim --test=packed_equals_batch";
+    let built = OtherModel::build(&artifact, &[pipeline]);
+    built.test("");
+    let device = OtherModel::build(&artifact, &["test --no-run --package=device"]);
+    for test in [
+        "a_device_offers",
+        "audits_reach_the_host",
+        "blocks_of_repeated_steps",
+    ] {
+        device.test(test);
+    }
+    let labels = &model.description.montage.electrodes;
+    let rate_hz = model.description.adc.rate_hz;
+    let count = labels.len() * usize::try_from(SECONDS * rate_hz).expect("few");
+    let mut noise = noise(SEED);
+    let noise = std::iter::repeat_with(|| 20.0 * noise()).take(count);
+    write_gdf(&folder.path().join("in.gdf"), labels, rate_hz, noise, &[]);
+    let host_sim = |words: &str| {
+        let mut program = built.program("host-sim");
+        program.current_dir(folder.path()).args(words.split(' '));
+        program
+    };
+    let run = "run --input synthetic --output file:run.bin --duration 2";
+    let made = succeed(&mut host_sim(run));
+    assert!(made.contains("packed blocks made"), "{made}");
+    let refusal = fail(&mut host_sim("encode in.gdf out.codes --stream=codes"));
+    assert!(refusal.contains("has no network"), "{refusal}");
+    // Packed blocks are the default.
+    let encoded = succeed(&mut host_sim("encode in.gdf out.codes"));
+    assert!(encoded.contains("packed blocks"), "{encoded}");
+    succeed(&mut host_sim("decode out.codes out.csv --to csv"));
+    let table = Table::read(&folder.path().join("out.csv"));
+    let electrodes: Vec<&str> = labels.iter().map(String::as_str).collect();
+    let steps = SECONDS * model.description.window.rate_hz;
+    let rows = table.numbers(&electrodes).count();
+    assert_eq!(rows, usize::try_from(steps).expect("few"));
+}

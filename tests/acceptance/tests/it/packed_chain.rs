@@ -1,0 +1,292 @@
+//! Packed blocks reach a user as the electrode signals that the library decodes: live at a real
+//! roscore, printed, recorded, replayed, converted, and after losses.
+
+use std::path::Path;
+use std::time::Duration;
+
+use acceptance::chain::{Chain, messages_of};
+use acceptance::files::Table;
+use acceptance::lossy_cable::LossyCable;
+use acceptance::port::free_port;
+use acceptance::printing::{self, board, messages};
+use acceptance::process::Process;
+use acceptance::ros;
+use artifact::Artifact;
+use artifact::reconstruction::{PackedBlock, PackedDecoder};
+use host_sim::synthetic::{Generator, SyntheticSpec};
+use link::Flags;
+use model::{ADC_RATE_HZ, ELECTRODES, HOP, STEP_RATE_HZ};
+use pipeline::{Acquisition, Mains, PackedEncoder, Rate, Sample};
+use serde_json::Value;
+
+/// Duration of the EEG in seconds.
+const SECONDS: usize = 8;
+/// Longest wait for a program on a busy machine.
+const SLACK: Duration = Duration::from_mins(1);
+/// Rate of the blocks, another one than the model's.
+const RATE: u8 = 3;
+/// Blocks of the run.
+const BLOCKS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
+
+/// A frame of `/neurodata_reconstructed`: its values, and the flags of its block.
+type Frame = (Vec<f32>, u64);
+
+/// Returns the blocks of the synthetic EEG.
+fn blocks() -> Vec<Vec<u8>> {
+    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
+    let generator = Generator::new(&spec).expect("the model's electrodes");
+    let mut acquisition = Acquisition::new(Mains::Hz50);
+    let mut encoder = Box::new(PackedEncoder::new());
+    encoder.set_rate(Rate::new(RATE).expect("a rate"));
+    let samples = generator.take(SECONDS * usize::from(ADC_RATE_HZ));
+    let steps = samples.filter_map(|counts| acquisition.process_sample(&Sample { counts }));
+    let blocks: Vec<Vec<u8>> = steps
+        .filter_map(|step| Some(encoder.encode_step(&step)?.bytes().to_vec()))
+        .collect();
+    assert_eq!(blocks.len(), BLOCKS);
+    blocks
+}
+
+/// Decodes blocks as the library does: `None` for a lost one.
+fn decode(blocks: &[Option<&Vec<u8>>]) -> Vec<PackedBlock> {
+    let artifact = Artifact::from_bytes(
+        model::artifact_files::MODEL_TOML,
+        model::artifact_files::WEIGHTS,
+        model::artifact_files::CALIBRATION,
+        model::artifact_files::PACKED,
+    );
+    let artifact = artifact.expect("the built-in model");
+    let mut decoder = PackedDecoder::new(artifact.packed.as_ref().expect("a packed model"));
+    let rate = Rate::new(RATE).expect("a rate");
+    let decoded = blocks.iter().map(|block| match block {
+        Some(bytes) => decoder.decode(bytes, rate).expect("a block"),
+        None => PackedBlock {
+            microvolts: decoder.skip(),
+            smoothed: None,
+            is_sound: false,
+        },
+    });
+    decoded.collect()
+}
+
+/// Returns the frames of a bridge without low latency: each block corrected by the next one, and
+/// the last one as it is.
+fn expected(decoded: &[PackedBlock]) -> Vec<Vec<f32>> {
+    let pairs = decoded.windows(2);
+    let smoothed = pairs.map(|pair| pair[1].smoothed.as_ref().unwrap_or(&pair[0].microvolts));
+    let last = decoded.last().map(|block| &block.microvolts);
+    smoothed.chain(last).cloned().collect()
+}
+
+/// Starts a bridge that prints what it decodes from the packed blocks of the device at `port`.
+fn print_blocks(folder: &Path, port: &str, options: &[&str]) -> Process {
+    let rate = format!("--packed-rate={RATE}");
+    let options = [&["--streams=packed", &rate], options].concat();
+    printing::print(folder, port, &options)
+}
+
+/// Returns the frames of the reconstruction in lines of JSON.
+fn printed(lines: &str) -> Vec<Frame> {
+    let frames = messages(lines, "/neurodata_reconstructed").map(|message| {
+        let data = message["eeg"]["data"].as_array().expect("a list");
+        #[expect(clippy::cast_possible_truncation, reason = "printed from a float32")]
+        let values = data
+            .iter()
+            .map(|value| value.as_f64().expect("a number") as f32);
+        let flags = message["tri"]["data"][0].as_u64();
+        (values.collect(), flags.expect("a flag word"))
+    });
+    frames.collect()
+}
+
+/// Returns the counts of a run without losses, as the bridge prints them.
+fn counts(blocks: &[Vec<u8>]) -> String {
+    let bytes: usize = blocks.iter().map(Vec::len).sum();
+    format!(
+        "packed blocks: made {BLOCKS} received {BLOCKS} lost 0 fillers 0 bits {}",
+        8 * bytes
+    )
+}
+
+/// Value of a key in a report of the bridge.
+fn value(status: &Value, key: &str) -> Option<f64> {
+    let values = status["values"].as_array()?;
+    let found = values.iter().find(|value| value["key"] == key)?;
+    found["value"].as_str()?.parse().ok()
+}
+
+#[test]
+fn packed_blocks_alone_reach_rospy_as_the_library_decodes_them() {
+    let test = "packed blocks to rospy";
+    if !ros::available(test) {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let rate = format!("--packed-rate={RATE}");
+    let options = ["--streams=packed", "--announce=reconstructed", &rate];
+    let chain = Chain::start_with(folder.path(), &options);
+    let mut subscriber = chain.subscriber_of("/neurodata_reconstructed");
+    let duration = SECONDS.to_string();
+    let mut board = chain.board(&["--input=synthetic", "--seed=7", "--duration", &duration]);
+    assert!(board.wait(SLACK).success(), "{}", board.log());
+    // The newest block waits for the one after it.
+    let due = BLOCKS - 1;
+    subscriber.wait_until("all frames", SLACK, |subscriber| {
+        subscriber.output().lines().count() > due
+    });
+    let messages = messages_of(&subscriber);
+    let blocks = blocks();
+    let all: Vec<_> = blocks.iter().map(Some).collect();
+    let expected = &expected(&decode(&all))[..due];
+    assert_eq!(messages.len(), due);
+    for (index, (message, expected)) in (0..).zip(messages.iter().zip(expected)) {
+        assert_eq!(u64::from(message.seq), index + 1);
+        assert_eq!((message.sr, message.status.window()), (STEP_RATE_HZ, index));
+        assert_eq!(message.status.lost, 0);
+        let lost = Flags::FILLER | Flags::HEALING | Flags::OVERRUN | Flags::ADC_STATUS_BAD;
+        assert_eq!(message.status.flags & u64::from(lost.bits()), 0);
+        assert_eq!(message.eeg.count, HOP * ELECTRODES);
+        // The subscriber prints six decimals.
+        for (value, expected) in message.values.iter().zip(expected) {
+            let expected = f64::from(*expected);
+            let difference = (value - expected).abs();
+            assert!(difference < 2e-6 + 1e-6 * expected.abs(), "{value}");
+        }
+    }
+    for pair in messages.windows(2) {
+        assert_eq!(
+            pair[1].status.device_us() - pair[0].status.device_us(),
+            62_500
+        );
+        assert!(pair[1].stamp > pair[0].stamp);
+    }
+    assert!(chain.messages().is_empty(), "codes were not asked for");
+    println!("{} frames, each equal to the library's", messages.len());
+    chain.stop();
+}
+
+#[test]
+fn blocks_are_decoded_at_once_or_corrected_and_take_few_bits_on_the_wire() {
+    let blocks = blocks();
+    let all: Vec<_> = blocks.iter().map(Some).collect();
+    let decoded = decode(&all);
+    let at_once: Vec<_> = decoded
+        .iter()
+        .map(|block| block.microvolts.clone())
+        .collect();
+    for (option, expected) in [
+        ("--low-latency=true", at_once),
+        ("--low-latency=false", expected(&decoded)),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let folder = folder.path();
+        let port = folder.join("board").display().to_string();
+        let mut printing = print_blocks(folder, &port, &[option]);
+        let ended = board(folder, SECONDS, &format!("pty:{port}")).wait(SLACK);
+        assert!(ended.success());
+        printing.wait_until("all frames", SLACK, |bridge| {
+            // The last block's frame waits for another block until the end.
+            printed(&bridge.output()).len() + 1 >= expected.len()
+        });
+        let [lines, log] = printing::stop(printing, folder);
+        let frames: Vec<_> = printed(&lines)
+            .into_iter()
+            .map(|(values, _)| values)
+            .collect();
+        assert!(frames == expected, "{} frames, {option}", frames.len());
+        let counts = counts(&blocks);
+        assert!(log.contains(&counts), "{log}");
+        report_bits(&lines);
+    }
+}
+
+/// Prints the bits of blocks and of everything on the wire in one second of settled signals, from
+/// the bridge's report.
+fn report_bits(lines: &str) {
+    let reports: Vec<Value> = messages(lines, "/diagnostics").collect();
+    let values = |status: &str, key: &str| {
+        let name = format!("corticode: {status}");
+        let found = reports.iter().filter_map(|report| {
+            let mut statuses = report["status"].as_array()?.iter();
+            value(statuses.find(|status| status["name"] == *name)?, key)
+        });
+        found.collect::<Vec<f64>>()
+    };
+    let rates = values("packed code", "rate");
+    assert!(
+        !rates.is_empty()
+            && rates
+                .iter()
+                .all(|rate| (*rate - f64::from(RATE)).abs() < 0.5)
+    );
+    let bits = values("packed code", "bits per second");
+    let wire = values("link", "bytes");
+    // The newest reports come after the end of the run.
+    let streaming = bits.iter().filter(|bits| **bits > 0.0).count();
+    assert!(streaming >= SECONDS - 2, "{bits:?}");
+    let place = wire.len() - bits.len() + streaming - 1;
+    println!(
+        "at rate {RATE}, packed blocks take {:.0} bits in one second, and everything on the wire {:.0}",
+        bits[streaming - 1],
+        8.0 * (wire[place] - wire[place - 1])
+    );
+}
+
+#[test]
+fn a_recording_of_packed_blocks_is_replayed_and_converted() {
+    let blocks = blocks();
+    let all: Vec<_> = blocks.iter().map(Some).collect();
+    let expected = expected(&decode(&all));
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let rate = format!("--packed-rate={RATE}");
+    let options = ["--streams=packed", &rate];
+    let [log, replay_log, lines] = printing::record_and_replay(folder, SECONDS, &options, &options);
+    let counts = counts(&blocks);
+    assert!(log.contains(&counts), "{log}");
+    let counts = format!("played 0 codes and {BLOCKS} packed blocks");
+    assert!(replay_log.contains(&counts), "{replay_log}");
+    let frames: Vec<_> = printed(&lines)
+        .into_iter()
+        .map(|(values, _)| values)
+        .collect();
+    assert!(frames == expected, "{} frames", frames.len());
+    let table = Table::read(&folder.join("run.reconstructed.csv"));
+    let labels: Vec<&str> = model::LABELS.split(' ').collect();
+    let rows: Vec<f32> = table.numbers(&labels).flatten().collect();
+    assert!(rows == expected.concat(), "{} values", rows.len());
+}
+
+#[test]
+fn after_lost_frames_every_frame_is_that_of_a_decoder_with_the_same_losses() {
+    let blocks = blocks();
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let port = free_port().expect("a free port");
+    let board = board(folder, SECONDS, &format!("tcp:127.0.0.1:{port}"));
+    let cable = LossyCable::new(port, 5).expect("a connection");
+    let mut printing = print_blocks(folder, &cable.port, &["--low-latency"]);
+    printing.wait_until("most frames", SLACK, |bridge| {
+        printed(&bridge.output()).len() + 8 >= blocks.len()
+    });
+    std::thread::sleep(Duration::from_millis(500));
+    drop(board);
+    let [lines, _] = printing::stop(printing, folder);
+    let frames = printed(&lines);
+    assert!(frames.len() <= blocks.len());
+    let has = |flags: u64, flag: Flags| flags & u64::from(flag.bits()) != 0;
+    let received: Vec<_> = frames
+        .iter()
+        .zip(&blocks)
+        .map(|((_, flags), block)| (!has(*flags, Flags::FILLER)).then_some(block))
+        .collect();
+    let lost = received.iter().filter(|block| block.is_none()).count();
+    println!("{lost} of {} blocks lost", frames.len());
+    assert!(lost > 0 && lost < frames.len());
+    let decoded = decode(&received);
+    for (index, ((values, flags), decoded)) in frames.iter().zip(&decoded).enumerate() {
+        assert!(*values == decoded.microvolts, "block {index}");
+        let is_healing = received[index].is_some() && !decoded.is_sound;
+        assert_eq!(has(*flags, Flags::HEALING), is_healing, "block {index}");
+    }
+}

@@ -1,0 +1,54 @@
+//! The application runs on an emulated microcontroller and streams to a rospy subscriber of a real
+//! roscore.
+
+use std::time::{Duration, Instant};
+
+use acceptance::chain::{Chain, NEURO_FRAME_MD5, assert_continuous, rate};
+use acceptance::port::free_port;
+use acceptance::{emulated_board, ros};
+use emulator::installed;
+use host_sim::synthetic::{Generator, SyntheticSpec};
+
+/// Duration of the EEG whose codes must arrive, in seconds, unless `CORTICODE_QEMU_SECONDS` sets
+/// another one.
+const SECONDS: u32 = 12;
+/// Number of codes per second.
+const RATE: u32 = 16;
+
+#[test]
+fn every_code_of_an_emulated_microcontroller_reaches_rospy() {
+    let test = "emulated microcontroller to rospy";
+    if !ros::available(test) || !installed::available(test) {
+        return;
+    }
+    let seconds = std::env::var("CORTICODE_QEMU_SECONDS").map_or(SECONDS, |seconds| {
+        seconds.parse().expect("CORTICODE_QEMU_SECONDS is a number")
+    });
+    let codes = usize::try_from(seconds * RATE).expect("few");
+    let image = emulated_board::image();
+    let folder = tempfile::tempdir().expect("a folder");
+    let port = free_port().expect("a port");
+    let mut chain = Chain::start_at(folder.path(), &format!("tcp:127.0.0.1:{port}"));
+    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
+    let eeg = Generator::new(&spec).expect("the model's electrodes");
+    let mut board = emulated_board::start(&image, port, folder.path(), eeg);
+
+    chain.wait_for(1);
+    let start = Instant::now();
+    std::thread::sleep(Duration::from_secs(seconds.into()));
+    chain.wait_for(codes);
+    let took = start.elapsed();
+    assert!(board.is_running(), "{}", board.log());
+    let messages = chain.messages();
+    assert!(messages.len() >= codes, "{} of {codes}", messages.len());
+    assert_continuous(&messages, 0);
+    println!(
+        "{test}: {} codes in {:.1} s of wall time, none lost, {:.3} Hz by device time",
+        messages.len(),
+        took.as_secs_f64(),
+        rate(&messages)
+    );
+
+    let bag = chain.stop();
+    assert!(bag.contains(NEURO_FRAME_MD5), "{bag}");
+}

@@ -1,0 +1,133 @@
+//! Compressed samples reach a user as the samples themselves do: live, recorded, replayed,
+//! converted, and after losses.
+
+use std::path::Path;
+use std::time::Duration;
+
+use acceptance::files::Table;
+use acceptance::lossy_cable::LossyCable;
+use acceptance::port::free_port;
+use acceptance::printing::{self, board};
+use acceptance::process::Process;
+use host_sim::synthetic::{Generator, SyntheticSpec};
+use model::{ADC_RATE_HZ, CHANNELS, LSB_NV};
+
+/// Duration of the EEG in seconds.
+const SECONDS: usize = 6;
+/// Longest wait for a program on a busy machine.
+const SLACK: Duration = Duration::from_mins(1);
+/// The flag of a row that replaces a lost one.
+const FILLER: f64 = 32_768.0;
+
+/// A sample as a user gets it: its values, those of the spare channels last, and whether it is a
+/// filler.
+type Row = (Vec<f32>, bool);
+
+/// Returns the samples of the synthetic EEG, uV.
+fn expected() -> Vec<Vec<f32>> {
+    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
+    let generator = Generator::new(&spec).expect("the model's electrodes");
+    let uv = f64::from(LSB_NV) * 1e-3;
+    #[expect(clippy::cast_possible_truncation, reason = "as the bridge does")]
+    let row = |counts: [i32; CHANNELS]| counts.map(|count| (f64::from(count) * uv) as f32).to_vec();
+    let samples = SECONDS * usize::from(ADC_RATE_HZ);
+    generator.take(samples).map(row).collect()
+}
+
+/// Starts a bridge that prints the samples of the device at `port`.
+fn print_samples(folder: &Path, port: &str, form: &str) -> Process {
+    let form = format!("--raw-form={form}");
+    printing::print(folder, port, &["--streams=codes,raw", &form])
+}
+
+/// Returns the samples in lines of JSON.
+fn printed(lines: &str) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for message in printing::messages(lines, "/neurodata") {
+        let block = |name: &str| {
+            let data = message[name]["data"].as_array().expect("a list");
+            let numbers = data.iter().map(|value| value.as_f64().expect("a number"));
+            numbers.collect::<Vec<f64>>()
+        };
+        let (eeg, exg, tri) = (block("eeg"), block("exg"), block("tri"));
+        let samples = tri.len() / 8;
+        let parts = eeg
+            .chunks(eeg.len() / samples)
+            .zip(exg.chunks(exg.len() / samples));
+        for ((eeg, exg), words) in parts.zip(tri.chunks(8)) {
+            #[expect(clippy::cast_possible_truncation, reason = "printed from a float32")]
+            let values = eeg.iter().chain(exg).map(|value| *value as f32);
+            rows.push((values.collect(), words[0] >= FILLER));
+        }
+    }
+    rows
+}
+
+fn assert_exact(rows: &[Row], expected: &[Vec<f32>]) {
+    assert_eq!(rows.len(), expected.len());
+    for (index, ((values, is_filler), expected)) in rows.iter().zip(expected).enumerate() {
+        assert!(!is_filler, "sample {index}");
+        assert_eq!(values, expected, "sample {index}");
+    }
+}
+
+#[test]
+fn both_forms_of_the_samples_yield_the_same_frames() {
+    let expected = expected();
+    for (form, asked) in [("compressed", "compressed-raw"), ("any", " raw")] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let folder = folder.path();
+        let port = folder.join("board").display().to_string();
+        let mut printing = print_samples(folder, &port, form);
+        let ended = board(folder, SECONDS, &format!("pty:{port}")).wait(SLACK);
+        assert!(ended.success());
+        printing.wait_until("all samples", SLACK, |bridge| {
+            printed(&bridge.output()).len() >= expected.len()
+        });
+        let log = printing.errors();
+        assert!(log.contains(asked), "{log}");
+        let [lines, _] = printing::stop(printing, folder);
+        assert_exact(&printed(&lines), &expected);
+    }
+}
+
+#[test]
+fn a_recording_of_compressed_samples_is_replayed_and_converted() {
+    let expected = expected();
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let options = ["--streams=codes,raw", "--raw-form=compressed"];
+    let replay = ["--streams=codes,raw", "--raw-form=any"];
+    let [_, _, lines] = printing::record_and_replay(folder, SECONDS, &options, &replay);
+    assert_exact(&printed(&lines), &expected);
+    let table = Table::read(&folder.join("run.raw.csv"));
+    let names = model::LABELS.split(' ').chain(["exg1", "exg2", "exg3"]);
+    let rows = table.numbers(&names.collect::<Vec<_>>());
+    let rows: Vec<Row> = rows.map(|values| (values, false)).collect();
+    assert_exact(&rows, &expected);
+}
+
+#[test]
+fn after_lost_frames_every_sample_is_exact_or_a_filler() {
+    let expected = expected();
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let port = free_port().expect("a free port");
+    let board = board(folder, SECONDS, &format!("tcp:127.0.0.1:{port}"));
+    let cable = LossyCable::new(port, 2).expect("a connection");
+    let mut printing = print_samples(folder, &cable.port, "compressed");
+    printing.wait_until("most samples", SLACK, |bridge| {
+        printed(&bridge.output()).len() + 256 >= expected.len()
+    });
+    std::thread::sleep(Duration::from_millis(500));
+    drop(board);
+    let [lines, _] = printing::stop(printing, folder);
+    let rows = printed(&lines);
+    assert!(rows.len() <= expected.len());
+    let fillers = rows.iter().filter(|(_, is_filler)| *is_filler).count();
+    println!("{fillers} of {} samples are fillers", rows.len());
+    assert!(fillers > 0 && fillers < rows.len(), "{fillers}");
+    for (index, ((values, is_filler), expected)) in rows.iter().zip(&expected).enumerate() {
+        assert!(*is_filler || values == expected, "sample {index}");
+    }
+}

@@ -1,0 +1,265 @@
+//! Every code of synthetic and of recorded EEG reaches a rospy subscriber of a real roscore, in
+//! order and with the right values.
+
+use std::time::{Duration, Instant};
+
+use acceptance::chain::{Chain, Message, NEURO_FRAME_MD5, messages_of};
+use acceptance::{real_data, ros};
+use host_sim::synthetic::{Generator, SyntheticSpec};
+use link::Flags;
+use pipeline::{Mains, Pipeline, Sample};
+
+/// Duration of the EEG in each test, in seconds.
+const SECONDS: u32 = 20;
+/// Longest wait for a program on a busy machine.
+const SLACK: Duration = Duration::from_mins(1);
+
+#[test]
+fn every_code_of_synthetic_eeg_reaches_rospy() {
+    let test = "synthetic EEG to rospy";
+    if !ros::available(test) {
+        return;
+    }
+    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
+    let mut generator = Generator::new(&spec).expect("the model's electrodes");
+    let samples = std::iter::repeat_with(|| Sample {
+        counts: generator.next_sample(),
+    });
+    passes(
+        test,
+        &["--input=synthetic", "--seed=7"],
+        Mains::Hz50,
+        samples,
+        &[],
+    );
+}
+
+#[test]
+fn every_code_of_a_gdf_recording_at_512_hz_reaches_rospy() {
+    recording_passes("GDF, 512 Hz, to rospy", real_data::GDF_I16);
+}
+
+#[test]
+fn every_code_of_an_edf_recording_at_160_hz_reaches_rospy() {
+    recording_passes("EDF, 160 Hz, to rospy", real_data::EDF_R11);
+}
+
+fn recording_passes(test: &str, file: &str) {
+    if !ros::available(test) {
+        return;
+    }
+    let Some(path) = real_data::path(test, file) else {
+        return;
+    };
+    let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
+    let samples = real_data::samples(&path, &electrodes).expect("samples");
+    let samples = samples.map(|sample| sample.expect("a whole recording"));
+    let input = format!("--input={}", path.display());
+    let missing = real_data::interpolated(&path, &electrodes).expect("a recording");
+    passes(
+        test,
+        &[&input, "--mains=60"],
+        Mains::Hz60,
+        samples,
+        &missing,
+    );
+}
+
+/// Runs the chain on `input`, and compares the messages that rospy receives with the codes of the
+/// pipeline in this process. They must name the `interpolated` electrodes.
+fn passes(
+    test: &str,
+    input: &[&str],
+    mains: Mains,
+    samples: impl Iterator<Item = Sample>,
+    interpolated: &[String],
+) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut chain = Chain::start(folder.path());
+    let duration = SECONDS.to_string();
+    let mut board = chain.board(&[input, &["--duration", &duration]].concat());
+
+    // While the chain runs, call the commands that a user is likely to type first.
+    chain.wait_for(16);
+    let echo = chain.ros.tool("rostopic", &["echo", "-n1", "/encoded"]);
+    assert!(
+        echo.contains("nchannels: 128") && echo.contains("z127"),
+        "{echo}"
+    );
+    let info = chain
+        .ros
+        .tool("rosservice", &["call", "/acquisition/get_info"]);
+    assert!(
+        info.contains("result: True") && info.contains("nchannels: 128"),
+        "{info}"
+    );
+
+    let ended = board.wait(SLACK);
+    assert!(ended.success(), "{}", board.log());
+    let expected = expected_codes(mains, samples);
+    let summary = format!("{} codes made, 0 frames dropped", expected.len());
+    assert!(
+        board.errors().contains(&summary),
+        "not {summary:?}: {}",
+        board.errors()
+    );
+    chain.wait_for(expected.len());
+    let messages = chain.messages();
+    assert_eq!(messages.len(), expected.len(), "messages at the subscriber");
+    assert_contract(&messages);
+    let transducter = match interpolated {
+        [] => "autoencoder".to_owned(),
+        labels => format!("autoencoder; interpolated: {}", labels.join(" ")),
+    };
+    for (message, values) in messages.iter().zip(&expected) {
+        assert_eq!(message.transducter, transducter);
+        let largest = message
+            .values
+            .iter()
+            .zip(values)
+            .map(|(x, y)| (x - y).abs())
+            .fold(0.0, f64::max);
+        // The tolerance covers the subscriber's lines, which have six decimals of a float32.
+        assert!(
+            largest < 2e-5 * values.iter().fold(1.0, |m: f64, x| m.max(x.abs())),
+            "{largest}"
+        );
+    }
+    report(test, &messages);
+
+    let bag = chain.stop();
+    assert!(bag.contains(NEURO_FRAME_MD5), "{bag}");
+    let recorded = format!("{} msgs", expected.len());
+    assert!(
+        bag.contains(&recorded),
+        "not {recorded:?} in the recording: {bag}"
+    );
+}
+
+/// Returns the dequantised codes that the pipeline computes for the first [`SECONDS`] of the
+/// samples.
+fn expected_codes(mains: Mains, samples: impl Iterator<Item = Sample>) -> Vec<Vec<f64>> {
+    let mut pipeline = Pipeline::new(mains);
+    let count = usize::from(model::ADC_RATE_HZ) * usize::try_from(SECONDS).expect("small");
+    let codes = samples
+        .take(count)
+        .filter_map(|sample| pipeline.encode_sample(&sample));
+    let scales = model::CODE_SCALE.iter().zip(&model::CODE_ZERO_POINT);
+    let dequantise = |levels: [i32; 128]| {
+        let pairs = levels.into_iter().zip(scales.clone());
+        pairs
+            .map(|(level, (scale, zero))| f64::from(level - i32::from(*zero)) * f64::from(*scale))
+            .collect()
+    };
+    codes.map(|code| dequantise(code.values.levels())).collect()
+}
+
+/// Checks that the messages keep the contract of ROS-Neuro's acquisition, and that no code is lost.
+fn assert_contract(messages: &[Message]) {
+    let labels: Vec<String> = (0..128).map(|index| format!("z{index:03}")).collect();
+    for (index, message) in messages.iter().enumerate() {
+        let number = u32::try_from(index).expect("few") + 1;
+        assert_eq!((message.seq, message.header_seq), (number, number));
+        assert_eq!(message.status.window(), index as u64);
+        assert_eq!(message.status.lost, 0);
+        assert_eq!(message.status.flags & u64::from(Flags::FILLER.bits()), 0);
+        assert_eq!(message.md5, NEURO_FRAME_MD5);
+        assert_eq!(message.type_name, "rosneuro_msgs/NeuroFrame");
+        assert_eq!(message.sr, 16);
+        let eeg = &message.eeg;
+        assert_eq!(
+            (eeg.nsamples, eeg.nchannels, eeg.stride, eeg.isint),
+            (1, 128, 512, 0)
+        );
+        assert_eq!((eeg.count, &eeg.labels), (128, &labels));
+        assert_eq!((message.exg.nchannels, message.exg.count), (0, 0));
+        assert_eq!((message.tri.nchannels, message.tri.count), (8, 8));
+        for block in [eeg, &message.exg, &message.tri] {
+            assert_eq!(
+                (block.minmax.len(), block.labels.len()),
+                (2, usize::from(block.nchannels))
+            );
+        }
+        let [low, high] = eeg.minmax[..] else {
+            panic!("two bounds")
+        };
+        assert!(
+            message
+                .values
+                .iter()
+                .all(|value| (low..=high).contains(value))
+        );
+    }
+    // The device times of consecutive codes are exactly a hop apart: 32 samples at 512 Hz.
+    for pair in messages.windows(2) {
+        assert_eq!(
+            pair[1].status.device_us() - pair[0].status.device_us(),
+            62_500
+        );
+        assert!(pair[1].stamp > pair[0].stamp, "stamps go back: {pair:?}");
+    }
+}
+
+/// Prints the intervals between arrivals, which depend on the load of the machine and are not
+/// checked.
+fn report(test: &str, messages: &[Message]) {
+    let intervals: Vec<f64> = messages
+        .windows(2)
+        .map(|pair| (pair[1].arrival - pair[0].arrival) * 1000.0)
+        .collect();
+    let count = f64::from(u32::try_from(intervals.len()).expect("few"));
+    let mean = intervals.iter().sum::<f64>() / count;
+    let sd = (intervals.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt();
+    println!(
+        "{test}: {} codes, none lost, 62.500 ms by device time, {mean:.3} +- {sd:.3} ms at rospy",
+        messages.len()
+    );
+}
+
+#[test]
+fn a_restart_of_roscore_loses_no_code() {
+    if !ros::available("roscore restart") {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut chain = Chain::start(folder.path());
+    let mut board = chain.board(&["--input=synthetic", "--duration=45"]);
+    chain.wait_for(48);
+    chain.ros.restart_core().expect("a new roscore");
+    let start = Instant::now();
+    // A new subscriber knows only the new master, so it receives codes only after the bridge has
+    // registered there.
+    let mut another = chain.another_subscriber();
+    another.wait_until(
+        "the bridge is registered at the new master",
+        SLACK,
+        |another| messages_of(another).len() >= 16,
+    );
+    println!(
+        "roscore restart: a new subscriber has 16 codes after {:.1} s",
+        start.elapsed().as_secs_f64()
+    );
+    assert!(
+        board.is_running(),
+        "the board ended before the new subscriber received a code"
+    );
+    let from_new: Vec<u32> = messages_of(&another)
+        .iter()
+        .map(|message| message.seq)
+        .collect();
+    assert!(
+        from_new.windows(2).all(|pair| pair[1] == pair[0] + 1),
+        "gaps: {from_new:?}"
+    );
+
+    assert!(board.wait(SLACK).success(), "{}", board.log());
+    let codes = 1 + (45 * 128 - 16) / 8;
+    chain.wait_for(codes);
+    let messages = chain.messages();
+    assert_eq!(
+        messages.len(),
+        codes,
+        "messages over the connection from before the restart"
+    );
+    assert_contract(&messages);
+}

@@ -1,0 +1,146 @@
+//! Every raw sample and every filtered step reaches rospy, in order and with the right values.
+
+use std::time::Duration;
+
+use acceptance::chain::{Chain, Message, NEURO_FRAME_MD5, messages_of};
+use acceptance::process::Process;
+use acceptance::ros;
+use host_sim::synthetic::{Generator, SyntheticSpec};
+use link::Flags;
+use model::{ADC_RATE_HZ, CHANNELS, ELECTRODES, HOP, LSB_NV, STEP_RATE_HZ};
+use pipeline::{Acquisition, Mains, Sample};
+
+/// Duration of the EEG in seconds.
+const SECONDS: usize = 8;
+/// Number of samples per frame of `/neurodata`, which are the samples of one hop.
+const SAMPLES: usize = HOP * ADC_RATE_HZ as usize / STEP_RATE_HZ as usize;
+/// Levels per count of a filtered step: 2^5, because it has 5 fraction bits.
+const FRACTION: f64 = 32.0;
+/// Longest wait for a program on a busy machine.
+const SLACK: Duration = Duration::from_mins(1);
+
+#[test]
+fn samples_and_steps_reach_rospy_together_with_the_codes() {
+    let test = "raw samples and filtered steps to rospy";
+    if !ros::available(test) {
+        return;
+    }
+    for form in ["compressed", "plain"] {
+        println!("{test}, {form}");
+        stream_samples(&format!("--raw-form={form}"));
+    }
+}
+
+/// Streams samples in one form, and checks all of them.
+fn stream_samples(form: &str) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let chain = Chain::start_with(folder.path(), &["--streams=codes,raw,filtered", form]);
+    let mut raw = chain.subscriber_of("/neurodata");
+    let mut filtered = chain.subscriber_of("/neurodata_corticode");
+    let duration = SECONDS.to_string();
+    let mut board = chain.board(&["--input=synthetic", "--seed=7", "--duration", &duration]);
+    let ended = board.wait(SLACK);
+    assert!(ended.success(), "{}", board.log());
+    let summary = board.errors();
+    assert!(summary.contains(" 0 frames dropped"), "{summary}");
+
+    let spec = SyntheticSpec::new(7, model::LABELS.split(' '));
+    let mut generator = Generator::new(&spec).expect("the model's electrodes");
+    let total = SECONDS * usize::from(ADC_RATE_HZ);
+    let samples: Vec<Sample> = std::iter::repeat_with(|| Sample {
+        counts: generator.next_sample(),
+    })
+    .take(total)
+    .collect();
+
+    let uv = f64::from(LSB_NV) * 1e-3;
+    let electrodes = samples
+        .iter()
+        .flat_map(|sample| &sample.counts[..ELECTRODES]);
+    let expected: Vec<f64> = electrodes.map(|&count| f64::from(count) * uv).collect();
+    let messages = all(&mut raw, total / SAMPLES);
+    assert_frames(&messages, SAMPLES, ADC_RATE_HZ);
+    assert_values(&messages, &expected);
+    for message in &messages {
+        let spare: Vec<String> = (1..=CHANNELS - ELECTRODES)
+            .map(|n| format!("exg{n}"))
+            .collect();
+        assert_eq!(message.exg.labels, spare);
+        assert_eq!(message.exg.count, SAMPLES * spare.len());
+    }
+
+    let mut acquisition = Acquisition::new(Mains::Hz50);
+    let steps = samples
+        .iter()
+        .filter_map(|sample| acquisition.process_sample(sample));
+    let expected: Vec<f64> = steps
+        .flat_map(|step| step.electrodes)
+        .map(|value| f64::from(value) * uv / FRACTION)
+        .collect();
+    let messages = all(&mut filtered, total / SAMPLES);
+    assert_frames(&messages, HOP, STEP_RATE_HZ);
+    assert_values(&messages, &expected);
+
+    let codes = chain.messages();
+    assert!(codes.iter().all(|code| code.status.lost == 0));
+    println!("{total} samples and their steps, none lost");
+    let bag = chain.stop();
+    assert!(bag.contains(NEURO_FRAME_MD5), "{bag}");
+}
+
+/// Waits until a subscriber has received `count` messages, and returns them.
+fn all(subscriber: &mut Process, count: usize) -> Vec<Message> {
+    let what = format!("{count} frames of samples");
+    subscriber.wait_until(&what, SLACK, |subscriber| {
+        subscriber.output().lines().count() > count
+    });
+    let messages = messages_of(subscriber);
+    assert_eq!(messages.len(), count);
+    messages
+}
+
+/// Checks ROS-Neuro's contract: the shape of each frame, one label per channel, numbers and times
+/// without a gap, and no filler.
+fn assert_frames(messages: &[Message], nsamples: usize, rate_hz: u16) {
+    let labels: Vec<String> = model::LABELS.split(' ').map(str::to_owned).collect();
+    for (index, message) in (0..).zip(messages) {
+        assert_eq!(message.md5, NEURO_FRAME_MD5);
+        assert_eq!(u64::from(message.seq), index + 1);
+        assert_eq!((message.sr, message.status.window()), (rate_hz, index));
+        assert_eq!(message.status.lost, 0);
+        assert_eq!(message.status.flags & u64::from(Flags::FILLER.bits()), 0);
+        let eeg = &message.eeg;
+        assert_eq!(
+            (usize::from(eeg.nsamples), &eeg.labels[..]),
+            (nsamples, &labels[..])
+        );
+        assert_eq!(
+            (eeg.count, usize::from(eeg.stride)),
+            (nsamples * ELECTRODES, 4 * ELECTRODES)
+        );
+        assert_eq!(message.tri.count, 8 * nsamples);
+        assert_eq!((message.eeg.minmax.len(), message.exg.minmax.len()), (2, 2));
+    }
+    for pair in messages.windows(2) {
+        let period_us = pair[1].status.device_us() - pair[0].status.device_us();
+        // The device times are rounded to microseconds, and the sampling period is not a whole
+        // number of microseconds.
+        assert!(period_us.abs_diff(62_500) <= 1, "{period_us} us");
+        assert!(pair[1].stamp > pair[0].stamp);
+    }
+}
+
+/// Checks that the values are the expected ones, within the rounding to float32 and to the six
+/// decimals of the subscriber's lines.
+fn assert_values(messages: &[Message], expected: &[f64]) {
+    let values = messages.iter().flat_map(|message| &message.values);
+    let mut count = 0;
+    for (value, expected) in values.zip(expected) {
+        assert!(
+            (value - expected).abs() < 2e-6 + 1e-6 * expected.abs(),
+            "{value} instead of {expected} uV"
+        );
+        count += 1;
+    }
+    assert_eq!(count, expected.len());
+}
