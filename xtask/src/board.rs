@@ -1,5 +1,7 @@
 //! `cargo xtask board`: tests, on emulated boards, the images that are flashed to real ones.
 
+use std::process::Command;
+
 use serde_json::Value;
 
 use crate::command::{
@@ -9,8 +11,9 @@ use crate::figures::{self, Figures, Row};
 use crate::images::{self, Board};
 use crate::install;
 
-/// Yes-or-no figures of a board: name of the figure, common start of the names of the figures that it
-/// requires, and the rest of those names, separated by blanks. True if all required figures were measured.
+/// Yes-or-no figures of a board: name of the figure, common start of the names of the figures that
+/// it requires, and the rest of those names, separated by blanks. True if all required figures were
+/// measured.
 #[rustfmt::skip]
 const VERDICTS: [[&str; 3]; 3] = [
     ["reset_cause_ok", "reset_cause_", "hang panic fault overflow wild_stack"],
@@ -18,25 +21,25 @@ const VERDICTS: [[&str; 3]; 3] = [
     ["bridge_connected", "bridge_", "codes selftest"],
 ];
 
-/// Names of the figures that every board's row has, separated by blanks; a figure that was not measured is
-/// null.
+/// Names of the figures that every board's row has, separated by blanks; a figure that was not
+/// measured is null.
 const ALWAYS: &str = "booted codes equal_to_host violations unmapped selftest_ok";
 
-/// Builds the images and the bridge, runs the scenarios on `board`, or on both boards if it is `None`, and
-/// prints the figures.
+/// Builds the images and the bridge, runs the scenarios on `board`, or on both boards if it is
+/// `None`, and prints the figures.
 pub(crate) fn board(board: Option<Board>, json: bool) -> Result<(), Failure> {
     install::virtual_board_compiler()?;
-    // Builds all programs, as for the acceptance tests: for the bridge alone, cargo would select other
-    // features of its dependencies.
+    // Builds all programs, as for the acceptance tests: for the bridge alone, cargo would select
+    // other features of its dependencies.
     run(&mut cargo("build --bins"), AFTER_A_BUILD)?;
     let boards = board.map_or(Board::ALL.to_vec(), |board| vec![board]);
     test(&boards, json)
 }
 
-/// Builds the images of `boards`, runs the scenarios on them with a bridge that is already built, and prints
-/// the figures.
+/// Builds the images of `boards`, runs the scenarios on them with a bridge that is already built,
+/// and prints the figures.
 pub(crate) fn test(boards: &[Board], json: bool) -> Result<(), Failure> {
-    let mut test = virtual_board_cargo("test --release --test boards --");
+    let mut test = linted("test --release --test boards --");
     let bridge = target_folder().join("debug/corticode-bridge");
     test.env("CORTICODE_BRIDGE", bridge);
     for board in boards {
@@ -58,8 +61,8 @@ pub(crate) fn test(boards: &[Board], json: bool) -> Result<(), Failure> {
     passed
 }
 
-/// Runs an emulated board until Ctrl-C, with its link at TCP port `port`. `other_port` selects the image
-/// whose link is not the board's default port, USB or UART.
+/// Runs an emulated board until Ctrl-C, with its link at TCP port `port`. `other_port` selects the
+/// image whose link is not the board's default port, USB or UART.
 pub(crate) fn live(board: Board, port: u16, other_port: bool) -> Result<(), Failure> {
     install::virtual_board_compiler()?;
     images::build(board)?;
@@ -77,18 +80,29 @@ pub(crate) fn live(board: Board, port: u16, other_port: bool) -> Result<(), Fail
     replace(virtual_board_cargo(&words).arg("--image").arg(image))
 }
 
-/// Lints the workspace of the emulated boards, and runs its tests of peripheral models and of invalid command
-/// lines.
+/// Lints the workspace of the emulated boards, and runs its tests of peripheral models and of
+/// invalid command lines.
 pub(crate) fn models() -> Result<(), Failure> {
-    let mut lints = virtual_board_cargo("clippy --release --all-targets -- -D warnings");
-    run(&mut lints, "mend what clippy names above")?;
-    let mut tests = virtual_board_cargo("test --release --lib --bins --test command_line");
+    run(
+        &mut linted("test --release --no-run"),
+        "mend what clippy names above",
+    )?;
+    let mut tests = linted("test --release --lib --bins --test command_line");
     let next = "a model of the emulated board is wrong, or a message: run the failed test alone";
     run(&mut tests, next)
 }
 
-/// Returns one row with the figures of a board. Figures of its image with the other port have that port's
-/// name in front, such as `uart_codes`.
+/// Returns a cargo command in the workspace of the emulated boards that lints what it builds.
+/// clippy's driver compiles as rustc does, so the emulator is built once, not again for `cargo
+/// clippy`.
+fn linted(words: &str) -> Command {
+    let mut cargo = virtual_board_cargo(words);
+    cargo.env("RUSTC_WORKSPACE_WRAPPER", "clippy-driver");
+    cargo
+}
+
+/// Returns one row with the figures of a board. Figures of its image with the other port have that
+/// port's name in front, such as `uart_codes`.
 fn row(board: &str, figures: &Figures) -> Row {
     let nothing = ALWAYS.split(' ').map(|key| (key.to_owned(), Value::Null));
     let mut row: Row = nothing.collect();
