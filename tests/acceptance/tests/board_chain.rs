@@ -8,8 +8,8 @@ use acceptance::chain::{Chain, NEURO_FRAME_MD5, assert_continuous, rate};
 use acceptance::port::free_port;
 use acceptance::{ros, virtual_board};
 
-/// Number of codes to receive: 4 s of device time. A gap shows in any of them, and the boards'
-/// scenarios compare four times as many with host-sim's.
+/// Number of codes to receive, which are 4 s of device time. Each is checked against the one before
+/// it. The scenarios of `tests/virtual-board` compare 256 codes with host-sim's.
 const CODES: usize = 64;
 /// Longest wall-clock time in which all codes must arrive: on a busy machine a board runs slower
 /// than in real time.

@@ -13,11 +13,11 @@ use crate::chip::Chip;
 use crate::chip::f446::F446;
 use crate::chip::h743::H743;
 use crate::core_bus::{ClearedBits, Differences};
-use crate::loader_stub;
+use crate::image::{self, Image};
 use crate::model::Model;
 use crate::port::Serial;
 use crate::processor::{Observer, wrap_core};
-use crate::usb::handle::UsbHost;
+use crate::usb::host::UsbHost;
 
 /// Cable between a board and its host; each image supports only one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -64,6 +64,8 @@ impl Default for Setup {
 pub(crate) struct Nucleo {
     pub(crate) chip: Box<dyn Chip>,
     model: Model,
+    /// Name of the image that the board runs.
+    image: String,
     observer: Observer,
     cleared: Vec<ClearedBits>,
 }
@@ -71,6 +73,7 @@ pub(crate) struct Nucleo {
 impl Nucleo {
     pub(crate) fn new(
         model: Model,
+        image: &Image,
         setup: &Setup,
         chain: Chain,
         serial: Serial,
@@ -89,6 +92,7 @@ impl Nucleo {
         Self {
             chip,
             model,
+            image: image.path().display().to_string(),
             observer,
             cleared: cleared.into_iter().collect(),
         }
@@ -115,8 +119,8 @@ impl Board for Nucleo {
             redirects: self.chip.redirects(),
             cleared: self.cleared.clone(),
         };
-        let mut core = wrap_core(self.chip.core(), &self.observer, differences);
-        core.factory_images.extend(loader_stub::image(self.model));
+        let mut core = wrap_core(self.chip.core(), &self.image, &self.observer, differences);
+        core.factory_images.extend(image::loader(self.model));
         let mcu: &mut dyn Mcu = &mut *self.chip;
         vec![Target::new(self.model.key(), mcu, core)]
     }

@@ -20,7 +20,7 @@ pub(crate) struct Chain(Arc<Mutex<Wires>>);
 /// The simulated chain, with the state of the signals between chain and microcontroller.
 #[derive(Debug)]
 pub(crate) struct Wires {
-    simulation: Simulation<CHIPS>,
+    pub(crate) simulation: Simulation<CHIPS>,
     chain: SimulatedChain<CHIPS>,
     /// Levels of the chip selects, START and RESET, in this order, as last passed to the chain.
     levels: [Option<bool>; CHIPS + 2],
@@ -82,10 +82,6 @@ impl Chain {
 }
 
 impl Wires {
-    pub(crate) const fn simulation(&self) -> &Simulation<CHIPS> {
-        &self.simulation
-    }
-
     /// Applies the levels that the microcontroller drives now. If a pin is not an output, a
     /// resistor on the converter board sets its level: selects and RESET high, START low
     /// (docs/hardware.md).

@@ -54,7 +54,8 @@ macro_rules! common_to_both_chips {
 
         fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
             let registers = self.part.bus().registers(PORTS[pin.port()]);
-            let function = registers.and_then(|registers| Gpio::function(part_pin(pin), registers));
+            let part_pin = PartPin::new(pin.1).expect("a port has 16 pins");
+            let function = registers.and_then(|registers| Gpio::function(part_pin, registers));
             if function != Some(TIMER_FUNCTION) {
                 return;
             }
@@ -71,10 +72,11 @@ macro_rules! common_to_both_chips {
 
         fn drive_part(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
             self.drive_timer(at, pin, is_high);
+            let part_pin = PartPin::new(pin.1).expect("a port has 16 pins");
             let level = Some(Level::from(is_high));
             self.part
                 .drive_port(at, pin.port(), |gpio, registers, context| {
-                    gpio.drive(part_pin(pin), level, registers, context);
+                    gpio.drive(part_pin, level, registers, context);
                 });
         }
     };

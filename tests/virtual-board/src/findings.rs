@@ -1,5 +1,7 @@
-//! Problems that the emulator detects in a session, and those that are allowed, each with the
-//! reason.
+//! Problems that the emulator detects in a session, those that are allowed, each with the reason,
+//! and the error of a board.
+
+use std::fmt;
 
 use rigless::session::Session;
 
@@ -130,3 +132,36 @@ const F446: &[Reason] = &[
         "maps the boot loader to address 0 on the chip; the emulated core reads the vectors at their own address",
     ),
 ];
+
+/// Largest number of lines that a section of a snapshot shows: the last ones.
+const LINES: usize = 16;
+
+/// An error of a board, with a snapshot of the board at the time of the error.
+#[derive(Clone, thiserror::Error)]
+#[error("{what}\n{snapshot}")]
+pub struct BoardError {
+    what: String,
+    snapshot: String,
+}
+
+impl BoardError {
+    pub(crate) fn new(what: String, snapshot: String) -> Self {
+        Self { what, snapshot }
+    }
+}
+
+// `Debug` prints the same text as `Display`, because a test that returns this error prints it with
+// `Debug`.
+impl fmt::Debug for BoardError {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{self}")
+    }
+}
+
+/// Formats a section of a snapshot: a title and a line for each of `lines`; empty without lines.
+pub(crate) fn section(title: &str, lines: &[String]) -> String {
+    let last = &lines[lines.len().saturating_sub(LINES)..];
+    let title = (!last.is_empty()).then(|| format!("  {title}:\n"));
+    let lines = last.iter().map(|line| format!("    {line}\n"));
+    title.into_iter().chain(lines).collect()
+}

@@ -4,8 +4,8 @@ use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use crate::diagnosis::BoardError;
-use crate::loader_stub;
+use crate::findings::BoardError;
+use crate::image::loader_vectors;
 use crate::machine::VirtualBoard;
 
 /// Word that cortex-m-rt fills the stack with.
@@ -39,7 +39,7 @@ impl VirtualBoard {
 
     /// Returns whether the core is running the boot loader (here: its replacement).
     pub fn is_in_loader(&self) -> bool {
-        let vectors = u64::from(loader_stub::vectors(self.model()));
+        let vectors = u64::from(loader_vectors(self.model()));
         let last = self.observer().recent_program_counters().pop();
         last.is_some_and(|place| (vectors..vectors + 16).contains(&place))
     }

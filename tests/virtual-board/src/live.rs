@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::diagnosis::BoardError;
+use crate::findings::BoardError;
 use crate::machine::VirtualBoard;
 use crate::port::Port;
 

@@ -12,8 +12,7 @@ use rigless::time::VirtualNanos;
 use crate::board::Nucleo;
 use crate::board::{Cable, Setup};
 use crate::chain::{CHIPS, Chain};
-use crate::diagnosis::{BoardError, section};
-use crate::findings::Findings;
+use crate::findings::{BoardError, Findings, section};
 use crate::frames::{Frame, Inbox};
 use crate::image::Image;
 use crate::injection::Injection;
@@ -22,8 +21,7 @@ use crate::model::Model;
 use crate::port::Port;
 use crate::port::Serial;
 use crate::processor::Observer;
-use crate::usb::handle::UsbHost;
-use crate::usb::host::Command;
+use crate::usb::host::{Command, UsbHost};
 
 mod driver;
 
@@ -61,13 +59,14 @@ impl VirtualBoard {
     pub fn power_on(model: Model, image: &Image, setup: &Setup) -> Self {
         let chain = Chain::new(setup);
         if !setup.converters_on {
-            chain.wires().simulation().power_off();
+            chain.wires().simulation.power_off();
         }
         let serial = Serial::default();
-        let host = UsbHost::new();
+        let host = UsbHost::default();
         let observer = Observer::default();
         let board = Nucleo::new(
             model,
+            image,
             setup,
             chain.clone(),
             serial.clone(),
@@ -128,7 +127,7 @@ impl VirtualBoard {
 
     /// Returns a handle of the simulated converters.
     pub fn converters(&self) -> Simulation<CHIPS> {
-        self.chain.wires().simulation().clone()
+        self.chain.wires().simulation.clone()
     }
 
     /// Returns the host's end of the port, to send, receive, open or close.

@@ -63,15 +63,13 @@ impl Model {
     /// Returns whether DMA1 can access an address (RM0433, 2.1; RM0390, 2.1). On the STM32H743 DMA1
     /// cannot access the tightly coupled memories (TCM).
     pub fn dma_reaches(self, address: u64) -> bool {
-        let [axi, sram1_to_3, f446] = [
-            0x2400_0000..0x2408_0000,
-            0x3000_0000..0x3004_8000,
-            0x2000_0000..0x2002_0000_u64,
-        ];
-        match self {
-            Self::H743 => axi.contains(&address) || sram1_to_3.contains(&address),
-            Self::F446 => f446.contains(&address),
-        }
+        let srams = self
+            .memories()
+            .iter()
+            .filter(|(name, ..)| name.contains("SRAM"));
+        srams
+            .map(|&(_, start, size)| start..start + size)
+            .any(|sram| sram.contains(&address))
     }
 
     /// Returns the address of DMA1's registers.

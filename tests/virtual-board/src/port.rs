@@ -7,8 +7,7 @@ use rigless::chip::{Timeline, uart};
 use rigless::snapshot::Store;
 use rigless::time::VirtualNanos;
 
-use crate::usb::handle::UsbHost;
-use crate::usb::host::{Command, State};
+use crate::usb::host::{Command, State, UsbHost};
 
 /// The host's end of a board's port; clones share one connection.
 #[derive(Clone, Debug)]

@@ -3,6 +3,7 @@
 #![expect(unsafe_code, reason = "passes memory from the emulator to its core")]
 
 use std::collections::VecDeque;
+use std::mem::ManuallyDrop;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -74,17 +75,52 @@ impl Observer {
     }
 }
 
-/// Wraps a core so that `observer` has access to it and `differences` apply to its accesses.
+/// A core that no run uses. It keeps the host code that it has translated from the image's
+/// instructions, which takes longer than most scenarios.
+#[derive(Debug)]
+struct IdleCore {
+    /// Name of the image that the core has run.
+    image: String,
+    inner: Box<dyn Processor>,
+    /// State of the core before it has run.
+    initial: Vec<u8>,
+}
+
+static IDLE: Mutex<Vec<IdleCore>> = Mutex::new(Vec::new());
+
+/// Takes an idle core that has run `image`, if there is one, and puts it into its initial state.
+fn take_idle(image: &str) -> Option<IdleCore> {
+    let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+    let index = idle.iter().position(|core| core.image == image)?;
+    let mut core = idle.swap_remove(index);
+    core.inner.take_reset_request();
+    core.inner.load(&core.initial).ok()?;
+    Some(core)
+}
+
+/// Wraps a core so that `observer` has access to it and `differences` apply to its accesses. The
+/// core is one that has run `image` before, if possible.
 pub(crate) fn wrap_core(
     mut core: CoreSpec,
+    image: &str,
     observer: &Observer,
     differences: Differences,
 ) -> CoreSpec {
-    let (make, observer) = (core.processor, observer.clone());
+    let (make, observer, image) = (core.processor, observer.clone(), image.to_owned());
     let differences = Arc::new(differences);
     core.processor = Arc::new(move |endian: Endian| {
+        let (inner, initial) = if let Some(idle) = take_idle(&image) {
+            (idle.inner, idle.initial)
+        } else {
+            let inner = make(endian)?;
+            let initial = inner.save();
+            (inner, initial)
+        };
         Ok(Box::new(Core {
-            inner: make(endian)?,
+            inner: ManuallyDrop::new(inner),
+            initial,
+            image: image.clone(),
+            has_run: false,
             observer: observer.clone(),
             differences: Arc::clone(&differences),
         }) as Box<dyn Processor>)
@@ -95,9 +131,25 @@ pub(crate) fn wrap_core(
 /// The emulator's core, wrapped.
 #[derive(Debug)]
 struct Core {
-    inner: Box<dyn Processor>,
+    inner: ManuallyDrop<Box<dyn Processor>>,
+    initial: Vec<u8>,
+    image: String,
+    has_run: bool,
     observer: Observer,
     differences: Arc<Differences>,
+}
+
+impl Drop for Core {
+    /// Keeps the inner core for the next run of its image.
+    fn drop(&mut self) {
+        let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+        idle.push(IdleCore {
+            image: std::mem::take(&mut self.image),
+            // SAFETY: `inner` is not used again, because `self` is being dropped.
+            inner: unsafe { ManuallyDrop::take(&mut self.inner) },
+            initial: std::mem::take(&mut self.initial),
+        });
+    }
 }
 
 impl Core {
@@ -116,6 +168,7 @@ impl Core {
 
 impl Processor for Core {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        self.has_run = true;
         self.prepare(bus.time(self.inner.retired()));
         let mut failed = Vec::new();
         let mut bus = Bus {
@@ -138,9 +191,18 @@ impl Processor for Core {
 
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
         // SAFETY: the caller meets the requirements of `Processor::map` for this wrapper, and the
-        // arguments are passed on unchanged. The wrapper does not use `host` itself, and it drops
-        // the inner core when it is dropped.
+        // arguments are passed on unchanged. The wrapper does not use `host` itself. The inner core
+        // outlives this wrapper, and so the memory, but it does not run until the next wrapper has
+        // mapped all addresses again: every run of an image has the same memories.
         unsafe { self.inner.map(start, length, host, writable) }
+    }
+
+    /// Ignores that the image is written to memory before the core runs: the translations of an
+    /// idle core are those of the same image.
+    fn ask(&mut self, queued: Queued) {
+        if self.has_run || !matches!(queued, Queued::Invalidate(..)) {
+            self.inner.ask(queued);
+        }
     }
 
     forward! {
@@ -160,7 +222,6 @@ impl Processor for Core {
         fn own_ranges() -> Vec<Range<u64>>;
         fn host_call(read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall>;
         &mut self:
-        fn ask(queued: Queued);
         fn boot(table: u64, read: &dyn Fn(u64, Width) -> Option<u64>);
         fn reset();
         fn take_reset_request() -> bool;

@@ -15,14 +15,12 @@
 mod core;
 mod endpoint;
 mod fifo;
-pub(crate) mod handle;
 pub(crate) mod host;
 pub(crate) mod instance;
 pub(crate) mod otg;
 mod register;
 mod violation;
 
-pub use self::handle::UsbHost;
 pub use self::host::descriptor::Descriptors;
-pub use self::host::{Command, State};
+pub use self::host::{Command, State, UsbHost};
 pub use self::violation::Violation;

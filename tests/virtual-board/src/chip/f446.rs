@@ -25,7 +25,7 @@ use crate::chip::Chip;
 use crate::core_bus::{ClearedBits, Redirect};
 use crate::model::Model;
 use crate::model::Pin;
-use crate::usb::handle::UsbHost;
+use crate::usb::host::UsbHost;
 use crate::usb::instance::F446_OTG_FS;
 use crate::usb::otg::Otg;
 
@@ -96,10 +96,6 @@ impl F446 {
         };
         registers.get(register) >> (4 * u32::from(line % 4)) & 0xF
     }
-}
-
-fn part_pin(pin: Pin) -> PartPin {
-    PartPin::new(pin.1).expect("a port has 16 pins")
 }
 
 impl Mcu for F446 {

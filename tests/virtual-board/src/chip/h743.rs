@@ -23,7 +23,7 @@ use crate::chip::Chip;
 use crate::core_bus::{ClearedBits, Redirect};
 use crate::model::Model;
 use crate::model::Pin;
-use crate::usb::handle::UsbHost;
+use crate::usb::host::UsbHost;
 use crate::usb::instance::H743_USB2;
 use crate::usb::otg::Otg;
 
@@ -91,10 +91,6 @@ impl H743 {
     }
 }
 
-fn part_pin(pin: Pin) -> PartPin {
-    PartPin::new(pin.1).expect("a port has 16 pins")
-}
-
 impl Mcu for H743 {
     fn bus(&self) -> &Bus {
         self.part.bus()
@@ -149,7 +145,10 @@ impl Chip for H743 {
         };
         let mut config = Config::new(core, &windows(self.bus()));
         config.fpu = Fpu::FpV5Dp;
-        config.mpu_regions = MpuRegions::Sixteen;
+        // With an MPU in use, the emulator checks every access, which takes a quarter of its time.
+        // The firmware only sets the attributes of the DMA's memory for the caches, which have no
+        // effect here.
+        config.mpu_regions = MpuRegions::None;
         config.cpuid = 0x411F_C271;
         config.caches = Some(Caches {
             clidr: 0x0900_0003,

@@ -38,7 +38,7 @@ pub(super) struct Supply {
 }
 
 /// Registers that do not belong to an endpoint, as last written.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Registers {
     gotgctl: u32,
     gotgint: u32,
@@ -69,23 +69,12 @@ impl Registers {
     fn new(endpoints: usize) -> Self {
         let tx = (0..endpoints).map(|_| RESET_FIFO_WORDS << 16 | RESET_FIFO_WORDS);
         Self {
-            gotgctl: 0,
-            gotgint: 0,
-            gahbcfg: 0,
             gusbcfg: 0x1440,
-            grstctl: 0,
-            gintsts: 0,
-            gintmsk: 0,
             rx_depth: RESET_FIFO_WORDS,
             tx: tx.collect(),
-            gccfg: 0,
             dcfg: 0x0220_0000,
             dctl: dctl::SDIS,
-            diepmsk: 0,
-            doepmsk: 0,
-            daintmsk: 0,
-            diepempmsk: 0,
-            pcgcctl: 0,
+            ..Self::default()
         }
     }
 }

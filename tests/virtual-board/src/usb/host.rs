@@ -10,13 +10,14 @@ mod serial;
 mod traffic;
 
 use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use self::control::Transfer;
 use self::descriptor::Descriptors;
 use self::enumeration::Enumeration;
 use self::serial::{Request, Serial};
 use super::core::Core;
-use super::violation::Violations;
+use super::violation::{Violation, Violations};
 
 /// Time for which a new device must stay attached before its first reset, in ns (USB 2.0, 7.1.7.3:
 /// TATTDB).
@@ -37,6 +38,50 @@ const ATTEMPTS: u32 = 3;
 /// endless loop.
 const MAX_ACTIONS: usize = 1_000;
 
+/// Handle of the host at the other end of the USB cable; clones control the same host.
+///
+/// A command takes effect at the next stop of the emulator, at the latest when the current run of
+/// the board ends.
+#[derive(Clone, Debug, Default)]
+pub struct UsbHost(Arc<Mutex<Host>>);
+
+impl UsbHost {
+    fn host(&self) -> MutexGuard<'_, Host> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Executes a command of the user at the host, or of a program that uses the serial port.
+    pub fn command(&self, command: Command) {
+        self.host().commands.push_back(command);
+    }
+
+    /// Returns the bytes received since the last call, in order.
+    pub fn take_received(&self) -> Vec<u8> {
+        self.host().take_received()
+    }
+
+    /// Returns how far enumeration and opening of the port have progressed.
+    pub fn state(&self) -> State {
+        self.host().state()
+    }
+
+    /// Returns the parsed descriptors of the device; `None` until it is configured.
+    pub fn device(&self) -> Option<Descriptors> {
+        self.host().device()
+    }
+
+    /// Returns all violations of the reference manual and of the USB specification so far.
+    pub fn violations(&self) -> Vec<Violation> {
+        self.host().violations().to_vec()
+    }
+
+    /// Performs the work that is due at `now`, and returns the time at which work is due next; both
+    /// times are in ns.
+    pub(super) fn step(&self, now: u64, core: &mut Core) -> Option<u64> {
+        self.host().step(now, core)
+    }
+}
+
 /// State of the device as the host sees it; the variants are in the order in which a device
 /// reaches them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -53,7 +98,7 @@ pub enum State {
     Open,
 }
 
-/// Command that a [`UsbHost`](super::handle::UsbHost) passes to the host.
+/// Command that a [`UsbHost`] passes to the host.
 #[derive(Clone, Debug)]
 pub enum Command {
     /// Plug the cable in; the host then enumerates the device.
@@ -75,8 +120,9 @@ pub enum Command {
 }
 
 /// Phase of the host's port; a number is the time at which the phase ends, in ns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Phase {
+    #[default]
     Unplugged,
     /// The cable is plugged in and no device is attached.
     Empty,
@@ -89,8 +135,9 @@ enum Phase {
     Failed,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Power {
+    #[default]
     Running,
     Suspended,
     Resuming(u64),
@@ -105,7 +152,7 @@ enum Purpose {
 }
 
 /// USB host: state of its bus, of the enumeration and of the serial port.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Host {
     pub(super) commands: VecDeque<Command>,
     phase: Phase,
@@ -126,26 +173,6 @@ pub(super) struct Host {
 }
 
 impl Host {
-    /// Creates a host whose cable is unplugged.
-    pub(super) fn new() -> Self {
-        Self {
-            commands: VecDeque::new(),
-            phase: Phase::Unplugged,
-            power: Power::Running,
-            wants_suspend: false,
-            idle_since: None,
-            enumeration: None,
-            attempts: 0,
-            transfer: None,
-            address: 0,
-            serial: Serial::default(),
-            device: None,
-            free_at: 0,
-            busy_until: None,
-            violations: Violations::default(),
-        }
-    }
-
     pub(super) fn state(&self) -> State {
         match self.phase {
             Phase::Unplugged | Phase::Empty => State::Detached,

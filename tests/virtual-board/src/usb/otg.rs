@@ -15,7 +15,7 @@ use rigless::soc::{Bus, Error, Layout, RegisterSpec, Width, Window};
 use rigless::time::{EventId, VirtualNanos};
 
 use super::core::{Core, Supply};
-use super::handle::UsbHost;
+use super::host::UsbHost;
 use super::instance::{Instance, Slots};
 use crate::core_bus::Redirect;
 

@@ -62,16 +62,12 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
     assert_sound(&mut board)?;
     subject.record("codes", equal);
     subject.record("equal_to_host", equal);
-    subject.record(
-        "worst_path_over_deadline",
-        format!("{:.3}", worst_path(&timing)),
-    );
+    let worst = worst_path(&timing);
+    subject.record("worst_path_over_deadline", format!("{worst:.3}"));
     subject.record("real_time_factor", format!("{real_time_factor:.2}"));
     subject.record("stack_used", used);
-    subject.record(
-        "instructions_per_virtual_second",
-        board.instructions() * 1_000_000 / board.now_us(),
-    );
+    let per_second = board.instructions() * 1_000_000 / board.now_us();
+    subject.record("instructions_per_virtual_second", per_second);
     Ok(())
 }
 

@@ -51,6 +51,8 @@ const FAILURES: [(Injection, ResetCause, &str, &str); 5] = [
 /// happened, and the device streams again. The watchdog ends a hang.
 pub(crate) fn failures_are_reported_after_the_restart(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
+    // The watchdog starts once every task has made progress.
+    run_codes(&mut board, 4)?;
     for (injection, cause, named, key) in FAILURES {
         let before = greetings(board.inbox().frames()).len();
         let at_us = board.now_us();

@@ -25,7 +25,7 @@ impl Bench {
             ..Supply::default()
         };
         let gadget = Gadget::start(&mut core, fault);
-        let mut host = Host::new();
+        let mut host = Host::default();
         host.commands.push_back(Command::Plug);
         let now = 0;
         Self {

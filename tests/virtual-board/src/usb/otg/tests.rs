@@ -14,7 +14,7 @@ const GPIOA: u64 = 0x5802_0000;
 const WINDOW: u64 = H743_USB2.window_base;
 
 fn h743() -> (H743, UsbHost) {
-    let host = UsbHost::new();
+    let host = UsbHost::default();
     (H743::new(&host), host)
 }
 

@@ -8,8 +8,9 @@ use crate::usb::core::Core;
 use crate::usb::register::epctl::{CNAK, EPDIS, EPENA, SD0PID, SNAK, USBAEP};
 
 /// Fault of the device under test.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Fault {
+    #[default]
     None,
     /// The device never responds to a request.
     Mute,
@@ -35,6 +36,7 @@ const CONFIGURATION: [u8; 62] = [
 ];
 
 /// The device: state of its driver, and what the host has set or sent.
+#[derive(Default)]
 pub(super) struct Gadget {
     fault: Fault,
     pub(super) dtr: bool,
@@ -67,14 +69,8 @@ impl Gadget {
         put(core, 0x804, 0);
         Self {
             fault,
-            dtr: false,
-            line_coding: [0; 7],
-            received: Vec::new(),
             ends_transfers: true,
-            outgoing: VecDeque::new(),
-            answer: VecDeque::new(),
-            setup: [0; 8],
-            out: Vec::new(),
+            ..Self::default()
         }
     }
 
