@@ -33,27 +33,40 @@
 #![forbid(unsafe_code)]
 
 mod converters;
-mod device_clock;
 mod fault;
-mod json_lines;
 mod outbox;
-mod port;
-mod recorded_edges;
-mod session;
-mod source;
-pub mod synthetic;
-mod tcp;
 mod trigger;
 mod virtual_board;
 
 pub use converters::{ConvertedSample, Converters};
 pub use device::CHIPS;
-pub use device_clock::{DeviceClock, Pace};
 pub use fault::{Fault, FaultError, Faults, help as fault_help};
 pub use outbox::{Outbox, WhenFull};
-pub use port::{FileRules, Output, Port, PortError};
-pub use recorded_edges::RecordedEdges;
-pub use session::{Report, Session, SessionError};
-pub use source::Source;
 pub use trigger::{Trigger, TriggerError};
 pub use virtual_board::{Identity, VirtualBoard};
+
+#[cfg(feature = "program")]
+mod device_clock;
+#[cfg(feature = "program")]
+mod json_lines;
+#[cfg(feature = "program")]
+mod port;
+#[cfg(feature = "program")]
+mod recorded_edges;
+#[cfg(feature = "program")]
+mod session;
+#[cfg(feature = "program")]
+mod source;
+#[cfg(feature = "program")]
+pub mod synthetic;
+#[cfg(feature = "program")]
+mod tcp;
+
+#[cfg(feature = "program")]
+pub use {
+    device_clock::{DeviceClock, Pace},
+    port::{FileRules, Output, Port, PortError},
+    recorded_edges::RecordedEdges,
+    session::{Report, Session, SessionError},
+    source::Source,
+};

@@ -1,5 +1,7 @@
 //! `cargo xtask board`: tests, on emulated boards, the images that are flashed to real ones.
 
+use std::process::Command;
+
 use serde_json::Value;
 
 use crate::command::{
@@ -37,7 +39,7 @@ pub(crate) fn board(board: Option<Board>, json: bool) -> Result<(), Failure> {
 /// Builds the images of `boards`, runs the scenarios on them with a bridge that is already built,
 /// and prints the figures.
 pub(crate) fn test(boards: &[Board], json: bool) -> Result<(), Failure> {
-    let mut test = virtual_board_cargo("test --release --test boards --");
+    let mut test = linted("test --release --test boards --");
     let bridge = target_folder().join("debug/corticode-bridge");
     test.env("CORTICODE_BRIDGE", bridge);
     for board in boards {
@@ -81,11 +83,22 @@ pub(crate) fn live(board: Board, port: u16, other_port: bool) -> Result<(), Fail
 /// Lints the workspace of the emulated boards, and runs its tests of peripheral models and of
 /// invalid command lines.
 pub(crate) fn models() -> Result<(), Failure> {
-    let mut lints = virtual_board_cargo("clippy --release --all-targets -- -D warnings");
-    run(&mut lints, "mend what clippy names above")?;
-    let mut tests = virtual_board_cargo("test --release --lib --bins --test command_line");
+    run(
+        &mut linted("test --release --no-run"),
+        "mend what clippy names above",
+    )?;
+    let mut tests = linted("test --release --lib --bins --test command_line");
     let next = "a model of the emulated board is wrong, or a message: run the failed test alone";
     run(&mut tests, next)
+}
+
+/// Returns a cargo command in the workspace of the emulated boards that lints what it builds.
+/// clippy's driver compiles as rustc does, so the emulator is built once, not again for `cargo
+/// clippy`.
+fn linted(words: &str) -> Command {
+    let mut cargo = virtual_board_cargo(words);
+    cargo.env("RUSTC_WORKSPACE_WRAPPER", "clippy-driver");
+    cargo
 }
 
 /// Returns one row with the figures of a board. Figures of its image with the other port have that

@@ -1,5 +1,8 @@
-//! The NUCLEO board, as an implementation of the emulator's `Board` trait.
+//! The NUCLEO board, as an implementation of the emulator's `Board` trait, and its settings at
+//! power-on.
 
+use ads1299::Alignment;
+use clap::ValueEnum;
 use rigless::chip::uart;
 use rigless::machine::{Board, Target};
 use rigless::mcu::Mcu;
@@ -10,18 +13,59 @@ use crate::chip::Chip;
 use crate::chip::f446::F446;
 use crate::chip::h743::H743;
 use crate::core_bus::{ClearedBits, Differences};
-use crate::loader_stub;
+use crate::image::{self, Image};
 use crate::model::Model;
+use crate::port::Serial;
 use crate::processor::{Observer, wrap_core};
-use crate::serial::Serial;
-use crate::setup::Setup;
-use crate::usb::handle::UsbHost;
+use crate::usb::host::UsbHost;
+
+/// Cable between a board and its host; each image supports only one of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Cable {
+    /// The ST-LINK's cable, which carries the UART.
+    Uart,
+    /// A cable to the microcontroller's own USB port.
+    Usb,
+}
+
+/// Configuration of a virtual board at power-on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Setup {
+    /// Frequency of the external clock from the ST-LINK, in Hz; 0 for none.
+    pub clock_hz: u64,
+    /// Frequency of the internal low-speed oscillator, in Hz; `None` for the typical frequency. The
+    /// range of the chip is 17 to 47 kHz (STM32F446) or 29.4 to 33.6 kHz (STM32H743; DS10693 and
+    /// DS12110, LSI characteristics).
+    pub lsi_hz: Option<u64>,
+    /// Whether the chips send a don't-care bit between the data of two chips (`Spaced`) or not
+    /// (`Packed`).
+    pub alignment: Alignment,
+    /// Cable to the host; must be the one that the image uses.
+    pub cable: Cable,
+    /// True if the converters have power from the start. Otherwise they have none until
+    /// `Simulation::power_on` is called.
+    pub converters_on: bool,
+}
+
+impl Default for Setup {
+    fn default() -> Self {
+        Self {
+            clock_hz: 8_000_000,
+            lsi_hz: None,
+            alignment: Alignment::Spaced,
+            cable: Cable::Uart,
+            converters_on: true,
+        }
+    }
+}
 
 /// A NUCLEO board with the converter board on its headers.
 #[derive(Debug)]
 pub(crate) struct Nucleo {
     pub(crate) chip: Box<dyn Chip>,
     model: Model,
+    /// Name of the image that the board runs.
+    image: String,
     observer: Observer,
     cleared: Vec<ClearedBits>,
 }
@@ -29,6 +73,7 @@ pub(crate) struct Nucleo {
 impl Nucleo {
     pub(crate) fn new(
         model: Model,
+        image: &Image,
         setup: &Setup,
         chain: Chain,
         serial: Serial,
@@ -47,6 +92,7 @@ impl Nucleo {
         Self {
             chip,
             model,
+            image: image.path().display().to_string(),
             observer,
             cleared: cleared.into_iter().collect(),
         }
@@ -73,8 +119,8 @@ impl Board for Nucleo {
             redirects: self.chip.redirects(),
             cleared: self.cleared.clone(),
         };
-        let mut core = wrap_core(self.chip.core(), &self.observer, differences);
-        core.factory_images.extend(loader_stub::image(self.model));
+        let mut core = wrap_core(self.chip.core(), &self.image, &self.observer, differences);
+        core.factory_images.extend(image::loader(self.model));
         let mcu: &mut dyn Mcu = &mut *self.chip;
         vec![Target::new(self.model.key(), mcu, core)]
     }

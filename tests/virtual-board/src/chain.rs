@@ -1,4 +1,4 @@
-//! Simulated converters, connected to the microcontroller's SPI and pins.
+//! Simulated converters, connected to the microcontroller's SPI and pins, and their input.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -7,9 +7,8 @@ use embedded_hal::digital::OutputPin;
 use rigless::chip::{Timeline, spi};
 use rigless::snapshot::Store;
 
-use crate::eeg;
-use crate::pins::{Pin, Pins};
-use crate::setup::Setup;
+use crate::board::Setup;
+use crate::model::{Pin, Pins};
 
 /// Number of ADS1299 chips in the daisy chain.
 pub(crate) const CHIPS: usize = 8;
@@ -21,21 +20,22 @@ pub(crate) struct Chain(Arc<Mutex<Wires>>);
 /// The simulated chain, with the state of the signals between chain and microcontroller.
 #[derive(Debug)]
 pub(crate) struct Wires {
-    simulation: Simulation<CHIPS>,
+    pub(crate) simulation: Simulation<CHIPS>,
     chain: SimulatedChain<CHIPS>,
     /// Levels of the chip selects, START and RESET, in this order, as last passed to the chain.
     levels: [Option<bool>; CHIPS + 2],
-    sclk_hz: u32,
+    /// Frequency of SCLK in Hz; 0 before the firmware has configured it.
+    pub(crate) sclk_hz: u32,
     /// Number of DRDY edges that were already passed to the microcontroller.
     edges: u64,
     /// A sample is ready and none of its bits have been clocked out: DRDY is low.
     ready: bool,
     /// Level at which a test holds DRDY; `None` lets the converters drive it.
-    stuck: Option<bool>,
+    pub(crate) stuck: Option<bool>,
     /// Number of SPI words clocked so far.
-    words: u64,
+    pub(crate) words: u64,
     /// Number of SPI words clocked so far that were not 8 bits wide.
-    non_byte_words: u64,
+    pub(crate) non_byte_words: u64,
 }
 
 /// State of DRDY at one instant: whether it falls, and its level.
@@ -56,7 +56,7 @@ impl Chain {
         };
         let electrodes = Electrodes::counts(|sample, counts| {
             for (channel, place) in counts.as_flattened_mut().iter_mut().enumerate() {
-                *place = eeg::count(sample, channel);
+                *place = electrode_count(sample, channel);
             }
         });
         let simulation = Simulation::new(options, electrodes);
@@ -75,36 +75,13 @@ impl Chain {
     }
 
     pub(crate) fn wires(&self) -> MutexGuard<'_, Wires> {
-        // A lock that a panicking thread has poisoned is used: the state is still useful for the diagnosis.
+        // A lock that a panicking thread has poisoned is used: the state is still useful for the
+        // diagnosis.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Wires {
-    pub(crate) const fn simulation(&self) -> &Simulation<CHIPS> {
-        &self.simulation
-    }
-
-    pub(crate) const fn set_sclk(&mut self, hz: u32) {
-        self.sclk_hz = hz;
-    }
-
-    pub(crate) const fn sclk_hz(&self) -> u32 {
-        self.sclk_hz
-    }
-
-    pub(crate) const fn words(&self) -> u64 {
-        self.words
-    }
-
-    pub(crate) const fn non_byte_words(&self) -> u64 {
-        self.non_byte_words
-    }
-
-    pub(crate) const fn hold_drdy(&mut self, level: Option<bool>) {
-        self.stuck = level;
-    }
-
     /// Applies the levels that the microcontroller drives now. If a pin is not an output, a
     /// resistor on the converter board sets its level: selects and RESET high, START low
     /// (docs/hardware.md).
@@ -146,8 +123,8 @@ impl Wires {
         DrdyState { falls, is_high }
     }
 
-    /// Returns the time at which the next conversion ends, in ns since power-on; `None` while the chips are
-    /// stopped.
+    /// Returns the time at which the next conversion ends, in ns since power-on; `None` while the
+    /// chips are stopped.
     pub(crate) fn next_edge_ns(&self) -> Option<u64> {
         self.simulation.next_edge_ns()
     }
@@ -168,4 +145,34 @@ impl spi::Peer for Chain {
             .transfer_at(context.now().0, wires.sclk_hz, byte);
         u32::from(miso)
     }
+}
+
+/// Returns the ADC count of `channel` (0 to 63) at `sample`: the sum of two sine waves between 9
+/// and 28 Hz, an offset that depends on the channel, and noise. The magnitude is below 2^13. The
+/// signal does not resemble EEG. All channels and samples differ, so a comparison detects exchanged
+/// channels or samples.
+#[expect(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    reason = "samples of hours are exact; the waves stay below 2^13"
+)]
+pub fn electrode_count(sample: u64, channel: usize) -> i32 {
+    let seconds = sample as f64 / 512.0;
+    let channel_number = channel as f64;
+    let turns = std::f64::consts::TAU * seconds;
+    let wave = 900.0 * (turns * (9.0 + channel_number * 0.07)).sin()
+        + 400.0 * (turns * (21.0 + channel_number * 0.11)).cos()
+        + 60.0 * (channel_number - 30.0);
+    wave as i32 + noise(sample, channel)
+}
+
+/// Returns noise from -128 to 127: a hash of sample and channel (the finaliser of `splitmix64`,
+/// Steele, Lea and Flood 2014).
+fn noise(sample: u64, channel: usize) -> i32 {
+    let seed = sample << 6 | channel as u64 & 63;
+    let mut mixed = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    mixed = (mixed ^ mixed >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+    let byte = (mixed ^ mixed >> 31).to_le_bytes()[0];
+    i32::from(byte) - 128
 }

@@ -7,9 +7,9 @@ use rigless::time::VirtualNanos;
 
 /// Address range whose accesses are redirected.
 ///
-/// A register that the emulator's part lacks can be modelled only at a free address, because the part's
-/// register tables cover the whole address block of a peripheral. The firmware still uses the register's
-/// address on the chip.
+/// A register that the emulator's part lacks can be modelled only at a free address, because the
+/// part's register tables cover the whole address block of a peripheral. The firmware still uses
+/// the register's address on the chip.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Redirect {
     /// Addresses that the firmware uses.
@@ -33,8 +33,8 @@ pub(crate) struct Differences {
     pub(crate) cleared: Vec<ClearedBits>,
 }
 
-/// First address above the code and SRAM regions of the address map (ARM DDI 0403, B3.1). An access below
-/// this address reaches this bus only if there is no memory at the accessed address.
+/// First address above the code and SRAM regions of the address map (ARM DDI 0403, B3.1). An access
+/// below this address reaches this bus only if there is no memory at the accessed address.
 const MEMORY_END: u64 = 0x4000_0000;
 
 /// Bus that the core uses during one call of `Processor::run`.
@@ -44,6 +44,22 @@ pub(crate) struct Bus<'a> {
     /// Failed accesses below [`MEMORY_END`]: the address, and the program counter if known.
     pub(crate) failed: &'a mut Vec<(u64, Option<u64>)>,
 }
+
+/// Defines methods that only forward their call to the field `inner`.
+macro_rules! forward {
+    (
+        &self: $(fn $shared:ident($($s:ident: $S:ty),*) $(-> $R:ty)?;)*
+        &mut self: $(fn $exclusive:ident($($e:ident: $E:ty),*) $(-> $Q:ty)?;)*
+    ) => {
+        $(fn $shared(&self, $($s: $S),*) $(-> $R)? {
+            self.inner.$shared($($s),*)
+        })*
+        $(fn $exclusive(&mut self, $($e: $E),*) $(-> $Q)? {
+            self.inner.$exclusive($($e),*)
+        })*
+    };
+}
+pub(crate) use forward;
 
 impl Bus<'_> {
     fn redirected(&self, mut access: Access) -> Access {
@@ -56,8 +72,8 @@ impl Bus<'_> {
 }
 
 impl CoreBus for Bus<'_> {
-    /// Refuses accesses below [`MEMORY_END`], for which the emulator's own bus would return 0. The core
-    /// accesses existing memory directly, without this method.
+    /// Refuses accesses below [`MEMORY_END`], for which the emulator's own bus would return 0. The
+    /// core accesses existing memory directly, without this method.
     fn access(&mut self, access: Access, from_code: bool) -> Option<u64> {
         let reads = access.kind == AccessKind::Read;
         // Reads by the core itself, such as vector fetches, are passed on to the emulator.
@@ -72,22 +88,6 @@ impl CoreBus for Bus<'_> {
         Some(bits.map_or(value, |cleared| value & !(cleared.bits >> shift)))
     }
 
-    fn time(&self, instructions: u64) -> VirtualNanos {
-        self.inner.time(instructions)
-    }
-
-    fn queued(&mut self) -> Vec<Queued> {
-        self.inner.queued()
-    }
-
-    fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
-        self.inner.carry_on(instructions, event)
-    }
-
-    fn acknowledge(&mut self, line: InterruptLine, instructions: u64) -> Option<u64> {
-        self.inner.acknowledge(line, instructions)
-    }
-
     fn read_checked(&mut self, access: Access, report: bool) -> Option<Checked> {
         self.inner.read_checked(self.redirected(access), report)
     }
@@ -100,7 +100,13 @@ impl CoreBus for Bus<'_> {
         self.inner.stops_before(&self.redirected(*access))
     }
 
-    fn send_trace(&mut self, bytes: &[u8]) {
-        self.inner.send_trace(bytes);
+    forward! {
+        &self:
+        fn time(instructions: u64) -> VirtualNanos;
+        &mut self:
+        fn queued() -> Vec<Queued>;
+        fn carry_on(instructions: u64, event: Option<VirtualNanos>) -> Option<u32>;
+        fn acknowledge(line: InterruptLine, instructions: u64) -> Option<u64>;
+        fn send_trace(bytes: &[u8]);
     }
 }

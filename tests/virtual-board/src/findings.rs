@@ -1,17 +1,23 @@
-//! Collection of the problems that the emulator detects in a session.
+//! Problems that the emulator detects in a session, those that are allowed, each with the reason,
+//! and the error of a board.
+
+use std::fmt;
 
 use rigless::session::Session;
 
 use crate::board::Nucleo;
+use crate::model::Model;
 
 /// Problems that the emulator has detected since power-on, one text for each.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Findings {
     /// Accesses to addresses at which the chip has nothing.
     pub unmapped: Vec<String>,
-    /// Accesses that the bus refused, for example to a peripheral without a clock or with a wrong width.
+    /// Accesses that the bus refused, for example to a peripheral without a clock or with a wrong
+    /// width.
     pub refused: Vec<String>,
-    /// Accessed registers that no model implements: they store the written value and have no effect.
+    /// Accessed registers that no model implements: they store the written value and have no
+    /// effect.
     pub unimplemented: Vec<String>,
     /// Accesses to reserved addresses within a peripheral.
     pub undefined: Vec<String>,
@@ -66,4 +72,96 @@ impl Findings {
                 .collect(),
         }
     }
+
+    /// Returns the manual violations, unimplemented registers and undefined addresses that are not
+    /// allowed for `model`. Other kinds of findings are ignored.
+    pub fn unexpected(&self, model: Model) -> Vec<String> {
+        let list = match model {
+            Model::H743 => H743,
+            Model::F446 => F446,
+        };
+        let is_allowed =
+            |finding: &&String| list.iter().any(|(prefix, _)| finding.starts_with(prefix));
+        let all = [
+            &self.manual_violations,
+            &self.unimplemented,
+            &self.undefined,
+        ];
+        let all = all.into_iter().flatten();
+        all.filter(|finding| !is_allowed(finding))
+            .cloned()
+            .collect()
+    }
+}
+
+/// Prefix of an allowed finding, and why it is allowed.
+type Reason = (&'static str, &'static str);
+
+/// Findings that are allowed on the STM32H743.
+const H743: &[Reason] = &[
+    (
+        "RCC.BDCR: RM0433 rev 9 8.7.26 bits 9:8: RTCSEL",
+        "embassy writes the reset value to RTCSEL; the RTC is not used",
+    ),
+    (
+        "RCC.CFGR: DS12110 rev 11 table 112",
+        "480 MHz needs voltage scale 0, which ODEN in SYSCFG enables; the emulator does not model ODEN",
+    ),
+    (
+        "RCC.D1CFGR: DS12110 rev 11 table 112",
+        "as for CFGR: the bus clocks of scale 0",
+    ),
+    (
+        "RCC.D2CFGR: DS12110 rev 11 table 112",
+        "as for CFGR: the bus clocks of scale 0",
+    ),
+    (
+        "RCC.PLLCKSELR: RM0433 rev 9 8.5.5",
+        "embassy rewrites the divider of one PLL, unchanged, while the other PLL runs",
+    ),
+];
+
+/// Findings that are allowed on the STM32F446, which is emulated as an STM32F427.
+const F446: &[Reason] = &[
+    (
+        "SYSCFG.EXTICR",
+        "the register stores the written value, and the EXTI model here reads it",
+    ),
+    (
+        "SYSCFG.MEMRM",
+        "maps the boot loader to address 0 on the chip; the emulated core reads the vectors at their own address",
+    ),
+];
+
+/// Largest number of lines that a section of a snapshot shows: the last ones.
+const LINES: usize = 16;
+
+/// An error of a board, with a snapshot of the board at the time of the error.
+#[derive(Clone, thiserror::Error)]
+#[error("{what}\n{snapshot}")]
+pub struct BoardError {
+    what: String,
+    snapshot: String,
+}
+
+impl BoardError {
+    pub(crate) fn new(what: String, snapshot: String) -> Self {
+        Self { what, snapshot }
+    }
+}
+
+// `Debug` prints the same text as `Display`, because a test that returns this error prints it with
+// `Debug`.
+impl fmt::Debug for BoardError {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{self}")
+    }
+}
+
+/// Formats a section of a snapshot: a title and a line for each of `lines`; empty without lines.
+pub(crate) fn section(title: &str, lines: &[String]) -> String {
+    let last = &lines[lines.len().saturating_sub(LINES)..];
+    let title = (!last.is_empty()).then(|| format!("  {title}:\n"));
+    let lines = last.iter().map(|line| format!("    {line}\n"));
+    title.into_iter().chain(lines).collect()
 }

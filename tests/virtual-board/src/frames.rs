@@ -19,8 +19,6 @@ pub struct Frame {
 /// A code of the device, of the network or packed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReceivedCode {
-    /// Index of the window since `Start`.
-    pub window: u32,
     /// Faults and conditions of the window.
     pub flags: Flags,
     /// The whole message, encoded as a frame with a header that is the same for all.
@@ -33,28 +31,20 @@ pub struct ReceivedCode {
 pub enum Kind {
     Hello {
         board: String,
-        firmware: String,
-        session_id: u32,
         reset_cause: ResetCause,
         fault: String,
     },
     Capabilities,
     Code(ReceivedCode),
-    /// `window` is the index of the block.
     PackedCode(ReceivedCode),
-    CompressedRaw {
-        first_sample: u64,
-        bytes: Vec<u8>,
-    },
+    /// The whole message, encoded as that of a [`ReceivedCode`].
+    CompressedRaw(Vec<u8>),
     Stats(Box<Stats>),
     Ack(Ack),
     Timing(Box<Timing>),
     Event(Event),
     Converters(Box<Converters>),
     SelfTest(Box<SelfTest>),
-    Raw {
-        first_sample: u64,
-    },
     /// `values` is the number of values of the code.
     Audit {
         window: u32,
@@ -122,35 +112,25 @@ impl Kind {
         match message {
             ToHost::Hello(hello) => Self::Hello {
                 board: hello.board.to_owned(),
-                firmware: hello.firmware.to_owned(),
-                session_id: hello.session_id,
                 reset_cause: hello.reset_cause,
                 fault: hello.fault.to_owned(),
             },
             ToHost::Capabilities(_) => Self::Capabilities,
             ToHost::Code(code) => Self::Code(ReceivedCode {
-                window: code.window,
                 flags: code.flags,
                 bytes: encoded(message),
             }),
             ToHost::PackedCode(code) => Self::PackedCode(ReceivedCode {
-                window: code.block,
                 flags: code.flags,
                 bytes: encoded(message),
             }),
-            ToHost::CompressedRaw(raw) => Self::CompressedRaw {
-                first_sample: raw.first_sample,
-                bytes: encoded(message),
-            },
+            ToHost::CompressedRaw(_) => Self::CompressedRaw(encoded(message)),
             ToHost::Stats(stats) => Self::Stats(Box::new(*stats)),
             ToHost::Ack(ack) => Self::Ack(*ack),
             ToHost::Timing(timing) => Self::Timing(Box::new(timing.clone())),
             ToHost::Event(event) => Self::Event(*event),
             ToHost::Converters(converters) => Self::Converters(Box::new(converters.clone())),
             ToHost::SelfTest(test) => Self::SelfTest(Box::new(test.clone())),
-            ToHost::Raw(raw) => Self::Raw {
-                first_sample: raw.first_sample,
-            },
             ToHost::Audit(audit) => Self::Audit {
                 window: audit.window,
                 planes: audit.planes.to_vec(),

@@ -1,7 +1,8 @@
-//! Firmware images: the ELF files that `cargo flash` writes.
+//! Firmware images: the ELF files that `cargo flash` writes. Also a replacement for the boot loader
+//! in the chip's ROM: a vector table and an endless loop.
 
+use std::fs;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 use object::{Object, ObjectSection, ObjectSegment, ObjectSymbol};
 use thiserror::Error;
@@ -18,57 +19,10 @@ pub struct Image {
     symbols: Vec<(String, u64)>,
 }
 
-/// Reasons why an image cannot run on a board.
+/// Reason why an image cannot run on a board, with the command that builds the right one.
 #[derive(Debug, Error)]
-pub enum ImageError {
-    /// The file cannot be read.
-    #[error("cannot read the image {path}: {error}; build it with `{build}`")]
-    Missing {
-        /// Path of the image, as stated by the caller.
-        path: PathBuf,
-        /// Error of the operating system.
-        error: io::Error,
-        /// Command that builds the image.
-        build: String,
-    },
-    /// The file is not an ELF file for ARM.
-    #[error("{path} is no 32-bit ELF file for ARM ({why}); build it with `{build}`")]
-    NoImage {
-        /// Path of the image, as stated by the caller.
-        path: PathBuf,
-        /// Reason of the parser, or the architecture that was found.
-        why: String,
-        /// Command that builds the image.
-        build: String,
-    },
-    /// A source file is newer than the image.
-    #[error("{path} is older than {newer}, which it is built from; build it again with `{build}`")]
-    Stale {
-        /// Path of the image, as stated by the caller.
-        path: PathBuf,
-        /// Source file that is newer than the image.
-        newer: PathBuf,
-        /// Command that builds the image.
-        build: String,
-    },
-    /// A segment of the image lies outside the chip's memories.
-    #[error(
-        "{path} is not for the {board}: it places {bytes} bytes at {address:#010x}, where the chip has no \
-         memory; build the board's own image with `{build}`"
-    )]
-    OtherChip {
-        /// Path of the image, as stated by the caller.
-        path: PathBuf,
-        /// Name of the board that the image was read for.
-        board: &'static str,
-        /// First address of the segment.
-        address: u64,
-        /// Size of the segment in bytes.
-        bytes: u64,
-        /// Command that builds the image.
-        build: String,
-    },
-}
+#[error("{0}")]
+pub struct ImageError(String);
 
 /// Thumb instruction `b .`, a branch to itself.
 pub(crate) const LOOP: u16 = 0xE7FE;
@@ -85,48 +39,42 @@ impl Image {
     /// Reads an image and checks it for a board.
     ///
     /// # Errors
-    /// The file cannot be read, is older than one of its sources, is not an ELF file for ARM, or has a segment
-    /// outside the memories of the chip.
+    /// The file cannot be read, is older than one of its sources, is not an ELF file for
+    /// ARM, or has a segment outside the memories of the chip.
     pub fn read(path: &Path, model: Model) -> Result<Self, ImageError> {
-        let path = path.to_path_buf();
-        let build = build_command(model);
-        let bytes = match fs::read(&path) {
-            Ok(bytes) => bytes,
-            Err(error) => return Err(ImageError::Missing { path, error, build }),
-        };
-        if let Some(newer) = newer_source(&path) {
-            return Err(ImageError::Stale { path, newer, build });
+        let (name, build) = (path.display(), build_command(model));
+        let bytes = fs::read(path).map_err(|error| {
+            ImageError(format!(
+                "cannot read the image {name}: {error}; build it with `{build}`"
+            ))
+        })?;
+        if let Some(newer) = newer_source(path) {
+            return Err(ImageError(format!(
+                "{name} is older than {}, which it is built from; build it again with `{build}`",
+                newer.display()
+            )));
         }
-        Self::parse(path, bytes, model)
-    }
-
-    fn parse(path: PathBuf, bytes: Vec<u8>, model: Model) -> Result<Self, ImageError> {
-        let build = build_command(model);
-        let file = match object::File::parse(&*bytes) {
-            Ok(file) if file.architecture() == object::Architecture::Arm => file,
-            Ok(file) => {
-                let why = format!("it is for {:?}", file.architecture());
-                return Err(ImageError::NoImage { path, why, build });
-            }
-            Err(error) => {
-                let why = error.to_string();
-                return Err(ImageError::NoImage { path, why, build });
-            }
+        let is_arm = |file: &object::File<'_>| file.architecture() == object::Architecture::Arm;
+        let parsed = match object::File::parse(&*bytes) {
+            Ok(file) if is_arm(&file) => Ok(file),
+            Ok(file) => Err(format!("it is for {:?}", file.architecture())),
+            Err(error) => Err(error.to_string()),
         };
+        let file = parsed.map_err(|why| {
+            ImageError(format!(
+                "{name} is no 32-bit ELF file for ARM ({why}); build it with `{build}`"
+            ))
+        })?;
         for segment in file.segments() {
             let (address, bytes) = (segment.address(), segment.size());
             let fits = |&(_, origin, length): &(&str, u64, u64)| {
                 address >= origin && address + bytes <= origin + length
             };
             if bytes > 0 && !model.memories().iter().any(fits) {
-                let board = model.name();
-                return Err(ImageError::OtherChip {
-                    path,
-                    board,
-                    address,
-                    bytes,
-                    build,
-                });
+                return Err(ImageError(format!(
+                    "{name} is not for the {model}: it places {bytes} bytes at {address:#010x}, where \
+                     the chip has no memory; build the board's own image with `{build}`"
+                )));
             }
         }
         let mut functions: Vec<_> = file
@@ -141,7 +89,7 @@ impl Image {
             .filter_map(|symbol| Some((symbol.name().ok()?.to_owned(), symbol.address())))
             .collect();
         Ok(Self {
-            path,
+            path: path.to_path_buf(),
             bytes,
             functions,
             symbols,
@@ -181,8 +129,9 @@ impl Image {
         Some(text.address() + 2 * place as u64)
     }
 
-    /// Returns the address of a panic function of `core`, and the number of the register that holds its
-    /// `&Location` argument. An image that unwraps an `Option` contains at least one such function.
+    /// Returns the address of a panic function of `core`, and the number of the register that holds
+    /// its `&Location` argument. An image that unwraps an `Option` contains at least one such
+    /// function.
     pub(crate) fn panic_function(&self) -> Option<(u64, usize)> {
         let functions: [(&[&str], usize); 3] = [
             (&["4core", "6option", "13unwrap_failed"], 0),
@@ -193,8 +142,8 @@ impl Image {
         found.find_map(|(words, register)| Some((self.find_function(words)?, *register)))
     }
 
-    /// Formats an address with its function and the offset from the function's start; only the address if it
-    /// is in no function.
+    /// Formats an address with its function and the offset from the function's start; only the
+    /// address if it is in no function.
     pub fn describe(&self, address: u64) -> String {
         let after = self
             .functions
@@ -232,4 +181,47 @@ fn readable(name: &str) -> String {
         .next()
         .unwrap_or(name)
         .to_owned()
+}
+
+/// Machine number of ARM in an ELF header.
+const ARM: u16 = 40;
+
+/// Size of an ELF header and one program header, in bytes.
+const HEADERS: u32 = 84;
+
+/// Returns the address of the boot loader's vector table (AN2606).
+pub(crate) const fn loader_vectors(model: Model) -> u32 {
+    match model {
+        Model::H743 => 0x1FF0_9800,
+        Model::F446 => 0x1FFF_0000,
+    }
+}
+
+/// Returns the replacement loader as an image for the emulator.
+pub(crate) fn loader(model: Model) -> Option<rigless::image::Image> {
+    let base = loader_vectors(model);
+    // Initial stack pointer, entry point, and [`LOOP`] twice.
+    let contents = [0x2000_1000, base + 9, 0xE7FE_E7FE]
+        .map(u32::to_le_bytes)
+        .concat();
+    let file = elf(ARM, base, &contents);
+    rigless::image::Image::new(Path::new("loader"), file, None).ok()
+}
+
+/// Builds an ELF file with one segment of `contents` at address `base`. The entry point is the
+/// third word of the segment (System V ABI, chapters 4 and 5). `machine` is 40 for ARM.
+pub fn elf(machine: u16, base: u32, contents: &[u8]) -> Vec<u8> {
+    let mut file = b"\x7fELF\x01\x01\x01".to_vec();
+    file.resize(16, 0);
+    // Type: executable. The program header follows this ELF header.
+    file.extend([2, machine].map(u16::to_le_bytes).concat());
+    let header = [1, base + 9, 52, 0, 0x0500_0400];
+    file.extend(header.map(u32::to_le_bytes).concat());
+    file.extend([52_u16, 32, 1, 40, 0, 0].map(u16::to_le_bytes).concat());
+    // One segment: loadable, readable and executable.
+    let length = u32::try_from(contents.len()).unwrap_or(0);
+    let segment = [1, HEADERS, base, base, length, length, 5, 4];
+    file.extend(segment.map(u32::to_le_bytes).concat());
+    file.extend(contents);
+    file
 }

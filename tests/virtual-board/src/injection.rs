@@ -2,7 +2,8 @@
 
 use crate::image::{Image, LOOP};
 
-/// Failure that a test injects. The injection changes registers and unused memory, not the code of the image.
+/// Failure that a test injects. The injection changes registers and unused memory, not the code of
+/// the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Injection {
     /// An endless loop.
@@ -26,8 +27,8 @@ pub(crate) struct Change {
     pub(crate) memory: Vec<(u64, Vec<u8>)>,
 }
 
-/// Offset of unused memory, in bytes from the start of the region that keeps the failure record across a
-/// reset.
+/// Offset of unused memory, in bytes from the start of the region that keeps the failure record
+/// across a reset.
 const SPARE: u64 = 0x300;
 
 const SP: usize = 13;

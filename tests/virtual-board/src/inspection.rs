@@ -4,22 +4,23 @@ use rigless::mcu::Operate;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use crate::diagnosis::BoardError;
-use crate::loader_stub;
+use crate::findings::BoardError;
+use crate::image::loader_vectors;
 use crate::machine::VirtualBoard;
 
 /// Word that cortex-m-rt fills the stack with.
 const PAINT: u64 = 0xCCCC_CCCC;
 
-/// Addresses of the first set-enable and the first priority register of the NVIC (ARM DDI 0403, B3.4.3).
+/// Addresses of the first set-enable and the first priority register of the NVIC (ARM DDI 0403,
+/// B3.4.3).
 const ISER: u64 = 0xE000_E100;
 const IPR: u64 = 0xE000_E400;
 
 /// Number of interrupt lines to inspect, a multiple of 32; the STM32H743 has 150 lines.
 const LINES: u16 = 160;
 
-/// Number of streams of a DMA controller, and the distance in bytes between the registers of two streams
-/// (RM0433, 15.5; RM0390, 9.5).
+/// Number of streams of a DMA controller, and the distance in bytes between the registers of two
+/// streams (RM0433, 15.5; RM0390, 9.5).
 const STREAMS: u64 = 8;
 const STREAM_BYTES: u64 = 0x18;
 /// Offsets of SxNDTR, SxPAR and SxM0AR of stream 0.
@@ -38,13 +39,13 @@ impl VirtualBoard {
 
     /// Returns whether the core is running the boot loader (here: its replacement).
     pub fn is_in_loader(&self) -> bool {
-        let vectors = u64::from(loader_stub::vectors(self.model()));
+        let vectors = u64::from(loader_vectors(self.model()));
         let last = self.observer().recent_program_counters().pop();
         last.is_some_and(|place| (vectors..vectors + 16).contains(&place))
     }
 
-    /// Returns the peak stack use since power-on or reset, in bytes. The stack grows downwards from its
-    /// start, so the peak is the distance from the lowest overwritten word up to the start.
+    /// Returns the peak stack use since power-on or reset, in bytes. The stack grows downwards from
+    /// its start, so the peak is the distance from the lowest overwritten word up to the start.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -59,7 +60,8 @@ impl VirtualBoard {
         })
     }
 
-    /// Returns the line and priority of each enabled interrupt; priority 0 is the most urgent of 16.
+    /// Returns the line and priority of each enabled interrupt; priority 0 is the most urgent of
+    /// 16.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -82,8 +84,8 @@ impl VirtualBoard {
             .collect())
     }
 
-    /// Returns, for each stream of DMA1 that has a peripheral address, the memory address and the number of
-    /// bytes left to transfer. The number is 0 between transfers.
+    /// Returns, for each stream of DMA1 that has a peripheral address, the memory address and the
+    /// number of bytes left to transfer. The number is 0 between transfers.
     ///
     /// # Errors
     /// The emulator has ended.

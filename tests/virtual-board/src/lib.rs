@@ -1,9 +1,9 @@
 //! Emulated NUCLEO boards that run the unmodified firmware images.
 //!
 //! [`VirtualBoard`] loads the ELF file that `cargo flash` writes, and runs it in virtual time on an
-//! emulated microcontroller (the crate `rigless`). Simulated ADS1299 converters are connected to the SPI
-//! and pins of the microcontroller, and a host to its UART or USB. A test powers the board on, sends
-//! commands, runs the board for a while, and reads the frames that the board has sent.
+//! emulated microcontroller (the crate `rigless`). Simulated ADS1299 converters are connected to
+//! the SPI and pins of the microcontroller, and a host to its UART or USB. A test powers the board
+//! on, sends commands, runs the board for a while, and reads the frames that the board has sent.
 //!
 //! ```text
 //! test, bridge <-- frames, commands --> Port <--> UART or USB
@@ -24,7 +24,7 @@
 //!         cable: Cable::Usb,
 //!         ..Setup::default()
 //!     };
-//!     let mut board = VirtualBoard::power_on(Model::H743, &image, &setup)?;
+//!     let mut board = VirtualBoard::power_on(Model::H743, &image, &setup);
 //!     board.run_until("the first Hello", 1_000_000, |frames| !frames.is_empty())?;
 //!     let first = &board.inbox().frames()[0];
 //!     assert!(matches!(first.kind, Kind::Hello { .. }));
@@ -33,44 +33,36 @@
 //! }
 //! ```
 //!
-//! [`Findings`] lists what the emulator detected: accesses to unmapped addresses, registers without a model,
-//! violations of the reference manual.
+//! [`Findings`] lists what the emulator detected: accesses to unmapped addresses, registers without
+//! a model, violations of the reference manual.
 //!
-//! Not modelled: cycle counts, the effects of caches and of the MPU, analogue settling, electrical levels.
-//! Every instruction takes the same time ([`Model::instructions_per_second`]).
+//! Not modelled: cycle counts, the effects of caches and of the MPU, analogue settling, electrical
+//! levels. Every instruction takes the same time ([`Model::instructions_per_second`]).
 #![deny(unsafe_code)]
 
-pub mod allowed;
 mod board;
 mod chain;
 mod chip;
 mod core_bus;
-mod diagnosis;
-pub mod eeg;
 mod findings;
 mod frames;
 mod image;
 mod injection;
 mod inspection;
 pub mod live;
-mod loader_stub;
 mod machine;
 mod model;
-mod pins;
 mod port;
 mod processor;
-mod serial;
-mod setup;
-mod tcp;
 pub mod usb;
 
-pub use diagnosis::{BoardError, Diagnosis};
-pub use findings::Findings;
+pub use board::{Cable, Setup};
+pub use chain::electrode_count;
+pub use findings::{BoardError, Findings};
 pub use frames::{Frame, Inbox, Kind, ReceivedCode};
-pub use image::{Image, ImageError};
+pub use image::{Image, ImageError, elf};
 pub use injection::Injection;
+pub use live::TcpPort;
 pub use machine::VirtualBoard;
 pub use model::Model;
 pub use port::Port;
-pub use setup::{Cable, Setup};
-pub use tcp::TcpPort;

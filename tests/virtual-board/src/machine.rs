@@ -10,19 +10,18 @@ use rigless::session::Session;
 use rigless::time::VirtualNanos;
 
 use crate::board::Nucleo;
+use crate::board::{Cable, Setup};
 use crate::chain::{CHIPS, Chain};
-use crate::diagnosis::{BoardError, Diagnosis};
-use crate::findings::Findings;
+use crate::findings::{BoardError, Findings, section};
 use crate::frames::{Frame, Inbox};
 use crate::image::Image;
 use crate::injection::Injection;
 use crate::machine::driver::{BoardDriver, Progress, Request};
 use crate::model::Model;
 use crate::port::Port;
+use crate::port::Serial;
 use crate::processor::Observer;
-use crate::serial::Serial;
-use crate::setup::{Cable, Setup};
-use crate::usb::handle::UsbHost;
+use crate::usb::host::{Command, UsbHost};
 
 mod driver;
 
@@ -32,8 +31,9 @@ const TIMEOUT: Duration = Duration::from_secs(300);
 /// Interval between two checks of a condition, in us of virtual time.
 const POLL_US: u64 = 500;
 
-/// A board that runs an image. Virtual time advances only within [`run_until_us`](Self::run_until_us) and the
-/// methods that call it, and within [`advance_us`](Self::advance_us).
+/// A board that runs an image. Virtual time advances only within
+/// [`run_until_us`](Self::run_until_us) and the methods that call it, and within
+/// [`advance_us`](Self::advance_us).
 #[derive(Debug)]
 pub struct VirtualBoard {
     model: Model,
@@ -54,20 +54,19 @@ pub struct VirtualBoard {
 }
 
 impl VirtualBoard {
-    /// Powers a board on; its core has not executed an instruction yet.
-    ///
-    /// # Errors
-    /// None at present. If the emulator refuses the image or the board, the first run returns the error.
-    pub fn power_on(model: Model, image: &Image, setup: &Setup) -> Result<Self, BoardError> {
+    /// Powers a board on; its core has not executed an instruction yet. If the emulator refuses the
+    /// image or the board, the first run returns the error.
+    pub fn power_on(model: Model, image: &Image, setup: &Setup) -> Self {
         let chain = Chain::new(setup);
         if !setup.converters_on {
-            chain.wires().simulation().power_off();
+            chain.wires().simulation.power_off();
         }
         let serial = Serial::default();
-        let host = UsbHost::new();
+        let host = UsbHost::default();
         let observer = Observer::default();
         let board = Nucleo::new(
             model,
+            image,
             setup,
             chain.clone(),
             serial.clone(),
@@ -77,7 +76,7 @@ impl VirtualBoard {
         let port = match setup.cable {
             Cable::Uart => Port::Uart(serial),
             Cable::Usb => {
-                host.plug();
+                host.command(Command::Plug);
                 Port::Usb(host)
             }
         };
@@ -99,7 +98,7 @@ impl VirtualBoard {
             let run = emulator::run(session, &Start::new(&images), driver);
             run.map(drop).map_err(|error| error.to_string())
         });
-        Ok(Self {
+        Self {
             model,
             image: image.clone(),
             chain,
@@ -113,7 +112,7 @@ impl VirtualBoard {
             encoder: link::Encoder::starting_at(0),
             progress: Progress::default(),
             keep_open: true,
-        })
+        }
     }
 
     /// Returns the board type given at power-on.
@@ -128,7 +127,7 @@ impl VirtualBoard {
 
     /// Returns a handle of the simulated converters.
     pub fn converters(&self) -> Simulation<CHIPS> {
-        self.chain.wires().simulation().clone()
+        self.chain.wires().simulation.clone()
     }
 
     /// Returns the host's end of the port, to send, receive, open or close.
@@ -153,26 +152,26 @@ impl VirtualBoard {
 
     /// Returns the configured frequency of SCLK in Hz; 0 before the firmware has configured it.
     pub fn sclk_hz(&self) -> u32 {
-        self.chain.wires().sclk_hz()
+        self.chain.wires().sclk_hz
     }
 
     /// Returns the number of words that the SPI has transferred since power-on.
     pub fn spi_words(&self) -> u64 {
-        self.chain.wires().words()
+        self.chain.wires().words
     }
 
     /// Returns the number of SPI words since power-on that were not 8 bits wide.
     pub fn non_byte_words(&self) -> u64 {
-        self.chain.wires().non_byte_words()
+        self.chain.wires().non_byte_words
     }
 
     /// Holds DRDY at a level (`true` is high); `None` lets the converters drive it.
     pub fn hold_drdy(&self, level: Option<bool>) {
-        self.chain.wires().hold_drdy(level);
+        self.chain.wires().stuck = level;
     }
 
-    /// Corrupts bytes that the UART receives: of each million, `per_million` have a framing error and another
-    /// `per_million` have noise.
+    /// Corrupts bytes that the UART receives: of each million, `per_million` have a framing error
+    /// and another `per_million` have noise.
     ///
     /// # Errors
     /// The emulator has ended.
@@ -180,14 +179,16 @@ impl VirtualBoard {
         self.inspect(move |session, _| session.board_mut().chip.damage_uart(per_million))
     }
 
-    /// Schedules edges of the trigger line: ascending times in us since power-on, and levels (`true` is high).
+    /// Schedules edges of the trigger line: ascending times in us since power-on, and levels
+    /// (`true` is high).
     pub fn plan_trigger(&self, edges: &[(u64, bool)]) {
         let edges = edges.iter().map(|&(us, is_high)| (us * 1000, is_high));
         // If the emulator has ended, the next run reports it.
         let _ = self.requests.send(Request::Trigger(edges.collect()));
     }
 
-    /// Sets whether the host opens the USB port of a configured device after each run; initially true.
+    /// Sets whether the host opens the USB port of a configured device after each run; initially
+    /// true.
     pub const fn keep_open(&mut self, keep_open: bool) {
         self.keep_open = keep_open;
     }
@@ -248,7 +249,8 @@ impl VirtualBoard {
         self.run_until_us(self.now_us() + us)
     }
 
-    /// Runs for `us` microseconds of virtual time without reading the port, which is left to the caller.
+    /// Runs for `us` microseconds of virtual time without reading the port, which is left to the
+    /// caller.
     ///
     /// # Errors
     /// Those of [`run_until_us`](Self::run_until_us).
@@ -256,7 +258,8 @@ impl VirtualBoard {
         self.advance(self.now_ns + us * 1000)
     }
 
-    /// Runs until `holds` returns true for the received frames; `what` names the condition in the error.
+    /// Runs until `holds` returns true for the received frames; `what` names the condition in the
+    /// error.
     ///
     /// # Errors
     /// The condition does not hold within `limit_us` of virtual time, or the emulator fails.
@@ -321,28 +324,38 @@ impl VirtualBoard {
     }
 
     /// Returns a snapshot for error messages.
-    pub fn diagnosis(&mut self) -> Diagnosis {
+    pub fn diagnosis(&mut self) -> String {
         let findings = self.findings().unwrap_or_default();
-        Diagnosis {
-            findings,
-            frames: self.inbox.frames().len(),
-            decode_errors: self.inbox.decode_errors().to_vec(),
-            ..self.position()
-        }
+        let resets = findings.resets.iter();
+        let resets: Vec<_> = resets.map(|(us, why)| format!("{us} us: {why}")).collect();
+        let sections = [
+            section("resets", &resets),
+            section("unmapped", &findings.unmapped),
+            section("refused", &findings.refused),
+            section(
+                "violations of the reference manual",
+                &findings.manual_violations,
+            ),
+        ];
+        self.position() + &sections.concat()
     }
 
-    /// Returns the part of the diagnosis that is known without a request to the emulator.
-    fn position(&self) -> Diagnosis {
-        let program_counters = self.observer.recent_program_counters();
-        let program_counters = program_counters.iter();
-        Diagnosis {
-            now_us: self.now_us(),
-            instructions: self.progress.instructions,
-            program_counters: program_counters
-                .map(|&address| self.image.describe(address))
-                .collect(),
-            ..Diagnosis::default()
-        }
+    /// Returns the part of the snapshot that is known without a request to the emulator.
+    fn position(&self) -> String {
+        let (now, instructions) = (self.now_us(), self.progress.instructions);
+        let (frames, errors) = (self.inbox.frames().len(), self.inbox.decode_errors());
+        let counters = self.observer.recent_program_counters();
+        let counters = counters.iter().map(|&address| self.image.describe(address));
+        let counters = section(
+            "program counters, the newest last",
+            &counters.collect::<Vec<_>>(),
+        );
+        let not_decoded = section("frames that could not be decoded", errors);
+        format!(
+            "  at {now} us, {instructions} instructions, {frames} frames, {} not decoded\n\
+             {counters}{not_decoded}",
+            errors.len()
+        )
     }
 
     fn advance(&mut self, ns: u64) -> Result<(), BoardError> {

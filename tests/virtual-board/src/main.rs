@@ -1,4 +1,5 @@
-//! Serves the port of a virtual NUCLEO as a TCP port; `cargo xtask board h743 --live` starts this program.
+//! Serves the port of a virtual NUCLEO as a TCP port; `cargo xtask board h743 --live` starts this
+//! program.
 #![deny(unsafe_code)]
 
 use std::io;
@@ -6,46 +7,30 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use virtual_board::{Cable, Image, Model, Setup, TcpPort, VirtualBoard, live};
 
-/// Runs a firmware image on an emulated board and serves the board's port as a TCP port for a bridge.
+/// Runs a firmware image on an emulated board and serves the board's port as a TCP port for a
+/// bridge.
 #[derive(Debug, Parser)]
 #[command(version)]
 struct Options {
     /// The board that the image is for.
-    board: Board,
+    board: Model,
     /// The image: the ELF file that `cargo flash` writes.
     #[arg(long)]
     image: PathBuf,
-    /// TCP port on 127.0.0.1 for the bridge (`--port tcp:127.0.0.1:5556`); 0 lets the system choose.
+    /// TCP port on 127.0.0.1 for the bridge (`--port tcp:127.0.0.1:5556`); 0 lets the system
+    /// choose.
     #[arg(long, default_value_t = 5556)]
     port: u16,
-    /// The cable to the host. The default is the cable that the board's default image uses: USB for the
-    /// NUCLEO-H743ZI2, the UART for the NUCLEO-F446RE.
+    /// The cable to the host. The default is the cable that the board's default image uses: USB for
+    /// the NUCLEO-H743ZI2, the UART for the NUCLEO-F446RE.
     #[arg(long)]
-    cable: Option<CableOption>,
+    cable: Option<Cable>,
     /// Seconds of virtual time to run; the default is to run until the program is stopped.
     #[arg(long)]
     seconds: Option<u64>,
-}
-
-/// Values of the argument `board`.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Board {
-    /// NUCLEO-H743ZI2.
-    H743,
-    /// NUCLEO-F446RE.
-    F446,
-}
-
-/// Values of the option `--cable`.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum CableOption {
-    /// The ST-LINK's cable, which carries the UART.
-    Uart,
-    /// A cable to the microcontroller's own USB port.
-    Usb,
 }
 
 /// Exit status for a wrong argument, a missing image or an occupied port.
@@ -53,10 +38,7 @@ const USAGE: u8 = 2;
 
 fn main() -> ExitCode {
     let options = Options::parse();
-    let model = match options.board {
-        Board::H743 => Model::H743,
-        Board::F446 => Model::F446,
-    };
+    let model = options.board;
     let image = match Image::read(&options.image, model) {
         Ok(image) => image,
         Err(error) => return fail(USAGE, &error.to_string()),
@@ -78,26 +60,13 @@ fn main() -> ExitCode {
         image.path().display()
     );
     println!("  corticode-bridge --port tcp:127.0.0.1:{number} --sink ndjson");
-    let cable = match options.cable {
-        Some(CableOption::Uart) => Cable::Uart,
-        Some(CableOption::Usb) => Cable::Usb,
-        None => model.default_cable(),
-    };
     let setup = Setup {
-        cable,
+        cable: options.cable.unwrap_or(model.default_cable()),
         ..Setup::default()
     };
-    let board = VirtualBoard::power_on(model, &image, &setup);
-    let run = board.and_then(|mut board| {
-        live::run(
-            &mut board,
-            &mut tcp,
-            options.seconds,
-            &AtomicBool::new(false),
-            io::stderr(),
-        )
-    });
-    match run {
+    let mut board = VirtualBoard::power_on(model, &image, &setup);
+    let never = AtomicBool::new(false);
+    match live::run(&mut board, &mut tcp, options.seconds, &never, io::stderr()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => fail(1, &error.to_string()),
     }

@@ -1,13 +1,14 @@
-//! The two boards: names, memories, clocks and pins.
+//! The two boards: names, memories, clocks, pins, and which signal is on each pin.
 
 use std::fmt;
 use std::num::NonZeroU64;
 
-use crate::pins::{F446_PINS, H743_PINS, Pins};
-use crate::setup::Cable;
+use clap::ValueEnum;
+
+use crate::board::Cable;
 
 /// Type of NUCLEO board to emulate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Model {
     /// NUCLEO-H743ZI2 with an STM32H743ZI, the default board.
     H743,
@@ -16,9 +17,6 @@ pub enum Model {
 }
 
 impl Model {
-    /// All board types, the default first.
-    pub const ALL: [Self; 2] = [Self::H743, Self::F446];
-
     /// Returns the name of the board on the command line.
     pub const fn key(self) -> &'static str {
         match self {
@@ -43,8 +41,9 @@ impl Model {
         }
     }
 
-    /// Returns name, first address and size in bytes of each memory of the chip (DS12110 and DS10693, memory
-    /// mapping). The STM32F446 is emulated as an STM32F427, which has more flash and RAM.
+    /// Returns name, first address and size in bytes of each memory of the chip (DS12110 and
+    /// DS10693, memory mapping). The STM32F446 is emulated as an STM32F427, which has more flash
+    /// and RAM.
     pub(crate) const fn memories(self) -> &'static [(&'static str, u64, u64)] {
         match self {
             Self::H743 => &[
@@ -64,15 +63,13 @@ impl Model {
     /// Returns whether DMA1 can access an address (RM0433, 2.1; RM0390, 2.1). On the STM32H743 DMA1
     /// cannot access the tightly coupled memories (TCM).
     pub fn dma_reaches(self, address: u64) -> bool {
-        let [axi, sram1_to_3, f446] = [
-            0x2400_0000..0x2408_0000,
-            0x3000_0000..0x3004_8000,
-            0x2000_0000..0x2002_0000_u64,
-        ];
-        match self {
-            Self::H743 => axi.contains(&address) || sram1_to_3.contains(&address),
-            Self::F446 => f446.contains(&address),
-        }
+        let srams = self
+            .memories()
+            .iter()
+            .filter(|(name, ..)| name.contains("SRAM"));
+        srams
+            .map(|&(_, start, size)| start..start + size)
+            .any(|sram| sram.contains(&address))
     }
 
     /// Returns the address of DMA1's registers.
@@ -91,8 +88,8 @@ impl Model {
         }
     }
 
-    /// Returns the core clock after a reset, in Hz: the frequency of the internal oscillator (RM0433,
-    /// 8.5.2; RM0390, 6.2.2).
+    /// Returns the core clock after a reset, in Hz: the frequency of the internal oscillator
+    /// (RM0433, 8.5.2; RM0390, 6.2.2).
     pub const fn reset_hz(self) -> u64 {
         match self {
             Self::H743 => 64_000_000,
@@ -100,9 +97,9 @@ impl Model {
         }
     }
 
-    /// Returns how many instructions the emulated core retires per second of virtual time. The rate is an
-    /// assumption, not a measurement: about half an instruction per cycle, from flash with caches enabled.
-    /// The rate affects how late the firmware is, not what it computes.
+    /// Returns how many instructions the emulated core retires per second of virtual time. The rate
+    /// is an assumption, not a measurement: about half an instruction per cycle, from flash with
+    /// caches enabled. The rate affects how late the firmware is, not what it computes.
     ///
     /// # Panics
     /// Never: the rates are not 0.
@@ -128,10 +125,76 @@ impl fmt::Display for Model {
     }
 }
 
+/// A pin: index of its port (0 is port A) and its number in the port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Pin(pub(crate) u8, pub(crate) u8);
+
+impl Pin {
+    pub(crate) const fn port(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// Returns pins of the same port.
+const fn pins(port: u8, numbers: [u8; 8]) -> [Pin; 8] {
+    let mut pins = [Pin(port, 0); 8];
+    let mut index = 0;
+    while index < 8 {
+        pins[index].1 = numbers[index];
+        index += 1;
+    }
+    pins
+}
+
+impl fmt::Display for Pin {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "P{}{}", char::from(b'A' + self.0), self.1)
+    }
+}
+
+/// Pins that a board connects to the converters and the trigger. The list is a copy from
+/// `docs/hardware.md`, not from the firmware, and a test compares it with that document.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pins {
+    /// Chip selects, chip 0 first.
+    pub(crate) selects: [Pin; 8],
+    pub(crate) start: Pin,
+    pub(crate) reset: Pin,
+    pub(crate) drdy: Pin,
+    pub(crate) trigger: Pin,
+    /// Base address of the GPIO port to which the selects, START and RESET are connected.
+    pub(crate) select_port: u64,
+    /// Base address of the SPI to which the converters are connected.
+    pub(crate) spi: u64,
+}
+
+const E: u8 = 4;
+const C: u8 = 2;
+const B: u8 = 1;
+
+const H743_PINS: Pins = Pins {
+    selects: pins(E, [2, 4, 5, 6, 9, 11, 13, 14]),
+    start: Pin(E, 10),
+    reset: Pin(E, 12),
+    drdy: Pin(E, 7),
+    trigger: Pin(B, 10),
+    select_port: 0x5802_1000,
+    spi: 0x4001_3000,
+};
+
+const F446_PINS: Pins = Pins {
+    selects: pins(C, [0, 1, 2, 3, 8, 9, 10, 11]),
+    start: Pin(C, 6),
+    reset: Pin(C, 12),
+    drdy: Pin(C, 7),
+    trigger: Pin(B, 10),
+    select_port: 0x4002_0800,
+    spi: 0x4000_3800,
+};
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pins::Pin;
 
     /// Returns signal and pin of each row of a board's table in docs/hardware.md.
     fn documented(model: Model) -> Vec<(String, String)> {
@@ -154,7 +217,7 @@ mod tests {
 
     #[test]
     fn the_pins_are_those_of_the_documentation() {
-        for model in Model::ALL {
+        for model in [Model::H743, Model::F446] {
             let pins = model.pins();
             let mut wires: Vec<(String, Pin)> = (0..)
                 .zip(pins.selects)

@@ -3,6 +3,7 @@
 #![expect(unsafe_code, reason = "passes memory from the emulator to its core")]
 
 use std::collections::VecDeque;
+use std::mem::ManuallyDrop;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -12,14 +13,14 @@ use rigless::emulator::{
 use rigless::soc::{Endian, Width};
 use rigless::time::VirtualNanos;
 
-use crate::core_bus::{Bus, Differences};
+use crate::core_bus::{Bus, Differences, forward};
 
-/// Number of program counters that are kept. Once this number of failed accesses is known, no more are
-/// recorded.
+/// Number of program counters that are kept. Once this number of failed accesses is known, no more
+/// are recorded.
 const KEPT: usize = 16;
 
-/// Access to the running core: records its state, and queues changes to apply before the next call of
-/// [`Processor::run`]. Clones share one state.
+/// Access to the running core: records its state, and queues changes to apply before the next call
+/// of [`Processor::run`]. Clones share one state.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Observer(Arc<Mutex<Observed>>);
 
@@ -27,7 +28,8 @@ pub(crate) struct Observer(Arc<Mutex<Observed>>);
 struct Observed {
     /// Program counter after each of the last calls of [`Processor::run`], the newest last.
     program_counters: VecDeque<u64>,
-    /// Registers to set before the next call of [`Processor::run`]: GDB's register number and value.
+    /// Registers to set before the next call of [`Processor::run`]: GDB's register number and
+    /// value.
     set: Vec<(usize, u32)>,
     /// Addresses to read before the next call of [`Processor::run`].
     wanted: Vec<u64>,
@@ -52,37 +54,73 @@ impl Observer {
         self.state().failed.clone()
     }
 
-    /// Sets registers before the core next runs: 0 to 12 are r0 to r12, 13 is sp, 14 is lr, 15 is pc.
+    /// Sets registers before the core next runs: 0 to 12 are r0 to r12, 13 is sp, 14 is lr, 15 is
+    /// pc.
     pub(crate) fn set_registers(&self, registers: &[(usize, u32)]) {
         self.state().set.extend(registers);
     }
 
-    /// Requests words of the core's private address space, for example of the NVIC. They are read before
-    /// the core next runs.
+    /// Requests words of the core's private address space, for example of the NVIC. They are read
+    /// before the core next runs.
     pub(crate) fn request_words(&self, addresses: &[u64]) {
         let mut state = self.state();
         state.wanted = addresses.to_vec();
         state.read.clear();
     }
 
-    /// Returns address and value of the words of the last [`Self::request_words`]; empty until they have
-    /// been read.
+    /// Returns address and value of the words of the last [`Self::request_words`]; empty until they
+    /// have been read.
     pub(crate) fn words_read(&self) -> Vec<(u64, u32)> {
         self.state().read.clone()
     }
 }
 
-/// Wraps a core so that `observer` has access to it and `differences` apply to its accesses.
+/// A core that no run uses. It keeps the host code that it has translated from the image's
+/// instructions, which takes longer than most scenarios.
+#[derive(Debug)]
+struct IdleCore {
+    /// Name of the image that the core has run.
+    image: String,
+    inner: Box<dyn Processor>,
+    /// State of the core before it has run.
+    initial: Vec<u8>,
+}
+
+static IDLE: Mutex<Vec<IdleCore>> = Mutex::new(Vec::new());
+
+/// Takes an idle core that has run `image`, if there is one, and puts it into its initial state.
+fn take_idle(image: &str) -> Option<IdleCore> {
+    let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+    let index = idle.iter().position(|core| core.image == image)?;
+    let mut core = idle.swap_remove(index);
+    core.inner.take_reset_request();
+    core.inner.load(&core.initial).ok()?;
+    Some(core)
+}
+
+/// Wraps a core so that `observer` has access to it and `differences` apply to its accesses. The
+/// core is one that has run `image` before, if possible.
 pub(crate) fn wrap_core(
     mut core: CoreSpec,
+    image: &str,
     observer: &Observer,
     differences: Differences,
 ) -> CoreSpec {
-    let (make, observer) = (core.processor, observer.clone());
+    let (make, observer, image) = (core.processor, observer.clone(), image.to_owned());
     let differences = Arc::new(differences);
     core.processor = Arc::new(move |endian: Endian| {
+        let (inner, initial) = if let Some(idle) = take_idle(&image) {
+            (idle.inner, idle.initial)
+        } else {
+            let inner = make(endian)?;
+            let initial = inner.save();
+            (inner, initial)
+        };
         Ok(Box::new(Core {
-            inner: make(endian)?,
+            inner: ManuallyDrop::new(inner),
+            initial,
+            image: image.clone(),
+            has_run: false,
             observer: observer.clone(),
             differences: Arc::clone(&differences),
         }) as Box<dyn Processor>)
@@ -90,12 +128,28 @@ pub(crate) fn wrap_core(
     core
 }
 
-/// The emulator's core, wrapped; every method but [`Processor::run`] only forwards its call.
+/// The emulator's core, wrapped.
 #[derive(Debug)]
 struct Core {
-    inner: Box<dyn Processor>,
+    inner: ManuallyDrop<Box<dyn Processor>>,
+    initial: Vec<u8>,
+    image: String,
+    has_run: bool,
     observer: Observer,
     differences: Arc<Differences>,
+}
+
+impl Drop for Core {
+    /// Keeps the inner core for the next run of its image.
+    fn drop(&mut self) {
+        let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+        idle.push(IdleCore {
+            image: std::mem::take(&mut self.image),
+            // SAFETY: `inner` is not used again, because `self` is being dropped.
+            inner: unsafe { ManuallyDrop::take(&mut self.inner) },
+            initial: std::mem::take(&mut self.initial),
+        });
+    }
 }
 
 impl Core {
@@ -114,6 +168,7 @@ impl Core {
 
 impl Processor for Core {
     fn run(&mut self, budget: u32, bus: &mut dyn CoreBus) -> (Exit, u64) {
+        self.has_run = true;
         self.prepare(bus.time(self.inner.retired()));
         let mut failed = Vec::new();
         let mut bus = Bus {
@@ -134,148 +189,56 @@ impl Processor for Core {
         ran
     }
 
-    fn retired(&self) -> u64 {
-        self.inner.retired()
-    }
-
-    fn ask(&mut self, queued: Queued) {
-        self.inner.ask(queued);
-    }
-
-    fn maps(&self, start: u64, length: u64) -> bool {
-        self.inner.maps(start, length)
-    }
-
-    fn page_size(&self) -> u64 {
-        self.inner.page_size()
-    }
-
     unsafe fn map(&mut self, start: u64, length: u64, host: *mut u8, writable: bool) {
-        // SAFETY: the caller meets the requirements of `Processor::map` for this wrapper, and the arguments
-        // are passed on unchanged. The wrapper does not use `host` itself, and it drops the inner core when
-        // it is dropped.
+        // SAFETY: the caller meets the requirements of `Processor::map` for this wrapper, and the
+        // arguments are passed on unchanged. The wrapper does not use `host` itself. The inner core
+        // outlives this wrapper, and so the memory, but it does not run until the next wrapper has
+        // mapped all addresses again: every run of an image has the same memories.
         unsafe { self.inner.map(start, length, host, writable) }
     }
 
-    fn boot(&mut self, table: u64, read: &dyn Fn(u64, Width) -> Option<u64>) {
-        self.inner.boot(table, read);
+    /// Ignores that the image is written to memory before the core runs: the translations of an
+    /// idle core are those of the same image.
+    fn ask(&mut self, queued: Queued) {
+        if self.has_run || !matches!(queued, Queued::Invalidate(..)) {
+            self.inner.ask(queued);
+        }
     }
 
-    fn reset(&mut self) {
-        self.inner.reset();
-    }
-
-    fn take_reset_request(&mut self) -> bool {
-        self.inner.take_reset_request()
-    }
-
-    fn next_event(&self) -> Option<VirtualNanos> {
-        self.inner.next_event()
-    }
-
-    fn on_event(&mut self, now: VirtualNanos) {
-        self.inner.on_event(now);
-    }
-
-    fn waiting(&self) -> bool {
-        self.inner.waiting()
-    }
-
-    fn pc(&self) -> u64 {
-        self.inner.pc()
-    }
-
-    fn add_breakpoint(&mut self, address: u64) -> bool {
-        self.inner.add_breakpoint(address)
-    }
-
-    fn remove_breakpoint(&mut self, address: u64) {
-        self.inner.remove_breakpoint(address);
-    }
-
-    fn pass_breakpoint(&mut self, address: u64) {
-        self.inner.pass_breakpoint(address);
-    }
-
-    fn attach_debugger(&mut self, attached: bool) {
-        self.inner.attach_debugger(attached);
-    }
-
-    fn hold_interrupts(&mut self, held: bool) {
-        self.inner.hold_interrupts(held);
-    }
-
-    fn gdb_register(&self, number: usize) -> Option<Vec<u8>> {
-        self.inner.gdb_register(number)
-    }
-
-    fn set_gdb_register(&mut self, number: usize, bytes: &[u8]) -> bool {
-        self.inner.set_gdb_register(number, bytes)
-    }
-
-    fn debugger_access(
-        &mut self,
-        write: Option<u64>,
-        address: u64,
-        width: Width,
-        now: VirtualNanos,
-    ) -> Option<u64> {
-        self.inner.debugger_access(write, address, width, now)
-    }
-
-    fn take_debugger_trace(&mut self) -> Vec<u8> {
-        self.inner.take_debugger_trace()
-    }
-
-    fn target_xml(&self) -> &'static str {
-        self.inner.target_xml()
-    }
-
-    fn data_model(&self) -> DataModel {
-        self.inner.data_model()
-    }
-
-    fn byte_order(&self, address: u64) -> Endian {
-        self.inner.byte_order(address)
-    }
-
-    fn save(&self) -> Vec<u8> {
-        self.inner.save()
-    }
-
-    fn load(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        self.inner.load(bytes)
-    }
-
-    fn monitor_command(&mut self, command: &str) -> Option<String> {
-        self.inner.monitor_command(command)
-    }
-
-    fn debugger_halted(&mut self, why: HaltReason) -> bool {
-        self.inner.debugger_halted(why)
-    }
-
-    fn bit_alias(&self, address: u64, width: Width) -> Option<BitAlias> {
-        self.inner.bit_alias(address, width)
-    }
-
-    fn own_ranges(&self) -> Vec<Range<u64>> {
-        self.inner.own_ranges()
-    }
-
-    fn check_reads(&mut self, every: bool) {
-        self.inner.check_reads(every);
-    }
-
-    fn check_words(&mut self, words: &[u64]) {
-        self.inner.check_words(words);
-    }
-
-    fn host_call(&self, read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall> {
-        self.inner.host_call(read)
-    }
-
-    fn answer_host_call(&mut self, answer: Option<u64>) {
-        self.inner.answer_host_call(answer);
+    forward! {
+        &self:
+        fn retired() -> u64;
+        fn maps(start: u64, length: u64) -> bool;
+        fn page_size() -> u64;
+        fn next_event() -> Option<VirtualNanos>;
+        fn waiting() -> bool;
+        fn pc() -> u64;
+        fn gdb_register(number: usize) -> Option<Vec<u8>>;
+        fn target_xml() -> &'static str;
+        fn data_model() -> DataModel;
+        fn byte_order(address: u64) -> Endian;
+        fn save() -> Vec<u8>;
+        fn bit_alias(address: u64, width: Width) -> Option<BitAlias>;
+        fn own_ranges() -> Vec<Range<u64>>;
+        fn host_call(read: &mut dyn FnMut(u64, Width) -> Option<u64>) -> Option<HostCall>;
+        &mut self:
+        fn boot(table: u64, read: &dyn Fn(u64, Width) -> Option<u64>);
+        fn reset();
+        fn take_reset_request() -> bool;
+        fn on_event(now: VirtualNanos);
+        fn add_breakpoint(address: u64) -> bool;
+        fn remove_breakpoint(address: u64);
+        fn pass_breakpoint(address: u64);
+        fn attach_debugger(attached: bool);
+        fn hold_interrupts(held: bool);
+        fn set_gdb_register(number: usize, bytes: &[u8]) -> bool;
+        fn debugger_access(write: Option<u64>, address: u64, width: Width, now: VirtualNanos) -> Option<u64>;
+        fn take_debugger_trace() -> Vec<u8>;
+        fn load(bytes: &[u8]) -> Result<(), Error>;
+        fn monitor_command(command: &str) -> Option<String>;
+        fn debugger_halted(why: HaltReason) -> bool;
+        fn check_reads(every: bool);
+        fn check_words(words: &[u64]);
+        fn answer_host_call(answer: Option<u64>);
     }
 }

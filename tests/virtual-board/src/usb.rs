@@ -1,8 +1,9 @@
 //! USB: a model of the microcontroller's USB core, and a host at the other end of the cable.
 //!
-//! The core is Synopsys's OTG controller in device mode at full speed, with FIFO access by the processor.
-//! The model follows RM0433 rev 9 chapter 57 (STM32H743) and RM0390 chapter 31 (STM32F446). Where the
-//! manuals leave behaviour open, it follows what driver authors found on silicon, and a comment says so.
+//! The core is Synopsys's OTG controller in device mode at full speed, with FIFO access by the
+//! processor. The model follows RM0433 rev 9 chapter 57 (STM32H743) and RM0390 chapter 31
+//! (STM32F446). Where the manuals leave behaviour open, it follows what driver authors found on
+//! silicon, and a comment says so.
 //!
 //! The host enumerates the device as Linux does, uses it as a CDC-ACM serial port, and checks
 //! descriptors, data toggles, lengths and response times. A test controls the host with
@@ -14,16 +15,12 @@
 mod core;
 mod endpoint;
 mod fifo;
-pub(crate) mod handle;
 pub(crate) mod host;
 pub(crate) mod instance;
 pub(crate) mod otg;
 mod register;
-mod response;
 mod violation;
 
-pub use self::handle::UsbHost;
-pub use self::host::descriptor::{Configuration, Descriptors, EndpointDescriptor, Interface};
-pub use self::host::event::{Event, Logged};
-pub use self::host::status::{Counters, State};
+pub use self::host::descriptor::Descriptors;
+pub use self::host::{Command, State, UsbHost};
 pub use self::violation::Violation;

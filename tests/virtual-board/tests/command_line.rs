@@ -5,32 +5,24 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::{fs, io};
 
-/// Builds an ELF file whose segment at address `flash` holds a vector table (stack pointer, entry point)
-/// and then `code`.
-fn elf(machine: u16, flash: u32, code: &[u16]) -> Vec<u8> {
-    const HEADERS: u32 = 84;
-    let length = 8 + 2 * u32::try_from(code.len()).expect("a short program");
-    let mut file = b"\x7fELF\x01\x01\x01".to_vec();
-    file.resize(16, 0);
-    // Type: executable. The program header follows this ELF header.
-    file.extend([2_u16, machine].map(u16::to_le_bytes).concat());
-    let words = [1, flash + 9, 52, 0, 0x0500_0400];
-    file.extend(words.map(u32::to_le_bytes).concat());
-    file.extend([52_u16, 32, 1, 40, 0, 0].map(u16::to_le_bytes).concat());
-    // One segment: loadable, readable and executable.
-    let segment = [1, HEADERS, flash, flash, length, length, 5, 4];
-    file.extend(segment.map(u32::to_le_bytes).concat());
-    file.extend([0x2000_1000, flash + 9].map(u32::to_le_bytes).concat());
-    file.extend(code.iter().flat_map(|half| half.to_le_bytes()));
-    file
+/// Builds an ELF file whose segment at address `flash` holds a vector table (stack pointer, entry
+/// point) and then `code`.
+fn program(machine: u16, flash: u32, code: &[u16]) -> Vec<u8> {
+    let table = [0x2000_1000, flash + 9].map(u32::to_le_bytes).concat();
+    let code = code.iter().flat_map(|half| half.to_le_bytes());
+    virtual_board::elf(
+        machine,
+        flash,
+        &table.into_iter().chain(code).collect::<Vec<_>>(),
+    )
 }
 
 const ARM: u16 = 40;
 const FLASH: u32 = 0x0800_0000;
 /// Thumb code that loops on `wfi`.
 const SLEEP: [u16; 2] = [0xBF30, 0xE7FD];
-/// Thumb code that requests a reset: `ldr r0, =AIRCR; ldr r1, =VECTKEY | SYSRESETREQ; str r1, [r0]; b .`, then the
-/// two literals.
+/// Thumb code that requests a reset: `ldr r0, =AIRCR; ldr r1, =VECTKEY | SYSRESETREQ; str r1, [r0];
+/// b .`, then the two literals.
 const RESET: [u16; 8] = [
     0x4801, 0x4902, 0x6001, 0xE7FE, 0xED0C, 0xE000, 0x0004, 0x05FA,
 ];
@@ -68,7 +60,7 @@ fn a_missing_image_is_named_with_the_command_that_builds_it() {
 
 #[test]
 fn a_file_that_is_no_arm_program_is_refused() {
-    for bytes in [&b"plain text"[..], &elf(62, FLASH, &SLEEP)] {
+    for bytes in [&b"plain text"[..], &program(62, FLASH, &SLEEP)] {
         let path = write_file("no-image.elf", bytes).expect("a file");
         let (status, error) = run_image(&path);
         assert_eq!(status, Some(2));
@@ -78,7 +70,7 @@ fn a_file_that_is_no_arm_program_is_refused() {
 
 #[test]
 fn an_image_for_another_chip_is_refused_with_the_invalid_address() {
-    let path = write_file("other-chip.elf", &elf(ARM, 0x0010_0000, &SLEEP)).expect("a file");
+    let path = write_file("other-chip.elf", &program(ARM, 0x0010_0000, &SLEEP)).expect("a file");
     let (status, error) = run_image(&path);
     assert_eq!(status, Some(2));
     assert!(
@@ -90,7 +82,7 @@ fn an_image_for_another_chip_is_refused_with_the_invalid_address() {
 #[test]
 fn an_image_older_than_its_sources_is_refused() {
     let source = write_file("source.rs", b"").expect("a file");
-    let path = write_file("stale.elf", &elf(ARM, FLASH, &SLEEP)).expect("a file");
+    let path = write_file("stale.elf", &program(ARM, FLASH, &SLEEP)).expect("a file");
     let depends = format!("{}: {}\n", path.display(), source.display());
     write_file("stale.d", depends.as_bytes()).expect("a file");
     let later = fs::metadata(&path)
@@ -113,7 +105,7 @@ fn an_image_older_than_its_sources_is_refused() {
 
 #[test]
 fn an_occupied_port_is_named_with_the_remedy() {
-    let path = write_file("sleep.elf", &elf(ARM, FLASH, &SLEEP)).expect("a file");
+    let path = write_file("sleep.elf", &program(ARM, FLASH, &SLEEP)).expect("a file");
     let taken = TcpListener::bind("127.0.0.1:0").expect("a free port");
     let port = taken.local_addr().expect("a number").port().to_string();
     let (status, error) = run(&["f446", "--port", &port, "--image", &path.to_string_lossy()]);
@@ -123,7 +115,7 @@ fn an_occupied_port_is_named_with_the_remedy() {
 
 #[test]
 fn a_board_without_progress_ends_with_its_program_counter() {
-    let path = write_file("nothing.elf", &elf(ARM, FLASH, &SLEEP)).expect("a file");
+    let path = write_file("nothing.elf", &program(ARM, FLASH, &SLEEP)).expect("a file");
     let (status, error) = run_image(&path);
     assert_eq!(status, Some(1));
     assert!(error.contains("no progress for 10 s"), "{error}");
@@ -135,7 +127,7 @@ fn a_board_without_progress_ends_with_its_program_counter() {
 
 #[test]
 fn a_board_that_resets_in_a_loop_ends_with_the_causes() {
-    let path = write_file("restarts.elf", &elf(ARM, FLASH, &RESET)).expect("a file");
+    let path = write_file("restarts.elf", &program(ARM, FLASH, &RESET)).expect("a file");
     let (status, error) = run_image(&path);
     assert_eq!(status, Some(1));
     assert!(

@@ -24,8 +24,8 @@ use crate::chain::Chain;
 use crate::chip::Chip;
 use crate::core_bus::{ClearedBits, Redirect};
 use crate::model::Model;
-use crate::pins::Pin;
-use crate::usb::handle::UsbHost;
+use crate::model::Pin;
+use crate::usb::host::UsbHost;
 use crate::usb::instance::F446_OTG_FS;
 use crate::usb::otg::Otg;
 
@@ -48,8 +48,8 @@ const PORTS: [&str; 8] = [
 const RCC_CR: u64 = 0x4002_3800;
 const HSERDY: u64 = 1 << 17;
 
-/// Address of RCC_DCKCFGR2 (RM0390, 6.3.28), which the STM32F427 lacks. The emulated register only stores
-/// the written value, which is sufficient: the firmware keeps the reset clock selections.
+/// Address of RCC_DCKCFGR2 (RM0390, 6.3.28), which the STM32F427 lacks. The emulated register only
+/// stores the written value, which is sufficient: the firmware keeps the reset clock selections.
 const DCKCFGR2: u64 = 0x4002_3894;
 /// Free address at which accesses to DCKCFGR2 are served; the chip has nothing there.
 const SPARE: u64 = 0x5700_0000;
@@ -64,7 +64,8 @@ pub(crate) struct F446 {
 }
 
 impl F446 {
-    /// Creates a powered chip without an external clock, with `host` at the other end of its USB cable.
+    /// Creates a powered chip without an external clock, with `host` at the other end of its USB
+    /// cable.
     ///
     /// # Panics
     /// When the emulator's description of the part is inconsistent.
@@ -83,26 +84,8 @@ impl F446 {
         }
     }
 
-    /// Drives the input of TIM2's channel 3, if the pin has the timer's alternate function.
-    fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
-        let registers = self.part.bus().registers(PORTS[pin.port()]);
-        let function = registers.and_then(|registers| Gpio::function(part_pin(pin), registers));
-        if function != Some(TIMER_FUNCTION) {
-            return;
-        }
-        let channel = Channel::new(3).expect("TIM2 has four channels");
-        let slot = self.part.bus().slot(TIMERS[TIMER].instance);
-        let slot = slot.expect("the part has TIM2");
-        // The timer is moved out of the part during the call, because the part's registers are borrowed at
-        // the same time.
-        let spare = Tim::with_clock(1, TIMERS[TIMER].counter);
-        let mut timer = mem::replace(&mut self.part.tim[TIMER], spare);
-        let (registers, mut context) = self.part.bus_mut().drive(at, slot);
-        timer.drive_input(channel, Level::from(is_high), registers, &mut context);
-        self.part.tim[TIMER] = timer;
-    }
-
-    /// Returns the index of the GPIO port that SYSCFG routes to an EXTI line (RM0390, SYSCFG_EXTICR1 to 4).
+    /// Returns the index of the GPIO port that SYSCFG routes to an EXTI line (RM0390,
+    /// SYSCFG_EXTICR1 to 4).
     fn routed_port(&self, line: u8) -> u64 {
         let registers = self.bus().registers("SYSCFG").expect("the part has SYSCFG");
         let register = match line / 4 {
@@ -113,10 +96,6 @@ impl F446 {
         };
         registers.get(register) >> (4 * u32::from(line % 4)) & 0xF
     }
-}
-
-fn part_pin(pin: Pin) -> PartPin {
-    PartPin::new(pin.1).expect("a port has 16 pins")
 }
 
 impl Mcu for F446 {
@@ -170,16 +149,7 @@ impl Chip for F446 {
         config.spec()
     }
 
-    fn set_external_clock(&mut self, hz: u64) {
-        self.part.rcc.attach_crystals(hz, 0);
-    }
-
-    fn hse_ready_flag(&self) -> ClearedBits {
-        ClearedBits {
-            address: RCC_CR,
-            bits: HSERDY,
-        }
-    }
+    common_to_both_chips!(Tim::with_clock(1, TIMERS[TIMER].counter));
 
     fn redirects(&self) -> Vec<Redirect> {
         let spare = Redirect {
@@ -187,24 +157,6 @@ impl Chip for F446 {
             to: SPARE,
         };
         vec![spare, self.otg.redirect()]
-    }
-
-    fn set_lsi_hz(&mut self, hz: u64) {
-        self.part.rcc.calibrate_lsi(hz);
-    }
-
-    fn attach_spi(&mut self, chain: Chain) {
-        self.part.spi[SPI].attach(chain);
-    }
-
-    fn attach_uart(&mut self, peer: Box<dyn uart::Peer>) {
-        self.part.usart[UART].attach_boxed(peer);
-    }
-
-    fn damage_uart(&mut self, per_million: u32) {
-        let errors = self.part.usart[UART].errors_mut();
-        [errors.framing, errors.noise] =
-            ["framing", "noise"].map(|name| Rate { name, per_million });
     }
 
     /// SCLK is PCLK1 / 2^(BR + 1) (RM0390, SPI_CR1).
@@ -221,20 +173,8 @@ impl Chip for F446 {
         self.part.rcc.hclk(registers)
     }
 
-    fn driven_level(&self, pin: Pin) -> Option<bool> {
-        let registers = self.bus().registers(PORTS[pin.port()])?;
-        let mode = registers.get(gpioa::Register::Moder) >> (2 * u32::from(pin.1)) & 0b11;
-        let is_high = registers.get(gpioa::Register::Odr) >> u32::from(pin.1) & 1 != 0;
-        (mode == 0b01).then_some(is_high)
-    }
-
     fn drive(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
-        self.drive_timer(at, pin, is_high);
-        let level = Level::from(is_high);
-        self.part
-            .drive_port(at, pin.port(), |gpio, registers, context| {
-                gpio.drive(part_pin(pin), Some(level), registers, context);
-            });
+        self.drive_part(at, pin, is_high);
         let is_routed = self.routed_port(pin.1) == u64::from(pin.0);
         let (registers, mut context) = self.part.bus_mut().drive(at, self.exti_slot);
         self.exti

@@ -22,8 +22,8 @@ use crate::chain::Chain;
 use crate::chip::Chip;
 use crate::core_bus::{ClearedBits, Redirect};
 use crate::model::Model;
-use crate::pins::Pin;
-use crate::usb::handle::UsbHost;
+use crate::model::Pin;
+use crate::usb::host::UsbHost;
 use crate::usb::instance::H743_USB2;
 use crate::usb::otg::Otg;
 
@@ -42,60 +42,14 @@ const TIMER_FUNCTION: u8 = 1;
 const RCC_CR: u64 = 0x5802_4400;
 const HSERDY: u64 = 1 << 17;
 
-/// Peripherals whose models are removed because the firmware does not use them. The emulator polls every
-/// model for every byte of a DMA transfer; with these models, polling would take half of the emulation's
-/// time. Accesses to these peripherals are listed in
-/// [`Findings::unimplemented`](crate::findings::Findings).
-const REMOVED_MODELS: [&str; 48] = [
-    "SPI2",
-    "SPI3",
-    "SPI4",
-    "SPI5",
-    "SPI6",
-    "I2C1",
-    "I2C2",
-    "I2C3",
-    "I2C4",
-    "ADC1",
-    "ADC2",
-    "ADC3",
-    "ADC12_COMMON",
-    "ADC3_COMMON",
-    "SDMMC1",
-    "SDMMC2",
-    "TIM1",
-    "TIM3",
-    "TIM4",
-    "TIM5",
-    "TIM6",
-    "TIM7",
-    "TIM8",
-    "TIM12",
-    "TIM13",
-    "TIM14",
-    "TIM15",
-    "TIM16",
-    "TIM17",
-    "USART1",
-    "USART2",
-    "USART6",
-    "UART4",
-    "UART5",
-    "UART7",
-    "UART8",
-    "DMA2",
-    "DMAMUX2",
-    "BDMA",
-    "OTG1_HS_GLOBAL",
-    "GPIOC",
-    "GPIOF",
-    "GPIOG",
-    "GPIOI",
-    "GPIOJ",
-    "GPIOK",
-    "GPIOH",
-    "LPUART1",
-];
+/// Names of peripherals, separated by blanks, whose models are removed because the firmware does
+/// not use them. The emulator polls every model for every byte of a DMA transfer; with these
+/// models, polling would take half of the emulation's time. Accesses to these peripherals are
+/// listed in [`Findings::unimplemented`](crate::findings::Findings).
+const REMOVED_MODELS: &str = "SPI2 SPI3 SPI4 SPI5 SPI6 I2C1 I2C2 I2C3 I2C4 ADC1 ADC2 ADC3 ADC12_COMMON ADC3_COMMON \
+    SDMMC1 SDMMC2 TIM1 TIM3 TIM4 TIM5 TIM6 TIM7 TIM8 TIM12 TIM13 TIM14 TIM15 TIM16 TIM17 \
+    USART1 USART2 USART6 UART4 UART5 UART7 UART8 DMA2 DMAMUX2 BDMA OTG1_HS_GLOBAL GPIOC \
+    GPIOF GPIOG GPIOI GPIOJ GPIOK GPIOH LPUART1";
 
 /// Emulated STM32H743: the emulator's part, the watchdog and the USB core.
 #[derive(Debug)]
@@ -103,13 +57,15 @@ pub(crate) struct H743 {
     part: Stm32h743,
     watchdog: Watchdog,
     watchdog_slot: usize,
+    uart_slot: usize,
     otg: Otg,
     /// For each slot of the emulator, whether its peripheral model has been removed.
     removed: Box<[bool]>,
 }
 
 impl H743 {
-    /// Creates a powered chip without an external clock, with `host` at the other end of its USB cable.
+    /// Creates a powered chip without an external clock, with `host` at the other end of its USB
+    /// cable.
     ///
     /// # Panics
     /// When the emulator's description of the part is inconsistent.
@@ -118,41 +74,21 @@ impl H743 {
         part.set_supply(3300);
         part.set_analog_supply(3300);
         let watchdog_slot = part.bus().slot("IWDG").expect("the part has a watchdog");
+        let uart_slot = part.bus().slot("USART3").expect("the part has USART3");
+        let removed: Vec<&str> = REMOVED_MODELS.split(' ').collect();
         let slots = part.bus().slots().iter();
-        let removed = slots.map(|slot| REMOVED_MODELS.contains(&slot.peripheral().name));
+        let removed = slots.map(|slot| removed.contains(&slot.peripheral().name));
         let removed = removed.collect();
         let otg = Otg::new::<otg1_hs_global::Register>(&H743_USB2, host, part.bus_mut());
         Self {
             part,
             watchdog: Watchdog::default(),
             watchdog_slot,
+            uart_slot,
             otg: otg.expect("a free window"),
             removed,
         }
     }
-
-    /// Drives the input of TIM2's channel 3, if the pin has the timer's alternate function.
-    fn drive_timer(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
-        let registers = self.part.bus().registers(PORTS[pin.port()]);
-        let function = registers.and_then(|registers| Gpio::function(part_pin(pin), registers));
-        if function != Some(TIMER_FUNCTION) {
-            return;
-        }
-        let channel = Channel::new(3).expect("TIM2 has four channels");
-        let slot = self.part.bus().slot(TIMERS[TIMER].instance);
-        let slot = slot.expect("the part has TIM2");
-        // The timer is moved out of the part during the call, because the part's registers are borrowed at
-        // the same time.
-        let spare = Tim::new(TIMERS[TIMER]);
-        let mut timer = mem::replace(&mut self.part.tim[TIMER], spare);
-        let (registers, mut context) = self.part.bus_mut().drive(at, slot);
-        timer.drive_input(channel, Level::from(is_high), registers, &mut context);
-        self.part.tim[TIMER] = timer;
-    }
-}
-
-fn part_pin(pin: Pin) -> PartPin {
-    PartPin::new(pin.1).expect("a port has 16 pins")
 }
 
 impl Mcu for H743 {
@@ -171,7 +107,12 @@ impl Mcu for H743 {
     }
 
     fn poll(&mut self, now: VirtualNanos) {
-        self.part.poll(now);
+        // Only the UART looks outside; to ask every model of the part at each stop costs much time.
+        let (bus, uart) = self.part.split(self.uart_slot);
+        let (registers, mut context) = bus.drive(now, self.uart_slot);
+        if let Some(uart) = uart {
+            uart.poll(registers, &mut context);
+        }
         self.otg.poll(now, self.part.bus_mut());
     }
 
@@ -189,8 +130,8 @@ impl Mcu for H743 {
 }
 
 impl Chip for H743 {
-    /// Configures a Cortex-M7 r1p1 with 16 KiB each of instruction and data cache (DS12110, 3.1; PM0253, tables
-    /// 52, 77 and 81) that boots from flash (RM0433, 2.6).
+    /// Configures a Cortex-M7 r1p1 with 16 KiB each of instruction and data cache (DS12110, 3.1;
+    /// PM0253, tables 52, 77 and 81) that boots from flash (RM0433, 2.6).
     fn core(&self) -> CoreSpec {
         let lines = u32::from(self.cpu().interrupt_lines);
         let core = Core {
@@ -204,7 +145,10 @@ impl Chip for H743 {
         };
         let mut config = Config::new(core, &windows(self.bus()));
         config.fpu = Fpu::FpV5Dp;
-        config.mpu_regions = MpuRegions::Sixteen;
+        // With an MPU in use, the emulator checks every access, which takes a quarter of its time.
+        // The firmware only sets the attributes of the DMA's memory for the caches, which have no
+        // effect here.
+        config.mpu_regions = MpuRegions::None;
         config.cpuid = 0x411F_C271;
         config.caches = Some(Caches {
             clidr: 0x0900_0003,
@@ -216,37 +160,10 @@ impl Chip for H743 {
         config.spec()
     }
 
-    fn set_external_clock(&mut self, hz: u64) {
-        self.part.rcc.attach_crystals(hz, 0);
-    }
-
-    fn hse_ready_flag(&self) -> ClearedBits {
-        ClearedBits {
-            address: RCC_CR,
-            bits: HSERDY,
-        }
-    }
+    common_to_both_chips!(Tim::new(TIMERS[TIMER]));
 
     fn redirects(&self) -> Vec<Redirect> {
         vec![self.otg.redirect()]
-    }
-
-    fn set_lsi_hz(&mut self, hz: u64) {
-        self.part.rcc.calibrate_lsi(hz);
-    }
-
-    fn attach_spi(&mut self, chain: Chain) {
-        self.part.spi[SPI].attach(chain);
-    }
-
-    fn attach_uart(&mut self, peer: Box<dyn uart::Peer>) {
-        self.part.usart[UART].attach_boxed(peer);
-    }
-
-    fn damage_uart(&mut self, per_million: u32) {
-        let errors = self.part.usart[UART].errors_mut();
-        [errors.framing, errors.noise] =
-            ["framing", "noise"].map(|name| Rate { name, per_million });
     }
 
     /// SCLK is the kernel clock / 2^(MBR + 1) (RM0433, SPI_CFG1).
@@ -262,19 +179,7 @@ impl Chip for H743 {
         self.part.rcc.cpu_clock(registers)
     }
 
-    fn driven_level(&self, pin: Pin) -> Option<bool> {
-        let registers = self.bus().registers(PORTS[pin.port()])?;
-        let mode = registers.get(gpioa::Register::Moder) >> (2 * u32::from(pin.1)) & 0b11;
-        let is_high = registers.get(gpioa::Register::Odr) >> u32::from(pin.1) & 1 != 0;
-        (mode == 0b01).then_some(is_high)
-    }
-
     fn drive(&mut self, at: VirtualNanos, pin: Pin, is_high: bool) {
-        self.drive_timer(at, pin, is_high);
-        let level = Level::from(is_high);
-        self.part
-            .drive_port(at, pin.port(), |gpio, registers, context| {
-                gpio.drive(part_pin(pin), Some(level), registers, context);
-            });
+        self.drive_part(at, pin, is_high);
     }
 }

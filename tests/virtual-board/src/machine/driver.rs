@@ -1,7 +1,6 @@
 //! Work at each stop of the emulator: drives the pins, advances the converters, serves requests.
 
 use std::collections::VecDeque;
-use std::fmt;
 use std::sync::mpsc::{Receiver, Sender};
 
 use rigless::emulator::{AccessKind, Driver, HitKind, Host, Settled, Stop, StopReason, Watch};
@@ -12,7 +11,7 @@ use rigless::time::VirtualNanos;
 use crate::board::Nucleo;
 use crate::chain::Chain;
 use crate::injection::Change;
-use crate::pins::Pins;
+use crate::model::Pins;
 use crate::processor::Observer;
 
 /// Number of resets within [`RESET_LOOP_NS`] at which the board counts as resetting in a loop.
@@ -38,18 +37,6 @@ pub(super) enum Request {
 
 /// Closure that runs on the session while virtual time is stopped.
 pub(super) type Inspection = Box<dyn FnOnce(&mut Session<Nucleo>, &mut dyn Host) + Send>;
-
-impl fmt::Debug for Request {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Run(ns) => write!(formatter, "Run({ns})"),
-            Self::Trigger(edges) => write!(formatter, "Trigger({})", edges.len()),
-            Self::Inject(address, _) => write!(formatter, "Inject({address:#x})"),
-            Self::Inspect(_) => formatter.write_str("Inspect"),
-            Self::PowerOff => formatter.write_str("PowerOff"),
-        }
-    }
-}
 
 /// Progress of the emulator when it reaches a requested stop.
 #[derive(Clone, Copy, Debug, Default)]
@@ -136,8 +123,8 @@ impl BoardDriver {
         self.driven = [Some(drdy.is_high), Some(self.trigger_is_high)];
     }
 
-    /// Passes the levels of the output pins after a reset on to the converters. Stops a board that resets
-    /// in a loop, because emulating a reset takes far longer than the reset itself.
+    /// Passes the levels of the output pins after a reset on to the converters. Stops a board that
+    /// resets in a loop, because emulating a reset takes far longer than the reset itself.
     fn count_reset(&mut self, session: &mut Session<Nucleo>, now: VirtualNanos) {
         let chip = &session.board().chip;
         let mut wires = self.chain.wires();
@@ -170,8 +157,8 @@ impl BoardDriver {
         self.observer.set_registers(&change.registers);
     }
 
-    /// Returns the time of the next DRDY edge, trigger edge or requested stop, whichever is first, at the
-    /// latest [`MAX_RUN_NS`] after `now`.
+    /// Returns the time of the next DRDY edge, trigger edge or requested stop, whichever is first,
+    /// at the latest [`MAX_RUN_NS`] after `now`.
     fn next_stop(&self, now: VirtualNanos) -> VirtualNanos {
         let mut next = (now.0 + MAX_RUN_NS).min(self.until_ns);
         let trigger = self.trigger.front().map(|&(at, _)| at);
@@ -208,7 +195,7 @@ impl Driver<Nucleo> for BoardDriver {
                 chip.driven_level(pin)
             });
         } else if block == self.pins.spi {
-            self.chain.wires().set_sclk(chip.sclk_hz());
+            self.chain.wires().sclk_hz = chip.sclk_hz();
         }
     }
 

@@ -1,15 +1,14 @@
 //! Model of the USB core in device mode, with FIFO access by the processor.
 //!
-//! This file contains the state of the core and the register reads. [`write`] contains the register writes,
-//! [`bus`] the packets and signals from the host, and [`interrupt`] the interrupt flags.
+//! This file contains the state of the core, the register reads and the interrupt flags. [`write`]
+//! contains the register writes, and [`bus`] the packets and signals from the host.
 
 mod bus;
-mod interrupt;
 mod write;
 
 use rigless::soc::Width;
 
-use super::endpoint::{InEndpoint, OutEndpoint};
+use super::endpoint::{Endpoint, InEndpoint};
 use super::fifo::{Extent, PacketStatus, RxFifo};
 use super::instance::Instance;
 use super::register::{MAX_ENDPOINTS, Register, bit, dctl, epint, gintsts, grstctl};
@@ -19,6 +18,11 @@ use super::violation::Violations;
 const SOFT_RESET_NS: u64 = 100;
 /// Duration of a FIFO flush, in ns: 8 clocks of the PHY at 48 MHz (RM0433 57.14.5).
 const FLUSH_NS: u64 = 167;
+/// Duration of a frame at full speed, in ns.
+const FRAME_NS: u64 = 1_000_000;
+/// Time from the start of a frame to the end of the periodic frame, in ns: 80 % of the frame
+/// (`PFIVL` = 0b00).
+const EOPF_NS: u64 = 800_000;
 /// Depth of every FIFO after reset, in words.
 const RESET_FIFO_WORDS: u32 = 0x200;
 
@@ -34,14 +38,14 @@ pub(super) struct Supply {
 }
 
 /// Registers that do not belong to an endpoint, as last written.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Registers {
     gotgctl: u32,
     gotgint: u32,
     gahbcfg: u32,
     gusbcfg: u32,
-    /// `TXFNUM`, `TXFFLSH` and `RXFFLSH` as last written; the flush bits read as 0 when the flush has
-    /// ended.
+    /// `TXFNUM`, `TXFFLSH` and `RXFFLSH` as last written; the flush bits read as 0 when the flush
+    /// has ended.
     grstctl: u32,
     /// Latched bits of `OTG_GINTSTS`.
     gintsts: u32,
@@ -49,46 +53,28 @@ struct Registers {
     rx_depth: u32,
     tx: Vec<u32>,
     gccfg: u32,
-    glpmcfg: u32,
     dcfg: u32,
     /// `RWUSIG`, `SDIS`, `GINSTS`, `GONSTS`, `TCTL` and `POPRGDNE` of `OTG_DCTL`.
     dctl: u32,
     diepmsk: u32,
     doepmsk: u32,
     daintmsk: u32,
-    dvbusdis: u32,
-    dvbuspulse: u32,
-    dthrctl: u32,
     diepempmsk: u32,
     pcgcctl: u32,
 }
 
 impl Registers {
-    /// Returns the reset values (RM0433 57.14) for a core with this number of endpoints per direction.
+    /// Returns the reset values (RM0433 57.14) for a core with this number of endpoints per
+    /// direction.
     fn new(endpoints: usize) -> Self {
         let tx = (0..endpoints).map(|_| RESET_FIFO_WORDS << 16 | RESET_FIFO_WORDS);
         Self {
-            gotgctl: 0,
-            gotgint: 0,
-            gahbcfg: 0,
             gusbcfg: 0x1440,
-            grstctl: 0,
-            gintsts: 0,
-            gintmsk: 0,
             rx_depth: RESET_FIFO_WORDS,
             tx: tx.collect(),
-            gccfg: 0,
-            glpmcfg: 0,
             dcfg: 0x0220_0000,
             dctl: dctl::SDIS,
-            diepmsk: 0,
-            doepmsk: 0,
-            daintmsk: 0,
-            dvbusdis: 0x17D7,
-            dvbuspulse: 0x05B8,
-            dthrctl: 0,
-            diepempmsk: 0,
-            pcgcctl: 0,
+            ..Self::default()
         }
     }
 }
@@ -99,8 +85,8 @@ impl Registers {
 struct BusState {
     /// True if VBUS is present.
     vbus: bool,
-    /// Start of the first frame since the host last started to send frames, in ns; `None` while the host
-    /// sends no frames.
+    /// Start of the first frame since the host last started to send frames, in ns; `None` while the
+    /// host sends no frames.
     frames_from: Option<u64>,
     /// Number of the frame that starts at `frames_from`.
     first_frame: u64,
@@ -121,7 +107,7 @@ pub(super) struct Core {
     pub(super) supply: Supply,
     registers: Registers,
     inputs: Vec<InEndpoint>,
-    outputs: Vec<OutEndpoint>,
+    outputs: Vec<Endpoint>,
     rx: RxFifo,
     bus: BusState,
     /// Virtual time of the current call, in ns.
@@ -143,7 +129,7 @@ impl Core {
             supply: Supply::default(),
             registers: Registers::new(instance.endpoints),
             inputs: (0..instance.endpoints).map(InEndpoint::new).collect(),
-            outputs: (0..instance.endpoints).map(OutEndpoint::new).collect(),
+            outputs: (0..instance.endpoints).map(Endpoint::new).collect(),
             rx: RxFifo::default(),
             bus: BusState::default(),
             now: 0,
@@ -186,11 +172,8 @@ impl Core {
     /// Returns whether an access to `register` is possible now; if not, records why.
     fn is_reachable(&mut self, register: Register, width: Width) -> bool {
         if !self.supply.clocked {
-            self.report(
-                register,
-                "access while the core's bus clock is off",
-                "8.5.10",
-            );
+            let what = "access while the core's bus clock is off";
+            self.report(register, what, "8.5.10");
             return false;
         }
         if width != Width::W32 {
@@ -239,7 +222,6 @@ impl Core {
             Register::Gnptxsts => self.dtxfsts(0),
             Register::Gccfg => held.gccfg,
             Register::Cid => self.instance.core_id,
-            Register::Glpmcfg => held.glpmcfg,
             Register::Dcfg => held.dcfg,
             Register::Dctl => held.dctl,
             Register::Dsts => self.dsts(),
@@ -247,9 +229,6 @@ impl Core {
             Register::Doepmsk => held.doepmsk,
             Register::Daint => self.daint(),
             Register::Daintmsk => held.daintmsk,
-            Register::Dvbusdis => held.dvbusdis,
-            Register::Dvbuspulse => held.dvbuspulse,
-            Register::Dthrctl => held.dthrctl,
             Register::Diepempmsk => held.diepempmsk,
             Register::Diepctl(n) => self.inputs[n].registers.control,
             Register::Diepint(n) => {
@@ -262,9 +241,9 @@ impl Core {
             }
             Register::Dieptsiz(n) => self.inputs[n].registers.size,
             Register::Dtxfsts(n) => self.dtxfsts(n),
-            Register::Doepctl(n) => self.outputs[n].registers.control,
-            Register::Doepint(n) => self.outputs[n].registers.flags,
-            Register::Doeptsiz(n) => self.outputs[n].registers.size,
+            Register::Doepctl(n) => self.outputs[n].control,
+            Register::Doepint(n) => self.outputs[n].flags,
+            Register::Doeptsiz(n) => self.outputs[n].size,
             Register::Pcgcctl => held.pcgcctl,
             Register::Undocumented(_) | Register::Fifo(_) => 0,
         }
@@ -333,7 +312,7 @@ impl Core {
             if status == PacketStatus::OutDone as u32 {
                 output.complete();
             } else if status == PacketStatus::SetupDone as u32 {
-                output.registers.flags |= epint::STUP;
+                output.flags |= epint::STUP;
             }
         }
         word
@@ -354,8 +333,80 @@ impl Core {
         })
     }
 
-    /// Returns the level of the interrupt line: high if the core is clocked, `GINT` is set and an unmasked
-    /// flag is set.
+    /// Returns the number of the current frame: 11 bits at full speed.
+    pub(super) fn frame(&self) -> u32 {
+        let passed = self
+            .bus
+            .frames_from
+            .map_or(0, |from| self.now.saturating_sub(from) / FRAME_NS);
+        u32::try_from((self.bus.first_frame + passed) & 0x7FF).unwrap_or_default()
+    }
+
+    /// Returns whether, since the time `cleared` in ns, any frame has reached the point `offset` ns
+    /// after its start.
+    fn frame_instant_since(&self, cleared: u64, offset: u64) -> bool {
+        self.bus.frames_from.is_some_and(|from| {
+            let count = |at: u64| {
+                at.checked_sub(from + offset)
+                    .map_or(0, |d| d / FRAME_NS + 1)
+            };
+            count(self.now) > count(cleared)
+        })
+    }
+
+    /// Returns the next time at which one of the frame flags `wanted` is set, in ns.
+    pub(super) fn next_frame_event(&self, wanted: u32) -> Option<u64> {
+        let from = self.bus.frames_from?;
+        let next = |offset: u64| {
+            let first = from + offset;
+            let passed = self.now.checked_sub(first).map_or(0, |d| d / FRAME_NS + 1);
+            first + passed * FRAME_NS
+        };
+        let sof = (wanted & gintsts::SOF != 0).then(|| next(0));
+        let eopf = (wanted & gintsts::EOPF != 0).then(|| next(EOPF_NS));
+        sof.into_iter().chain(eopf).min()
+    }
+
+    /// Returns the value of `OTG_GINTSTS`: the latched flags and those derived from the current
+    /// state.
+    pub(super) fn gintsts(&self) -> u32 {
+        let mut flags = self.registers.gintsts;
+        let mut set = |bit: u32, on: bool| {
+            if on {
+                flags |= bit;
+            }
+        };
+        set(gintsts::OTGINT, self.registers.gotgint != 0);
+        set(gintsts::SOF, self.frame_instant_since(self.sof_cleared, 0));
+        set(
+            gintsts::EOPF,
+            self.frame_instant_since(self.eopf_cleared, EOPF_NS),
+        );
+        set(gintsts::RXFLVL, !self.rx.is_empty());
+        set(gintsts::NPTXFE, self.tx_fifo_has_room(0));
+        set(gintsts::GINAKEFF, self.registers.dctl & dctl::GINSTS != 0);
+        set(gintsts::GONAKEFF, self.registers.dctl & dctl::GONSTS != 0);
+        let endpoints = self.daint() & self.registers.daintmsk;
+        set(gintsts::IEPINT, endpoints & 0xFFFF != 0);
+        set(gintsts::OEPINT, endpoints >> 16 != 0);
+        flags
+    }
+
+    /// Returns the value of `OTG_DAINT`: endpoints with an unmasked flag, IN in bits 15:0, OUT in
+    /// bits 31:16.
+    pub(super) fn daint(&self) -> u32 {
+        let held = &self.registers;
+        let inputs = (0..self.inputs.len()).filter(|&n| {
+            self.inputs[n].registers.flags & held.diepmsk != 0
+                || held.diepempmsk & 1 << n != 0 && self.tx_fifo_has_room(n)
+        });
+        let outputs =
+            (0..self.outputs.len()).filter(|&n| self.outputs[n].flags & held.doepmsk != 0);
+        inputs.fold(0, |all, n| all | 1 << n) | outputs.fold(0, |all, n| all | 1 << (16 + n))
+    }
+
+    /// Returns the level of the interrupt line: high if the core is clocked, `GINT` is set and an
+    /// unmasked flag is set.
     pub(super) fn interrupt(&self) -> bool {
         self.supply.clocked
             && self.registers.gahbcfg & bit::GINT != 0

@@ -4,9 +4,20 @@ use std::collections::VecDeque;
 
 use super::register::{epctl, epint};
 
-/// Reply of an IN endpoint to an IN token.
+/// Response of the device to a SETUP or OUT packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Handshake {
+    Ack,
+    Nak,
+    Stall,
+    /// No response, for example because the token is for another device or the device is not on the
+    /// bus.
+    Silent,
+}
+
+/// Response of the device to an IN token.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Reply {
+pub(crate) enum Input {
     Packet {
         bytes: Vec<u8>,
         /// True if the data PID is DATA1.
@@ -14,6 +25,9 @@ pub(super) enum Reply {
     },
     Nak,
     Stall,
+    /// No response, for example because the token is for another device or the device is not on the
+    /// bus.
+    Silent,
 }
 
 /// Registers of an endpoint of either direction.
@@ -29,7 +43,7 @@ pub(super) struct Endpoint {
 }
 
 impl Endpoint {
-    fn new(number: usize) -> Self {
+    pub(super) fn new(number: usize) -> Self {
         Self {
             // Endpoint 0 is always active.
             control: if number == 0 { epctl::USBAEP } else { 0 },
@@ -50,7 +64,8 @@ impl Endpoint {
         }
     }
 
-    /// Returns the maximum packet size in bytes. Endpoint 0 has a two-bit code for 64, 32, 16 and 8 bytes.
+    /// Returns the maximum packet size in bytes. Endpoint 0 has a two-bit code for 64, 32, 16 and 8
+    /// bytes.
     pub(super) fn max_packet(&self) -> usize {
         let field = self.control & epctl::MPSIZ;
         if self.number == 0 {
@@ -81,7 +96,8 @@ impl Endpoint {
         self.number == 0 || self.control & epctl::EPTYP == 0
     }
 
-    /// Applies a write to the control register, except to `EPENA` and `EPDIS`, which the caller handles.
+    /// Applies a write to the control register, except to `EPENA` and `EPDIS`, which the caller
+    /// handles.
     ///
     /// `writable` is the mask of the fields that are writable for this direction.
     fn write(&mut self, value: u32, writable: u32) {
@@ -110,8 +126,8 @@ impl Endpoint {
         }
     }
 
-    /// Applies a USB reset, which deactivates every endpoint but 0. `EPENA` keeps its value, as driver authors
-    /// found on silicon (Zephyr pull 99958, TinyUSB pull 2607, NuttX pull 4505).
+    /// Applies a USB reset, which deactivates every endpoint but 0. `EPENA` keeps its value, as
+    /// driver authors found on silicon (Zephyr pull 99958, TinyUSB pull 2607, NuttX pull 4505).
     pub(super) fn bus_reset(&mut self) {
         if self.number != 0 {
             self.set(epctl::USBAEP, false);
@@ -154,7 +170,8 @@ impl InEndpoint {
         self.words.clear();
     }
 
-    /// Writes the control register; the caller has checked whether the endpoint may be enabled or disabled.
+    /// Writes the control register; the caller has checked whether the endpoint may be enabled or
+    /// disabled.
     pub(super) fn write_control(&mut self, value: u32) {
         let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::TXFNUM;
         self.registers.write(value, fields);
@@ -198,16 +215,16 @@ impl InEndpoint {
     }
 
     /// Replies to an IN token. The model assumes that the host acknowledges the packet.
-    pub(super) fn on_in_token(&mut self) -> Reply {
+    pub(super) fn on_in_token(&mut self) -> Input {
         if self.registers.has(epctl::STALL) {
-            return Reply::Stall;
+            return Input::Stall;
         }
         if self.registers.has(epctl::NAKSTS) {
-            return Reply::Nak;
+            return Input::Nak;
         }
         if !self.is_loaded() {
             self.registers.flags |= epint::ITTXFE;
-            return Reply::Nak;
+            return Input::Nak;
         }
         let len = self.next_len();
         let bytes = self
@@ -223,176 +240,67 @@ impl InEndpoint {
             self.registers.set(epctl::EPENA, false);
             self.registers.flags |= epint::XFRC;
         }
-        Reply::Packet { bytes, data1 }
-    }
-
-    /// Handles a SETUP packet: clears STALL, sets NAK, and sets the next data PID to DATA1.
-    pub(super) fn on_setup(&mut self) {
-        self.registers.set(epctl::DPID, true);
-        self.registers.set(epctl::NAKSTS, true);
-        self.registers.set(epctl::STALL, false);
+        Input::Packet { bytes, data1 }
     }
 }
 
-/// An OUT endpoint; its data is stored in the receive FIFO.
-#[derive(Clone, Debug)]
-pub(super) struct OutEndpoint {
-    pub(super) registers: Endpoint,
-}
-
-impl OutEndpoint {
-    pub(super) fn new(number: usize) -> Self {
-        Self {
-            registers: Endpoint::new(number),
-        }
-    }
-
-    /// Writes the control register; the caller has checked whether the endpoint may be enabled or disabled.
+/// An OUT endpoint consists of its registers; its data is stored in the receive FIFO.
+impl Endpoint {
+    /// Writes the control register; the caller has checked whether the endpoint may be enabled or
+    /// disabled.
     pub(super) fn write_control(&mut self, value: u32) {
         let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::SNPM;
-        self.registers.write(value, fields);
+        self.write(value, fields);
         if value & epctl::EPENA != 0 {
-            self.registers.set(epctl::EPENA, true);
+            self.set(epctl::EPENA, true);
         }
-        if value & epctl::EPDIS != 0 && self.registers.has(epctl::EPENA) {
-            self.registers.set(epctl::EPENA, false);
-            self.registers.flags |= epint::EPDISD;
+        if value & epctl::EPDIS != 0 && self.has(epctl::EPENA) {
+            self.set(epctl::EPENA, false);
+            self.flags |= epint::EPDISD;
         }
     }
 
     /// Returns whether the endpoint would accept a packet, provided that the receive FIFO has room.
     ///
-    /// Only NAK decides: with FIFO access by the processor, an active endpoint accepts packets even while
-    /// `EPENA` is clear. Drivers that never set `EPENA` on endpoint 0, such as embassy's, rely on this
-    /// behaviour.
+    /// Only NAK decides: with FIFO access by the processor, an active endpoint accepts packets even
+    /// while `EPENA` is clear. Drivers that never set `EPENA` on endpoint 0, such as embassy's,
+    /// rely on this behaviour.
     pub(super) fn accepts_data(&self) -> bool {
-        !self.registers.has(epctl::NAKSTS)
+        !self.has(epctl::NAKSTS)
     }
 
-    /// Returns whether the data PID is the expected one. If it is not, the packet is a repetition, which
-    /// the device acknowledges and drops.
+    /// Returns whether the data PID is the expected one. If it is not, the packet is a repetition,
+    /// which the device acknowledges and drops.
     pub(super) fn expects(&self, data1: bool) -> bool {
-        self.registers.has(epctl::DPID) == data1
+        self.has(epctl::DPID) == data1
     }
 
-    /// Accepts a packet of `bytes` bytes. Returns whether the transfer is complete; the caller then appends
-    /// that status to the receive FIFO.
+    /// Accepts a packet of `bytes` bytes. Returns whether the transfer is complete; the caller then
+    /// appends that status to the receive FIFO.
     pub(super) fn accept(&mut self, bytes: usize) -> bool {
-        let data1 = self.registers.has(epctl::DPID);
-        self.registers.set(epctl::DPID, !data1);
-        self.registers.count_down(bytes);
-        let done = self.registers.packet_count() == 0 || bytes < self.registers.max_packet();
+        let data1 = self.has(epctl::DPID);
+        self.set(epctl::DPID, !data1);
+        self.count_down(bytes);
+        let done = self.packet_count() == 0 || bytes < self.max_packet();
         if done {
-            self.registers.set(epctl::NAKSTS, true);
+            self.set(epctl::NAKSTS, true);
         }
         done
     }
 
     /// Ends the transfer; called when software reads the completion status from the receive FIFO.
     pub(super) fn complete(&mut self) {
-        self.registers.set(epctl::EPENA, false);
-        self.registers.flags |= epint::XFRC;
+        self.set(epctl::EPENA, false);
+        self.flags |= epint::XFRC;
     }
 
     /// Handles a SETUP packet: clears STALL, sets NAK, and sets the next data PID to DATA1.
     pub(super) fn on_setup(&mut self) {
-        self.registers.set(epctl::DPID, true);
-        self.registers.set(epctl::NAKSTS, true);
-        self.registers.set(epctl::STALL, false);
-        let left = (self.registers.size >> 29 & 3).saturating_sub(1);
-        self.registers.size = self.registers.size & 0x1FFF_FFFF | left << 29;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn bulk_in(max_packet: u32) -> InEndpoint {
-        let mut endpoint = InEndpoint::new(2);
-        endpoint.write_control(epctl::USBAEP | 2 << 18 | 2 << 22 | epctl::SD0PID | max_packet);
-        endpoint
-    }
-
-    fn load(endpoint: &mut InEndpoint, bytes: u32) {
-        endpoint.registers.size = 1 << 19 | bytes;
-        let control = endpoint.registers.control;
-        endpoint.write_control(control | epctl::CNAK | epctl::EPENA);
-        for word in 0..bytes.div_ceil(4) {
-            assert!(
-                endpoint.write_fifo(word),
-                "word {word} belongs to the transfer"
-            );
-        }
-    }
-
-    #[test]
-    fn an_in_endpoint_sends_when_its_fifo_contains_the_whole_packet() {
-        let mut endpoint = bulk_in(64);
-        endpoint.registers.size = 1 << 19 | 6;
-        let control = endpoint.registers.control;
-        endpoint.write_control(control | epctl::CNAK | epctl::EPENA);
-        endpoint.write_fifo(0x0403_0201);
-        assert!(!endpoint.answers());
-        assert_eq!(endpoint.on_in_token(), Reply::Nak);
-        endpoint.write_fifo(0x0605);
-        assert!(endpoint.answers());
-        let bytes = vec![1, 2, 3, 4, 5, 6];
-        let data1 = false;
-        assert_eq!(endpoint.on_in_token(), Reply::Packet { bytes, data1 });
-        assert!(!endpoint.registers.has(epctl::EPENA), "transfer complete");
-        assert_eq!(endpoint.registers.flags, epint::ITTXFE | epint::XFRC);
-    }
-
-    #[test]
-    fn data_toggles_and_an_empty_packet_needs_no_words() {
-        let mut endpoint = bulk_in(64);
-        for data1 in [false, true, false] {
-            load(&mut endpoint, 0);
-            let bytes = Vec::new();
-            assert_eq!(endpoint.on_in_token(), Reply::Packet { bytes, data1 });
-        }
-    }
-
-    #[test]
-    fn a_word_that_the_transfer_does_not_need_is_reported() {
-        let mut endpoint = bulk_in(64);
-        load(&mut endpoint, 4);
-        assert!(!endpoint.write_fifo(9));
-    }
-
-    #[test]
-    fn a_bus_reset_deactivates_an_endpoint_and_leaves_it_enabled() {
-        let mut endpoint = bulk_in(64);
-        load(&mut endpoint, 4);
-        endpoint.registers.bus_reset();
-        assert!(!endpoint.registers.has(epctl::USBAEP));
-        assert!(endpoint.registers.has(epctl::EPENA));
-    }
-
-    #[test]
-    fn the_next_setup_clears_the_stall_of_endpoint_0() {
-        let mut endpoint = OutEndpoint::new(0);
-        endpoint.write_control(epctl::STALL);
-        endpoint.write_control(0);
-        assert!(
-            endpoint.registers.has(epctl::STALL),
-            "a write does not clear it"
-        );
-        endpoint.on_setup();
-        assert!(!endpoint.registers.has(epctl::STALL));
-    }
-
-    #[test]
-    fn an_out_endpoint_naks_after_its_transfer_until_software_clears_it() {
-        let mut endpoint = OutEndpoint::new(1);
-        endpoint.write_control(epctl::USBAEP | 2 << 18 | 64);
-        endpoint.registers.size = 1 << 19 | 64;
-        assert!(endpoint.accepts_data() && endpoint.expects(false));
-        assert!(endpoint.accept(64), "the transfer has one packet");
-        assert!(!endpoint.accepts_data());
-        let control = endpoint.registers.control;
-        endpoint.write_control(control | epctl::CNAK);
-        assert!(endpoint.accepts_data() && endpoint.expects(true));
+        self.set(epctl::DPID, true);
+        self.set(epctl::NAKSTS, true);
+        self.set(epctl::STALL, false);
+        // The count of SETUP packets, which an IN endpoint does not have.
+        let left = (self.size >> 29 & 3).saturating_sub(1);
+        self.size = self.size & 0x1FFF_FFFF | left << 29;
     }
 }

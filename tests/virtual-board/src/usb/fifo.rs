@@ -3,7 +3,8 @@
 
 use std::collections::VecDeque;
 
-/// Values of `PKTSTS` in a status word of the receive FIFO (RM0433 57.14, `OTG_GRXSTSP` in device mode).
+/// Values of `PKTSTS` in a status word of the receive FIFO (RM0433 57.14, `OTG_GRXSTSP` in device
+/// mode).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PacketStatus {
     GlobalOutNak = 1,
@@ -37,8 +38,8 @@ impl RxFifo {
         self.0.len()
     }
 
-    /// Returns the number of words that a packet of `bytes` bytes needs: its status, its data, and the
-    /// status that ends the transfer.
+    /// Returns the number of words that a packet of `bytes` bytes needs: its status, its data, and
+    /// the status that ends the transfer.
     pub(super) fn words_for(bytes: usize) -> usize {
         1 + bytes.div_ceil(4) + 1
     }
@@ -81,7 +82,8 @@ impl RxFifo {
         Some(word)
     }
 
-    /// Removes the data word at the front; `None` if the FIFO is empty or a status word is at the front.
+    /// Removes the data word at the front; `None` if the FIFO is empty or a status word is at the
+    /// front.
     pub(super) fn pop_data(&mut self) -> Option<u32> {
         match self.0.front() {
             Some(&Entry::Data(word)) => {
@@ -121,8 +123,8 @@ impl Extent {
 /// Minimum depth of a FIFO, in words (RM0433 57.14, `OTG_GRXFSIZ` and `OTG_DIEPTXFx`).
 const MIN_DEPTH: u32 = 16;
 
-/// Returns the first error in the layout of `fifos` in a memory of `words` words. The receive FIFO is the
-/// first of `fifos`.
+/// Returns the first error in the layout of `fifos` in a memory of `words` words. The receive FIFO
+/// is the first of `fifos`.
 pub(super) fn layout_error(fifos: &[(String, Extent)], words: u32) -> Option<String> {
     for (n, (name, extent)) in fifos.iter().enumerate() {
         if extent.depth < MIN_DEPTH {
@@ -147,19 +149,6 @@ pub(super) fn layout_error(fifos: &[(String, Extent)], words: u32) -> Option<Str
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_packet_is_a_status_word_and_its_bytes_in_words() {
-        let mut fifo = RxFifo::default();
-        fifo.push(PacketStatus::OutData, 1, true, 5, &[1, 2, 3, 4, 5]);
-        assert_eq!(fifo.pop_data(), None, "the status comes first");
-        let status = 1 | 5 << 4 | 0b10 << 15 | 2 << 17 | 5 << 21;
-        assert_eq!(fifo.pop_status(), Some(status));
-        assert_eq!(fifo.pop_status(), None, "data before the next status");
-        assert_eq!(fifo.pop_data(), Some(0x0403_0201));
-        assert_eq!(fifo.pop_data(), Some(5));
-        assert!(fifo.is_empty());
-    }
 
     #[test]
     fn fifos_that_overlap_or_end_outside_the_memory_are_named() {

@@ -1,28 +1,26 @@
 //! Model of the USB host, in virtual time.
 //!
-//! To make an idle bus cheap to emulate, the host sends a token only when the device would not respond with
-//! NAK. Frames are counted, not sent.
+//! To make an idle bus cheap to emulate, the host sends a token only when the device would not
+//! respond with NAK. Frames are counted, not sent.
 
 mod control;
 pub(crate) mod descriptor;
 mod enumeration;
-pub(crate) mod event;
 mod serial;
-pub(crate) mod status;
 mod traffic;
 
 use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use self::control::Transfer;
 use self::descriptor::Descriptors;
 use self::enumeration::Enumeration;
-use self::event::{Event, Logged};
 use self::serial::{Request, Serial};
-use self::status::{Counters, State};
 use super::core::Core;
-use super::violation::Violations;
+use super::violation::{Violation, Violations};
 
-/// Time for which a new device must stay attached before its first reset, in ns (USB 2.0, 7.1.7.3: TATTDB).
+/// Time for which a new device must stay attached before its first reset, in ns (USB 2.0, 7.1.7.3:
+/// TATTDB).
 const DEBOUNCE_NS: u64 = 100_000_000;
 /// Duration of a bus reset, in ns (USB 2.0, 7.1.7.5: TDRSTR of a root port).
 const RESET_NS: u64 = 50_000_000;
@@ -36,25 +34,95 @@ const RESUME_NS: u64 = 20_000_000;
 const RESUME_RECOVERY_NS: u64 = 10_000_000;
 /// Number of enumerations that the host attempts before it ignores a device, as Linux does.
 const ATTEMPTS: u32 = 3;
-/// Number of actions at one virtual time after which the model of the host counts as stuck in an endless
-/// loop.
+/// Number of actions at one virtual time after which the model of the host counts as stuck in an
+/// endless loop.
 const MAX_ACTIONS: usize = 1_000;
 
-/// Command that a [`UsbHost`](super::handle::UsbHost) sends to the host.
+/// Handle of the host at the other end of the USB cable; clones control the same host.
+///
+/// A command takes effect at the next stop of the emulator, at the latest when the current run of
+/// the board ends.
+#[derive(Clone, Debug, Default)]
+pub struct UsbHost(Arc<Mutex<Host>>);
+
+impl UsbHost {
+    fn host(&self) -> MutexGuard<'_, Host> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Executes a command of the user at the host, or of a program that uses the serial port.
+    pub fn command(&self, command: Command) {
+        self.host().commands.push_back(command);
+    }
+
+    /// Returns the bytes received since the last call, in order.
+    pub fn take_received(&self) -> Vec<u8> {
+        self.host().take_received()
+    }
+
+    /// Returns how far enumeration and opening of the port have progressed.
+    pub fn state(&self) -> State {
+        self.host().state()
+    }
+
+    /// Returns the parsed descriptors of the device; `None` until it is configured.
+    pub fn device(&self) -> Option<Descriptors> {
+        self.host().device()
+    }
+
+    /// Returns all violations of the reference manual and of the USB specification so far.
+    pub fn violations(&self) -> Vec<Violation> {
+        self.host().violations().to_vec()
+    }
+
+    /// Performs the work that is due at `now`, and returns the time at which work is due next; both
+    /// times are in ns.
+    pub(super) fn step(&self, now: u64, core: &mut Core) -> Option<u64> {
+        self.host().step(now, core)
+    }
+}
+
+/// State of the device as the host sees it; the variants are in the order in which a device
+/// reaches them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum State {
+    /// There is no device on the bus.
+    Detached,
+    /// The device has no address yet.
+    Attached,
+    /// The device has an address and is not configured.
+    Addressed,
+    /// The device is configured, its serial port is closed.
+    Configured,
+    /// The device is configured, and its serial port is open: DTR is set.
+    Open,
+}
+
+/// Command that a [`UsbHost`] passes to the host.
 #[derive(Clone, Debug)]
-pub(super) enum Command {
+pub enum Command {
+    /// Plug the cable in; the host then enumerates the device.
     Plug,
+    /// Unplug the cable: VBUS goes off, and the host discards the device.
     Unplug,
+    /// If true, open the serial port of a configured device: set the line coding, then DTR and RTS.
+    /// If false, close it: clear DTR and RTS, then stop reading data.
     Open(bool),
+    /// Pause or resume reading data from the device while the port is open.
     PauseReading(bool),
+    /// If true, suspend the bus of a configured device: stop sending frames. If false, signal
+    /// resume for 20 ms, then send frames again.
     Suspend(bool),
+    /// Reset the bus and enumerate the device again, which closes the serial port.
     ResetBus,
+    /// Send bytes once the serial port is open. Without a configured device they are dropped.
     Send(Vec<u8>),
 }
 
 /// Phase of the host's port; a number is the time at which the phase ends, in ns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Phase {
+    #[default]
     Unplugged,
     /// The cable is plugged in and no device is attached.
     Empty,
@@ -67,8 +135,9 @@ enum Phase {
     Failed,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Power {
+    #[default]
     Running,
     Suspended,
     Resuming(u64),
@@ -83,7 +152,7 @@ enum Purpose {
 }
 
 /// USB host: state of its bus, of the enumeration and of the serial port.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Host {
     pub(super) commands: VecDeque<Command>,
     phase: Phase,
@@ -100,32 +169,10 @@ pub(super) struct Host {
     free_at: u64,
     /// End of the transaction in progress, in ns.
     busy_until: Option<u64>,
-    log: Vec<Logged>,
     violations: Violations,
 }
 
 impl Host {
-    /// Creates a host whose cable is unplugged.
-    pub(super) fn new() -> Self {
-        Self {
-            commands: VecDeque::new(),
-            phase: Phase::Unplugged,
-            power: Power::Running,
-            wants_suspend: false,
-            idle_since: None,
-            enumeration: None,
-            attempts: 0,
-            transfer: None,
-            address: 0,
-            serial: Serial::default(),
-            device: None,
-            free_at: 0,
-            busy_until: None,
-            log: Vec::new(),
-            violations: Violations::default(),
-        }
-    }
-
     pub(super) fn state(&self) -> State {
         match self.phase {
             Phase::Unplugged | Phase::Empty => State::Detached,
@@ -140,10 +187,6 @@ impl Host {
         self.device.clone()
     }
 
-    pub(super) fn log(&self) -> &[Logged] {
-        &self.log
-    }
-
     pub(super) fn violations(&self) -> &Violations {
         &self.violations
     }
@@ -152,16 +195,8 @@ impl Host {
         std::mem::take(&mut self.serial.received)
     }
 
-    pub(super) fn counters(&self) -> Counters {
-        self.serial.counters
-    }
-
-    fn log_event(&mut self, now: u64, event: Event) {
-        self.log.push(Logged { at_ns: now, event });
-    }
-
-    /// Performs the work that is due at `now`, and returns the time at which work is due next; both times
-    /// are in ns.
+    /// Performs the work that is due at `now`, and returns the time at which work is due next; both
+    /// times are in ns.
     pub(super) fn step(&mut self, now: u64, core: &mut Core) -> Option<u64> {
         for _ in 0..MAX_ACTIONS {
             self.violations.take_from(&mut core.violations);
@@ -183,13 +218,11 @@ impl Host {
         match command {
             Command::Plug if self.phase == Phase::Unplugged => {
                 self.phase = Phase::Empty;
-                self.log_event(now, Event::Plugged);
                 core.set_vbus(true);
             }
             Command::Unplug if self.phase != Phase::Unplugged => {
                 self.discard_device(core);
                 self.phase = Phase::Unplugged;
-                self.log_event(now, Event::Unplugged);
                 core.set_vbus(false);
             }
             Command::Open(wanted) => self.serial.wanted = wanted && self.serial.is_connected(),
@@ -239,13 +272,11 @@ impl Host {
             Phase::Empty if attached => {
                 self.attempts = 0;
                 self.phase = Phase::Debounce(now + DEBOUNCE_NS);
-                self.log_event(now, Event::Attached);
             }
             Phase::Unplugged | Phase::Empty => {}
             _ if !attached => {
                 self.discard_device(core);
                 self.phase = Phase::Empty;
-                self.log_event(now, Event::Detached);
             }
             _ => {}
         }
@@ -288,21 +319,16 @@ impl Host {
                 core.end_reset();
                 core.set_frames(true);
                 self.phase = Phase::Recovery(now + RECOVERY_NS);
-                self.log_event(now, Event::BusReset);
             }
             (Phase::Recovery(until), _) if until <= now => self.phase = Phase::Active,
             (_, Power::Resuming(until)) if until <= now => {
                 core.set_frames(true);
                 self.power = Power::Recovering(now + RESUME_RECOVERY_NS);
             }
-            (_, Power::Recovering(until)) if until <= now => {
-                self.power = Power::Running;
-                self.log_event(now, Event::Resumed);
-            }
+            (_, Power::Recovering(until)) if until <= now => self.power = Power::Running,
             (_, Power::Running) if self.must_change_power() => {
                 core.set_frames(false);
                 self.power = Power::Suspended;
-                self.log_event(now, Event::Suspended);
             }
             (_, Power::Suspended) if self.must_change_power() => {
                 core.resume();
@@ -319,10 +345,9 @@ impl Host {
     }
 
     /// Handles a failed enumeration: retries it, or ignores the device after the last attempt.
-    fn enumeration_failed(&mut self, why: String, now: u64, core: &mut Core) {
+    fn enumeration_failed(&mut self, why: &str, now: u64, core: &mut Core) {
         self.attempts += 1;
         self.violations.record(now, format!("enumeration: {why}"));
-        self.log_event(now, Event::EnumerationFailed(why));
         if self.attempts < ATTEMPTS {
             self.restart_enumeration(now, core);
         } else {

@@ -6,7 +6,8 @@ use rigless::soc::{Bus, Error, Layout};
 /// Parameters of one microcontroller's USB core.
 #[derive(Debug)]
 pub(crate) struct Instance {
-    /// Name of the window in the emulator, an address range whose accesses the model of the core serves.
+    /// Name of the window in the emulator, an address range whose accesses the model of the core
+    /// serves.
     pub(crate) window: &'static str,
     /// Address of the core's first register.
     pub(crate) base: u64,
@@ -16,7 +17,8 @@ pub(crate) struct Instance {
     pub(crate) window_base: u64,
     /// Numbers of the core's interrupts in the NVIC; the list contains only the global interrupt.
     pub(crate) interrupts: &'static [u16],
-    /// Name of the emulator's own instance of the core, which receives the core's clock and reset line.
+    /// Name of the emulator's own instance of the core, which receives the core's clock and reset
+    /// line.
     pub(crate) global: &'static str,
     /// Number of endpoints per direction, including endpoint 0.
     pub(crate) endpoints: usize,
@@ -24,11 +26,9 @@ pub(crate) struct Instance {
     pub(crate) fifo_words: u32,
     /// Value of `OTG_CID`.
     pub(crate) core_id: u32,
-    /// Returns whether the bus clock of the core is on.
-    pub(crate) is_clocked: fn(&Bus, &Slots) -> bool,
-    /// Returns why the transceiver cannot use the cable, for lack of its supply or its pins; `None` if it
-    /// can.
-    pub(crate) unwired: fn(&Bus, &Slots) -> Option<&'static str>,
+    /// Returns whether the bus clock of the core is on, and why the transceiver cannot use the
+    /// cable, for lack of its supply or its pins; `None` if it can.
+    pub(crate) supply: fn(&Bus, &Slots) -> (bool, Option<&'static str>),
 }
 
 /// Slots in the emulator for the peripherals that the core depends on.
@@ -57,8 +57,8 @@ impl Slots {
 /// OTG_FS (USB2) of the STM32H743, on PA11 and PA12: RM0433 rev 9, table 8 (address), table 147
 /// (interrupt), 57.3 (9 endpoints, 4 KiB of FIFO).
 ///
-/// The value of `OTG_CID` differs between revisions of the manual. embassy's driver treats 0x2300 as a core
-/// with `VBDEN` in `OTG_GCCFG`, which this microcontroller has.
+/// The value of `OTG_CID` differs between revisions of the manual. embassy's driver treats 0x2300
+/// as a core with `VBDEN` in `OTG_GCCFG`, which this microcontroller has.
 pub(crate) const H743_USB2: Instance = Instance {
     window: "USB2_OTG_FS",
     base: 0x4008_0000,
@@ -69,12 +69,11 @@ pub(crate) const H743_USB2: Instance = Instance {
     endpoints: 9,
     fifo_words: 1_024,
     core_id: 0x2300,
-    is_clocked: h743::is_clocked,
-    unwired: h743::unwired,
+    supply: h743_supply,
 };
 
-/// OTG_FS of the STM32F446, on PA11 and PA12: RM0390 rev 6, table 1 (address), table 38 (interrupt), 31.3 (6
-/// endpoints, 1.25 KiB of FIFO), 31.16.15 (`OTG_CID`).
+/// OTG_FS of the STM32F446, on PA11 and PA12: RM0390 rev 6, table 1 (address), table 38
+/// (interrupt), 31.3 (6 endpoints, 1.25 KiB of FIFO), 31.16.15 (`OTG_CID`).
 pub(crate) const F446_OTG_FS: Instance = Instance {
     window: "F446_OTG_FS",
     base: 0x5000_0000,
@@ -85,13 +84,13 @@ pub(crate) const F446_OTG_FS: Instance = Instance {
     endpoints: 6,
     fifo_words: 320,
     core_id: 0x2000,
-    is_clocked: f446::is_clocked,
-    unwired: f446::unwired,
+    supply: f446_supply,
 };
 
 /// Returns whether PA11 and PA12 have alternate function 10, from `MODER` and `AFRH` of GPIOA.
 fn pins_are_usb(moder: u64, afrh: u64) -> bool {
-    // MODER has two bits per pin, 0b10 is alternate function; AFRH has four bits per pin, from pin 8.
+    // MODER has two bits per pin, 0b10 is alternate function; AFRH has four bits per pin, from pin
+    // 8.
     moder >> 22 & 0xF == 0b1010 && afrh >> 12 & 0xFF == 0xAA
 }
 
@@ -102,43 +101,28 @@ fn register_value<L: Layout>(bus: &Bus, slot: usize, register: L) -> u64 {
     bus.slots()[slot].registers().get(register)
 }
 
-mod h743 {
-    use rigless::soc::Bus;
+/// Reads `RCC_AHB1ENR.USB2OTGEN` (RM0433 8.7.40), `PWR_CR3.USB33DEN` and the pins.
+fn h743_supply(bus: &Bus, slots: &Slots) -> (bool, Option<&'static str>) {
     use rigless::soc::stm32h743::generated::{gpioa, pwr, rcc};
 
-    use crate::usb::instance::{PINS, Slots, pins_are_usb, register_value};
-
-    /// Reads `RCC_AHB1ENR.USB2OTGEN` (RM0433 8.7.40).
-    pub(super) fn is_clocked(bus: &Bus, slots: &Slots) -> bool {
-        register_value(bus, slots.rcc, rcc::Register::Ahb1enr) & 1 << 27 != 0
+    let is_clocked = register_value(bus, slots.rcc, rcc::Register::Ahb1enr) & 1 << 27 != 0;
+    if register_value(bus, slots.pwr, pwr::Register::Cr3) & 1 << 24 == 0 {
+        let unwired = "PWR_CR3.USB33DEN is clear (RM0433 6.8.4)";
+        return (is_clocked, Some(unwired));
     }
-
-    pub(super) fn unwired(bus: &Bus, slots: &Slots) -> Option<&'static str> {
-        if register_value(bus, slots.pwr, pwr::Register::Cr3) & 1 << 24 == 0 {
-            return Some("PWR_CR3.USB33DEN is clear (RM0433 6.8.4)");
-        }
-        let moder = register_value(bus, slots.gpioa, gpioa::Register::Moder);
-        let afrh = register_value(bus, slots.gpioa, gpioa::Register::Afrh);
-        (!pins_are_usb(moder, afrh)).then_some(PINS)
-    }
+    let moder = register_value(bus, slots.gpioa, gpioa::Register::Moder);
+    let afrh = register_value(bus, slots.gpioa, gpioa::Register::Afrh);
+    (is_clocked, (!pins_are_usb(moder, afrh)).then_some(PINS))
 }
 
-mod f446 {
-    use rigless::soc::Bus;
+/// Reads `RCC_AHB2ENR.OTGFSEN` (RM0390 6.3.11) and the pins.
+fn f446_supply(bus: &Bus, slots: &Slots) -> (bool, Option<&'static str>) {
     use rigless::soc::stm32f427::generated::{gpioa, rcc};
 
-    use crate::usb::instance::{PINS, Slots, pins_are_usb, register_value};
-
-    /// Reads `RCC_AHB2ENR.OTGFSEN` (RM0390 6.3.11).
-    pub(super) fn is_clocked(bus: &Bus, slots: &Slots) -> bool {
-        register_value(bus, slots.rcc, rcc::Register::Ahb2enr) & 1 << 7 != 0
-    }
-
-    pub(super) fn unwired(bus: &Bus, slots: &Slots) -> Option<&'static str> {
-        let moder = register_value(bus, slots.gpioa, gpioa::Register::Moder);
-        let afrh = register_value(bus, slots.gpioa, gpioa::Register::Afrh);
-        (!pins_are_usb(moder, afrh)).then_some(PINS)
-    }
+    let is_clocked = register_value(bus, slots.rcc, rcc::Register::Ahb2enr) & 1 << 7 != 0;
+    let moder = register_value(bus, slots.gpioa, gpioa::Register::Moder);
+    let afrh = register_value(bus, slots.gpioa, gpioa::Register::Afrh);
+    (is_clocked, (!pins_are_usb(moder, afrh)).then_some(PINS))
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! Connection of the USB core to the emulator's model of a microcontroller.
 //!
-//! The registers and FIFOs are in a window at free addresses, to which accesses of the processor are
-//! redirected ([`Otg::redirect`]). The emulator's own instance of the core receives only the core's clock
-//! and reset line. The model of a chip contains an [`Otg`]: its `split` returns the model from
-//! [`Otg::model`] if there is one for the slot, and its `poll` and `reset` end with calls of [`Otg::poll`]
-//! and [`Otg::reset`].
+//! The registers and FIFOs are in a window at free addresses, to which accesses of the processor
+//! are redirected ([`Otg::redirect`]). The emulator's own instance of the core receives only the
+//! core's clock and reset line. The model of a chip contains an [`Otg`]: its `split` returns the
+//! model from [`Otg::model`] if there is one for the slot, and its `poll` and `reset` end with
+//! calls of [`Otg::poll`] and [`Otg::reset`].
 
 use std::marker::PhantomData;
 use std::num::NonZeroU64;
@@ -15,7 +15,7 @@ use rigless::soc::{Bus, Error, Layout, RegisterSpec, Width, Window};
 use rigless::time::{EventId, VirtualNanos};
 
 use super::core::{Core, Supply};
-use super::handle::UsbHost;
+use super::host::UsbHost;
 use super::instance::{Instance, Slots};
 use crate::core_bus::Redirect;
 
@@ -35,7 +35,8 @@ struct CoreAndHost {
 }
 
 impl CoreAndHost {
-    /// Performs the host's work that is due now, then drives the interrupt line and schedules the next event.
+    /// Performs the host's work that is due now, then drives the interrupt line and schedules the
+    /// next event.
     fn settle(&mut self, context: &mut DeviceContext<'_>) {
         let now = context.now().0;
         self.core.set_now(now);
@@ -127,7 +128,8 @@ impl ErasedDevice for Registers {
     }
 }
 
-/// Device model of the emulator's own instance of the core, for the core's clock and reset line only.
+/// Device model of the emulator's own instance of the core, for the core's clock and reset line
+/// only.
 #[derive(Debug)]
 struct ClockAndReset<L> {
     link: Shared,
@@ -141,7 +143,8 @@ impl<L: Layout> Device for ClockAndReset<L> {
         lock(&self.link).core.supply.kernel_hz = Some(hz);
     }
 
-    /// Handles the core's reset bit in the clock controller, which has the same effect as a system reset.
+    /// Handles the core's reset bit in the clock controller, which has the same effect as a system
+    /// reset.
     fn reset_line(&mut self, _: &mut RegisterFile, _: &mut DeviceContext<'_>) {
         let mut link = lock(&self.link);
         link.core.reset();
@@ -171,8 +174,8 @@ impl std::fmt::Debug for Otg {
 }
 
 impl Otg {
-    /// Adds the core `instance` to the bus of a microcontroller, with `host` at the other end of its cable.
-    /// `L` is the register layout of [`Instance::global`].
+    /// Adds the core `instance` to the bus of a microcontroller, with `host` at the other end of
+    /// its cable. `L` is the register layout of [`Instance::global`].
     ///
     /// # Errors
     ///
@@ -220,8 +223,8 @@ impl Otg {
         }
     }
 
-    /// Returns the model for `slot` if the slot belongs to the core. The chip's `split` then returns it
-    /// instead of the model of the emulator's part.
+    /// Returns the model for `slot` if the slot belongs to the core. The chip's `split` then
+    /// returns it instead of the model of the emulator's part.
     pub(crate) fn model(&mut self, slot: usize, bus: &Bus) -> Option<&mut dyn ErasedDevice> {
         if slot == self.window {
             self.update_supply(bus);
@@ -240,8 +243,8 @@ impl Otg {
         lock(&self.link).settle(&mut context);
     }
 
-    /// Applies a system reset, which detaches the device from the bus; the chip's `reset` calls this method
-    /// at its end.
+    /// Applies a system reset, which detaches the device from the bus; the chip's `reset` calls
+    /// this method at its end.
     pub(crate) fn reset(&mut self) {
         let mut link = lock(&self.link);
         link.core.reset();
@@ -250,12 +253,11 @@ impl Otg {
         link.scheduled = None;
     }
 
-    /// Updates the state of the bus clock and of the connection to the cable from the microcontroller's
-    /// registers.
+    /// Updates the state of the bus clock and of the connection to the cable from the
+    /// microcontroller's registers.
     fn update_supply(&mut self, bus: &Bus) {
         let supply = &mut lock(&self.link).core.supply;
-        supply.clocked = (self.instance.is_clocked)(bus, &self.slots);
-        supply.unwired = (self.instance.unwired)(bus, &self.slots);
+        (supply.clocked, supply.unwired) = (self.instance.supply)(bus, &self.slots);
     }
 }
 

@@ -1,5 +1,5 @@
-//! Register map of the core: offsets, names and bits (RM0433 rev 9, section 57.14; RM0390 chapter 31 has
-//! the same map for the STM32F446).
+//! Register map of the core: offsets, names and bits (RM0433 rev 9, section 57.14; RM0390 chapter
+//! 31 has the same map for the STM32F446).
 
 use std::fmt;
 
@@ -23,7 +23,6 @@ pub(super) enum Register {
     Cid,
     /// Identification register at this offset, which drivers read although ST's manuals omit it.
     Undocumented(u32),
-    Glpmcfg,
     Dcfg,
     Dctl,
     Dsts,
@@ -31,9 +30,6 @@ pub(super) enum Register {
     Doepmsk,
     Daint,
     Daintmsk,
-    Dvbusdis,
-    Dvbuspulse,
-    Dthrctl,
     Diepempmsk,
     Diepctl(usize),
     Diepint(usize),
@@ -57,7 +53,8 @@ const ENDPOINT_STRIDE: u64 = 0x20;
 const FIFO_STRIDE: u64 = 0x1000;
 
 impl Register {
-    /// Returns the register at `offset` bytes from the core's base, for a core with `endpoints` endpoints.
+    /// Returns the register at `offset` bytes from the core's base, for a core with `endpoints`
+    /// endpoints.
     pub(super) fn at(offset: u64, endpoints: usize) -> Option<Self> {
         let register = match offset {
             0x00 => Self::Gotgctl,
@@ -75,7 +72,6 @@ impl Register {
             0x38 => Self::Gccfg,
             0x3C => Self::Cid,
             0x40 | 0x44 | 0x48 | 0x4C | 0x50 => Self::Undocumented(u32::try_from(offset).ok()?),
-            0x54 => Self::Glpmcfg,
             0x104..=0x120 => Self::Dieptxf(index(offset, 0x104, 4)? + 1),
             0x800 => Self::Dcfg,
             0x804 => Self::Dctl,
@@ -84,9 +80,6 @@ impl Register {
             0x814 => Self::Doepmsk,
             0x818 => Self::Daint,
             0x81C => Self::Daintmsk,
-            0x828 => Self::Dvbusdis,
-            0x82C => Self::Dvbuspulse,
-            0x830 => Self::Dthrctl,
             0x834 => Self::Diepempmsk,
             0x900..=0xAFF => {
                 let endpoint = usize::try_from((offset - 0x900) / ENDPOINT_STRIDE).ok()?;
@@ -127,7 +120,8 @@ impl Register {
     }
 }
 
-/// Returns the index of `offset` in an array of registers that starts at `first`, `stride` bytes apart.
+/// Returns the index of `offset` in an array of registers that starts at `first`, `stride` bytes
+/// apart.
 fn index(offset: u64, first: u64, stride: u64) -> Option<usize> {
     let from_first = offset - first;
     from_first
@@ -139,16 +133,12 @@ impl fmt::Display for Register {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Undocumented(offset) => write!(formatter, "OTG + {offset:#05x}"),
-            Self::Dieptxf(n) => write!(formatter, "OTG_DIEPTXF{n}"),
-            Self::Diepctl(n) => write!(formatter, "OTG_DIEPCTL{n}"),
-            Self::Diepint(n) => write!(formatter, "OTG_DIEPINT{n}"),
-            Self::Dieptsiz(n) => write!(formatter, "OTG_DIEPTSIZ{n}"),
-            Self::Dtxfsts(n) => write!(formatter, "OTG_DTXFSTS{n}"),
-            Self::Doepctl(n) => write!(formatter, "OTG_DOEPCTL{n}"),
-            Self::Doepint(n) => write!(formatter, "OTG_DOEPINT{n}"),
-            Self::Doeptsiz(n) => write!(formatter, "OTG_DOEPTSIZ{n}"),
             Self::Fifo(n) => write!(formatter, "FIFO {n}"),
-            named => write!(formatter, "OTG_{}", format!("{named:?}").to_uppercase()),
+            // The manual writes OTG_DIEPTXF3 where Rust writes Dieptxf(3).
+            named => {
+                let name = format!("{named:?}").to_uppercase();
+                write!(formatter, "OTG_{}", name.replace(['(', ')'], ""))
+            }
         }
     }
 }

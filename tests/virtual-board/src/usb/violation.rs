@@ -1,8 +1,10 @@
-//! Violations of the reference manual and of the USB specification, found by the models of core and host.
+//! Violations of the reference manual and of the USB specification, found by the models of core and
+//! host.
 
 use std::fmt;
 
-/// A violation of the reference manual or of the USB specification, with the number of its occurrences.
+/// A violation of the reference manual or of the USB specification, with the number of its
+/// occurrences.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Violation {
     /// Virtual time of the first occurrence, in ns.
@@ -52,26 +54,5 @@ impl Violations {
 
     pub(super) fn to_vec(&self) -> Vec<Violation> {
         self.0.clone()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_violation_that_repeats_is_listed_once_with_its_count() {
-        let mut violations = Violations::default();
-        violations.record(5, "a");
-        violations.record(6, "b");
-        violations.record(7, "a");
-        let mut more = Violations::default();
-        more.record(8, "a");
-        violations.take_from(&mut more);
-        assert!(more.to_vec().is_empty());
-        let listed = violations.to_vec();
-        assert_eq!(listed.len(), 2);
-        assert_eq!(listed[0].to_string(), "5 ns: a (3 times)");
-        assert_eq!(listed[1].to_string(), "6 ns: b");
     }
 }

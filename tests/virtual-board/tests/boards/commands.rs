@@ -2,33 +2,35 @@
 
 use link::{Streams, ToDevice};
 
-use virtual_board::{BoardError, Cable, Kind};
+use virtual_board::{BoardError, Cable, Frame, Kind, VirtualBoard};
 
-use crate::figures::record;
 use crate::images::Subject;
-use crate::session::{acks, assert_sound, run_codes, running, stats, streaming};
+use crate::session::{acks, assert_sound, converters, run_codes, running, stats, streaming};
+
+/// Number of codes after which the device has reported its counts again, which it does each second.
+const A_REPORT: usize = 20;
 
 /// Number of commands sent back to back; over the UART they take about 50 ms.
 const COMMANDS: u32 = 300;
 
-/// While codes stream, every command is received once, and its acknowledgement is sent or counted as dropped.
+/// While codes stream, every command is received once, and its acknowledgement is sent or counted
+/// as dropped.
 pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
-    run_codes(&mut board, 4)?;
-    run_codes(&mut board, 16)?;
+    run_codes(&mut board, A_REPORT)?;
     let before = acks(board.inbox().frames());
     let counted = stats(board.inbox().frames()).expect("a report each second");
     let (commands, dropped) = (counted.commands, counted.frames_dropped);
     for _ in 0..COMMANDS {
         board.send(&ToDevice::Ping);
     }
-    run_codes(&mut board, 40)?;
+    run_codes(&mut board, A_REPORT)?;
     let frames = board.inbox().frames();
     let stats = stats(frames).expect("a report each second");
     assert_eq!(stats.input_bad, 0, "damaged commands");
     assert_eq!(stats.commands - commands, COMMANDS, "commands received");
-    // Acknowledgements that do not fit into the UART's buffer are dropped and counted. USB has the capacity
-    // for all of them.
+    // Acknowledgements that do not fit into the UART's buffer are dropped and counted. USB has the
+    // capacity for all of them.
     let answered = u32::try_from(acks(frames) - before).expect("fewer than 2^32");
     let dropped = stats.frames_dropped - dropped;
     assert!(
@@ -39,16 +41,16 @@ pub(crate) fn commands_arrive_while_codes_stream(subject: Subject) -> Result<(),
         assert_eq!(answered, COMMANDS);
     }
     assert_sound(&mut board)?;
-    record(subject, "commands_answered", answered);
+    subject.record("commands_answered", answered);
     Ok(())
 }
 
-/// Rate of framing errors and, separately, of noise, in bytes per million. Together they damage about one
-/// command in twenty.
+/// Rate of framing errors and, separately, of noise, in bytes per million. Together they damage
+/// about one command in twenty.
 const DAMAGED: u32 = 2_500;
 
-/// A byte with a framing error or noise destroys only the command that contains it, and damaged commands
-/// are counted. No command is executed twice, and reception continues.
+/// A byte with a framing error or noise destroys only the command that contains it, and damaged
+/// commands are counted. No command is executed twice, and reception continues.
 pub(crate) fn damaged_bytes_destroy_only_their_commands(
     subject: Subject,
 ) -> Result<(), BoardError> {
@@ -59,7 +61,7 @@ pub(crate) fn damaged_bytes_destroy_only_their_commands(
     for _ in 0..COMMANDS {
         board.send(&ToDevice::Ping);
     }
-    run_codes(&mut board, 40)?;
+    run_codes(&mut board, A_REPORT)?;
     board.damage_uart(0)?;
     let counted = *stats(board.inbox().frames()).expect("a report each second");
     assert!(counted.input_bad > 0, "nothing was damaged: {counted:?}");
@@ -87,25 +89,68 @@ pub(crate) fn damaged_bytes_destroy_only_their_commands(
         "acknowledgements after the damage"
     );
     assert_sound(&mut board)?;
-    record(subject, "commands_damaged", counted.input_bad);
+    subject.record("commands_damaged", counted.input_bad);
     Ok(())
 }
 
-/// Longest response time on an idle line, in us: the transfer of both frames, and the polling interval of
-/// the test, 500 us. If the conversation task handled commands only at its 20 ms tick, most responses would
-/// take longer.
+/// Longest response time on an idle line, in us: the transfer of both frames, and the polling
+/// interval of the test, 500 us. If the conversation task handled commands only at its 20 ms tick,
+/// most responses would take longer.
 const ANSWER_US: u64 = 4_000;
 
-/// While nothing streams, each command wakes the conversation task immediately.
-pub(crate) fn an_idle_board_answers_at_once(subject: Subject) -> Result<(), BoardError> {
-    let mut board = running(subject)?;
+/// Asserts that each command wakes the conversation task immediately while nothing streams.
+pub(crate) fn assert_idle_board_answers_at_once(
+    board: &mut VirtualBoard,
+) -> Result<(), BoardError> {
     for _ in 0..20 {
-        let before = acks(board.inbox().frames());
-        board.send(&ToDevice::Ping);
-        board.run_until("an answer", ANSWER_US, |frames| acks(frames) > before)?;
-        // The interval is not a multiple of any period of the firmware, so commands arrive at varying
-        // points of each period.
+        ping(board, ANSWER_US)?;
+        // The interval is not a multiple of any period of the firmware, so commands arrive at
+        // varying points of each period.
         board.run_for_us(3_777)?;
     }
-    assert_sound(&mut board)
+    Ok(())
+}
+
+/// Sends a command and waits for its acknowledgement.
+pub(crate) fn ping(board: &mut VirtualBoard, limit_us: u64) -> Result<(), BoardError> {
+    let before = acks(board.inbox().frames());
+    board.send(&ToDevice::Ping);
+    board.run_until("an answer", limit_us, |frames| acks(frames) > before)
+}
+
+/// Longest time of a self-test, in us; a self-test takes 4.5 s (docs/hardware.md).
+const SELF_TEST_US: u64 = 6_000_000;
+
+/// The self-test passes for all eight chips and 64 channels, and the chain converts again
+/// afterwards.
+pub(crate) fn self_test_passes(subject: Subject) -> Result<(), BoardError> {
+    let mut board = running(subject)?;
+    board.send(&ToDevice::SelfTest);
+    let is_result = |frame: &Frame| matches!(frame.kind, Kind::SelfTest(_));
+    board.run_until("the result of a self-test", SELF_TEST_US, |frames| {
+        frames.iter().any(is_result)
+    })?;
+    let results = board
+        .inbox()
+        .frames()
+        .iter()
+        .filter_map(|frame| match &frame.kind {
+            Kind::SelfTest(result) => Some(result),
+            _ => None,
+        });
+    let results: Vec<_> = results.collect();
+    let result = results[0];
+    assert_eq!(result.fault, "", "{result:?}");
+    assert_eq!((result.chips.len(), result.channels.len()), (8, 64));
+    assert_eq!((result.drdy_early, result.drdy_missed), (0, 0));
+    let edges = board.converters().ready_edges();
+    board.run_for_us(100_000)?;
+    assert!(
+        board.converters().ready_edges() > edges + 45,
+        "the chain converts again"
+    );
+    assert_eq!(converters(board.inbox().frames()), Some(""));
+    assert_sound(&mut board)?;
+    subject.record("selftest_ok", true);
+    Ok(())
 }

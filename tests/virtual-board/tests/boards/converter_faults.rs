@@ -5,12 +5,17 @@ use ads1299::simulation::Fault;
 use link::{Flags, Streams};
 use virtual_board::{BoardError, Kind, Setup, VirtualBoard};
 
-use crate::figures::record;
 use crate::images::Subject;
-use crate::session::{UP_US, assert_sound, converters, power_on, run_codes, running, start};
+use crate::session::{
+    assert_sound, converters, power_on, run_codes, running_with, start, streaming,
+};
 
 /// Index of the chip with the fault. Any chip except 0 is suitable.
 const CHIP: usize = 5;
+
+/// Number of codes after which the device has sent the status of its converters again, which it
+/// does each second.
+const A_STATUS: usize = 20;
 
 /// Returns the flags of all codes received so far.
 fn flags(board: &VirtualBoard) -> Vec<Flags> {
@@ -28,16 +33,16 @@ fn frames_bad(board: &VirtualBoard) -> Vec<u32> {
 }
 
 /// Injects a fault while codes stream, and returns the chips that the device reports as bad.
-fn inject_fault(board: &mut VirtualBoard, fault: Fault) -> Result<Vec<usize>, BoardError> {
-    start(board, Streams::CODES)?;
-    run_codes(board, 8)?;
+fn inject_fault(subject: Subject, fault: Fault) -> Result<Vec<usize>, BoardError> {
+    let mut board = streaming(subject, Streams::CODES)?;
+    run_codes(&mut board, 8)?;
     let bad = Flags::ADC_STATUS_BAD;
-    assert!(flags(board).iter().all(|flags| !flags.contains(bad)));
+    assert!(flags(&board).iter().all(|flags| !flags.contains(bad)));
     board.converters().inject(CHIP, fault);
-    run_codes(board, 24)?;
-    // The first window that ends after the fault contains it, so code 8 or 9 must be the first with the
-    // flag.
-    let flagged: Vec<_> = flags(board)
+    run_codes(&mut board, A_STATUS)?;
+    // The first window that ends after the fault contains it, so code 8 or 9 must be the first with
+    // the flag.
+    let flagged: Vec<_> = flags(&board)
         .iter()
         .map(|flags| flags.contains(bad))
         .collect();
@@ -50,38 +55,34 @@ fn inject_fault(board: &mut VirtualBoard, fault: Fault) -> Result<Vec<usize>, Bo
         "code {first} is the first that is flagged"
     );
     assert!(flagged[first..].iter().all(|&bad| bad), "{flagged:?}");
-    let counts = frames_bad(board);
+    let counts = frames_bad(&board);
+    assert_sound(&mut board)?;
     Ok((0..counts.len()).filter(|&chip| counts[chip] > 0).collect())
 }
 
 /// A chip without power blocks the chain: this chip and those that send through it are reported.
 pub(crate) fn a_dead_chip_is_reported(subject: Subject) -> Result<(), BoardError> {
-    let mut board = running(subject)?;
-    let named = inject_fault(&mut board, Fault::Dead)?;
+    let named = inject_fault(subject, Fault::Dead)?;
     assert_eq!(named, (CHIP..8).collect::<Vec<_>>());
-    assert_sound(&mut board)?;
-    record(subject, "fault_dead_chip", true);
+    subject.record("fault_dead_chip", true);
     Ok(())
 }
 
 /// A chip that sends one bit late also shifts the data of the chips that send through it.
 pub(crate) fn a_shifted_bit_is_reported(subject: Subject) -> Result<(), BoardError> {
-    let mut board = running(subject)?;
-    let named = inject_fault(&mut board, Fault::ShiftedBit)?;
+    let named = inject_fault(subject, Fault::ShiftedBit)?;
     assert_eq!(named.first(), Some(&CHIP), "{named:?}");
-    assert_sound(&mut board)?;
-    record(subject, "fault_shifted_bit", true);
+    subject.record("fault_shifted_bit", true);
     Ok(())
 }
 
-/// While DRDY is stuck, codes continue with a flag, and the bad frames of all chips are counted. When DRDY works
-/// again, the codes have no flag.
+/// While DRDY is stuck, codes continue with a flag, and the bad frames of all chips are counted.
+/// When DRDY works again, the codes have no flag.
 pub(crate) fn a_silent_drdy_is_flagged(subject: Subject) -> Result<(), BoardError> {
-    let mut board = running(subject)?;
-    start(&mut board, Streams::CODES)?;
+    let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 8)?;
     board.hold_drdy(Some(true));
-    run_codes(&mut board, 24)?;
+    run_codes(&mut board, A_STATUS)?;
     let flagged = flags(&board);
     let bad = Flags::ADC_STATUS_BAD;
     assert!(
@@ -94,7 +95,7 @@ pub(crate) fn a_silent_drdy_is_flagged(subject: Subject) -> Result<(), BoardErro
     let last = flags(&board).pop().expect("at least one code");
     assert!(!last.contains(bad), "{last:?}");
     assert_sound(&mut board)?;
-    record(subject, "fault_silent_drdy", true);
+    subject.record("fault_silent_drdy", true);
     Ok(())
 }
 
@@ -104,10 +105,7 @@ pub(crate) fn a_packed_chain_is_decoded(subject: Subject) -> Result<(), BoardErr
         alignment: Alignment::Packed,
         ..subject.setup()
     };
-    let mut board = power_on(subject, &setup)?;
-    board.run_until("converters run", UP_US, |frames| {
-        converters(frames) == Some("")
-    })?;
+    let mut board = running_with(subject, &setup)?;
     start(&mut board, Streams::CODES)?;
     run_codes(&mut board, 8)?;
     let bad = Flags::ADC_STATUS_BAD;
@@ -116,14 +114,14 @@ pub(crate) fn a_packed_chain_is_decoded(subject: Subject) -> Result<(), BoardErr
     Ok(())
 }
 
-/// If the converters get power seconds after the microcontroller, the firmware reports the fault, retries,
-/// and can stream without a restart.
+/// If the converters get power seconds after the microcontroller, the firmware reports the fault,
+/// retries, and can stream without a restart.
 pub(crate) fn converters_can_be_powered_late(subject: Subject) -> Result<(), BoardError> {
     let setup = Setup {
         converters_on: false,
         ..subject.setup()
     };
-    let mut board = power_on(subject, &setup)?;
+    let mut board = power_on(subject, &setup);
     board.run_until("a fault of the converters", 3_000_000, |frames| {
         converters(frames).is_some_and(|fault| !fault.is_empty())
     })?;
@@ -140,6 +138,6 @@ pub(crate) fn converters_can_be_powered_late(subject: Subject) -> Result<(), Boa
     let last = flags(&board).pop().expect("at least one code");
     assert!(!last.contains(Flags::ADC_STATUS_BAD), "{last:?}");
     assert_sound(&mut board)?;
-    record(subject, "fault_late_power", true);
+    subject.record("fault_late_power", true);
     Ok(())
 }

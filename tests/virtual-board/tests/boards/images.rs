@@ -1,7 +1,9 @@
-//! Images under test, from paths in environment variables.
+//! Images under test, from paths in environment variables, and the figures measured on them.
 
 use std::env;
-use std::fmt;
+use std::fmt::{self, Display};
+use std::fs::OpenOptions;
+use std::io::Write;
 use std::path::Path;
 
 use virtual_board::{Cable, Image, Model, Setup};
@@ -16,6 +18,10 @@ pub(crate) struct Subject {
 }
 
 impl Subject {
+    pub(crate) const fn new(model: Model, cable: Cable, key: &'static str) -> Self {
+        Self { model, cable, key }
+    }
+
     /// Returns the configuration of a healthy board with the cable of the image.
     pub(crate) fn setup(self) -> Setup {
         Setup {
@@ -24,7 +30,8 @@ impl Subject {
         }
     }
 
-    /// Reads the image that `CORTICODE_IMAGE_H743`, `.._H743_UART`, `.._F446`, `.._F446_USB` or `.._F446_PACKED` names.
+    /// Reads the image that `CORTICODE_IMAGE_H743`, `.._H743_UART`, `.._F446`, `.._F446_USB` or
+    /// `.._F446_PACKED` names.
     ///
     /// # Panics
     /// When the variable is not set, or the image is missing, outdated or for another chip.
@@ -38,6 +45,20 @@ impl Subject {
             )
         });
         Image::read(Path::new(&path), self.model).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// Prints a figure, and appends it as a line of JSON to the file that `CORTICODE_FIGURES`
+    /// names. `value` is a number or a boolean.
+    pub(crate) fn record(self, key: &str, value: impl Display) {
+        println!("{self}: {key} {value}");
+        let Some(path) = env::var_os("CORTICODE_FIGURES") else {
+            return;
+        };
+        let file = OpenOptions::new().append(true).create(true).open(path);
+        // The line is written with a single call, because tests run concurrently.
+        let line = format!("{{\"board\":\"{self}\",\"{key}\":{value}}}\n");
+        let written = file.and_then(|mut file| file.write_all(line.as_bytes()));
+        written.expect("CORTICODE_FIGURES names a writable file");
     }
 }
 

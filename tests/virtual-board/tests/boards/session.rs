@@ -1,27 +1,37 @@
 //! Common start and end of the scenarios.
 
 use link::{Start, Streams, ToDevice};
-use virtual_board::{BoardError, Frame, Kind, Setup, VirtualBoard, allowed};
+use virtual_board::{BoardError, Frame, Kind, Setup, VirtualBoard};
 
 use crate::images::Subject;
 
-/// Longest time from power-on until the converters run, in us. The firmware waits 1 s after power-on and
-/// 0.15 s for the reference, then writes the registers. If the external clock is missing, a timeout of 0.5
-/// s is added.
-pub(crate) const UP_US: u64 = 2_000_000;
+/// Longest time from power-on until the converters run, in us. The firmware waits 1 s after
+/// power-on and 0.15 s for the reference, then writes the registers. If the external clock is
+/// missing, a timeout of 0.5 s is added.
+const UP_US: u64 = 2_000_000;
 
 /// Powers on a board with the image of `subject`.
-pub(crate) fn power_on(subject: Subject, setup: &Setup) -> Result<VirtualBoard, BoardError> {
+pub(crate) fn power_on(subject: Subject, setup: &Setup) -> VirtualBoard {
     VirtualBoard::power_on(subject.model, &subject.image(), setup)
 }
 
-/// Powers on a board and runs it until the converters run.
+/// Powers on a healthy board and runs it until the converters run.
 pub(crate) fn running(subject: Subject) -> Result<VirtualBoard, BoardError> {
-    let mut board = power_on(subject, &subject.setup())?;
+    running_with(subject, &subject.setup())
+}
+
+/// Powers on a board with the settings `setup` and runs it until the converters run.
+pub(crate) fn running_with(subject: Subject, setup: &Setup) -> Result<VirtualBoard, BoardError> {
+    let mut board = power_on(subject, setup);
+    run_up(&mut board)?;
+    Ok(board)
+}
+
+/// Runs a board that has just started until the converters run.
+pub(crate) fn run_up(board: &mut VirtualBoard) -> Result<(), BoardError> {
     board.run_until("converters run", UP_US, |frames| {
         converters(frames) == Some("")
-    })?;
-    Ok(board)
+    })
 }
 
 /// Powers on a board and starts streams.
@@ -44,7 +54,8 @@ pub(crate) fn start(board: &mut VirtualBoard, streams: Streams) -> Result<(), Bo
     Ok(())
 }
 
-/// Asserts that the board has lost nothing and missed no deadline, and returns its newest durations.
+/// Asserts that the board has lost nothing and missed no deadline, and returns its newest
+/// durations.
 pub(crate) fn in_time(board: &VirtualBoard) -> link::Timing {
     let mut newest = None;
     for frame in board.inbox().frames() {
@@ -88,20 +99,36 @@ pub(crate) fn acks(frames: &[Frame]) -> usize {
 
 /// Runs until `codes` more codes have been received.
 pub(crate) fn run_codes(board: &mut VirtualBoard, codes: usize) -> Result<(), BoardError> {
-    let before = board.inbox().codes().count();
-    let limit_us = codes as u64 * 62_500 + 300_000;
-    board.run_until(&format!("{codes} codes"), limit_us, |frames| {
+    let count = |frames: &[Frame]| {
         let is_code = |frame: &&Frame| matches!(frame.kind, Kind::Code(_));
-        frames.iter().filter(is_code).count() >= before + codes
-    })
+        frames.iter().filter(is_code).count()
+    };
+    let before = count(board.inbox().frames());
+    run_frames(board, codes, 62_500, |frames| count(frames) - before)
 }
 
-/// Returns the fault in the newest status of the converters, empty if they run; `None` before the first status.
+/// Runs until `count` returns at least `frames`; a frame is due every `interval_us`.
+pub(crate) fn run_frames(
+    board: &mut VirtualBoard,
+    frames: usize,
+    interval_us: u64,
+    count: impl Fn(&[Frame]) -> usize,
+) -> Result<(), BoardError> {
+    let limit_us = frames as u64 * interval_us + 300_000;
+    let what = format!("{frames} frames");
+    board.run_until(&what, limit_us, |received| count(received) >= frames)
+}
+
+/// Returns the fault in the newest status of the converters since the device has started, empty if
+/// they run; `None` before the first status.
 pub(crate) fn converters(frames: &[Frame]) -> Option<&str> {
-    frames.iter().rev().find_map(|frame| match &frame.kind {
+    let is_hello = |frame: &&Frame| matches!(frame.kind, Kind::Hello { .. });
+    let since_hello = frames.iter().rev().take_while(|frame| !is_hello(frame));
+    let mut faults = since_hello.filter_map(|frame| match &frame.kind {
         Kind::Converters(converters) => Some(converters.fault.as_str()),
         _ => None,
-    })
+    });
+    faults.next()
 }
 
 /// Returns the newest statistics of the device.
@@ -123,8 +150,8 @@ pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
     frames.iter().filter_map(hello).collect()
 }
 
-/// Asserts that there are no unexpected findings, as [`assert_no_findings`] does, and that every received
-/// frame could be decoded.
+/// Asserts that there are no unexpected findings, as [`assert_no_findings`] does, and that every
+/// received frame could be decoded.
 pub(crate) fn assert_sound(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
     assert_eq!(
@@ -135,14 +162,14 @@ pub(crate) fn assert_sound(board: &mut VirtualBoard) -> Result<(), BoardError> {
     Ok(())
 }
 
-/// Asserts that no unmapped address was accessed, no access was refused, all other findings are on the list
-/// of allowed findings, and no rule of the converters or of USB was violated.
+/// Asserts that no unmapped address was accessed, no access was refused, all other findings are on
+/// the list of allowed findings, and no rule of the converters or of USB was violated.
 pub(crate) fn assert_no_findings(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings_but(board, |_| false)
 }
 
-/// Asserts the same as [`assert_no_findings`], but ignores unmapped accesses for which `is_intended`
-/// returns true.
+/// Asserts the same as [`assert_no_findings`], but ignores unmapped accesses for which
+/// `is_intended` returns true.
 pub(crate) fn assert_no_findings_but(
     board: &mut VirtualBoard,
     is_intended: fn(&str) -> bool,
@@ -155,7 +182,7 @@ pub(crate) fn assert_no_findings_but(
         findings.unrouted, [""; 0],
         "interrupts that are not connected to the NVIC"
     );
-    assert_eq!(allowed::unexpected(board.model(), &findings), [""; 0]);
+    assert_eq!(findings.unexpected(board.model()), [""; 0]);
     assert_eq!(
         board.converters().violations(),
         0,

@@ -1,24 +1,77 @@
-//! What host-sim sends for the samples that the virtual converters deliver.
+//! Comparison with what host-sim sends for the samples that the virtual converters deliver.
 
+use std::fmt::Debug;
+use std::ops::RangeInclusive;
 use std::thread;
 use std::time::Duration;
 
 use host_sim::{Identity, Outbox, VirtualBoard as Simulator, WhenFull};
 use link::{Encoder, MAX_FRAME, Start, Streams, ToDevice};
 use pipeline::{Mains, Sample};
-use virtual_board::{Inbox, eeg};
+use virtual_board::{BoardError, Frame, Inbox, VirtualBoard, electrode_count};
+
+use crate::session::start;
 
 /// Number of samples between the starts of two windows or packed blocks.
 pub(crate) const HOP: u64 = 32;
 
-/// Returns what host-sim sends after `commands` and a `Start` of `streams`, for `samples` samples, starting with
-/// sample `first`.
-pub(crate) fn simulated(
+/// Run of a board, to be repeated by host-sim.
+#[derive(Clone, Debug)]
+pub(crate) struct Repeatable {
     streams: Streams,
-    commands: &[ToDevice],
-    first: u64,
-    samples: u64,
-) -> Inbox {
+    /// Command that precedes the `Start`.
+    command: Option<ToDevice>,
+    /// Samples of the converters at which the run may have started: those between the `Start` and
+    /// its acknowledgement.
+    first: RangeInclusive<u64>,
+}
+
+impl Repeatable {
+    /// Sends `Start` to a board, after whose command `command` the run is to be repeated.
+    pub(crate) fn start(
+        board: &mut VirtualBoard,
+        streams: Streams,
+        command: Option<ToDevice>,
+    ) -> Result<Self, BoardError> {
+        let before = board.converters().samples_delivered();
+        start(board, streams)?;
+        let after = board.converters().samples_delivered();
+        let first = before.saturating_sub(1)..=after + 1;
+        Ok(Self {
+            streams,
+            command,
+            first,
+        })
+    }
+
+    /// Asserts that what `select` finds in the board's frames equals host-sim's bit for bit, and
+    /// returns their number and host-sim's frames. `hop` is the number of samples between two of
+    /// them.
+    pub(crate) fn assert_equal<T: Debug + PartialEq>(
+        self,
+        board: &VirtualBoard,
+        hop: u64,
+        select: fn(&[Frame]) -> Vec<T>,
+    ) -> (usize, Inbox) {
+        let made = select(board.inbox().frames());
+        let simulated = |first, samples| simulated(self.streams, self.command, first, samples);
+        let mut candidates = self.first.clone();
+        let first = candidates
+            .find(|&sample| select(simulated(sample, 2 * HOP).frames()).first() == made.first());
+        let first = first.expect("the first frame equals none of host-sim's");
+        let inbox = simulated(first, hop * (made.len() as u64 + 2));
+        let expected = select(inbox.frames());
+        assert!(expected.len() >= made.len(), "{} frames", expected.len());
+        for (number, (made, expected)) in made.iter().zip(&expected).enumerate() {
+            assert_eq!(made, expected, "frame {number}");
+        }
+        (made.len(), inbox)
+    }
+}
+
+/// Returns what host-sim sends after `command` and a `Start` of `streams`, for `samples` samples,
+/// starting with sample `first`.
+fn simulated(streams: Streams, command: Option<ToDevice>, first: u64, samples: u64) -> Inbox {
     let outbox = Outbox::new(WhenFull::Wait);
     let identity = Identity {
         session_id: 0,
@@ -35,10 +88,9 @@ pub(crate) fn simulated(
             }
             bytes
         });
-        let mut encoder = Encoder::default();
-        for command in commands {
+        if let Some(command) = command {
             let mut buffer = [0; MAX_FRAME];
-            let frame = encoder.encode(0, command, &mut buffer);
+            let frame = Encoder::default().encode(0, &command, &mut buffer);
             board.receive(frame.expect("a command fits a frame"), 0);
         }
         let start = Start {
@@ -49,7 +101,7 @@ pub(crate) fn simulated(
         for number in 0..samples {
             let mut sample = Sample::default();
             for (channel, count) in sample.counts.iter_mut().enumerate() {
-                *count = eeg::count(first + number, channel);
+                *count = electrode_count(first + number, channel);
             }
             board.process_sample(&sample, number * 1_000_000 / 512);
         }

@@ -1,22 +1,28 @@
 //! The start: from power-on until the converters run.
 
+use firmware::deadlines::priority;
 use link::ResetCause;
-use virtual_board::{BoardError, Kind, Setup};
+use virtual_board::{BoardError, Cable, Kind, Model, Setup, VirtualBoard};
 
-use crate::figures::record;
 use crate::images::Subject;
-use crate::session::{
-    UP_US, assert_no_findings, assert_sound, converters, greetings, power_on, running,
-};
+use crate::session::{assert_no_findings, assert_sound, greetings, power_on, run_up, running_with};
+use crate::{commands, usb};
 
-/// Longest time from power-on to `Hello`, in us of device time. It covers the start of the clocks and the
-/// initialisation of the encoder's memory. If the time driver counted a half period that has not passed,
-/// the time would be 65,536 us longer.
+/// Longest time from power-on to `Hello`, in us of device time. It covers the start of the clocks
+/// and the initialisation of the encoder's memory. If the time driver counted a half period that
+/// has not passed, the time would be 65,536 us longer.
 const HELLO_US: u64 = 20_000;
 
-/// Clocks, port and converters start without violations, and the first frames are complete.
+/// A USB host enumerates the device. Clocks, port and converters start without violations, the
+/// first frames are complete, and the interrupts have their priorities. The idle board answers at
+/// once.
 pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
-    let mut board = running(subject)?;
+    let mut board = power_on(subject, &subject.setup());
+    if subject.cable == Cable::Usb {
+        usb::assert_enumerates(&mut board)?;
+        subject.record("usb_enumerates", true);
+    }
+    run_up(&mut board)?;
     let frames = board.inbox().frames();
     let hello = &frames[0];
     let Kind::Hello {
@@ -49,23 +55,25 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
         assert_eq!(frame.seq, number, "a frame is missing");
     }
     assert_eq!(board.core_hz()?, subject.model.core_hz());
-    // SCLK is 100 kHz for registers and 12.8 MHz for samples on the STM32H743, 82 kHz and 10.5 MHz on the
-    // STM32F446 (docs/hardware.md). The converters run, so SCLK is that for samples.
+    // SCLK is 100 kHz for registers and 12.8 MHz for samples on the STM32H743, 82 kHz and 10.5 MHz
+    // on the STM32F446 (docs/hardware.md). The converters run, so SCLK is that for samples.
     let burst_hz = board.sclk_hz();
     assert!(
         (10_000_000..=20_000_000).contains(&burst_hz),
         "SCLK of {burst_hz} Hz"
     );
     if let Some(baud) = board.port().baud() {
-        // Over the ten bits of a byte, sender and ST-LINK may differ by half a bit in total, less a margin
-        // for noise: usually 2 % for each of them.
+        // Over the ten bits of a byte, sender and ST-LINK may differ by half a bit in total, less a
+        // margin for noise: usually 2 % for each of them.
         assert!(baud.abs_diff(921_600) <= 921_600 / 50, "{baud} baud");
-        record(subject, "baud", baud);
+        subject.record("baud", baud);
     }
-    record(subject, "booted", true);
-    record(subject, "hello_us", board.inbox().frames()[0].device_us);
-    record(subject, "violations", board.converters().violations());
-    record(subject, "unmapped", board.findings()?.unmapped.len());
+    subject.record("booted", true);
+    subject.record("hello_us", board.inbox().frames()[0].device_us);
+    subject.record("violations", board.converters().violations());
+    subject.record("unmapped", board.findings()?.unmapped.len());
+    assert_interrupts_have_their_priorities(&mut board, subject)?;
+    commands::assert_idle_board_answers_at_once(&mut board)?;
     assert_sound(&mut board)
 }
 
@@ -76,10 +84,7 @@ pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardE
         clock_hz: 0,
         ..subject.setup()
     };
-    let mut board = power_on(subject, &setup)?;
-    board.run_until("converters run", UP_US, |frames| {
-        converters(frames) == Some("")
-    })?;
+    let mut board = running_with(subject, &setup)?;
     let greetings = greetings(board.inbox().frames());
     let (cause, fault) = &greetings[0];
     assert_eq!(*cause, ResetCause::PowerOn);
@@ -89,4 +94,85 @@ pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardE
     );
     assert_eq!(board.core_hz()?, subject.model.core_hz());
     assert_no_findings(&mut board)
+}
+
+/// Interrupts with the same line on both chips (RM0433 rev 9, table 147; RM0390, table 38).
+const COMMON: [Wanted; 6] = [
+    ("EXTI9_5, DRDY", 23, priority::DRDY),
+    ("TIM2, time driver", 28, priority::TIME),
+    ("EXTI15_10, trigger", 40, priority::TRIGGER),
+    ("UART4, acquire", 52, priority::ACQUIRE),
+    ("UART5, converse", 53, priority::CONVERSE),
+    ("SAI1, encode", 87, priority::ENCODE),
+];
+
+/// Expected interrupt: source, line and priority.
+type Wanted = (&'static str, u16, u8);
+
+/// Returns the DMA interrupts of the converters' SPI (RM0433 rev 9, table 147; RM0390, table 38).
+fn spi_interrupts(model: Model) -> [Wanted; 2] {
+    match model {
+        Model::H743 => [
+            ("DMA1 stream 0, SPI", 11, priority::DRDY),
+            ("DMA1 stream 1, SPI", 12, priority::DRDY),
+        ],
+        Model::F446 => [
+            ("DMA1 stream 3, SPI", 14, priority::DRDY),
+            ("DMA1 stream 4, SPI", 15, priority::DRDY),
+        ],
+    }
+}
+
+/// Returns the interrupts of the port to the host: USB, or UART and DMA.
+fn port_interrupts(subject: Subject) -> &'static [Wanted] {
+    match (subject.model, subject.cable) {
+        (Model::H743, Cable::Usb) => &[("OTG_FS", 101, priority::CONVERSE)],
+        (Model::H743, Cable::Uart) => &[
+            ("USART3", 39, priority::CONVERSE),
+            ("DMA1 stream 2, UART", 13, priority::CONVERSE),
+            ("DMA1 stream 3, UART", 14, priority::CONVERSE),
+        ],
+        (Model::F446, Cable::Usb) => &[("OTG_FS", 67, priority::CONVERSE)],
+        (Model::F446, Cable::Uart) => &[
+            ("USART2", 38, priority::CONVERSE),
+            ("DMA1 stream 5, UART", 16, priority::CONVERSE),
+            ("DMA1 stream 6, UART", 17, priority::CONVERSE),
+        ],
+    }
+}
+
+/// Asserts that every interrupt of the application has the priority that `firmware::deadlines`
+/// defines, and that no other enabled interrupt has a priority as urgent as that of the acquire
+/// task.
+fn assert_interrupts_have_their_priorities(
+    board: &mut VirtualBoard,
+    subject: Subject,
+) -> Result<(), BoardError> {
+    let enabled = board.interrupts()?;
+    let spi = spi_interrupts(subject.model);
+    let wanted: Vec<_> = COMMON
+        .iter()
+        .chain(&spi)
+        .chain(port_interrupts(subject))
+        .collect();
+    for (name, line, level) in &wanted {
+        let found = enabled.iter().find(|interrupt| interrupt.0 == *line);
+        assert_eq!(found.map(|interrupt| interrupt.1), Some(*level), "{name}");
+    }
+    let urgent = enabled.iter().filter(|(line, level)| {
+        *level <= priority::ACQUIRE && !wanted.iter().any(|(_, known, _)| known == line)
+    });
+    // embassy enables the interrupts of all DMA streams; those of unused streams never occur.
+    let unknown: Vec<_> = urgent.filter(|(line, _)| !is_inactive(*line)).collect();
+    assert!(
+        unknown.is_empty(),
+        "unexpected urgent interrupts: {unknown:?}"
+    );
+    Ok(())
+}
+
+/// Returns whether a line never interrupts the tasks. Such lines are unused streams of DMA1, DMA2,
+/// MDMA and BDMA, and the RNG of the STM32H743, which is read once before the first task.
+fn is_inactive(line: u16) -> bool {
+    matches!(line, 11..=17 | 47 | 56..=60 | 68..=70 | 80 | 122 | 129..=136)
 }

@@ -5,7 +5,6 @@ use virtual_board::Kind;
 
 use virtual_board::BoardError;
 
-use crate::figures::record;
 use crate::images::Subject;
 use crate::session::{assert_sound, streaming};
 
@@ -20,8 +19,8 @@ pub(crate) fn trigger_edges_have_correct_times(subject: Subject) -> Result<(), B
     let mut board = streaming(subject, Streams::CODES | Streams::EVENTS)?;
     board.run_for_us(100_000)?;
     let start = board.now_us();
-    // With an interval of 7,919 us, the edges occur at varying points of the sample period and of the time
-    // driver's half periods.
+    // With an interval of 7,919 us, the edges occur at varying points of the sample period and of
+    // the time driver's half periods.
     let edges: Vec<(u64, bool)> = (0..EDGES)
         .map(|index| (start + 500 + index as u64 * 7_919, index % 2 == 0))
         .collect();
@@ -39,9 +38,9 @@ pub(crate) fn trigger_edges_have_correct_times(subject: Subject) -> Result<(), B
         })
         .collect();
     assert_eq!(events.len(), EDGES);
-    // The device's clock starts after its PLLs, up to STARTS_US after power-on. If the clock were half a
-    // period ahead, or if an event had the time of another edge, the offset would be far outside this
-    // range.
+    // The device's clock starts after its PLLs, up to STARTS_US after power-on. If the clock were
+    // half a period ahead, or if an event had the time of another edge, the offset would be far
+    // outside this range.
     let offset = edges[0].0.wrapping_sub(events[0].0);
     assert!(
         (1..STARTS_US).contains(&offset),
@@ -68,6 +67,6 @@ pub(crate) fn trigger_edges_have_correct_times(subject: Subject) -> Result<(), B
         );
     }
     assert_sound(&mut board)?;
-    record(subject, "trigger_edges", EDGES);
+    subject.record("trigger_edges", EDGES);
     Ok(())
 }

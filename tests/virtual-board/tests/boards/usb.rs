@@ -1,15 +1,12 @@
 //! The USB port: enumeration, opening and closing, pauses, suspend and unplugging.
 
-use link::{Streams, ToDevice};
-use virtual_board::usb::{State, UsbHost};
+use link::Streams;
+use virtual_board::usb::{Command, State, UsbHost};
 use virtual_board::{BoardError, VirtualBoard};
 
-use crate::figures::record;
+use crate::commands::ping;
 use crate::images::Subject;
-use crate::session::{
-    acks, assert_no_findings, assert_sound, converters, power_on, run_codes, running, start,
-    streaming,
-};
+use crate::session::{assert_no_findings, converters, run_codes, stats, streaming};
 
 /// Longest time for debouncing, two bus resets and an enumeration, in us.
 const ENUMERATION_US: u64 = 500_000;
@@ -17,8 +14,8 @@ const ENUMERATION_US: u64 = 500_000;
 /// Longest time from a command to its acknowledgement, in us.
 const ANSWER_US: u64 = 200_000;
 
-/// Times from plugging the cable in to unplugging it, in us. They cover the enumeration, which starts after
-/// 100 ms of debouncing.
+/// Times from plugging the cable in to unplugging it, in us. They cover the enumeration, which
+/// starts after 100 ms of debouncing.
 const EARLY_US: std::ops::Range<u64> = 100_000..240_000;
 const EARLY_STEP_US: usize = 17_001;
 
@@ -38,19 +35,11 @@ fn reach(board: &mut VirtualBoard, state: State) -> Result<(), BoardError> {
     })
 }
 
-/// Asserts that the device acknowledges a command.
-fn assert_answers(board: &mut VirtualBoard) -> Result<(), BoardError> {
-    let before = acks(board.inbox().frames());
-    board.send(&ToDevice::Ping);
-    board.run_until("an answer", ANSWER_US, |frames| acks(frames) > before)?;
-    Ok(())
-}
-
-/// The host enumerates the device and finds its serial port, product and strings.
-pub(crate) fn enumerates(subject: Subject) -> Result<(), BoardError> {
-    let mut board = power_on(subject, &subject.setup())?;
-    reach(&mut board, State::Open)?;
-    let device = host(&board).device().expect("a configured device");
+/// Asserts that the host enumerates a device that has just started, and finds its serial port,
+/// product and strings.
+pub(crate) fn assert_enumerates(board: &mut VirtualBoard) -> Result<(), BoardError> {
+    reach(board, State::Open)?;
+    let device = host(board).device().expect("a configured device");
     assert_eq!((device.vendor, device.product), (0x1209, 0x0001));
     let strings = [device.manufacturer, device.product_name];
     assert_eq!(strings, ["Corticode", "Corticode"]);
@@ -58,22 +47,20 @@ pub(crate) fn enumerates(subject: Subject) -> Result<(), BoardError> {
         device.capabilities.is_some(),
         "a USB 2.1 device has a BOS descriptor"
     );
-    assert_answers(&mut board)?;
-    assert_sound(&mut board)?;
-    record(subject, "usb_enumerates", true);
-    Ok(())
+    ping(board, ANSWER_US)
 }
 
-/// The port works again after the host has not read for three seconds, after close and open, and after suspend.
+/// The port works again after the host has not read for three seconds, after close and open, and
+/// after suspend.
 pub(crate) fn works_after_pauses_and_suspend(subject: Subject) -> Result<(), BoardError> {
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
     let host = host(&board);
 
-    host.pause_reading(true);
+    host.command(Command::PauseReading(true));
     board.run_for_us(3_000_000)?;
     let codes = board.inbox().codes().count();
-    host.pause_reading(false);
+    host.command(Command::PauseReading(false));
     run_codes(&mut board, 8)?;
     // The device counts dropped frames; this count must equal the number of missing frame numbers.
     let seqs: Vec<u32> = board
@@ -84,63 +71,62 @@ pub(crate) fn works_after_pauses_and_suspend(subject: Subject) -> Result<(), Boa
         .collect();
     let missing: u32 = seqs.windows(2).map(|pair| pair[1] - pair[0] - 1).sum();
     run_codes(&mut board, 20)?;
-    let dropped = crate::session::stats(board.inbox().frames())
+    let dropped = stats(board.inbox().frames())
         .expect("a report")
         .frames_dropped;
     assert_eq!(dropped, missing, "missing frame numbers and dropped frames");
     assert!(board.inbox().codes().count() > codes);
     assert_eq!(board.inbox().decode_errors(), [""; 0]);
 
-    host.close();
+    host.command(Command::Open(false));
     reach_without_reopening(&mut board, State::Configured)?;
-    host.open();
+    host.command(Command::Open(true));
     reach(&mut board, State::Open)?;
-    assert_answers(&mut board)?;
+    ping(&mut board, ANSWER_US)?;
 
-    host.suspend();
+    host.command(Command::Suspend(true));
     board.run_for_us(1_000_000)?;
-    host.resume();
+    host.command(Command::Suspend(false));
     board.run_for_us(40_000)?;
-    assert_answers(&mut board)?;
+    ping(&mut board, ANSWER_US)?;
     assert_sound_but_cut_frames(&mut board)?;
-    record(subject, "usb_outlasts_its_host", true);
+    subject.record("usb_outlasts_its_host", true);
     Ok(())
 }
 
-/// The device is enumerated again and responds after three kinds of interruption: unplugging while a packet
-/// waits to be read, unplugging at several points of the enumeration, and a bus reset.
+/// The device is enumerated again and responds after three kinds of interruption: unplugging while
+/// a packet waits to be read, unplugging at several points of the enumeration, and a bus reset.
 pub(crate) fn reconnects_after_unplugging(subject: Subject) -> Result<(), BoardError> {
-    let mut board = running(subject)?;
-    start(&mut board, Streams::CODES)?;
+    let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
     let host = host(&board);
-    host.pause_reading(true);
+    host.command(Command::PauseReading(true));
     board.run_for_us(200_000)?;
-    host.unplug();
+    host.command(Command::Unplug);
     board.run_for_us(500_000)?;
-    host.pause_reading(false);
-    host.plug();
+    host.command(Command::PauseReading(false));
+    host.command(Command::Plug);
     reach(&mut board, State::Open)?;
-    assert_answers(&mut board)?;
+    ping(&mut board, ANSWER_US)?;
 
     for early_us in EARLY_US.step_by(EARLY_STEP_US) {
-        host.unplug();
+        host.command(Command::Unplug);
         board.run_for_us(50_000)?;
-        host.plug();
+        host.command(Command::Plug);
         board.run_for_us(early_us)?;
-        host.unplug();
+        host.command(Command::Unplug);
         board.run_for_us(50_000)?;
-        host.plug();
+        host.command(Command::Plug);
         reach(&mut board, State::Open)?;
-        assert_answers(&mut board)?;
+        ping(&mut board, ANSWER_US)?;
     }
-    host.reset_bus();
+    host.command(Command::ResetBus);
     board.run_for_us(50_000)?;
     reach(&mut board, State::Open)?;
-    assert_answers(&mut board)?;
+    ping(&mut board, ANSWER_US)?;
     assert_eq!(converters(board.inbox().frames()), Some(""));
     assert_sound_but_cut_frames(&mut board)?;
-    record(subject, "usb_replugged", true);
+    subject.record("usb_replugged", true);
     Ok(())
 }
 
@@ -155,8 +141,9 @@ fn reach_without_reopening(board: &mut VirtualBoard, state: State) -> Result<(),
     Ok(())
 }
 
-/// Asserts the same as [`assert_sound`], but allows up to three frames that cannot be decoded. A packet
-/// that waits in the device while the port is closed or unplugged contains only the end of a frame.
+/// Asserts the same as [`assert_sound`], but allows up to three frames that cannot be decoded. A
+/// packet that waits in the device while the port is closed or unplugged contains only the end of a
+/// frame.
 fn assert_sound_but_cut_frames(board: &mut VirtualBoard) -> Result<(), BoardError> {
     assert_no_findings(board)?;
     let bad = board.inbox().decode_errors();

@@ -3,11 +3,11 @@
 use link::{ResetCause, Streams};
 use virtual_board::{BoardError, Injection, Model, Setup};
 
-use crate::figures::record;
 use crate::images::Subject;
-use crate::session::{UP_US, assert_sound, converters, greetings, power_on, start};
+use crate::session::{assert_sound, greetings, running_with, start};
 
-/// Returns the lowest and highest frequency of the oscillator, in Hz (DS12110 and DS10693, LSI characteristics).
+/// Returns the lowest and highest frequency of the oscillator, in Hz (DS12110 and DS10693, LSI
+/// characteristics).
 const fn range(model: Model) -> [u64; 2] {
     match model {
         Model::H743 => [29_400, 33_600],
@@ -26,20 +26,18 @@ const FED_US: u64 = 62_500;
 /// Longest time from the reset to `Hello`, including USB enumeration, in us.
 const START_US: u64 = 500_000;
 
-/// At both ends of the frequency range, a healthy board is not reset, and a hang ends with a reset after
-/// the timeout of the watchdog.
+/// At both ends of the frequency range, a healthy board is not reset, and a hang ends with a reset
+/// after the timeout of the watchdog.
 pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Result<(), BoardError> {
     for hz in range(subject.model) {
         let setup = Setup {
             lsi_hz: Some(hz),
             ..subject.setup()
         };
-        let mut board = power_on(subject, &setup)?;
-        board.run_until("converters run", UP_US, |frames| {
-            converters(frames) == Some("")
-        })?;
+        let mut board = running_with(subject, &setup)?;
         start(&mut board, Streams::CODES)?;
-        board.run_for_us(2_000_000)?;
+        // Several times the watchdog's timeout, after a start that takes as long.
+        board.run_for_us(1_000_000)?;
         assert_eq!(
             greetings(board.inbox().frames()).len(),
             1,
@@ -57,14 +55,15 @@ pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Resu
         assert_eq!(cause, ResetCause::Watchdog);
         let resets = board.findings()?.resets;
         let reset_us = resets.last().expect("a reset").0;
-        // The last reload is at most one check interval before or after the hang; the range allows for two.
+        // The last reload is at most one check interval before or after the hang; the range allows
+        // for two.
         let range_us = watchdog_us(hz).saturating_sub(2 * FED_US)..watchdog_us(hz) + 2 * FED_US;
         let took_us = reset_us - at_us;
         assert!(
             range_us.contains(&took_us),
             "{took_us} us at {hz} Hz, {range_us:?} expected"
         );
-        record(subject, &format!("hang_to_reset_us_at_{hz}_hz"), took_us);
+        subject.record(&format!("hang_to_reset_us_at_{hz}_hz"), took_us);
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::soc::stm32f427::generated::exti::Register;
 
-use crate::pins::Pin;
+use crate::model::Pin;
 
 /// Number of EXTI lines that are connected to pins.
 const LINES: usize = 16;
@@ -11,8 +11,8 @@ const LINES: usize = 16;
 /// Number of GPIO ports: A to H.
 const PORTS: usize = 8;
 
-/// For each interrupt of the pins, its index in the emulator's EXTI instance and its first and last EXTI
-/// line (RM0390, table 38). The interrupt with index 0 is not connected to pins.
+/// For each interrupt of the pins, its index in the emulator's EXTI instance and its first and last
+/// EXTI line (RM0390, table 38). The interrupt with index 0 is not connected to pins.
 const ROUTES: [(usize, u8, u8); 7] = [
     (1, 0, 0),
     (2, 1, 1),
@@ -26,8 +26,9 @@ const ROUTES: [(usize, u8, u8); 7] = [
 /// Model of EXTI for the lines of pins. Pins that the firmware itself drives cause no edge.
 #[derive(Debug, Default)]
 pub(super) struct Exti {
-    /// Pending lines, one bit each. They are kept here because the emulator's register file would store a
-    /// value written to PR, whereas on the chip each bit written as 1 clears a pending line.
+    /// Pending lines, one bit each. They are kept here because the emulator's register file would
+    /// store a value written to PR, whereas on the chip each bit written as 1 clears a pending
+    /// line.
     pending: u64,
     /// For each port and pin, whether the pin is high.
     levels: [[bool; LINES]; PORTS],
@@ -64,18 +65,9 @@ impl Exti {
         } else {
             Register::Ftsr
         };
-        let edge = registers.get(selected) & 1 << pin.1;
-        self.set_pending(edge, registers, context);
-    }
-
-    /// Sets pending bits, even of masked lines; the mask only gates the interrupt (RM0390, 10.2.1).
-    fn set_pending(
-        &mut self,
-        lines: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
-        self.pending |= lines;
+        // The line becomes pending even if it is masked; the mask only gates the interrupt (RM0390,
+        // 10.2.1).
+        self.pending |= registers.get(selected) & 1 << pin.1;
         self.drive_interrupts(registers, context);
     }
 

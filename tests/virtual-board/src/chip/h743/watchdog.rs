@@ -1,11 +1,12 @@
-//! The independent watchdog of the STM32H743 (RM0433 rev 9, chapter 45), which the emulator does not model.
+//! The independent watchdog of the STM32H743 (RM0433 rev 9, chapter 45), which the emulator does
+//! not model.
 
 use rigless::device::{Device, DeviceContext, RegisterFile};
 use rigless::soc::stm32h743::generated::iwdg::Register;
 use rigless::time::{EventId, VirtualNanos};
 
-/// Index of the emulator's signal with which the watchdog requests the LSI oscillator from the clock
-/// controller (RM0433, 8.5.2).
+/// Index of the emulator's signal with which the watchdog requests the LSI oscillator from the
+/// clock controller (RM0433, 8.5.2).
 const STARTED: usize = 0;
 
 /// Keys for register KR (RM0433, 45.4.1).
@@ -13,8 +14,8 @@ const UNLOCK: u64 = 0x5555;
 const START: u64 = 0xCCCC;
 const RELOAD: u64 = 0xAAAA;
 
-/// Value that is loaded into the counter until RLR has been transferred to the counter's clock domain
-/// (RM0433, 45.3).
+/// Value that is loaded into the counter until RLR has been transferred to the counter's clock
+/// domain (RM0433, 45.3).
 const RESET_RELOAD: u64 = 0xFFF;
 
 /// LSI cycles that the transfer of PR and RLR to the counter's clock domain takes (RM0433, 45.4.4).

@@ -1,10 +1,9 @@
 //! The bus side of the core: pull-up, resets, suspend and packets.
 
 use super::Core;
-use crate::usb::endpoint::Reply;
+use crate::usb::endpoint::{Handshake, Input};
 use crate::usb::fifo::{PacketStatus, RxFifo};
 use crate::usb::register::{bit, dctl, epctl, epint, gintsts};
-use crate::usb::response::{Handshake, Input};
 
 /// Number of words that must stay free in the receive FIFO, for status words without data.
 const RESERVED_WORDS: usize = 2;
@@ -93,7 +92,7 @@ impl Core {
             endpoint.registers.bus_reset();
         }
         for endpoint in &mut self.outputs {
-            endpoint.registers.bus_reset();
+            endpoint.bus_reset();
         }
         self.registers.dctl &= !dctl::RWUSIG;
         if self.is_attached() {
@@ -124,7 +123,7 @@ impl Core {
         }
         self.bus.addressing = bytes[..2] == SET_ADDRESS;
         self.bus.in_setup_stage = true;
-        self.inputs[0].on_setup();
+        self.inputs[0].registers.on_setup();
         self.outputs[0].on_setup();
         let frame = self.frame();
         self.rx
@@ -137,7 +136,8 @@ impl Core {
         self.rx.len() + words <= self.registers.rx_depth as usize
     }
 
-    /// Reports the end of the setup stage in the receive FIFO, at the first token after the SETUP packet.
+    /// Reports the end of the setup stage in the receive FIFO, at the first token after the SETUP
+    /// packet.
     fn end_setup_stage(&mut self, endpoint: usize) {
         if endpoint == 0 && self.bus.in_setup_stage {
             self.bus.in_setup_stage = false;
@@ -151,7 +151,7 @@ impl Core {
     pub(crate) fn answers_out(&self, endpoint: usize, len: usize) -> bool {
         let output = &self.outputs[endpoint];
         endpoint == 0 && self.bus.in_setup_stage
-            || output.registers.has(epctl::STALL)
+            || output.has(epctl::STALL)
             || output.accepts_data()
                 && self.registers.dctl & dctl::GONSTS == 0
                 && self.has_room(len)
@@ -165,24 +165,24 @@ impl Core {
         data1: bool,
         bytes: &[u8],
     ) -> Handshake {
-        if !self.accepts(address) || !self.outputs[endpoint].registers.has(epctl::USBAEP) {
+        if !self.accepts(address) || !self.outputs[endpoint].has(epctl::USBAEP) {
             return Handshake::Silent;
         }
         let fresh_setup = endpoint == 0 && self.bus.in_setup_stage;
         self.end_setup_stage(endpoint);
         let output = &mut self.outputs[endpoint];
-        if output.registers.has(epctl::STALL) {
+        if output.has(epctl::STALL) {
             return Handshake::Stall;
         }
         let refuses = !output.accepts_data() || self.registers.dctl & dctl::GONSTS != 0;
         if fresh_setup || refuses || !self.has_room(bytes.len()) {
-            if !self.outputs[endpoint].registers.has(epctl::EPENA) {
-                self.outputs[endpoint].registers.flags |= epint::OTEPDIS;
+            if !self.outputs[endpoint].has(epctl::EPENA) {
+                self.outputs[endpoint].flags |= epint::OTEPDIS;
             }
             return Handshake::Nak;
         }
         let output = &mut self.outputs[endpoint];
-        if bytes.len() > output.registers.max_packet() {
+        if bytes.len() > output.max_packet() {
             return Handshake::Silent;
         }
         if !output.expects(data1) {
@@ -219,17 +219,16 @@ impl Core {
         if self.registers.dctl & dctl::GINSTS != 0 {
             return Input::Nak;
         }
-        match self.inputs[endpoint].on_in_token() {
-            Reply::Nak => Input::Nak,
-            Reply::Stall => Input::Stall,
-            Reply::Packet { bytes, data1 } => {
-                if endpoint == 0 && self.bus.addressing && bytes.is_empty() {
-                    self.bus.addressing = false;
-                    self.bus.address = self.registers.dcfg >> 4 & 0x7F;
-                }
-                Input::Packet { bytes, data1 }
-            }
+        let response = self.inputs[endpoint].on_in_token();
+        if let Input::Packet { bytes, .. } = &response
+            && endpoint == 0
+            && self.bus.addressing
+            && bytes.is_empty()
+        {
+            self.bus.addressing = false;
+            self.bus.address = self.registers.dcfg >> 4 & 0x7F;
         }
+        response
     }
 
     /// Returns whether the device signals remote wake-up.

@@ -1,7 +1,7 @@
 use super::*;
+use crate::usb::endpoint::{Handshake, Input};
 use crate::usb::instance::H743_USB2;
 use crate::usb::register::epctl;
-use crate::usb::response::{Handshake, Input};
 
 const GAHBCFG: u64 = 0x08;
 const GUSBCFG: u64 = 0x0C;
@@ -28,9 +28,6 @@ const fn dieptsiz(n: u64) -> u64 {
 }
 const fn doepctl(n: u64) -> u64 {
     0xB00 + 0x20 * n
-}
-const fn doeptsiz(n: u64) -> u64 {
-    0xB10 + 0x20 * n
 }
 
 /// Returns a core whose clock is on, whose pins reach the connector, and which has VBUS.
@@ -68,6 +65,13 @@ impl Core {
             "{texts:?} is not one with {part:?}"
         );
     }
+}
+
+/// Enables an endpoint whose control register is at `control`, for one packet of `bytes` bytes.
+fn enable(core: &mut Core, control: u64, bytes: u32) {
+    core.put(control + 0x10, 1 << 19 | bytes);
+    let before = core.get(control);
+    core.put(control, before | epctl::CNAK | epctl::EPENA);
 }
 
 /// Returns a core that a driver has configured, with bulk endpoints 1 OUT and 2 IN.
@@ -182,11 +186,7 @@ fn reading_an_empty_receive_fifo_is_reported() {
 #[test]
 fn an_out_packet_is_accepted_once_and_its_transfer_is_reported() {
     let mut core = configured();
-    core.put(doeptsiz(1), 1 << 19 | 64);
-    core.put(
-        doepctl(1),
-        core.peek(Register::Doepctl(1)) | epctl::CNAK | epctl::EPENA,
-    );
+    enable(&mut core, doepctl(1), 64);
     assert_eq!(core.output(0, 1, false, &[1, 2, 3]), Handshake::Ack);
     assert_eq!(
         core.output(0, 1, true, &[4]),
@@ -210,18 +210,24 @@ fn an_out_packet_is_accepted_once_and_its_transfer_is_reported() {
 #[test]
 fn an_in_transfer_is_enabled_loaded_and_sent() {
     let mut core = configured();
-    core.put(dieptsiz(2), 1 << 29 | 1 << 19 | 5);
-    core.put(
-        diepctl(2),
-        core.peek(Register::Diepctl(2)) | epctl::CNAK | epctl::EPENA,
-    );
+    enable(&mut core, diepctl(2), 5);
     core.put(FIFO_2, 0x0403_0201);
     assert!(!core.answers_in(2));
+    assert_eq!(core.input(0, 2), Input::Nak);
     core.put(FIFO_2, 5);
+    assert!(core.answers_in(2));
     let bytes = vec![1, 2, 3, 4, 5];
     let data1 = false;
     assert_eq!(core.input(0, 2), Input::Packet { bytes, data1 });
     assert_eq!(core.input(0, 2), Input::Nak);
+    let flags = core.peek(Register::Diepint(2));
+    assert_eq!(flags, epint::ITTXFE | epint::XFRC | epint::TXFE);
+    assert_eq!(core.peek(Register::Diepctl(2)) & epctl::EPENA, 0);
+    for data1 in [true, false] {
+        enable(&mut core, diepctl(2), 0);
+        let bytes = Vec::new();
+        assert_eq!(core.input(0, 2), Input::Packet { bytes, data1 });
+    }
     assert_eq!(core.violation_texts(), [] as [String; 0]);
 }
 
@@ -236,6 +242,25 @@ fn wrong_writes_to_a_transmit_fifo_are_reported() {
     core.violation_texts();
     core.put(FIFO_2, 16);
     core.expect_violation("FIFO 2: written while it is full");
+    let mut core = configured();
+    enable(&mut core, diepctl(2), 4);
+    core.put(FIFO_2, 1);
+    core.put(FIFO_2, 2);
+    core.expect_violation("FIFO 2: written with no transfer enabled that needs the word");
+}
+
+#[test]
+fn the_next_setup_clears_the_stall_of_endpoint_0() {
+    let mut core = configured();
+    core.put(doepctl(0), epctl::STALL);
+    core.put(doepctl(0), 0);
+    assert_ne!(
+        core.get(doepctl(0)) & epctl::STALL,
+        0,
+        "a write does not clear it"
+    );
+    core.setup(0, [0; 8]);
+    assert_eq!(core.get(doepctl(0)) & epctl::STALL, 0);
 }
 
 #[test]
@@ -255,31 +280,20 @@ fn enabling_an_endpoint_in_the_wrong_order_is_reported() {
 fn overlapping_fifos_are_reported_when_an_endpoint_is_enabled() {
     let mut core = configured();
     core.put(dieptxf(2), 0x0010_0046);
-    core.put(dieptsiz(2), 1 << 19);
-    core.put(
-        diepctl(2),
-        core.peek(Register::Diepctl(2)) | epctl::CNAK | epctl::EPENA,
-    );
+    enable(&mut core, diepctl(2), 0);
     core.expect_violation("transmit FIFO 2 overlaps transmit FIFO 0");
 }
 
 #[test]
 fn an_out_endpoint_can_be_disabled_only_after_the_global_nak() {
     let mut core = configured();
-    let enable = |core: &mut Core| {
-        core.put(doeptsiz(1), 1 << 19 | 64);
-        core.put(
-            doepctl(1),
-            core.peek(Register::Doepctl(1)) | epctl::CNAK | epctl::EPENA,
-        );
-    };
-    enable(&mut core);
+    enable(&mut core, doepctl(1), 64);
     core.put(
         doepctl(1),
         core.peek(Register::Doepctl(1)) | epctl::SNAK | epctl::EPDIS,
     );
     core.expect_violation("without the global OUT NAK");
-    enable(&mut core);
+    enable(&mut core, doepctl(1), 64);
     core.put(DCTL, dctl::SGONAK);
     assert_eq!(
         core.get(GINTSTS) & gintsts::GONAKEFF,
@@ -333,6 +347,7 @@ fn frame_numbers_and_flags_follow_virtual_time() {
 #[test]
 fn suspend_resume_and_reset_are_reported() {
     let mut core = configured();
+    enable(&mut core, diepctl(2), 4);
     core.set_frames(false);
     core.suspend();
     assert_eq!(core.get(GINTSTS) & gintsts::USBSUSP, gintsts::USBSUSP);
@@ -342,7 +357,8 @@ fn suspend_resume_and_reset_are_reported() {
     core.start_reset();
     assert_eq!(core.get(GINTSTS) & gintsts::USBRST, gintsts::USBRST);
     assert!(core.interrupt());
-    assert_eq!(core.peek(Register::Diepctl(2)) & epctl::USBAEP, 0);
+    let control = core.peek(Register::Diepctl(2));
+    assert_eq!(control & (epctl::USBAEP | epctl::EPENA), epctl::EPENA);
 }
 
 #[test]

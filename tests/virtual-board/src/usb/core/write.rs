@@ -37,36 +37,17 @@ impl Core {
             Register::Grxfsiz => held.rx_depth = value & 0xFFFF,
             Register::Dieptxf(n) => held.tx[n] = value,
             Register::Gccfg => held.gccfg = value,
-            Register::Glpmcfg => held.glpmcfg = value,
             Register::Dcfg => self.write_dcfg(value),
             Register::Dctl => self.write_dctl(value),
             Register::Diepmsk => held.diepmsk = value,
             Register::Doepmsk => held.doepmsk = value,
             Register::Daintmsk => held.daintmsk = value,
-            Register::Dvbusdis => held.dvbusdis = value & 0xFFFF,
-            Register::Dvbuspulse => held.dvbuspulse = value & 0xFFFF,
-            Register::Dthrctl => held.dthrctl = value,
             Register::Diepempmsk => held.diepempmsk = value & 0xFFFF,
             Register::Diepctl(n) => self.write_diepctl(n, value),
             Register::Diepint(n) => self.inputs[n].registers.flags &= !value,
-            Register::Dieptsiz(n) => {
-                let endpoint = &mut self.inputs[n].registers;
-                let changes = endpoint.has(epctl::EPENA) && endpoint.size != value;
-                endpoint.size = value;
-                if changes {
-                    self.report(register, "changed while the endpoint is enabled", "57.14");
-                }
-            }
+            Register::Dieptsiz(_) | Register::Doeptsiz(_) => self.write_size(register, value),
             Register::Doepctl(n) => self.write_doepctl(n, value),
-            Register::Doepint(n) => self.outputs[n].registers.flags &= !value,
-            Register::Doeptsiz(n) => {
-                let endpoint = &mut self.outputs[n].registers;
-                let changes = endpoint.has(epctl::EPENA) && endpoint.size != value;
-                endpoint.size = value;
-                if changes {
-                    self.report(register, "changed while the endpoint is enabled", "57.14");
-                }
-            }
+            Register::Doepint(n) => self.outputs[n].flags &= !value,
             Register::Pcgcctl => held.pcgcctl = value & 0x3,
             Register::Fifo(n) => self.push_data(n, value),
             Register::Grxstsr
@@ -79,6 +60,19 @@ impl Core {
             | Register::Dtxfsts(_) => {
                 self.report(register, "write to a read-only register", "57.14");
             }
+        }
+    }
+
+    fn write_size(&mut self, register: Register, value: u32) {
+        let endpoint = match register {
+            Register::Dieptsiz(n) => &mut self.inputs[n].registers,
+            Register::Doeptsiz(n) => &mut self.outputs[n],
+            _ => return,
+        };
+        let changes = endpoint.has(epctl::EPENA) && endpoint.size != value;
+        endpoint.size = value;
+        if changes {
+            self.report(register, "changed while the endpoint is enabled", "57.14");
         }
     }
 
@@ -103,11 +97,8 @@ impl Core {
         }
         let flushes = value & (grstctl::RXFFLSH | grstctl::TXFFLSH);
         if flushes != 0 && self.now < self.flush_until {
-            self.report(
-                Register::Grstctl,
-                "flush before the previous flush has ended",
-                "57.14.5",
-            );
+            let what = "flush before the previous flush has ended";
+            self.report(Register::Grstctl, what, "57.14.5");
         }
         self.registers.grstctl = value & (0x1F << 6) | flushes;
         if value & grstctl::RXFFLSH != 0 {
@@ -165,14 +156,11 @@ impl Core {
             (dctl::SGONAK, dctl::CGONAK, dctl::GONSTS),
         ] {
             if value & set != 0 && value & clear != 0 {
-                self.report(
-                    Register::Dctl,
-                    "a global NAK set and cleared at once",
-                    "57.14",
-                );
+                let what = "a global NAK set and cleared at once";
+                self.report(Register::Dctl, what, "57.14");
             }
-            // Only the IN NAK takes effect here. The OUT NAK takes effect when software reads its status
-            // word from the receive FIFO.
+            // Only the IN NAK takes effect here. The OUT NAK takes effect when software reads its
+            // status word from the receive FIFO.
             let sets = value & set != 0 && state == dctl::GINSTS;
             if (before & state != 0 || sets) && value & clear == 0 {
                 now |= state;
@@ -226,17 +214,11 @@ impl Core {
         let before = self.inputs[n].registers.control;
         self.check_pairs(register, value);
         if value & epctl::EPDIS != 0 && before & epctl::EPENA == 0 {
-            self.report(
-                register,
-                "EPDIS of an endpoint that is not enabled",
-                "57.14",
-            );
+            let what = "EPDIS of an endpoint that is not enabled";
+            self.report(register, what, "57.14");
         } else if value & epctl::EPDIS != 0 && before & epctl::NAKSTS == 0 {
-            self.report(
-                register,
-                "EPDIS before the endpoint's NAK is effective",
-                PROGRAMMING,
-            );
+            let what = "EPDIS before the endpoint's NAK is effective";
+            self.report(register, what, PROGRAMMING);
         }
         let arms = value & epctl::EPENA != 0 && before & epctl::EPENA == 0;
         self.inputs[n].write_control(value);
@@ -260,11 +242,8 @@ impl Core {
             self.report(register, &what, PROGRAMMING);
         }
         if !is_active {
-            self.report(
-                register,
-                "enabled while it is not active (USBAEP)",
-                PROGRAMMING,
-            );
+            let what = "enabled while it is not active (USBAEP)";
+            self.report(register, what, PROGRAMMING);
         }
         if turnaround < 6 {
             let what = format!("TRDT is {turnaround}, less than 6");
@@ -303,7 +282,7 @@ impl Core {
 
     fn write_doepctl(&mut self, n: usize, value: u32) {
         let register = Register::Doepctl(n);
-        let before = self.outputs[n].registers.control;
+        let before = self.outputs[n].control;
         self.check_pairs(register, value);
         if value & epctl::EPDIS != 0 {
             if n == 0 {
@@ -311,11 +290,8 @@ impl Core {
                 return;
             }
             if before & epctl::EPENA == 0 {
-                self.report(
-                    register,
-                    "EPDIS of an endpoint that is not enabled",
-                    "57.14",
-                );
+                let what = "EPDIS of an endpoint that is not enabled";
+                self.report(register, what, "57.14");
             } else if self.registers.dctl & dctl::GONSTS == 0 {
                 let what = "EPDIS of an OUT endpoint without the global OUT NAK";
                 self.report(register, what, PROGRAMMING);
@@ -323,15 +299,12 @@ impl Core {
         }
         let arms = value & epctl::EPENA != 0 && before & epctl::EPENA == 0;
         self.outputs[n].write_control(value);
-        let endpoint = &self.outputs[n].registers;
+        let endpoint = &self.outputs[n];
         if arms && n != 0 && endpoint.packet_count() == 0 {
             self.report(register, "enabled with PKTCNT 0", PROGRAMMING);
         } else if arms && !endpoint.has(epctl::USBAEP) {
-            self.report(
-                register,
-                "enabled while it is not active (USBAEP)",
-                PROGRAMMING,
-            );
+            let what = "enabled while it is not active (USBAEP)";
+            self.report(register, what, PROGRAMMING);
         }
     }
 
@@ -353,11 +326,8 @@ impl Core {
             self.report(register, "written during a flush", "57.14.5");
         }
         if self.inputs[n].words() >= self.tx_depth(n) {
-            self.report(
-                register,
-                "written while it is full (OTG_DTXFSTSx)",
-                PROGRAMMING,
-            );
+            let what = "written while it is full (OTG_DTXFSTSx)";
+            self.report(register, what, PROGRAMMING);
             return;
         }
         if !self.inputs[n].write_fifo(value) {

@@ -1,7 +1,8 @@
-//! Control transfers: SETUP, data and status stage (USB 2.0, 8.5.3), with checks of toggles and times.
+//! Control transfers: SETUP, data and status stage (USB 2.0, 8.5.3), with checks of toggles and
+//! times.
 
 use crate::usb::core::Core;
-use crate::usb::response::{Handshake, Input};
+use crate::usb::endpoint::{Handshake, Input};
 use crate::usb::violation::Violations;
 
 /// Number of transactions without a response after which a transfer fails (USB 2.0, 10.2.6).
@@ -10,9 +11,20 @@ const ATTEMPTS: u32 = 3;
 const TIMEOUT_NS: u64 = 5_000_000_000;
 /// Limit for the time until the next data packet of a standard request, in ns (USB 2.0, 9.2.6.4).
 const DATA_NS: u64 = 500_000_000;
-/// Limit for the time from the last data packet of a standard request to the end of its status stage, in ns
-/// (USB 2.0, 9.2.6.4).
+/// Limit for the time from the last data packet of a standard request to the end of its status
+/// stage, in ns (USB 2.0, 9.2.6.4).
 const STATUS_NS: u64 = 50_000_000;
+
+/// What a transaction needs: the device on the bus, and where violations are recorded.
+#[derive(Debug)]
+pub(super) struct Wire<'a> {
+    pub(super) core: &'a mut Core,
+    /// Address of the device.
+    pub(super) address: u8,
+    /// Virtual time, in ns.
+    pub(super) now: u64,
+    pub(super) violations: &'a mut Violations,
+}
 
 /// Contents of a SETUP packet (USB 2.0, 9.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,7 +95,6 @@ pub(super) enum Outcome {
 #[derive(Clone, Debug)]
 pub(super) struct Transfer {
     pub(super) setup: Setup,
-    address: u8,
     max_packet: usize,
     stage: Stage,
     /// Data to send, or data received so far.
@@ -97,19 +108,12 @@ pub(super) struct Transfer {
 }
 
 impl Transfer {
-    /// Creates a transfer to the device at `address`, with packets of at most `max_packet` bytes. `data` is
-    /// what an OUT transfer sends in its data stage.
-    pub(super) fn new(
-        setup: Setup,
-        address: u8,
-        max_packet: usize,
-        data: Vec<u8>,
-        now: u64,
-    ) -> Self {
+    /// Creates a transfer with packets of at most `max_packet` bytes.
+    /// `data` is what an OUT transfer sends in its data stage.
+    pub(super) fn new(setup: Setup, max_packet: usize, data: Vec<u8>, now: u64) -> Self {
         debug_assert!(setup.is_in() || data.len() == usize::from(setup.length));
         Self {
             setup,
-            address,
             max_packet,
             stage: Stage::Setup,
             data,
@@ -151,58 +155,57 @@ impl Transfer {
     }
 
     /// Performs the next transaction, and returns the state of the transfer after it.
-    pub(super) fn perform(
-        &mut self,
-        now: u64,
-        core: &mut Core,
-        violations: &mut Violations,
-    ) -> Outcome {
-        match self.stage {
-            Stage::Setup => match core.setup(self.address, self.setup.bytes()) {
-                Handshake::Ack => {
-                    self.progress = now;
-                    self.stage = match (self.setup.length, self.setup.is_in()) {
-                        (0, _) => Stage::StatusIn,
-                        (_, true) => Stage::DataIn,
-                        (_, false) => Stage::DataOut,
-                    };
-                    Outcome::Pending
-                }
-                _ => self.no_response(),
-            },
-            Stage::DataIn | Stage::StatusIn => match core.input(self.address, 0) {
-                Input::Packet { bytes, data1 } => self.received(now, bytes, data1, violations),
-                Input::Nak => Outcome::Pending,
-                Input::Stall => Outcome::Stalled,
-                Input::Silent => self.no_response(),
-            },
+    pub(super) fn perform(&mut self, wire: &mut Wire<'_>) -> Outcome {
+        let address = wire.address;
+        let handshake = match self.stage {
+            Stage::Setup => wire.core.setup(address, self.setup.bytes()),
+            Stage::DataIn | Stage::StatusIn => {
+                return match wire.core.input(address, 0) {
+                    Input::Packet { bytes, data1 } => self.received(bytes, data1, wire),
+                    Input::Nak => Outcome::Pending,
+                    Input::Stall => Outcome::Stalled,
+                    Input::Silent => self.no_response(),
+                };
+            }
             Stage::DataOut => {
                 let chunk = self.chunk().to_vec();
-                match core.output(self.address, 0, self.data1, &chunk) {
-                    Handshake::Ack => {
-                        self.check_time(now, DATA_NS, violations);
-                        self.data1 = !self.data1;
-                        self.sent += chunk.len();
-                        if self.sent == self.data.len() {
-                            self.stage = Stage::StatusIn;
-                        }
-                        Outcome::Pending
-                    }
-                    Handshake::Nak => Outcome::Pending,
-                    Handshake::Stall => Outcome::Stalled,
-                    Handshake::Silent => self.no_response(),
+                wire.core.output(address, 0, self.data1, &chunk)
+            }
+            Stage::StatusOut => wire.core.output(address, 0, true, &[]),
+        };
+        match handshake {
+            Handshake::Ack => self.acknowledged(wire),
+            Handshake::Nak => Outcome::Pending,
+            Handshake::Stall => Outcome::Stalled,
+            Handshake::Silent => self.no_response(),
+        }
+    }
+
+    /// Advances the transfer after the device has acknowledged a packet.
+    fn acknowledged(&mut self, wire: &mut Wire<'_>) -> Outcome {
+        match self.stage {
+            Stage::Setup => {
+                self.progress = wire.now;
+                self.stage = match (self.setup.length, self.setup.is_in()) {
+                    (0, _) => Stage::StatusIn,
+                    (_, true) => Stage::DataIn,
+                    (_, false) => Stage::DataOut,
+                };
+            }
+            Stage::DataOut => {
+                self.check_time(DATA_NS, wire);
+                self.data1 = !self.data1;
+                self.sent += self.chunk().len();
+                if self.sent == self.data.len() {
+                    self.stage = Stage::StatusIn;
                 }
             }
-            Stage::StatusOut => match core.output(self.address, 0, true, &[]) {
-                Handshake::Ack => {
-                    self.check_time(now, STATUS_NS, violations);
-                    Outcome::Done(std::mem::take(&mut self.data))
-                }
-                Handshake::Nak => Outcome::Pending,
-                Handshake::Stall => Outcome::Stalled,
-                Handshake::Silent => self.no_response(),
-            },
+            Stage::DataIn | Stage::StatusIn | Stage::StatusOut => {
+                self.check_time(STATUS_NS, wire);
+                return Outcome::Done(std::mem::take(&mut self.data));
+            }
         }
+        Outcome::Pending
     }
 
     fn no_response(&mut self) -> Outcome {
@@ -214,28 +217,22 @@ impl Transfer {
         }
     }
 
-    fn received(
-        &mut self,
-        now: u64,
-        bytes: Vec<u8>,
-        data1: bool,
-        violations: &mut Violations,
-    ) -> Outcome {
+    fn received(&mut self, bytes: Vec<u8>, data1: bool, wire: &mut Wire<'_>) -> Outcome {
         if data1 != self.data1 && self.stage == Stage::DataIn
             || self.stage == Stage::StatusIn && !data1
         {
             let text = format!("{}: wrong data toggle (USB 2.0, 8.5.3)", self.describe());
-            violations.record(now, text);
+            wire.violations.record(wire.now, text);
             return Outcome::Pending;
         }
         if self.stage == Stage::StatusIn {
-            self.check_time(now, STATUS_NS, violations);
+            self.check_time(STATUS_NS, wire);
             if !bytes.is_empty() {
                 return Outcome::Failed(format!("data in the status stage: {}", self.setup));
             }
             return Outcome::Done(Vec::new());
         }
-        self.check_time(now, DATA_NS, violations);
+        self.check_time(DATA_NS, wire);
         if bytes.len() > self.max_packet {
             return Outcome::Failed(format!("packet of {} bytes: {}", bytes.len(), self.setup));
         }
@@ -253,9 +250,9 @@ impl Transfer {
     }
 
     /// Checks the time since the previous stage or data packet.
-    fn check_time(&mut self, now: u64, limit: u64, violations: &mut Violations) {
-        let took = now - self.progress;
-        self.progress = now;
+    fn check_time(&mut self, limit: u64, wire: &mut Wire<'_>) {
+        let took = wire.now - self.progress;
+        self.progress = wire.now;
         if self.setup.is_standard() && took > limit {
             let text = format!(
                 "{}: took {} ms, more than {} ms (USB 2.0, 9.2.6.4)",
@@ -263,7 +260,7 @@ impl Transfer {
                 took / 1_000_000,
                 limit / 1_000_000
             );
-            violations.record(now, text);
+            wire.violations.record(wire.now, text);
         }
     }
 }

@@ -20,72 +20,54 @@ const COMMUNICATIONS: [u8; 2] = [0x02, 0x02];
 /// Class of the data interface of a serial port.
 const DATA: u8 = 0x0A;
 
-/// Contents of the descriptors of a device.
+/// Contents of the descriptors of a device, as far as the host or a test uses them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Descriptors {
-    /// `bcdUSB`: USB version in BCD, for example 0x0210 for 2.1.
-    pub usb: u16,
-    /// `bDeviceClass`, `bDeviceSubClass` and `bDeviceProtocol`.
-    pub class: [u8; 3],
-    /// Maximum packet size of endpoint 0, in bytes.
-    pub max_packet_0: u8,
     /// USB identifier of the manufacturer (`idVendor`).
     pub vendor: u16,
     /// Identifier of the product (`idProduct`).
     pub product: u16,
-    /// `bcdDevice`: version of the device, in BCD.
-    pub release: u16,
     /// Manufacturer string; empty if the device has none.
     pub manufacturer: String,
     /// Product string; empty if the device has none.
     pub product_name: String,
-    /// Serial number string; empty if the device has none.
-    pub serial_number: String,
     /// Number of capabilities in the BOS descriptor; `None` without that descriptor.
     pub capabilities: Option<u8>,
-    /// Contents of the only configuration descriptor.
-    pub configuration: Configuration,
+    /// `bcdUSB`: USB version in BCD, for example 0x0210 for 2.1.
+    pub(super) usb: u16,
+    /// Maximum packet size of endpoint 0, in bytes.
+    pub(super) max_packet_0: u8,
     /// String indices of manufacturer, product and serial number; 0 for none.
     pub(super) strings: [u8; 3],
+    /// Number that selects the configuration (`bConfigurationValue`).
+    pub(super) configuration: u8,
+    /// Interfaces of the configuration, in alternate setting 0.
+    pub(super) interfaces: Vec<Interface>,
 }
 
-/// A configuration descriptor, with the interfaces that it contains (USB 2.0, 9.6.3).
+/// An interface descriptor in alternate setting 0, with the descriptors that belong to it (USB 2.0,
+/// 9.6.5).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Configuration {
-    /// Number that selects this configuration (`bConfigurationValue`).
-    pub value: u8,
-    /// `bmAttributes`: bit 6 means self-powered, bit 5 remote wake-up.
-    pub attributes: u8,
-    /// Maximum current from the bus, in mA.
-    pub max_current_ma: u16,
-    /// Interfaces in alternate setting 0.
-    pub interfaces: Vec<Interface>,
-}
-
-/// An interface descriptor in alternate setting 0, with the descriptors that belong to it (USB 2.0, 9.6.5).
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Interface {
+pub(super) struct Interface {
     /// Number of the interface (`bInterfaceNumber`).
-    pub number: u8,
+    number: u8,
     /// `bInterfaceClass`, `bInterfaceSubClass` and `bInterfaceProtocol`.
-    pub class: [u8; 3],
+    class: [u8; 3],
     /// Endpoints except endpoint 0.
-    pub endpoints: Vec<EndpointDescriptor>,
+    endpoints: Vec<EndpointDescriptor>,
     /// `bDescriptorSubtype` of each class-specific descriptor.
-    pub functions: Vec<u8>,
+    functions: Vec<u8>,
 }
 
 /// Contents of an endpoint descriptor (USB 2.0, 9.6.6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct EndpointDescriptor {
+pub(super) struct EndpointDescriptor {
     /// `bEndpointAddress`: bit 7 is set for IN.
-    pub address: u8,
+    pub(super) address: u8,
     /// `bmAttributes`: 2 is bulk, 3 is interrupt.
-    pub attributes: u8,
+    attributes: u8,
     /// Maximum packet size, in bytes.
-    pub max_packet: u16,
-    /// `bInterval`, in frames.
-    pub interval: u8,
+    pub(super) max_packet: u16,
 }
 
 /// Control interface and endpoints of a serial port.
@@ -104,8 +86,9 @@ struct Checker<'a> {
 }
 
 impl Checker<'_> {
-    fn expect(&mut self, holds: bool, what: &str, section: &str) {
-        if !holds {
+    /// Records each rule that does not hold, with the section that states it.
+    fn expect<const N: usize>(&mut self, section: &str, rules: [(bool, &str); N]) {
+        for (_, what) in rules.into_iter().filter(|(holds, _)| !holds) {
             let text = format!("{what} ({section})");
             self.violations.record(self.now, text);
         }
@@ -123,36 +106,31 @@ fn byte(bytes: &[u8], at: usize) -> u8 {
 impl Descriptors {
     /// Parses and checks the device descriptor.
     pub(super) fn parse_device(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
-        let mut checker = Checker { now, violations };
-        let section = "device descriptor, USB 2.0, 9.6.1";
-        let (length, kind) = (byte(bytes, 0), byte(bytes, 1));
-        checker.expect(
-            bytes.len() == 18 && length == 18,
-            "its length is not 18",
-            section,
-        );
-        checker.expect(kind == kind::DEVICE, "its type is not 1", section);
         self.usb = word(bytes, 2);
-        self.class = [byte(bytes, 4), byte(bytes, 5), byte(bytes, 6)];
         self.max_packet_0 = byte(bytes, 7);
         self.vendor = word(bytes, 8);
         self.product = word(bytes, 10);
-        self.release = word(bytes, 12);
         self.strings = [byte(bytes, 14), byte(bytes, 15), byte(bytes, 16)];
-        let known = [0x0110, 0x0200, 0x0201, 0x0210].contains(&self.usb);
-        checker.expect(known, &format!("bcdUSB is {:#06x}", self.usb), section);
-        let sized = [8, 16, 32, 64].contains(&self.max_packet_0);
-        checker.expect(
-            sized,
-            &format!("bMaxPacketSize0 is {}", self.max_packet_0),
-            section,
-        );
-        checker.expect(
-            byte(bytes, 17) == 1,
-            "it does not have exactly one configuration",
-            section,
-        );
-        checker.expect(self.vendor != 0, "idVendor is 0", section);
+        let is_usb_known = [0x0110, 0x0200, 0x0201, 0x0210].contains(&self.usb);
+        let is_size_known = [8, 16, 32, 64].contains(&self.max_packet_0);
+        let rules = [
+            (
+                bytes.len() == 18 && byte(bytes, 0) == 18,
+                "its length is not 18",
+            ),
+            (byte(bytes, 1) == kind::DEVICE, "its type is not 1"),
+            (is_usb_known, &format!("bcdUSB is {:#06x}", self.usb)),
+            (
+                is_size_known,
+                &format!("bMaxPacketSize0 is {}", self.max_packet_0),
+            ),
+            (
+                byte(bytes, 17) == 1,
+                "it does not have exactly one configuration",
+            ),
+            (self.vendor != 0, "idVendor is 0"),
+        ];
+        Checker { now, violations }.expect("device descriptor, USB 2.0, 9.6.1", rules);
     }
 
     /// Parses and checks the configuration descriptor and the descriptors that it contains.
@@ -164,116 +142,100 @@ impl Descriptors {
     ) {
         let mut checker = Checker { now, violations };
         let section = "configuration descriptor, USB 2.0, 9.6.3";
-        checker.expect(byte(bytes, 0) == 9, "its length is not 9", section);
-        let total = usize::from(word(bytes, 2));
-        checker.expect(
-            total == bytes.len(),
-            "wTotalLength is not its length",
-            section,
-        );
-        let attributes = byte(bytes, 7);
-        checker.expect(
-            attributes & 0x9F == 0x80,
-            "reserved bits of bmAttributes",
-            section,
-        );
-        let mut configuration = Configuration {
-            value: byte(bytes, 5),
-            attributes,
-            max_current_ma: u16::from(byte(bytes, 8)) * 2,
-            interfaces: Vec::new(),
-        };
-        checker.expect(
-            configuration.value != 0,
-            "bConfigurationValue is 0",
-            section,
-        );
-        checker.expect(
-            configuration.max_current_ma <= 500,
-            "more than 500 mA",
-            section,
-        );
+        self.configuration = byte(bytes, 5);
+        let is_whole = usize::from(word(bytes, 2)) == bytes.len();
+        let rules = [
+            (byte(bytes, 0) == 9, "its length is not 9"),
+            (is_whole, "wTotalLength is not its length"),
+            (
+                byte(bytes, 7) & 0x9F == 0x80,
+                "reserved bits of bmAttributes",
+            ),
+            (self.configuration != 0, "bConfigurationValue is 0"),
+            (byte(bytes, 8) <= 250, "more than 500 mA"),
+        ];
+        checker.expect(section, rules);
+        self.interfaces.clear();
         let mut rest = bytes.get(9..).unwrap_or_default();
         let mut expected = 0;
         while !rest.is_empty() {
             let length = usize::from(byte(rest, 0));
             if length < 2 || length > rest.len() {
-                checker.expect(false, "a descriptor in it has a wrong length", section);
+                checker.expect(section, [(false, "a descriptor in it has a wrong length")]);
                 break;
             }
             let (one, after) = rest.split_at(length);
-            expected += configuration.add(one, &mut checker);
+            expected += self.add(one, &mut checker);
             rest = after;
         }
-        let found: usize = configuration
-            .interfaces
-            .iter()
-            .map(|i| i.endpoints.len())
-            .sum();
-        checker.expect(
-            found == expected,
-            "bNumEndpoints is not the number of endpoints",
-            section,
-        );
-        let interfaces = configuration.interfaces.len();
-        let named = usize::from(byte(bytes, 4)) == interfaces;
-        checker.expect(
-            named,
-            "bNumInterfaces is not the number of interfaces",
-            section,
-        );
-        self.configuration = configuration;
+        let interfaces = &self.interfaces;
+        let found: usize = interfaces.iter().map(|i| i.endpoints.len()).sum();
+        let are_counted = usize::from(byte(bytes, 4)) == interfaces.len();
+        let rules = [
+            (
+                found == expected,
+                "bNumEndpoints is not the number of endpoints",
+            ),
+            (
+                are_counted,
+                "bNumInterfaces is not the number of interfaces",
+            ),
+        ];
+        checker.expect(section, rules);
     }
 
     /// Parses and checks the BOS descriptor, which lists the device's capabilities.
     pub(super) fn parse_bos(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) {
-        let mut checker = Checker { now, violations };
-        let section = "BOS descriptor, USB 3.2, 9.6.2";
-        checker.expect(byte(bytes, 0) == 5, "its length is not 5", section);
-        checker.expect(byte(bytes, 1) == kind::BOS, "its type is not 15", section);
-        let total = usize::from(word(bytes, 2));
-        checker.expect(
-            total == bytes.len(),
-            "wTotalLength is not its length",
-            section,
-        );
-        let mut capabilities = 0;
+        let (mut capabilities, mut are_capabilities) = (0, true);
         let mut rest = bytes.get(5..).unwrap_or_default();
         while rest.len() >= 3 {
             let length = usize::from(byte(rest, 0)).clamp(1, rest.len());
-            let is_capability = byte(rest, 1) == kind::DEVICE_CAPABILITY;
-            checker.expect(is_capability, "it contains another descriptor", section);
+            are_capabilities &= byte(rest, 1) == kind::DEVICE_CAPABILITY;
             capabilities += 1;
             rest = &rest[length..];
         }
-        let named = byte(bytes, 4) == capabilities;
-        checker.expect(named, "bNumDeviceCaps is not their number", section);
         self.capabilities = Some(capabilities);
+        let is_whole = usize::from(word(bytes, 2)) == bytes.len();
+        let rules = [
+            (byte(bytes, 0) == 5, "its length is not 5"),
+            (byte(bytes, 1) == kind::BOS, "its type is not 15"),
+            (is_whole, "wTotalLength is not its length"),
+            (are_capabilities, "it contains another descriptor"),
+            (
+                byte(bytes, 4) == capabilities,
+                "bNumDeviceCaps is not their number",
+            ),
+        ];
+        Checker { now, violations }.expect("BOS descriptor, USB 3.2, 9.6.2", rules);
     }
 
-    /// Finds the control interface and the endpoints of the serial port; `None` if the device has no serial
-    /// port.
+    /// Finds the control interface and the endpoints of the serial port; `None` if the device has
+    /// no serial port.
     pub(super) fn find_serial_port(
         &self,
         now: u64,
         violations: &mut Violations,
     ) -> Option<SerialPort> {
-        let mut checker = Checker { now, violations };
-        let section = "CDC 1.2, 3.4 and 5.2";
-        let interfaces = &self.configuration.interfaces;
-        let control = interfaces.iter().find(|i| i.class[..2] == COMMUNICATIONS)?;
-        let data = interfaces.iter().find(|i| i.class[0] == DATA)?;
-        // Subtypes: header, abstract control management, union.
-        for subtype in [0x00, 0x02, 0x06] {
-            let what = format!("no functional descriptor {subtype:#04x}");
-            checker.expect(control.functions.contains(&subtype), &what, section);
-        }
-        let header_first = control.functions.first() == Some(&0);
-        checker.expect(
-            header_first,
-            "the header is not the first functional descriptor",
-            section,
-        );
+        let mut interfaces = self.interfaces.iter();
+        let control = interfaces
+            .clone()
+            .find(|i| i.class[..2] == COMMUNICATIONS)?;
+        let data = interfaces.find(|i| i.class[0] == DATA)?;
+        let has = |subtype| control.functions.contains(&subtype);
+        let is_header_first = control.functions.first() == Some(&0);
+        let rules = [
+            (has(0x00), "no functional descriptor 0x00, header"),
+            (
+                has(0x02),
+                "no functional descriptor 0x02, abstract control management",
+            ),
+            (has(0x06), "no functional descriptor 0x06, union"),
+            (
+                is_header_first,
+                "the header is not the first functional descriptor",
+            ),
+        ];
+        Checker { now, violations }.expect("CDC 1.2, 3.4 and 5.2", rules);
         let find = |interface: &Interface, attributes: u8, is_in: bool| {
             let fits = |e: &&EndpointDescriptor| {
                 e.attributes & 3 == attributes && (e.address & 0x80 != 0) == is_in
@@ -287,24 +249,20 @@ impl Descriptors {
             notification: find(control, 3, true)?,
         })
     }
-}
 
-impl Configuration {
-    /// Adds a descriptor. If it is an interface descriptor, returns the number of endpoints that it
-    /// declares, otherwise 0.
+    /// Adds a descriptor within the configuration. If it is an interface descriptor, returns the
+    /// number of endpoints that it declares, otherwise 0.
     fn add(&mut self, bytes: &[u8], checker: &mut Checker<'_>) -> usize {
         match byte(bytes, 1) {
             kind::INTERFACE => {
-                let section = "interface descriptor, USB 2.0, 9.6.5";
-                checker.expect(bytes.len() == 9, "its length is not 9", section);
-                let number = byte(bytes, 2);
-                let next = usize::from(number) == self.interfaces.len();
-                checker.expect(
-                    next || byte(bytes, 3) != 0,
-                    "its number is not the next one",
-                    section,
-                );
-                if byte(bytes, 3) == 0 {
+                let (number, is_alternate) = (byte(bytes, 2), byte(bytes, 3) != 0);
+                let is_next = usize::from(number) == self.interfaces.len();
+                let rules = [
+                    (bytes.len() == 9, "its length is not 9"),
+                    (is_next || is_alternate, "its number is not the next one"),
+                ];
+                checker.expect("interface descriptor, USB 2.0, 9.6.5", rules);
+                if !is_alternate {
                     self.interfaces.push(Interface {
                         number,
                         class: [byte(bytes, 5), byte(bytes, 6), byte(bytes, 7)],
@@ -318,24 +276,25 @@ impl Configuration {
                     address: byte(bytes, 2),
                     attributes: byte(bytes, 3),
                     max_packet: word(bytes, 4),
-                    interval: byte(bytes, 6),
                 };
-                let section = "endpoint descriptor, USB 2.0, 9.6.6";
-                checker.expect(bytes.len() == 7, "its length is not 7", section);
-                let numbered = endpoint.address & 0x70 == 0 && endpoint.address & 0xF != 0;
-                checker.expect(numbered, "bEndpointAddress", section);
-                let sized = match endpoint.attributes & 3 {
+                let is_numbered = endpoint.address & 0x70 == 0 && endpoint.address & 0xF != 0;
+                let is_sized = match endpoint.attributes & 3 {
                     2 => [8, 16, 32, 64].contains(&endpoint.max_packet),
-                    3 => (1..=64).contains(&endpoint.max_packet) && endpoint.interval > 0,
+                    3 => (1..=64).contains(&endpoint.max_packet) && byte(bytes, 6) > 0,
                     _ => false,
                 };
-                checker.expect(sized, "its packet size or interval at full speed", section);
-                let all = self.interfaces.iter().flat_map(|i| &i.endpoints);
-                let is_new = all.into_iter().all(|e| e.address != endpoint.address);
-                checker.expect(is_new, "its address is taken", section);
-                match self.interfaces.last_mut() {
-                    Some(interface) => interface.endpoints.push(endpoint),
-                    None => checker.expect(false, "it comes before any interface", section),
+                let mut all = self.interfaces.iter().flat_map(|i| &i.endpoints);
+                let is_new = all.all(|e| e.address != endpoint.address);
+                let rules = [
+                    (bytes.len() == 7, "its length is not 7"),
+                    (is_numbered, "bEndpointAddress"),
+                    (is_sized, "its packet size or interval at full speed"),
+                    (is_new, "its address is taken"),
+                    (!self.interfaces.is_empty(), "it comes before any interface"),
+                ];
+                checker.expect("endpoint descriptor, USB 2.0, 9.6.6", rules);
+                if let Some(interface) = self.interfaces.last_mut() {
+                    interface.endpoints.push(endpoint);
                 }
                 0
             }
@@ -352,14 +311,14 @@ impl Configuration {
 
 /// Parses and checks a string descriptor.
 pub(super) fn parse_string(bytes: &[u8], now: u64, violations: &mut Violations) -> String {
-    let mut checker = Checker { now, violations };
-    let section = "string descriptor, USB 2.0, 9.6.7";
     let length = usize::from(byte(bytes, 0));
-    checker.expect(length == bytes.len() && length >= 2, "its length", section);
-    checker.expect(length.is_multiple_of(2), "its length is odd", section);
-    checker.expect(byte(bytes, 1) == kind::STRING, "its type is not 3", section);
+    let rules = [
+        (length == bytes.len() && length >= 2, "its length"),
+        (length.is_multiple_of(2), "its length is odd"),
+        (byte(bytes, 1) == kind::STRING, "its type is not 3"),
+    ];
+    Checker { now, violations }.expect("string descriptor, USB 2.0, 9.6.7", rules);
     let (units, _) = bytes.get(2..).unwrap_or_default().as_chunks::<2>();
-    let units = units.iter();
-    let units: Vec<u16> = units.map(|unit| word(unit, 0)).collect();
+    let units: Vec<u16> = units.iter().map(|unit| word(unit, 0)).collect();
     String::from_utf16_lossy(&units)
 }

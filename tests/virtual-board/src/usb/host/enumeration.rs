@@ -2,7 +2,6 @@
 
 use super::control::Setup;
 use super::descriptor::{Descriptors, SerialPort, kind, parse_string};
-use super::event::Event;
 use crate::usb::violation::Violations;
 
 /// Address that the host assigns with SET_ADDRESS; any from 1 to 127 is valid.
@@ -96,9 +95,7 @@ impl Enumeration {
             Stage::Configuration(total) => get(kind::CONFIGURATION, 0, 0, total),
             Stage::Languages => get(kind::STRING, 0, 0, 255),
             Stage::String(n) => get(kind::STRING, self.device.strings[n], LANGUAGE, 255),
-            Stage::SetConfiguration => {
-                set(SET_CONFIGURATION, self.device.configuration.value.into())
-            }
+            Stage::SetConfiguration => set(SET_CONFIGURATION, self.device.configuration.into()),
         }
     }
 
@@ -118,7 +115,6 @@ impl Enumeration {
         data: &[u8],
         now: u64,
         violations: &mut Violations,
-        log: &mut Vec<Event>,
     ) -> Next {
         let total = |data: &[u8]| match data {
             [_, _, low, high, ..] => u16::from_le_bytes([*low, *high]),
@@ -150,12 +146,7 @@ impl Enumeration {
                 self.stage = Stage::Qualifier;
                 Next::Request
             }
-            Stage::Qualifier => {
-                log.push(Event::Note(
-                    "responds to DEVICE_QUALIFIER, which only a high-speed device should do (USB 2.0, 9.6.2)",
-                ));
-                self.after_qualifier()
-            }
+            Stage::Qualifier => self.after_qualifier(),
             // Like real hosts, the model continues without a BOS descriptor.
             Stage::BosHeader if data.len() < 5 => {
                 let text = format!(
@@ -191,7 +182,8 @@ impl Enumeration {
                 match n {
                     0 => self.device.manufacturer = text,
                     1 => self.device.product_name = text,
-                    _ => self.device.serial_number = text,
+                    // The serial number is read and checked like the others, but not used.
+                    _ => {}
                 }
                 self.request_string(n + 1)
             }

@@ -1,20 +1,19 @@
-//! The host's driver for the serial port: opens and closes it, and transfers bulk data in both directions.
+//! The host's driver for the serial port: opens and closes it, and transfers bulk data in both
+//! directions.
 
 use std::collections::VecDeque;
 
-use super::control::Setup;
+use super::control::{Setup, Wire};
 use super::descriptor::{EndpointDescriptor, SerialPort};
-use super::event::Event;
-use super::status::Counters;
 use crate::usb::core::Core;
-use crate::usb::response::{Handshake, Input};
+use crate::usb::endpoint::{Handshake, Input};
 use crate::usb::violation::Violations;
 
-/// Size of the driver's read buffer in bytes, as in the driver of Windows. A program receives the data when the
-/// buffer is full or after a short packet.
+/// Size of the driver's read buffer in bytes, as in the driver of Windows. A program receives the
+/// data when the buffer is full or after a short packet.
 const READ_BYTES: usize = 4_096;
-/// Bit rates in bit/s: the driver sets the first when the device is configured, the second when a program
-/// opens the port.
+/// Bit rates in bit/s: the driver sets the first when the device is configured, the second when a
+/// program opens the port.
 const RATES: [u32; 2] = [9_600, 115_200];
 
 /// Class-specific requests (CDC PSTN 1.2, 6.3).
@@ -34,7 +33,8 @@ pub(super) enum Pipe {
     Notification,
 }
 
-/// Encodes a line coding: bit rate, one stop bit, no parity, eight data bits (CDC PSTN 1.2, table 17).
+/// Encodes a line coding: bit rate, one stop bit, no parity, eight data bits (CDC PSTN 1.2, table
+/// 17).
 fn line_coding(rate: u32) -> Vec<u8> {
     [rate.to_le_bytes().as_slice(), &[0, 0, 8]].concat()
 }
@@ -68,7 +68,9 @@ pub(super) struct Serial {
     pub(super) received: Vec<u8>,
     pub(super) outgoing: VecDeque<u8>,
     requests: VecDeque<Request>,
-    pub(super) counters: Counters,
+    /// Numbers of packets received on bulk IN, of all and of the empty ones.
+    pub(super) packets_in: u64,
+    pub(super) empty_packets_in: u64,
 }
 
 impl Serial {
@@ -94,8 +96,8 @@ impl Serial {
         self.ports.is_some()
     }
 
-    /// Returns the request to perform next. It remains the next one until [`Serial::complete_request`] is
-    /// called.
+    /// Returns the request to perform next. It remains the next one until
+    /// [`Serial::complete_request`] is called.
     pub(super) fn next_request(&mut self) -> Option<Request> {
         self.ports?;
         if self.requests.is_empty() && self.wanted != self.is_open {
@@ -132,39 +134,25 @@ impl Serial {
         }
     }
 
-    /// Completes the current request. `data` is the response, empty after a failure. Returns an event if
-    /// the port is now open or closed.
-    pub(super) fn complete_request(
-        &mut self,
-        data: &[u8],
-        now: u64,
-        violations: &mut Violations,
-    ) -> Option<Event> {
-        match self.requests.pop_front()? {
-            Request::SetLineCoding(_) => None,
-            Request::GetLineCoding(rate) => {
-                if data != line_coding(rate) {
-                    let text = format!("GET_LINE_CODING: {data:02x?} (CDC PSTN 1.2, 6.3.11)");
-                    violations.record(now, text);
-                }
-                None
+    /// Completes the current request. `data` is the response, empty after a failure.
+    pub(super) fn complete_request(&mut self, data: &[u8], now: u64, violations: &mut Violations) {
+        match self.requests.pop_front() {
+            Some(Request::GetLineCoding(rate)) if data != line_coding(rate) => {
+                let text = format!("GET_LINE_CODING: {data:02x?} (CDC PSTN 1.2, 6.3.11)");
+                violations.record(now, text);
             }
-            Request::LineState(on) if on == self.is_open => None,
-            Request::LineState(true) => {
-                self.is_open = true;
-                Some(Event::Opened)
-            }
-            Request::LineState(false) => {
+            Some(Request::LineState(true)) => self.is_open = true,
+            Some(Request::LineState(false)) if self.is_open => {
                 self.is_open = false;
                 self.is_reading = false;
                 self.received.append(&mut self.read);
-                Some(Event::Closed)
             }
+            _ => {}
         }
     }
 
-    /// Returns the endpoint and length of the next transaction; `None` while the device would respond with
-    /// NAK.
+    /// Returns the endpoint and length of the next transaction; `None` while the device would
+    /// respond with NAK.
     pub(super) fn next_transaction(&self, core: &Core) -> Option<(Pipe, usize)> {
         let ports = self.ports?;
         let input = || {
@@ -191,63 +179,51 @@ impl Serial {
         bulk.or_else(notification)
     }
 
-    /// Performs a transaction on `pipe`. Returns an event if the device has sent a notification.
-    pub(super) fn perform(
-        &mut self,
-        pipe: Pipe,
-        address: u8,
-        now: u64,
-        core: &mut Core,
-        violations: &mut Violations,
-    ) -> Option<Event> {
-        let ports = self.ports?;
+    /// Performs a transaction on `pipe`.
+    pub(super) fn perform(&mut self, pipe: Pipe, wire: &mut Wire<'_>) {
+        let Some(ports) = self.ports else {
+            return;
+        };
         self.was_output = pipe == Pipe::Output;
         match pipe {
-            Pipe::Output => {
-                self.send(ports.output, address, now, core, violations);
-                None
-            }
+            Pipe::Output => self.send(ports.output, wire),
             Pipe::Input => {
                 self.is_first_read = false;
-                let bytes = self.receive(ports.input, pipe, address, now, core, violations)?;
-                self.counters.packets_in += 1;
-                self.counters.bytes_in += bytes.len() as u64;
-                self.counters.empty_packets_in += u64::from(bytes.is_empty());
+                let received = self.receive(ports.input, pipe, wire);
+                let Some(bytes) = received else {
+                    return;
+                };
+                self.packets_in += 1;
+                self.empty_packets_in += u64::from(bytes.is_empty());
                 let ends = bytes.len() < ports.input.max_packet.into();
                 self.read.extend(bytes);
                 if ends || self.read.len() >= READ_BYTES {
                     self.received.append(&mut self.read);
                 }
-                None
             }
-            Pipe::Notification => self
-                .receive(ports.notification, pipe, address, now, core, violations)
-                .map(Event::Notification),
+            Pipe::Notification => {
+                // The scenarios do not use what a notification contains.
+                self.receive(ports.notification, pipe, wire);
+            }
         }
     }
 
-    fn send(
-        &mut self,
-        endpoint: EndpointDescriptor,
-        address: u8,
-        now: u64,
-        core: &mut Core,
-        violations: &mut Violations,
-    ) {
+    fn send(&mut self, endpoint: EndpointDescriptor, wire: &mut Wire<'_>) {
         let len = self.outgoing.len().min(endpoint.max_packet.into());
         let bytes: Vec<u8> = self.outgoing.iter().copied().take(len).collect();
         let toggle = &mut self.toggles[Pipe::Output as usize];
-        match core.output(address, number(endpoint), *toggle, &bytes) {
+        match wire
+            .core
+            .output(wire.address, number(endpoint), *toggle, &bytes)
+        {
             Handshake::Ack => {
                 *toggle = !*toggle;
                 self.outgoing.drain(..len);
-                self.counters.packets_out += 1;
-                self.counters.bytes_out += len as u64;
             }
             Handshake::Nak => {}
             refused => {
                 let text = format!("OUT endpoint {}: {refused:?}", number(endpoint));
-                violations.record(now, text);
+                wire.violations.record(wire.now, text);
                 self.outgoing.clear();
             }
         }
@@ -257,14 +233,11 @@ impl Serial {
         &mut self,
         endpoint: EndpointDescriptor,
         pipe: Pipe,
-        address: u8,
-        now: u64,
-        core: &mut Core,
-        violations: &mut Violations,
+        wire: &mut Wire<'_>,
     ) -> Option<Vec<u8>> {
         let n = number(endpoint);
         let toggle = &mut self.toggles[pipe as usize];
-        let fault = match core.input(address, n) {
+        let fault = match wire.core.input(wire.address, n) {
             Input::Nak => return None,
             Input::Packet { data1, .. } if data1 != *toggle => {
                 "packet with the wrong data toggle, dropped (USB 2.0, 8.6.4)".to_owned()
@@ -281,7 +254,8 @@ impl Serial {
                 format!("{refused:?}")
             }
         };
-        violations.record(now, format!("IN endpoint {n}: {fault}"));
+        wire.violations
+            .record(wire.now, format!("IN endpoint {n}: {fault}"));
         None
     }
 }

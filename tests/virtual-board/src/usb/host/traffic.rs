@@ -1,15 +1,14 @@
 //! Scheduling of the host's transactions, one at a time.
 
-use super::control::{Outcome, Setup, Transfer};
+use super::control::{Outcome, Setup, Transfer, Wire};
 use super::enumeration::Next;
-use super::event::Event;
-use super::serial::Pipe;
 use super::{Host, Phase, Purpose};
 use crate::usb::core::Core;
 
 /// Duration of one byte at 12 Mbit/s, in ns.
 const BYTE_NS: u64 = 667;
-/// Overhead of a transaction in bytes: token, data header and CRC, handshake, gaps (USB 2.0, table 5-9).
+/// Overhead of a transaction in bytes: token, data header and CRC, handshake, gaps (USB 2.0, table
+/// 5-9).
 const OVERHEAD_BYTES: u64 = 13;
 
 /// Returns the duration of a transaction with `len` data bytes, in ns; with 64 bytes it is 51 us.
@@ -41,7 +40,8 @@ impl Host {
         self.enumeration.is_some() || self.serial.next_request().is_some()
     }
 
-    /// Returns the length in bytes of the next transaction; `None` while the device would respond with NAK.
+    /// Returns the length in bytes of the next transaction; `None` while the device would respond
+    /// with NAK.
     fn next_transaction_len(&self, core: &Core) -> Option<usize> {
         let control = self.transfer.as_ref();
         control
@@ -49,8 +49,8 @@ impl Host {
             .or_else(|| self.serial.next_transaction(core).map(|(_, len)| len))
     }
 
-    /// Starts the next control transfer, completes the transaction in progress, or ends a transfer at its
-    /// timeout.
+    /// Starts the next control transfer, completes the transaction in progress, or ends a transfer
+    /// at its timeout.
     pub(super) fn advance_traffic(&mut self, now: u64, core: &mut Core) {
         if self.transfer.is_none() && self.has_request() {
             self.start_transfer(now);
@@ -62,7 +62,7 @@ impl Host {
             self.transact(now, core);
         } else if let Some((purpose, transfer)) = self.transfer.take() {
             let why = format!("timeout: {}", transfer.describe());
-            self.transfer_failed(purpose, why, now, core);
+            self.transfer_failed(purpose, &why, now, core);
         }
     }
 
@@ -82,7 +82,7 @@ impl Host {
             .map(|e| &e.device)
             .or(self.device.as_ref());
         let max_packet = device.map_or(64, |device| device.max_packet_0).into();
-        let transfer = Transfer::new(setup, self.address, max_packet, data, now);
+        let transfer = Transfer::new(setup, max_packet, data, now);
         self.transfer = Some((purpose, transfer));
     }
 
@@ -91,69 +91,55 @@ impl Host {
             self.transfer.take_if(|(_, t)| t.next_len(core).is_some())
         else {
             if let Some((pipe, _)) = self.serial.next_transaction(core) {
-                self.transact_serial(pipe, now, core);
+                let mut wire = Wire {
+                    core,
+                    address: self.address,
+                    now,
+                    violations: &mut self.violations,
+                };
+                self.serial.perform(pipe, &mut wire);
             }
             return;
         };
-        match transfer.perform(now, core, &mut self.violations) {
+        match transfer.perform(&mut Wire {
+            core,
+            address: self.address,
+            now,
+            violations: &mut self.violations,
+        }) {
             Outcome::Pending => self.transfer = Some((purpose, transfer)),
             Outcome::Done(data) => self.transfer_done(purpose, &data, now, core),
-            Outcome::Failed(why) => self.transfer_failed(purpose, why, now, core),
+            Outcome::Failed(why) => self.transfer_failed(purpose, &why, now, core),
             Outcome::Stalled => match (purpose, &mut self.enumeration) {
                 (Purpose::Enumerate, Some(enumeration)) => {
                     let next = enumeration.on_stall();
                     self.continue_enumeration(next, now, core);
                 }
-                _ => self.transfer_failed(purpose, "rejected with STALL".to_owned(), now, core),
+                _ => self.transfer_failed(purpose, "rejected with STALL", now, core),
             },
-        }
-    }
-
-    fn transact_serial(&mut self, pipe: Pipe, now: u64, core: &mut Core) {
-        let violations = &mut self.violations;
-        let event = self
-            .serial
-            .perform(pipe, self.address, now, core, violations);
-        if let Some(event) = event {
-            self.log_event(now, event);
         }
     }
 
     fn transfer_done(&mut self, purpose: Purpose, data: &[u8], now: u64, core: &mut Core) {
         if let Purpose::Serial(_) = purpose {
-            let event = self
-                .serial
+            self.serial
                 .complete_request(data, now, &mut self.violations);
-            if let Some(event) = event {
-                self.log_event(now, event);
-            }
-            return;
-        }
-        let mut events = Vec::new();
-        if let Some(enumeration) = &mut self.enumeration {
-            let next = enumeration.on_response(data, now, &mut self.violations, &mut events);
-            for event in events {
-                self.log_event(now, event);
-            }
+        } else if let Some(enumeration) = &mut self.enumeration {
+            let next = enumeration.on_response(data, now, &mut self.violations);
             self.continue_enumeration(next, now, core);
         }
     }
 
-    /// Logs a new address of the device, and performs the next action of the enumeration.
+    /// Performs the next action of the enumeration, with the address that the device has now.
     fn continue_enumeration(&mut self, next: Next, now: u64, core: &mut Core) {
-        let address = self.enumeration.as_ref().map_or(0, |e| e.address);
-        if address != 0 && self.address == 0 {
-            self.log_event(now, Event::Addressed(address));
-        }
-        self.address = address;
+        self.address = self.enumeration.as_ref().map_or(0, |e| e.address);
         match next {
             Next::Request => {}
             Next::Pause(ns) => self.phase = Phase::Recovery(now + ns),
             Next::Reset => self.reset_bus(now, core),
-            Next::Failed(why) => self.enumeration_failed(why, now, core),
+            Next::Failed(why) => self.enumeration_failed(&why, now, core),
             Next::Finished(ports) => {
                 self.device = self.enumeration.take().map(|e| e.device);
-                self.log_event(now, Event::Configured);
                 match ports {
                     Some(ports) => self.serial.connect(ports),
                     None => self.violations.record(now, "the device has no serial port"),
@@ -162,15 +148,12 @@ impl Host {
         }
     }
 
-    fn transfer_failed(&mut self, purpose: Purpose, why: String, now: u64, core: &mut Core) {
+    fn transfer_failed(&mut self, purpose: Purpose, why: &str, now: u64, core: &mut Core) {
         if purpose == Purpose::Enumerate {
             self.enumeration_failed(why, now, core);
         } else {
             self.violations.record(now, format!("serial port: {why}"));
-            let event = self.serial.complete_request(&[], now, &mut self.violations);
-            if let Some(event) = event {
-                self.log_event(now, event);
-            }
+            self.serial.complete_request(&[], now, &mut self.violations);
         }
     }
 }

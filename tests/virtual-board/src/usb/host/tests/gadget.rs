@@ -5,10 +5,12 @@ use std::collections::VecDeque;
 use rigless::soc::Width;
 
 use crate::usb::core::Core;
+use crate::usb::register::epctl::{CNAK, EPDIS, EPENA, SD0PID, SNAK, USBAEP};
 
 /// Fault of the device under test.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Fault {
+    #[default]
     None,
     /// The device never responds to a request.
     Mute,
@@ -33,19 +35,12 @@ const CONFIGURATION: [u8; 62] = [
     7, 5, 0x82, 2, 64, 0, 0,
 ];
 
-const USBAEP: u32 = 1 << 15;
-const CNAK: u32 = 1 << 26;
-const SNAK: u32 = 1 << 27;
-const SD0PID: u32 = 1 << 28;
-const EPDIS: u32 = 1 << 30;
-const EPENA: u32 = 1 << 31;
-
 /// The device: state of its driver, and what the host has set or sent.
+#[derive(Default)]
 pub(super) struct Gadget {
     fault: Fault,
     pub(super) dtr: bool,
     pub(super) line_coding: [u8; 7],
-    pub(super) suspended: bool,
     pub(super) received: Vec<u8>,
     /// True if [`Gadget::send`] appends an empty packet to a transfer whose last packet is full.
     pub(super) ends_transfers: bool,
@@ -74,15 +69,8 @@ impl Gadget {
         put(core, 0x804, 0);
         Self {
             fault,
-            dtr: false,
-            line_coding: [0; 7],
-            suspended: false,
-            received: Vec::new(),
             ends_transfers: true,
-            outgoing: VecDeque::new(),
-            answer: VecDeque::new(),
-            setup: [0; 8],
-            out: Vec::new(),
+            ..Self::default()
         }
     }
 
@@ -100,12 +88,6 @@ impl Gadget {
         put(core, 0x14, flags & 0x8000_3C00);
         if flags & 1 << 12 != 0 {
             self.reset(core);
-        }
-        if flags & 1 << 11 != 0 {
-            self.suspended = true;
-        }
-        if flags & (1 << 31 | 1 << 13) != 0 {
-            self.suspended = false;
         }
         while get(core, 0x14) & 1 << 4 != 0 {
             self.receive(core);
