@@ -2,46 +2,30 @@
 
 mod acceptor;
 mod graph;
-mod lease;
-mod network;
+pub(crate) mod handles;
 pub(crate) mod options;
-pub(crate) mod publisher;
-mod registrar;
-pub(crate) mod service;
+pub(crate) mod registrar;
 mod slave;
-pub(crate) mod subscriber;
-pub(crate) mod system_state;
 
 use std::{io, net::IpAddr, sync::Arc};
 
 use tokio::{net::TcpListener, sync::watch, task::JoinHandle};
 
 use crate::{
-    address::{Address, AddressError},
-    lock::lock,
-    message_type::{MessageType, ServiceType},
+    address::{Address, AddressError, listen_address, own_address},
     names::{NameError, Names},
-    service::{
-        client::{ServiceClient, ServiceError},
-        provider::Provider,
-    },
-    topic::{
-        inbox::Inbox,
-        publication::{Publication, PublisherOptions},
-        subscription::Subscription,
-    },
+    publication::{Publication, PublisherOptions},
+    service::{Provider, ServiceClient, ServiceError},
+    subscription::{Inbox, Subscription},
+    sync::lock,
+    tcpros::{MessageType, ServiceType},
     xmlrpc::{CallError, Server},
 };
 use graph::{Graph, Key};
-use lease::Lease;
-use network::{listen_address, own_address};
+use handles::{Lease, Publisher, Service, Subscriber};
 use options::NodeOptions;
-use publisher::Publisher;
-use registrar::Registrar;
-use service::Service;
+use registrar::{Registrar, SystemState};
 use slave::Slave;
-use subscriber::Subscriber;
-use system_state::SystemState;
 
 /// Why a node could not be started, or why a topic or service could not be added to a node.
 #[derive(Debug, thiserror::Error)]

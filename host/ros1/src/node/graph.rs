@@ -7,8 +7,7 @@ use std::{
 };
 
 use crate::{
-    service::provider::Provider,
-    topic::{publication::Publication, subscription::Subscription},
+    publication::Publication, service::Provider, subscription::Subscription,
 };
 
 /// Identifies one registration: its kind and the full name of the topic or service.

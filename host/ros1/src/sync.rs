@@ -1,10 +1,17 @@
-//! A bounded queue that, when full, drops its oldest item to queue a new one.
+//! Locks a mutex even if it is poisoned, and a bounded queue that drops its oldest item.
 
-use std::{collections::VecDeque, sync::Mutex};
+use std::{
+    collections::VecDeque,
+    sync::{Mutex, MutexGuard, PoisonError},
+};
 
 use tokio::sync::Notify;
 
-use crate::lock::lock;
+/// Locks `mutex`, even if a thread panicked while holding it. The data in every mutex of this crate
+/// is consistent after each statement, so the data can still be used after a panic in one task.
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Queue between a producer that must never wait and a consumer that can be slow. Any number of
 /// threads can push; only one task may pop.

@@ -14,10 +14,10 @@ use tokio::{
 };
 
 use crate::{
-    drop_oldest_queue::{DropOldestQueue, Push},
-    lock::lock,
-    message_type::MessageType,
-    tcpros::{Header, HeaderError, MAX_MESSAGE, type_mismatch, write_message},
+    sync::{DropOldestQueue, Push, lock},
+    tcpros::{
+        Header, HeaderError, MAX_MESSAGE, MessageType, refuse, type_mismatch, write_message,
+    },
 };
 
 /// Queue length and latching of a published topic.
@@ -162,9 +162,7 @@ impl Publication {
         let (name, md5) = (self.message_type.name, self.message_type.md5);
         if let Some(mismatch) = type_mismatch(header, &what, name, md5) {
             tracing::warn!(subscriber = header.get("callerid"), "refused: {mismatch}");
-            let refusal = Header::new().with("error", &mismatch).encode()?;
-            stream.write_all(&refusal).await?;
-            return Ok(stream.shutdown().await?);
+            return refuse(stream, &mismatch).await;
         }
         let answer = Header::new()
             .with("callerid", node)
