@@ -15,9 +15,7 @@ use tokio::{
 
 use crate::{
     sync::{DropOldestQueue, Push, lock},
-    tcpros::{
-        Header, HeaderError, MAX_MESSAGE, MessageType, refuse, type_mismatch, write_message,
-    },
+    tcpros::{Header, HeaderError, MAX_MESSAGE, MessageType, refuse, type_mismatch, write_message},
 };
 
 /// Queue length and latching of a published topic.

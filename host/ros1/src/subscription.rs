@@ -88,7 +88,7 @@ impl Subscription {
             if publishers.contains(uri) {
                 return true;
             }
-            running.link.mark_unlisted();
+            running.link.listed.store(false, Relaxed);
             if running.link.is_connected() {
                 return true;
             }
@@ -103,7 +103,7 @@ impl Subscription {
         for (_, running) in lock(&self.links).drain() {
             running.task.abort();
         }
-        self.inbox.close();
+        self.inbox.messages.close();
     }
 
     /// Receives from one publisher and reconnects after failures. Ends when the inbox closes or the
@@ -129,7 +129,7 @@ impl Subscription {
             tokio::select! {
                 () = sleep(delay) => delay = (delay * 2).min(MAX_RETRY_DELAY),
                 // The master has listed the publisher again: reconnect without further delay.
-                () = link.retry_requested() => {}
+                () = link.retry.notified() => {}
             }
         }
     }
@@ -138,7 +138,7 @@ impl Subscription {
     /// publisher. Returns whether the link was removed.
     fn remove_if_unlisted(&self, link: &PublisherLink) -> bool {
         let mut links = lock(&self.links);
-        let listed = link.is_listed();
+        let listed = link.listed.load(Relaxed);
         if !listed {
             links.remove(link.uri());
         }
@@ -156,8 +156,9 @@ pub(crate) struct Inbox {
     pub(crate) message_type: &'static MessageType,
     /// Full name of the subscribing node.
     pub(crate) node: String,
-    messages: DropOldestQueue<Vec<u8>>,
-    dropped: AtomicU64,
+    pub(crate) messages: DropOldestQueue<Vec<u8>>,
+    /// Number of messages dropped because the queue was full.
+    pub(crate) dropped: AtomicU64,
 }
 
 impl Inbox {
@@ -188,23 +189,6 @@ impl Inbox {
             Push::Closed => false,
         }
     }
-
-    /// Removes and returns the oldest message. Waits while the inbox is empty; returns `None` once
-    /// it is closed and empty. Cancelling the wait loses no message.
-    pub(crate) async fn recv(&self) -> Option<Vec<u8>> {
-        self.messages.pop().await
-    }
-
-    /// Number of messages dropped because the queue was full.
-    pub(crate) fn dropped(&self) -> u64 {
-        self.dropped.load(Relaxed)
-    }
-
-    /// Closes the inbox: no further message is queued, but those already queued can still be
-    /// received.
-    pub(crate) fn close(&self) {
-        self.messages.close();
-    }
 }
 
 /// State of the link to one publisher, kept across reconnections.
@@ -217,6 +201,7 @@ pub(crate) struct PublisherLink {
     /// Total size of the message bodies received, bytes.
     pub(crate) bytes: AtomicU64,
     uri: String,
+    /// The master's latest list of publishers contains this one.
     listed: AtomicBool,
     connected: AtomicBool,
     retry: Notify,
@@ -273,25 +258,11 @@ impl PublisherLink {
         self.connected.load(Relaxed)
     }
 
-    /// Returns whether the master's latest list of publishers contains this one.
-    pub(crate) fn is_listed(&self) -> bool {
-        self.listed.load(Relaxed)
-    }
-
-    /// Marks the publisher as listed by the master and wakes a waiting [`Self::retry_requested`].
-    pub(crate) fn mark_listed(&self) {
+    /// Marks the publisher as listed by the master and ends the delay before the next attempt to
+    /// connect.
+    fn mark_listed(&self) {
         self.listed.store(true, Relaxed);
         self.retry.notify_one();
-    }
-
-    /// Marks the publisher as no longer listed by the master.
-    pub(crate) fn mark_unlisted(&self) {
-        self.listed.store(false, Relaxed);
-    }
-
-    /// Waits until [`Self::mark_listed`] is called.
-    pub(crate) async fn retry_requested(&self) {
-        self.retry.notified().await;
     }
 
     /// Opens one connection and delivers its messages to `inbox` until the connection ends. Returns

@@ -246,10 +246,7 @@ pub(crate) async fn read_message_body<S: AsyncRead + Unpin>(
 }
 
 /// Reads exactly `size` bytes. Allocates memory as bytes arrive, not for `size` in advance.
-async fn read_exactly<S: AsyncRead + Unpin>(
-    stream: &mut S,
-    size: usize,
-) -> io::Result<Vec<u8>> {
+async fn read_exactly<S: AsyncRead + Unpin>(stream: &mut S, size: usize) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::with_capacity(size.min(FIRST_ALLOCATION));
     let wanted = u64::try_from(size).unwrap_or(u64::MAX);
     let count = stream.take(wanted).read_to_end(&mut bytes).await?;

@@ -5,8 +5,8 @@
 use std::io::{self, Seek, SeekFrom, Write};
 
 use crate::edf::date::DateTime;
-use crate::file_to_write::{FileToWrite, SignalToWrite, invalid};
-use crate::signal::calibration::Calibration;
+use crate::header::{FileToWrite, SignalToWrite, invalid};
+use crate::signal::Calibration;
 
 /// Offset of the number of records in the header.
 const RECORDS_AT: u64 = 236;
@@ -18,17 +18,34 @@ const TIME_STAMP: usize = 20;
 /// An annotation to write: the row at which it stands, and its text.
 pub type RowAnnotation = (u64, String);
 
-/// The two formats, which differ in the width of a sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Width {
-    /// EDF+: 16 bits.
-    Edf,
-    /// BDF+: 24 bits.
-    Bdf,
+/// What differs between the two formats.
+#[derive(Debug, Clone, Copy)]
+struct Width {
+    /// Bytes of a sample.
+    bytes: usize,
+    /// Smallest and largest digital value.
+    digital: [f64; 2],
+    /// First bytes of the file.
+    magic: [u8; 8],
+    /// Name of the format in the header and in the label of the annotations.
+    name: &'static str,
 }
 
-/// Writes an EDF+ or BDF+ file record by record. Values are rounded to 16 or 24 bits of their signal's
-/// range; values outside the range become its ends.
+const EDF: Width = Width {
+    bytes: 2,
+    digital: [-32_768.0, 32_767.0],
+    magic: *b"0       ",
+    name: "EDF",
+};
+const BDF: Width = Width {
+    bytes: 3,
+    digital: [-8_388_608.0, 8_388_607.0],
+    magic: *b"\xffBIOSEMI",
+    name: "BDF",
+};
+
+/// Writes an EDF+ or BDF+ file record by record. Values are rounded to 16 or 24 bits of their
+/// signal's range; values outside the range become its ends.
 #[derive(Debug)]
 pub struct EdfWriter<W> {
     out: W,
@@ -45,8 +62,8 @@ pub struct EdfWriter<W> {
 }
 
 impl<W: Write + Seek> EdfWriter<W> {
-    /// Writes the header of an EDF+ file with `rows` rows. `annotations` are in the order of their rows;
-    /// one after the last row is in the last record.
+    /// Writes the header of an EDF+ file with `rows` rows. `annotations` are in the order of their
+    /// rows; one after the last row is in the last record.
     ///
     /// # Errors
     /// `InvalidInput` if the file does not fit the format; otherwise the operating system's error.
@@ -56,7 +73,7 @@ impl<W: Write + Seek> EdfWriter<W> {
         rows: u64,
         annotations: Vec<RowAnnotation>,
     ) -> io::Result<EdfWriter<W>> {
-        Self::new(Width::Edf, out, file, rows, annotations)
+        Self::new(EDF, out, file, rows, annotations)
     }
 
     /// Writes the header of a BDF+ file, as [`Self::edf`] does that of an EDF+ file.
@@ -69,7 +86,7 @@ impl<W: Write + Seek> EdfWriter<W> {
         rows: u64,
         annotations: Vec<RowAnnotation>,
     ) -> io::Result<EdfWriter<W>> {
-        Self::new(Width::Bdf, out, file, rows, annotations)
+        Self::new(BDF, out, file, rows, annotations)
     }
 
     fn new(
@@ -79,11 +96,11 @@ impl<W: Write + Seek> EdfWriter<W> {
         rows: u64,
         annotations: Vec<RowAnnotation>,
     ) -> io::Result<EdfWriter<W>> {
-        let [least, most] = width.digital();
+        let [least, most] = width.digital;
         let fits = |signal: &SignalToWrite| {
             !signal.is_integer || (signal.range[0] >= least && signal.range[1] <= most)
         };
-        if width == Width::Edf && !file.signals.iter().all(fits) {
+        if width.bytes == EDF.bytes && !file.signals.iter().all(fits) {
             return Err(invalid(
                 "an EDF+ file holds integers of 16 bits with their sign; choose BDF",
             ));
@@ -97,14 +114,14 @@ impl<W: Write + Seek> EdfWriter<W> {
             lists.sum::<usize>()
         });
         let annotation_bytes =
-            (TIME_STAMP + in_record.max().unwrap_or(0)).next_multiple_of(width.bytes());
+            (TIME_STAMP + in_record.max().unwrap_or(0)).next_multiple_of(width.bytes);
         annotations.reverse();
         let ranges: Vec<Range> = file
             .signals
             .iter()
             .map(|signal| Range::new(signal, width))
             .collect();
-        let samples = annotation_bytes / width.bytes();
+        let samples = annotation_bytes / width.bytes;
         out.write_all(&header(width, file, &ranges, samples)?)?;
         Ok(EdfWriter {
             out,
@@ -136,7 +153,7 @@ impl<W: Write + Seek> EdfWriter<W> {
                 #[expect(clippy::cast_possible_truncation, reason = "clamped to the width")]
                 let digital = digital.clamp(line.digital_min, line.digital_max) as i32;
                 self.record
-                    .extend(&digital.to_le_bytes()[..self.width.bytes()]);
+                    .extend(&digital.to_le_bytes()[..self.width.bytes]);
             }
         }
         let end = self.record.len() + self.annotation_bytes;
@@ -172,40 +189,6 @@ impl<W: Write + Seek> EdfWriter<W> {
     }
 }
 
-impl Width {
-    /// Bytes of a sample.
-    const fn bytes(self) -> usize {
-        match self {
-            Self::Edf => 2,
-            Self::Bdf => 3,
-        }
-    }
-
-    /// Smallest and largest digital value.
-    const fn digital(self) -> [f64; 2] {
-        match self {
-            Self::Edf => [-32_768.0, 32_767.0],
-            Self::Bdf => [-8_388_608.0, 8_388_607.0],
-        }
-    }
-
-    /// First bytes of the file.
-    const fn magic(self) -> &'static [u8; 8] {
-        match self {
-            Self::Edf => b"0       ",
-            Self::Bdf => b"\xffBIOSEMI",
-        }
-    }
-
-    /// Name of the format in the header and in the label of the annotations.
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Edf => "EDF",
-            Self::Bdf => "BDF",
-        }
-    }
-}
-
 /// Ranges of a signal as its header states them.
 struct Range {
     /// Physical ends, as text of at most 8 characters.
@@ -226,7 +209,7 @@ impl Range {
             digital: if signal.is_integer {
                 [least, most]
             } else {
-                width.digital()
+                width.digital
             },
         }
     }
@@ -281,7 +264,7 @@ fn header(
     }
     let signals = file.signals.len() + 1;
     let date = DateTime::new(file.start_ns);
-    let mut bytes = width.magic().to_vec();
+    let mut bytes = width.magic.to_vec();
     let mut field = |text: &str, length: usize| {
         let ascii = text.chars().filter(char::is_ascii).take(length);
         let text: String = ascii.collect();
@@ -293,7 +276,7 @@ fn header(
     field(&date.short_date(), 8);
     field(&date.time(), 8);
     field(&(256 * (signals + 1)).to_string(), 8);
-    let name = width.name();
+    let name = width.name;
     field(&format!("{name}+C"), 44);
     field("-1", 8);
     field(&duration, 8);
@@ -316,7 +299,7 @@ fn header(
     fields(8, "", &|signal| unit(signal).to_owned());
     fields(8, "-1", &|signal| ranges[signal].physical[0].clone());
     fields(8, "1", &|signal| ranges[signal].physical[1].clone());
-    let [least, most] = width.digital().map(|end| end.to_string());
+    let [least, most] = width.digital.map(|end| end.to_string());
     fields(8, &least, &|signal| ranges[signal].digital[0].to_string());
     fields(8, &most, &|signal| ranges[signal].digital[1].to_string());
     fields(80, "", &|_| String::new());
@@ -332,7 +315,7 @@ mod tests {
     use std::io::Cursor;
 
     use super::{EdfWriter, MAX_RECORDS};
-    use crate::file_to_write::{FileToWrite, SignalToWrite};
+    use crate::header::{FileToWrite, SignalToWrite};
 
     #[test]
     fn a_record_beyond_the_limit_of_the_format_is_refused_with_advice() {

@@ -198,7 +198,12 @@ impl Api {
                 if !parameters.delete(&key) {
                     return Reply::caller_error(format!("parameter [{key}] is not set"), 0);
                 }
-                self.notify_parameter_subscribers(registrations, &key, &Value::Struct(Vec::new()), None);
+                self.notify_parameter_subscribers(
+                    registrations,
+                    &key,
+                    &Value::Struct(Vec::new()),
+                    None,
+                );
                 Reply::success(format!("parameter {key} deleted"), 0)
             }
             "hasParam" => {

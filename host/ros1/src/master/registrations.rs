@@ -104,7 +104,8 @@ impl Registrations {
     }
 
     /// Removes the registration for the topic, service or parameter `key` of the node named `node`
-    /// with the XML-RPC URI `api`. Returns rosmaster's message, and whether that registration existed.
+    /// with the XML-RPC URI `api`. Returns rosmaster's message, and whether that registration
+    /// existed.
     pub(super) fn unregister(
         &mut self,
         kind: Kind,

@@ -2,7 +2,7 @@
 
 use std::{
     fmt,
-    sync::{Arc, Weak},
+    sync::{Arc, Weak, atomic::Ordering::Relaxed},
 };
 
 use super::{graph::Key, registrar::Registrar};
@@ -113,12 +113,12 @@ impl Subscriber {
     /// Returns the next message body. Waits while the queue is empty; returns `None` once the node
     /// has shut down and the queue is empty. Cancelling the wait loses no message.
     pub async fn recv(&mut self) -> Option<Vec<u8>> {
-        self.subscription.inbox.recv().await
+        self.subscription.inbox.messages.pop().await
     }
 
     /// Number of messages dropped because the queue was full when a newer one arrived.
     pub fn dropped(&self) -> u64 {
-        self.subscription.inbox.dropped()
+        self.subscription.inbox.dropped.load(Relaxed)
     }
 
     /// Number of publishers with an open connection.

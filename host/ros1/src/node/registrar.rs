@@ -363,8 +363,8 @@ impl SystemState {
         })
     }
 
-    /// Returns the full names of the nodes that publish `topic`, in the order of their registration.
-    /// `topic` is a full name.
+    /// Returns the full names of the nodes that publish `topic`, in the order of their
+    /// registration. `topic` is a full name.
     pub fn publishers(&self, topic: &str) -> &[String] {
         nodes(&self.publishers, topic)
     }

@@ -67,11 +67,7 @@ impl Drop for Server {
     }
 }
 
-async fn accept(
-    listener: TcpListener,
-    answer: Arc<Answer>,
-    mut stopped: watch::Receiver<bool>,
-) {
+async fn accept(listener: TcpListener, answer: Arc<Answer>, mut stopped: watch::Receiver<bool>) {
     let mut connections = JoinSet::new();
     let mut by_age = VecDeque::new();
     loop {
