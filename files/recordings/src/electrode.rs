@@ -130,7 +130,7 @@ impl Electrode {
     }
 
     /// Returns whether the 10-5 system has this column in this row. In the rows N, NFp, Fp, O, OI
-    /// and I, columns 1 and 2 with their halves are the only ones beside the midline, except that
+    /// and I, columns 1 and 2 with their halves are the only ones off the midline, except that
     /// Fp and O also have columns 9 and 10. All other rows have every column.
     fn exists(self) -> bool {
         match self.row.twentieths {

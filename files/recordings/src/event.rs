@@ -92,7 +92,7 @@ fn is_start(label: &EventLabel) -> bool {
     }
 }
 
-/// Places of the file's times in the signal, which is played without the gaps between records.
+/// Maps times of the file to times of the played signal, which has no gaps between records.
 #[derive(Debug, Default)]
 pub(crate) struct Timeline {
     /// Pairs (start of a record in the file, its start in the signal), s, in order of both.
@@ -104,8 +104,8 @@ pub(crate) struct Timeline {
 }
 
 impl Timeline {
-    /// Adds the start of the record with this index, s in the file, if the file states it. A record
-    /// that starts before the one before it is left out.
+    /// Adds the start time of a record, s, if the file states it. Ignores a record that does not
+    /// start after the previous one.
     #[expect(clippy::cast_precision_loss, reason = "records stay below 2^53")]
     pub(crate) fn add_record(&mut self, record: u64, start_s: Option<f64>) {
         let last = self.records.last().map(|(start, _)| *start);
@@ -116,8 +116,8 @@ impl Timeline {
         }
     }
 
-    /// Returns the place of a time of the file; `None` outside the signal. A time within a gap is
-    /// placed at the end of the record before it.
+    /// Converts a time of the file to a time of the signal, s; `None` outside the signal. A time
+    /// within a gap becomes the end of the previous record.
     fn place(&self, file_s: f64) -> Option<f64> {
         let after = self.records.partition_point(|(start, _)| *start <= file_s);
         let place = match after.checked_sub(1) {

@@ -85,15 +85,14 @@ const EEGLAB: &str = "in EEGLAB choose File, Export, Data to EDF/BDF/GDF file; o
 const BRAIN_VISION: &str =
     "in MNE-Python run mne.io.read_raw_brainvision('FILE.vhdr').export('FILE.edf')";
 
-/// Returns the error with which a file cannot be opened. An unknown format becomes
-/// [`RecordingError::OtherFormat`] if the first bytes or the name of the file are those of a format
-/// that other programs export.
+/// Replaces the error for an unknown format by [`RecordingError::OtherFormat`], if the first bytes
+/// or the name of the file belong to a format that other programs can export.
 pub(crate) fn explain(path: &Path, error: RecordingError) -> RecordingError {
     let RecordingError::UnknownFormat { found } = &error else {
         return error;
     };
     let extension = path.extension().unwrap_or_default().to_string_lossy();
-    // `found` has the first eight bytes, those that are not printable escaped.
+    // `found` holds the first eight bytes; unprintable ones are escaped.
     let starts_with = |start: &str| found.starts_with(start);
     let (what, how) = match &*extension.to_ascii_lowercase() {
         _ if starts_with("Brain Vi") || starts_with("BrainVis") => {

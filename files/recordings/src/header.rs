@@ -1,5 +1,5 @@
-//! The header of a recording: independent of its file format, of a file to read and of one to
-//! write. Also the parsing functions that the EDF and GDF readers share.
+//! The header of a recording: of a file to read, independent of its format, and of a file to write.
+//! Also the parsing functions that the EDF and GDF readers share.
 
 use std::io;
 
@@ -229,13 +229,13 @@ pub struct SignalToWrite {
     pub label: String,
     /// Whether the values are microvolts; otherwise they have no unit.
     pub is_microvolt: bool,
-    /// Whether the values are integers, of at most 24 bits with their sign.
+    /// Whether the values are signed integers of at most 24 bits.
     pub is_integer: bool,
-    /// Smallest and largest value that is possible.
+    /// Smallest and largest possible value.
     pub range: [f64; 2],
 }
 
-/// What a file states about all its signals.
+/// Content of the header of a file to write.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FileToWrite {
     /// All signals, in the order of the values in a row.
@@ -251,10 +251,10 @@ pub struct FileToWrite {
 }
 
 impl FileToWrite {
-    /// Checks what every format requires.
+    /// Checks the requirements of all formats.
     ///
     /// # Errors
-    /// `InvalidInput` without rows in a record or without a rate.
+    /// `InvalidInput` if a record has no rows or the rate is 0.
     pub(crate) fn check(&self) -> io::Result<()> {
         if self.rows_per_record == 0 || self.rate_hz == 0 {
             return Err(invalid("a record has rows, and a signal has a rate"));
@@ -263,7 +263,7 @@ impl FileToWrite {
     }
 }
 
-/// Returns the error of a file that its format cannot hold.
+/// Returns the error for content that the file's format cannot store.
 pub(crate) fn invalid(what: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, what)
 }

@@ -1,7 +1,7 @@
 //! Arrays for `numpy.load`, written in one pass.
 //!
 //! An NPZ file is a ZIP archive with one NPY file per array. Its arrays are stored without
-//! compression, so that the values of an array can be written while they appear.
+//! compression, so that the values of an array can be written as they arrive.
 //!
 //! ```
 //! use std::io::{Cursor, Write as _};

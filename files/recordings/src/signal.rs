@@ -70,8 +70,8 @@ impl Calibration {
         (self.physical_max - self.physical_min) / (self.digital_max - self.digital_min)
     }
 
-    /// Converts a digital value to the signal's physical unit. Values outside the range given in
-    /// the header are not clamped.
+    /// Converts a digital value to the signal's physical unit. Values outside the header's range
+    /// are not clamped.
     pub fn physical(&self, digital: f64) -> f64 {
         (digital - self.digital_min) * self.gain() + self.physical_min
     }

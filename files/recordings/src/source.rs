@@ -41,8 +41,8 @@ pub(crate) fn in_memory(bytes: u64) -> usize {
 /// Number of bytes that are searched from the start of the file.
 const SEARCHED: u64 = 4 << 20;
 
-/// Least number of line feeds that show anything. In an undamaged file a carriage return precedes a
-/// line feed by chance once in 256 times, so four of four are damage.
+/// Smallest number of line feeds that can prove damage. In an undamaged file, a carriage return
+/// precedes a line feed by chance once in 256 times, so four of four are damage.
 const LEAST_LINE_FEEDS: usize = 4;
 
 /// Returns whether a carriage return precedes every line feed of a file.

@@ -99,7 +99,7 @@ impl VirtualAdc {
     }
 
     /// Leaves repeated samples as they are, for counts that are the exact conversion of the
-    /// recording. A driver of real converters takes such samples for a frozen chip.
+    /// recording. A driver of real converters reports such samples as a frozen chip.
     #[must_use]
     pub fn without_dither(mut self) -> Self {
         self.conversion.disable_dither();

@@ -15,12 +15,12 @@ const MAX_RECORDS: u64 = 99_999_999;
 /// Bytes of a record's own time stamp in its annotations: `+`, 16 digits with a point, 0x14 0x14 0.
 const TIME_STAMP: usize = 20;
 
-/// An annotation to write: the row at which it stands, and its text.
+/// An annotation to write: the index of its row, and its text.
 pub type RowAnnotation = (u64, String);
 
 /// What differs between the two formats.
 #[derive(Debug, Clone, Copy)]
-struct Width {
+struct Variant {
     /// Bytes of a sample.
     bytes: usize,
     /// Smallest and largest digital value.
@@ -31,13 +31,13 @@ struct Width {
     name: &'static str,
 }
 
-const EDF: Width = Width {
+const EDF: Variant = Variant {
     bytes: 2,
     digital: [-32_768.0, 32_767.0],
     magic: *b"0       ",
     name: "EDF",
 };
-const BDF: Width = Width {
+const BDF: Variant = Variant {
     bytes: 3,
     digital: [-8_388_608.0, 8_388_607.0],
     magic: *b"\xffBIOSEMI",
@@ -49,13 +49,14 @@ const BDF: Width = Width {
 #[derive(Debug)]
 pub struct EdfWriter<W> {
     out: W,
-    width: Width,
+    variant: Variant,
     lines: Vec<Calibration>,
     rows_per_record: usize,
     rate_hz: u32,
     /// Bytes of the annotation signal in a record, a multiple of the bytes of a sample.
     annotation_bytes: usize,
-    /// Annotations with the record that holds them, the next one last.
+    /// Annotations not written yet, each with the index of its record. The next one is the last
+    /// item.
     annotations: Vec<(u64, RowAnnotation)>,
     records: u64,
     record: Vec<u8>,
@@ -76,7 +77,7 @@ impl<W: Write + Seek> EdfWriter<W> {
         Self::new(EDF, out, file, rows, annotations)
     }
 
-    /// Writes the header of a BDF+ file, as [`Self::edf`] does that of an EDF+ file.
+    /// Writes the header of a BDF+ file. Apart from the format, equals [`Self::edf`].
     ///
     /// # Errors
     /// Those of [`Self::edf`].
@@ -90,17 +91,17 @@ impl<W: Write + Seek> EdfWriter<W> {
     }
 
     fn new(
-        width: Width,
+        variant: Variant,
         mut out: W,
         file: &FileToWrite,
         rows: u64,
         annotations: Vec<RowAnnotation>,
     ) -> io::Result<EdfWriter<W>> {
-        let [least, most] = width.digital;
+        let [least, most] = variant.digital;
         let fits = |signal: &SignalToWrite| {
             !signal.is_integer || (signal.range[0] >= least && signal.range[1] <= most)
         };
-        if width.bytes == EDF.bytes && !file.signals.iter().all(fits) {
+        if variant.bytes == EDF.bytes && !file.signals.iter().all(fits) {
             return Err(invalid(
                 "an EDF+ file holds integers of 16 bits with their sign; choose BDF",
             ));
@@ -114,18 +115,18 @@ impl<W: Write + Seek> EdfWriter<W> {
             lists.sum::<usize>()
         });
         let annotation_bytes =
-            (TIME_STAMP + in_record.max().unwrap_or(0)).next_multiple_of(width.bytes);
+            (TIME_STAMP + in_record.max().unwrap_or(0)).next_multiple_of(variant.bytes);
         annotations.reverse();
         let ranges: Vec<Range> = file
             .signals
             .iter()
-            .map(|signal| Range::new(signal, width))
+            .map(|signal| Range::new(signal, variant))
             .collect();
-        let samples = annotation_bytes / width.bytes;
-        out.write_all(&header(width, file, &ranges, samples)?)?;
+        let samples = annotation_bytes / variant.bytes;
+        out.write_all(&header(variant, file, &ranges, samples)?)?;
         Ok(EdfWriter {
             out,
-            width,
+            variant,
             lines: ranges.iter().map(Range::calibration).collect(),
             rows_per_record: file.rows_per_record as usize,
             rate_hz: file.rate_hz,
@@ -150,10 +151,10 @@ impl<W: Write + Seek> EdfWriter<W> {
             for value in rows.iter().skip(signal).step_by(signals) {
                 let digital = (f64::from(*value) - line.physical_min) / line.gain();
                 let digital = (digital + line.digital_min).round();
-                #[expect(clippy::cast_possible_truncation, reason = "clamped to the width")]
+                #[expect(clippy::cast_possible_truncation, reason = "clamped to the range")]
                 let digital = digital.clamp(line.digital_min, line.digital_max) as i32;
                 self.record
-                    .extend(&digital.to_le_bytes()[..self.width.bytes]);
+                    .extend(&digital.to_le_bytes()[..self.variant.bytes]);
             }
         }
         let end = self.record.len() + self.annotation_bytes;
@@ -197,7 +198,7 @@ struct Range {
 }
 
 impl Range {
-    fn new(signal: &SignalToWrite, width: Width) -> Range {
+    fn new(signal: &SignalToWrite, variant: Variant) -> Range {
         let [least, most] = signal.range;
         let [least, most] = if least < most {
             [least, most]
@@ -209,12 +210,12 @@ impl Range {
             digital: if signal.is_integer {
                 [least, most]
             } else {
-                width.digital
+                variant.digital
             },
         }
     }
 
-    /// Returns the line that a reader finds in the header.
+    /// Returns the calibration that a reader computes from the header.
     fn calibration(&self) -> Calibration {
         let [physical_min, physical_max] =
             [0, 1].map(|end| self.physical[end].parse().unwrap_or(f64::NAN));
@@ -249,7 +250,7 @@ fn list((row, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
 }
 
 fn header(
-    width: Width,
+    variant: Variant,
     file: &FileToWrite,
     ranges: &[Range],
     annotation_samples: usize,
@@ -264,7 +265,7 @@ fn header(
     }
     let signals = file.signals.len() + 1;
     let date = DateTime::new(file.start_ns);
-    let mut bytes = width.magic.to_vec();
+    let mut bytes = variant.magic.to_vec();
     let mut field = |text: &str, length: usize| {
         let ascii = text.chars().filter(char::is_ascii).take(length);
         let text: String = ascii.collect();
@@ -276,7 +277,7 @@ fn header(
     field(&date.short_date(), 8);
     field(&date.time(), 8);
     field(&(256 * (signals + 1)).to_string(), 8);
-    let name = width.name;
+    let name = variant.name;
     field(&format!("{name}+C"), 44);
     field("-1", 8);
     field(&duration, 8);
@@ -299,7 +300,7 @@ fn header(
     fields(8, "", &|signal| unit(signal).to_owned());
     fields(8, "-1", &|signal| ranges[signal].physical[0].clone());
     fields(8, "1", &|signal| ranges[signal].physical[1].clone());
-    let [least, most] = width.digital.map(|end| end.to_string());
+    let [least, most] = variant.digital.map(|end| end.to_string());
     fields(8, &least, &|signal| ranges[signal].digital[0].to_string());
     fields(8, &most, &|signal| ranges[signal].digital[1].to_string());
     fields(80, "", &|_| String::new());

@@ -113,7 +113,7 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
     };
     file.check()?;
     let mut bytes = MAGIC.to_vec();
-    // Patient: unknown. `X` stands for a name that is not given.
+    // Patient: unknown, which is written as `X`.
     bytes.extend(padded("X X", 66));
     bytes.resize(88, 0);
     bytes.extend(padded(&file.description, 64));

@@ -7,12 +7,12 @@ use super::CHANNELS;
 /// Smallest and largest output of a 24-bit ADC, counts.
 const RAILS: RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 
-/// Largest number of samples that are converted together: one channel's values fit a cache's first
-/// level, together with the counts of all channels.
+/// Largest number of samples converted together. One channel's values and the counts of all
+/// channels then fit the first-level cache of a processor.
 const SAMPLES: usize = 64;
 
-/// Some samples of the ADC, converted channel by channel: so the compiler vectorises the
-/// conversion.
+/// A block of samples of the ADC. The conversion runs channel by channel, so that the compiler
+/// vectorises it.
 pub(super) struct CountBlock {
     counts: [[i32; CHANNELS]; SAMPLES],
     /// Number of channels in each sample that were beyond the rails.
@@ -46,15 +46,16 @@ impl CountBlock {
         self.length
     }
 
-    /// Converts one channel of all samples. The value of a sample is the sum of its `terms`, uV,
-    /// each a slice of one value for each sample and a weight, in their order.
+    /// Converts one channel of all samples. The value of a sample is the weighted sum of its
+    /// `terms`, uV, added in their order. A term is one value per sample, and a weight.
     pub(super) fn convert<'v>(
         &mut self,
         channel: usize,
         terms: impl Iterator<Item = (&'v [f64], f64)>,
         lsb_uv: f64,
     ) {
-        // Negative zero changes no sum, and is where the standard library's sums start.
+        // Start at -0.0, as the standard library's sums do: adding it changes no value, not even
+        // -0.0.
         let mut sums = [-0.0; SAMPLES];
         for (values, weight) in terms {
             for (sum, value) in sums.iter_mut().zip(values) {
@@ -65,7 +66,7 @@ impl CountBlock {
         for ((counts, saturated), sum) in samples.zip(sums).take(self.length) {
             let unlimited = sum / lsb_uv;
             counts[channel] = rounded(unlimited.clamp(*RAILS.start(), *RAILS.end()));
-            // The values that do not round to a count within the rails.
+            // False for values that round to a count beyond the rails.
             let inside = unlimited > *RAILS.start() - 0.5 && unlimited < *RAILS.end() + 0.5;
             *saturated += u64::from(!inside);
         }

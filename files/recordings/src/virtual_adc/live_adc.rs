@@ -5,9 +5,9 @@ use crate::{error::RecordingError, montage_map::MontageMap, ratio::Ratio};
 use super::conversion::{Conversion, SignalRate};
 use super::{AdcCounters, AdcSpec, CHANNELS};
 
-/// Converts samples to those of an ADC as they arrive. The same samples yield the counts that
-/// [`VirtualAdc`](super::VirtualAdc) yields for a recording of them, bit for bit; only the last
-/// ones of a resampled recording, which depend on its end, have not been converted yet.
+/// Converts samples to those of an ADC as they arrive. The counts equal those of
+/// [`VirtualAdc`](super::VirtualAdc) for a recording of the same samples, bit for bit. The last
+/// samples of a resampled recording depend on its end and are therefore not converted.
 ///
 /// Samples at the rate of the ADC are converted at once. Other rates are resampled in blocks of
 /// [`LiveAdc::block`] samples, so that counts come in bursts.

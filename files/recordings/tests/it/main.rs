@@ -20,8 +20,7 @@ mod real_files;
 mod synthetic_edf;
 mod synthetic_gdf;
 mod virtual_adc;
-mod written_edf;
-mod written_gdf;
+mod written;
 
 use std::io::Cursor;
 
