@@ -13,7 +13,7 @@ use crate::{
     format::Format,
     header::{HEADER_BLOCK, Header, SignalFields, sampling_rate, text},
     ratio::Ratio,
-    signal::{Signal, SignalKind, calibration::Calibration, sample_type::SampleType, unit::Unit},
+    signal::{Calibration, SampleType, Signal, SignalKind, Unit},
     warning::Warning,
 };
 
@@ -25,16 +25,11 @@ const ANNOTATIONS: [&str; 2] = ["EDF Annotations", "BDF Annotations"];
 /// # Errors
 /// [`RecordingError::HeaderField`] for any other content of the field.
 pub(crate) fn signal_count(fixed: &[u8; HEADER_BLOCK]) -> Result<usize, RecordingError> {
-    let count: usize = number(&fixed[252..256], "number of signals", "the file")?;
-    if count == 0 {
-        return Err(field_error(
-            "number of signals",
-            "the file",
-            &fixed[252..256],
-            "it is 0",
-        ));
+    let (field, bytes) = ("number of signals", &fixed[252..256]);
+    match number(bytes, field, "the file")? {
+        0 => Err(field_error(field, "the file", bytes, "it is 0")),
+        count => Ok(count),
     }
-    Ok(count)
 }
 
 /// Parses a whole header of [`HEADER_BLOCK`] * (1 + `signals`) bytes.
@@ -60,37 +55,27 @@ pub(crate) fn parse(
         });
     }
     let format = variant(family, &text(&bytes[192..236]));
-    let records = match number::<i64>(&bytes[236..244], "number of records", "the file")? {
+    let (field, found) = ("number of records", &bytes[236..244]);
+    let records = match number::<i64>(found, field, "the file")? {
         -1 => None,
-        count => Some(u64::try_from(count).map_err(|_| {
-            field_error(
-                "number of records",
-                "the file",
-                &bytes[236..244],
-                "it is negative",
-            )
-        })?),
+        count => Some(
+            u64::try_from(count)
+                .map_err(|_| field_error(field, "the file", found, "it is negative"))?,
+        ),
     };
-    let seconds: f64 = number(&bytes[244..252], "duration of a record", "the file")?;
+    let (field, found) = ("duration of a record", &bytes[244..252]);
+    let seconds: f64 = number(found, field, "the file")?;
     let record_duration = Ratio::from_f64(seconds);
     if record_duration.is_none() && seconds != 0.0 {
         let reason = "it must be 0 or between 1e-9 and 1e9 s";
-        return Err(field_error(
-            "duration of a record",
-            "the file",
-            &bytes[244..252],
-            reason,
-        ));
+        return Err(field_error(field, "the file", found, reason));
     }
 
     let mut fields = SignalFields::new(bytes, signals);
     let labels = fields.next_field(16);
     let _transducers = fields.next_field(80);
     let units = fields.next_field(8);
-    let physical_min = fields.next_field(8);
-    let physical_max = fields.next_field(8);
-    let digital_min = fields.next_field(8);
-    let digital_max = fields.next_field(8);
+    let [physical_min, physical_max, digital_min, digital_max] = fields.next_ranges();
     let _prefilters = fields.next_field(80);
     let samples = fields.next_field(8);
 
@@ -119,11 +104,10 @@ pub(crate) fn parse(
             label,
         });
     }
-    let data_start = bytes.len() as u64;
     Header {
         format,
         signals: list,
-        data_start,
+        data_start: bytes.len() as u64,
         records,
         record_duration,
         warnings,

@@ -11,8 +11,8 @@ pub(crate) struct Row {
     outer: &'static str,
     /// Distance from the nasion along the midline, in twentieths of the way to the inion, 0..=20.
     pub(crate) twentieths: u8,
-    /// True if a label with a column number denotes a half column even without a trailing `h`: montages
-    /// write FFC1 for FFC1h. No common cap has full columns in these rows.
+    /// True if a label with a column number denotes a half column even without a trailing `h`:
+    /// montages write FFC1 for FFC1h. No common cap has full columns in these rows.
     always_half: bool,
 }
 
@@ -71,12 +71,12 @@ pub struct Electrode {
 }
 
 impl Electrode {
-    /// Returns the electrode that `label` denotes; `None` for any other label, such as EOG, a trigger, a
-    /// bipolar derivation or a cap with a different numbering.
+    /// Returns the electrode that `label` denotes; `None` for any other label, such as EOG, a
+    /// trigger, a bipolar derivation or a cap with a different numbering.
     ///
-    /// Ignores letter case, dots, blanks and underscores. Strips the prefixes `EEG` and `eeg:` and the
-    /// suffix of a common reference (`-REF`, `-LE`, ...). Renames T3 T4 T5 T6 to T7 T8 P7 P8. In the
-    /// rows FFC/FFT, FCC/FTT, CCP/TTP, CPP/TPP and PPO a trailing `h` is implied.
+    /// Ignores letter case, dots, blanks and underscores. Strips the prefixes `EEG` and `eeg:` and
+    /// the suffix of a common reference (`-REF`, `-LE`, ...). Renames T3 T4 T5 T6 to T7 T8 P7 P8.
+    /// In the rows FFC/FFT, FCC/FTT, CCP/TTP, CPP/TPP and PPO a trailing `h` is implied.
     pub fn parse(label: &str) -> Option<Self> {
         let plain: String = label
             .to_ascii_uppercase()
@@ -122,16 +122,16 @@ impl Electrode {
         electrode.exists().then_some(electrode)
     }
 
-    /// Returns the distance from the midline along the row, in eighths of the way to the circumference:
-    /// 1 for column 1h, 2 for column 1, 8 for column 7. Columns 9h and 9 (9 and 10 eighths) are below
-    /// the circumference.
+    /// Returns the distance from the midline along the row, in eighths of the way to the
+    /// circumference: 1 for column 1h, 2 for column 1, 8 for column 7. Columns 9h and 9 (9 and 10
+    /// eighths) are below the circumference.
     pub(crate) fn eighths(self) -> u8 {
         2 * self.column.div_ceil(2) - u8::from(self.half)
     }
 
-    /// Returns whether the 10-5 system has this column in this row. In the rows N, NFp, Fp, O, OI and I,
-    /// columns 1 and 2 with their halves are the only ones beside the midline, except that Fp and O also
-    /// have columns 9 and 10. All other rows have every column.
+    /// Returns whether the 10-5 system has this column in this row. In the rows N, NFp, Fp, O, OI
+    /// and I, columns 1 and 2 with their halves are the only ones off the midline, except that
+    /// Fp and O also have columns 9 and 10. All other rows have every column.
     fn exists(self) -> bool {
         match self.row.twentieths {
             0 | 1 | 19 | 20 => self.column <= 2,
@@ -199,31 +199,11 @@ mod tests {
     #[test]
     fn other_labels_are_not_electrodes() {
         for label in [
-            "",
-            "A1",
-            "A16",
-            "Status",
-            "EDF Annotations",
-            "eog:L",
-            "ECG",
-            "C3-P3",
-            "C7",
-            "FC7",
-            "T1",
-            "F11",
-            "C0",
-            "Czh",
-            "z",
-            "7",
-            "Fp3",
-            "I5",
-            "EEG",
-            "-",
-            "h",
-            "µ",
-            "Fpzz",
+            "", "A1", "A16", "Status", "eog:L", "ECG", "C3-P3", "C7", "FC7", "T1", "F11", "C0",
+            "Czh", "z", "7", "Fp3", "I5", "EEG", "-", "h", "µ", "Fpzz",
         ] {
             assert_eq!(canonical(label), None, "{label}");
         }
+        assert_eq!(canonical("EDF Annotations"), None);
     }
 }

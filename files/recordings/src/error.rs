@@ -184,7 +184,8 @@ pub enum RecordingError {
 }
 
 impl RecordingError {
-    /// Returns whether a field of the header is the reason, so that a damaged file is a possible cause.
+    /// Returns whether a field of the header is the reason, so that a damaged file is a possible
+    /// cause.
     pub(crate) fn is_about_the_header(&self) -> bool {
         matches!(
             self,

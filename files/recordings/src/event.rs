@@ -1,17 +1,19 @@
-//! Events of a recording: rows of GDF event tables, and EDF+ annotations.
+//! Events of a recording (rows of GDF event tables, and EDF+ annotations), and their starts in the
+//! signal as it is played.
 
 use std::fmt;
 
 /// What an event denotes; the file format determines the variant.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum EventLabel {
-    /// A GDF event type, such as 0x0300 = 768 for the start of a trial. Bit 15 is set in the type that
-    /// denotes the end of an event.
+    /// A GDF event type, such as 0x0300 = 768 for the start of a trial. Bit 15 is set in the type
+    /// that denotes the end of an event.
     Type(u16),
-    /// A sample of a sparsely sampled signal: GDF type 0x7fff in an event table of mode 3. Holds the
-    /// digital value as 32 raw bits, which the [`crate::SampleType`] of [`Event::signal`] decodes. The
-    /// file stores the value in the duration column, so the event has no duration. Tables of mode 1 have
-    /// no duration column; in them type 0x7fff is an ordinary [`EventLabel::Type`].
+    /// A sample of a sparsely sampled signal: GDF type 0x7fff in an event table of mode 3. Holds
+    /// the digital value as 32 raw bits, which the [`crate::SampleType`] of [`Event::signal`]
+    /// decodes. The file stores the value in the duration column, so the event has no duration.
+    /// Tables of mode 1 have no duration column; in them type 0x7fff is an ordinary
+    /// [`EventLabel::Type`].
     SparseSample(u32),
     /// Text of an EDF+ or BDF+ annotation.
     Text(String),
@@ -38,4 +40,153 @@ pub struct Event {
     pub signal: Option<u16>,
     /// GDF type, sparse sample or annotation text.
     pub label: EventLabel,
+}
+
+/// GDF type that marks a row without an event.
+const NO_EVENT: u16 = 0;
+/// GDF type of a sample of a sparsely sampled signal. The row's duration column holds the value.
+pub(crate) const SPARSE_SAMPLE: u16 = 0x7fff;
+/// Bit that marks the end of an event in a GDF type.
+const END_OF_EVENT: u16 = 0x8000;
+
+/// Starts of the events of a recording.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Onsets {
+    /// Starts in order of time, s of the signal that a [`crate::VirtualAdc`] plays, >= 0. Events
+    /// that start together have one entry each.
+    pub seconds: Vec<f64>,
+    /// Labels of the same events, in the same order.
+    pub labels: Vec<EventLabel>,
+    /// Number of events before the start or after the end of the signal.
+    pub outside: usize,
+}
+
+impl Onsets {
+    /// Collects the starts of all events that are within the signal. Ends of events, rows without
+    /// an event, and sparse samples are no events.
+    pub(crate) fn new(events: &[Event], timeline: &Timeline) -> Self {
+        let starts = events.iter().filter(|event| is_start(&event.label));
+        let mut placed: Vec<(f64, EventLabel)> = Vec::new();
+        let mut outside = 0;
+        for event in starts {
+            match timeline.place(event.onset_s) {
+                Some(place) => placed.push((place, event.label.clone())),
+                None => outside += 1,
+            }
+        }
+        placed.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let (seconds, labels) = placed.into_iter().unzip();
+        Self {
+            seconds,
+            labels,
+            outside,
+        }
+    }
+}
+
+fn is_start(label: &EventLabel) -> bool {
+    match label {
+        EventLabel::Text(_) => true,
+        EventLabel::SparseSample(_) | EventLabel::Type(NO_EVENT | SPARSE_SAMPLE) => false,
+        EventLabel::Type(kind) => kind & END_OF_EVENT == 0,
+    }
+}
+
+/// Maps times of the file to times of the played signal, which has no gaps between records.
+#[derive(Debug, Default)]
+pub(crate) struct Timeline {
+    /// Pairs (start of a record in the file, its start in the signal), s, in order of both.
+    pub(crate) records: Vec<(f64, f64)>,
+    /// Duration of a record, s.
+    pub(crate) record_s: f64,
+    /// Duration of the signal, s.
+    pub(crate) end_s: f64,
+}
+
+impl Timeline {
+    /// Adds the start time of a record, s, if the file states it. Ignores a record that does not
+    /// start after the previous one.
+    #[expect(clippy::cast_precision_loss, reason = "records stay below 2^53")]
+    pub(crate) fn add_record(&mut self, record: u64, start_s: Option<f64>) {
+        let last = self.records.last().map(|(start, _)| *start);
+        if let Some(start) = start_s
+            && last.is_none_or(|last| last < start)
+        {
+            self.records.push((start, record as f64 * self.record_s));
+        }
+    }
+
+    /// Converts a time of the file to a time of the signal, s; `None` outside the signal. A time
+    /// within a gap becomes the end of the previous record.
+    fn place(&self, file_s: f64) -> Option<f64> {
+        let after = self.records.partition_point(|(start, _)| *start <= file_s);
+        let place = match after.checked_sub(1) {
+            Some(record) => {
+                let (start, place) = self.records[record];
+                place + (file_s - start).min(self.record_s)
+            }
+            // Only EDF+ and BDF+ state the times of their records.
+            None if self.records.is_empty() => file_s,
+            None => return None,
+        };
+        (0.0..self.end_s).contains(&place).then_some(place)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn event(onset_s: f64, label: EventLabel) -> Event {
+        Event {
+            onset_s,
+            duration_s: None,
+            signal: None,
+            label,
+        }
+    }
+
+    #[test]
+    fn gdf_rows_that_are_no_start_of_an_event_have_no_onset() {
+        let timeline = Timeline {
+            end_s: 10.0,
+            ..Timeline::default()
+        };
+        let events = [
+            event(2.0, EventLabel::Type(0x0301)),
+            event(3.0, EventLabel::Type(0x8301)),
+            event(1.0, EventLabel::Type(0x0300)),
+            event(4.0, EventLabel::Type(0x7fff)),
+            event(4.0, EventLabel::SparseSample(7)),
+            event(5.0, EventLabel::Type(0)),
+            event(-0.1, EventLabel::Type(1)),
+            event(10.0, EventLabel::Type(1)),
+        ];
+        let expected = Onsets {
+            seconds: vec![1.0, 2.0],
+            labels: vec![EventLabel::Type(0x0300), EventLabel::Type(0x0301)],
+            outside: 2,
+        };
+        assert_eq!(Onsets::new(&events, &timeline), expected);
+    }
+
+    #[test]
+    fn gaps_between_records_are_closed() {
+        // Records of 1 s at 0.5 s, 1.5 s and, after a gap of 7.5 s, at 10 s.
+        let timeline = Timeline {
+            records: vec![(0.5, 0.0), (1.5, 1.0), (10.0, 2.0)],
+            record_s: 1.0,
+            end_s: 3.0,
+        };
+        for (file_s, place) in [
+            (0.4, None),
+            (0.5, Some(0.0)),
+            (1.75, Some(1.25)),
+            (5.0, Some(2.0)),
+            (10.25, Some(2.25)),
+            (11.0, None),
+        ] {
+            assert_eq!(timeline.place(file_s), place, "{file_s} s");
+        }
+    }
 }

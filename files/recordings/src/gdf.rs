@@ -1,11 +1,9 @@
 //! Parses the headers of GDF 1.x and 2.x, which are binary and little-endian.
 //!
-//! Source: A. Schlögl, "GDF - A general dataformat for biosignals", arXiv cs/0608052 and later versions
-//! of the specification. The headers of both versions have 256 bytes per signal.
+//! Source: A. Schlögl, "GDF - A general dataformat for biosignals", arXiv cs/0608052 and later
+//! versions of the specification. The headers of both versions have 256 bytes per signal.
 
 pub(crate) mod events;
-pub(crate) mod record_count;
-mod time;
 pub(crate) mod writer;
 
 use crate::{
@@ -13,11 +11,12 @@ use crate::{
     format::Format,
     header::{HEADER_BLOCK, Header, SignalFields, array_at, sampling_rate, text},
     ratio::Ratio,
-    signal::{Signal, SignalKind, calibration::Calibration, sample_type::SampleType, unit::Unit},
+    signal::{Calibration, SampleType, Signal, SignalKind, Unit},
 };
 
-/// Version limit of the record duration: GDF 2.21 and later store it as a float64, earlier versions as
-/// two u32. The limit is between 2.20 and 2.21, so that the rounding of a parsed version has no effect.
+/// Version limit of the record duration: GDF 2.21 and later store it as a float64, earlier versions
+/// as two u32. The limit is between 2.20 and 2.21, so that the rounding of a parsed version has no
+/// effect.
 const FLOAT_DURATION: f64 = 2.205;
 
 /// Reads the number of signals, 1..=65535, from the fixed part of a header.
@@ -73,35 +72,29 @@ pub(crate) fn parse(
             })?),
         };
     let record_duration = duration(format, bytes)?;
-    let list = match format {
-        Format::Gdf1(_) => signals_of_version_1(bytes, signals, record_duration)?,
-        _ => signals_of_version_2(bytes, signals, record_duration)?,
-    };
-    let warnings = Vec::new();
     Header {
         format,
-        signals: list,
+        signals: parse_signals(format, bytes, signals, record_duration)?,
         data_start,
         records,
         record_duration,
-        warnings,
+        warnings: Vec::new(),
     }
     .checked()
 }
 
 fn duration(format: Format, bytes: &[u8]) -> Result<Option<Ratio>, RecordingError> {
+    let error = |found: String, reason| Err(field_error("duration of a record", &found, reason));
     if let Format::Gdf2(version) = format
         && version >= FLOAT_DURATION
     {
         let seconds = f64::from_le_bytes(array_at(bytes, 244));
         let ratio = Ratio::from_f64(seconds);
         return if ratio.is_none() && seconds != 0.0 {
-            let reason = "it must be 0 or between 1e-9 and 1e9 s";
-            Err(field_error(
-                "duration of a record",
-                &seconds.to_string(),
-                reason,
-            ))
+            error(
+                seconds.to_string(),
+                "it must be 0 or between 1e-9 and 1e9 s",
+            )
         } else {
             Ok(ratio)
         };
@@ -109,107 +102,68 @@ fn duration(format: Format, bytes: &[u8]) -> Result<Option<Ratio>, RecordingErro
     let numerator = u32::from_le_bytes(array_at(bytes, 244));
     let denominator = u32::from_le_bytes(array_at(bytes, 248));
     if denominator == 0 {
-        let found = format!("{numerator}/0");
-        return Err(field_error(
-            "duration of a record",
-            &found,
-            "its denominator is 0",
-        ));
+        return error(format!("{numerator}/0"), "its denominator is 0");
     }
     Ok(Ratio::new(numerator.into(), denominator.into()))
 }
 
-fn signals_of_version_1(
+/// Parses the signals. The versions differ in the unit, in the type of the digital limits, and in
+/// the fields that are not read.
+fn parse_signals(
+    format: Format,
     bytes: &[u8],
     signals: usize,
     duration: Option<Ratio>,
 ) -> Result<Vec<Signal>, RecordingError> {
+    let is_version_1 = matches!(format, Format::Gdf1(_));
     let mut fields = SignalFields::new(bytes, signals);
     let labels = fields.next_field(16);
     let _transducers = fields.next_field(80);
+    // Version 1: text of 8 bytes. Version 2: text of 6 bytes, then a code (u16).
     let units = fields.next_field(8);
-    let physical_min = fields.next_field(8);
-    let physical_max = fields.next_field(8);
-    let digital_min = fields.next_field(8);
-    let digital_max = fields.next_field(8);
-    let _prefilters = fields.next_field(80);
+    let [physical_min, physical_max, digital_min, digital_max] = fields.next_ranges();
+    // Prefilter; in version 2 also the time offset, low-pass, high-pass and notch.
+    let _filters = fields.next_field(80);
     let samples = fields.next_field(4);
     let types = fields.next_field(4);
+    let float = |raw: &[u8]| f64::from_le_bytes(array_at(raw, 0));
     #[expect(
         clippy::cast_precision_loss,
         reason = "digital limits beyond 2^53 are rounded"
     )]
-    let integer = |raw: &[u8]| i64::from_le_bytes(array_at(raw, 0)) as f64;
-    (0..signals)
-        .map(|i| {
-            let calibration = Calibration {
-                physical_min: f64::from_le_bytes(array_at(physical_min[i], 0)),
-                physical_max: f64::from_le_bytes(array_at(physical_max[i], 0)),
-                digital_min: integer(digital_min[i]),
-                digital_max: integer(digital_max[i]),
-            };
-            let unit = Unit::from_text(&text(units[i]));
-            signal(labels[i], unit, calibration, samples[i], types[i], duration)
-        })
-        .collect()
-}
-
-fn signals_of_version_2(
-    bytes: &[u8],
-    signals: usize,
-    duration: Option<Ratio>,
-) -> Result<Vec<Signal>, RecordingError> {
-    let mut fields = SignalFields::new(bytes, signals);
-    let labels = fields.next_field(16);
-    let _transducers = fields.next_field(80);
-    let units = fields.next_field(6);
-    let unit_codes = fields.next_field(2);
-    let physical_min = fields.next_field(8);
-    let physical_max = fields.next_field(8);
-    let digital_min = fields.next_field(8);
-    let digital_max = fields.next_field(8);
-    let _reserved_and_time_offset = fields.next_field(64 + 4);
-    let _low_pass_high_pass_notch = fields.next_field(12);
-    let samples = fields.next_field(4);
-    let types = fields.next_field(4);
-    (0..signals)
-        .map(|i| {
-            let calibration = Calibration {
-                physical_min: f64::from_le_bytes(array_at(physical_min[i], 0)),
-                physical_max: f64::from_le_bytes(array_at(physical_max[i], 0)),
-                digital_min: f64::from_le_bytes(array_at(digital_min[i], 0)),
-                digital_max: f64::from_le_bytes(array_at(digital_max[i], 0)),
-            };
-            let code = u16::from_le_bytes(array_at(unit_codes[i], 0));
-            let unit = Unit::from_gdf_code(code, &text(units[i]));
-            signal(labels[i], unit, calibration, samples[i], types[i], duration)
-        })
-        .collect()
-}
-
-fn signal(
-    label: &[u8],
-    unit: Unit,
-    calibration: Calibration,
-    samples: &[u8],
-    sample_type: &[u8],
-    duration: Option<Ratio>,
-) -> Result<Signal, RecordingError> {
-    let label = text(label);
-    let number = u32::from_le_bytes(array_at(sample_type, 0));
-    let samples_per_record = u32::from_le_bytes(array_at(samples, 0));
-    let Some(sample_type) = SampleType::from_gdf(number) else {
-        return Err(RecordingError::SampleType { label, number });
+    let digital = |raw: &[u8]| match format {
+        Format::Gdf1(_) => i64::from_le_bytes(array_at(raw, 0)) as f64,
+        _ => float(raw),
     };
-    Ok(Signal {
-        kind: SignalKind::Samples,
-        unit,
-        calibration,
-        sample_type,
-        samples_per_record,
-        rate: sampling_rate(samples_per_record, duration),
-        label,
-    })
+    let parse_signal = |i: usize| {
+        let label = text(labels[i]);
+        let number = u32::from_le_bytes(array_at(types[i], 0));
+        let samples_per_record = u32::from_le_bytes(array_at(samples[i], 0));
+        let Some(sample_type) = SampleType::from_gdf(number) else {
+            return Err(RecordingError::SampleType { label, number });
+        };
+        let unit = if is_version_1 {
+            Unit::from_text(&text(units[i]))
+        } else {
+            let (name, code) = units[i].split_at(6);
+            Unit::from_gdf_code(u16::from_le_bytes(array_at(code, 0)), &text(name))
+        };
+        Ok(Signal {
+            kind: SignalKind::Samples,
+            unit,
+            calibration: Calibration {
+                physical_min: float(physical_min[i]),
+                physical_max: float(physical_max[i]),
+                digital_min: digital(digital_min[i]),
+                digital_max: digital(digital_max[i]),
+            },
+            sample_type,
+            samples_per_record,
+            rate: sampling_rate(samples_per_record, duration),
+            label,
+        })
+    };
+    (0..signals).map(parse_signal).collect()
 }
 
 fn field_error(field: &'static str, found: &str, reason: &'static str) -> RecordingError {

@@ -1,16 +1,21 @@
-//! The header of a recording, independent of its file format, and parsing functions shared by the
-//! EDF and GDF readers.
+//! The header of a recording: of a file to read, independent of its format, and of a file to write.
+//! Also the parsing functions that the EDF and GDF readers share.
+
+use std::io;
 
 use crate::{
+    edf,
     error::RecordingError,
     format::Format,
+    gdf,
     ratio::Ratio,
     signal::{Signal, SignalKind},
+    source::{Source, read_at},
     warning::Warning,
 };
 
-/// Length of the fixed part of a header, and of the part for each signal, bytes; the same in EDF, BDF
-/// and GDF.
+/// Length of the fixed part of a header, and of the part for each signal, bytes; the same in EDF,
+/// BDF and GDF.
 pub(crate) const HEADER_BLOCK: usize = 256;
 
 #[derive(Debug, Clone)]
@@ -42,8 +47,8 @@ impl Header {
     /// prevent reading.
     ///
     /// # Errors
-    /// [`RecordingError::Range`] for a signal that cannot be scaled, [`RecordingError::HeaderField`] if
-    /// a signal has samples but a record has no duration.
+    /// [`RecordingError::Range`] for a signal that cannot be scaled,
+    /// [`RecordingError::HeaderField`] if a signal has samples but a record has no duration.
     pub(crate) fn checked(mut self) -> Result<Self, RecordingError> {
         let mut unknown_units = Vec::new();
         for signal in &mut self.signals {
@@ -119,7 +124,8 @@ pub(crate) struct SignalFields<'a> {
 }
 
 impl<'a> SignalFields<'a> {
-    /// Starts at the first field of the signals, after the fixed part; `header` includes the fixed part.
+    /// Starts at the first field of the signals, after the fixed part; `header` includes the fixed
+    /// part.
     pub(crate) fn new(header: &'a [u8], signals: usize) -> Self {
         Self {
             bytes: header,
@@ -134,6 +140,12 @@ impl<'a> SignalFields<'a> {
         self.at += width * self.signals;
         let field = self.bytes.get(start..self.at).unwrap_or_default();
         field.chunks_exact(width).collect()
+    }
+
+    /// Returns physical minimum, physical maximum, digital minimum and digital maximum, 8 bytes
+    /// each, of every signal.
+    pub(crate) fn next_ranges(&mut self) -> [Vec<&'a [u8]>; 4] {
+        [(); 4].map(|()| self.next_field(8))
     }
 }
 
@@ -151,12 +163,107 @@ pub(crate) fn text(bytes: &[u8]) -> String {
         .to_owned()
 }
 
-/// Returns the `N` bytes at offset `at`. Callers must check the length: if `bytes` ends before all `N`
-/// bytes, the result is zeros.
+/// Returns the `N` bytes at offset `at`. Callers must check the length: if `bytes` ends before all
+/// `N` bytes, the result is zeros.
 pub(crate) fn array_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     bytes
         .get(at..)
         .and_then(|rest| rest.first_chunk())
         .copied()
         .unwrap_or([0; N])
+}
+
+/// Recognises the format of a file of `file_bytes` bytes and reads its header.
+///
+/// # Errors
+/// [`RecordingError`] if the file is empty, has no known format, or its header cannot be used.
+pub(crate) fn read(source: &mut dyn Source, file_bytes: u64) -> Result<Header, RecordingError> {
+    let enough = |needed: u64| {
+        if file_bytes < needed {
+            Err(RecordingError::HeaderTruncated {
+                needed,
+                found: file_bytes,
+            })
+        } else {
+            Ok(())
+        }
+    };
+    if file_bytes == 0 {
+        return Err(RecordingError::Empty);
+    }
+    let mut magic = [0; 8];
+    let magic_bytes = magic
+        .len()
+        .min(usize::try_from(file_bytes).unwrap_or(usize::MAX));
+    read_at(source, 0, &mut magic[..magic_bytes])?;
+    let format = Format::detect(magic)?;
+
+    let mut fixed = [0; HEADER_BLOCK];
+    enough(HEADER_BLOCK as u64)?;
+    read_at(source, 0, &mut fixed)?;
+    let is_gdf = matches!(format, Format::Gdf1(_) | Format::Gdf2(_));
+    let signals = if is_gdf {
+        gdf::signal_count(format, &fixed)?
+    } else {
+        edf::signal_count(&fixed)?
+    };
+    // The header has at most 65,536 blocks of 256 bytes, and `enough` checks that the file contains
+    // them.
+    let header_bytes = HEADER_BLOCK * (1 + signals);
+    enough(header_bytes as u64)?;
+    let mut bytes = vec![0; header_bytes];
+    read_at(source, 0, &mut bytes)?;
+    let header = if is_gdf {
+        gdf::parse(format, &bytes, signals)?
+    } else {
+        edf::parse(format, &bytes, signals)?
+    };
+    enough(header.data_start)?;
+    Ok(header)
+}
+
+/// One signal of a file to write.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SignalToWrite {
+    /// Label, at most 16 bytes; the rest is cut off.
+    pub label: String,
+    /// Whether the values are microvolts; otherwise they have no unit.
+    pub is_microvolt: bool,
+    /// Whether the values are signed integers of at most 24 bits.
+    pub is_integer: bool,
+    /// Smallest and largest possible value.
+    pub range: [f64; 2],
+}
+
+/// Content of the header of a file to write.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FileToWrite {
+    /// All signals, in the order of the values in a row.
+    pub signals: Vec<SignalToWrite>,
+    /// Rows per second, Hz.
+    pub rate_hz: u32,
+    /// Rows in a record.
+    pub rows_per_record: u32,
+    /// Wall clock at the first row, nanoseconds since 1970.
+    pub start_ns: i64,
+    /// Text that identifies the recording, such as the device's name.
+    pub description: String,
+}
+
+impl FileToWrite {
+    /// Checks the requirements of all formats.
+    ///
+    /// # Errors
+    /// `InvalidInput` if a record has no rows or the rate is 0.
+    pub(crate) fn check(&self) -> io::Result<()> {
+        if self.rows_per_record == 0 || self.rate_hz == 0 {
+            return Err(invalid("a record has rows, and a signal has a rate"));
+        }
+        Ok(())
+    }
+}
+
+/// Returns the error for content that the file's format cannot store.
+pub(crate) fn invalid(what: &str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidInput, what)
 }

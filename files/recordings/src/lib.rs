@@ -1,8 +1,8 @@
 //! EEG recordings (EDF, BDF, GDF): read, played through a virtual ADC, and written.
 //!
-//! Device code that reads from this crate receives the samples that an ADC would deliver, whatever the
-//! rate, unit and channel order of the file. File formats are recognised by content, not by file name.
-//! Below each stage are its types or data, then its modules:
+//! Device code that reads from this crate receives the samples that an ADC would deliver, whatever
+//! the rate, unit and channel order of the file. File formats are recognised by content, not by
+//! file name. Below each stage are its types or data, then its modules:
 //!
 //! ```text
 //! file ──> header ──> records ──────> montage ──────────> virtual ADC ──> [i32; 64]
@@ -42,39 +42,31 @@ mod edf;
 pub mod electrode;
 mod error;
 mod event;
-mod file_to_write;
-mod foreign;
 mod format;
 mod gdf;
 mod header;
-mod header_reader;
 pub mod montage_map;
 pub mod npz;
-mod onsets;
 pub mod position;
 mod ratio;
 mod recording;
 mod signal;
 mod source;
-mod text_mode;
 pub mod virtual_adc;
 mod warning;
 
 pub use edf::writer::{EdfWriter, RowAnnotation};
 pub use electrode::Electrode;
 pub use error::RecordingError;
-pub use event::{Event, EventLabel};
-pub use file_to_write::{FileToWrite, SignalToWrite};
+pub use event::{Event, EventLabel, Onsets};
 pub use format::Format;
 pub use gdf::writer::GdfWriter;
+pub use header::{FileToWrite, SignalToWrite};
 pub use montage_map::{Missing, MontageMap, MontageMapError, MontageWarning};
-pub use onsets::Onsets;
 pub use position::Position;
 pub use ratio::Ratio;
 pub use recording::{Block, Recording};
-pub use signal::{
-    Signal, SignalKind, calibration::Calibration, sample_type::SampleType, unit::Unit,
-};
+pub use signal::{Calibration, SampleType, Signal, SignalKind, Unit};
 pub use source::Source;
 pub use virtual_adc::{AdcSpec, VirtualAdc, live_adc::LiveAdc};
 pub use warning::Warning;

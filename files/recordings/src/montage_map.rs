@@ -19,8 +19,8 @@ pub enum Missing {
     Refuse,
 }
 
-/// Number of recorded electrodes from which a missing electrode is interpolated; all, if the recording
-/// has fewer.
+/// Number of recorded electrodes from which a missing electrode is interpolated; all, if the
+/// recording has fewer.
 pub const NEIGHBOURS: usize = 4;
 
 /// Source of the values of one electrode of the montage.
@@ -28,8 +28,8 @@ pub const NEIGHBOURS: usize = 4;
 pub enum Origin {
     /// Values of the signal with this index.
     Real(usize),
-    /// Weighted sum of signals, as pairs (signal index, weight), nearest electrode first. The weights
-    /// add up to 1.
+    /// Weighted sum of signals, as pairs (signal index, weight), nearest electrode first. The
+    /// weights add up to 1.
     Interpolated(Vec<(usize, f64)>),
     /// No signal; the value is 0.
     Zero,
@@ -97,8 +97,8 @@ pub enum MontageWarning {
     },
 }
 
-/// Map from the signals of a recording to the electrodes of a montage. `Display` prints which electrodes
-/// are real, interpolated or zero, and which signals are unused.
+/// Map from the signals of a recording to the electrodes of a montage. `Display` prints which
+/// electrodes are real, interpolated or zero, and which signals are unused.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MontageMap {
     electrodes: Vec<String>,
@@ -107,8 +107,9 @@ pub struct MontageMap {
 }
 
 impl MontageMap {
-    /// Finds each of `electrodes` (the montage) among `labels` (the recording). [`Electrode::parse`]
-    /// defines which spellings are equal. If two signals have the same electrode, the map uses the first.
+    /// Finds each of `electrodes` (the montage) among `labels` (the recording).
+    /// [`Electrode::parse`] defines which spellings are equal. If two signals have the same
+    /// electrode, the map uses the first.
     ///
     /// # Errors
     /// [`MontageMapError`] if the montage is invalid or the recording does not fit it.
@@ -317,8 +318,8 @@ mod tests {
             panic!("C1 is missing")
         };
         let sources: Vec<usize> = mix.iter().map(|(signal, _)| *signal).collect();
-        // C3 and Cz are both 18 degrees from C1, so they have the largest weights. Fz and Pz are about
-        // 40 degrees away.
+        // C3 and Cz are both 18 degrees from C1, so they have the largest weights. Fz and Pz are
+        // about 40 degrees away.
         assert_eq!(sources.len(), NEIGHBOURS);
         assert!(
             sources[..2].contains(&0) && sources[..2].contains(&1),

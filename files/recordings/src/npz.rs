@@ -1,7 +1,7 @@
 //! Arrays for `numpy.load`, written in one pass.
 //!
-//! An NPZ file is a ZIP archive with one NPY file per array. Its arrays are stored without compression,
-//! so that the values of an array can be written while they appear.
+//! An NPZ file is a ZIP archive with one NPY file per array. Its arrays are stored without
+//! compression, so that the values of an array can be written as they arrive.
 //!
 //! ```
 //! use std::io::{Cursor, Write as _};
@@ -26,8 +26,8 @@ use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 /// Magic and version of an NPY file.
 const MAGIC: &[u8] = b"\x93NUMPY\x01\x00";
 
-/// Writes the arrays of an NPZ file one after another. Bytes that are written belong to the array that
-/// was started last.
+/// Writes the arrays of an NPZ file one after another. Bytes that are written belong to the array
+/// that was started last.
 #[derive(Debug)]
 pub struct NpzWriter<W: Write + Seek> {
     zip: ZipWriter<BufWriter<W>>,

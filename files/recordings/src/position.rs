@@ -1,17 +1,18 @@
 //! Positions of electrodes on the unit sphere, computed from the definition of the 10-5 system.
 //!
-//! * The midline from nasion to inion is half a great circle, divided into 20 arcs of 9 degrees, with
-//!   Cz at the top.
-//! * The circumference through Fpz, T7, Oz and T8 is the circle 72 degrees from Cz. Each half of the
-//!   circumference, from front to back, is also divided into 20 equal arcs. So a row is at the same
-//!   angle from the front on the circumference and on the midline.
-//! * A row is the arc of a circle through three points: its left circumference point, its midline point
-//!   and its right circumference point. The columns of a row divide each half of the arc evenly.
+//! * The midline from nasion to inion is half a great circle, divided into 20 arcs of 9 degrees,
+//!   with Cz at the top.
+//! * The circumference through Fpz, T7, Oz and T8 is the circle 72 degrees from Cz. Each half of
+//!   the circumference, from front to back, is also divided into 20 equal arcs. So a row is at the
+//!   same angle from the front on the circumference and on the midline.
+//! * A row is the arc of a circle through three points: its left circumference point, its midline
+//!   point and its right circumference point. The columns of a row divide each half of the arc
+//!   evenly.
 //!
 //! Sources: Oostenveld and Praamstra 2001; Jurcak, Tsuzuki and Dan 2007. No table of coordinates is
-//! used. MNE's template `standard_1005` has the coordinates of a real head. After the best affine map of
-//! the sphere onto this template, the positions of 289 electrodes differ from it by 7.3 mm on average
-//! and 15 mm at most.
+//! used. MNE's template `standard_1005` has the coordinates of a real head. After the best affine
+//! map of the sphere onto this template, the positions of 289 electrodes differ from it by 7.3 mm
+//! on average and 15 mm at most.
 
 use std::f64::consts::PI;
 
@@ -42,7 +43,8 @@ impl Position {
         let from_front = f64::from(electrode.row.twentieths) * TWENTIETH;
         let left = match electrode.row.twentieths {
             _ if electrode.column == 0 => return Self::on_midline(from_front),
-            // The rows N, NFp, OI and I are circles around Cz; column 1 is 18 degrees from the midline.
+            // The rows N, NFp, OI and I are circles around Cz; column 1 is 18 degrees from the
+            // midline.
             row @ (0 | 1 | 19 | 20) => {
                 let polar = if matches!(row, 0 | 20) { 10.0 } else { 9.0 };
                 Self::polar(polar * TWENTIETH, azimuth_on_circle(row, eighths))
@@ -67,19 +69,21 @@ impl Position {
         }
     }
 
-    /// Computes the position of the electrode with this label; `None` if there is no such electrode.
+    /// Computes the position of the electrode with this label; `None` if there is no such
+    /// electrode.
     pub fn from_label(label: &str) -> Option<Self> {
         Electrode::parse(label).map(|electrode| Self::from_electrode(&electrode))
     }
 
-    /// Returns the square of the straight-line distance to another point; 0..=4 if both points are on
-    /// the sphere.
+    /// Returns the square of the straight-line distance to another point; 0..=4 if both points are
+    /// on the sphere.
     pub fn chord_squared(self, other: Self) -> f64 {
         let d = self.minus(other);
         d.dot(d)
     }
 
-    /// Returns the angle from this point to `other`, seen from the centre of the sphere, rad, 0..=pi.
+    /// Returns the angle from this point to `other`, seen from the centre of the sphere, rad,
+    /// 0..=pi.
     pub fn angle_to(self, other: Self) -> f64 {
         self.cross(other)
             .dot(self.cross(other))
@@ -106,10 +110,10 @@ impl Position {
         }
     }
 
-    /// Returns the point at `fraction` of the arc from `middle`, the midline point of a row, to `self`,
-    /// the left end of the row. The circle of the row is symmetric about the midline plane. The centre
-    /// of the circle is the point closest to the origin in the plane through `middle`, `self` and the
-    /// mirror image of `self`.
+    /// Returns the point at `fraction` of the arc from `middle`, the midline point of a row, to
+    /// `self`, the left end of the row. The circle of the row is symmetric about the midline plane.
+    /// The centre of the circle is the point closest to the origin in the plane through `middle`,
+    /// `self` and the mirror image of `self`.
     fn on_arc_from(self, middle: Self, fraction: f64) -> Self {
         let across = Self {
             x: 1.0,
@@ -162,8 +166,8 @@ impl Position {
 }
 
 /// Returns the azimuth around Cz, from the front, in rad, of the point that is `eighths` from the
-/// midline in the row at `twentieths`. The row must be a circle around Cz. In a posterior row, `eighths`
-/// counts from the back of the midline.
+/// midline in the row at `twentieths`. The row must be a circle around Cz. In a posterior row,
+/// `eighths` counts from the back of the midline.
 fn azimuth_on_circle(twentieths: u8, eighths: f64) -> f64 {
     if twentieths < 10 {
         eighths * TWENTIETH

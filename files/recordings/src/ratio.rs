@@ -4,8 +4,9 @@ use std::fmt;
 
 /// A positive fraction in lowest terms: a rate in Hz or a duration in s.
 ///
-/// A file states the number of samples per record, and the duration of a record as a decimal or as two
-/// integers. With exact fractions the virtual ADC has no time drift: sample k is at the time k / rate.
+/// A file states the number of samples per record, and the duration of a record as a decimal or as
+/// two integers. With exact fractions the virtual ADC has no time drift: sample k is at the time k
+/// / rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Ratio {
     numerator: u64,
@@ -17,8 +18,8 @@ pub struct Ratio {
 const DENOMINATOR_MAX: u64 = 10_000_000;
 
 impl Ratio {
-    /// Creates the fraction `numerator / denominator` in lowest terms. Returns `None` if one of the two
-    /// is zero.
+    /// Creates the fraction `numerator / denominator` in lowest terms. Returns `None` if one of the
+    /// two is zero.
     pub fn new(numerator: u64, denominator: u64) -> Option<Self> {
         if numerator == 0 || denominator == 0 {
             return None;

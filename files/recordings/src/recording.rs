@@ -5,28 +5,21 @@ use std::{fs::File, io::SeekFrom, path::Path};
 use crate::{
     edf::annotations::{self, RecordAnnotations},
     error::RecordingError,
-    event::Event,
-    foreign,
-    format::Format,
-    gdf::{
-        events::{PREFIX, TablePrefix},
-        record_count,
-    },
-    header::Header,
-    header_reader,
-    onsets::{Onsets, Timeline},
+    event::{Event, Onsets, Timeline},
+    format::{self, Format},
+    gdf::events::{PREFIX, TablePrefix, records_before_table},
+    header::{self, Header},
     ratio::Ratio,
     signal::{Signal, SignalKind},
-    source::{BLOCK_BYTES, Source, in_memory, read_at},
-    text_mode,
+    source::{BLOCK_BYTES, Source, in_memory, is_damaged_by_text_mode, read_at},
     warning::Warning,
 };
 
 /// An open recording: its header and the index of the next record to read.
 ///
-/// Memory use: the header (256 bytes per signal) and the raw bytes of one block of at least one record;
-/// [`Recording::events`] also reads the event table of a GDF file as a whole. No read buffer is larger
-/// than the file, however damaged the header is.
+/// Memory use: the header (256 bytes per signal) and the raw bytes of one block of at least one
+/// record; [`Recording::events`] also reads the event table of a GDF file as a whole. No read
+/// buffer is larger than the file, however damaged the header is.
 pub struct Recording {
     source: Box<dyn Source>,
     header: Header,
@@ -53,8 +46,8 @@ impl Recording {
     /// Opens a file and reads its header.
     ///
     /// # Errors
-    /// [`RecordingError::Open`], [`RecordingError::Folder`], [`RecordingError::OtherFormat`] and all errors
-    /// of [`Recording::from_source`].
+    /// [`RecordingError::Open`], [`RecordingError::Folder`], [`RecordingError::OtherFormat`] and
+    /// all errors of [`Recording::from_source`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self, RecordingError> {
         let path = path.as_ref();
         let file = File::open(path).map_err(|source| RecordingError::Open {
@@ -65,17 +58,18 @@ impl Recording {
             let path = path.to_owned();
             return Err(RecordingError::Folder { path });
         }
-        Self::from_source(file).map_err(|error| foreign::explain(path, error))
+        Self::from_source(file).map_err(|error| format::explain(path, error))
     }
 
     /// Reads the header of a recording from a file or from memory.
     ///
     /// # Errors
-    /// [`RecordingError::Empty`] without any bytes; [`RecordingError::TextMode`] for a damaged transfer;
-    /// [`RecordingError::UnknownFormat`] if no format matches; [`RecordingError::HeaderTruncated`],
-    /// [`RecordingError::HeaderField`], [`RecordingError::Range`] or [`RecordingError::SampleType`] for
-    /// an unusable header; [`RecordingError::NoData`] if the file has no whole record;
-    /// [`RecordingError::Read`] if reading fails.
+    /// [`RecordingError::Empty`] without any bytes; [`RecordingError::TextMode`] for a damaged
+    /// transfer; [`RecordingError::UnknownFormat`] if no format matches;
+    /// [`RecordingError::HeaderTruncated`], [`RecordingError::HeaderField`],
+    /// [`RecordingError::Range`] or [`RecordingError::SampleType`] for an unusable header;
+    /// [`RecordingError::NoData`] if the file has no whole record; [`RecordingError::Read`] if
+    /// reading fails.
     pub fn from_source(source: impl Source + 'static) -> Result<Self, RecordingError> {
         let mut source: Box<dyn Source> = Box::new(source);
         let file_bytes = source
@@ -85,14 +79,12 @@ impl Recording {
                 bytes: 0,
                 source,
             })?;
-        let header = match header_reader::read(&mut *source, file_bytes) {
+        let header = match header::read(&mut *source, file_bytes) {
             Err(error) if error.is_about_the_header() => {
-                let damaged = text_mode::is_damaged(&mut *source, file_bytes)?;
-                return Err(if damaged {
-                    RecordingError::TextMode
-                } else {
-                    error
-                });
+                if is_damaged_by_text_mode(&mut *source, file_bytes)? {
+                    return Err(RecordingError::TextMode);
+                }
+                return Err(error);
             }
             header => header?,
         };
@@ -111,7 +103,7 @@ impl Recording {
         let is_gdf = matches!(header.format, Format::Gdf1(_) | Format::Gdf2(_));
         let unstated = header.records.is_none();
         let stated = if unstated && is_gdf {
-            record_count::before_table(&mut *source, &header, file_bytes)?
+            records_before_table(&mut *source, &header, file_bytes)?
         } else {
             header.records
         };
@@ -123,7 +115,7 @@ impl Recording {
         }
         // In a GDF file, the event table follows the records.
         let is_odd_size = !is_gdf && data_bytes != promised.saturating_mul(record_bytes);
-        if is_odd_size && text_mode::is_damaged(&mut *source, file_bytes)? {
+        if is_odd_size && is_damaged_by_text_mode(&mut *source, file_bytes)? {
             return Err(RecordingError::TextMode);
         }
         if truncated {
@@ -246,8 +238,8 @@ impl Recording {
         Ok(true)
     }
 
-    /// Returns all events in file order: the annotations of EDF+ and BDF+, which requires reading all
-    /// records, or the event table of GDF. Damaged annotations or tables add a [`Warning`].
+    /// Returns all events in file order: the annotations of EDF+ and BDF+, which requires reading
+    /// all records, or the event table of GDF. Damaged annotations or tables add a [`Warning`].
     ///
     /// # Errors
     /// [`RecordingError::Read`] if reading fails.
@@ -264,8 +256,8 @@ impl Recording {
         }
     }
 
-    /// Returns the starts of the events in the signal that a [`crate::VirtualAdc`] plays, which has no
-    /// gaps.
+    /// Returns the starts of the events in the signal that a [`crate::VirtualAdc`] plays, which has
+    /// no gaps.
     ///
     /// # Errors
     /// [`RecordingError::Read`] if reading fails.
@@ -286,8 +278,8 @@ impl Recording {
     fn gdf_events(&mut self) -> Result<Vec<Event>, RecordingError> {
         let at = self.header.data_start + self.records * self.record_bytes;
         let bytes = self.file_bytes.saturating_sub(at);
-        // The event table is at the end of the file, so a truncated file has lost it. Files without a
-        // table have no bytes after the records.
+        // The event table is at the end of the file, so a truncated file has lost it. Files without
+        // a table have no bytes after the records.
         if self.truncated || bytes == 0 {
             return Ok(Vec::new());
         }
@@ -305,7 +297,7 @@ impl Recording {
                 return Ok(table.events(&columns, self.header.fastest_rate_hz()));
             }
         }
-        if text_mode::is_damaged(&mut *self.source, self.file_bytes)? {
+        if is_damaged_by_text_mode(&mut *self.source, self.file_bytes)? {
             return Err(RecordingError::TextMode);
         }
         self.warn_once(Warning::EventTable { announced, bytes });
@@ -317,8 +309,8 @@ impl Recording {
         let (mut count, mut seconds, mut expected) = (0_u64, 0.0, None::<f64>);
         self.for_each_annotated_record(|_, annotations| {
             if let Some(start) = annotations.record_start_s {
-                // Start times are rounded decimals, so a difference counts as a gap only above 1e-6 s,
-                // which is far less than a sample.
+                // Start times are rounded decimals, so a difference counts as a gap only above 1e-6
+                // s, which is far less than a sample.
                 if let Some(gap) = expected.map(|end| start - end)
                     && gap.abs() > 1e-6
                 {

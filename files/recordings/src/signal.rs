@@ -1,13 +1,8 @@
-//! One signal of a recording as described by the header.
+//! One signal of a recording as described by the header: its unit, scale and encoding.
 
-pub(crate) mod calibration;
-pub(crate) mod sample_type;
-pub(crate) mod unit;
+use std::fmt;
 
 use crate::ratio::Ratio;
-use calibration::Calibration;
-use sample_type::SampleType;
-use unit::Unit;
 
 /// Kind of a signal. Files store annotations in the form of signals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,5 +37,248 @@ impl Signal {
     pub(crate) fn record_bytes(&self) -> u64 {
         // Cannot overflow: at most 2^32 - 1 samples of 8 bytes.
         u64::from(self.samples_per_record) * self.sample_type.bytes() as u64
+    }
+}
+
+/// Linear scale of a signal: the straight line through the points (`digital_min`, `physical_min`)
+/// and (`digital_max`, `physical_max`).
+///
+/// `physical = (d - digital_min) * gain + physical_min` with
+/// `gain = (physical_max - physical_min) / (digital_max - digital_min)`. GDF applies the line to
+/// float samples too.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Calibration {
+    /// Smallest digital value according to the header.
+    pub digital_min: f64,
+    /// Largest digital value according to the header.
+    pub digital_max: f64,
+    /// Physical value of `digital_min`, in the signal's unit.
+    pub physical_min: f64,
+    /// Physical value of `digital_max`, in the signal's unit.
+    pub physical_max: f64,
+}
+
+impl Calibration {
+    /// Returns whether all four numbers are finite and the digital range is not empty.
+    pub(crate) fn is_usable(&self) -> bool {
+        let range = self.digital_max - self.digital_min;
+        range.is_finite() && range != 0.0 && (self.physical_max - self.physical_min).is_finite()
+    }
+
+    /// Slope of the scale: physical units per digital unit.
+    pub fn gain(&self) -> f64 {
+        (self.physical_max - self.physical_min) / (self.digital_max - self.digital_min)
+    }
+
+    /// Converts a digital value to the signal's physical unit. Values outside the header's range
+    /// are not clamped.
+    pub fn physical(&self, digital: f64) -> f64 {
+        (digital - self.digital_min) * self.gain() + self.physical_min
+    }
+}
+
+/// Encoding of one sample; always little-endian.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SampleType {
+    /// Two's complement integer; holds its size, 1 to 8 bytes.
+    Signed(u8),
+    /// Unsigned integer; holds its size, 1 to 8 bytes.
+    Unsigned(u8),
+    /// IEEE 754 single precision.
+    Float32,
+    /// IEEE 754 double precision.
+    Float64,
+}
+
+impl SampleType {
+    /// Converts a GDF type number: 1 i8, 2 u8, 3 i16, 4 u16, 5 i32, 6 u32, 7 i64, 8 u64, 16 f32,
+    /// 17 f64, 255+n signed and 511+n unsigned integers of n bits, where n is a multiple of 8 up to
+    /// 64. Returns `None` for packed bit fields and 128-bit floats.
+    pub fn from_gdf(number: u32) -> Option<Self> {
+        let bytes = |bits: u32| match bits {
+            8 | 16 | 24 | 32 | 40 | 48 | 56 | 64 => u8::try_from(bits / 8).ok(),
+            _ => None,
+        };
+        match number {
+            1 => Some(Self::Signed(1)),
+            2 => Some(Self::Unsigned(1)),
+            3 => Some(Self::Signed(2)),
+            4 => Some(Self::Unsigned(2)),
+            5 => Some(Self::Signed(4)),
+            6 => Some(Self::Unsigned(4)),
+            7 => Some(Self::Signed(8)),
+            8 => Some(Self::Unsigned(8)),
+            16 => Some(Self::Float32),
+            17 => Some(Self::Float64),
+            256..=511 => bytes(number - 255).map(Self::Signed),
+            512.. => bytes(number - 511).map(Self::Unsigned),
+            _ => None,
+        }
+    }
+
+    /// Bytes per sample, 1..=8.
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::Signed(bytes) | Self::Unsigned(bytes) => usize::from(bytes),
+            Self::Float32 => 4,
+            Self::Float64 => 8,
+        }
+    }
+
+    /// Decodes every whole sample in `raw` and appends `map(digital value)` to `out`. 64-bit
+    /// integers beyond 2^53 are rounded to the nearest f64.
+    pub(crate) fn decode(self, raw: &[u8], map: impl Fn(f64) -> f64, out: &mut Vec<f64>) {
+        let samples = raw.chunks_exact(self.bytes());
+        match self {
+            Self::Signed(_) => out.extend(samples.map(|s| map(signed(s)))),
+            Self::Unsigned(_) => out.extend(samples.map(|s| map(unsigned(s)))),
+            Self::Float32 => {
+                let value = |s: &[u8]| {
+                    s.first_chunk()
+                        .map_or(f64::NAN, |&b| f32::from_le_bytes(b).into())
+                };
+                out.extend(samples.map(|s| map(value(s))));
+            }
+            Self::Float64 => {
+                let value = |s: &[u8]| s.first_chunk().map_or(f64::NAN, |&b| f64::from_le_bytes(b));
+                out.extend(samples.map(|s| map(value(s))));
+            }
+        }
+    }
+}
+
+/// Returns up to eight little-endian bytes as a u64; missing high bytes are 0.
+fn word(raw: &[u8]) -> u64 {
+    raw.iter()
+        .rev()
+        .fold(0, |word, &byte| word << 8 | u64::from(byte))
+}
+
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "rounding beyond 2^53 is documented"
+)]
+fn unsigned(raw: &[u8]) -> f64 {
+    word(raw) as f64
+}
+
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "rounding beyond 2^53 is documented"
+)]
+fn signed(raw: &[u8]) -> f64 {
+    let unused_bits = 64 - 8 * raw.len();
+    ((word(raw) << unused_bits).cast_signed() >> unused_bits) as f64
+}
+
+/// Unit of a signal: its text in the file and, for a supported voltage, its size in uV.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unit {
+    text: String,
+    microvolts: Option<f64>,
+}
+
+/// GDF 2 physical dimension code of the volt. The lowest five bits hold the decimal prefix (GDF 2
+/// specification, table of physical dimensions, after ISO/IEEE 11073-10101).
+const GDF_VOLT: u16 = 4256;
+
+impl Unit {
+    /// Interprets the unit text of a header: `uV`, `mV`, `V` or `nV`, with the micro sign in any
+    /// encoding.
+    pub fn from_text(text: &str) -> Self {
+        let text = text.trim();
+        let microvolts = match text.replace(['µ', 'μ'], "u").as_str() {
+            "nV" | "nv" => Some(1e-3),
+            "uV" | "uv" | "UV" => Some(1.0),
+            "mV" | "mv" => Some(1e3),
+            "V" | "v" => Some(1e6),
+            _ => None,
+        };
+        Self {
+            text: text.to_owned(),
+            microvolts,
+        }
+    }
+
+    /// Interprets a GDF 2 physical dimension code: 4256 V, 4274 mV, 4275 uV, 4276 nV. For code 0
+    /// the header has only the text.
+    pub fn from_gdf_code(code: u16, text: &str) -> Self {
+        if code == 0 {
+            return Self::from_text(text);
+        }
+        let (name, microvolts) = match code.checked_sub(GDF_VOLT) {
+            Some(0) => ("V", Some(1e6)),
+            Some(18) => ("mV", Some(1e3)),
+            Some(19) => ("uV", Some(1.0)),
+            Some(20) => ("nV", Some(1e-3)),
+            _ => (text.trim(), None),
+        };
+        let text = if name.is_empty() {
+            format!("code {code}")
+        } else {
+            name.to_owned()
+        };
+        Self { text, microvolts }
+    }
+
+    /// Returns the size of the unit, uV; `None` unless the unit is a supported voltage.
+    pub fn microvolts(&self) -> Option<f64> {
+        self.microvolts
+    }
+}
+
+impl fmt::Display for Unit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(if self.text.is_empty() {
+            "(none)"
+        } else {
+            &self.text
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn voltages_are_recognised_by_text_and_by_code() {
+        for (text, microvolts) in [
+            ("uV", 1.0),
+            (" µV ", 1.0),
+            ("μV", 1.0),
+            ("mV", 1e3),
+            ("V", 1e6),
+            ("nV", 1e-3),
+        ] {
+            assert_eq!(
+                Unit::from_text(text).microvolts(),
+                Some(microvolts),
+                "{text}"
+            );
+        }
+        for (code, microvolts) in [(4256, 1e6), (4274, 1e3), (4275, 1.0), (4276, 1e-3)] {
+            assert_eq!(
+                Unit::from_gdf_code(code, "").microvolts(),
+                Some(microvolts),
+                "{code}"
+            );
+        }
+        assert_eq!(Unit::from_gdf_code(0, "mV").microvolts(), Some(1e3));
+    }
+
+    #[test]
+    fn packed_and_unknown_types_are_refused() {
+        for number in [0, 9, 15, 18, 255, 255 + 12, 511 + 12, 511 + 72, u32::MAX] {
+            assert_eq!(SampleType::from_gdf(number), None, "{number}");
+        }
+    }
+
+    #[test]
+    fn other_units_are_not_guessed() {
+        for text in ["", "Boolean", "MV", "degC"] {
+            assert_eq!(Unit::from_text(text).microvolts(), None, "{text}");
+        }
+        assert_eq!(Unit::from_gdf_code(512, "").to_string(), "code 512");
     }
 }

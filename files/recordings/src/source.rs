@@ -1,4 +1,5 @@
-//! Random access to the bytes of a recording, in a file or in memory.
+//! Random access to the bytes of a recording, in a file or in memory, and detection of files that a
+//! transfer in text mode has damaged.
 
 use std::io::{Read, Seek, SeekFrom};
 
@@ -35,4 +36,26 @@ pub(crate) fn read_at(
 /// file. On a 32-bit machine the conversion saturates, and the allocation then fails.
 pub(crate) fn in_memory(bytes: u64) -> usize {
     usize::try_from(bytes).unwrap_or(usize::MAX)
+}
+
+/// Number of bytes that are searched from the start of the file.
+const SEARCHED: u64 = 4 << 20;
+
+/// Smallest number of line feeds that can prove damage. In an undamaged file, a carriage return
+/// precedes a line feed by chance once in 256 times, so four of four are damage.
+const LEAST_LINE_FEEDS: usize = 4;
+
+/// Returns whether a carriage return precedes every line feed of a file.
+///
+/// # Errors
+/// [`RecordingError::Read`] if reading fails.
+pub(crate) fn is_damaged_by_text_mode(
+    source: &mut dyn Source,
+    file_bytes: u64,
+) -> Result<bool, RecordingError> {
+    let mut bytes = vec![0; in_memory(file_bytes.min(SEARCHED))];
+    read_at(source, 0, &mut bytes)?;
+    let line_feeds = bytes.split(|byte| *byte == b'\n').count() - 1;
+    let after_return = bytes.windows(2).filter(|pair| *pair == b"\r\n").count();
+    Ok(line_feeds >= LEAST_LINE_FEEDS && after_return == line_feeds)
 }

@@ -37,12 +37,14 @@ pub enum Warning {
         /// Label and unit of each signal, such as `Status (Boolean)`.
         signals: Vec<String>,
     },
-    /// The physical range of a signal is empty. The digital values of the signal are returned unscaled.
+    /// The physical range of a signal is empty. The digital values of the signal are returned
+    /// unscaled.
     PhysicalRangeEmpty {
         /// Label of the signal as in the file.
         label: String,
     },
-    /// The digital minimum of a signal is above its maximum. The signal is scaled as the header states.
+    /// The digital minimum of a signal is above its maximum. The signal is scaled as the header
+    /// states.
     DigitalRangeReversed {
         /// Label of the signal as in the file.
         label: String,

@@ -3,11 +3,8 @@
 
 use ros1::MessageType;
 
-use crate::diagnostics::DiagnosticArray;
-use crate::log::Log;
-use crate::neuro_event::NeuroEvent;
-use crate::neuro_frame::NeuroFrame;
-use crate::uint8::UInt8;
+use crate::rosneuro_msgs::{NeuroEvent, NeuroFrame};
+use crate::standard_msgs::{DiagnosticArray, Log, UInt8};
 use crate::wire::Wire;
 
 /// A message that can be published on a ROS topic.
@@ -16,106 +13,76 @@ pub trait RosMessage: Wire {
     const TYPE: &'static MessageType;
 }
 
-impl RosMessage for NeuroFrame {
-    const TYPE: &'static MessageType = &NEURO_FRAME;
-}
-
-impl RosMessage for NeuroEvent {
-    const TYPE: &'static MessageType = &NEURO_EVENT;
-}
-
-impl RosMessage for DiagnosticArray {
-    const TYPE: &'static MessageType = &DIAGNOSTIC_ARRAY;
-}
-
-impl RosMessage for UInt8 {
-    const TYPE: &'static MessageType = &UINT8;
-}
-
-impl RosMessage for Log {
-    const TYPE: &'static MessageType = &LOG;
-}
-
-/// Formats an embedded type for a full definition as `gendeps --cat` does: a line of 80 equals
-/// signs, a line with the type's name, and the text of the type's definition.
-macro_rules! part {
-    ($name:literal, $path:literal) => {
-        concat!(
-            "\n================================================================================\n",
-            "MSG: ",
-            $name,
-            "\n",
-            include_str!($path)
-        )
+/// The text of a definition file, from the package `rosneuro_msgs` or from a foreign one.
+macro_rules! text {
+    ("rosneuro_msgs", $name:literal) => {
+        include_str!(concat!("../../../ros/rosneuro_msgs/msg/", $name, ".msg"))
+    };
+    ($package:literal, $name:literal) => {
+        include_str!(concat!("../foreign/", $package, "/", $name, ".msg"))
     };
 }
 
-static NEURO_FRAME: MessageType = MessageType {
-    name: "rosneuro_msgs/NeuroFrame",
-    md5: "797997e5036eb017437ce855856d3bad",
-    definition: concat!(
-        include_str!("../../../ros/rosneuro_msgs/msg/NeuroFrame.msg"),
-        part!("std_msgs/Header", "../foreign/std_msgs/Header.msg"),
-        part!(
-            "rosneuro_msgs/NeuroHeader",
-            "../../../ros/rosneuro_msgs/msg/NeuroHeader.msg"
-        ),
-        part!(
-            "rosneuro_msgs/NeuroDataFloat",
-            "../../../ros/rosneuro_msgs/msg/NeuroDataFloat.msg"
-        ),
-        part!(
-            "rosneuro_msgs/NeuroDataInfo",
-            "../../../ros/rosneuro_msgs/msg/NeuroDataInfo.msg"
-        ),
-        part!(
-            "rosneuro_msgs/NeuroDataInt32",
-            "../../../ros/rosneuro_msgs/msg/NeuroDataInt32.msg"
-        ),
-    ),
-};
+/// Implements [`RosMessage`]: the Rust type, package and name of the message, its MD5 sum, and
+/// package and name of each embedded type. The full definition has the format of `gendeps --cat`:
+/// the message's definition, then for each embedded type a line of 80 equals signs, a line with the
+/// type's name, and the text of its definition.
+macro_rules! impl_ros_message {
+    ($type:ty, $package:tt / $name:tt, $md5:literal $(, $part_package:tt / $part:tt)*) => {
+        impl RosMessage for $type {
+            const TYPE: &'static MessageType = &MessageType {
+                name: concat!($package, "/", $name),
+                md5: $md5,
+                definition: concat!(
+                    text!($package, $name),
+                    $(
+                        "\n====================",
+                        "============================================================\nMSG: ",
+                        $part_package,
+                        "/",
+                        $part,
+                        "\n",
+                        text!($part_package, $part),
+                    )*
+                ),
+            };
+        }
+    };
+}
 
-static NEURO_EVENT: MessageType = MessageType {
-    name: "rosneuro_msgs/NeuroEvent",
-    md5: "bf2c8b385ba6522f6af8df2da3585c4c",
-    definition: concat!(
-        include_str!("../../../ros/rosneuro_msgs/msg/NeuroEvent.msg"),
-        part!("std_msgs/Header", "../foreign/std_msgs/Header.msg"),
-        part!(
-            "rosneuro_msgs/NeuroHeader",
-            "../../../ros/rosneuro_msgs/msg/NeuroHeader.msg"
-        ),
-    ),
-};
-
-static DIAGNOSTIC_ARRAY: MessageType = MessageType {
-    name: "diagnostic_msgs/DiagnosticArray",
-    md5: "60810da900de1dd6ddd437c3503511da",
-    definition: concat!(
-        include_str!("../foreign/diagnostic_msgs/DiagnosticArray.msg"),
-        part!("std_msgs/Header", "../foreign/std_msgs/Header.msg"),
-        part!(
-            "diagnostic_msgs/DiagnosticStatus",
-            "../foreign/diagnostic_msgs/DiagnosticStatus.msg"
-        ),
-        part!(
-            "diagnostic_msgs/KeyValue",
-            "../foreign/diagnostic_msgs/KeyValue.msg"
-        ),
-    ),
-};
-
-static UINT8: MessageType = MessageType {
-    name: "std_msgs/UInt8",
-    md5: "7c8164229e7d2c17eb95e9231617fdee",
-    definition: include_str!("../foreign/std_msgs/UInt8.msg"),
-};
-
-static LOG: MessageType = MessageType {
-    name: "rosgraph_msgs/Log",
-    md5: "acffd30cd6b6de30f120938c17c593fb",
-    definition: concat!(
-        include_str!("../foreign/rosgraph_msgs/Log.msg"),
-        part!("std_msgs/Header", "../foreign/std_msgs/Header.msg"),
-    ),
-};
+impl_ros_message!(
+    NeuroFrame,
+    "rosneuro_msgs" / "NeuroFrame",
+    "797997e5036eb017437ce855856d3bad",
+    "std_msgs" / "Header",
+    "rosneuro_msgs" / "NeuroHeader",
+    "rosneuro_msgs" / "NeuroDataFloat",
+    "rosneuro_msgs" / "NeuroDataInfo",
+    "rosneuro_msgs" / "NeuroDataInt32"
+);
+impl_ros_message!(
+    NeuroEvent,
+    "rosneuro_msgs" / "NeuroEvent",
+    "bf2c8b385ba6522f6af8df2da3585c4c",
+    "std_msgs" / "Header",
+    "rosneuro_msgs" / "NeuroHeader"
+);
+impl_ros_message!(
+    DiagnosticArray,
+    "diagnostic_msgs" / "DiagnosticArray",
+    "60810da900de1dd6ddd437c3503511da",
+    "std_msgs" / "Header",
+    "diagnostic_msgs" / "DiagnosticStatus",
+    "diagnostic_msgs" / "KeyValue"
+);
+impl_ros_message!(
+    UInt8,
+    "std_msgs" / "UInt8",
+    "7c8164229e7d2c17eb95e9231617fdee"
+);
+impl_ros_message!(
+    Log,
+    "rosgraph_msgs" / "Log",
+    "acffd30cd6b6de30f120938c17c593fb",
+    "std_msgs" / "Header"
+);

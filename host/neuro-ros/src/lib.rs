@@ -13,9 +13,9 @@
 //! AcquisitionCommand <── services ~start, ~stop, ~quit
 //! ```
 //!
-//! The definitions in `ros/rosneuro_msgs/` were written from the field lists of `rosneuro_msgs` alone.
-//! MD5 sums of definitions ignore comments and therefore equal those of `rosneuro_msgs`, so the
-//! recorder, filters and visualizer of ROS-Neuro accept these messages.
+//! The definitions in `ros/rosneuro_msgs/` were written from the field lists of `rosneuro_msgs`
+//! alone. MD5 sums of definitions ignore comments and therefore equal those of `rosneuro_msgs`, so
+//! the recorder, filters and visualizer of ROS-Neuro accept these messages.
 //!
 //! ```
 //! use neuro_ros::{AcquisitionInfo, NeuroFrame, RosMessage, Wire};
@@ -45,47 +45,39 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod acquisition_info;
 #[cfg(feature = "ros1")]
-mod acquisition_services;
+mod acquisition;
 #[cfg(feature = "ros1")]
 mod definition;
-mod diagnostics;
-mod header;
-mod log;
 mod ndjson_sink;
-mod neuro_event;
-mod neuro_frame;
 #[cfg(feature = "ros1")]
 mod ros_sink;
+mod rosneuro_msgs;
 mod shape;
 mod sink;
-mod stamp;
+mod standard_msgs;
 mod status_words;
-mod uint8;
 mod wire;
 
-pub use acquisition_info::AcquisitionInfo;
-#[cfg(feature = "ros1")]
-pub use acquisition_services::{
-    AcquisitionCommand, AcquisitionServices, EMPTY, GET_ACQUISITION_INFO, GET_INFO_SERVICE,
-};
-#[cfg(feature = "ros1")]
-pub use definition::RosMessage;
-pub use diagnostics::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, KeyValue};
-pub use header::{Header, NeuroHeader};
-pub use log::Log;
 pub use ndjson_sink::{JsonLine, NdjsonSink, NdjsonWriter};
-pub use neuro_event::NeuroEvent;
-pub use neuro_frame::{NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroFrame};
-#[cfg(feature = "ros1")]
-pub use ros_sink::RosSink;
+pub use rosneuro_msgs::{
+    Header, NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroEvent, NeuroFrame, NeuroHeader,
+    Stamp,
+};
 pub use shape::{ContractError, Shape};
 pub use sink::{FrameSink, Sink, SinkError};
-pub use stamp::Stamp;
+pub use standard_msgs::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, KeyValue, Log, UInt8};
 pub use status_words::{TRI_LABELS, TriWords};
-pub use uint8::UInt8;
 pub use wire::{Reader, Wire, WireError};
+#[cfg(feature = "ros1")]
+pub use {
+    acquisition::{
+        AcquisitionCommand, AcquisitionInfo, AcquisitionServices, EMPTY, GET_ACQUISITION_INFO,
+        GET_INFO_SERVICE,
+    },
+    definition::RosMessage,
+    ros_sink::RosSink,
+};
 
 /// The `ros1` crate, re-exported because [`RosSink`] and [`AcquisitionServices`] use its `Node`.
 #[cfg(feature = "ros1")]

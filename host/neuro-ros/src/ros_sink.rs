@@ -1,4 +1,4 @@
-//! Publishes messages on a ROS 1 topic.
+//! The destination ROS 1 topic.
 
 use std::marker::PhantomData;
 

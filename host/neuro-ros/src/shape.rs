@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use crate::neuro_frame::{NeuroDataInfo, NeuroFrame};
+use crate::rosneuro_msgs::{NeuroDataInfo, NeuroFrame};
 
 /// Why a frame violates the contract that ROS-Neuro's recorder, filters and visualizer rely on.
 #[derive(Clone, Debug, PartialEq, Error)]

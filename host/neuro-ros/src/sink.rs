@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use crate::neuro_frame::NeuroFrame;
+use crate::rosneuro_msgs::NeuroFrame;
 
 /// Destination of messages of one type.
 pub trait Sink<M>: Send {

@@ -1,6 +1,6 @@
 //! Status words in the `tri` block of every NeuroFrame.
 
-use crate::neuro_frame::NeuroDataInfo;
+use crate::rosneuro_msgs::NeuroDataInfo;
 
 /// Labels of the eight `tri` channels, in the order of [`TriWords::words`].
 pub const TRI_LABELS: [&str; 8] = [

@@ -171,18 +171,23 @@ impl<T: Wire> Wire for Vec<T> {
     }
 }
 
+/// Smallest encoded size of the field that a function returns, bytes.
+pub(crate) const fn min_bytes<S, T: Wire>(_field: fn(&S) -> &T) -> usize {
+    T::MIN_BYTES
+}
+
 /// Implements [`Wire`] for a struct by encoding its fields in the given order.
 macro_rules! impl_wire {
-    ($type:ty { $($field:ident: $kind:ty),* $(,)? }) => {
+    ($type:ty { $($field:ident),* }) => {
         impl $crate::wire::Wire for $type {
-            const MIN_BYTES: usize = 0 $(+ <$kind as $crate::wire::Wire>::MIN_BYTES)*;
+            const MIN_BYTES: usize = 0 $(+ $crate::wire::min_bytes::<Self, _>(|s| &s.$field))*;
 
             fn write(&self, out: &mut Vec<u8>) {
                 $($crate::wire::Wire::write(&self.$field, out);)*
             }
 
             fn read(reader: &mut $crate::wire::Reader<'_>) -> Result<Self, $crate::wire::WireError> {
-                Ok(Self { $($field: <$kind as $crate::wire::Wire>::read(reader)?),* })
+                Ok(Self { $($field: $crate::wire::Wire::read(reader)?),* })
             }
         }
     };

@@ -63,30 +63,27 @@
 #![forbid(unsafe_code)]
 
 mod address;
-mod drop_oldest_queue;
 mod http;
-mod lock;
 mod master;
-mod message_type;
 mod names;
 mod node;
+mod publication;
 mod service;
+mod subscription;
+mod sync;
 pub mod tcpros;
-mod topic;
 pub mod xmlrpc;
 
 pub use address::AddressError;
 pub use http::HttpError;
 pub use master::Master;
-pub use message_type::{MessageType, ServiceType};
 pub use names::NameError;
 pub use node::{
     Node, NodeError,
+    handles::{Publisher, Service, Subscriber},
     options::{DEFAULT_MASTER_URI, NodeOptions},
-    publisher::Publisher,
-    service::Service,
-    subscriber::Subscriber,
-    system_state::SystemState,
+    registrar::SystemState,
 };
-pub use service::client::{ServiceClient, ServiceError};
-pub use topic::publication::{PublisherOptions, SubscriberLag};
+pub use publication::{PublisherOptions, SubscriberLag};
+pub use service::{ServiceClient, ServiceError};
+pub use tcpros::{MessageType, ServiceType};

@@ -4,11 +4,8 @@
 mod api;
 mod arguments;
 mod notifier;
-mod parameter_api;
-mod parameter_updates;
 mod parameters;
 mod registrations;
-mod signature;
 
 use std::{
     io,

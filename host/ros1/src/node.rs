@@ -2,46 +2,30 @@
 
 mod acceptor;
 mod graph;
-mod lease;
-mod network;
+pub(crate) mod handles;
 pub(crate) mod options;
-pub(crate) mod publisher;
-mod registrar;
-pub(crate) mod service;
+pub(crate) mod registrar;
 mod slave;
-pub(crate) mod subscriber;
-pub(crate) mod system_state;
 
 use std::{io, net::IpAddr, sync::Arc};
 
 use tokio::{net::TcpListener, sync::watch, task::JoinHandle};
 
 use crate::{
-    address::{Address, AddressError},
-    lock::lock,
-    message_type::{MessageType, ServiceType},
+    address::{Address, AddressError, listen_address, own_address},
     names::{NameError, Names},
-    service::{
-        client::{ServiceClient, ServiceError},
-        provider::Provider,
-    },
-    topic::{
-        inbox::Inbox,
-        publication::{Publication, PublisherOptions},
-        subscription::Subscription,
-    },
+    publication::{Publication, PublisherOptions},
+    service::{Provider, ServiceClient, ServiceError},
+    subscription::{Inbox, Subscription},
+    sync::lock,
+    tcpros::{MessageType, ServiceType},
     xmlrpc::{CallError, Server},
 };
 use graph::{Graph, Key};
-use lease::Lease;
-use network::{listen_address, own_address};
+use handles::{Lease, Publisher, Service, Subscriber};
 use options::NodeOptions;
-use publisher::Publisher;
-use registrar::Registrar;
-use service::Service;
+use registrar::{Registrar, SystemState};
 use slave::Slave;
-use subscriber::Subscriber;
-use system_state::SystemState;
 
 /// Why a node could not be started, or why a topic or service could not be added to a node.
 #[derive(Debug, thiserror::Error)]
@@ -183,10 +167,9 @@ impl Node {
         let name = self.names.resolve(topic)?;
         let key = Key::Publisher(name.clone());
         let publication = Arc::new(Publication::new(name.clone(), message_type, options));
-        let lease = self.add(key, |graph| {
-            graph.publications.insert(name, Arc::clone(&publication));
-        })?;
-        Ok(Publisher::new(publication, self.register(lease).await?))
+        let added = Arc::clone(&publication);
+        let insert = |graph: &mut Graph| drop(graph.publications.insert(name, added));
+        Ok(Publisher::new(publication, self.add(key, insert).await?))
     }
 
     /// Subscribes to a topic. Up to `queue` received messages wait to be read; each further message
@@ -204,10 +187,9 @@ impl Node {
         let key = Key::Subscriber(name.clone());
         let inbox = Inbox::new(name.clone(), message_type, self.name(), queue);
         let subscription = Arc::new(Subscription::new(inbox));
-        let lease = self.add(key, |graph| {
-            graph.subscriptions.insert(name, Arc::clone(&subscription));
-        })?;
-        Ok(Subscriber::new(subscription, self.register(lease).await?))
+        let added = Arc::clone(&subscription);
+        let insert = |graph: &mut Graph| drop(graph.subscriptions.insert(name, added));
+        Ok(Subscriber::new(subscription, self.add(key, insert).await?))
     }
 
     /// Provides a service. `handler` computes the body of the response from the body of the
@@ -225,10 +207,9 @@ impl Node {
         let name = self.names.resolve(name)?;
         let key = Key::Service(name.clone());
         let provider = Arc::new(Provider::new(name.clone(), service_type, Box::new(handler)));
-        let lease = self.add(key, |graph| {
-            graph.services.insert(name, Arc::clone(&provider));
-        })?;
-        Ok(Service::new(provider, self.register(lease).await?))
+        let added = Arc::clone(&provider);
+        let insert = |graph: &mut Graph| drop(graph.services.insert(name, added));
+        Ok(Service::new(provider, self.add(key, insert).await?))
     }
 
     /// Looks up a service, calls it once as [`ServiceClient::call`] does, and closes the
@@ -303,23 +284,21 @@ impl Node {
         tasks.server.stop().await;
     }
 
-    /// Adds a topic or service to the graph by calling `insert`. Fails if `key` is already in the
-    /// graph or the node has shut down.
-    fn add(&self, key: Key, insert: impl FnOnce(&mut Graph)) -> Result<Lease, NodeError> {
-        let mut graph = lock(&self.registrar.graph);
-        if graph.closed {
-            return Err(NodeError::ShutDown);
-        }
-        if graph.contains(&key) {
-            return Err(NodeError::Duplicate(key.to_string()));
-        }
-        insert(&mut graph);
-        Ok(Lease::new(key, &self.registrar))
-    }
-
-    /// Registers a topic or service that was just added to the graph. If the master refuses the
-    /// registration, drops the lease, which removes the topic or service from the graph.
-    async fn register(&self, lease: Lease) -> Result<Lease, NodeError> {
+    /// Adds a topic or service to the graph by calling `insert`, and registers it. Fails if `key`
+    /// is already in the graph, the node has shut down, or the master refuses the registration, in
+    /// which case the topic or service is removed from the graph again.
+    async fn add(&self, key: Key, insert: impl FnOnce(&mut Graph)) -> Result<Lease, NodeError> {
+        let lease = {
+            let mut graph = lock(&self.registrar.graph);
+            if graph.closed {
+                return Err(NodeError::ShutDown);
+            }
+            if graph.contains(&key) {
+                return Err(NodeError::Duplicate(key.to_string()));
+            }
+            insert(&mut graph);
+            Lease::new(key, &self.registrar)
+        };
         let refused = self.registrar.sync_within_timeout().await;
         match refused.into_iter().find(|(key, _)| key == lease.key()) {
             Some((key, source)) => Err(NodeError::Refused {

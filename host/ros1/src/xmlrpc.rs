@@ -1,16 +1,14 @@
 //! XML-RPC: values, their XML form, a client and a server.
 
 mod call;
-mod decode;
-mod encode;
-mod multicall;
-mod reply;
+mod codec;
 mod server;
 mod value;
 
 pub use call::{CallError, call, call_ros};
-pub use decode::{DecodeError, MethodCall, decode_call, decode_response};
-pub use encode::{encode_call, encode_response};
-pub(crate) use reply::Reply;
+pub use codec::{
+    DecodeError, MethodCall, decode_call, decode_response, encode_call, encode_response,
+};
 pub(crate) use server::Server;
+pub(crate) use value::Reply;
 pub use value::{Fault, Value};

@@ -9,8 +9,8 @@ const DURATION: u8 = 0x15;
 
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct RecordAnnotations {
-    /// Start of the record, s after the start of the file: the onset of the first list whose first text
-    /// is empty. EDF+ requires such a list in each record. `None` if there is none.
+    /// Start of the record, s after the start of the file: the onset of the first list whose first
+    /// text is empty. EDF+ requires such a list in each record. `None` if there is none.
     pub(crate) record_start_s: Option<f64>,
     pub(crate) events: Vec<Event>,
     /// True if all bytes were valid lists or padding.

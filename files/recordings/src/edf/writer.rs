@@ -5,8 +5,8 @@
 use std::io::{self, Seek, SeekFrom, Write};
 
 use crate::edf::date::DateTime;
-use crate::file_to_write::{FileToWrite, SignalToWrite, invalid};
-use crate::signal::calibration::Calibration;
+use crate::header::{FileToWrite, SignalToWrite, invalid};
+use crate::signal::Calibration;
 
 /// Offset of the number of records in the header.
 const RECORDS_AT: u64 = 236;
@@ -15,38 +15,56 @@ const MAX_RECORDS: u64 = 99_999_999;
 /// Bytes of a record's own time stamp in its annotations: `+`, 16 digits with a point, 0x14 0x14 0.
 const TIME_STAMP: usize = 20;
 
-/// An annotation to write: the row at which it stands, and its text.
+/// An annotation to write: the index of its row, and its text.
 pub type RowAnnotation = (u64, String);
 
-/// The two formats, which differ in the width of a sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Width {
-    /// EDF+: 16 bits.
-    Edf,
-    /// BDF+: 24 bits.
-    Bdf,
+/// What differs between the two formats.
+#[derive(Debug, Clone, Copy)]
+struct Variant {
+    /// Bytes of a sample.
+    bytes: usize,
+    /// Smallest and largest digital value.
+    digital: [f64; 2],
+    /// First bytes of the file.
+    magic: [u8; 8],
+    /// Name of the format in the header and in the label of the annotations.
+    name: &'static str,
 }
 
-/// Writes an EDF+ or BDF+ file record by record. Values are rounded to 16 or 24 bits of their signal's
-/// range; values outside the range become its ends.
+const EDF: Variant = Variant {
+    bytes: 2,
+    digital: [-32_768.0, 32_767.0],
+    magic: *b"0       ",
+    name: "EDF",
+};
+const BDF: Variant = Variant {
+    bytes: 3,
+    digital: [-8_388_608.0, 8_388_607.0],
+    magic: *b"\xffBIOSEMI",
+    name: "BDF",
+};
+
+/// Writes an EDF+ or BDF+ file record by record. Values are rounded to 16 or 24 bits of their
+/// signal's range; values outside the range become its ends.
 #[derive(Debug)]
 pub struct EdfWriter<W> {
     out: W,
-    width: Width,
+    variant: Variant,
     lines: Vec<Calibration>,
     rows_per_record: usize,
     rate_hz: u32,
     /// Bytes of the annotation signal in a record, a multiple of the bytes of a sample.
     annotation_bytes: usize,
-    /// Annotations with the record that holds them, the next one last.
+    /// Annotations not written yet, each with the index of its record. The next one is the last
+    /// item.
     annotations: Vec<(u64, RowAnnotation)>,
     records: u64,
     record: Vec<u8>,
 }
 
 impl<W: Write + Seek> EdfWriter<W> {
-    /// Writes the header of an EDF+ file with `rows` rows. `annotations` are in the order of their rows;
-    /// one after the last row is in the last record.
+    /// Writes the header of an EDF+ file with `rows` rows. `annotations` are in the order of their
+    /// rows; one after the last row is in the last record.
     ///
     /// # Errors
     /// `InvalidInput` if the file does not fit the format; otherwise the operating system's error.
@@ -56,10 +74,10 @@ impl<W: Write + Seek> EdfWriter<W> {
         rows: u64,
         annotations: Vec<RowAnnotation>,
     ) -> io::Result<EdfWriter<W>> {
-        Self::new(Width::Edf, out, file, rows, annotations)
+        Self::new(EDF, out, file, rows, annotations)
     }
 
-    /// Writes the header of a BDF+ file, as [`Self::edf`] does that of an EDF+ file.
+    /// Writes the header of a BDF+ file. Apart from the format, equals [`Self::edf`].
     ///
     /// # Errors
     /// Those of [`Self::edf`].
@@ -69,21 +87,21 @@ impl<W: Write + Seek> EdfWriter<W> {
         rows: u64,
         annotations: Vec<RowAnnotation>,
     ) -> io::Result<EdfWriter<W>> {
-        Self::new(Width::Bdf, out, file, rows, annotations)
+        Self::new(BDF, out, file, rows, annotations)
     }
 
     fn new(
-        width: Width,
+        variant: Variant,
         mut out: W,
         file: &FileToWrite,
         rows: u64,
         annotations: Vec<RowAnnotation>,
     ) -> io::Result<EdfWriter<W>> {
-        let [least, most] = width.digital();
+        let [least, most] = variant.digital;
         let fits = |signal: &SignalToWrite| {
             !signal.is_integer || (signal.range[0] >= least && signal.range[1] <= most)
         };
-        if width == Width::Edf && !file.signals.iter().all(fits) {
+        if variant.bytes == EDF.bytes && !file.signals.iter().all(fits) {
             return Err(invalid(
                 "an EDF+ file holds integers of 16 bits with their sign; choose BDF",
             ));
@@ -97,18 +115,18 @@ impl<W: Write + Seek> EdfWriter<W> {
             lists.sum::<usize>()
         });
         let annotation_bytes =
-            (TIME_STAMP + in_record.max().unwrap_or(0)).next_multiple_of(width.bytes());
+            (TIME_STAMP + in_record.max().unwrap_or(0)).next_multiple_of(variant.bytes);
         annotations.reverse();
         let ranges: Vec<Range> = file
             .signals
             .iter()
-            .map(|signal| Range::new(signal, width))
+            .map(|signal| Range::new(signal, variant))
             .collect();
-        let samples = annotation_bytes / width.bytes();
-        out.write_all(&header(width, file, &ranges, samples)?)?;
+        let samples = annotation_bytes / variant.bytes;
+        out.write_all(&header(variant, file, &ranges, samples)?)?;
         Ok(EdfWriter {
             out,
-            width,
+            variant,
             lines: ranges.iter().map(Range::calibration).collect(),
             rows_per_record: file.rows_per_record as usize,
             rate_hz: file.rate_hz,
@@ -133,10 +151,10 @@ impl<W: Write + Seek> EdfWriter<W> {
             for value in rows.iter().skip(signal).step_by(signals) {
                 let digital = (f64::from(*value) - line.physical_min) / line.gain();
                 let digital = (digital + line.digital_min).round();
-                #[expect(clippy::cast_possible_truncation, reason = "clamped to the width")]
+                #[expect(clippy::cast_possible_truncation, reason = "clamped to the range")]
                 let digital = digital.clamp(line.digital_min, line.digital_max) as i32;
                 self.record
-                    .extend(&digital.to_le_bytes()[..self.width.bytes()]);
+                    .extend(&digital.to_le_bytes()[..self.variant.bytes]);
             }
         }
         let end = self.record.len() + self.annotation_bytes;
@@ -172,40 +190,6 @@ impl<W: Write + Seek> EdfWriter<W> {
     }
 }
 
-impl Width {
-    /// Bytes of a sample.
-    const fn bytes(self) -> usize {
-        match self {
-            Self::Edf => 2,
-            Self::Bdf => 3,
-        }
-    }
-
-    /// Smallest and largest digital value.
-    const fn digital(self) -> [f64; 2] {
-        match self {
-            Self::Edf => [-32_768.0, 32_767.0],
-            Self::Bdf => [-8_388_608.0, 8_388_607.0],
-        }
-    }
-
-    /// First bytes of the file.
-    const fn magic(self) -> &'static [u8; 8] {
-        match self {
-            Self::Edf => b"0       ",
-            Self::Bdf => b"\xffBIOSEMI",
-        }
-    }
-
-    /// Name of the format in the header and in the label of the annotations.
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Edf => "EDF",
-            Self::Bdf => "BDF",
-        }
-    }
-}
-
 /// Ranges of a signal as its header states them.
 struct Range {
     /// Physical ends, as text of at most 8 characters.
@@ -214,7 +198,7 @@ struct Range {
 }
 
 impl Range {
-    fn new(signal: &SignalToWrite, width: Width) -> Range {
+    fn new(signal: &SignalToWrite, variant: Variant) -> Range {
         let [least, most] = signal.range;
         let [least, most] = if least < most {
             [least, most]
@@ -226,12 +210,12 @@ impl Range {
             digital: if signal.is_integer {
                 [least, most]
             } else {
-                width.digital()
+                variant.digital
             },
         }
     }
 
-    /// Returns the line that a reader finds in the header.
+    /// Returns the calibration that a reader computes from the header.
     fn calibration(&self) -> Calibration {
         let [physical_min, physical_max] =
             [0, 1].map(|end| self.physical[end].parse().unwrap_or(f64::NAN));
@@ -266,7 +250,7 @@ fn list((row, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
 }
 
 fn header(
-    width: Width,
+    variant: Variant,
     file: &FileToWrite,
     ranges: &[Range],
     annotation_samples: usize,
@@ -281,7 +265,7 @@ fn header(
     }
     let signals = file.signals.len() + 1;
     let date = DateTime::new(file.start_ns);
-    let mut bytes = width.magic().to_vec();
+    let mut bytes = variant.magic.to_vec();
     let mut field = |text: &str, length: usize| {
         let ascii = text.chars().filter(char::is_ascii).take(length);
         let text: String = ascii.collect();
@@ -293,7 +277,7 @@ fn header(
     field(&date.short_date(), 8);
     field(&date.time(), 8);
     field(&(256 * (signals + 1)).to_string(), 8);
-    let name = width.name();
+    let name = variant.name;
     field(&format!("{name}+C"), 44);
     field("-1", 8);
     field(&duration, 8);
@@ -316,7 +300,7 @@ fn header(
     fields(8, "", &|signal| unit(signal).to_owned());
     fields(8, "-1", &|signal| ranges[signal].physical[0].clone());
     fields(8, "1", &|signal| ranges[signal].physical[1].clone());
-    let [least, most] = width.digital().map(|end| end.to_string());
+    let [least, most] = variant.digital.map(|end| end.to_string());
     fields(8, &least, &|signal| ranges[signal].digital[0].to_string());
     fields(8, &most, &|signal| ranges[signal].digital[1].to_string());
     fields(80, "", &|_| String::new());
@@ -332,7 +316,7 @@ mod tests {
     use std::io::Cursor;
 
     use super::{EdfWriter, MAX_RECORDS};
-    use crate::file_to_write::{FileToWrite, SignalToWrite};
+    use crate::header::{FileToWrite, SignalToWrite};
 
     #[test]
     fn a_record_beyond_the_limit_of_the_format_is_refused_with_advice() {

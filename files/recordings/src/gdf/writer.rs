@@ -4,8 +4,7 @@
 
 use std::io::{self, Seek, SeekFrom, Write};
 
-use crate::file_to_write::{FileToWrite, SignalToWrite, invalid};
-use crate::gdf::time::gdf_time;
+use crate::header::{FileToWrite, SignalToWrite, invalid};
 
 /// Identification of the format and version at the start of a file.
 const MAGIC: &[u8; 8] = b"GDF 2.20";
@@ -67,8 +66,8 @@ impl<W: Write + Seek> GdfWriter<W> {
         self.out.write_all(&self.record)
     }
 
-    /// Writes the event table from (row, type) pairs, rows counted from 0, and completes the header.
-    /// Returns the output.
+    /// Writes the event table from (row, type) pairs, rows counted from 0, and completes the
+    /// header. Returns the output.
     ///
     /// # Errors
     /// `InvalidInput` if an event's row or the number of events does not fit the table; otherwise
@@ -114,7 +113,7 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
     };
     file.check()?;
     let mut bytes = MAGIC.to_vec();
-    // Patient: unknown. `X` stands for a name that is not given.
+    // Patient: unknown, which is written as `X`.
     bytes.extend(padded("X X", 66));
     bytes.resize(88, 0);
     bytes.extend(padded(&file.description, 64));
@@ -157,4 +156,31 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
     // Position and properties of the sensors: not stated.
     field(&|_| vec![0; 32]);
     Ok(bytes)
+}
+
+/// Days from GDF's day 0 (1 January of the year 0) to 1 January 1970.
+const DAYS_TO_1970: i128 = 719_529;
+/// Nanoseconds in a day.
+const DAY_NS: i128 = 86_400_000_000_000;
+
+/// Converts nanoseconds since 1970 to GDF's time: days in the upper 32 bits, fractions of a day in
+/// the lower 32.
+fn gdf_time(wall_ns: i64) -> u64 {
+    let days = (i128::from(wall_ns) << 32) / DAY_NS;
+    u64::try_from((DAYS_TO_1970 << 32) + days).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::gdf_time;
+
+    #[test]
+    fn a_day_is_2_to_the_32() {
+        assert_eq!(gdf_time(0), 719_529 << 32);
+        // 2000-01-01 12:00 is day 730,486.5 of the proleptic calendar with a year 0.
+        assert_eq!(
+            gdf_time(946_728_000_000_000_000),
+            (730_486 << 32) + (1 << 31)
+        );
+    }
 }

@@ -6,13 +6,12 @@ use crate::{
     ratio::Ratio,
 };
 
-use super::count_block::CountBlock;
-use super::dither::Dither;
+use super::counts::{CountBlock, Dither};
 use super::rate_converter::RateConverter;
-use super::spec::{AdcCounters, AdcSpec, CHANNELS};
+use super::{AdcCounters, AdcSpec, CHANNELS};
 
-/// Largest magnitude passed to the resampler, uV. It is far beyond the ADC's range, and small enough
-/// that no sum in a transform overflows; the resampler would panic on an overflow.
+/// Largest magnitude passed to the resampler, uV. It is far beyond the ADC's range, and small
+/// enough that no sum in a transform overflows; the resampler would panic on an overflow.
 const LARGEST_UV: f64 = 1e100;
 
 /// Label and sampling rate of a signal.
@@ -31,7 +30,7 @@ pub(super) struct Conversion {
     /// Boxed, because it is large.
     converted: Box<CountBlock>,
     /// `None` for the exact conversion.
-    dither: Option<Dither<CHANNELS>>,
+    dither: Option<Dither>,
     counters: AdcCounters,
 }
 
@@ -140,8 +139,8 @@ impl Conversion {
         ready.min().unwrap_or(usize::MAX)
     }
 
-    /// Appends samples and resamples them. `samples` returns the next samples of the signal with the
-    /// given index, uV.
+    /// Appends samples and resamples them. `samples` returns the next samples of the signal with
+    /// the given index, uV.
     ///
     /// # Errors
     /// Those of [`RateConverter::convert`].
@@ -247,8 +246,8 @@ impl RateGroup {
     }
 }
 
-/// Returns the index of the rate group of a signal, and the index of the signal within the group. Adds
-/// the group and the signal if they are new.
+/// Returns the index of the rate group of a signal, and the index of the signal within the group.
+/// Adds the group and the signal if they are new.
 fn find_or_add(
     signal: usize,
     signals: &[SignalRate],

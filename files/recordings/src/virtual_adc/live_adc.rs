@@ -3,11 +3,11 @@
 use crate::{error::RecordingError, montage_map::MontageMap, ratio::Ratio};
 
 use super::conversion::{Conversion, SignalRate};
-use super::spec::{AdcCounters, AdcSpec, CHANNELS};
+use super::{AdcCounters, AdcSpec, CHANNELS};
 
-/// Converts samples to those of an ADC as they arrive. The same samples yield the counts that
-/// [`VirtualAdc`](super::VirtualAdc) yields for a recording of them, bit for bit; only the last ones of
-/// a resampled recording, which depend on its end, have not been converted yet.
+/// Converts samples to those of an ADC as they arrive. The counts equal those of
+/// [`VirtualAdc`](super::VirtualAdc) for a recording of the same samples, bit for bit. The last
+/// samples of a resampled recording depend on its end and are therefore not converted.
 ///
 /// Samples at the rate of the ADC are converted at once. Other rates are resampled in blocks of
 /// [`LiveAdc::block`] samples, so that counts come in bursts.
@@ -30,8 +30,8 @@ pub struct LiveAdc {
 }
 
 impl LiveAdc {
-    /// Creates a virtual ADC for the signals `labels`, which all have the rate `rate_hz`. `map` must
-    /// have been created from the same labels.
+    /// Creates a virtual ADC for the signals `labels`, which all have the rate `rate_hz`. `map`
+    /// must have been created from the same labels.
     ///
     /// # Errors
     /// Those of [`VirtualAdc::new`](super::VirtualAdc::new).
@@ -55,8 +55,8 @@ impl LiveAdc {
     /// incomplete last sample.
     ///
     /// # Errors
-    /// [`RecordingError::Resampler`] or [`RecordingError::ResamplerBuffer`], both of which are defects
-    /// of this crate.
+    /// [`RecordingError::Resampler`] or [`RecordingError::ResamplerBuffer`], both of which are
+    /// defects of this crate.
     pub fn append(&mut self, samples: &[f32]) -> Result<(), RecordingError> {
         let signals = self.signals;
         self.conversion.append(|signal| {
@@ -73,8 +73,8 @@ impl LiveAdc {
         self.conversion.hold(samples)
     }
 
-    /// Returns the next sample of the ADC, or `None` until more samples have been appended. Sample k is
-    /// the input at the time k / [`AdcSpec::rate_hz`].
+    /// Returns the next sample of the ADC, or `None` until more samples have been appended. Sample
+    /// k is the input at the time k / [`AdcSpec::rate_hz`].
     pub fn next_sample(&mut self) -> Option<[i32; CHANNELS]> {
         (!self.conversion.is_starved()).then(|| self.conversion.next_counts())
     }

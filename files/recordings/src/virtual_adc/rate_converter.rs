@@ -10,23 +10,25 @@ use crate::{
     ratio::{Ratio, greatest_common_divisor},
 };
 
-/// Minimum number of samples per transform at the lower of the two rates, unless [`BLOCK_MAX`] requires
-/// less. With 1024 samples the edge of the anti-aliasing filter is at 0.987 of the lower Nyquist frequency.
+/// Minimum number of samples per transform at the lower of the two rates, unless [`BLOCK_MAX`]
+/// requires less. With 1024 samples the edge of the anti-aliasing filter is at 0.987 of the lower
+/// Nyquist frequency.
 const BLOCK: u64 = 1024;
 /// Maximum number of samples per transform at either rate. Pairs of rates that need more are
 /// refused.
 const BLOCK_MAX: u64 = 1 << 17;
 
-/// Number of consumed outputs that are kept before their memory is reused. It is small compared with one
-/// block read from the file, but large enough that moving the remaining outputs costs little per sample.
+/// Number of consumed outputs that are kept before their memory is reused. It is small compared
+/// with one block read from the file, but large enough that moving the remaining outputs costs
+/// little per sample.
 const CONSUMED_MAX: usize = 4096;
 
 /// Converts the rate of several signals without a time shift: output k is the input at the time
 /// k / output rate.
 ///
-/// Beyond the ends of a signal, its first or last value is held, so that an electrode offset does not
-/// ring. Within half a block (about 512 samples at the lower of the two rates) of either end, the output
-/// depends on the held value.
+/// Beyond the ends of a signal, its first or last value is held, so that an electrode offset does
+/// not ring. Within half a block (about 512 samples at the lower of the two rates) of either end,
+/// the output depends on the held value.
 pub(crate) struct RateConverter {
     resampler: Option<BlockResampler>,
     /// Unconverted samples of each signal, uV.
@@ -37,14 +39,15 @@ pub(crate) struct RateConverter {
     consumed: usize,
 }
 
-/// The resampler and the state that compensates its delay. There is none if the input rate equals the
-/// output rate.
+/// The resampler and the state that compensates its delay. There is none if the input rate equals
+/// the output rate.
 struct BlockResampler {
     resampler: Fft<f64>,
     converted: Vec<Vec<f64>>,
     block_in: usize,
     block_out: usize,
-    /// Number of outputs still to be discarded: the block that primes the filter, and the filter's delay.
+    /// Number of outputs still to be discarded: the block that primes the filter, and the filter's
+    /// delay.
     skip: usize,
     primed: bool,
 }
@@ -53,8 +56,8 @@ impl RateConverter {
     /// Creates a converter from `rate` to `rate_hz` for `signals` signals.
     ///
     /// # Errors
-    /// [`RecordingError`] if the resampler cannot be built; an inner `Err(reason)` if the two rates need
-    /// a transform longer than [`BLOCK_MAX`].
+    /// [`RecordingError`] if the resampler cannot be built; an inner `Err(reason)` if the two rates
+    /// need a transform longer than [`BLOCK_MAX`].
     pub(crate) fn new(
         rate: Ratio,
         rate_hz: u32,
@@ -149,12 +152,12 @@ impl RateConverter {
         Ok(())
     }
 
-    /// Extends each signal by one block in which it keeps its value in `held`, and converts that block.
-    /// After the last record, this yields the remaining outputs.
+    /// Extends each signal by one block in which it keeps its value in `held`, and converts that
+    /// block. After the last record, this yields the remaining outputs.
     ///
     /// # Errors
-    /// [`RecordingError::Resampler`] or [`RecordingError::ResamplerBuffer`], both of which are defects
-    /// of this crate.
+    /// [`RecordingError::Resampler`] or [`RecordingError::ResamplerBuffer`], both of which are
+    /// defects of this crate.
     pub(crate) fn flush(&mut self, held: &[f64]) -> Result<(), RecordingError> {
         let block = self.block();
         for (signal, &value) in held.iter().enumerate() {
@@ -191,8 +194,9 @@ impl RateConverter {
 
     /// Advances by `samples` outputs, at most [`Self::ready`].
     ///
-    /// Memory is released after a fixed number of outputs, not when the queue is empty: if another converter
-    /// has a longer delay, the queue of this converter is not empty before the end of the recording.
+    /// Memory is released after a fixed number of outputs, not when the queue is empty: if another
+    /// converter has a longer delay, the queue of this converter is not empty before the end of the
+    /// recording.
     pub(crate) fn advance(&mut self, samples: usize) {
         self.consumed += samples;
         if self.consumed >= CONSUMED_MAX {

@@ -1,18 +1,18 @@
-//! The XML-RPC methods of the master, except those for parameters.
+//! The XML-RPC methods of the master.
 
 use std::sync::Mutex;
 
 use tokio::sync::watch;
 
 use super::{
+    arguments::signature,
     notifier::Notifier,
-    parameter_api::ParameterApi,
-    parameters::Parameters,
+    parameters::{Parameters, parameter_updates, with_slash},
     registrations::{Kind, Registrations},
-    signature::signature,
 };
 use crate::{
-    lock::lock,
+    names::resolve,
+    sync::lock,
     xmlrpc::{Fault, Reply, Value},
 };
 
@@ -62,7 +62,8 @@ impl Api {
 
     /// Executes `method`. `Signature::check` has already checked and converted `arguments`.
     fn dispatch(&self, method: &str, caller: &str, arguments: &[Value]) -> Reply {
-        let mut state = lock(&self.state);
+        let state = &mut *lock(&self.state);
+        let registrations = &mut state.registrations;
         let text = |at: usize| text(arguments, at);
         match method {
             "getUri" => Reply::success("", self.uri.as_str()),
@@ -76,13 +77,30 @@ impl Api {
                 self.request_shutdown.send_replace(true);
                 Reply::success("shutdown", 0)
             }
-            "registerPublisher" => self.register_publisher(&mut state, caller, arguments),
-            "registerSubscriber" => self.register_subscriber(&mut state, caller, arguments),
+            "registerPublisher" => {
+                let (topic, kind) = (text(0), text(1));
+                self.register_node(registrations, Kind::Publisher, topic, caller, text(2));
+                match state.topic_types.iter_mut().find(|(name, _)| name == topic) {
+                    Some(_) if kind == "*" => {}
+                    Some((_, known)) => kind.clone_into(known),
+                    None => state.topic_types.push((topic.to_owned(), kind.to_owned())),
+                }
+                self.notify_subscribers(registrations, topic);
+                let message = format!("Registered [{caller}] as publisher of [{topic}]");
+                Reply::success(message, registrations.apis(Kind::Subscriber, topic))
+            }
+            "registerSubscriber" => {
+                let (topic, kind) = (text(0), text(1));
+                self.register_node(registrations, Kind::Subscriber, topic, caller, text(2));
+                if kind != "*" && !state.topic_types.iter().any(|(name, _)| name == topic) {
+                    state.topic_types.push((topic.to_owned(), kind.to_owned()));
+                }
+                let publishers = registrations.apis(Kind::Publisher, topic);
+                Reply::success(format!("Subscribed to [{topic}]"), publishers)
+            }
             "registerService" => {
                 let (service, uri, api) = (text(0), text(1), text(2));
-                let displaced = state
-                    .registrations
-                    .register_service(service, caller, api, uri);
+                let displaced = registrations.register_service(service, caller, api, uri);
                 self.notifier.notify_displaced(displaced, caller);
                 let message = format!("Registered [{caller}] as provider of [{service}]");
                 Reply::success(message, 1)
@@ -90,95 +108,144 @@ impl Api {
             "unregisterPublisher" => {
                 let topic = text(0);
                 let (message, found) =
-                    state
-                        .registrations
-                        .unregister(Kind::Publisher, topic, caller, text(1));
+                    registrations.unregister(Kind::Publisher, topic, caller, text(1));
                 if found {
-                    self.notify_subscribers(&state, topic);
+                    self.notify_subscribers(registrations, topic);
                 }
                 Reply::success(message, i32::from(found))
             }
             "unregisterSubscriber" => {
                 let (message, found) =
-                    state
-                        .registrations
-                        .unregister(Kind::Subscriber, text(0), caller, text(1));
+                    registrations.unregister(Kind::Subscriber, text(0), caller, text(1));
                 Reply::success(message, i32::from(found))
             }
             "unregisterService" => {
-                let (message, found) =
-                    state
-                        .registrations
-                        .unregister_service(text(0), caller, text(1));
+                let (message, found) = registrations.unregister_service(text(0), caller, text(1));
                 Reply::success(message, i32::from(found))
             }
-            "lookupService" => match state.registrations.service_uri(text(0)) {
+            "lookupService" => match registrations.service_uri(text(0)) {
                 Some(uri) => Reply::success(format!("rosrpc URI: [{uri}]"), uri),
                 None => Reply::caller_error("no provider", ""),
             },
-            "lookupNode" => match state.registrations.node_api(text(0)) {
+            "lookupNode" => match registrations.node_api(text(0)) {
                 Some(api) => Reply::success("node api", api),
                 None => Reply::caller_error(format!("unknown node [{}]", text(0)), ""),
             },
             "getPublishedTopics" => {
-                Reply::success("current topics", published_topics(&state, text(0)))
+                Reply::success("current topics", published_topics(state, text(0)))
             }
             "getTopicTypes" => {
                 let types = state.topic_types.iter();
                 let types = types.map(|(topic, kind)| Value::from([topic.as_str(), kind]));
                 Reply::success("current system state", types.collect::<Value>())
             }
-            "getSystemState" => Reply::success("current system state", system_state(&state)),
-            _ => {
-                let state = &mut *state;
-                let parameter_api = ParameterApi {
-                    parameters: &mut state.parameters,
-                    registrations: &mut state.registrations,
-                    notifier: &self.notifier,
-                };
-                parameter_api.dispatch(method, caller, arguments)
-            }
+            "getSystemState" => Reply::success("current system state", system_state(registrations)),
+            _ => self.dispatch_parameter(state, method, caller, arguments),
         }
     }
 
-    fn register_publisher(&self, state: &mut State, caller: &str, arguments: &[Value]) -> Reply {
-        let (topic, kind) = (text(arguments, 0), text(arguments, 1));
-        let api = text(arguments, 2);
-        let displaced = state
-            .registrations
-            .register(Kind::Publisher, topic, caller, api);
-        self.notifier.notify_displaced(displaced, caller);
-        match state.topic_types.iter_mut().find(|(name, _)| name == topic) {
-            Some(_) if kind == "*" => {}
-            Some((_, known)) => kind.clone_into(known),
-            None => state.topic_types.push((topic.to_owned(), kind.to_owned())),
-        }
-        self.notify_subscribers(state, topic);
-        let subscribers = state.registrations.apis(Kind::Subscriber, topic);
-        let message = format!("Registered [{caller}] as publisher of [{topic}]");
-        Reply::success(message, subscribers)
+    /// Registers `node` and asks a node of the same name, if any, to shut down.
+    fn register_node(
+        &self,
+        registrations: &mut Registrations,
+        kind: Kind,
+        key: &str,
+        node: &str,
+        api: &str,
+    ) {
+        let displaced = registrations.register(kind, key, node, api);
+        self.notifier.notify_displaced(displaced, node);
     }
 
-    fn register_subscriber(&self, state: &mut State, caller: &str, arguments: &[Value]) -> Reply {
-        let (topic, kind) = (text(arguments, 0), text(arguments, 1));
-        let api = text(arguments, 2);
-        let displaced = state
-            .registrations
-            .register(Kind::Subscriber, topic, caller, api);
-        self.notifier.notify_displaced(displaced, caller);
-        if kind != "*" && !state.topic_types.iter().any(|(name, _)| name == topic) {
-            state.topic_types.push((topic.to_owned(), kind.to_owned()));
-        }
-        let publishers = state.registrations.apis(Kind::Publisher, topic);
-        Reply::success(format!("Subscribed to [{topic}]"), publishers)
-    }
-
-    fn notify_subscribers(&self, state: &State, topic: &str) {
-        let publishers: Value = state.registrations.apis(Kind::Publisher, topic).into();
-        for api in state.registrations.apis(Kind::Subscriber, topic) {
+    fn notify_subscribers(&self, registrations: &Registrations, topic: &str) {
+        let publishers: Value = registrations.apis(Kind::Publisher, topic).into();
+        for api in registrations.apis(Kind::Subscriber, topic) {
             let arguments = [topic.into(), publishers.clone()];
             self.notifier
                 .notify(&api, "publisherUpdate", topic, arguments);
+        }
+    }
+
+    /// Executes a method for parameters.
+    fn dispatch_parameter(
+        &self,
+        state: &mut State,
+        method: &str,
+        caller: &str,
+        arguments: &[Value],
+    ) -> Reply {
+        let (parameters, registrations) = (&mut state.parameters, &mut state.registrations);
+        let text = |at: usize| text(arguments, at);
+        let key = resolve(text(0), caller);
+        match method {
+            "getParam" => match parameters.get(&key) {
+                Some(value) => Reply::success(format!("Parameter [{key}]"), value.clone()),
+                None => Reply::caller_error(format!("Parameter [{key}] is not set"), 0),
+            },
+            "setParam" => {
+                let value = arguments.get(1).cloned().unwrap_or(Value::Nil);
+                if !parameters.set(&key, value.clone()) {
+                    return Reply::caller_error(
+                        "Error: invalid arguments: cannot set root of parameter tree to \
+                         non-dictionary",
+                        0,
+                    );
+                }
+                self.notify_parameter_subscribers(registrations, &key, &value, Some(caller));
+                Reply::success(format!("parameter {key} set"), 0)
+            }
+            "deleteParam" => {
+                if !parameters.delete(&key) {
+                    return Reply::caller_error(format!("parameter [{key}] is not set"), 0);
+                }
+                self.notify_parameter_subscribers(
+                    registrations,
+                    &key,
+                    &Value::Struct(Vec::new()),
+                    None,
+                );
+                Reply::success(format!("parameter {key} deleted"), 0)
+            }
+            "hasParam" => {
+                let found = parameters.get(&key).is_some();
+                Reply::success(key, found)
+            }
+            "getParamNames" => Reply::success("Parameter names", parameters.names()),
+            "searchParam" => search(parameters, caller, text(0)),
+            "subscribeParam" => {
+                let key = resolve(text(1), caller);
+                let watched = with_slash(&key);
+                let value = parameters.get(&watched).cloned();
+                let kind = Kind::ParameterSubscriber;
+                self.register_node(registrations, kind, &watched, caller, text(0));
+                let value = value.unwrap_or(Value::Struct(Vec::new()));
+                Reply::success(format!("Subscribed to parameter [{key}]"), value)
+            }
+            "unsubscribeParam" => {
+                let key = resolve(text(1), caller);
+                let kind = Kind::ParameterSubscriber;
+                // rosmaster returns 1 whether or not the node had subscribed to the parameter.
+                registrations.unregister(kind, &with_slash(&key), caller, text(0));
+                Reply::success(format!("Unsubscribe to parameter [{key}]"), 1)
+            }
+            _ => Reply::failure(format!("Internal failure: no method {method}"), 0),
+        }
+    }
+
+    fn notify_parameter_subscribers(
+        &self,
+        registrations: &Registrations,
+        key: &str,
+        value: &Value,
+        changer: Option<&str>,
+    ) {
+        let subscribers = registrations.entries(Kind::ParameterSubscriber);
+        for update in parameter_updates(subscribers, key, value, changer) {
+            for registrant in update.registrants {
+                let arguments = [update.key.as_str().into(), update.value.clone()];
+                self.notifier
+                    .notify(&registrant.api, "paramUpdate", &update.key, arguments);
+            }
         }
     }
 }
@@ -207,10 +274,10 @@ fn published_topics(state: &State, subgraph: &str) -> Value {
     topics.collect()
 }
 
-fn system_state(state: &State) -> Value {
+fn system_state(registrations: &Registrations) -> Value {
     let kinds = [Kind::Publisher, Kind::Subscriber, Kind::Service];
     let registers = kinds.into_iter().map(|kind| {
-        let entries = state.registrations.entries(kind).iter();
+        let entries = registrations.entries(kind).iter();
         let entries = entries.map(|(name, registrants)| {
             let nodes = registrants
                 .iter()
@@ -220,4 +287,20 @@ fn system_state(state: &State) -> Value {
         entries.collect()
     });
     registers.collect()
+}
+
+fn search(parameters: &Parameters, caller: &str, key: &str) -> Reply {
+    if key.starts_with('~') {
+        return Reply::failure("Internal failure: invalid key", 0);
+    }
+    if !caller.starts_with('/') {
+        return Reply::failure("Internal failure: namespace must be global", 0);
+    }
+    match parameters.search(caller, key) {
+        Some(found) => Reply::success(format!("Found [{found}]"), found.as_str()),
+        None => Reply::caller_error(
+            format!("Cannot find parameter [{key}] in an upwards search"),
+            "",
+        ),
+    }
 }

@@ -1,96 +1,132 @@
-//! The checks that rosmaster applies to the arguments of a call, with the same error messages.
+//! The arguments of each XML-RPC method of the master, and the checks that rosmaster applies to
+//! them, with the same error messages.
 
 use crate::{names::resolve, xmlrpc::Value};
 
-/// Check and conversion of one argument. Each variant except `Any` holds the argument's name for
-/// error messages.
+/// Checks for the arguments of one method. The first argument, the caller's name, is not listed
+/// because every method has it.
+pub(super) struct Signature {
+    checks: &'static [Check],
+    /// Value (third item) of the reply if a check fails.
+    pub(super) on_error: Value,
+}
+
+impl Signature {
+    /// Checks all arguments. Returns the caller's name and the other arguments, converted; on
+    /// failure, returns rosmaster's error message.
+    pub(super) fn check(&self, arguments: &[Value]) -> Result<(String, Vec<Value>), String> {
+        let Some((caller, arguments)) = arguments.split_first() else {
+            return Err("missing required caller_id parameter".to_owned());
+        };
+        if arguments.len() != self.checks.len() {
+            return Err("Error: bad call arity".to_owned());
+        }
+        let Value::String(caller) = caller else {
+            return Err("caller_id must be a string".to_owned());
+        };
+        let pairs = self.checks.iter().zip(arguments);
+        let canonical: Result<_, _> = pairs
+            .map(|((kind, name), value)| {
+                converted(*kind, value, caller)
+                    .map_err(|error| format!("ERROR: parameter [{name}] {error}"))
+            })
+            .collect();
+        Ok((caller.clone(), canonical?))
+    }
+}
+
+/// Returns the signature of a method; `None` if the master has no such method.
+pub(super) fn signature(method: &str) -> Option<Signature> {
+    const KEY: Check = (Kind::Text, "key");
+    const TOPIC: Check = (Kind::NotRoot, "topic");
+    const SERVICE: Check = (Kind::NotRoot, "service");
+    const API: Check = (Kind::Uri, "caller_api");
+    let zero = Value::Int(0);
+    let (checks, on_error): (&[Check], Value) = match method {
+        "shutdown" => (&[(Kind::Any, "reason")], zero),
+        "getUri" => (&[], "".into()),
+        "getPid" => (&[], (-1).into()),
+        "deleteParam" | "getParam" | "searchParam" => (&[KEY], zero),
+        "setParam" => (&[KEY, (Kind::Value, "value")], zero),
+        "subscribeParam" | "unsubscribeParam" => (&[API, KEY], zero),
+        "hasParam" => (&[KEY], false.into()),
+        "getParamNames" => (&[], zero),
+        "registerService" => (&[SERVICE, (Kind::Uri, "service_api"), API], zero),
+        "lookupService" => (&[SERVICE], "".into()),
+        "unregisterService" => (&[SERVICE, (Kind::Uri, "service_api")], zero),
+        "registerSubscriber" | "registerPublisher" => (
+            &[TOPIC, (Kind::Type, "topic_type"), API],
+            Value::Array(Vec::new()),
+        ),
+        "unregisterSubscriber" | "unregisterPublisher" => (&[TOPIC, API], zero),
+        "lookupNode" => (&[(Kind::Name, "node")], "".into()),
+        "getPublishedTopics" => (&[(Kind::Subgraph, "subgraph")], zero),
+        "getTopicTypes" => (&[], Value::Array(Vec::new())),
+        "getSystemState" => (&[], Value::Array(vec![Value::Array(Vec::new()); 3])),
+        _ => return None,
+    };
+    Some(Signature { checks, on_error })
+}
+
+/// Check and conversion of one argument, and the argument's name for error messages.
+type Check = (Kind, &'static str);
+
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Check {
+enum Kind {
     /// A non-empty name, resolved to its full form.
-    Name(&'static str),
+    Name,
     /// A non-empty name other than `/`, resolved to its full form.
-    NotRoot(&'static str),
+    NotRoot,
     /// A URI that starts with `http://` or `rosrpc://`.
-    Uri(&'static str),
+    Uri,
     /// Type of a topic: `package/Type`, or `*` for any type.
-    Type(&'static str),
+    Type,
     /// A non-empty string, kept as received.
-    Text(&'static str),
+    Text,
     /// Either an empty string, which is kept, or a name, which is resolved to its full form.
-    Subgraph(&'static str),
+    Subgraph,
     /// Any value except nil.
-    Value(&'static str),
+    Value,
     Any,
 }
 
-/// Checks one argument of a call by the node `caller`. Returns the converted value, or the error
-/// message that rosmaster would return.
-pub(super) fn check(check: Check, value: &Value, caller: &str) -> Result<Value, String> {
-    match check {
-        Check::Any => Ok(value.clone()),
-        Check::Value(name) => match value {
-            Value::Nil => Err(must_be_specified_for_value(name)),
-            value => Ok(value.clone()),
+/// Checks one argument of a call by the node `caller`. Returns the converted value, or the end of
+/// the error message that rosmaster would return.
+fn converted(kind: Kind, value: &Value, caller: &str) -> Result<Value, &'static str> {
+    const NON_EMPTY: &str = "must be a non-empty string";
+    let text = value.as_str();
+    let valid = |valid: bool, error| valid.then(|| value.clone()).ok_or(error);
+    match kind {
+        Kind::Any => Ok(value.clone()),
+        Kind::Value => valid(*value != Value::Nil, "must be specified"),
+        Kind::Text if is_falsy(value) => Err("must be specified and non-empty"),
+        Kind::Text => valid(text.is_some(), "must be a string"),
+        Kind::Subgraph => match text {
+            Some("") => Ok(value.clone()),
+            Some(text) => Ok(resolve(text, caller).into()),
+            None => Err("must be a string"),
         },
-        Check::Text(name) => match value {
-            Value::String(text) if !text.is_empty() => Ok(value.clone()),
-            value if is_falsy(value) => Err(must_be_specified(name)),
-            _ => Err(format!("ERROR: parameter [{name}] must be a string")),
+        Kind::Type => match text {
+            Some("") | None => Err(NON_EMPTY),
+            Some(text) => valid(
+                text == "*" || text.split('/').count() == 2,
+                "is not a valid package resource name",
+            ),
         },
-        Check::Subgraph(name) => match value {
-            Value::String(text) if text.is_empty() => Ok(value.clone()),
-            Value::String(text) => Ok(Value::String(resolve(text, caller))),
-            _ => Err(format!("ERROR: parameter [{name}] must be a string")),
+        Kind::Uri => match text {
+            Some("") | None => Err("is not an XMLRPC URI"),
+            Some(text) => valid(
+                text.starts_with("http://") || text.starts_with("rosrpc://"),
+                "is not an RPC URI",
+            ),
         },
-        Check::Type(name) => match value {
-            Value::String(text) if text == "*" || text.split('/').count() == 2 => Ok(value.clone()),
-            Value::String(text) if !text.is_empty() => Err(format!(
-                "ERROR: parameter [{name}] is not a valid package resource name"
-            )),
-            _ => Err(must_be_non_empty(name)),
+        Kind::Name | Kind::NotRoot => match text {
+            Some("") | None => Err(NON_EMPTY),
+            Some(text) if text.contains([':', ' ']) => Err("contains illegal chars"),
+            Some("/") if matches!(kind, Kind::NotRoot) => Err("cannot be the global namespace"),
+            Some(text) => Ok(resolve(text, caller).into()),
         },
-        Check::Uri(name) => match value {
-            Value::String(text) if text.starts_with("http://") || text.starts_with("rosrpc://") => {
-                Ok(value.clone())
-            }
-            Value::String(text) if !text.is_empty() => {
-                Err(format!("ERROR: parameter [{name}] is not an RPC URI"))
-            }
-            _ => Err(format!("ERROR: parameter [{name}] is not an XMLRPC URI")),
-        },
-        Check::Name(name) => global_name(name, value, caller),
-        Check::NotRoot(name) => {
-            let full = global_name(name, value, caller)?;
-            if value.as_str() == Some("/") {
-                return Err(format!(
-                    "ERROR: parameter [{name}] cannot be the global namespace"
-                ));
-            }
-            Ok(full)
-        }
     }
-}
-
-fn global_name(name: &str, value: &Value, caller: &str) -> Result<Value, String> {
-    match value {
-        Value::String(text) if text.contains([':', ' ']) => {
-            Err(format!("ERROR: parameter [{name}] contains illegal chars"))
-        }
-        Value::String(text) if !text.is_empty() => Ok(Value::String(resolve(text, caller))),
-        _ => Err(must_be_non_empty(name)),
-    }
-}
-
-fn must_be_specified(name: &str) -> String {
-    format!("ERROR: parameter [{name}] must be specified and non-empty")
-}
-
-fn must_be_specified_for_value(name: &str) -> String {
-    format!("ERROR: parameter [{name}] must be specified")
-}
-
-fn must_be_non_empty(name: &str) -> String {
-    format!("ERROR: parameter [{name}] must be a non-empty string")
 }
 
 /// Returns whether Python treats `value` as false: rosmaster rejects such values as missing.

@@ -7,7 +7,7 @@ use std::{
 };
 
 use crate::{
-    lock::lock,
+    sync::lock,
     xmlrpc::{Value, call_ros},
 };
 

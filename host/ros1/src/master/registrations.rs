@@ -3,7 +3,8 @@
 
 use std::collections::HashMap;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+/// Kind of a registration, and the index of its register.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Publisher,
     Subscriber,
@@ -33,10 +34,8 @@ struct NodeEntry {
 #[derive(Debug, Default)]
 pub(super) struct Registrations {
     nodes: HashMap<String, NodeEntry>,
-    publishers: Register,
-    subscribers: Register,
-    services: Register,
-    parameter_subscribers: Register,
+    /// Registers of each [`Kind`].
+    registers: [Register; 4],
     /// Maps a service name to its provider: (node name, service URI).
     service_uris: HashMap<String, (String, String)>,
     /// True once any service has been registered. The error message for an unregistered service
@@ -77,7 +76,7 @@ impl Registrations {
             node: node.to_owned(),
             api: api.to_owned(),
         };
-        let register = self.entries_mut(kind);
+        let register = &mut self.registers[kind as usize];
         match register.iter_mut().find(|(name, _)| name == key) {
             // A service has only one provider: the node that registered it last.
             Some((_, registrants)) if kind == Kind::Service => *registrants = vec![registrant],
@@ -104,8 +103,9 @@ impl Registrations {
         displaced
     }
 
-    /// Removes the registration for the topic, service or parameter `key` of the node named `node` with
-    /// the XML-RPC URI `api`. Returns rosmaster's message, and whether that registration existed.
+    /// Removes the registration for the topic, service or parameter `key` of the node named `node`
+    /// with the XML-RPC URI `api`. Returns rosmaster's message, and whether that registration
+    /// existed.
     pub(super) fn unregister(
         &mut self,
         kind: Kind,
@@ -116,7 +116,7 @@ impl Registrations {
         if !self.nodes.contains_key(node) {
             return (format!("[{node}] is not a registered node"), false);
         }
-        let register = self.entries_mut(kind);
+        let register = &mut self.registers[kind as usize];
         let mut found = false;
         if let Some((_, registrants)) = register.iter_mut().find(|(name, _)| name == key) {
             let before = registrants.len();
@@ -125,17 +125,12 @@ impl Registrations {
         }
         register.retain(|(_, registrants)| !registrants.is_empty());
         self.remove_key(node, kind, key, found);
-        if found {
-            (
-                format!("Unregistered [{node}] as provider of [{key}]"),
-                true,
-            )
+        let message = if found {
+            format!("Unregistered [{node}] as provider of [{key}]")
         } else {
-            (
-                format!("[{node}] is not a known provider of [{key}]"),
-                false,
-            )
-        }
+            format!("[{node}] is not a known provider of [{key}]")
+        };
+        (message, found)
     }
 
     /// Unregisters a service if `uri` is its current URI. Returns rosmaster's message and whether
@@ -153,22 +148,17 @@ impl Registrations {
         let found = current.is_some_and(|(owner, known)| owner == node && known == uri);
         if found {
             self.service_uris.remove(service);
-            self.services.retain(|(name, _)| name != service);
+            self.registers[Kind::Service as usize].retain(|(name, _)| name != service);
         }
         self.remove_key(node, Kind::Service, service, found);
-        if found {
-            (
-                format!("Unregistered [{node}] as provider of [{service}]"),
-                true,
-            )
-        } else if !self.had_service {
-            (format!("[{node}] is not a provider of [{service}]"), false)
+        let message = if found {
+            format!("Unregistered [{node}] as provider of [{service}]")
+        } else if self.had_service {
+            format!("[{uri}] is no longer the current service api handle for [{service}]")
         } else {
-            (
-                format!("[{uri}] is no longer the current service api handle for [{service}]"),
-                false,
-            )
-        }
+            format!("[{node}] is not a provider of [{service}]")
+        };
+        (message, found)
     }
 
     /// Returns the XML-RPC URI of a node; `None` if the node has no registration.
@@ -183,42 +173,21 @@ impl Registrations {
 
     /// Returns the XML-RPC URIs of all nodes registered for the topic, service or parameter `key`.
     pub(super) fn apis(&self, kind: Kind, key: &str) -> Vec<String> {
-        let found = self.entries(kind).iter().find(|(name, _)| name == key);
-        found.map_or_else(Vec::new, |(_, registrants)| {
-            registrants
-                .iter()
-                .map(|registrant| registrant.api.clone())
-                .collect()
-        })
+        let entries = self.entries(kind).iter();
+        let found = entries.filter(|(name, _)| name == key);
+        found
+            .flat_map(|(_, registrants)| registrants)
+            .map(|registrant| registrant.api.clone())
+            .collect()
     }
 
     /// Returns all registrations of one kind in order of registration.
     pub(super) fn entries(&self, kind: Kind) -> &[(String, Vec<Registrant>)] {
-        match kind {
-            Kind::Publisher => &self.publishers,
-            Kind::Subscriber => &self.subscribers,
-            Kind::Service => &self.services,
-            Kind::ParameterSubscriber => &self.parameter_subscribers,
-        }
-    }
-
-    fn entries_mut(&mut self, kind: Kind) -> &mut Register {
-        match kind {
-            Kind::Publisher => &mut self.publishers,
-            Kind::Subscriber => &mut self.subscribers,
-            Kind::Service => &mut self.services,
-            Kind::ParameterSubscriber => &mut self.parameter_subscribers,
-        }
+        &self.registers[kind as usize]
     }
 
     fn remove_node(&mut self, node: &str) {
-        for kind in [
-            Kind::Publisher,
-            Kind::Subscriber,
-            Kind::Service,
-            Kind::ParameterSubscriber,
-        ] {
-            let register = self.entries_mut(kind);
+        for register in &mut self.registers {
             for (_, registrants) in &mut *register {
                 registrants.retain(|registrant| registrant.node != node);
             }

@@ -4,7 +4,6 @@
 use std::{sync::Arc, time::Duration};
 
 use tokio::{
-    io::AsyncWriteExt as _,
     net::{TcpListener, TcpStream},
     sync::watch,
     task::JoinSet,
@@ -13,8 +12,8 @@ use tokio::{
 
 use super::registrar::Registrar;
 use crate::{
-    lock::lock,
-    tcpros::{Header, HeaderError, set_options},
+    sync::lock,
+    tcpros::{Header, HeaderError, refuse, set_options},
 };
 
 /// Limit of open connections, including those that have not sent their header yet.
@@ -81,8 +80,5 @@ async fn serve_connection(mut stream: TcpStream, registrar: &Registrar) -> Resul
     } else {
         "the header names neither a topic nor a service".to_owned()
     };
-    stream
-        .write_all(&Header::new().with("error", &reason).encode()?)
-        .await?;
-    Ok(stream.shutdown().await?)
+    refuse(stream, &reason).await
 }

@@ -6,10 +6,7 @@ use std::{
     sync::Arc,
 };
 
-use crate::{
-    service::provider::Provider,
-    topic::{publication::Publication, subscription::Subscription},
-};
+use crate::{publication::Publication, service::Provider, subscription::Subscription};
 
 /// Identifies one registration: its kind and the full name of the topic or service.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]

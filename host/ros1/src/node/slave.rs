@@ -8,8 +8,8 @@ use std::sync::{
 
 use super::registrar::Registrar;
 use crate::{
-    lock::lock,
-    message_type::MessageType,
+    sync::lock,
+    tcpros::MessageType,
     xmlrpc::{Fault, Reply, Value},
 };
 
@@ -114,30 +114,28 @@ fn publisher_update(node: &Registrar, arguments: &[Value]) -> Reply {
 fn bus_info(node: &Arc<Registrar>) -> Value {
     let graph = lock(&node.graph);
     let mut connections = Vec::new();
+    let mut add = |id: u32, peer: &str, direction: &str, topic: &str, open: bool, text: String| {
+        connections.push(Value::Array(vec![
+            count(id.into()),
+            peer.into(),
+            direction.into(),
+            "TCPROS".into(),
+            topic.into(),
+            open.into(),
+            text.into(),
+        ]));
+    };
     for publication in graph.publications.values() {
         for link in publication.links() {
-            connections.push(Value::Array(vec![
-                count(u64::from(link.id)),
-                link.caller.as_str().into(),
-                "o".into(),
-                "TCPROS".into(),
-                publication.name.as_str().into(),
-                true.into(),
-                format!("TCPROS connection to [{}]", link.peer).into(),
-            ]));
+            let text = format!("TCPROS connection to [{}]", link.peer);
+            add(link.id, &link.caller, "o", &publication.name, true, text);
         }
     }
     for subscription in graph.subscriptions.values() {
         for link in subscription.links() {
-            connections.push(Value::Array(vec![
-                count(u64::from(link.id)),
-                link.uri().into(),
-                "i".into(),
-                "TCPROS".into(),
-                subscription.inbox.topic.as_str().into(),
-                link.is_connected().into(),
-                format!("TCPROS connection from [{}]", link.uri()).into(),
-            ]));
+            let (uri, open) = (link.uri(), link.is_connected());
+            let text = format!("TCPROS connection from [{uri}]");
+            add(link.id, uri, "i", &subscription.inbox.topic, open, text);
         }
     }
     Value::Array(connections)

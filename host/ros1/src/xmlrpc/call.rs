@@ -9,8 +9,7 @@ use tokio::{
 };
 
 use super::{
-    decode::{DecodeError, decode_response},
-    encode::encode_call,
+    codec::{DecodeError, decode_response, encode_call},
     value::{Fault, Value},
 };
 use crate::{

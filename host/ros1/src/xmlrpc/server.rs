@@ -11,9 +11,7 @@ use tokio::{
 };
 
 use super::{
-    decode::decode_call,
-    encode::encode_response,
-    multicall::{MULTICALL, multicall},
+    codec::{decode_call, encode_response},
     value::{Fault, Value},
 };
 use crate::http::{HttpError, read_body, read_head};
@@ -29,6 +27,12 @@ const MAX_CONNECTIONS: usize = 256;
 /// Delay after a failed accept, for example when no file descriptor is left.
 const ACCEPT_RETRY_DELAY: Duration = Duration::from_millis(100);
 
+/// Method for several calls in one request. All XML-RPC servers in ROS have it.
+const MULTICALL: &str = "system.multicall";
+
+/// Computes the result of a call from the method's name and the arguments.
+type Answer = dyn Fn(&str, &[Value]) -> Result<Value, Fault> + Send + Sync;
+
 /// A running XML-RPC server. Dropping the value stops the server without waiting until the port is
 /// free.
 #[derive(Debug)]
@@ -40,10 +44,10 @@ pub(crate) struct Server {
 impl Server {
     /// Starts an XML-RPC server on `listener`. `answer` computes the result of each call and must
     /// not block.
-    pub(crate) fn start<F>(listener: TcpListener, answer: F) -> Self
-    where
-        F: Fn(&str, &[Value]) -> Result<Value, Fault> + Send + Sync + 'static,
-    {
+    pub(crate) fn start(
+        listener: TcpListener,
+        answer: impl Fn(&str, &[Value]) -> Result<Value, Fault> + Send + Sync + 'static,
+    ) -> Self {
         let (stop, stopped) = watch::channel(false);
         let task = tokio::spawn(accept(listener, Arc::new(answer), stopped));
         Self { stop, task }
@@ -63,10 +67,7 @@ impl Drop for Server {
     }
 }
 
-async fn accept<F>(listener: TcpListener, answer: Arc<F>, mut stopped: watch::Receiver<bool>)
-where
-    F: Fn(&str, &[Value]) -> Result<Value, Fault> + Send + Sync + 'static,
-{
+async fn accept(listener: TcpListener, answer: Arc<Answer>, mut stopped: watch::Receiver<bool>) {
     let mut connections = JoinSet::new();
     let mut by_age = VecDeque::new();
     loop {
@@ -100,19 +101,13 @@ fn make_room(by_age: &mut VecDeque<AbortHandle>) {
     }
 }
 
-async fn serve<F>(stream: TcpStream, answer: Arc<F>)
-where
-    F: Fn(&str, &[Value]) -> Result<Value, Fault>,
-{
+async fn serve(stream: TcpStream, answer: Arc<Answer>) {
     if let Err(error) = serve_requests(stream, &*answer).await {
         tracing::debug!(%error, "an XML-RPC connection ended");
     }
 }
 
-async fn serve_requests<F>(stream: TcpStream, answer: &F) -> Result<(), HttpError>
-where
-    F: Fn(&str, &[Value]) -> Result<Value, Fault>,
-{
+async fn serve_requests(stream: TcpStream, answer: &Answer) -> Result<(), HttpError> {
     stream.set_nodelay(true)?;
     let mut stream = BufReader::new(stream);
     // Until the first request begins, the shorter transfer timeout applies instead of the idle
@@ -177,10 +172,7 @@ async fn read_request(
     Ok(Some((body, method, head.close)))
 }
 
-fn respond<F>(body: &[u8], answer: &F) -> String
-where
-    F: Fn(&str, &[Value]) -> Result<Value, Fault>,
-{
+fn respond(body: &[u8], answer: &Answer) -> String {
     let response = match decode_call(body) {
         Ok(call) if call.method == MULTICALL => multicall(&call.arguments, answer),
         Ok(call) => answer(&call.method, &call.arguments),
@@ -197,4 +189,34 @@ fn timed_out() -> HttpError {
         io::ErrorKind::TimedOut,
         "the peer sends or receives too slowly",
     ))
+}
+
+/// Answers each call in a list. The result for one call is an array that holds the value, or a
+/// struct that describes the fault.
+fn multicall(arguments: &[Value], answer: &Answer) -> Result<Value, Fault> {
+    let [Value::Array(calls)] = arguments else {
+        return Err(Fault {
+            code: 1,
+            message: format!("{MULTICALL} takes one array of calls"),
+        });
+    };
+    Ok(calls.iter().map(|call| answer_one(call, answer)).collect())
+}
+
+fn answer_one(call: &Value, answer: &Answer) -> Value {
+    let method = call.member("methodName").and_then(Value::as_str);
+    let method = method.unwrap_or_default();
+    let arguments = call.member("params").and_then(Value::as_array);
+    let outcome = if method == MULTICALL {
+        Err(Fault {
+            code: 1,
+            message: format!("{MULTICALL} cannot contain itself"),
+        })
+    } else {
+        answer(method, arguments.unwrap_or_default())
+    };
+    match outcome {
+        Ok(value) => Value::Array(vec![value]),
+        Err(fault) => fault.into(),
+    }
 }

@@ -1,4 +1,4 @@
-//! The data types of XML-RPC.
+//! The data types of XML-RPC, and the reply of a ROS API method.
 
 /// A value together with its XML-RPC type.
 #[derive(Debug, Clone, PartialEq)]
@@ -98,33 +98,20 @@ impl From<Fault> for Value {
     }
 }
 
-impl From<i32> for Value {
-    fn from(number: i32) -> Self {
-        Self::Int(number)
-    }
+macro_rules! impl_from {
+    ($($type:ty => $variant:ident),*) => {$(
+        impl From<$type> for Value {
+            fn from(value: $type) -> Self {
+                Self::$variant(value)
+            }
+        }
+    )*};
 }
-
-impl From<bool> for Value {
-    fn from(flag: bool) -> Self {
-        Self::Bool(flag)
-    }
-}
-
-impl From<f64> for Value {
-    fn from(number: f64) -> Self {
-        Self::Double(number)
-    }
-}
+impl_from!(i32 => Int, bool => Bool, f64 => Double, String => String);
 
 impl From<&str> for Value {
     fn from(text: &str) -> Self {
         Self::String(text.to_owned())
-    }
-}
-
-impl From<String> for Value {
-    fn from(text: String) -> Self {
-        Self::String(text)
     }
 }
 
@@ -143,5 +130,45 @@ impl<T: Into<Value>, const N: usize> From<[T; N]> for Value {
 impl FromIterator<Value> for Value {
     fn from_iter<I: IntoIterator<Item = Value>>(items: I) -> Self {
         Self::Array(items.into_iter().collect())
+    }
+}
+
+/// Reply of a ROS API method. The code is 1 for success, 0 for a failure and -1 for an error of
+/// the caller.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Reply {
+    code: i32,
+    message: String,
+    value: Value,
+}
+
+impl Reply {
+    /// Returns the reply of a call that succeeded.
+    pub(crate) fn success(message: impl Into<String>, value: impl Into<Value>) -> Self {
+        Self::with_code(1, message, value)
+    }
+
+    /// Returns the reply of a valid call that could not be carried out.
+    pub(crate) fn failure(message: impl Into<String>, value: impl Into<Value>) -> Self {
+        Self::with_code(0, message, value)
+    }
+
+    /// Returns the reply of a call with wrong arguments.
+    pub(crate) fn caller_error(message: impl Into<String>, value: impl Into<Value>) -> Self {
+        Self::with_code(-1, message, value)
+    }
+
+    fn with_code(code: i32, message: impl Into<String>, value: impl Into<Value>) -> Self {
+        Self {
+            code,
+            message: message.into(),
+            value: value.into(),
+        }
+    }
+}
+
+impl From<Reply> for Value {
+    fn from(reply: Reply) -> Self {
+        Self::Array(vec![reply.code.into(), reply.message.into(), reply.value])
     }
 }

@@ -1,0 +1,91 @@
+//! A live source yields the counts of a recording with the same samples.
+
+use std::io::Cursor;
+
+use recordings::{AdcSpec, FileToWrite, GdfWriter, LiveAdc, Missing, MontageMap, SignalToWrite};
+
+use crate::{open, played};
+
+/// Montage of the test: Fz is missing in the source and interpolated from the others.
+const MONTAGE: [&str; 4] = ["Cz", "Fz", "Pz", "C3"];
+/// Labels of the source, in another order and spelling, with a signal that no electrode uses.
+const LABELS: [&str; 4] = ["PZ.", "EMG", "c3", "Cz"];
+const SECONDS: u32 = 20;
+
+/// Returns samples of the source in uV: noise on an offset, deterministic.
+fn samples(rate_hz: u32) -> Vec<f32> {
+    let mut state = 1_u32;
+    let values = (0..rate_hz * SECONDS).flat_map(|_| [0.0_f32, 1.0, 2.0, 3.0]);
+    values
+        .map(|offset| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let noise = f32::from(u16::try_from(state >> 16).expect("16 bits")) / 300.0;
+            1000.0 * offset + noise
+        })
+        .collect()
+}
+
+fn recorded(rate_hz: u32, samples: &[f32]) -> Vec<[i32; 64]> {
+    let signal = |label: &str| SignalToWrite {
+        label: label.to_owned(),
+        is_microvolt: true,
+        is_integer: false,
+        range: [-187_500.0, 187_500.0],
+    };
+    let file = FileToWrite {
+        signals: LABELS.map(signal).into(),
+        rate_hz,
+        rows_per_record: rate_hz,
+        start_ns: 0,
+        description: String::new(),
+    };
+    let mut writer = GdfWriter::new(Cursor::new(Vec::new()), &file).expect("a header");
+    for record in samples.chunks(rate_hz as usize * LABELS.len()) {
+        writer.write_record(record).expect("memory");
+    }
+    let bytes = writer.finish(&[]).expect("memory").into_inner();
+    let recording = open(bytes).expect("a valid file");
+    let adc = played(recording, &MONTAGE, Missing::Interpolate);
+    adc.collect::<Result<_, _>>().expect("readable")
+}
+
+#[test]
+fn counts_are_those_of_a_recording_whatever_the_rate_and_the_size_of_frames() {
+    for (rate_hz, rows) in [
+        (250, 10),
+        (256, 7),
+        (500, 25),
+        (512, 32),
+        (1000, 1),
+        (1024, 64),
+    ] {
+        let samples = samples(rate_hz);
+        let expected = recorded(rate_hz, &samples);
+        let map = MontageMap::new(&LABELS, &MONTAGE, Missing::Interpolate).expect("a montage");
+        let mut adc = LiveAdc::new(&LABELS, rate_hz, &map, AdcSpec::ads1299(512)).expect("usable");
+        let mut counts = Vec::new();
+        for frame in samples.chunks(rows * LABELS.len()) {
+            adc.append(frame).expect("converted");
+            counts.extend(std::iter::from_fn(|| adc.next_sample()));
+        }
+        assert_eq!(counts, expected[..counts.len()], "{rate_hz} Hz");
+        // At most one and a half blocks of the resampler are still missing.
+        let missing = expected.len() - counts.len();
+        let block = adc.block() * 512 / rate_hz as usize;
+        let most = if rate_hz == 512 { 0 } else { block * 3 / 2 };
+        assert!(missing <= most, "{rate_hz} Hz: {missing} of {most}");
+    }
+}
+
+#[test]
+fn lost_samples_are_held_so_that_later_samples_keep_their_time() {
+    let map = MontageMap::new(&["Cz"], &["Cz"], Missing::Refuse).expect("a montage");
+    let mut adc = LiveAdc::new(&["Cz"], 512, &map, AdcSpec::ads1299(512)).expect("usable");
+    adc.append(&[0.0, 100.0]).expect("converted");
+    adc.hold(2).expect("converted");
+    adc.append(&[f32::NAN, -100.0]).expect("converted");
+    let counts: Vec<i32> = std::iter::from_fn(|| adc.next_sample().map(|all| all[0])).collect();
+    // Every second repetition gets one count of dither.
+    assert_eq!(counts, [0, 4474, 4475, 4474, 4475, -4474]);
+    assert_eq!(adc.counters().not_finite, 1);
+}

@@ -1,0 +1,175 @@
+//! Samples, events, warnings and errors from synthetic EDF, EDF+ and BDF files.
+
+use recordings::{Event, EventLabel, Format, Ratio, RecordingError, Warning};
+
+use crate::{
+    files::{EdfFile, EdfSignal},
+    open, read_all,
+};
+
+#[test]
+fn signals_with_different_rates_keep_their_samples_and_units() {
+    let slow = EdfSignal {
+        unit: "mV",
+        ranges: ["-1", "1", "-100", "100"].map(str::to_owned),
+        ..EdfSignal::int16("EEG Cz", 2, &[-100, 0, 50, 100])
+    };
+    let fast = EdfSignal::int16("EOG", 4, &[1, 2, 3, 4, 5, 6, 7, 8]);
+    let file = EdfFile {
+        duration: "0.5",
+        ..EdfFile::edf("2", vec![slow, fast])
+    };
+    let mut recording = open(file.bytes()).expect("a valid file");
+    assert_eq!(recording.format(), Format::Edf);
+    assert_eq!(recording.warnings(), []);
+    assert_eq!(recording.duration_s(), 1.0);
+    let rates = recording
+        .signals()
+        .iter()
+        .map(|signal| signal.rate.map(Ratio::value));
+    assert_eq!(rates.collect::<Vec<_>>(), [Some(4.0), Some(8.0)]);
+    assert_eq!(recording.signals()[0].unit.microvolts(), Some(1000.0));
+    let samples = read_all(&mut recording);
+    assert_eq!(samples[0], [-1.0, 0.0, 0.5, 1.0]);
+    assert_eq!(samples[1], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
+    recording.rewind();
+    assert_eq!(read_all(&mut recording), samples, "a second pass");
+}
+
+#[test]
+fn bdf_samples_have_24_bits() {
+    let data = vec![0, 0, 0x80, 0xff, 0xff, 0x7f, 0xfe, 0xff, 0xff, 1, 2, 0];
+    let file = EdfFile::bdf("1", 4, data);
+    let mut recording = open(file.bytes()).expect("a valid file");
+    assert_eq!(recording.format(), Format::Bdf);
+    let expected = [-8_388_608.0, 8_388_607.0, -2.0, 513.0];
+    assert_eq!(read_all(&mut recording)[0], expected);
+}
+
+#[test]
+fn unknown_and_wrong_numbers_of_records_cause_a_warning() {
+    let signal = || vec![EdfSignal::int16("Cz", 2, &[1, 2, 3, 4, 5, 6])];
+    let derived = open(EdfFile::edf("-1", signal()).bytes()).expect("usable");
+    assert_eq!(derived.warnings(), [Warning::RecordsUnknown { derived: 3 }]);
+
+    let mut bytes = EdfFile::edf("5", signal()).bytes();
+    bytes.extend([9, 9, 9]);
+    let mut truncated = open(bytes).expect("usable");
+    let warning = Warning::Truncated {
+        promised: 5,
+        whole: 3,
+        left_over: 3,
+    };
+    assert_eq!(truncated.warnings(), [warning]);
+    assert_eq!(read_all(&mut truncated)[0], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+
+    let mut longer = open(EdfFile::edf("2", signal()).bytes()).expect("usable");
+    assert_eq!(longer.warnings(), [Warning::Surplus { bytes: 4 }]);
+    assert_eq!(read_all(&mut longer)[0].len(), 4);
+}
+
+#[test]
+fn annotations_are_returned_as_events_and_not_as_samples() {
+    let lists: [&[u8]; 2] = [
+        b"+0\x14\x14\0+0.5\x150.25\x14left hand\x14\0",
+        b"+1\x14\x14\0+1.5\x14T2\x14\0",
+    ];
+    let file = EdfFile::edf_plus("EDF+C", "2", (2, &[1, 2, 3, 4]), &lists);
+    let mut recording = open(file.bytes()).expect("a valid file");
+    assert_eq!(recording.format(), Format::EdfPlusContinuous);
+    let event = |onset_s, duration_s, text: &str| Event {
+        onset_s,
+        duration_s,
+        signal: None,
+        label: EventLabel::Text(text.to_owned()),
+    };
+    assert_eq!(
+        recording.events().expect("readable"),
+        [event(0.5, Some(0.25), "left hand"), event(1.5, None, "T2")]
+    );
+    let samples = read_all(&mut recording);
+    assert_eq!((samples[0].len(), samples[1].len()), (4, 0));
+    assert_eq!(recording.warnings(), []);
+}
+
+#[test]
+fn gaps_and_damaged_annotations_cause_a_warning() {
+    let lists: [&[u8]; 3] = [b"+0\x14\x14\0", b"+1\x14\x14\0", b"+7.5\x14\x14\0"];
+    let samples = (1, &[1, 2, 3][..]);
+    let file = EdfFile::edf_plus("EDF+D", "3", samples, &lists);
+    let recording = open(file.bytes()).expect("usable");
+    let (count, seconds) = (1, 5.5);
+    assert_eq!(recording.warnings(), [Warning::Gaps { count, seconds }]);
+
+    let damaged: [&[u8]; 3] = [b"+0\x14\x14\0", b"rubbish", b"+2\x14\x14\0+2\x14x\x14\0"];
+    let file = EdfFile::edf_plus("EDF+C", "3", samples, &damaged);
+    let mut recording = open(file.bytes()).expect("usable");
+    assert_eq!(recording.events().expect("readable").len(), 1);
+    assert_eq!(recording.events().expect("readable").len(), 1);
+    let reported_once = [Warning::Annotations { records: 1 }];
+    assert_eq!(recording.warnings(), reported_once);
+}
+
+#[test]
+fn unusable_headers_are_refused_with_the_name_of_the_field() {
+    let valid = || EdfFile::edf("1", vec![EdfSignal::int16("Cz", 2, &[1, 2])]);
+    let message = |file: EdfFile| open(file.bytes()).err().expect("refused").to_string();
+
+    let mut flat = valid();
+    flat.signals[0].ranges[3] = "-32768".to_owned();
+    assert!(message(flat).contains("signal Cz cannot be scaled: digital -32768..-32768"));
+
+    let no_duration = EdfFile {
+        duration: "0",
+        ..valid()
+    };
+    assert!(message(no_duration).contains("duration of a record"));
+    let negative = EdfFile {
+        records: "-7",
+        ..valid()
+    };
+    assert!(message(negative).contains("number of records"));
+    let with_unit = EdfFile {
+        duration: "1 s",
+        ..valid()
+    };
+    assert!(message(with_unit).contains("holds \"1 s\", which is not usable: a plain number"));
+
+    let empty = EdfFile::edf("0", Vec::new());
+    assert!(message(empty).contains("number of signals"));
+    let mut infinite = valid();
+    infinite.signals[0].ranges[1] = "inf".to_owned();
+    assert!(message(infinite).contains("cannot be scaled"));
+
+    let bytes = valid().bytes();
+    assert_refused!(
+        bytes[..300].to_vec(),
+        RecordingError::HeaderTruncated {
+            needed: 512,
+            found: 300
+        }
+    );
+    assert_refused!(
+        bytes[..512].to_vec(),
+        RecordingError::NoData {
+            record_bytes: 4,
+            data_bytes: 0
+        }
+    );
+    assert_refused!(Vec::new(), RecordingError::Empty);
+    for other in [&b"GDF"[..], b"%PDF-1.7 something else"] {
+        assert_refused!(other.to_vec(), RecordingError::UnknownFormat { .. });
+    }
+}
+
+#[test]
+fn an_empty_physical_range_yields_digital_values() {
+    let mut file = EdfFile::edf("1", vec![EdfSignal::int16("Trigger", 2, &[1, 2])]);
+    file.signals[0].ranges[0] = "0".to_owned();
+    file.signals[0].ranges[1] = "0".to_owned();
+    let mut recording = open(file.bytes()).expect("usable");
+    let label = "Trigger".to_owned();
+    let empty = Warning::PhysicalRangeEmpty { label };
+    assert_eq!(recording.warnings(), [empty]);
+    assert_eq!(read_all(&mut recording)[0], [1.0, 2.0]);
+}

@@ -1,0 +1,185 @@
+//! Samples, events, warnings and errors from synthetic GDF files.
+
+use recordings::{Event, EventLabel, Format, Ratio, RecordingError, Warning};
+
+use crate::{
+    files::{GdfFile, GdfSignal, event_table},
+    open, read_all,
+};
+
+#[test]
+fn signals_of_all_sample_types_are_read_from_one_file() {
+    // GDF type, bytes of all samples, expected values. The extremes of the types show the sign.
+    let types: [(u32, Vec<u8>, &[f64]); 12] = [
+        (1, vec![0x80, 0x7f], &[-128.0, 127.0]),
+        (2, vec![1, 2, 0x80, 0xff], &[1.0, 2.0, 128.0, 255.0]),
+        (
+            3,
+            [i16::MIN, i16::MAX].map(i16::to_le_bytes).concat(),
+            &[-32_768.0, 32_767.0],
+        ),
+        (
+            4,
+            [1, u16::MAX].map(u16::to_le_bytes).concat(),
+            &[1.0, 65_535.0],
+        ),
+        (
+            5,
+            [i32::MIN, 7].map(i32::to_le_bytes).concat(),
+            &[-2_147_483_648.0, 7.0],
+        ),
+        (
+            6,
+            [u32::MAX, 7].map(u32::to_le_bytes).concat(),
+            &[4_294_967_295.0, 7.0],
+        ),
+        (7, [-5, 7].map(i64::to_le_bytes).concat(), &[-5.0, 7.0]),
+        (
+            8,
+            [1, 1 << 63].map(u64::to_le_bytes).concat(),
+            &[1.0, 9_223_372_036_854_775_808.0],
+        ),
+        (
+            16,
+            [-1.5, -7.25].map(f32::to_le_bytes).concat(),
+            &[-1.5, -7.25],
+        ),
+        (17, [0.1, 7.0].map(f64::to_le_bytes).concat(), &[0.1, 7.0]),
+        (
+            279,
+            vec![0, 0, 0x80, 0xff, 0xff, 0x7f],
+            &[-8_388_608.0, 8_388_607.0],
+        ),
+        (
+            535,
+            vec![0, 0, 0x80, 0xff, 0xff, 0xff],
+            &[8_388_608.0, 16_777_215.0],
+        ),
+    ];
+    let expected = types.each_ref().map(|(_, _, expected)| *expected);
+    let signals = types.map(|(number, data, expected)| {
+        let per_record = u32::try_from(expected.len() / 2).expect("few samples");
+        GdfSignal::with_type(number, per_record, data)
+    });
+    let file = GdfFile::version_2(2, signals.into());
+    let mut recording = open(file.bytes()).expect("a valid file");
+    let samples = read_all(&mut recording);
+    for (signal, (found, expected)) in samples.iter().zip(expected).enumerate() {
+        // The calibration (d + 100) * 1 - 100 is exact for integers and changes 0.1 by less than
+        // 1e-14.
+        let mut pairs = found.iter().zip(expected);
+        let close = pairs.all(|(a, b)| (a - b).abs() <= 1e-9) && found.len() == expected.len();
+        assert!(close, "signal {signal}: {found:?}");
+    }
+}
+
+#[test]
+fn the_third_header_is_skipped_and_the_event_table_is_found() {
+    let mut file = GdfFile::float32(2, 2, &[1.0, 2.0, 3.0, 4.0]);
+    file.third_header = b"\x01\x05\0\0text\0".to_vec();
+    file.events = event_table(2.0, &[(1, 768), (4, 0x8300)]);
+    file.duration = (1, 2);
+    let mut recording = open(file.bytes()).expect("a valid file");
+    assert_eq!(recording.format(), Format::Gdf2(2.2));
+    assert_eq!(recording.signals()[0].rate.map(Ratio::value), Some(4.0));
+    let event = |onset_s, label| Event {
+        onset_s,
+        duration_s: None,
+        signal: None,
+        label: EventLabel::Type(label),
+    };
+    assert_eq!(
+        recording.events().expect("readable"),
+        [event(0.0, 768), event(1.5, 0x8300)]
+    );
+    assert_eq!(read_all(&mut recording)[0], [1.0, 2.0, 3.0, 4.0]);
+    assert_eq!(recording.warnings(), []);
+}
+
+#[test]
+fn a_truncated_event_table_causes_a_warning_and_the_samples_are_read() {
+    let mut file = GdfFile::float32(1, 1, &[1.0]);
+    file.events = event_table(1.0, &[(1, 768), (2, 769)]);
+    file.events.truncate(15);
+    let mut recording = open(file.bytes()).expect("usable");
+    assert_eq!(recording.events().expect("readable"), []);
+    let (announced, bytes) = (2, 15);
+    let cut_off = Warning::EventTable { announced, bytes };
+    assert_eq!(recording.warnings(), [cut_off]);
+    assert_eq!(read_all(&mut recording)[0], [1.0]);
+}
+
+#[test]
+fn the_layout_of_version_1_is_read() {
+    let mut signal = GdfSignal::with_type(3, 2, vec![0, 1, 100, 0, 0x9c, 0xff, 0, 0]);
+    signal.ranges = [-1.0, 1.0, -100.0, 100.0];
+    signal.unit = "mV";
+    let mut file = GdfFile::version_2(2, vec![signal]);
+    file.version_1 = true;
+    file.events = vec![1, 2, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 5, 3];
+    let mut recording = open(file.bytes()).expect("a valid file");
+    assert_eq!(recording.format(), Format::Gdf1(1.25));
+    assert_eq!(recording.signals()[0].unit.microvolts(), Some(1000.0));
+    let samples = &read_all(&mut recording)[0];
+    assert_eq!(samples[1..], [1.0, -1.0, 0.0]);
+    let events = recording.events().expect("readable");
+    assert_eq!(
+        (events[0].onset_s, events[0].label.clone()),
+        (1.0, EventLabel::Type(0x0305))
+    );
+}
+
+#[test]
+fn unknown_record_counts_truncation_and_unknown_units_cause_warnings() {
+    let mut file = GdfFile::float32(-1, 1, &[1.0, 2.0]);
+    file.signals[0].unit_code = 512;
+    file.signals[0].unit = "";
+    let mut bytes = file.bytes();
+    bytes.push(0);
+    let recording = open(bytes).expect("usable");
+    assert_eq!(
+        recording.warnings(),
+        [
+            Warning::UnitUnknown {
+                signals: vec!["Cz (code 512)".to_owned()]
+            },
+            Warning::RecordsUnknown { derived: 2 },
+            Warning::Truncated {
+                promised: 2,
+                whole: 2,
+                left_over: 1
+            },
+        ]
+    );
+}
+
+#[test]
+fn unusable_headers_are_refused() {
+    let valid = || GdfFile::float32(1, 1, &[1.0]);
+    let mut packed = valid();
+    packed.signals[0].type_number = 255 + 12;
+    assert_refused!(
+        packed.bytes(),
+        RecordingError::SampleType { number: 267, .. }
+    );
+    let mut flat = valid();
+    flat.signals[0].ranges[2] = 100.0;
+    assert_refused!(flat.bytes(), RecordingError::Range { .. });
+    let mut not_a_number = valid();
+    not_a_number.signals[0].ranges[0] = f64::NAN;
+    assert_refused!(not_a_number.bytes(), RecordingError::Range { .. });
+    let mut zero_denominator = valid();
+    zero_denominator.duration = (1, 0);
+    assert_refused!(zero_denominator.bytes(), RecordingError::HeaderField { .. });
+    let mut bytes = valid().bytes();
+    bytes[252..254].copy_from_slice(&0_u16.to_le_bytes());
+    assert_refused!(bytes.clone(), RecordingError::HeaderField { .. });
+    bytes[252..254].copy_from_slice(&u16::MAX.to_le_bytes());
+    assert_refused!(bytes, RecordingError::HeaderTruncated { .. });
+    let mut short_header = valid().bytes();
+    short_header[184] = 1;
+    assert_refused!(short_header, RecordingError::HeaderField { .. });
+    let mut unknown_version = valid().bytes();
+    unknown_version[4] = b'9';
+    assert_refused!(unknown_version, RecordingError::UnknownFormat { .. });
+}

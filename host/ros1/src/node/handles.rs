@@ -1,0 +1,159 @@
+//! The handles of a node's topics and services. Dropping a handle unregisters its topic or service.
+
+use std::{
+    fmt,
+    sync::{Arc, Weak, atomic::Ordering::Relaxed},
+};
+
+use super::{graph::Key, registrar::Registrar};
+use crate::{
+    publication::{Publication, SubscriberLag},
+    service::Provider,
+    subscription::Subscription,
+};
+
+/// Keeps one topic or service in the node's graph. Dropping the lease removes the topic or service
+/// from the graph and unregisters it.
+pub(crate) struct Lease {
+    key: Key,
+    registrar: Weak<Registrar>,
+}
+
+impl Lease {
+    pub(crate) fn new(key: Key, registrar: &Arc<Registrar>) -> Self {
+        Self {
+            key,
+            registrar: Arc::downgrade(registrar),
+        }
+    }
+
+    pub(crate) fn key(&self) -> &Key {
+        &self.key
+    }
+}
+
+impl Drop for Lease {
+    fn drop(&mut self) {
+        if let Some(registrar) = self.registrar.upgrade() {
+            registrar.release(&self.key);
+        }
+    }
+}
+
+impl fmt::Debug for Lease {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Lease").field(&self.key).finish()
+    }
+}
+
+/// Handle of a topic that this node publishes. All clones publish on the same topic; dropping the
+/// last clone unregisters the topic.
+#[derive(Debug, Clone)]
+pub struct Publisher {
+    publication: Arc<Publication>,
+    _lease: Arc<Lease>,
+}
+
+impl Publisher {
+    pub(crate) fn new(publication: Arc<Publication>, lease: Lease) -> Self {
+        Self {
+            publication,
+            _lease: Arc::new(lease),
+        }
+    }
+
+    /// Queues one message body for every subscriber, without waiting. Returns the number of
+    /// subscribers, or 0 if the body was too long.
+    ///
+    /// All subscriber queues share one copy of the body; without subscribers no memory is
+    /// allocated. A full queue drops its oldest message. A body longer than
+    /// [`MAX_MESSAGE`](crate::tcpros::MAX_MESSAGE) is dropped for all subscribers.
+    /// [`Publisher::dropped`] counts the messages dropped for either reason.
+    pub fn publish(&self, message: &[u8]) -> u32 {
+        self.publication.publish(message)
+    }
+
+    /// Number of subscribers with an open connection.
+    pub fn subscribers(&self) -> usize {
+        self.publication.subscribers()
+    }
+
+    /// Number of messages dropped so far, summed over all subscribers, including disconnected ones.
+    pub fn dropped(&self) -> u64 {
+        self.publication.dropped()
+    }
+
+    /// Returns the lag of every subscriber with an open connection.
+    pub fn lags(&self) -> Vec<SubscriberLag> {
+        self.publication.lags()
+    }
+
+    /// Full name of the topic after remapping.
+    pub fn topic(&self) -> &str {
+        &self.publication.name
+    }
+}
+
+/// Handle of a topic that this node subscribes to; receives from all publishers of the topic.
+/// Dropping the handle unsubscribes.
+#[derive(Debug)]
+pub struct Subscriber {
+    subscription: Arc<Subscription>,
+    _lease: Lease,
+}
+
+impl Subscriber {
+    pub(crate) fn new(subscription: Arc<Subscription>, lease: Lease) -> Self {
+        Self {
+            subscription,
+            _lease: lease,
+        }
+    }
+
+    /// Returns the next message body. Waits while the queue is empty; returns `None` once the node
+    /// has shut down and the queue is empty. Cancelling the wait loses no message.
+    pub async fn recv(&mut self) -> Option<Vec<u8>> {
+        self.subscription.inbox.messages.pop().await
+    }
+
+    /// Number of messages dropped because the queue was full when a newer one arrived.
+    pub fn dropped(&self) -> u64 {
+        self.subscription.inbox.dropped.load(Relaxed)
+    }
+
+    /// Number of publishers with an open connection.
+    pub fn publishers(&self) -> usize {
+        self.subscription
+            .links()
+            .iter()
+            .filter(|link| link.is_connected())
+            .count()
+    }
+
+    /// Full name of the topic after remapping.
+    pub fn topic(&self) -> &str {
+        &self.subscription.inbox.topic
+    }
+}
+
+/// Handle of a service that this node provides. Dropping the handle unregisters the service.
+#[derive(Debug)]
+#[must_use = "dropping the handle unregisters the service"]
+pub struct Service {
+    provider: Arc<Provider>,
+    _lease: Lease,
+}
+
+impl Service {
+    pub(crate) fn new(provider: Arc<Provider>, lease: Lease) -> Self {
+        Self {
+            provider,
+            _lease: lease,
+        }
+    }
+
+    /// Full name of the service after remapping.
+    pub fn name(&self) -> &str {
+        &self.provider.name
+    }
+}
