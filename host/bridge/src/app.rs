@@ -2,6 +2,7 @@
 
 pub(crate) mod bridge;
 mod check_options;
+pub(crate) mod choices;
 mod claim;
 pub(crate) mod command_line;
 mod completions;
@@ -32,6 +33,7 @@ mod sinks;
 mod stream_options;
 mod whole_lines;
 
+use bridge_core::{Answer, Request};
 use std::error::Error;
 use std::fmt;
 use std::io::{ErrorKind, Write};
@@ -54,7 +56,6 @@ use crate::app::ports::PortList;
 use crate::app::replay::ReplayOptions;
 use crate::error::BridgeError;
 use crate::ports::system_root::SystemRoot;
-use crate::query::protocol::{Answer, Request};
 use crate::query::query_port;
 
 /// udev's rule for boards on USB.

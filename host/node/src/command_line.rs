@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use bridge::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
+use bridge::choice;
+use bridge_core::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 use clap::builder::{BoolishValueParser, PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, CommandFactory, Parser};
 use pipeline::Mains;
@@ -45,10 +46,10 @@ pub(crate) struct Options {
     )]
     pub(crate) mains: u8,
     /// Point of a frame that its stamp refers to
-    #[arg(long, env = "CORTICODE_STAMP", value_enum, default_value_t)]
+    #[arg(long, env = "CORTICODE_STAMP", default_value = "first", value_parser = choice::<StampPoint>())]
     pub(crate) stamp: StampPoint,
     /// Replacement of a lost code
-    #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
+    #[arg(long, env = "CORTICODE_FILLER", default_value = "last", value_parser = choice::<FillerPolicy>())]
     pub(crate) filler: FillerPolicy,
     /// Reconstruct from the newest window alone: one hop earlier, with a slightly larger error
     #[arg(
@@ -108,8 +109,8 @@ impl Options {
             low_latency: self.low_latency,
             announced: self.announce,
             streams: STREAMS,
-            packed_rate: None,
             event_stamps: EventStamps::Scalp,
+            ..Settings::default()
         }
     }
 
@@ -130,7 +131,7 @@ impl Options {
 
 #[cfg(test)]
 mod tests {
-    use bridge::AnnouncedStream;
+    use bridge_core::AnnouncedStream;
     use clap::{CommandFactory, Parser};
     use pipeline::Mains;
 

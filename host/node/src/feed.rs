@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use bridge::{BridgeError, Feed, FeedEvent, HostTime};
+use bridge::{BridgeError, Feed, FeedEvent};
+use bridge_core::HostTime;
 use neuro_ros::ros1::Subscriber;
 use neuro_ros::{DiagnosticStatus, NeuroFrame, Wire};
 use pipeline::Mains;

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 
-use bridge::HostTime;
+use bridge_core::HostTime;
 use link::Substitutes;
 use neuro_ros::NeuroFrame;
 use pipeline::{Mains, Sample};

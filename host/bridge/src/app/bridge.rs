@@ -1,5 +1,6 @@
 //! The streaming bridge: connects the core to the port, to ROS and to the clock.
 
+use bridge_core::{Core, HostTime, Model, Settings, Summary};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -21,12 +22,7 @@ use crate::app::silence_log::SilenceLog;
 use crate::app::sink_kind::SinkKind;
 use crate::app::sinks::Sinks;
 use crate::app::whole_lines::WholeLines;
-use crate::core::Core;
-use crate::decoder::model::Model;
-use crate::diagnostics::summary::Summary;
 use crate::error::BridgeError;
-use crate::settings::Settings;
-use crate::time::host_time::HostTime;
 use crate::wire::connection::{Connection, Event};
 use crate::wire::feed::Feed;
 

@@ -1,5 +1,6 @@
 //! Command-line options and subcommands.
 
+use bridge_core::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -8,6 +9,7 @@ use clap::{Arg, ArgAction, Command, CommandFactory, Error, FromArgMatches, Parse
 use link::{ResetInto, Streams};
 
 use crate::app::check_options::{DoctorOptions, PortsOptions};
+use crate::app::choices::choice;
 use crate::app::completions::CompletionsOptions;
 use crate::app::convert::ConvertOptions;
 use crate::app::man::ManOptions;
@@ -16,7 +18,6 @@ use crate::app::port_options::PortOptions;
 use crate::app::replay::ReplayOptions;
 use crate::app::sink_kind::SinkKind;
 use crate::app::stream_options::StreamOptions;
-use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 
 /// Identifier and name of the option for the configuration file.
 pub(crate) const CONFIG: &str = "config";
@@ -59,12 +60,12 @@ pub(crate) struct Options {
     #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
     /// Point of a frame that its stamp refers to
-    #[arg(long, env = "CORTICODE_STAMP", value_enum, default_value_t)]
+    #[arg(long, env = "CORTICODE_STAMP", default_value = "first", value_parser = choice::<StampPoint>())]
     pub(crate) stamp: StampPoint,
     #[command(flatten)]
     pub(crate) asked: StreamOptions,
     /// Replacement of a lost code, packed block, sample or step
-    #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
+    #[arg(long, env = "CORTICODE_FILLER", default_value = "last", value_parser = choice::<FillerPolicy>())]
     pub(crate) filler: FillerPolicy,
     /// Reconstruct from the newest window or packed block alone: 62.5 ms earlier, with a slightly larger error
     #[arg(
@@ -80,11 +81,11 @@ pub(crate) struct Options {
     pub(crate) low_latency: bool,
     /// Time that the stamp of an event refers to: where rosneuro_recorder places it in a recording of
     /// the announced stream, or the event itself, as the frames' stamps
-    #[arg(long, env = "CORTICODE_EVENT_STAMPS", value_enum, default_value_t)]
+    #[arg(long, env = "CORTICODE_EVENT_STAMPS", default_value = "recorder", value_parser = choice::<EventStamps>())]
     pub(crate) event_stamps: EventStamps,
     /// Stream that /acquisition/get_info describes; record this one and no other [default: encoded,
     /// without codes reconstructed]
-    #[arg(long, env = "CORTICODE_ANNOUNCE", value_enum)]
+    #[arg(long, env = "CORTICODE_ANNOUNCE", value_parser = choice::<AnnouncedStream>())]
     pub(crate) announce: Option<AnnouncedStream>,
 }
 

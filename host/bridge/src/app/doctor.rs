@@ -1,5 +1,6 @@
 //! The subcommand `doctor`: collects facts about this machine and checks them.
 
+use bridge_core::{AnnouncedStream, HostTime, Model};
 use std::net::IpAddr;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -14,7 +15,6 @@ use tokio::time::{Instant, timeout};
 use crate::app::check_options::DoctorOptions;
 use crate::app::namespace::Namespace;
 use crate::app::sink_kind::SinkKind;
-use crate::decoder::model::Model;
 use crate::doctor::check::{Level, Report};
 use crate::doctor::device_checks::check_device;
 use crate::doctor::machine_checks::{check_clock, check_disk};
@@ -24,8 +24,6 @@ use crate::doctor::ros_checks::{MasterState, OwnHost, RosFacts, check_ros};
 use crate::ports::finder::{BoardFinder, FindError};
 use crate::ports::serial_port::Likeness;
 use crate::ports::system_root::SystemRoot;
-use crate::settings::AnnouncedStream;
-use crate::time::host_time::HostTime;
 use crate::wire::address::PortAddress;
 use crate::wire::port::{Port, Transfer};
 

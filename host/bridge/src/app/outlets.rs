@@ -1,5 +1,10 @@
 //! Outputs of the bridge: sinks, decoder thread and bytes for the device.
 
+use bridge_core::{
+    Announcement, AuditedWindow, BackPressure, DecoderCounts, DecoderThread, Effects, HostTime,
+    Model, PackedReconstruction, Reconstruction, Settings, TimedCode, TimedPackedBlock,
+    report_malformed,
+};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -12,17 +17,6 @@ use tokio::sync::watch::Sender;
 use crate::app::namespace::Namespace;
 use crate::app::ros_topics::RosTopics;
 use crate::app::sinks::{MAX_FILLERS, Sinks};
-use crate::decoder::audit::AuditedWindow;
-use crate::decoder::back_pressure::BackPressure;
-use crate::decoder::counts::DecoderCounts;
-use crate::decoder::model::Model;
-use crate::decoder::packed::{PackedReconstruction, TimedPackedBlock};
-use crate::decoder::reconstruction::{Reconstruction, TimedCode};
-use crate::decoder::thread::DecoderThread;
-use crate::diagnostics::packed::report_malformed;
-use crate::effects::{Announcement, Effects};
-use crate::settings::Settings;
-use crate::time::host_time::HostTime;
 
 /// Longest time at the end to wait for the decoder. A service manager kills a program that does not
 /// end, systemd after 90 s.

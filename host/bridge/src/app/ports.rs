@@ -1,10 +1,10 @@
 //! The subcommand `ports`: lists the serial ports of this machine.
 
+use bridge_core::write_columns;
 use std::fmt;
 
 use serde::Serialize;
 
-use crate::columns::write_columns;
 use crate::ports::serial_port::{Likeness, SerialPort};
 use crate::ports::system_root::SystemRoot;
 

@@ -1,30 +1,20 @@
 //! The subcommand `record`: connects the core to a port and to a file.
 
+use bridge_core::{Announcement, Core, Effects, FillerPolicy, HostTime, Model, Settings, Summary};
+use capture::{FileHeader, Recorder};
 use std::fmt;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use indicatif::{DecimalBytes, FormattedDuration, ProgressBar};
 use link::Streams;
-use neuro_ros::{NeuroEvent, NeuroFrame};
 use new_file::Existing;
 use tokio::time::{MissedTickBehavior, interval};
 
 use crate::app::command_line::RecordOptions;
 use crate::app::recording_file::RecordingFile;
 use crate::app::shutdown::Shutdown;
-use crate::core::Core;
-use crate::decoder::audit::AuditedWindow;
-use crate::decoder::model::Model;
-use crate::decoder::packed::TimedPackedBlock;
-use crate::decoder::reconstruction::TimedCode;
-use crate::diagnostics::summary::Summary;
-use crate::effects::{Announcement, Effects};
 use crate::error::BridgeError;
-use crate::recording::file_header::FileHeader;
-use crate::recording::recorder::Recorder;
-use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
-use crate::time::host_time::HostTime;
 use crate::wire::connection::{Connection, Event};
 
 /// Time between two ticks of the core.
@@ -64,14 +54,11 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
     let mut shutdown = Shutdown::new()?;
     options.asked.warn_about_unused();
     let settings = Settings {
-        stamp: StampPoint::First,
         mains_hz: options.asked.mains_hz(),
         filler: FillerPolicy::Off,
-        low_latency: false,
-        event_stamps: EventStamps::Scalp,
-        announced: AnnouncedStream::Encoded,
         streams: options.asked.streams(),
         packed_rate: options.asked.packed_rate,
+        ..Settings::default()
     };
     let now = HostTime::now();
     let header = FileHeader {
@@ -263,18 +250,4 @@ impl Effects for RecordedPort {
     fn announce(&mut self, announcement: &Announcement) {
         self.announced = Some(announcement.device.model_id);
     }
-
-    fn publish_encoded(&mut self, _: &NeuroFrame) {}
-
-    fn decode(&mut self, _: TimedCode) {}
-
-    fn decode_block(&mut self, _: TimedPackedBlock) {}
-
-    fn publish_raw(&mut self, _: &NeuroFrame) {}
-
-    fn publish_filtered(&mut self, _: &NeuroFrame) {}
-
-    fn publish_event(&mut self, _: &NeuroEvent) {}
-
-    fn audit(&mut self, _: AuditedWindow) {}
 }

@@ -1,5 +1,7 @@
 //! The subcommand `replay`: plays a recording at a port.
 
+use bridge_core::HostTime;
+use capture::{Pace, RecordingError, ReplayCounts, Replayer};
 use std::fmt;
 use std::fs::File;
 use std::path::PathBuf;
@@ -12,10 +14,6 @@ use tokio::time::{Instant, sleep, sleep_until};
 use crate::app::replay_port::ReplayPort;
 use crate::app::shutdown::Shutdown;
 use crate::error::BridgeError;
-use crate::recording::error::RecordingError;
-use crate::recording::replay_counts::ReplayCounts;
-use crate::recording::replayer::{Pace, Replayer};
-use crate::time::host_time::HostTime;
 use crate::wire::address::PortAddress;
 use crate::wire::port::Transfer;
 

@@ -1,5 +1,6 @@
 //! The sinks of all topics.
 
+use bridge_core::RawForm;
 use std::sync::Arc;
 
 use link::Streams;
@@ -9,7 +10,6 @@ use neuro_ros::{DiagnosticArray, FrameSink, NdjsonWriter, NeuroEvent, Sink};
 use crate::app::namespace::Namespace;
 use crate::app::ros_node::RosNode;
 use crate::app::ros_topics::RosTopics;
-use crate::settings::RawForm;
 
 /// Queue length per subscriber for frames of codes and of reconstructed signals: 8.5 minutes at 16
 /// frames per second. A frame takes about 3 KB, and only slow subscribers have frames waiting.

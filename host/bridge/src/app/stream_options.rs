@@ -1,9 +1,10 @@
 //! Options that state what the device is asked for.
 
+use bridge_core::{RawForm, StreamKind, with_codes};
 use clap::Args;
-use link::{MAX_RATE, Streams};
 
-use crate::settings::{RawForm, StreamKind, with_codes};
+use crate::app::choices::choice;
+use link::{MAX_RATE, Streams};
 
 /// What the device is asked for; options of the bridge and of `record`.
 #[derive(Clone, Debug, Args)]
@@ -16,7 +17,7 @@ pub(crate) struct StreamOptions {
     #[arg(
         long,
         env = "CORTICODE_STREAMS",
-        value_enum,
+        value_parser = choice::<StreamKind>(),
         value_delimiter = ',',
         default_value = "codes,audit,events"
     )]
@@ -25,7 +26,7 @@ pub(crate) struct StreamOptions {
     #[arg(long, env = "CORTICODE_PACKED_RATE", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
     pub(crate) packed_rate: Option<u8>,
     /// Form in which the device sends the samples of the stream raw; both yield the same frames
-    #[arg(long, env = "CORTICODE_RAW_FORM", value_enum, default_value_t)]
+    #[arg(long, env = "CORTICODE_RAW_FORM", default_value = "any", value_parser = choice::<RawForm>())]
     pub(crate) raw_form: RawForm,
 }
 

@@ -1,8 +1,8 @@
 //! Checks of the device: answers, has no fault, and has a model that the bridge decodes.
 
 use artifact::ModelId;
+use bridge_core::Model;
 
-use crate::decoder::model::Model;
 use crate::doctor::check::Check;
 use crate::doctor::probe::{DeviceAnswer, IdentifiedDevice};
 
@@ -123,10 +123,10 @@ fn check_model(device: &IdentifiedDevice, model: &Result<Model, String>) -> Chec
 #[cfg(test)]
 mod tests {
     use super::check_device;
-    use crate::decoder::model::Model;
+    use bridge_core::{DeviceSummary, Model};
+
     use crate::doctor::check::{Check, Level};
     use crate::doctor::probe::{DeviceAnswer, IdentifiedDevice};
-    use crate::query::report::DeviceSummary;
 
     const PORT: &str = "/dev/ttyACM0";
 

@@ -1,11 +1,7 @@
 //! Asks the device to identify itself, as a state machine that performs no I/O itself.
 
+use bridge_core::{Device, DeviceError, DeviceSummary, Identity, PendingCommand};
 use link::{Decoder, Encoder, MAX_FRAME, ToDevice, ToHost};
-
-use crate::device::{Device, DeviceError};
-use crate::query::report::DeviceSummary;
-use crate::wire::identity::Identity;
-use crate::wire::pending::PendingCommand;
 
 /// What the port sent in answer to `Identify`.
 #[derive(Clone, Debug)]

@@ -1,11 +1,11 @@
 //! Where the bytes of a device come from: a port, or a program that is a device itself.
 
+use bridge_core::HostTime;
 use std::time::Duration;
 
 use neuro_ros::DiagnosticStatus;
 
 use crate::error::BridgeError;
-use crate::time::host_time::HostTime;
 use crate::wire::connection::{Connection, Event};
 
 /// Connection to a device, as the streaming loop of this program uses it.

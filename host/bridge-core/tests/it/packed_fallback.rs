@@ -1,0 +1,262 @@
+//! A device that refuses packed blocks and streams codes in their place: what is announced and reconstructed.
+
+use bridge_core::{AnnouncedStream, Announcement, EventStamps, Settings};
+use link::{Event, EventKind, Streams, ToHost};
+
+use crate::board::{Board, WALL_START_NS, at};
+use crate::packed_device::{PACKED, Packed, flags, frames};
+use crate::recorder::Harness;
+
+/// Streams of an image without the packed code.
+const NETWORK: Streams = Streams::ALL.without(Streams::PACKED);
+
+/// Returns a bridge that wants packed blocks and events, and a board with `supported` streams and a hop of 4 steps.
+fn harness(supported: Streams, low_latency: bool) -> Harness {
+    let settings = Settings {
+        streams: Streams::PACKED | Streams::EVENTS,
+        event_stamps: EventStamps::Recorder,
+        low_latency,
+        ..PACKED
+    };
+    let board = Board {
+        supported,
+        hop_steps: 4,
+        ..Board::new()
+    };
+    let mut harness = Harness::new(settings, board);
+    harness.connect();
+    harness
+}
+
+/// Returns where the recorder's signals come from, by the answer to `/acquisition/get_info`.
+fn origin(announced: &Announcement) -> &str {
+    &announced
+        .info
+        .as_ref()
+        .unwrap()
+        .frame()
+        .eeg
+        .info
+        .transducter
+}
+
+fn shift_us(harness: &mut Harness) -> i64 {
+    let values = harness.status("device").unwrap().values;
+    let key = "recorder shift us /neurodata_reconstructed";
+    let pair = values.iter().find(|pair| pair.key == key).unwrap();
+    pair.value.parse().unwrap()
+}
+
+#[test]
+fn codes_in_the_place_of_blocks_are_announced_and_decoded() {
+    let board = Board {
+        supported: NETWORK,
+        ..Board::new()
+    };
+    let mut harness = Harness::new(PACKED, board);
+    harness.connect();
+    assert_eq!(origins(&harness), ["packed code", "autoencoder"]);
+    harness.code(1, false);
+    assert_eq!(harness.recorder.windows.len(), 1);
+    // The same device with an image that has the packed code.
+    restart_with(&mut harness, Streams::ALL);
+    assert_eq!(
+        origins(&harness),
+        ["packed code", "autoencoder", "packed code"]
+    );
+    let mut device = device(harness);
+    device.send(false);
+    assert_eq!(device.harness.recorder.blocks.len(), 1);
+}
+
+#[test]
+fn a_device_that_streams_what_it_is_asked_for_is_announced_once() {
+    let device = Packed::new(PACKED);
+    assert_eq!(device.harness.recorder.announced.len(), 1);
+}
+
+#[test]
+fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
+    // Four steps are 31.25 ms, a window of sixteen 125 ms; frames of four steps, group delay 10 ms, 1.5 steps.
+    let rest_us = 10_000 - 31_250 + 11_718;
+    for (supported, low_latency, steps_us) in [
+        // The window that a hop begins is complete 15 steps later; the next block 7 steps later.
+        (NETWORK, false, 117_187),
+        (Streams::ALL, false, 54_687),
+        (NETWORK, true, 23_437),
+        (Streams::ALL, true, 23_437),
+    ] {
+        let mut harness = harness(supported, low_latency);
+        let expected_us = steps_us + rest_us;
+        assert!((shift_us(&mut harness) - expected_us).abs() <= 2);
+        harness.code(1, false);
+        let happened_us = harness.now_us + 10_000;
+        harness.now_us += 20_000;
+        let event = Event {
+            kind: EventKind::TriggerRise,
+            number: 1,
+            sample: 40,
+        };
+        harness.send(happened_us.unsigned_abs(), &ToHost::Event(event));
+        let stamp_ns = harness.recorder.events[0].header.stamp.nanoseconds();
+        let shifted_us = (stamp_ns - WALL_START_NS) / 1000 - happened_us;
+        assert!(
+            (shifted_us - expected_us).abs() <= 2,
+            "{shifted_us} {expected_us}"
+        );
+    }
+}
+
+/// Restarts the board with another image. A hop passes: the first window of a run is complete after two.
+pub(crate) fn restart_with(harness: &mut Harness, supported: Streams) {
+    harness.board.reboot();
+    harness.now_us += 62_500;
+    harness.board.supported = supported;
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    harness.exchange();
+}
+
+fn device(harness: Harness) -> Packed {
+    Packed {
+        harness,
+        next: 0,
+        rate: 4,
+        flags: link::Flags::empty(),
+    }
+}
+
+#[test]
+fn the_time_in_which_codes_were_decoded_is_not_filled_when_packed_blocks_return() {
+    let settings = Settings {
+        low_latency: false,
+        ..PACKED
+    };
+    let mut device = Packed::new(settings);
+    for _ in 0..5 {
+        device.send(false);
+    }
+    restart_with(&mut device.harness, NETWORK);
+    // The last block's frame comes before those of codes.
+    assert_eq!(device.harness.recorder.finished, [5]);
+    for _ in 0..160 {
+        device.harness.code(1, false);
+    }
+    restart_with(&mut device.harness, Streams::ALL);
+    device.next = 0;
+    for _ in 0..5 {
+        device.send(false);
+    }
+    let recorder = &device.harness.recorder;
+    assert_eq!(recorder.windows.len(), 160);
+    assert_eq!(
+        (recorder.blocks.len(), recorder.blocks[5].is_first),
+        (10, true)
+    );
+    let frames = frames(recorder, settings);
+    assert_eq!(frames.len(), 9, "the newest block waits");
+    assert!(flags(&frames).iter().all(|flags| *flags == 0));
+    let stamp = |frame: usize| frames[frame].header.stamp.nanoseconds();
+    let newest_code = recorder.windows[159].stamp.nanoseconds();
+    assert!(stamp(4) < recorder.windows[0].stamp.nanoseconds());
+    assert!(newest_code < stamp(5));
+}
+
+#[test]
+fn the_time_in_which_packed_blocks_were_decoded_is_filled_among_codes_alone() {
+    let settings = Settings {
+        streams: Streams::CODES | Streams::PACKED,
+        ..PACKED
+    };
+    let board = Board {
+        supported: NETWORK,
+        ..Board::new()
+    };
+    let mut harness = Harness::new(settings, board);
+    harness.connect();
+    for _ in 0..5 {
+        harness.code(1, false);
+    }
+    // The image without the network.
+    restart_with(&mut harness, Streams::PACKED);
+    let mut device = device(harness);
+    for _ in 0..20 {
+        device.send(false);
+    }
+    let mut harness = device.harness;
+    restart_with(&mut harness, NETWORK);
+    // A code of the new run is lost.
+    harness.code(1, true);
+    for _ in 0..5 {
+        harness.code(1, false);
+    }
+    let fillers = [&[false; 5][..], &[true; 23], &[false; 5]].concat();
+    assert_eq!(harness.fillers(), fillers);
+    let windows = &harness.recorder.windows;
+    let lost: Vec<bool> = windows.iter().map(|window| window.z.is_none()).collect();
+    assert_eq!(lost, [&[false; 5][..], &[true], &[false; 5]].concat());
+}
+
+/// Lets the board answer until it streams. The acknowledgement of its start is lost.
+fn start_unacknowledged(harness: &mut Harness) {
+    while !harness.board.streaming {
+        let commands = std::mem::take(&mut harness.recorder.sent);
+        let answers = harness.board.answer(&commands);
+        if !harness.board.streaming {
+            harness.receive(&answers);
+        }
+    }
+}
+
+fn origins(harness: &Harness) -> Vec<&str> {
+    harness.recorder.announced.iter().map(origin).collect()
+}
+
+#[test]
+fn signals_are_decoded_although_the_acknowledgement_of_the_start_was_lost() {
+    let board = Board {
+        supported: NETWORK,
+        ..Board::new()
+    };
+    let mut harness = Harness::new(PACKED, board);
+    let now = at(harness.now_us);
+    harness.core.connected(now, &mut harness.recorder);
+    start_unacknowledged(&mut harness);
+    assert_eq!(origins(&harness), ["packed code"]);
+    for _ in 0..6 {
+        harness.code(1, false);
+    }
+    assert_eq!(origins(&harness), ["packed code", "autoencoder"]);
+    let recorder = &harness.recorder;
+    assert_eq!((recorder.encoded.len(), recorder.windows.len()), (6, 6));
+    // The same after a restart with the packed code.
+    harness.board.reboot();
+    harness.board.supported = Streams::ALL;
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    start_unacknowledged(&mut harness);
+    let mut device = device(harness);
+    for _ in 0..6 {
+        device.send(false);
+    }
+    assert_eq!(origins(&device.harness).len(), 3);
+    assert_eq!(device.harness.recorder.blocks.len(), 6);
+}
+
+#[test]
+fn codes_that_a_device_refuses_are_not_described_until_it_streams_them() {
+    let settings = Settings {
+        streams: Streams::CODES | Streams::PACKED,
+        announced: AnnouncedStream::Encoded,
+        ..PACKED
+    };
+    let board = Board {
+        supported: Streams::PACKED,
+        ..Board::new()
+    };
+    let mut harness = Harness::new(settings, board);
+    harness.connect();
+    assert_eq!(harness.described(), [true, false]);
+    restart_with(&mut harness, Streams::ALL);
+    assert_eq!(harness.described(), [true, false, true]);
+}

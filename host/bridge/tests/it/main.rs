@@ -1,0 +1,40 @@
+//! Tests of the program `corticode-bridge`, between a simulated board and this project's ROS
+//! master.
+#![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
+
+mod abuse;
+mod backlog;
+#[path = "../../../bridge-core/tests/it/board.rs"]
+#[expect(dead_code, reason = "the tests of the core use more of it")]
+mod board;
+mod command_line;
+mod config;
+mod convert;
+mod convert_packed;
+mod device;
+mod doctor;
+mod graph;
+mod json_lines;
+mod lines;
+mod long_outage;
+mod machine;
+mod master;
+mod names;
+#[path = "../../../bridge-core/tests/it/packed_block.rs"]
+mod packed_block;
+mod packed_lines;
+#[path = "../../../capture/tests/it/packed_recording.rs"]
+#[expect(dead_code, reason = "the tests of the core use more of it")]
+mod packed_recording;
+mod process;
+mod query;
+mod record;
+mod replay;
+mod replug;
+mod shell;
+#[path = "../../src/ports/simulated_machine.rs"]
+#[expect(dead_code, reason = "the tests of the crate use more of it")]
+mod simulated_machine;
+#[path = "../../../capture/tests/it/synthetic_recording.rs"]
+mod synthetic_recording;
+mod trouble;

@@ -1,0 +1,24 @@
+//! Recordings of the wire between device and host: written, replayed as a device, and converted to
+//! files of samples and events.
+//!
+//! ```text
+//! port ──bytes──► Recorder ──records──► file ──► RecordingReader ─┬─► Replayer ──► port
+//!                                                                 └─► convert ──► GDF, BDF, CSV, NPZ
+//! ```
+//!
+//! [`Recorder`] and [`Replayer`] perform no I/O on a port: the caller moves the bytes and states the
+//! time. `docs/recording-format.md` describes the bytes of a file; a test compares its hex dumps with
+//! what [`Recorder`] writes.
+#![forbid(unsafe_code)]
+
+mod conversion;
+mod recording;
+
+pub use conversion::convert::{Conversion, ConvertError, ConvertSummary, FileFormat, convert};
+pub use recording::error::RecordingError;
+pub use recording::file_header::FileHeader;
+pub use recording::reader::{LeftOut, RecordingReader};
+pub use recording::record::{Record, RecordKind};
+pub use recording::recorder::Recorder;
+pub use recording::replay_counts::ReplayCounts;
+pub use recording::replayer::{Pace, Replayer};
