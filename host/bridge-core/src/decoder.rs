@@ -2,7 +2,6 @@
 
 pub(crate) mod audit;
 pub(crate) mod back_pressure;
-pub(crate) mod counts;
 pub(crate) mod model;
 pub(crate) mod packed;
 pub(crate) mod reconstruction;

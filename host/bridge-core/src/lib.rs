@@ -57,12 +57,10 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod columns;
 mod core;
 mod decoder;
 mod device;
 mod diagnostics;
-mod effects;
 mod query;
 mod session;
 mod settings;
@@ -70,28 +68,26 @@ mod streams;
 mod time;
 mod wire;
 
-pub use columns::write_columns;
-pub use core::Core;
+pub use core::{Announcement, Core, Effects};
 pub use decoder::audit::{AuditResult, AuditedWindow, PackedError};
 pub use decoder::back_pressure::BackPressure;
-pub use decoder::counts::DecoderCounts;
 pub use decoder::model::Model;
 pub use decoder::packed::{PackedBytes, PackedReconstruction, TimedPackedBlock};
 pub use decoder::reconstruction::{Reconstruction, TimedCode};
-pub use decoder::thread::DecoderThread;
-pub use device::{Device, DeviceError};
+pub use decoder::thread::{DecoderCounts, DecoderThread};
+pub use device::{Device, DeviceError, Identity};
 pub use diagnostics::packed::report_malformed;
-pub use diagnostics::summary::{PackedSummary, Summary};
-pub use effects::{Announcement, Effects};
-pub use query::report::{ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport};
+pub use query::report::{
+    ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport, write_columns,
+};
 pub use query::{Answer, Query, QueryError, QueryResult, Request};
+pub use session::summary::{PackedSummary, Summary};
 pub use settings::{
     AnnouncedStream, Choice, EventStamps, FillerPolicy, RawForm, Settings, StampPoint, StreamKind,
     with_codes,
 };
 pub use streams::ledger::{Arrival, Ledger};
-pub use streams::tri::{TRI_LABELS, TriWords};
+pub use streams::neuro_frames::{TRI_LABELS, TriWords};
+pub use time::HostTime;
 pub use time::clock::Clock;
-pub use time::host_time::HostTime;
-pub use wire::identity::Identity;
-pub use wire::pending::PendingCommand;
+pub use wire::commands::PendingCommand;

@@ -1,14 +1,12 @@
 //! Protocol of a single request to a device, as a state machine that performs no I/O itself.
 
 pub(crate) mod report;
-mod table;
 
 use link::{Ack, AckResult, Decoder, Encoder, MAX_FRAME, ResetInto, ToDevice, ToHost};
-
 use thiserror::Error;
 
 use crate::query::report::{DeviceSummary, SelfTestReport};
-use crate::wire::pending::PendingCommand;
+use crate::wire::commands::PendingCommand;
 use crate::wire::words;
 
 /// Timeout for the acknowledgement of a command, seconds.

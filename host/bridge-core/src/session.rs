@@ -1,31 +1,173 @@
-//! Handling of messages from the device and of commands to the device.
+//! The session with a device: its messages, and the commands to it.
 
-mod hops;
+pub(crate) mod diagnosis;
 mod introduction;
-mod reports;
-pub(crate) mod state;
+pub(crate) mod summary;
+
+use std::sync::Arc;
 
 use link::{
-    Ack, AckResult, Frame, FrameError, Header, MAX_FRAME, Stats, Streams, ToDevice, ToHost,
+    Ack, AckResult, Code, Encoder, Frame, FrameError, Header, MAX_FRAME, PackedCode, Quality,
+    StageTiming, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
 };
 
+use crate::core::Effects;
+use crate::decoder::model::Model;
+use crate::device::{Device, Identity};
 use crate::diagnostics::converters::ChainReport;
-use crate::diagnostics::timing;
-use crate::effects::Effects;
-use crate::session::state::Session;
-use crate::settings::StreamKind;
-use crate::streams::ledger::Arrival;
-use crate::streams::side::MessageTime;
-use crate::streams::stamps::Reception;
-use crate::time::host_time::HostTime;
-use crate::wire::commands::AckEffect;
+use crate::diagnostics::packed::PackedReport;
+use crate::diagnostics::{LinkLog, closest_to_deadline};
+use crate::settings::{AnnouncedStream, Settings, StreamKind};
+use crate::streams::code::CodeStream;
+use crate::streams::event::BusEvent;
+use crate::streams::ledger::{Arrival, Ledger};
+use crate::streams::packed::PackedStream;
+use crate::streams::sample::SampleStream;
+use crate::streams::side::{MessageTime, SideStreams};
+use crate::streams::stamps::{DecodedStream, Decoding, Reception};
+use crate::time::HostTime;
+use crate::time::clock::Clock;
+use crate::time::round_trip::RoundTrips;
+use crate::wire::commands::{AckEffect, Commands};
 use crate::wire::words;
 
 /// Number of consecutive frames with an old sequence number after which the bridge sends `Identify`
 /// again. The device may have been reset and its `Hello` lost.
 const OLD_FRAMES_BEFORE_IDENTIFY: u32 = 8;
 
+/// State that the bridge keeps about the device, also while the port is closed.
+#[derive(Debug)]
+pub(crate) struct Session {
+    settings: Settings,
+    model: Option<Arc<Model>>,
+    /// Rate of the model's packed code, which nobody needs to have chosen.
+    model_rate: Option<u8>,
+    encoder: Encoder,
+    commands: Commands,
+    identity: Option<Identity>,
+    /// Whether `Hello` has arrived since the port was opened. Sequence numbers are ignored before
+    /// `Hello`.
+    introduced: bool,
+    codes: Option<CodeStream>,
+    packed: Option<PackedStream>,
+    side: SideStreams,
+    /// The device that was announced first. A device that is not compatible with it is refused for
+    /// as long as the bridge runs.
+    announced: Option<Arc<Device>>,
+    /// Stream that `/neurodata_reconstructed` is decoded from, as it was announced last.
+    decoding: Decoding,
+    /// Whether the device was asked for the stream that `/acquisition/get_info` describes, and did not refuse to stream,
+    /// when it was announced last.
+    is_described_asked: bool,
+    clock: Clock,
+    round_trips: RoundTrips,
+    frames: Ledger,
+    old_frames_in_a_row: u32,
+    counts: SessionCounts,
+    /// Reason why codes or their reconstruction are not published, worded for the user.
+    objection: Option<String>,
+    stats: Option<Stats>,
+    /// Newest report about the electrodes; `None` after `/diagnostics` has published it.
+    quality: Option<Quality>,
+    /// Newest report about the deadlines; `None` after `/diagnostics` has published it.
+    timing: Option<Timing>,
+    /// The stage with the largest ratio of worst time to deadline, over all reports.
+    worst_stage: Option<StageTiming>,
+    converters: Option<ChainReport>,
+    /// Electrodes whose signal was not recorded, from the device's newest introduction.
+    substitutes: Substitutes,
+    logged: LoggedOnce,
+    link_log: LinkLog,
+}
+
+/// Flags of the warnings that were logged; each of these warnings is logged once.
+#[derive(Clone, Copy, Debug, Default)]
+struct LoggedOnce {
+    newer_messages: bool,
+    wire_version: bool,
+    /// Cleared when the device restarts or another device connects. The other flags are never
+    /// cleared.
+    refused_streams: bool,
+}
+
+/// Counts of the session that are not part of a stream or a ledger.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct SessionCounts {
+    /// Number of times that the port was opened.
+    connections: u64,
+    /// Number of detected resets of the device, including changes of the device.
+    resets: u64,
+    /// Number of codes and packed blocks that arrived before the device's introduction, or from a refused device.
+    codes_unused: u64,
+    /// Number of missing codes at the last report to `/diagnostics`.
+    missing_reported: u64,
+    /// State of the packed blocks at the last report to `/diagnostics`.
+    packed_reported: PackedReport,
+    /// Number of damaged frames at the last report to `/diagnostics`.
+    damaged_reported: u32,
+}
+
 impl Session {
+    pub(crate) fn new(settings: Settings, model: Option<Arc<Model>>) -> Session {
+        let commands = Commands::new(settings.mains_hz, settings.streams, settings.packed_rate);
+        let decoding = Decoding {
+            stream: DecodedStream::of(commands.streams()),
+            is_possible: false,
+        };
+        let packed = model.as_ref().and_then(|model| model.packed());
+        Session {
+            settings,
+            model_rate: packed.map(|packed| packed.description.rate),
+            model,
+            encoder: Encoder::default(),
+            commands,
+            identity: None,
+            introduced: false,
+            codes: None,
+            packed: None,
+            side: SideStreams::new(settings),
+            announced: None,
+            decoding,
+            is_described_asked: false,
+            clock: Clock::default(),
+            round_trips: RoundTrips::default(),
+            frames: Ledger::default(),
+            old_frames_in_a_row: 0,
+            counts: SessionCounts::default(),
+            objection: None,
+            stats: None,
+            quality: None,
+            timing: None,
+            worst_stage: None,
+            converters: None,
+            substitutes: Substitutes::NONE,
+            logged: LoggedOnce::default(),
+            link_log: LinkLog::default(),
+        }
+    }
+
+    /// Commands to the device.
+    pub(crate) fn commands(&self) -> &Commands {
+        &self.commands
+    }
+
+    /// Commands to the device.
+    pub(crate) fn commands_mut(&mut self) -> &mut Commands {
+        &mut self.commands
+    }
+
+    /// Sets the rate of the packed code to that of the device's model.
+    pub(crate) fn set_model_rate(&mut self, rate: u8) {
+        self.model_rate = Some(rate);
+        self.commands.set_rate(rate);
+    }
+
+    /// Returns why codes or their reconstruction are not published, worded for the user.
+    pub(crate) fn objection(&self) -> Option<&str> {
+        self.objection.as_deref()
+    }
+
+    /// Records that the port was opened, and sends the first command.
     pub(crate) fn connected(&mut self, now: HostTime, effects: &mut dyn Effects) {
         self.introduced = false;
         self.counts.connections += 1;
@@ -33,11 +175,13 @@ impl Session {
         self.tick(now, effects);
     }
 
+    /// Records that the port was closed or lost.
     pub(crate) fn disconnected(&mut self) {
         self.introduced = false;
         self.commands.disconnected();
     }
 
+    /// Sends the next command if one is due.
     pub(crate) fn tick(&mut self, now: HostTime, effects: &mut dyn Effects) {
         let seq = self.encoder.next_seq();
         let Some(command) = self.commands.next_command(now.monotonic_us, seq) else {
@@ -80,6 +224,7 @@ impl Session {
         }
     }
 
+    /// Handles a message that was read at `read`.
     pub(crate) fn handle_frame(
         &mut self,
         frame: &Frame<ToHost>,
@@ -112,7 +257,7 @@ impl Session {
             ToHost::Quality(quality) => self.quality = Some(quality.clone()),
             ToHost::Timing(timing) => {
                 let known = self.worst_stage.iter().chain(&timing.stages);
-                self.worst_stage = timing::closest_to_deadline(known);
+                self.worst_stage = closest_to_deadline(known);
                 self.timing = Some(timing.clone());
             }
             ToHost::Raw(_)
@@ -318,6 +463,140 @@ impl Session {
             tracing::info!("{text}");
         } else {
             tracing::warn!("{text}; choose no rate, or flash an image whose packed code has rates");
+        }
+    }
+
+    /// Handles a code, whose last step was at device time `device_us`.
+    fn handle_code(
+        &mut self,
+        code: &Code,
+        device_us: u64,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
+        let is_usable = self.expects_hops(read, effects);
+        let Some(codes) = self.codes.as_mut().filter(|_| is_usable) else {
+            self.counts.codes_unused += 1;
+            return;
+        };
+        self.commands.stream_received(read.monotonic_us);
+        if codes.is_restart(code) {
+            self.side.restart_events();
+        }
+        let trusted = self.clock.observe(device_us, read);
+        let reception = Reception {
+            read,
+            clock: &self.clock,
+            trigger: &self.side.trigger,
+        };
+        codes.receive(code, trusted.then_some(device_us), reception, effects);
+    }
+
+    /// Handles a packed block, whose last step was at device time `device_us`.
+    fn handle_packed(
+        &mut self,
+        code: &PackedCode,
+        device_us: u64,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
+        let is_usable = self.expects_hops(read, effects);
+        let Some(packed) = self.packed.as_mut().filter(|_| is_usable) else {
+            self.counts.codes_unused += 1;
+            return;
+        };
+        self.commands.stream_received(read.monotonic_us);
+        if packed.is_restart(code) {
+            self.side.restart_events();
+        }
+        // The clock is fitted to codes. Packed blocks are used for the fit only until the first code arrives, or
+        // where no codes stream.
+        let has_codes = self.commands.streams().contains(Streams::CODES);
+        let trusted = if has_codes && self.clock.is_known() {
+            self.clock.is_possible(device_us, read)
+        } else {
+            self.clock.observe(device_us, read)
+        };
+        let reception = Reception {
+            read,
+            clock: &self.clock,
+            trigger: &self.side.trigger,
+        };
+        packed.receive(code, trusted.then_some(device_us), reception, effects);
+    }
+
+    /// Returns whether codes and packed blocks of this device are published. Its stream may have started without
+    /// an acknowledgement.
+    fn expects_hops(&mut self, read: HostTime, effects: &mut dyn Effects) -> bool {
+        let is_usable = self.introduced && self.commands.accepts_codes();
+        if is_usable {
+            self.announce_other_streams(read, effects);
+        }
+        is_usable
+    }
+
+    /// Publishes an event for a stretch of data that is missing in the announced stream. A recorder
+    /// records this stream, and each stream loses data of its own.
+    fn report_missing(&mut self, read: HostTime, effects: &mut dyn Effects) {
+        let [codes, packed, raw, filtered] = [
+            self.codes.as_mut().and_then(CodeStream::take_missing),
+            self.packed.as_mut().and_then(PackedStream::take_missing),
+            self.side.raw.as_mut().and_then(SampleStream::take_missing),
+            self.side
+                .filtered
+                .as_mut()
+                .and_then(SampleStream::take_missing),
+        ];
+        let from_packed = self.commands.streams().contains(Streams::PACKED);
+        let missing = match self.settings.announced {
+            AnnouncedStream::Reconstructed if from_packed => packed,
+            AnnouncedStream::Encoded | AnnouncedStream::Reconstructed => codes,
+            AnnouncedStream::Raw => raw,
+            AnnouncedStream::Filtered => filtered,
+        };
+        let Some(missing) = missing else { return };
+        let event = if missing.restarted {
+            BusEvent::DeviceRestarted(missing.seconds)
+        } else {
+            BusEvent::DataLost(missing.seconds)
+        };
+        let wall_ns = self.clock.wall_ns(missing.start_us).unwrap_or(read.wall_ns);
+        self.side.bus.publish(&event, wall_ns, effects);
+    }
+
+    /// Publishes an event if the device's new report shows other electrodes without contact than the
+    /// report `before`. `device_us` is the time of the new report.
+    fn report_electrodes(
+        &mut self,
+        before: Option<&ChainReport>,
+        device_us: u64,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
+        let (Some(report), Some(codes)) = (&self.converters, &self.codes) else {
+            return;
+        };
+        let labels = &codes.device().labels;
+        let was_off = before
+            .map(|before| before.electrodes_off(labels))
+            .unwrap_or_default();
+        let off = report.electrodes_off(labels);
+        let event = if off == was_off {
+            return;
+        } else if off.is_empty() {
+            BusEvent::ElectrodesOn
+        } else {
+            BusEvent::ElectrodesOff(off)
+        };
+        let wall_ns = self.clock.wall_ns(device_us.into()).unwrap_or(read.wall_ns);
+        self.side.bus.publish(&event, wall_ns, effects);
+    }
+
+    /// Publishes an event for a device that is refused in the place of one whose codes were published.
+    fn report_refusal(&mut self, why: &str, read: HostTime, effects: &mut dyn Effects) {
+        if self.announced.is_some() {
+            let event = BusEvent::DeviceRefused(why.to_owned());
+            self.side.bus.publish(&event, read.wall_ns, effects);
         }
     }
 }

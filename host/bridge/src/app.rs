@@ -1,57 +1,43 @@
 //! The program `corticode-bridge`: tasks, log and exit status.
 
 pub(crate) mod bridge;
-mod check_options;
-pub(crate) mod choices;
-mod claim;
 pub(crate) mod command_line;
-mod completions;
-mod config_file;
+pub(crate) mod config_file;
 mod convert;
 mod doctor;
 mod given_options;
 pub(crate) mod log;
-mod man;
+mod manual;
 mod master;
-pub(crate) mod namespace;
-mod node_command;
 mod outlets;
 pub(crate) mod parameters;
-mod port_options;
 mod ports;
 mod record;
-mod recording_file;
 mod replay;
-mod replay_port;
-mod ros_node;
+pub(crate) mod ros_node;
 mod ros_topics;
-mod rosout;
 mod shutdown;
-mod silence_log;
-mod sink_kind;
-mod sinks;
-mod stream_options;
 mod whole_lines;
 
-use bridge_core::{Answer, Request};
 use std::error::Error;
 use std::fmt;
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use bridge_core::{Answer, Request};
 use neuro_ros::Log;
 use neuro_ros::ros1::NodeOptions;
 use serde::Serialize;
 use tokio::sync::mpsc::Receiver;
 
-use crate::app::check_options::{DoctorOptions, PortsOptions};
-use crate::app::command_line::{Options, RecordOptions, Task, command};
+use crate::app::command_line::{
+    DoctorOptions, Options, PortOptions, PortsOptions, RecordOptions, Task, command,
+};
 use crate::app::config_file::ConfigFile;
 use crate::app::convert::ConvertOptions;
 use crate::app::given_options::GivenOptions;
 use crate::app::master::MasterOptions;
-use crate::app::port_options::PortOptions;
 use crate::app::ports::PortList;
 use crate::app::replay::ReplayOptions;
 use crate::error::BridgeError;
@@ -83,10 +69,12 @@ pub fn run() -> ExitCode {
         Task::Convert(options) => convert(&options, &ros, config).map(|()| ExitCode::SUCCESS),
         Task::Master(options) => run_master(&options, &ros).map(|()| ExitCode::SUCCESS),
         Task::Completions(options) => {
-            let script = completions::script(&options, command());
+            let script = manual::script(&options, command());
             print(script.as_bytes()).map(|()| ExitCode::SUCCESS)
         }
-        Task::Man(options) => print(&man::pages(&options, command())?).map(|()| ExitCode::SUCCESS),
+        Task::Man(options) => {
+            print(&manual::pages(&options, command())?).map(|()| ExitCode::SUCCESS)
+        }
     });
     match done {
         Ok(code) => code,

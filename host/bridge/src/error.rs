@@ -1,16 +1,16 @@
 //! Errors that end the bridge or one of its subcommands.
 
-use bridge_core::QueryError;
-use capture::{ConvertError, RecordingError};
 use std::path::PathBuf;
 
 use artifact::ArtifactError;
+use bridge_core::QueryError;
+use capture::{ConvertError, RecordingError};
 use neuro_ros::SinkError;
 use neuro_ros::ros1::NodeError;
 use new_file::NewFileError;
 use thiserror::Error;
 
-use crate::config_error::ConfigError;
+use crate::app::config_file::ConfigError;
 
 /// Error that ends the bridge or a query. The streaming bridge waits for an absent device or ROS
 /// master, without an error.

@@ -12,7 +12,6 @@
 #![forbid(unsafe_code)]
 
 mod app;
-mod config_error;
 mod doctor;
 mod error;
 mod ports;
@@ -20,13 +19,13 @@ mod query;
 mod wire;
 
 pub use app::bridge::Publication;
-pub use app::choices::choice;
+pub use app::command_line::choice;
 pub use app::command_line::ignore_empty_variable;
+pub use app::config_file::ConfigError;
 pub use app::log::start as start_log;
-pub use app::namespace::Namespace;
 pub use app::parameters::{read as read_parameters, to_flags as parameters_to_flags};
+pub use app::ros_node::Namespace;
 pub use app::run;
-pub use config_error::ConfigError;
 pub use error::BridgeError;
 pub use wire::connection::Event as FeedEvent;
-pub use wire::feed::Feed;
+pub use wire::connection::Feed;

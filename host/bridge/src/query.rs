@@ -1,16 +1,15 @@
 //! A single request to the device at a port.
 
-use bridge_core::{Answer, HostTime, Query, Request};
 use std::io;
 use std::time::Duration;
 
+use bridge_core::{Answer, HostTime, Query, Request};
 use indicatif::ProgressBar;
 use tokio::time::{sleep, timeout};
 
 use crate::error::BridgeError;
-use crate::wire::address::PortAddress;
 use crate::wire::opener::{OpenError, PortOpener};
-use crate::wire::port::{Port, Transfer};
+use crate::wire::port::{Port, PortAddress, Transfer};
 
 /// Interval at which timeouts are checked and a lost port is reopened.
 const TICK: Duration = Duration::from_millis(100);

@@ -14,11 +14,11 @@
 mod conversion;
 mod recording;
 
-pub use conversion::convert::{Conversion, ConvertError, ConvertSummary, FileFormat, convert};
-pub use recording::error::RecordingError;
-pub use recording::file_header::FileHeader;
+pub use conversion::{Conversion, ConvertError, ConvertSummary, FileFormat, convert};
+pub use recording::FileHeader;
+pub use recording::RecordingError;
 pub use recording::reader::{LeftOut, RecordingReader};
-pub use recording::record::{Record, RecordKind};
 pub use recording::recorder::Recorder;
-pub use recording::replay_counts::ReplayCounts;
+pub use recording::replayer::ReplayCounts;
 pub use recording::replayer::{Pace, Replayer};
+pub use recording::{Record, RecordKind};

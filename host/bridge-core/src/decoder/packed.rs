@@ -10,7 +10,7 @@ use neuro_ros::{NeuroFrame, Stamp};
 use crate::decoder::model::Model;
 use crate::device::Device;
 use crate::settings::{FillerPolicy, Settings};
-use crate::streams::tri::TriWords;
+use crate::streams::neuro_frames::TriWords;
 
 /// Number of the newest blocks that are kept for audits: 1 s of the default model.
 const KEPT_BLOCKS: usize = 16;

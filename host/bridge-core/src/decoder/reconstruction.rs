@@ -9,7 +9,7 @@ use neuro_ros::{NeuroFrame, Stamp};
 use crate::decoder::model::Model;
 use crate::device::Device;
 use crate::settings::{FillerPolicy, Settings};
-use crate::streams::tri::TriWords;
+use crate::streams::neuro_frames::TriWords;
 
 /// Input of the decoder: a received code, or a placeholder for a lost code, with its time.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,5 +1,9 @@
 //! The thread that decodes codes and packed blocks, and audits codes.
 
+#[cfg(test)]
+pub(crate) mod tests;
+
+use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,7 +13,6 @@ use std::time::{Duration, Instant};
 use neuro_ros::{DiagnosticStatus, FrameSink, NeuroFrame};
 
 use crate::decoder::audit::{AuditResult, AuditedWindow};
-use crate::decoder::counts::DecoderCounts;
 use crate::decoder::model::Model;
 use crate::decoder::packed::{PackedReconstruction, TimedPackedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
@@ -379,5 +382,39 @@ fn publish(frame: &NeuroFrame, sink: &mut dyn FrameSink, progress: &Progress) ->
     true
 }
 
-#[cfg(test)]
-pub(crate) mod tests;
+/// Number of windows that were decoded and that were not, by reason. Prints as a part of the
+/// program's last line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DecoderCounts {
+    /// Number of windows decoded so far.
+    pub decoded: u64,
+    /// Number of windows that wait for the decoder now.
+    pub waiting: u64,
+    /// Longest time that a window has waited for the decoder.
+    pub longest_wait: Duration,
+    /// Number of windows replaced by fillers because the decoder's queue was full, and of those that
+    /// waited when the program ended.
+    pub not_decoded: u64,
+    /// Number of windows that were not decoded because `/neurodata_reconstructed` had no
+    /// subscriber.
+    pub not_needed: u64,
+    /// Number of packed blocks that arrived intact, but are no blocks of the model; they count as lost.
+    pub malformed: u64,
+}
+
+impl fmt::Display for DecoderCounts {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            formatter,
+            "windows: decoded {} not decoded {} not needed {} longest wait {} ms",
+            self.decoded,
+            self.not_decoded,
+            self.not_needed,
+            self.longest_wait.as_millis()
+        )?;
+        if self.malformed > 0 {
+            write!(formatter, "; packed blocks malformed {}", self.malformed)?;
+        }
+        Ok(())
+    }
+}

@@ -3,7 +3,7 @@
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::decoder::audit::{AuditResult, PackedError};
-use crate::diagnostics::status::new_status;
+use crate::diagnostics::new_status;
 
 /// Number of consecutive audits with a clipped cell that causes a warning: one minute of audits, at
 /// one audit every 10 s.

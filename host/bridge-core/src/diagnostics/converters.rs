@@ -4,7 +4,7 @@ use link::Converters;
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::device::channel_label;
-use crate::diagnostics::status::new_status;
+use crate::diagnostics::new_status;
 
 /// Newest report about the chain of converters, and the numbers of bad frames that `/diagnostics`
 /// has already reported.

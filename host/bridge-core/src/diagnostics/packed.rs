@@ -2,8 +2,8 @@
 
 use neuro_ros::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, KeyValue};
 
-use crate::diagnostics::status::new_status;
-use crate::streams::counts::PackedCounts;
+use crate::diagnostics::new_status;
+use crate::streams::ledger::PackedCounts;
 use crate::streams::packed::PackedStream;
 
 /// Name of the status.

@@ -5,15 +5,14 @@ use std::sync::Arc;
 use link::{Capabilities, Header, Hello, Streams, Substitutes};
 use neuro_ros::{AcquisitionInfo, ContractError, Shape};
 
-use crate::device::Device;
-use crate::effects::{Announcement, Effects};
-use crate::session::state::Session;
+use crate::core::{Announcement, Effects};
+use crate::device::{Device, Identity};
+use crate::session::Session;
 use crate::settings::AnnouncedStream;
 use crate::streams::code::CodeStream;
-use crate::streams::decoding::{DecodedStream, Decoding};
 use crate::streams::packed::PackedStream;
-use crate::time::host_time::HostTime;
-use crate::wire::identity::Identity;
+use crate::streams::stamps::{DecodedStream, Decoding};
+use crate::time::HostTime;
 
 impl Session {
     pub(super) fn handle_hello(&mut self, hello: &Hello, header: Header) {

@@ -5,16 +5,16 @@ use std::sync::Arc;
 use link::{Code, Flags};
 use neuro_ros::NeuroFrame;
 
+use crate::core::Effects;
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
-use crate::effects::Effects;
 use crate::settings::{FillerPolicy, Settings};
-use crate::streams::continuity::MissingStretch;
-use crate::streams::counts::{CodeCounts, HopCounts};
-use crate::streams::decoding::{DecodedStream, Decoding};
-use crate::streams::hop_timeline::{HopDurations, HopPlace, HopTimeline};
-use crate::streams::stamps::{FrameSteps, MonotoneStamps, Reception, frame_time_ns};
-use crate::streams::tri::TriWords;
+use crate::streams::hop_timeline::{HopDurations, HopPlace, HopTimeline, MissingStretch};
+use crate::streams::ledger::{CodeCounts, HopCounts};
+use crate::streams::neuro_frames::TriWords;
+use crate::streams::stamps::{
+    DecodedStream, Decoding, FrameSteps, MonotoneStamps, Reception, frame_time_ns,
+};
 
 /// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Fillers replace lost
 /// codes.

@@ -5,16 +5,16 @@ use std::sync::Arc;
 use link::{Flags, PackedCode};
 use packed::{BlockReader, Rate};
 
+use crate::core::Effects;
 use crate::decoder::packed::{PackedBytes, TimedPackedBlock};
 use crate::device::Device;
-use crate::effects::Effects;
 use crate::settings::{FillerPolicy, Settings};
-use crate::streams::continuity::MissingStretch;
-use crate::streams::counts::{HopCounts, PackedCounts};
-use crate::streams::decoding::{DecodedStream, Decoding};
-use crate::streams::hop_timeline::{HopDurations, HopPlace, HopTimeline};
-use crate::streams::stamps::{FrameSteps, MonotoneStamps, Reception, frame_time_ns};
-use crate::streams::tri::TriWords;
+use crate::streams::hop_timeline::{HopDurations, HopPlace, HopTimeline, MissingStretch};
+use crate::streams::ledger::{HopCounts, PackedCounts};
+use crate::streams::neuro_frames::TriWords;
+use crate::streams::stamps::{
+    DecodedStream, Decoding, FrameSteps, MonotoneStamps, Reception, frame_time_ns,
+};
 
 /// Places packed blocks in time and passes them to the decoder, with a placeholder for each missing one.
 ///

@@ -4,20 +4,16 @@ use std::sync::Arc;
 
 use link::{Audit, COUNT_BYTES, CompressedRaw, Event, Filtered, Raw, Streams, VALUE_BYTES};
 
+use crate::core::Effects;
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::model::Model;
 use crate::device::Device;
-use crate::effects::Effects;
 use crate::settings::{EventStamps, RawForm, Settings};
-use crate::streams::bus::EventBus;
-use crate::streams::compressed::CompressedSamples;
-use crate::streams::decoding::DecodedStream;
-use crate::streams::event::EventStream;
-use crate::streams::sample::{SampleStream, Samples};
-use crate::streams::stamps::Reception;
-use crate::streams::trigger::Trigger;
+use crate::streams::event::{EventBus, EventStream, Trigger};
+use crate::streams::sample::{CompressedSamples, SampleStream, Samples};
+use crate::streams::stamps::{DecodedStream, Reception};
+use crate::time::HostTime;
 use crate::time::clock::Clock;
-use crate::time::host_time::HostTime;
 
 /// Checks the messages of the optional streams and converts them to frames, events and audits.
 #[derive(Debug)]

@@ -17,8 +17,8 @@ use std::collections::VecDeque;
 
 use link::ClockReading;
 
+use crate::time::HostTime;
 use crate::time::clock::Clock;
-use crate::time::host_time::HostTime;
 
 /// Time after which a round trip is discarded, microseconds.
 const RETENTION_US: i64 = 60_000_000;

@@ -2,11 +2,8 @@
 
 use link::{AckResult, Start, Streams, ToDevice};
 
-use crate::wire::clock_query::ClockQuery;
-use crate::wire::pending::{PendingCommand, RETRY_US};
-use crate::wire::refused_start::RefusedStart;
-use crate::wire::wanted_rate::WantedRate;
-use crate::wire::wanted_streams::WantedStreams;
+use crate::wire::wanted::{ClockQuery, WantedRate, WantedStreams};
+use crate::wire::words;
 
 /// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
 const PING_AFTER_US: i64 = 2_000_000;
@@ -388,5 +385,91 @@ impl Commands {
             AckResult::Done => AckEffect::NoChange,
             result => AckEffect::Refused(pending.command, result),
         }
+    }
+}
+
+/// Time without an acknowledgement after which a command is sent again, microseconds.
+pub(crate) const RETRY_US: i64 = 500_000;
+
+/// A command without an acknowledgement, and the sequence numbers of the first and last frame that
+/// carried it.
+#[derive(Clone, Copy, Debug)]
+pub struct PendingCommand {
+    /// The command itself.
+    pub command: ToDevice,
+    /// Sequence number of the frame that carried the command first.
+    first_seq: u32,
+    /// Sequence number of the most recent frame that carried the command.
+    last_seq: u32,
+    /// Host time of the last transmission, microseconds.
+    sent_us: i64,
+}
+
+impl PendingCommand {
+    /// Records that `command` was sent in frame `seq` at `now_us`, host time in microseconds.
+    pub fn new(command: ToDevice, seq: u32, now_us: i64) -> PendingCommand {
+        PendingCommand {
+            command,
+            first_seq: seq,
+            last_seq: seq,
+            sent_us: now_us,
+        }
+    }
+
+    /// Returns this command with one more transmission recorded: frame `seq`, sent at `now_us`.
+    pub fn sent_again(self, seq: u32, now_us: i64) -> PendingCommand {
+        PendingCommand {
+            last_seq: seq,
+            sent_us: now_us,
+            ..self
+        }
+    }
+
+    /// Returns whether the timeout has passed after which the command is sent again.
+    pub fn retry_is_due(&self, now_us: i64) -> bool {
+        now_us >= self.sent_us + RETRY_US
+    }
+
+    /// Returns whether more than one frame carried the command.
+    pub fn was_sent_again(&self) -> bool {
+        self.first_seq != self.last_seq
+    }
+
+    /// Returns whether an acknowledgement of frame number `of` belongs to any transmission of this
+    /// command, also if the sequence number has wrapped.
+    pub fn is_acknowledged_by(&self, of: u32) -> bool {
+        of.wrapping_sub(self.first_seq) <= self.last_seq.wrapping_sub(self.first_seq)
+    }
+}
+
+/// Delay before a refused `Start` is sent again, microseconds.
+const REFUSED_RETRY_US: i64 = 10_000_000;
+
+/// A refused `Start` after which no choice of fewer streams is left to try.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RefusedStart {
+    command: ToDevice,
+    result: AckResult,
+    /// Host time of the refusal, microseconds.
+    refused_us: i64,
+}
+
+impl RefusedStart {
+    pub(crate) fn new(command: ToDevice, result: AckResult, refused_us: i64) -> RefusedStart {
+        RefusedStart {
+            command,
+            result,
+            refused_us,
+        }
+    }
+
+    /// Returns whether it is too early to send `Start` again.
+    pub(crate) fn is_recent(&self, now_us: i64) -> bool {
+        now_us < self.refused_us + REFUSED_RETRY_US
+    }
+
+    /// Returns why the device refused, and what to do.
+    pub(crate) fn reason(&self) -> String {
+        words::refusal(&self.command, self.result)
     }
 }

@@ -1,30 +1,25 @@
 //! The streaming bridge: connects the core to the port, to ROS and to the clock.
 
-use bridge_core::{Core, HostTime, Model, Settings, Summary};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use bridge_core::{Core, HostTime, Model, Settings, Summary};
 use link::Streams;
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
 use neuro_ros::{AcquisitionCommand, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
-use crate::app::command_line::Options;
-use crate::app::namespace::Namespace;
-use crate::app::node_command::NodeCommand;
-use crate::app::outlets::Outlets;
-use crate::app::ros_node::RosNode;
-use crate::app::rosout;
+use crate::app::command_line::{Options, SinkKind};
+use crate::app::log;
+use crate::app::log::SilenceLog;
+use crate::app::outlets::{Outlets, Sinks};
+use crate::app::ros_node::{Namespace, NodeCommand, RosNode};
 use crate::app::shutdown::Shutdown;
-use crate::app::silence_log::SilenceLog;
-use crate::app::sink_kind::SinkKind;
-use crate::app::sinks::Sinks;
 use crate::app::whole_lines::WholeLines;
 use crate::error::BridgeError;
-use crate::wire::connection::{Connection, Event};
-use crate::wire::feed::Feed;
+use crate::wire::connection::{Connection, Event, Feed};
 
 /// Time between two calls of [`Core::tick`].
 const TICK: Duration = Duration::from_millis(100);
@@ -94,7 +89,7 @@ impl Publication {
         }
         let (command_sender, commands) = mpsc::unbounded_channel();
         let ros = RosNode::start(self.ros).await?;
-        rosout::publish(Arc::clone(&ros.node), log);
+        log::publish(Arc::clone(&ros.node), log);
         let (announcement_sender, announced) = watch::channel(None);
         if settings.streams.contains(Streams::PACKED) {
             ros.subscribe_rate(command_sender.clone());

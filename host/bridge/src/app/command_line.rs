@@ -1,23 +1,25 @@
 //! Command-line options and subcommands.
 
-use bridge_core::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::builder::{BoolishValueParser, Resettable};
-use clap::{Arg, ArgAction, Command, CommandFactory, Error, FromArgMatches, Parser, ValueHint};
-use link::{ResetInto, Streams};
+use bridge_core::{
+    AnnouncedStream, Choice, EventStamps, FillerPolicy, RawForm, Settings, StampPoint, StreamKind,
+    with_codes,
+};
+use clap::builder::{
+    BoolishValueParser, PossibleValue, PossibleValuesParser, Resettable, TypedValueParser,
+};
+use clap::{
+    Arg, ArgAction, Args, Command, CommandFactory, Error, FromArgMatches, Parser, ValueHint,
+};
+use link::{MAX_RATE, ResetInto, Streams};
 
-use crate::app::check_options::{DoctorOptions, PortsOptions};
-use crate::app::choices::choice;
-use crate::app::completions::CompletionsOptions;
 use crate::app::convert::ConvertOptions;
-use crate::app::man::ManOptions;
+use crate::app::manual::{CompletionsOptions, ManOptions};
 use crate::app::master::MasterOptions;
-use crate::app::port_options::PortOptions;
 use crate::app::replay::ReplayOptions;
-use crate::app::sink_kind::SinkKind;
-use crate::app::stream_options::StreamOptions;
+use crate::wire::port::PortAddress;
 
 /// Identifier and name of the option for the configuration file.
 pub(crate) const CONFIG: &str = "config";
@@ -287,4 +289,159 @@ fn config_option() -> Arg {
             "TOML file with options, such as port = \"/dev/ttyACM0\" [default: \
              ~/.config/corticode/bridge.toml, else /etc/corticode/bridge.toml, if one exists]",
         )
+}
+
+/// List the serial ports of this machine, and say which are Corticode boards.
+///
+/// A port that cannot be opened has a line with the reason and the command that helps. No port is
+/// opened. An ST-LINK `may be` a board: the UART of whatever board it is on.
+///
+/// Exit status: 0, also without any port.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "ports")]
+pub(crate) struct PortsOptions {
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Print the udev rule for boards on USB instead
+    #[arg(long, conflicts_with = "json")]
+    pub(crate) udev_rule: bool,
+}
+
+/// Check what the bridge needs: port, device, model, ROS, clock and disk.
+///
+/// Prints one line for each check, with ok, warning, error or unknown, and a second line with the
+/// command that helps. Asks the device to identify itself, and leaves its streams as they are.
+/// host-sim on TCP serves one host at a time: the check interrupts a bridge that is connected to it.
+///
+/// Exit status: 0 no errors, 1 an error.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "doctor")]
+pub(crate) struct DoctorOptions {
+    #[command(flatten)]
+    pub(crate) at: PortOptions,
+    /// Folder of the model to decode with, instead of the built-in one
+    #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
+    pub(crate) model: Option<PathBuf>,
+    /// Destination of the bridge's frames; with ndjson, ROS is not checked
+    #[arg(long, env = "CORTICODE_SINK", value_enum, default_value_t)]
+    pub(crate) sink: SinkKind,
+    /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
+    #[arg(long, value_name = "URI")]
+    pub(crate) ros_master_uri: Option<String>,
+    #[command(flatten)]
+    pub(crate) asked: StreamOptions,
+    /// Namespace of the bridge's node and topics
+    #[arg(
+        long,
+        env = "CORTICODE_TOPIC_PREFIX",
+        default_value = "",
+        value_name = "PREFIX"
+    )]
+    pub(crate) topic_prefix: String,
+    /// Print JSON instead of text
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// What the device is asked for; options of the bridge and of `record`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct StreamOptions {
+    /// Mains frequency that the device shall remove, Hz; the device chooses by default
+    #[arg(long, env = "CORTICODE_MAINS", value_parser = mains)]
+    pub(crate) mains: Option<u8>,
+    /// Streams of the device, comma-separated; codes are included unless packed is named. A device
+    /// that refuses some is asked for fewer
+    #[arg(
+        long,
+        env = "CORTICODE_STREAMS",
+        value_parser = choice::<StreamKind>(),
+        value_delimiter = ',',
+        default_value = "codes,audit,events"
+    )]
+    pub(crate) streams: Vec<StreamKind>,
+    /// Rate of the packed code, 0 to 15: one more is 3 dB coarser; the model's by default
+    #[arg(long, env = "CORTICODE_PACKED_RATE", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
+    pub(crate) packed_rate: Option<u8>,
+    /// Form in which the device sends the samples of the stream raw; both yield the same frames
+    #[arg(long, env = "CORTICODE_RAW_FORM", default_value = "any", value_parser = choice::<RawForm>())]
+    pub(crate) raw_form: RawForm,
+}
+
+impl StreamOptions {
+    /// Returns the mains frequency to remove, Hz; 0 leaves the choice to the device.
+    pub(crate) fn mains_hz(&self) -> u8 {
+        self.mains.unwrap_or(0)
+    }
+
+    /// Logs a warning about options that have no effect on the chosen streams.
+    pub(crate) fn warn_about_unused(&self) {
+        if self.packed_rate.is_some() && !self.streams.contains(&StreamKind::Packed) {
+            tracing::warn!(
+                "--packed-rate has no effect, because packed is not among the streams; add it with --streams packed"
+            );
+        }
+    }
+
+    /// Returns the streams to ask for, codes included unless packed blocks are.
+    pub(crate) fn streams(&self) -> Streams {
+        let asked = self.streams.iter();
+        with_codes(asked.fold(Streams::empty(), |streams, kind| match kind {
+            StreamKind::Raw => streams | self.raw_form.streams(),
+            kind => streams | kind.bit(),
+        }))
+    }
+}
+
+fn mains(text: &str) -> Result<u8, String> {
+    match text {
+        "50" => Ok(50),
+        "60" => Ok(60),
+        _ => Err("the mains frequency is 50 or 60 Hz".to_owned()),
+    }
+}
+
+/// Address and speed of the port; options of the bridge and of its subcommands.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct PortOptions {
+    /// Serial port, pseudoterminal, tcp:HOST:PORT, or auto: the only board on USB, or the one with a
+    /// serial number, auto:SERIAL. The board is found again after it was unplugged; `ports` lists all
+    #[arg(
+        long,
+        env = "CORTICODE_PORT",
+        value_name = "PATH|tcp:HOST:PORT|auto",
+        default_value = "auto"
+    )]
+    pub(crate) port: PortAddress,
+    /// Baud rate of a serial port; USB and pseudoterminals ignore it
+    #[arg(
+        long,
+        env = "CORTICODE_BAUD",
+        default_value_t = 921_600,
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
+    pub(crate) baud: u32,
+}
+
+/// Destination of the frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum SinkKind {
+    /// ROS 1 topics.
+    #[default]
+    Ros,
+    /// Lines of JSON on stdout.
+    Ndjson,
+}
+
+/// Returns the parser of an option that takes one of the values of `T`.
+pub fn choice<T: Choice>() -> impl TypedValueParser<Value = T> {
+    let values = T::CHOICES.iter().map(|(name, help, _)| {
+        let help = help.strip_suffix('.').unwrap_or(help);
+        PossibleValue::new(*name).help(help)
+    });
+    PossibleValuesParser::new(values).try_map(|name| {
+        let mut choices = T::CHOICES.iter();
+        let found = choices.find(|(known, _, _)| *known == name);
+        found.map(|(_, _, value)| *value).ok_or("unknown value")
+    })
 }

@@ -10,7 +10,7 @@ use capture::{Conversion, ConvertSummary, FileFormat};
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::app::choices::choice;
+use crate::app::command_line::choice;
 use crate::error::BridgeError;
 
 /// Write a recording as files of codes and samples, one for each stream in it.

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command, Error};
 
-use crate::app::command_line::{CONFIG, command};
-use crate::app::sink_kind::SinkKind;
+use crate::app::command_line::{CONFIG, SinkKind, command};
 
 /// Options on the command line and in the environment, without those that the parameter server and
 /// the configuration file set.

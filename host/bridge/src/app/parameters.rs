@@ -3,7 +3,7 @@
 use neuro_ros::ros1::NodeOptions;
 use neuro_ros::ros1::xmlrpc::{CallError, Value, call_ros};
 
-use crate::app::namespace::Namespace;
+use crate::app::ros_node::Namespace;
 use crate::error::BridgeError;
 
 /// Replaces `_name:=value` by `--name=value`, and keeps all other arguments. `known` are the names of

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::doctor::check::Check;
+use crate::doctor::Check;
 use crate::ports::access::PortAccess;
 
 /// Command that installs the udev rule.
@@ -135,9 +135,9 @@ fn check_modem_manager(usb: UsbPort, runs: bool) -> Option<Check> {
 #[cfg(test)]
 mod tests {
     use super::{PortFacts, PortPlace, UdevRule, UsbPort, check_port};
-    use crate::doctor::check::{Check, Level};
+    use crate::doctor::{Check, Level};
+    use crate::ports::access::Program;
     use crate::ports::access::{Membership, PortAccess};
-    use crate::ports::holders::Program;
 
     fn check(access: PortAccess, usb: UsbPort, modem_manager: bool) -> Vec<Check> {
         let path = "/dev/ttyACM0".into();

@@ -2,7 +2,7 @@
 
 use std::net::IpAddr;
 
-use crate::doctor::check::Check;
+use crate::doctor::Check;
 
 /// What is known about ROS.
 #[derive(Clone, Debug)]
@@ -126,7 +126,7 @@ fn check_publishers(master: &MasterState) -> Check {
 #[cfg(test)]
 mod tests {
     use super::{MasterState, OwnHost, RosFacts, check_ros};
-    use crate::doctor::check::{Check, Level};
+    use crate::doctor::{Check, Level};
 
     fn facts() -> RosFacts {
         RosFacts {

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::ports::serial_port::{Likeness, SerialPort};
-use crate::ports::system_root::SystemRoot;
+use crate::ports::system_root::{Likeness, SerialPort, SystemRoot};
 
 /// Searches the ports for one board. Remembers the serial number of the board that was found first,
 /// and finds no other board afterwards.

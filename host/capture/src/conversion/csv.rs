@@ -1,10 +1,10 @@
 //! Rows as lines of comma-separated values.
 
-use bridge_core::TRI_LABELS;
 use std::io::{self, BufWriter, Write};
 
-use crate::conversion::block::Block;
-use crate::conversion::rows::{RowWriter, StreamFile};
+use bridge_core::TRI_LABELS;
+
+use crate::conversion::block::{Block, RowWriter, StreamFile};
 
 /// Writes a header line and one line per row.
 pub(crate) struct CsvWriter<W: Write> {

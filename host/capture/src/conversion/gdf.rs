@@ -1,12 +1,11 @@
-//! Rows as a GDF file.
+//! Rows as GDF and BDF files.
 
 use std::io::{self, BufWriter, Seek, Write};
 
 use neuro_ros::NeuroDataInfo;
-use recordings::{FileToWrite, GdfWriter, SignalToWrite};
+use recordings::{EdfWriter, FileToWrite, GdfWriter, SignalToWrite};
 
-use crate::conversion::block::Block;
-use crate::conversion::rows::{RowWriter, StreamFile};
+use crate::conversion::block::{Block, RowWriter, StreamFile};
 
 /// Writes one record for each block, with the status words as signals of their own.
 pub(crate) struct GdfRows<W: Write + Seek> {
@@ -77,6 +76,42 @@ impl<W: Write + Seek> RowWriter for GdfRows<W> {
 
     fn finish(self: Box<Self>) -> io::Result<()> {
         self.writer.finish(&self.events)?;
+        Ok(())
+    }
+}
+
+/// Writes one record for each block, with the status words as signals of their own.
+pub(crate) struct BdfRows<W: Write + Seek> {
+    writer: EdfWriter<BufWriter<W>>,
+    values: Vec<f32>,
+}
+
+impl<W: Write + Seek> BdfRows<W> {
+    /// Writes the header.
+    ///
+    /// # Errors
+    ///
+    /// As [`EdfWriter::bdf`].
+    pub(crate) fn new(out: W, file: &StreamFile<'_>) -> io::Result<BdfRows<W>> {
+        let events = file.events.iter();
+        let texts = events.map(|(row, event)| (*row, event.description.clone()));
+        let out = BufWriter::new(out);
+        Ok(BdfRows {
+            writer: EdfWriter::bdf(out, &file_to_write(file), file.rows, texts.collect())?,
+            values: Vec::new(),
+        })
+    }
+}
+
+impl<W: Write + Seek> RowWriter for BdfRows<W> {
+    fn write(&mut self, block: &Block) -> io::Result<()> {
+        self.values.clear();
+        append_values(block, &mut self.values);
+        self.writer.write_record(&self.values)
+    }
+
+    fn finish(self: Box<Self>) -> io::Result<()> {
+        self.writer.finish()?;
         Ok(())
     }
 }

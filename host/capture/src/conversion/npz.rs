@@ -1,12 +1,11 @@
 //! Rows as arrays for numpy.
 
-use bridge_core::TRI_LABELS;
 use std::io::{self, Seek, Write};
 
+use bridge_core::TRI_LABELS;
 use recordings::npz::NpzWriter;
 
-use crate::conversion::block::{Block, TimedEvent};
-use crate::conversion::rows::{RowWriter, StreamFile};
+use crate::conversion::block::{Block, RowWriter, StreamFile, TimedEvent};
 
 /// Writes a file for `numpy.load`: the arrays `labels`, `words`, `rate_hz`, `events` and `rows`.
 ///

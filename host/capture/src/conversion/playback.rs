@@ -1,14 +1,14 @@
 //! A recording played to the core: the device's frames at their times, and its answers.
 
-use bridge_core::{Core, Effects, HostTime, Identity, Model, Settings, Summary};
 use std::collections::HashMap;
 use std::mem::discriminant;
 use std::sync::Arc;
 
+use bridge_core::{Core, Effects, HostTime, Identity, Model, Settings, Summary};
 use link::{Ack, Decoder, Frame, MAX_FRAME, ToDevice, ToHost};
 
 use crate::conversion::collector::{Collector, Listener};
-use crate::recording::record::{Record, RecordKind};
+use crate::recording::{Record, RecordKind};
 
 /// Time between two ticks of the core, microseconds.
 const TICK_US: i64 = 100_000;

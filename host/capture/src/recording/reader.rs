@@ -1,11 +1,10 @@
 //! Reading of recordings, whole or damaged.
 
-use bridge_core::HostTime;
 use std::io::{ErrorKind, Read, Seek};
 
-use crate::recording::error::RecordingError;
-use crate::recording::file_header::FileHeader;
-use crate::recording::record::{MAX_RECORD, Parsed, Record};
+use bridge_core::HostTime;
+
+use crate::recording::{FileHeader, MAX_RECORD, Parsed, Record, RecordingError};
 
 /// Number of bytes that are read from the file at once.
 const BLOCK: usize = 64 * 1024;

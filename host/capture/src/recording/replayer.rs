@@ -7,12 +7,9 @@ use link::{
     VERSION,
 };
 
-use crate::recording::error::RecordingError;
-use crate::recording::introduction::Introduction;
+use crate::recording::introduction::{Introduction, RecordedStarts};
 use crate::recording::reader::RecordingReader;
-use crate::recording::record::RecordKind;
-use crate::recording::recorded_starts::RecordedStarts;
-use crate::recording::replay_counts::ReplayCounts;
+use crate::recording::{RecordKind, RecordingError};
 
 /// How fast a recording is played.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -388,4 +385,17 @@ impl<R: Read + Seek> Replayer<R> {
             self.device_us = frame.header.device_time_us;
         }
     }
+}
+
+/// Counts of what a replay has sent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ReplayCounts {
+    /// Number of frames sent, answers included.
+    pub frames: u64,
+    /// Number of codes sent.
+    pub codes: u64,
+    /// Number of packed blocks sent.
+    pub blocks: u64,
+    /// Number of recorded frames that are damaged, or newer than this program, and were left out.
+    pub unusable: u64,
 }

@@ -14,7 +14,7 @@ use crate::decoder::packed::{PackedBytes, PackedReconstruction, TimedPackedBlock
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
 use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
-use crate::streams::tri::TriWords;
+use crate::streams::neuro_frames::TriWords;
 
 /// Timeout of each wait, sufficient for a busy machine.
 const TIMEOUT: Duration = Duration::from_mins(1);

@@ -1,9 +1,10 @@
-//! The subcommand `man`: writes manual pages.
+//! The subcommands `man` and `completions`: manual pages and scripts for shells.
 
 use std::io;
 use std::path::PathBuf;
 
 use clap::{Command, Parser, ValueHint};
+use clap_complete::Shell;
 use clap_mangen::Man;
 use new_file::NewFileError;
 
@@ -55,4 +56,28 @@ fn page_of(command: &Command) -> Man {
     Man::new(command.clone())
         .source(program)
         .manual("Corticode")
+}
+
+/// Print the script that completes options and subcommands in a shell.
+///
+/// In bash, for the current user: corticode-bridge completions bash >
+/// ~/.local/share/bash-completion/completions/corticode-bridge
+#[derive(Clone, Debug, Parser)]
+#[command(name = "completions")]
+pub(crate) struct CompletionsOptions {
+    /// Shell to print the script for
+    #[arg(value_enum)]
+    pub(crate) shell: Shell,
+}
+
+/// Returns the script for a command line.
+pub(crate) fn script(options: &CompletionsOptions, mut command: Command) -> String {
+    let name = command.get_name().to_owned();
+    let mut script = Vec::new();
+    clap_complete::generate(options.shell, &mut command, name, &mut script);
+    let script = String::from_utf8_lossy(&script);
+    // For a program whose name has a hyphen, clap_complete 4.6.11 sets the state
+    // `corticode__bridge__subcmd__record` in bash, and compares it with another spelling. Subcommands
+    // would have no completion.
+    script.replace("corticode__subcmd__bridge", "corticode__bridge")
 }

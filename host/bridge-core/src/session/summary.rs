@@ -4,9 +4,9 @@ use std::fmt;
 
 use link::{Counters, StageTiming};
 
-use crate::decoder::counts::DecoderCounts;
-use crate::diagnostics::timing::worst_of_deadline;
-use crate::session::state::Session;
+use crate::decoder::thread::DecoderCounts;
+use crate::diagnostics::worst_of_deadline;
+use crate::session::Session;
 use crate::streams::packed::PackedStream;
 
 /// Counts of received, lost and filled data so far; prints as one line.
