@@ -331,10 +331,10 @@ impl Session {
     /// Restarts all streams, because the device counts windows, samples and steps from 0 again.
     fn restart_streams(&mut self) {
         if let Some(codes) = &mut self.codes {
-            codes.restart();
+            codes.timeline.restart();
         }
         if let Some(packed) = &mut self.packed {
-            packed.restart();
+            packed.timeline.restart();
         }
         self.side.restart();
     }
@@ -381,9 +381,9 @@ impl Session {
         let streams = stats.streams != stats.streams.without(codes_or_packed);
         if streams {
             self.commands.stream_received(read.monotonic_us);
-            codes.mark_running();
+            codes.timeline.mark_running();
         }
-        if !codes.is_running() {
+        if !codes.timeline.is_running() {
             return;
         }
         // The clock is fitted to codes. A `Stats` message is used for the fit only until the first
@@ -427,7 +427,7 @@ impl Session {
                 }
                 self.announce_other_streams(read, effects);
                 if let Some(codes) = &mut self.codes {
-                    codes.mark_running();
+                    codes.timeline.mark_running();
                 }
             }
             AckEffect::Stopped { by_user } => {
@@ -480,7 +480,7 @@ impl Session {
             return;
         };
         self.commands.stream_received(read.monotonic_us);
-        if codes.is_restart(code) {
+        if codes.timeline.is_restart(code.window) {
             self.side.restart_events();
         }
         let trusted = self.clock.observe(device_us, read);
@@ -506,7 +506,7 @@ impl Session {
             return;
         };
         self.commands.stream_received(read.monotonic_us);
-        if packed.is_restart(code) {
+        if packed.timeline.is_restart(code.block) {
             self.side.restart_events();
         }
         // The clock is fitted to codes. Packed blocks are used for the fit only until the first code arrives, or
@@ -539,8 +539,12 @@ impl Session {
     /// records this stream, and each stream loses data of its own.
     fn report_missing(&mut self, read: HostTime, effects: &mut dyn Effects) {
         let [codes, packed, raw, filtered] = [
-            self.codes.as_mut().and_then(CodeStream::take_missing),
-            self.packed.as_mut().and_then(PackedStream::take_missing),
+            self.codes
+                .as_mut()
+                .and_then(|codes| codes.timeline.take_missing()),
+            self.packed
+                .as_mut()
+                .and_then(|packed| packed.timeline.take_missing()),
             self.side.raw.as_mut().and_then(SampleStream::take_missing),
             self.side
                 .filtered

@@ -40,7 +40,7 @@ pub(crate) struct PackedReport {
 impl PackedReport {
     /// Returns the number of blocks that are missing since the last report.
     pub(crate) fn missing_since(&self, stream: &PackedStream) -> u64 {
-        stream.hops().missing() - self.missing
+        stream.timeline.counts().missing() - self.missing
     }
 
     /// Returns the status `packed code` at the host time `now_us`, and keeps its counts for the next one; `None`
@@ -51,7 +51,7 @@ impl PackedReport {
         now_us: i64,
     ) -> Option<DiagnosticStatus> {
         let rate = stream.rate()?;
-        let (hops, counts) = (stream.hops(), stream.counts());
+        let (hops, counts) = (stream.timeline.counts(), stream.counts());
         let PackedCounts {
             bits,
             resets,

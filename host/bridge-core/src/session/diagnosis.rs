@@ -163,7 +163,9 @@ fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
 fn loss_status(session: &mut Session) -> DiagnosticStatus {
     let codes = session.codes.as_ref();
     let counts = codes.map(|codes| *codes.counts()).unwrap_or_default();
-    let hops = codes.map(|codes| codes.hops().clone()).unwrap_or_default();
+    let hops = codes
+        .map(|codes| codes.timeline.counts().clone())
+        .unwrap_or_default();
     let ledger = &hops.ledger;
     let since = hops.missing() - session.counts.missing_reported;
     session.counts.missing_reported = hops.missing();

@@ -68,7 +68,7 @@ pub struct PackedSummary {
 
 impl PackedSummary {
     fn new(stream: &PackedStream) -> PackedSummary {
-        let (hops, counts) = (stream.hops(), stream.counts());
+        let (hops, counts) = (stream.timeline.counts(), stream.counts());
         PackedSummary {
             made: hops.ledger.made(),
             received: hops.ledger.received(),
@@ -84,7 +84,9 @@ impl Summary {
     pub(crate) fn new(session: &Session, wire: &Counters) -> Summary {
         let codes = session.codes.as_ref();
         let foreign = codes.map_or(0, |codes| codes.counts().foreign);
-        let counts = codes.map(|codes| codes.hops().clone()).unwrap_or_default();
+        let counts = codes
+            .map(|codes| codes.timeline.counts().clone())
+            .unwrap_or_default();
         Summary {
             packed: session
                 .packed

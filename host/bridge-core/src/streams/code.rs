@@ -9,12 +9,9 @@ use crate::core::Effects;
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
 use crate::settings::{FillerPolicy, Settings};
-use crate::streams::hop_timeline::{HopDurations, HopPlace, HopTimeline, MissingStretch};
-use crate::streams::ledger::{CodeCounts, HopCounts};
-use crate::streams::neuro_frames::TriWords;
-use crate::streams::stamps::{
-    DecodedStream, Decoding, FrameSteps, MonotoneStamps, Reception, frame_time_ns,
-};
+use crate::streams::hop_timeline::{HopPlace, HopTimeline};
+use crate::streams::ledger::CodeCounts;
+use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
 
 /// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Fillers replace lost
 /// codes.
@@ -23,9 +20,7 @@ use crate::streams::stamps::{
 /// of the device.
 #[derive(Debug)]
 pub(crate) struct CodeStream {
-    settings: Settings,
-    device: Arc<Device>,
-    decoding: Decoding,
+    pub(crate) timeline: HopTimeline,
     frame: NeuroFrame,
     z: Vec<f32>,
     /// Whether `z` holds a code of this recording.
@@ -33,7 +28,6 @@ pub(crate) struct CodeStream {
     /// Whether another stream was decoded until now. What is missing before the first code of this run is then no gap
     /// in the signals.
     follows_other: bool,
-    timeline: HopTimeline,
     counts: CodeCounts,
     encoded_stamps: MonotoneStamps,
     window_stamps: MonotoneStamps,
@@ -42,14 +36,11 @@ pub(crate) struct CodeStream {
 impl CodeStream {
     pub(crate) fn new(device: Arc<Device>, decoding: Decoding, settings: Settings) -> CodeStream {
         CodeStream {
-            settings,
-            decoding,
             frame: device.encoded_frame(),
             z: vec![0.0; device.numbers()],
-            device,
+            timeline: HopTimeline::new("codes", device, decoding, settings),
             has_last: false,
             follows_other: false,
-            timeline: HopTimeline::new("codes"),
             counts: CodeCounts::default(),
             encoded_stamps: MonotoneStamps::default(),
             window_stamps: MonotoneStamps::default(),
@@ -62,21 +53,15 @@ impl CodeStream {
         let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
         self.frame = device.encoded_frame();
         (self.frame.header.seq, self.frame.neuroheader.seq) = numbers;
-        self.device = device;
+        self.timeline.device = device;
     }
 
     /// Sets which stream is decoded to `/neurodata_reconstructed`.
     pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
-        if self.decoding.stream != decoding.stream {
+        if self.timeline.decoding.stream != decoding.stream {
             self.follows_other = decoding.stream == DecodedStream::Codes;
         }
-        self.decoding = decoding;
-    }
-
-    /// Starts another run. Call this when the device counts windows from 0 again. The time until the
-    /// run's first code is filled.
-    pub(crate) fn restart(&mut self) {
-        self.timeline.restart();
+        self.timeline.decoding = decoding;
     }
 
     /// Ends the recording, because the user stopped the stream. The time until the next start is not
@@ -87,33 +72,12 @@ impl CodeStream {
         self.z.fill(0.0);
     }
 
-    /// Records that the stream runs. From now on, the window index in `Stats` is that of this
-    /// stream.
-    pub(crate) fn mark_running(&mut self) {
-        self.timeline.mark_running();
-    }
-
-    /// Returns whether the stream is known to run since the last restart. Before that, a `Stats`
-    /// message without the stream of codes is the late answer to a `Stop`, and its window index
-    /// belongs to the previous stream.
-    pub(crate) fn is_running(&self) -> bool {
-        self.timeline.is_running()
-    }
-
+    /// Properties of the device that makes the codes.
     pub(crate) fn device(&self) -> &Arc<Device> {
-        &self.device
+        &self.timeline.device
     }
 
-    /// Returns the newest stretch of missing codes once. It starts where the frames do.
-    pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
-        self.timeline.take_missing()
-    }
-
-    /// Numbers of received and missing codes.
-    pub(crate) fn hops(&self) -> &HopCounts {
-        self.timeline.counts()
-    }
-
+    /// Numbers of unusable and clipped codes.
     pub(crate) fn counts(&self) -> &CodeCounts {
         &self.counts
     }
@@ -122,12 +86,6 @@ impl CodeStream {
     /// later than the previous stamp.
     pub(crate) fn moved_stamps(&self) -> u64 {
         self.encoded_stamps.moved() + self.window_stamps.moved()
-    }
-
-    /// Returns whether `code` shows that the device restarted its stream without a command. A
-    /// restart is assumed if the code's frame is new but its window index was already counted.
-    pub(crate) fn is_restart(&self, code: &Code) -> bool {
-        self.timeline.is_restart(code.window)
     }
 
     /// Publishes a code that the device made at `device_us`. Fillers for the codes lost before it
@@ -143,21 +101,21 @@ impl CodeStream {
         effects: &mut dyn Effects,
     ) {
         let (format, numbers) = (code.values.format(), code.values.len());
-        let device = &self.device;
+        let device = &self.timeline.device;
         let expected = (device.model_id, device.code_format, device.numbers());
         if (code.model_id, format, numbers) != expected {
             self.counts.foreign += 1;
             return;
         }
-        let (durations, most) = (self.durations(), effects.max_fillers());
-        let Some((missing, place)) =
-            self.timeline
-                .receive(code.window, device_us, durations, reception, most)
+        let most = effects.max_fillers();
+        let Some((missing, place)) = self
+            .timeline
+            .receive(code.window, device_us, reception, most)
         else {
             return;
         };
         self.fill(&missing, reception, effects);
-        let device = Arc::clone(&self.device);
+        let device = Arc::clone(&self.timeline.device);
         device.dequantise(&code.values, &mut self.z);
         self.has_last = true;
         self.counts.clipped += u64::from(code.clipped);
@@ -174,19 +132,9 @@ impl CodeStream {
         reception: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
-        let (durations, most) = (self.durations(), effects.max_fillers());
-        let missing = self
-            .timeline
-            .fill_before(next, device_us, durations, reception, most);
+        let most = effects.max_fillers();
+        let missing = self.timeline.fill_before(next, device_us, reception, most);
         self.fill(&missing, reception, effects);
-    }
-
-    fn durations(&self) -> HopDurations {
-        let settings = &self.settings;
-        let lookback_us =
-            self.device
-                .frame_lookback_us(settings.announced, self.decoding.stream, settings);
-        HopDurations::new(&self.device, lookback_us)
     }
 
     /// Publishes a filler for each missing code.
@@ -194,10 +142,10 @@ impl CodeStream {
         if missing.is_empty() {
             return;
         }
-        if self.settings.filler == FillerPolicy::Zeros || !self.has_last {
+        if self.timeline.settings.filler == FillerPolicy::Zeros || !self.has_last {
             self.z.fill(0.0);
         }
-        if self.settings.filler != FillerPolicy::Off {
+        if self.timeline.settings.filler != FillerPolicy::Off {
             self.timeline.count_fillers(missing.len());
         }
         for place in missing {
@@ -214,29 +162,14 @@ impl CodeStream {
         effects: &mut dyn Effects,
     ) {
         self.timeline.record(place, reception);
-        let words = TriWords {
-            flags: flags.bits(),
-            window: place.index,
-            device_time_us: u64::try_from(place.device_us).unwrap_or(0),
-            lost: place.missing,
-            trigger: reception
-                .trigger
-                .level_at(self.device.last_sample(place.index)),
-        };
+        let device = &self.timeline.device;
+        let last_sample = device.last_sample(place.index);
+        let words = self.timeline.words(place, flags, last_sample, reception);
         let steps_back = reception.clock.wall_steps_back();
-        let stamp = |lookback, length| {
-            let steps = FrameSteps { lookback, length };
-            frame_time_ns(
-                &self.device,
-                self.settings.stamp,
-                place.device_us,
-                steps,
-                reception,
-            )
-        };
-        let window = u32::from(self.device.window_steps);
-        if received || self.settings.filler != FillerPolicy::Off {
-            let first = stamp(window - 1, window);
+        let window = u32::from(device.window_steps);
+        if received || self.timeline.settings.filler != FillerPolicy::Off {
+            let steps = [window - 1, window];
+            let first = self.timeline.frame_time_ns(place, steps, reception);
             let frame = &mut self.frame;
             frame.header.stamp = self.encoded_stamps.next(first, steps_back);
             frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
@@ -248,9 +181,13 @@ impl CodeStream {
         if place.is_made {
             self.follows_other = false;
         }
-        if self.decoding.decodes(DecodedStream::Codes) && !self.follows_other {
-            let lookback = Reconstruction::lookback_steps(&self.device, self.settings.low_latency);
-            let time = stamp(lookback, u32::from(self.device.hop_steps));
+        let HopTimeline {
+            device, settings, ..
+        } = &self.timeline;
+        if self.timeline.decoding.decodes(DecodedStream::Codes) && !self.follows_other {
+            let lookback = Reconstruction::lookback_steps(device, settings.low_latency);
+            let steps = [lookback, u32::from(device.hop_steps)];
+            let time = self.timeline.frame_time_ns(place, steps, reception);
             let stamp = self.window_stamps.next(time, steps_back);
             let z = received.then(|| self.z.clone());
             effects.decode(TimedCode { z, stamp, words });

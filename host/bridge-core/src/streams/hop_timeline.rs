@@ -1,16 +1,27 @@
 //! Places of the items that a device makes once per hop: codes, or blocks of the packed code.
 
-use crate::device::Device;
-use crate::streams::ledger::{Arrival, HopCounts};
-use crate::streams::stamps::Reception;
+use std::sync::Arc;
 
-/// Numbers the items of one stream and finds the missing ones, within a run of the device and between two.
+use link::Flags;
+
+use crate::device::Device;
+use crate::settings::Settings;
+use crate::streams::ledger::{Arrival, HopCounts};
+use crate::streams::neuro_frames::TriWords;
+use crate::streams::stamps::{Decoding, FrameSteps, Reception, frame_time_ns};
+
+/// Numbers the items of one stream and finds the missing ones, within a run of the device and
+/// between two.
 ///
 /// The counts persist while the bridge runs, across restarts of the device.
 #[derive(Debug)]
 pub(crate) struct HopTimeline {
     /// Plural name of the items, for the log.
     items: &'static str,
+    pub(crate) settings: Settings,
+    pub(crate) device: Arc<Device>,
+    /// Stream that `/neurodata_reconstructed` is decoded from.
+    pub(crate) decoding: Decoding,
     /// Whether an item, a `Stats` message or an acknowledgement has shown that the stream runs.
     running: bool,
     /// Device time of the newest item, received or missing, microseconds.
@@ -36,27 +47,6 @@ pub(crate) struct HopPlace {
     pub(crate) is_made: bool,
 }
 
-/// Durations of a stream.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct HopDurations {
-    /// Time from one item to the next, microseconds.
-    pub(crate) hop_us: i64,
-    /// Time from the first step of an announced frame, at the electrodes, to the last step of the
-    /// item that completes the frame, microseconds.
-    pub(crate) lookback_us: i64,
-}
-
-impl HopDurations {
-    /// Returns the durations of a stream of `device` whose frames begin `lookback_us` before the end of the item that
-    /// completes them.
-    pub(crate) fn new(device: &Device, lookback_us: i64) -> HopDurations {
-        HopDurations {
-            hop_us: device.steps_us(u32::from(device.hop_steps)),
-            lookback_us,
-        }
-    }
-}
-
 /// Items that are missing directly before another one.
 #[derive(Clone, Copy, Debug)]
 struct Gap {
@@ -68,9 +58,17 @@ struct Gap {
 
 impl HopTimeline {
     /// Creates the timeline of a stream of `items`, such as "codes".
-    pub(crate) fn new(items: &'static str) -> HopTimeline {
+    pub(crate) fn new(
+        items: &'static str,
+        device: Arc<Device>,
+        decoding: Decoding,
+        settings: Settings,
+    ) -> HopTimeline {
         HopTimeline {
             items,
+            settings,
+            device,
+            decoding,
             running: false,
             last_device_us: None,
             last_index: 0,
@@ -78,6 +76,49 @@ impl HopTimeline {
             missing: None,
             counts: HopCounts::default(),
         }
+    }
+
+    /// Returns the time from one item to the next, microseconds.
+    fn hop_us(&self) -> i64 {
+        self.device.steps_us(u32::from(self.device.hop_steps))
+    }
+
+    /// Returns the time from the first step of an announced frame, at the electrodes, to the last
+    /// step of the item that completes the frame, microseconds.
+    fn lookback_us(&self) -> i64 {
+        let (settings, decoded) = (&self.settings, self.decoding.stream);
+        self.device
+            .frame_lookback_us(settings.announced, decoded, settings)
+    }
+
+    /// Returns the status words of an item's frame, whose last ADC sample is `last_sample`.
+    pub(crate) fn words(
+        &self,
+        place: HopPlace,
+        flags: Flags,
+        last_sample: u64,
+        reception: Reception<'_>,
+    ) -> TriWords {
+        TriWords {
+            flags: flags.bits(),
+            window: place.index,
+            device_time_us: u64::try_from(place.device_us).unwrap_or(0),
+            lost: place.missing,
+            trigger: reception.trigger.level_at(last_sample),
+        }
+    }
+
+    /// Returns the time of a frame of `length` steps, which begins `lookback` steps before the last
+    /// one of the item at `place`, nanoseconds since 1970.
+    pub(crate) fn frame_time_ns(
+        &self,
+        place: HopPlace,
+        [lookback, length]: [u32; 2],
+        reception: Reception<'_>,
+    ) -> i64 {
+        let steps = FrameSteps { lookback, length };
+        let point = self.settings.stamp;
+        frame_time_ns(&self.device, point, place.device_us, steps, reception)
     }
 
     /// Starts another run. Call this when the device counts from 0 again. The time until the run's
@@ -135,7 +176,6 @@ impl HopTimeline {
         &mut self,
         index: u32,
         device_us: Option<u64>,
-        durations: HopDurations,
         reception: Reception<'_>,
         max_fillers: u64,
     ) -> Option<(Vec<HopPlace>, HopPlace)> {
@@ -149,12 +189,12 @@ impl HopTimeline {
             return None;
         };
         let host_us = device_us.and_then(|us| reception.clock.host_us(us.into()));
-        let device_us = device_us.unwrap_or_else(|| self.time_of_next(lost, 0, durations));
+        let device_us = device_us.unwrap_or_else(|| self.time_of_next(lost, 0));
         let gap = Gap {
             lost,
-            between_runs: self.missing_between_runs(host_us, lost, durations, reception),
+            between_runs: self.missing_between_runs(host_us, lost, reception),
         };
-        let fillers = self.fillers(index, gap, device_us, durations, max_fillers);
+        let fillers = self.fillers(index, gap, device_us, max_fillers);
         self.running = true;
         self.last_device_us = Some(device_us);
         self.last_index = index;
@@ -173,7 +213,6 @@ impl HopTimeline {
         &mut self,
         next: u32,
         device_us: u64,
-        durations: HopDurations,
         reception: Reception<'_>,
         max_fillers: u64,
     ) -> Vec<HopPlace> {
@@ -183,14 +222,14 @@ impl HopTimeline {
         }
         // Before the first item of a stream, only the time of the `Stats` message is known. The
         // device made its last item at most one hop before that time.
-        let next_us = self.time_of_next(lost, device_us, durations);
+        let next_us = self.time_of_next(lost, device_us);
         let host_us = reception.clock.host_us(next_us.into());
         let gap = Gap {
             lost,
-            between_runs: self.missing_between_runs(host_us, lost, durations, reception),
+            between_runs: self.missing_between_runs(host_us, lost, reception),
         };
-        let fillers = self.fillers(next, gap, next_us, durations, max_fillers);
-        self.last_device_us = Some(next_us.saturating_add_signed(-durations.hop_us));
+        let fillers = self.fillers(next, gap, next_us, max_fillers);
+        self.last_device_us = Some(next_us.saturating_add_signed(-self.hop_us()));
         fillers
     }
 
@@ -208,12 +247,11 @@ impl HopTimeline {
         &mut self,
         host_us: Option<f64>,
         lost: u32,
-        durations: HopDurations,
         reception: Reception<'_>,
     ) -> u64 {
         let read_us = reception.read.monotonic_us;
         #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
-        let [read_us, hop_us] = [read_us, durations.hop_us].map(|us| us as f64);
+        let [read_us, hop_us] = [read_us, self.hop_us()].map(|us| us as f64);
         let first_us = host_us.unwrap_or(read_us) - f64::from(lost) * hop_us;
         let missing = self.continuity.missing_before(first_us, hop_us);
         self.counts.between_runs += missing;
@@ -222,24 +260,17 @@ impl HopTimeline {
 
     /// Returns the device time of the item that follows `lost` lost items, microseconds. If the
     /// time of no item is known, returns the time one hop after `fallback_us`.
-    fn time_of_next(&self, lost: u32, fallback_us: u64, durations: HopDurations) -> u64 {
+    fn time_of_next(&self, lost: u32, fallback_us: u64) -> u64 {
         let (known_us, hops) = match self.last_device_us {
             Some(last_us) => (last_us, i64::from(lost) + 1),
             None => (fallback_us, 1),
         };
-        known_us.saturating_add_signed(hops * durations.hop_us)
+        known_us.saturating_add_signed(hops * self.hop_us())
     }
 
     /// Returns the places of the items missing directly before index `index`, at most `max_fillers`.
     /// The item of index `index` has the device time `device_us`.
-    fn fillers(
-        &mut self,
-        index: u32,
-        gap: Gap,
-        device_us: u64,
-        durations: HopDurations,
-        max_fillers: u64,
-    ) -> Vec<HopPlace> {
+    fn fillers(&mut self, index: u32, gap: Gap, device_us: u64, max_fillers: u64) -> Vec<HopPlace> {
         let missing = gap.between_runs + u64::from(gap.lost);
         if missing == 0 {
             return Vec::new();
@@ -251,7 +282,7 @@ impl HopTimeline {
             before = index,
             "{items} missing"
         );
-        let hop_us = i128::from(durations.hop_us);
+        let hop_us = i128::from(self.hop_us());
         #[expect(
             clippy::cast_precision_loss,
             reason = "68 minutes are exact to the millisecond"
@@ -259,7 +290,7 @@ impl HopTimeline {
         let seconds = (hop_us * i128::from(missing)) as f32 / 1e6;
         let first_us = i128::from(device_us) - hop_us * i128::from(missing);
         self.missing = Some(MissingStretch {
-            start_us: first_us - i128::from(durations.lookback_us),
+            start_us: first_us - i128::from(self.lookback_us()),
             seconds,
             restarted: gap.between_runs > 0,
         });

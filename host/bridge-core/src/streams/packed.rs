@@ -9,22 +9,16 @@ use crate::core::Effects;
 use crate::decoder::packed::{PackedBytes, TimedPackedBlock};
 use crate::device::Device;
 use crate::settings::{FillerPolicy, Settings};
-use crate::streams::hop_timeline::{HopDurations, HopPlace, HopTimeline, MissingStretch};
-use crate::streams::ledger::{HopCounts, PackedCounts};
-use crate::streams::neuro_frames::TriWords;
-use crate::streams::stamps::{
-    DecodedStream, Decoding, FrameSteps, MonotoneStamps, Reception, frame_time_ns,
-};
+use crate::streams::hop_timeline::{HopPlace, HopTimeline};
+use crate::streams::ledger::PackedCounts;
+use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
 
 /// Places packed blocks in time and passes them to the decoder, with a placeholder for each missing one.
 ///
 /// Counts and stamps persist while the bridge runs, across restarts of the device.
 #[derive(Debug)]
 pub(crate) struct PackedStream {
-    settings: Settings,
-    device: Arc<Device>,
-    decoding: Decoding,
-    timeline: HopTimeline,
+    pub(crate) timeline: HopTimeline,
     counts: PackedCounts,
     /// Rate of the newest block.
     rate: Option<u8>,
@@ -36,10 +30,7 @@ pub(crate) struct PackedStream {
 impl PackedStream {
     pub(crate) fn new(device: Arc<Device>, decoding: Decoding, settings: Settings) -> PackedStream {
         PackedStream {
-            settings,
-            device,
-            decoding,
-            timeline: HopTimeline::new("packed blocks"),
+            timeline: HopTimeline::new("packed blocks", device, decoding, settings),
             counts: PackedCounts::default(),
             rate: None,
             is_first: true,
@@ -50,21 +41,15 @@ impl PackedStream {
     /// Switches to another device of the same shape, or to the same device with another mains
     /// frequency. Counts and stamps continue.
     pub(crate) fn replace_device(&mut self, device: Arc<Device>) {
-        self.device = device;
+        self.timeline.device = device;
     }
 
     /// Sets which stream is decoded to `/neurodata_reconstructed`. The time in which another one was is no gap.
     pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
-        if self.decoding.stream != decoding.stream {
+        if self.timeline.decoding.stream != decoding.stream {
             self.end_recording();
         }
-        self.decoding = decoding;
-    }
-
-    /// Starts another run. Call this when the device counts blocks from 0 again. The time until the
-    /// run's first block is filled.
-    pub(crate) fn restart(&mut self) {
-        self.timeline.restart();
+        self.timeline.decoding = decoding;
     }
 
     /// Ends the recording, because the user stopped the stream. The time until the next start is not
@@ -74,16 +59,7 @@ impl PackedStream {
         self.is_first = true;
     }
 
-    /// Returns the newest stretch of missing blocks once. It starts where the frames do.
-    pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
-        self.timeline.take_missing()
-    }
-
-    /// Numbers of received and missing blocks.
-    pub(crate) fn hops(&self) -> &HopCounts {
-        self.timeline.counts()
-    }
-
+    /// Numbers of blocks by their status.
     pub(crate) fn counts(&self) -> &PackedCounts {
         &self.counts
     }
@@ -99,11 +75,6 @@ impl PackedStream {
         self.stamps.moved()
     }
 
-    /// Returns whether `code` shows that the device restarted its stream without a command.
-    pub(crate) fn is_restart(&self, code: &PackedCode) -> bool {
-        self.timeline.is_restart(code.block)
-    }
-
     /// Passes a block that the device made at `device_us` to the decoder, after placeholders for the
     /// blocks lost before it.
     ///
@@ -116,15 +87,14 @@ impl PackedStream {
         reception: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
-        let durations = self.durations();
         let most = effects.max_fillers();
         let Some((missing, place)) = self
             .timeline
-            .receive(code.block, device_us, durations, reception, most)
+            .receive(code.block, device_us, reception, most)
         else {
             return;
         };
-        if self.settings.filler != FillerPolicy::Off {
+        if self.timeline.settings.filler != FillerPolicy::Off {
             self.timeline.count_fillers(missing.len());
         }
         for place in missing {
@@ -155,14 +125,6 @@ impl PackedStream {
         }
     }
 
-    fn durations(&self) -> HopDurations {
-        let settings = &self.settings;
-        let lookback_us =
-            self.device
-                .frame_lookback_us(settings.announced, self.decoding.stream, settings);
-        HopDurations::new(&self.device, lookback_us)
-    }
-
     fn pass_on(
         &mut self,
         place: HopPlace,
@@ -173,25 +135,16 @@ impl PackedStream {
     ) {
         self.timeline.record(place, reception);
         let is_first = std::mem::take(&mut self.is_first);
-        if !self.decoding.decodes(DecodedStream::Packed) {
+        if !self.timeline.decoding.decodes(DecodedStream::Packed) {
             return;
         }
-        let hop = u32::from(self.device.hop_steps);
+        let device = &self.timeline.device;
+        let hop = u32::from(device.hop_steps);
         let end = (u64::from(place.index) + 1) * u64::from(hop);
-        let last_sample = self.device.sample_of_step(end - 1);
-        let words = TriWords {
-            flags: flags.bits(),
-            window: place.index,
-            device_time_us: u64::try_from(place.device_us).unwrap_or(0),
-            lost: place.missing,
-            trigger: reception.trigger.level_at(last_sample),
-        };
-        let steps = FrameSteps {
-            lookback: hop - 1,
-            length: hop,
-        };
-        let (device, point) = (&self.device, self.settings.stamp);
-        let time = frame_time_ns(device, point, place.device_us, steps, reception);
+        let last_sample = device.sample_of_step(end - 1);
+        let words = self.timeline.words(place, flags, last_sample, reception);
+        let steps = [hop - 1, hop];
+        let time = self.timeline.frame_time_ns(place, steps, reception);
         let steps_back = reception.clock.wall_steps_back();
         effects.decode_block(TimedPackedBlock {
             block,

@@ -12,7 +12,7 @@ use bridge_core::{AuditResult, AuditedWindow, Device, Model, Settings};
 use link::{Audit, CodeValues, Streams, ToHost};
 
 use crate::board::{Board, NUMBERS, model};
-use crate::recorder::{Harness, SETTINGS};
+use crate::recorder::{Harness, SETTINGS, value};
 
 const AUDIT: Settings = Settings {
     streams: Streams::from_bits(0b01001),
@@ -223,8 +223,7 @@ fn audits_that_cannot_be_compared_are_counted_and_not_passed_on() {
     assert_eq!(harness.recorder.audits.len(), 1);
     let status = harness.status("device").unwrap();
     let key = "audits of another model or size";
-    let unusable = status.values.iter().find(|pair| pair.key == key);
-    assert_eq!(unusable.unwrap().value, "4");
+    assert_eq!(value(&status, key), "4");
 }
 
 #[test]
@@ -233,8 +232,7 @@ fn without_the_devices_model_no_audit_is_compared() {
         model_id: [9; 8],
         ..Board::new()
     };
-    let mut harness = Harness::new(AUDIT, board);
-    harness.connect();
+    let mut harness = Harness::connected(AUDIT, board);
     let values = CodeValues::int8(&[5; NUMBERS]);
     harness.send(0, &audit([9; 8], &[0; 1440], &values));
     assert!(harness.recorder.audits.is_empty());

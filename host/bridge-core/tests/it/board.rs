@@ -19,6 +19,14 @@ pub(crate) fn at(us: i64) -> HostTime {
     }
 }
 
+/// Checks that a text has all of these parts.
+#[track_caller]
+pub(crate) fn assert_has<const N: usize>(text: &str, parts: [&str; N]) {
+    for part in parts {
+        assert!(text.contains(part), "no {part:?} in {text}");
+    }
+}
+
 /// Returns the built-in model, which is read once per process.
 pub(crate) fn model() -> Arc<Model> {
     static MODEL: LazyLock<Arc<Model>> = LazyLock::new(|| Arc::new(Model::embedded().unwrap()));

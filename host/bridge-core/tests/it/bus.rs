@@ -137,11 +137,7 @@ fn lost_codes_and_restarts_are_events_where_their_fillers_begin() {
     for lost in [false, true, true, false] {
         harness.code(1, lost);
     }
-    harness.board.reboot();
-    harness.now_us += 1_000_000;
-    let hello = harness.board.hello();
-    harness.receive(&hello);
-    harness.exchange();
+    harness.reboot(1_000_000);
     harness.code(1, false);
     let fillers = harness.fillers();
     let begins: Vec<i64> = (1..fillers.len())

@@ -26,6 +26,14 @@ struct Scene {
     seconds: u32,
 }
 
+/// A link with jitter, without drift and without steps of the wall clock.
+const QUIET: Scene = Scene {
+    ppm: |_| 0.0,
+    read_at: jitter,
+    wall_step: |_| 0,
+    seconds: 300,
+};
+
 /// Uniform noise in 0..1 from a linear congruential generator (Numerical Recipes).
 struct Noise(u32);
 
@@ -115,19 +123,10 @@ fn stalled(sent: f64, noise: &mut Noise) -> f64 {
     }
 }
 
-fn no_step(_: f64) -> i64 {
-    0
-}
-
 #[test]
 fn drift_of_100_ppm_either_way_is_followed() {
     for ppm in [(|_| 100.0) as fn(f64) -> f64, |_| -100.0, |_| 0.0] {
-        let scene = Scene {
-            ppm,
-            read_at: jitter,
-            wall_step: no_step,
-            seconds: 300,
-        };
+        let scene = Scene { ppm, ..QUIET };
         check("drift", &scene);
     }
 }
@@ -140,9 +139,8 @@ fn a_change_of_drift_by_20_ppm_is_followed() {
     ] {
         let scene = Scene {
             ppm,
-            read_at: jitter,
-            wall_step: no_step,
             seconds: 400,
+            ..QUIET
         };
         check("change of drift", &scene);
     }
@@ -154,8 +152,7 @@ fn reads_in_usb_frames_of_1_ms_do_not_bias_the_fit() {
         let scene = Scene {
             ppm,
             read_at: quantised,
-            wall_step: no_step,
-            seconds: 300,
+            ..QUIET
         };
         check("quantised", &scene);
     }
@@ -167,8 +164,7 @@ fn reads_in_bunches_of_16_ms_do_not_bias_the_fit() {
         let scene = Scene {
             ppm,
             read_at: bunched,
-            wall_step: no_step,
-            seconds: 300,
+            ..QUIET
         };
         check("bunched", &scene);
     }
@@ -179,8 +175,7 @@ fn a_host_that_stalls_for_5_s_does_not_shift_the_clock() {
     let scene = Scene {
         ppm: |_| 60.0,
         read_at: stalled,
-        wall_step: no_step,
-        seconds: 300,
+        ..QUIET
     };
     check("stalled", &scene);
 }
@@ -190,17 +185,17 @@ fn a_step_of_the_wall_clock_is_followed_without_going_backwards() {
     let forwards = |t: f64| if t < 100.0 { 0 } else { 2_000_000_000 };
     let scene = Scene {
         ppm: |_| 20.0,
-        read_at: jitter,
         wall_step: forwards,
         seconds: 200,
+        ..QUIET
     };
     check("step forwards", &scene);
     let backwards = |t: f64| if t < 100.0 { 0 } else { -1_000_000_000 };
     let scene = Scene {
         ppm: |_| 20.0,
-        read_at: jitter,
         wall_step: backwards,
         seconds: 200,
+        ..QUIET
     };
     let errors = errors(&scene);
     // A backward step of 1 s is corrected at 0.1 s per second within 10 s, except for the last 20
@@ -273,8 +268,8 @@ fn stamps_are_late_by_the_least_delay() {
     let scene = Scene {
         ppm: |_| 20.0,
         read_at: |sent, noise| jitter(sent + 5000.0, noise),
-        wall_step: no_step,
         seconds: 200,
+        ..QUIET
     };
     let errors = errors(&scene);
     let settled = errors.iter().filter(|(seconds, _)| *seconds > 60.0);

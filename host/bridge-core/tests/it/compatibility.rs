@@ -2,7 +2,7 @@
 
 use link::{AckResult, FrameError, ToHost};
 
-use crate::board::{Board, at};
+use crate::board::{Board, assert_has, at};
 use crate::recorder::{Harness, SETTINGS};
 
 /// Messages of a later release, which has one kind more than this release.
@@ -62,9 +62,7 @@ fn unknown_messages_of_a_newer_device_do_not_affect_codes() {
 #[test]
 fn a_device_with_another_wire_version_is_reported_as_such() {
     let mut harness = Harness::new(SETTINGS, Board::new());
-    harness
-        .core
-        .connected(at(harness.now_us), &mut harness.recorder);
+    harness.open();
     let header = link::Header {
         version: 2,
         seq: 0,
@@ -79,14 +77,8 @@ fn a_device_with_another_wire_version_is_reported_as_such() {
     harness
         .core
         .receive(bytes, at(harness.now_us), &mut harness.recorder);
-    let report = format!(
-        "{:?}",
-        harness.core.diagnostics(at(harness.now_us)).status[2]
-    );
-    assert!(
-        report.contains("another version") && report.contains("same release"),
-        "{report}"
-    );
+    let report = harness.report("link");
+    assert_has(&report, ["another version", "same release"]);
 }
 
 #[test]

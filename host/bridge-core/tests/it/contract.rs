@@ -74,10 +74,7 @@ fn electrodes_that_were_not_recorded_are_named_until_another_device_answers() {
     assert_eq!(value(&mut harness).as_deref(), Some(unrecorded));
 
     harness.board.substitutes = Substitutes::NONE;
-    harness.board.reboot();
-    let hello = harness.board.hello();
-    harness.receive(&hello);
-    harness.exchange();
+    harness.reboot(0);
     harness.code(0, false);
     let frame = harness.recorder.encoded.last().unwrap();
     assert_eq!(frame.eeg.info.transducter, "autoencoder");
@@ -160,8 +157,7 @@ fn the_reconstruction_is_announced_only_if_codes_can_be_decoded() {
         ..SETTINGS
     };
     let announced = |board| {
-        let mut harness = Harness::new(settings, board);
-        harness.connect();
+        let mut harness = Harness::connected(settings, board);
         harness.recorder.announced.remove(0).info
     };
     let info = announced(Board::new()).unwrap();

@@ -5,7 +5,7 @@ use link::{Event, EventKind, Flags, Raw, Streams, ToHost};
 use neuro_ros::DiagnosticLevel;
 
 use crate::board::{Board, WALL_START_NS};
-use crate::recorder::{Harness, SETTINGS};
+use crate::recorder::{Harness, SETTINGS, value};
 
 const EVENTS: Settings = Settings {
     streams: Streams::from_bits(0b10011),
@@ -72,11 +72,7 @@ fn lost_events_are_counted_and_reported_once() {
     harness.send(now, &event(EventKind::Newer(9), 5, 0));
     assert_eq!(harness.recorder.events.len(), 4);
     let status = harness.status("loss").unwrap();
-    let unknown = status
-        .values
-        .iter()
-        .find(|pair| pair.key == "events of unknown kinds");
-    assert_eq!(unknown.unwrap().value, "1");
+    assert_eq!(value(&status, "events of unknown kinds"), "1");
 }
 
 #[test]
@@ -121,9 +117,7 @@ fn an_event_of_an_impossible_time_is_stamped_with_its_arrival() {
 #[test]
 fn events_before_an_introduction_are_not_published() {
     let mut harness = Harness::new(EVENTS, Board::new());
-    harness
-        .core
-        .connected(crate::board::at(harness.now_us), &mut harness.recorder);
+    harness.open();
     harness.send(0, &event(EventKind::TriggerRise, 0, 0));
     assert!(harness.recorder.events.is_empty());
 }
@@ -139,11 +133,7 @@ fn figures(harness: &mut Harness) -> [String; 2] {
 }
 
 fn set_streaming(harness: &mut Harness, streaming: bool) {
-    harness.core.set_streaming(streaming);
-    harness
-        .core
-        .tick(crate::board::at(harness.now_us), &mut harness.recorder);
-    harness.exchange();
+    harness.set_streaming(streaming);
 }
 
 #[test]
@@ -182,9 +172,7 @@ fn a_restart_seen_only_in_the_codes_keeps_the_level_and_loses_no_event() {
     harness.code(1, false);
     let now = harness.now_us.unsigned_abs();
     harness.send(now, &event(EventKind::TriggerRise, 0, 5_000));
-    for _ in 0..10 {
-        harness.code(1, false);
-    }
+    harness.codes(10, 1);
     harness.board.next_window = 0;
     harness.code(1, false);
     let words = &harness.recorder.encoded.last().unwrap().tri.data;

@@ -2,7 +2,7 @@
 
 use link::{CodeFormat, CodeValues};
 
-use crate::board::{Board, NUMBERS};
+use crate::board::{Board, NUMBERS, assert_has};
 use crate::recorder::{Harness, SETTINGS};
 
 fn streaming(code_format: CodeFormat) -> Harness {
@@ -65,16 +65,12 @@ fn a_device_with_a_newer_code_format_is_refused_with_advice() {
         code_format: CodeFormat::Newer(3),
         ..Board::new()
     };
-    let mut harness = Harness::new(SETTINGS, board);
-    harness.connect();
+    let mut harness = Harness::connected(SETTINGS, board);
     assert!(harness.recorder.announced.is_empty());
     let now = crate::board::at(harness.now_us);
     let device = harness.core.diagnostics(now).status.remove(0);
     let message = &device.message;
-    assert!(
-        message.contains("number 3") && message.contains("same release"),
-        "{message}"
-    );
+    assert_has(&message, ["number 3", "same release"]);
 }
 
 #[test]
@@ -91,5 +87,5 @@ fn another_device_with_another_format_is_refused() {
     assert!(harness.recorder.encoded.is_empty());
     let now = crate::board::at(harness.now_us);
     let device = harness.core.diagnostics(now).status.remove(0);
-    assert!(device.message.contains("code format"), "{}", device.message);
+    assert_has(&device.message, ["code format"]);
 }

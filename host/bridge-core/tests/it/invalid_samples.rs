@@ -2,7 +2,7 @@
 
 use link::{Filtered, Flags, Raw, ToHost};
 
-use crate::recorder::SETTINGS;
+use crate::recorder::{SETTINGS, value};
 use crate::samples::{SAMPLES, counts, harness, send_samples, send_samples_at};
 
 #[test]
@@ -70,11 +70,7 @@ fn a_restarted_stream_starts_a_new_frame() {
     for first in [0, 8, 16] {
         send_samples(&mut harness, first, Flags::empty());
     }
-    harness.core.set_streaming(false);
-    harness
-        .core
-        .tick(crate::board::at(harness.now_us), &mut harness.recorder);
-    harness.exchange();
+    harness.set_streaming(false);
     let status = harness.status("loss").unwrap();
     let mut values = status.values.iter();
     let unpublished = values.find(|pair| pair.key == "raw samples not published");
@@ -83,11 +79,7 @@ fn a_restarted_stream_starts_a_new_frame() {
         "24",
         "samples of the unfinished frame"
     );
-    harness.core.set_streaming(true);
-    harness
-        .core
-        .tick(crate::board::at(harness.now_us), &mut harness.recorder);
-    harness.exchange();
+    harness.set_streaming(true);
     for first in [0, 8, 16, 24] {
         send_samples_at(
             &mut harness,
@@ -112,11 +104,7 @@ fn samples_that_were_not_requested_are_counted() {
     let mut harness = harness(SETTINGS);
     send_samples(&mut harness, 0, Flags::empty());
     let status = harness.status("device").unwrap();
-    let unused = status
-        .values
-        .iter()
-        .find(|pair| pair.key == "other messages unused");
-    assert_eq!(unused.unwrap().value, "1");
+    assert_eq!(value(&status, "other messages unused"), "1");
 }
 
 #[test]
@@ -132,6 +120,5 @@ fn stamps_that_were_moved_forwards_are_counted() {
     }
     assert_eq!(harness.recorder.raw.len(), 2);
     let status = harness.status("clock").unwrap();
-    let held = status.values.iter().find(|pair| pair.key == "stamps held");
-    assert_eq!(held.unwrap().value, "1");
+    assert_eq!(value(&status, "stamps held"), "1");
 }

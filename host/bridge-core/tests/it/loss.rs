@@ -4,8 +4,8 @@ use bridge_core::{FillerPolicy, Settings};
 use link::Streams;
 use proptest::prelude::*;
 
-use crate::board::Board;
-use crate::recorder::{Harness, SETTINGS};
+use crate::board::{Board, assert_has};
+use crate::recorder::{Harness, SETTINGS, stamps};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
@@ -18,8 +18,7 @@ proptest! {
         for lost in &losses {
             harness.code(3, *lost);
         }
-        let stats = harness.board.stats(Streams::CODES);
-        harness.receive(&stats);
+        harness.stats(Streams::CODES);
         prop_assert_eq!(harness.fillers(), losses.clone());
         let summary = harness.core.summary();
         let lost = losses.iter().filter(|lost| **lost).count() as u64;
@@ -45,9 +44,7 @@ fn bursts_of_up_to_4096_codes_are_filled() {
     for burst in [1, 2, 4095, 4096] {
         let mut harness = Harness::streaming(SETTINGS, Board::new());
         harness.code(1, false);
-        for _ in 0..burst {
-            harness.code(1, true);
-        }
+        harness.lose(burst);
         harness.code(2, false);
         let summary = harness.core.summary();
         assert_eq!((summary.lost, summary.fillers), (burst, burst));
@@ -72,7 +69,7 @@ fn an_outage_too_long_to_fill_is_counted_completely() {
         harness.core.diagnostics(crate::board::at(harness.now_us))
     );
     let unfilled = r#"key: "lost and not filled", value: "4464""#;
-    assert!(report.contains(unfilled), "{report}");
+    assert_has(&report, [unfilled]);
 }
 
 #[test]
@@ -113,12 +110,7 @@ fn fillers_have_the_stamps_of_the_lost_codes() {
     for index in 0..40 {
         harness.code(0, index % 3 == 1);
     }
-    let stamps: Vec<i64> = harness
-        .recorder
-        .encoded
-        .iter()
-        .map(|frame| frame.header.stamp.nanoseconds())
-        .collect();
+    let stamps = stamps(&harness.recorder.encoded);
     for pair in stamps.windows(2) {
         assert_eq!(pair[1] - pair[0], 62_500_000);
     }
@@ -173,11 +165,8 @@ fn fillers_of_two_successive_reports_have_successive_times() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     for _ in 0..2 {
-        for _ in 0..3 {
-            harness.code(1, true);
-        }
-        let stats = harness.board.stats(Streams::CODES);
-        harness.receive(&stats);
+        harness.lose(3);
+        harness.stats(Streams::CODES);
     }
     harness.code(1, false);
     let times: Vec<i32> = harness
@@ -195,19 +184,11 @@ fn fillers_of_two_successive_reports_have_successive_times() {
 #[test]
 fn fillers_before_the_first_code_are_timed_by_the_report() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    for _ in 0..5 {
-        harness.code(1, true);
-    }
-    let stats = harness.board.stats(Streams::CODES);
-    harness.receive(&stats);
+    harness.lose(5);
+    harness.stats(Streams::CODES);
     harness.code(1, false);
     assert_eq!(harness.fillers(), [true, true, true, true, true, false]);
-    let stamps: Vec<i64> = harness
-        .recorder
-        .encoded
-        .iter()
-        .map(|frame| frame.header.stamp.nanoseconds())
-        .collect();
+    let stamps = stamps(&harness.recorder.encoded);
     for pair in stamps.windows(2) {
         assert_eq!(pair[1] - pair[0], 62_500_000);
     }

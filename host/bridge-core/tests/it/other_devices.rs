@@ -1,7 +1,7 @@
 //! Devices with another model or shape than announced, and devices that replace the announced
 //! device.
 
-use crate::board::{Board, at};
+use crate::board::{Board, assert_has, at};
 use crate::recorder::{Harness, SETTINGS, commands};
 
 #[test]
@@ -20,10 +20,7 @@ fn codes_of_another_model_are_published_without_a_reconstruction() {
     assert!(!harness.recorder.announced[0].decodable);
     let report = harness.core.diagnostics(at(harness.now_us));
     let text = format!("{:?}", report.status[0]);
-    assert!(
-        text.contains("0909090909090909") && text.contains("--model"),
-        "{text}"
-    );
+    assert_has(&text, ["0909090909090909", "--model"]);
 }
 
 #[test]
@@ -50,25 +47,16 @@ fn a_device_of_another_shape_is_refused_until_the_first_one_returns() {
     harness.code(1, false);
     assert_eq!(harness.recorder.encoded.len(), 1);
     assert_eq!(harness.core.summary().unused, 1);
-    let report = format!(
-        "{:?}",
-        harness.core.diagnostics(at(harness.now_us)).status[0]
-    );
-    assert!(
-        report.contains("Error") && report.contains("rate and window"),
-        "{report}"
-    );
+    let report = harness.report("device");
+    assert_has(&report, ["Error", "rate and window"]);
     harness.core.disconnected();
     harness.board = right;
     harness.connect();
     harness.code(1, false);
     // The code of the refused device has a filler in its place.
     assert_eq!(harness.fillers(), [false, true, false]);
-    let report = format!(
-        "{:?}",
-        harness.core.diagnostics(at(harness.now_us)).status[0]
-    );
-    assert!(report.contains("streaming"), "{report}");
+    let report = harness.report("device");
+    assert_has(&report, ["streaming"]);
 }
 
 #[test]
@@ -88,8 +76,7 @@ fn a_device_with_impossible_capabilities_is_refused() {
             ..Board::new()
         },
     ] {
-        let mut harness = Harness::new(SETTINGS, board);
-        harness.connect();
+        let mut harness = Harness::connected(SETTINGS, board);
         harness.code(1, false);
         assert!(harness.recorder.announced.is_empty() && harness.recorder.encoded.is_empty());
     }
@@ -145,14 +132,8 @@ fn a_device_that_differs_from_the_announced_one_is_refused() {
         };
         harness.connect();
         harness.code(1, false);
-        let report = format!(
-            "{:?}",
-            harness.core.diagnostics(at(harness.now_us)).status[0]
-        );
-        assert!(
-            report.contains(&format!("in its {what};")) && report.contains("restart"),
-            "{report}"
-        );
+        let report = harness.report("device");
+        assert_has(&report, [&format!("in its {what};"), "restart"]);
         assert!(harness.recorder.encoded.is_empty());
     }
 }

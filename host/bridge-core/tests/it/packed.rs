@@ -15,9 +15,7 @@ use crate::recorder::Harness;
 #[test]
 fn with_low_latency_each_block_yields_its_signals_at_once() {
     let mut device = Packed::new(PACKED);
-    for _ in 0..70 {
-        device.send(false);
-    }
+    device.send_all(70, false);
     let frames = frames(&device.harness.recorder, PACKED);
     let (expected, _) = decode((0..70).map(Some));
     let signals: Vec<&Vec<f32>> = frames.iter().map(|frame| &frame.eeg.data).collect();
@@ -51,9 +49,7 @@ fn otherwise_a_block_yields_the_frame_before_it_with_its_correction() {
         ..PACKED
     };
     let mut device = Packed::new(smooth);
-    for _ in 0..70 {
-        device.send(false);
-    }
+    device.send_all(70, false);
     let frames = frames(&device.harness.recorder, smooth);
     let (plain, smoothed) = decode((0..70).map(Some));
     assert_eq!(frames.len(), 69, "the newest block waits");
@@ -114,18 +110,10 @@ fn a_lost_block_is_predicted_and_flagged_until_the_state_has_healed() {
 #[test]
 fn a_restarted_device_continues_the_frames_with_fillers_between() {
     let mut device = Packed::new(PACKED);
-    for _ in 0..5 {
-        device.send(false);
-    }
-    device.harness.board.reboot();
-    device.harness.now_us += 4 * 62_500;
-    let hello = device.harness.board.hello();
-    device.harness.receive(&hello);
-    device.harness.exchange();
+    device.send_all(5, false);
+    device.harness.reboot(4 * 62_500);
     device.next = 0;
-    for _ in 0..5 {
-        device.send(false);
-    }
+    device.send_all(5, false);
     let frames = frames(&device.harness.recorder, PACKED);
     let fillers: Vec<bool> = flags(&frames)
         .iter()
@@ -204,9 +192,7 @@ fn the_report_states_rate_bits_and_what_does_not_fit_the_model() {
     );
 
     device.flags = Flags::MISFIT;
-    for _ in 0..10 {
-        device.send(false);
-    }
+    device.send_all(10, false);
     let status = device.harness.status("packed code").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
     assert!(status.message.starts_with("10 of 10 blocks do not fit"));
@@ -244,15 +230,8 @@ fn a_device_of_another_model_is_counted_and_not_decoded() {
     let mut harness = Harness::new(PACKED, crate::board::Board::new());
     harness.board.model_id = [9; 8];
     harness.connect();
-    let mut device = Packed {
-        harness,
-        next: 0,
-        rate: 4,
-        flags: Flags::empty(),
-    };
-    for _ in 0..3 {
-        device.send(false);
-    }
+    let mut device = Packed::of(harness);
+    device.send_all(3, false);
     assert!(device.harness.recorder.blocks.is_empty());
     assert_eq!(device.harness.core.summary().packed.received, 3);
     let status = device.harness.status("device").unwrap();

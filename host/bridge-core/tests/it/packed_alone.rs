@@ -8,7 +8,7 @@ use bridge_core::{Model, PackedReconstruction, Settings};
 use link::{Audit, CodeValues, Streams, ToHost};
 use neuro_ros::DiagnosticLevel;
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::packed_device::{PACKED, Packed, flags, frames};
 use crate::packed_fallback::restart_with;
 use crate::recorder::{Harness, SETTINGS};
@@ -42,12 +42,7 @@ fn connected(settings: Settings) -> Harness {
 }
 
 fn device(settings: Settings) -> Packed {
-    Packed {
-        harness: connected(settings),
-        next: 0,
-        rate: 4,
-        flags: link::Flags::empty(),
-    }
+    Packed::of(connected(settings))
 }
 
 #[test]
@@ -78,8 +73,7 @@ fn what_is_announced_is_withdrawn_while_the_device_refuses_it() {
         supported: SUPPORTED,
         ..Board::new()
     };
-    let mut harness = Harness::new(SETTINGS, board);
-    harness.connect();
+    let mut harness = Harness::connected(SETTINGS, board);
     assert_eq!(harness.described(), [true, false]);
     // Another image.
     restart_with(&mut harness, Streams::ALL);
@@ -92,8 +86,7 @@ fn a_device_that_refuses_all_streams_has_no_announcement_until_another_image_run
         supported: Streams::EVENTS,
         ..Board::new()
     };
-    let mut harness = Harness::new(SETTINGS, board);
-    harness.connect();
+    let mut harness = Harness::connected(SETTINGS, board);
     let last = |harness: &Harness| harness.recorder.announced.last().unwrap().info.is_some();
     assert!(!last(&harness));
     let status = harness.status("device").unwrap();
@@ -111,12 +104,11 @@ fn a_refusal_is_in_the_status_beside_a_model_that_the_bridge_does_not_have() {
         supported: Streams::EVENTS,
         ..Board::new()
     };
-    let mut harness = Harness::new(SETTINGS, board);
-    harness.connect();
+    let mut harness = Harness::connected(SETTINGS, board);
     let status = harness.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Error);
     for words in ["--model", "choose other --streams"] {
-        assert!(status.message.contains(words), "{}", status.message);
+        assert_has(&status.message, [words]);
     }
 }
 
@@ -130,7 +122,7 @@ fn its_blocks_stream_in_the_place_of_codes_with_a_warning() {
     let status = device.harness.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
     let remedy = "choose packed without codes";
-    assert!(status.message.contains(remedy), "{}", status.message);
+    assert_has(&status.message, [remedy]);
     let keys: Vec<&str> = status
         .values
         .iter()
@@ -146,9 +138,7 @@ fn its_audits_have_no_code_and_reach_the_decoder() {
         ..PACKED
     };
     let mut device = device(settings);
-    for _ in 0..2 {
-        device.send(false);
-    }
+    device.send_all(2, false);
     let harness = &mut device.harness;
     assert_eq!(harness.board.streams, Streams::PACKED | Streams::AUDIT);
     let planes = vec![0; 16 * 90];

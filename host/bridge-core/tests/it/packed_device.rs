@@ -68,8 +68,11 @@ pub(crate) struct Packed {
 
 impl Packed {
     pub(crate) fn new(settings: Settings) -> Packed {
-        let mut harness = Harness::new(settings, Board::new());
-        harness.connect();
+        Packed::of(Harness::connected(settings, Board::new()))
+    }
+
+    /// Creates a device whose next block is the first of a run.
+    pub(crate) fn of(harness: Harness) -> Packed {
         Packed {
             harness,
             next: 0,
@@ -82,6 +85,11 @@ impl Packed {
     pub(crate) fn send(&mut self, lost: bool) {
         let bytes = block(self.next, 0, self.rate);
         self.send_bytes(&bytes, lost);
+    }
+
+    /// Advances time by `count` hops as [`Self::send`] does.
+    pub(crate) fn send_all(&mut self, count: u32, lost: bool) {
+        (0..count).for_each(|_| self.send(lost));
     }
 
     /// Advances time by one hop, in which the device makes a block with these bytes. It reaches the bridge unless `lost`.

@@ -23,9 +23,7 @@ fn harness(supported: Streams, low_latency: bool) -> Harness {
         hop_steps: 4,
         ..Board::new()
     };
-    let mut harness = Harness::new(settings, board);
-    harness.connect();
-    harness
+    Harness::connected(settings, board)
 }
 
 /// Returns where the recorder's signals come from, by the answer to `/acquisition/get_info`.
@@ -53,8 +51,7 @@ fn codes_in_the_place_of_blocks_are_announced_and_decoded() {
         supported: NETWORK,
         ..Board::new()
     };
-    let mut harness = Harness::new(PACKED, board);
-    harness.connect();
+    let mut harness = Harness::connected(PACKED, board);
     assert_eq!(origins(&harness), ["packed code", "autoencoder"]);
     harness.code(1, false);
     assert_eq!(harness.recorder.windows.len(), 1);
@@ -64,7 +61,7 @@ fn codes_in_the_place_of_blocks_are_announced_and_decoded() {
         origins(&harness),
         ["packed code", "autoencoder", "packed code"]
     );
-    let mut device = device(harness);
+    let mut device = Packed::of(harness);
     device.send(false);
     assert_eq!(device.harness.recorder.blocks.len(), 1);
 }
@@ -117,15 +114,6 @@ pub(crate) fn restart_with(harness: &mut Harness, supported: Streams) {
     harness.exchange();
 }
 
-fn device(harness: Harness) -> Packed {
-    Packed {
-        harness,
-        next: 0,
-        rate: 4,
-        flags: link::Flags::empty(),
-    }
-}
-
 #[test]
 fn the_time_in_which_codes_were_decoded_is_not_filled_when_packed_blocks_return() {
     let settings = Settings {
@@ -133,20 +121,14 @@ fn the_time_in_which_codes_were_decoded_is_not_filled_when_packed_blocks_return(
         ..PACKED
     };
     let mut device = Packed::new(settings);
-    for _ in 0..5 {
-        device.send(false);
-    }
+    device.send_all(5, false);
     restart_with(&mut device.harness, NETWORK);
     // The last block's frame comes before those of codes.
     assert_eq!(device.harness.recorder.finished, [5]);
-    for _ in 0..160 {
-        device.harness.code(1, false);
-    }
+    device.harness.codes(160, 1);
     restart_with(&mut device.harness, Streams::ALL);
     device.next = 0;
-    for _ in 0..5 {
-        device.send(false);
-    }
+    device.send_all(5, false);
     let recorder = &device.harness.recorder;
     assert_eq!(recorder.windows.len(), 160);
     assert_eq!(
@@ -172,40 +154,22 @@ fn the_time_in_which_packed_blocks_were_decoded_is_filled_among_codes_alone() {
         supported: NETWORK,
         ..Board::new()
     };
-    let mut harness = Harness::new(settings, board);
-    harness.connect();
-    for _ in 0..5 {
-        harness.code(1, false);
-    }
+    let mut harness = Harness::connected(settings, board);
+    harness.codes(5, 1);
     // The image without the network.
     restart_with(&mut harness, Streams::PACKED);
-    let mut device = device(harness);
-    for _ in 0..20 {
-        device.send(false);
-    }
+    let mut device = Packed::of(harness);
+    device.send_all(20, false);
     let mut harness = device.harness;
     restart_with(&mut harness, NETWORK);
     // A code of the new run is lost.
     harness.code(1, true);
-    for _ in 0..5 {
-        harness.code(1, false);
-    }
+    harness.codes(5, 1);
     let fillers = [&[false; 5][..], &[true; 23], &[false; 5]].concat();
     assert_eq!(harness.fillers(), fillers);
     let windows = &harness.recorder.windows;
     let lost: Vec<bool> = windows.iter().map(|window| window.z.is_none()).collect();
     assert_eq!(lost, [&[false; 5][..], &[true], &[false; 5]].concat());
-}
-
-/// Lets the board answer until it streams. The acknowledgement of its start is lost.
-fn start_unacknowledged(harness: &mut Harness) {
-    while !harness.board.streaming {
-        let commands = std::mem::take(&mut harness.recorder.sent);
-        let answers = harness.board.answer(&commands);
-        if !harness.board.streaming {
-            harness.receive(&answers);
-        }
-    }
 }
 
 fn origins(harness: &Harness) -> Vec<&str> {
@@ -221,11 +185,9 @@ fn signals_are_decoded_although_the_acknowledgement_of_the_start_was_lost() {
     let mut harness = Harness::new(PACKED, board);
     let now = at(harness.now_us);
     harness.core.connected(now, &mut harness.recorder);
-    start_unacknowledged(&mut harness);
+    harness.start_unacknowledged();
     assert_eq!(origins(&harness), ["packed code"]);
-    for _ in 0..6 {
-        harness.code(1, false);
-    }
+    harness.codes(6, 1);
     assert_eq!(origins(&harness), ["packed code", "autoencoder"]);
     let recorder = &harness.recorder;
     assert_eq!((recorder.encoded.len(), recorder.windows.len()), (6, 6));
@@ -234,11 +196,9 @@ fn signals_are_decoded_although_the_acknowledgement_of_the_start_was_lost() {
     harness.board.supported = Streams::ALL;
     let hello = harness.board.hello();
     harness.receive(&hello);
-    start_unacknowledged(&mut harness);
-    let mut device = device(harness);
-    for _ in 0..6 {
-        device.send(false);
-    }
+    harness.start_unacknowledged();
+    let mut device = Packed::of(harness);
+    device.send_all(6, false);
     assert_eq!(origins(&device.harness).len(), 3);
     assert_eq!(device.harness.recorder.blocks.len(), 6);
 }
@@ -254,8 +214,7 @@ fn codes_that_a_device_refuses_are_not_described_until_it_streams_them() {
         supported: Streams::PACKED,
         ..Board::new()
     };
-    let mut harness = Harness::new(settings, board);
-    harness.connect();
+    let mut harness = Harness::connected(settings, board);
     assert_eq!(harness.described(), [true, false]);
     restart_with(&mut harness, Streams::ALL);
     assert_eq!(harness.described(), [true, false, true]);

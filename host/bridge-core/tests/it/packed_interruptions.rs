@@ -4,7 +4,7 @@ use bridge_core::Settings;
 use link::Flags;
 use neuro_ros::NeuroFrame;
 
-use crate::board::at;
+use crate::board::assert_has;
 use crate::packed_device::{PACKED, Packed, decode, flags, frames};
 use crate::recorder::commands;
 
@@ -17,18 +17,12 @@ const SMOOTH: Settings = Settings {
 /// Lets the user start or stop the stream.
 fn set_streaming(device: &mut Packed, is_wanted: bool) {
     let harness = &mut device.harness;
-    harness.core.set_streaming(is_wanted);
-    harness.core.tick(at(harness.now_us), &mut harness.recorder);
-    harness.exchange();
+    harness.set_streaming(is_wanted);
 }
 
 /// Restarts the device, which is away for `hops` hops.
 fn restart(device: &mut Packed, hops: i64) {
-    device.harness.board.reboot();
-    device.harness.now_us += hops * 62_500;
-    let hello = device.harness.board.hello();
-    device.harness.receive(&hello);
-    device.harness.exchange();
+    device.harness.reboot(hops * 62_500);
     device.next = 0;
 }
 
@@ -54,9 +48,7 @@ fn stamps_increase(frames: &[NeuroFrame]) -> bool {
 #[test]
 fn after_a_stop_all_blocks_have_frames_and_the_next_recording_starts_anew() {
     let mut device = Packed::new(SMOOTH);
-    for _ in 0..5 {
-        device.send(false);
-    }
+    device.send_all(5, false);
     assert_eq!(frames(&device.harness.recorder, SMOOTH).len(), 4);
     set_streaming(&mut device, false);
     let run = corrected(5);
@@ -89,9 +81,7 @@ fn after_a_stop_all_blocks_have_frames_and_the_next_recording_starts_anew() {
 #[test]
 fn an_audit_after_a_stop_is_not_compared_with_blocks_of_the_recording_before() {
     let mut device = Packed::new(PACKED);
-    for _ in 0..5 {
-        device.send(false);
-    }
+    device.send_all(5, false);
     set_streaming(&mut device, false);
     device.harness.now_us += 3_000_000;
     set_streaming(&mut device, true);
@@ -115,17 +105,13 @@ fn an_audit_after_a_stop_is_not_compared_with_blocks_of_the_recording_before() {
 #[test]
 fn a_restart_completes_the_frame_that_waits_and_fills_the_time_of_the_outage() {
     let mut device = Packed::new(SMOOTH);
-    for _ in 0..5 {
-        device.send(false);
-    }
+    device.send_all(5, false);
     restart(&mut device, 4);
-    for _ in 0..5 {
-        device.send(false);
-    }
+    device.send_all(5, false);
     set_streaming(&mut device, false);
     let summary = device.harness.core.summary().to_string();
-    assert!(summary.contains("fillers 4 bits"), "{summary}");
-    assert!(summary.contains("; packed blocks: made 10 "), "{summary}");
+    assert_has(&summary, ["fillers 4 bits"]);
+    assert_has(&summary, ["; packed blocks: made 10 "]);
     let (_, packed) = summary.split_once("packed blocks").unwrap();
     assert!(packed.contains("missing between runs 4;"), "{summary}");
     let frames = frames(&device.harness.recorder, SMOOTH);
@@ -169,16 +155,10 @@ fn a_gap_longer_than_the_fillers_is_counted_and_ends_at_the_next_block() {
 #[test]
 fn the_predictions_of_a_long_gap_come_to_a_standstill_until_the_next_block() {
     let mut device = Packed::new(PACKED);
-    for _ in 0..5 {
-        device.send(false);
-    }
+    device.send_all(5, false);
     let gap = 4_000;
-    for _ in 0..gap {
-        device.send(true);
-    }
-    for _ in 0..5 {
-        device.send(false);
-    }
+    device.send_all(gap, true);
+    device.send_all(5, false);
     let frames = frames(&device.harness.recorder, PACKED);
     let lost = (0..5 + gap + 5).map(|index| (!(5..5 + gap).contains(&index)).then_some(index));
     let (expected, _) = decode(lost);

@@ -69,7 +69,7 @@ fn a_rate_that_changes_before_the_device_has_answered_is_sent_too() {
     let mut device = Packed::new(PACKED);
     let harness = &mut device.harness;
     harness.core.set_packed_rate(5);
-    harness.core.tick(at(harness.now_us), &mut harness.recorder);
+    harness.tick();
     let sent = std::mem::take(&mut harness.recorder.sent);
     let answers = harness.board.answer(&sent);
     assert_eq!(harness.board.rate, 5);

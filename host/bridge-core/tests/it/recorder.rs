@@ -111,14 +111,20 @@ pub(crate) struct Harness {
 impl Harness {
     /// Creates a harness whose board is already identified and streaming.
     pub(crate) fn streaming(settings: Settings, board: Board) -> Harness {
-        let mut harness = Harness::new(settings, board);
-        harness.connect();
+        let harness = Harness::connected(settings, board);
         assert_eq!(
             harness.board.received.len(),
             3,
             "Identify, Stop, Start: {:?}",
             harness.board.received
         );
+        harness
+    }
+
+    /// Creates a harness whose board has answered the first commands, whatever it refuses.
+    pub(crate) fn connected(settings: Settings, board: Board) -> Harness {
+        let mut harness = Harness::new(settings, board);
+        harness.connect();
         harness
     }
 
@@ -137,7 +143,7 @@ impl Harness {
     }
 
     pub(crate) fn connect(&mut self) {
-        self.core.connected(at(self.now_us), &mut self.recorder);
+        self.open();
         self.exchange();
     }
 
@@ -150,6 +156,49 @@ impl Harness {
             }
             let answers = self.board.answer(&commands);
             self.receive(&answers);
+        }
+    }
+
+    /// Opens the port; the board gets no bytes yet.
+    pub(crate) fn open(&mut self) {
+        self.core.connected(at(self.now_us), &mut self.recorder);
+    }
+
+    /// Lets the core send a command that is due.
+    pub(crate) fn tick(&mut self) {
+        self.core.tick(at(self.now_us), &mut self.recorder);
+    }
+
+    /// Lets the user start or stop the streams.
+    pub(crate) fn set_streaming(&mut self, is_wanted: bool) {
+        self.core.set_streaming(is_wanted);
+        self.tick();
+        self.exchange();
+    }
+
+    /// Restarts the board, which is away for `outage_us` microseconds and introduces itself again.
+    pub(crate) fn reboot(&mut self, outage_us: i64) {
+        self.board.reboot();
+        self.now_us += outage_us;
+        let hello = self.board.hello();
+        self.receive(&hello);
+        self.exchange();
+    }
+
+    /// Delivers a `Stats` message of the board that streams `streams`.
+    pub(crate) fn stats(&mut self, streams: Streams) {
+        let stats = self.board.stats(streams);
+        self.receive(&stats);
+    }
+
+    /// Lets the board answer until it streams. The acknowledgement of its start is lost.
+    pub(crate) fn start_unacknowledged(&mut self) {
+        while !self.board.streaming {
+            let commands = std::mem::take(&mut self.recorder.sent);
+            let answers = self.board.answer(&commands);
+            if !self.board.streaming {
+                self.receive(&answers);
+            }
         }
     }
 
@@ -166,6 +215,16 @@ impl Harness {
         if !lost {
             self.receive(&bytes);
         }
+    }
+
+    /// Delivers `count` codes of this value, 62.5 ms apart.
+    pub(crate) fn codes(&mut self, count: u64, value: i8) {
+        (0..count).for_each(|_| self.code(value, false));
+    }
+
+    /// Advances time by `count` codes, none of which reaches the core.
+    pub(crate) fn lose(&mut self, count: u64) {
+        (0..count).for_each(|_| self.code(1, true));
     }
 
     /// Advances time by 62.5 ms. The board makes a code with these values, which reaches the core.
@@ -187,6 +246,11 @@ impl Harness {
         let statuses = self.core.diagnostics(at(self.now_us)).status;
         let name = format!("corticode: {part}");
         statuses.into_iter().find(|status| status.name == name)
+    }
+
+    /// Returns all parts of the status `corticode: {part}` of a new report, as text.
+    pub(crate) fn report(&mut self, part: &str) -> String {
+        format!("{:?}", self.status(part).unwrap())
     }
 
     /// Returns, for each announcement from the oldest on, whether it describes a stream.
@@ -220,4 +284,19 @@ pub(crate) fn commands(harness: &Harness) -> Vec<&'static str> {
         ToDevice::SetRate { .. } => "set rate",
     };
     harness.board.received.iter().map(name).collect()
+}
+
+/// Returns the value `key` of a status.
+pub(crate) fn value<'a>(status: &'a DiagnosticStatus, key: &str) -> &'a str {
+    let mut values = status.values.iter();
+    let found = values.find(|value| value.key == key);
+    &found
+        .unwrap_or_else(|| panic!("no {key} in {status:?}"))
+        .value
+}
+
+/// Returns the stamps of frames, nanoseconds since 1970.
+pub(crate) fn stamps(frames: &[NeuroFrame]) -> Vec<i64> {
+    let stamps = frames.iter().map(|frame| frame.header.stamp.nanoseconds());
+    stamps.collect()
 }

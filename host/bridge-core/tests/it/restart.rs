@@ -11,7 +11,7 @@ use bridge_core::{FillerPolicy, Settings};
 use link::{Filtered, Flags, Streams, ToHost};
 use neuro_ros::{DiagnosticLevel, NeuroFrame};
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::recorder::{Harness, SETTINGS};
 use crate::samples::{SAMPLES, send_samples_at};
 
@@ -73,11 +73,7 @@ impl Recording {
 
     /// Restarts the device, which begins to stream `outage_us` microseconds after its last code.
     fn restart(&mut self, outage_us: i64) {
-        self.harness.board.reboot();
-        self.harness.now_us += outage_us;
-        let hello = self.harness.board.hello();
-        self.harness.receive(&hello);
-        self.harness.exchange();
+        self.harness.reboot(outage_us);
         self.run_us = self.harness.now_us;
         self.hops = 0;
     }
@@ -123,10 +119,7 @@ fn the_time_of_a_restart_is_filled_flagged_and_counted_on_every_topic() {
         33
     );
     let text = summary.to_string();
-    assert!(
-        text.contains("lost 0") && text.contains("missing between runs 33"),
-        "{text}"
-    );
+    assert_has(&text, ["lost 0", "missing between runs 33"]);
     let loss = recording.harness.status("loss").unwrap();
     assert_eq!(loss.level, DiagnosticLevel::Warn);
     let raw = "raw samples missing between runs";
@@ -220,7 +213,7 @@ fn the_time_in_which_another_device_is_refused_is_filled() {
     };
     let first = std::mem::replace(&mut harness.board, other);
     harness.connect();
-    (0..16).for_each(|_| harness.code(1, false));
+    harness.codes(16, 1);
     harness.core.disconnected();
     harness.board = first;
     harness.board.reboot();
@@ -238,17 +231,9 @@ fn a_pause_by_the_user_is_not_filled() {
     let mut recording = Recording::new(SAMPLES);
     (0..5).for_each(|_| recording.hop());
     let harness = &mut recording.harness;
-    harness.core.set_streaming(false);
-    harness
-        .core
-        .tick(crate::board::at(harness.now_us), &mut harness.recorder);
-    harness.exchange();
+    harness.set_streaming(false);
     harness.now_us += 10_000_000;
-    harness.core.set_streaming(true);
-    harness
-        .core
-        .tick(crate::board::at(harness.now_us), &mut harness.recorder);
-    harness.exchange();
+    harness.set_streaming(true);
     // The device's clock has gone on; its indices start at 0.
     let device_us = harness.board.now_us + 10_000_000 + HOP_US as u64;
     harness.now_us += HOP_US;
@@ -285,15 +270,10 @@ fn without_fillers_a_restart_is_counted_and_nothing_is_published_for_it() {
 #[test]
 fn a_code_that_is_lost_after_a_restart_is_counted_apart() {
     let mut recording = Recording::new(SETTINGS);
-    (0..4).for_each(|_| recording.harness.code(1, false));
-    recording.harness.board.reboot();
-    recording.harness.now_us += 1_000_000;
-    let hello = recording.harness.board.hello();
-    recording.harness.receive(&hello);
-    recording.harness.exchange();
+    recording.harness.codes(4, 1);
+    recording.harness.reboot(1_000_000);
     recording.harness.code(1, true);
-    let stats = recording.harness.board.stats(Streams::CODES);
-    recording.harness.receive(&stats);
+    recording.harness.stats(Streams::CODES);
     recording.harness.code(1, false);
     let summary = recording.harness.core.summary();
     assert_eq!(

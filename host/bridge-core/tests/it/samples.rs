@@ -11,7 +11,7 @@ use link::{Filtered, Flags, Raw, Streams, ToHost};
 use neuro_ros::{DiagnosticLevel, NeuroFrame};
 
 use crate::board::{Board, WALL_START_NS};
-use crate::recorder::{Harness, SETTINGS};
+use crate::recorder::{Harness, SETTINGS, value};
 
 pub(crate) const SAMPLES: Settings = Settings {
     streams: Streams::from_bits(0b00111),
@@ -209,7 +209,7 @@ fn steps_are_clamped_to_the_announced_range() {
 
 #[test]
 fn lost_samples_are_filled_flagged_and_counted() {
-    for (filler, value) in [
+    for (filler, held) in [
         (FillerPolicy::Last, microvolt(39, 0)),
         (FillerPolicy::Zeros, 0.0),
     ] {
@@ -224,7 +224,7 @@ fn lost_samples_are_filled_flagged_and_counted() {
             let lost = (40..56).contains(&index);
             let flags = frame.tri.data[sample * 8];
             assert_eq!(flags & 0x8000 != 0, lost, "sample {index}");
-            let expected = if lost { value } else { microvolt(index, 0) };
+            let expected = if lost { held } else { microvolt(index, 0) };
             assert_eq!(row(frame, sample).0[0], expected, "sample {index}");
             assert_eq!(
                 frame.tri.data[sample * 8 + 6],
@@ -239,11 +239,7 @@ fn lost_samples_are_filled_flagged_and_counted() {
         );
         let status = harness.status("loss").unwrap();
         assert_eq!(status.level, DiagnosticLevel::Ok);
-        let lost = status
-            .values
-            .iter()
-            .find(|pair| pair.key == "raw samples lost");
-        assert_eq!(lost.unwrap().value, "16");
+        assert_eq!(value(&status, "raw samples lost"), "16");
     }
 }
 

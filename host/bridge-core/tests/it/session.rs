@@ -29,9 +29,7 @@ fn commands_without_an_answer_are_repeated() {
 #[test]
 fn a_lost_acknowledgement_of_start_costs_no_code() {
     let mut harness = Harness::new(SETTINGS, Board::new());
-    harness
-        .core
-        .connected(at(harness.now_us), &mut harness.recorder);
+    harness.open();
     for _ in 0..3 {
         let commands = std::mem::take(&mut harness.recorder.sent);
         let answers = harness.board.answer(&commands);
@@ -54,17 +52,10 @@ fn a_lost_acknowledgement_of_start_costs_no_code() {
 #[test]
 fn a_reset_is_counted_and_costs_no_code() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    for _ in 0..5 {
-        harness.code(1, false);
-    }
-    harness.board.reboot();
-    let hello = harness.board.hello();
-    harness.receive(&hello);
-    harness.exchange();
+    harness.codes(5, 1);
+    harness.reboot(0);
     assert_eq!(commands(&harness).last(), Some(&"start"));
-    for _ in 0..5 {
-        harness.code(2, false);
-    }
+    harness.codes(5, 2);
     let summary = harness.core.summary();
     assert_eq!((summary.received, summary.lost, summary.resets), (10, 0, 1));
     assert_eq!(
@@ -77,14 +68,11 @@ fn a_reset_is_counted_and_costs_no_code() {
 #[test]
 fn a_reset_with_a_lost_hello_is_detected_by_old_frame_numbers() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    for _ in 0..30 {
-        harness.code(1, false);
-    }
+    harness.codes(30, 1);
     harness.board.reboot();
     harness.board.hello();
     for _ in 0..8 {
-        let stats = harness.board.stats(Streams::empty());
-        harness.receive(&stats);
+        harness.stats(Streams::empty());
     }
     harness.exchange();
     harness.code(2, false);
@@ -97,9 +85,7 @@ fn an_outage_of_the_port_is_counted_and_filled() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     harness.core.disconnected();
-    for _ in 0..16 {
-        harness.code(1, true);
-    }
+    harness.lose(16);
     harness.connect();
     harness.code(2, false);
     assert_eq!(
@@ -127,9 +113,7 @@ fn a_thousand_outages_are_counted_exactly() {
             .board
             .frame(0, &ToHost::Stats(link::Stats::default()));
         harness.receive(&half[..half.len() / 2]);
-        for _ in 0..missing {
-            harness.code(1, true);
-        }
+        harness.lose(missing);
         harness.connect();
         harness.code(2, false);
         received += 1;
@@ -146,15 +130,11 @@ fn a_thousand_outages_are_counted_exactly() {
 #[test]
 fn a_stream_restarted_during_an_outage_is_continued() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    for _ in 0..10 {
-        harness.code(1, false);
-    }
+    harness.codes(10, 1);
     harness.core.disconnected();
     harness.board.streaming = false;
     harness.connect();
-    for _ in 0..3 {
-        harness.code(2, false);
-    }
+    harness.codes(3, 2);
     let summary = harness.core.summary();
     assert_eq!((summary.received, summary.lost), (13, 0));
 }
@@ -162,9 +142,7 @@ fn a_stream_restarted_during_an_outage_is_continued() {
 #[test]
 fn codes_before_the_introduction_are_counted_and_not_published() {
     let mut harness = Harness::new(SETTINGS, Board::new());
-    harness
-        .core
-        .connected(at(harness.now_us), &mut harness.recorder);
+    harness.open();
     harness.code(1, false);
     assert!(harness.recorder.encoded.is_empty());
     assert_eq!(harness.core.summary().unused, 1);
@@ -175,8 +153,7 @@ fn a_device_that_stops_by_itself_is_started_again() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     harness.board.streaming = false;
-    let stats = harness.board.stats(Streams::empty());
-    harness.receive(&stats);
+    harness.stats(Streams::empty());
     harness.exchange();
     assert_eq!(commands(&harness)[3..], ["start"]);
     harness.code(2, false);
@@ -187,13 +164,9 @@ fn a_device_that_stops_by_itself_is_started_again() {
 fn streaming_can_be_stopped_and_started() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
-    harness.core.set_streaming(false);
-    harness.core.tick(at(harness.now_us), &mut harness.recorder);
-    harness.exchange();
+    harness.set_streaming(false);
     assert!(harness.core.is_stopped());
-    harness.core.set_streaming(true);
-    harness.core.tick(at(harness.now_us), &mut harness.recorder);
-    harness.exchange();
+    harness.set_streaming(true);
     harness.code(2, false);
     assert_eq!(commands(&harness)[3..], ["stop", "start"]);
     assert_eq!(
@@ -205,21 +178,13 @@ fn streaming_can_be_stopped_and_started() {
 #[test]
 fn an_unacknowledged_start_is_stopped_at_shutdown() {
     let mut harness = Harness::new(SETTINGS, Board::new());
-    harness
-        .core
-        .connected(at(harness.now_us), &mut harness.recorder);
-    while harness.board.received.len() < 3 {
-        let sent = std::mem::take(&mut harness.recorder.sent);
-        let answers = harness.board.answer(&sent);
-        if harness.board.received.len() < 3 {
-            harness.receive(&answers);
-        }
-    }
+    harness.open();
+    harness.start_unacknowledged();
     harness.code(1, false);
     harness.core.set_streaming(false);
     assert!(!harness.core.is_stopped());
     harness.code(1, true);
-    harness.core.tick(at(harness.now_us), &mut harness.recorder);
+    harness.tick();
     harness.exchange();
     assert_eq!(commands(&harness), ["identify", "stop", "start", "stop"]);
     assert!(harness.core.is_stopped());
@@ -234,21 +199,16 @@ fn an_unacknowledged_start_is_stopped_at_shutdown() {
 #[test]
 fn a_report_from_before_the_start_counts_no_loss() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    for _ in 0..20 {
-        harness.code(1, false);
-    }
-    harness.core.set_streaming(false);
-    harness.core.tick(at(harness.now_us), &mut harness.recorder);
-    harness.exchange();
+    harness.codes(20, 1);
+    harness.set_streaming(false);
     // After a reconnection the device is stopped again. The `Stats` that follow still count the
     // codes of the previous stream.
     harness.core.disconnected();
     harness.connect();
     assert_eq!(commands(&harness)[3..], ["stop", "identify", "stop"]);
     harness.core.set_streaming(true);
-    harness.core.tick(at(harness.now_us), &mut harness.recorder);
-    let late = harness.board.stats(Streams::empty());
-    harness.receive(&late);
+    harness.tick();
+    harness.stats(Streams::empty());
     harness.exchange();
     harness.code(2, false);
     let summary = harness.core.summary();

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use link::{AckResult, ToDevice, ToHost};
 
-use crate::board::{Board, at};
+use crate::board::{Board, assert_has, at};
 use crate::recorder::{Harness, SETTINGS, commands};
 
 /// Silence after which a serial port is reopened.
@@ -41,7 +41,7 @@ fn a_suspended_host_does_not_count_as_silence_of_the_device() {
         );
     }
     harness.now_us = start + 10_000_000;
-    harness.core.tick(at(harness.now_us), &mut harness.recorder);
+    harness.tick();
     assert!(!harness.core.is_unresponsive(at(harness.now_us), LIMIT));
     harness.receive(&waiting);
     let summary = harness.core.summary();
@@ -74,7 +74,7 @@ fn a_refused_start_is_not_repeated_for_ten_seconds() {
             }
             None => harness.receive(&answers),
         }
-        harness.core.tick(at(harness.now_us), &mut harness.recorder);
+        harness.tick();
     }
     let starts = commands(&harness)
         .iter()
@@ -84,9 +84,7 @@ fn a_refused_start_is_not_repeated_for_ten_seconds() {
         starts, 2,
         "codes, packed blocks in their place, and then nothing for 10 s"
     );
-    harness.core.set_streaming(false);
-    harness.core.tick(at(harness.now_us), &mut harness.recorder);
-    harness.exchange();
+    harness.set_streaming(false);
     assert_eq!(
         commands(&harness).last(),
         Some(&"stop"),
@@ -97,16 +95,8 @@ fn a_refused_start_is_not_repeated_for_ten_seconds() {
 #[test]
 fn a_device_that_falls_silent_at_the_start_is_unresponsive() {
     let mut harness = Harness::new(SETTINGS, Board::new());
-    harness
-        .core
-        .connected(at(harness.now_us), &mut harness.recorder);
-    while harness.board.received.len() < 3 {
-        let sent = std::mem::take(&mut harness.recorder.sent);
-        let answers = harness.board.answer(&sent);
-        if harness.board.received.len() < 3 {
-            harness.receive(&answers);
-        }
-    }
+    harness.open();
+    harness.start_unacknowledged();
     let start = harness.now_us;
     for tick in 1..=51 {
         let now = at(start + tick * 100_000);
@@ -123,7 +113,7 @@ fn a_device_that_falls_silent_at_the_start_is_unresponsive() {
 fn starve(harness: &mut Harness, seconds: i64) {
     for _ in 0..seconds * 10 {
         harness.now_us += 100_000;
-        harness.core.tick(at(harness.now_us), &mut harness.recorder);
+        harness.tick();
         harness.exchange();
     }
 }
@@ -158,21 +148,12 @@ fn a_device_that_answers_and_sends_no_codes_is_a_warning() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     starve(&mut harness, 10);
-    let report = format!(
-        "{:?}",
-        harness.core.diagnostics(at(harness.now_us)).status[0]
-    );
-    assert!(
-        report.contains("Warn") && report.contains("sends no codes"),
-        "{report}"
-    );
+    let report = harness.report("device");
+    assert_has(&report, ["Warn", "sends no codes"]);
     let asked = commands(&harness).len() - 3;
     assert!((6..=12).contains(&asked), "{asked} commands in 10 s");
     harness.code(1, false);
     assert_eq!(harness.core.summary().received, 2);
-    let report = format!(
-        "{:?}",
-        harness.core.diagnostics(at(harness.now_us)).status[0]
-    );
-    assert!(report.contains("streaming"), "{report}");
+    let report = harness.report("device");
+    assert_has(&report, ["streaming"]);
 }

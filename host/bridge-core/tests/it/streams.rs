@@ -4,7 +4,7 @@ use bridge_core::{AnnouncedStream, RawForm, Settings};
 use link::{Streams, ToDevice};
 use neuro_ros::DiagnosticLevel;
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::recorder::{Harness, SETTINGS, commands};
 
 /// Streams of the wire before packed blocks.
@@ -28,15 +28,13 @@ fn harness(streams: Streams, supported: Streams) -> Harness {
         streams,
         ..SETTINGS
     };
-    let mut harness = Harness::new(
+    Harness::connected(
         settings,
         Board {
             supported,
             ..Board::new()
         },
-    );
-    harness.connect();
-    harness
+    )
 }
 
 #[test]
@@ -68,11 +66,7 @@ fn an_older_device_is_asked_for_codes_alone_without_a_warning() {
     assert_eq!(harness.core.summary().received, 1);
     let status = harness.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Ok);
-    assert!(
-        status.message.contains("does not stream audit events"),
-        "{}",
-        status.message
-    );
+    assert_has(&status.message, ["does not stream audit events"]);
     // After a reconnection, the refused streams are not requested again.
     harness.core.disconnected();
     harness.board.streaming = false;
@@ -101,11 +95,7 @@ fn a_device_whose_port_is_too_slow_is_asked_for_compressed_samples() {
     forced.code(1, false);
     let status = forced.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
-    assert!(
-        status.message.contains("compressed-raw: update"),
-        "{}",
-        status.message
-    );
+    assert_has(&status.message, ["compressed-raw: update"]);
 }
 
 #[test]
@@ -119,22 +109,14 @@ fn packed_blocks_are_asked_for_without_the_network_and_codes_in_their_place() {
     let mut without_codes = harness(wanted | Streams::CODES, alone);
     let status = without_codes.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
-    assert!(
-        status.message.contains("has no network; choose packed"),
-        "{}",
-        status.message
-    );
+    assert_has(&status.message, ["has no network; choose packed"]);
     // An image with the network alone, or older firmware.
     let mut network = harness(wanted, EVERYTHING);
     assert_eq!(starts(&network), [0b101_1000, 0b001_1001]);
     network.code(1, false);
     let status = network.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
-    assert!(
-        status.message.contains("does not stream packed"),
-        "{}",
-        status.message
-    );
+    assert_has(&status.message, ["does not stream packed"]);
     assert_eq!(network.recorder.windows.len(), 1, "codes are decoded");
     // The oldest firmware.
     assert_eq!(
@@ -167,11 +149,7 @@ fn refused_samples_are_a_warning_and_the_other_streams_still_start() {
     assert_eq!(starts(&uart), [0b01_1111, 0b11_1101, 0b01_1101]);
     uart.code(1, false);
     let status = uart.status("device").unwrap();
-    assert!(
-        status.message.contains("raw: its port"),
-        "{}",
-        status.message
-    );
+    assert_has(&status.message, ["raw: its port"]);
 
     let supported = Streams::CODES | Streams::AUDIT | Streams::EVENTS;
     let mut harness = harness(EVERYTHING, supported);
@@ -182,11 +160,7 @@ fn refused_samples_are_a_warning_and_the_other_streams_still_start() {
     harness.code(1, false);
     let status = harness.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
-    assert!(
-        status.message.contains("raw filtered"),
-        "{}",
-        status.message
-    );
+    assert_has(&status.message, ["raw filtered"]);
 }
 
 #[test]

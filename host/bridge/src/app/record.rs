@@ -17,7 +17,7 @@ use tokio::time::{MissedTickBehavior, interval};
 use crate::app::command_line::RecordOptions;
 use crate::app::shutdown::Shutdown;
 use crate::error::BridgeError;
-use crate::wire::connection::{Connection, Event};
+use crate::wire::connection::{Connection, Event, Feed};
 
 /// Time between two ticks of the core.
 const TICK: Duration = Duration::from_millis(100);

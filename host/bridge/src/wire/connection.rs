@@ -38,7 +38,7 @@ pub(crate) struct Connection {
     silently: bool,
     /// Whether the port sends bytes and has sent no valid frame yet. Its interruptions are not
     /// logged.
-    pub(crate) is_stranger: bool,
+    is_stranger: bool,
 }
 
 #[derive(Debug)]
@@ -78,17 +78,40 @@ impl Connection {
         }
     }
 
-    pub(crate) fn is_open(&self) -> bool {
+    /// Closes the port, which is opened again.
+    pub(crate) fn close(&mut self) {
+        self.state = State::Closed {
+            retry_at: Instant::now() + RETRY,
+        };
+    }
+
+    fn report_failure(&mut self, error: &io::Error) {
+        self.close();
+        let why = error.to_string();
+        if self.reported.as_ref() == Some(&why) {
+            return;
+        }
+        self.reported = Some(why);
+        tracing::warn!(
+            "{} does not open ({error}); waiting for it; {}",
+            self.opener,
+            self.opener.address().remedy(error.kind())
+        );
+    }
+}
+
+impl Feed for Connection {
+    fn is_open(&self) -> bool {
         matches!(self.state, State::Open(_))
     }
 
     /// Returns the address of the port; with `auto`, the port and the board that were found last.
-    pub(crate) fn name(&self) -> String {
+    fn name(&self) -> String {
         self.opener.to_string()
     }
 
     /// Silence of the device after which the port should be reopened.
-    pub(crate) fn silence_limit(&self) -> Duration {
+    fn silence_limit(&self) -> Duration {
         match self.opener.address() {
             PortAddress::Tty(_) | PortAddress::Auto(_) => TTY_SILENCE_LIMIT,
             PortAddress::Tcp(_) => TCP_SILENCE_LIMIT,
@@ -96,15 +119,9 @@ impl Connection {
     }
 
     /// Closes the port, which is opened again without a message in the log.
-    pub(crate) fn close_silently(&mut self) {
+    fn close_silently(&mut self) {
         self.silently = true;
         self.close();
-    }
-
-    pub(crate) fn close(&mut self) {
-        self.state = State::Closed {
-            retry_at: Instant::now() + RETRY,
-        };
     }
 
     /// Waits for the next event. Meanwhile writes `outgoing` to the device and removes the written
@@ -115,7 +132,7 @@ impl Connection {
     /// [`BridgeError::Port`] if the address names something that is not a port,
     /// [`BridgeError::Speed`] if the port does not support the baud rate, and
     /// [`BridgeError::SeveralBoards`] if `auto` finds several boards.
-    pub(crate) async fn next_event(
+    async fn next_event(
         &mut self,
         buffer: &mut [u8],
         outgoing: &mut Vec<u8>,
@@ -218,21 +235,14 @@ impl Connection {
         }
     }
 
-    fn report_failure(&mut self, error: &io::Error) {
-        self.close();
-        let why = error.to_string();
-        if self.reported.as_ref() == Some(&why) {
-            return;
-        }
-        self.reported = Some(why);
-        tracing::warn!(
-            "{} does not open ({error}); waiting for it; {}",
-            self.opener,
-            self.opener.address().remedy(error.kind())
-        );
+    fn mark_stranger(&mut self, is_stranger: bool) {
+        self.is_stranger = is_stranger;
+    }
+
+    fn is_stranger(&self) -> bool {
+        self.is_stranger
     }
 }
-
 /// Connection to a device, as the streaming loop of this program uses it.
 pub trait Feed {
     /// Waits for the next event. Bytes from the device are at the front of `buffer`. Meanwhile passes
@@ -279,39 +289,5 @@ pub trait Feed {
     /// reports it itself. Called once a second.
     fn status(&mut self) -> Option<DiagnosticStatus> {
         None
-    }
-}
-
-impl Feed for Connection {
-    fn next_event(
-        &mut self,
-        buffer: &mut [u8],
-        outgoing: &mut Vec<u8>,
-    ) -> impl Future<Output = Result<Event, BridgeError>> {
-        Connection::next_event(self, buffer, outgoing)
-    }
-
-    fn is_open(&self) -> bool {
-        Connection::is_open(self)
-    }
-
-    fn name(&self) -> String {
-        Connection::name(self)
-    }
-
-    fn silence_limit(&self) -> Duration {
-        Connection::silence_limit(self)
-    }
-
-    fn close_silently(&mut self) {
-        Connection::close_silently(self);
-    }
-
-    fn mark_stranger(&mut self, is_stranger: bool) {
-        self.is_stranger = is_stranger;
-    }
-
-    fn is_stranger(&self) -> bool {
-        self.is_stranger
     }
 }

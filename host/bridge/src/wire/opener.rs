@@ -102,7 +102,7 @@ mod tests {
     use super::{OpenError, PortOpener, SystemRoot};
     use crate::error::BridgeError;
     use crate::ports::simulated_machine::{BOARD, Descriptor, SimulatedMachine};
-    use crate::wire::connection::{Connection, Event};
+    use crate::wire::connection::{Connection, Event, Feed};
     use crate::wire::port::PortAddress;
 
     const OTHER: Descriptor<'static> = Descriptor {

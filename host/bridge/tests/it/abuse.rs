@@ -10,9 +10,9 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::device::Device;
-use crate::graph::{frame, master, node, until};
+use crate::graph::{ended, frame, master, node, subscribe, until};
 use crate::process::{Bridge, TIMEOUT};
 
 /// Returns the URI of the bridge's XML-RPC server, or `None` until the ROS master knows it.
@@ -59,10 +59,7 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
     let node = node("recorder", master.uri()).await;
-    let mut encoded = node
-        .subscribe("/encoded", NeuroFrame::TYPE, 1024)
-        .await
-        .unwrap();
+    let mut encoded = subscribe(&node, "/encoded").await;
     let mut next = frame(&mut encoded).await.neuroheader.seq;
     let mut uri = None;
     until("the node", async || {
@@ -102,10 +99,7 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
         .unwrap()
         .unwrap();
     let answer = String::from_utf8_lossy(&answer).into_owned();
-    assert!(
-        answer.contains("error=") && answer.contains("md5"),
-        "{answer}"
-    );
+    assert_has(&answer, ["error=", "md5"]);
 
     for _ in 0..100 {
         let frame = frame(&mut encoded).await;
@@ -117,7 +111,6 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
     drop(held);
     tokio::time::sleep(Duration::from_millis(50)).await;
     bridge.signal(Signal::TERM);
-    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
-    assert!(status.success(), "{log}");
+    let log = ended(bridge).await;
     assert!(log.contains(" lost 0 "), "{log}");
 }

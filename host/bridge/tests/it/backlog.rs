@@ -79,8 +79,7 @@ fn a_board_faster_than_real_time_waits_for_the_decoder() {
     let mut bridge = Bridge::start(&["--port", &port, "--sink", "ndjson"]);
     let frames = reconstructed(bridge.stdout(), codes as usize);
     assert_eq!(join(frames, &bridge), (codes as usize, 0));
-    let (status, log) = bridge.wait();
-    assert!(status.success(), "{log}");
+    let log = bridge.success();
     for words in [
         "made 1999 received 1999 lost 0",
         "windows: decoded 1999 not decoded 0",
@@ -112,8 +111,7 @@ fn a_tcp_board_that_stands_still_for_8_s_loses_no_code() {
     let (count, fillers) = join(frames, &bridge);
     assert_eq!((count, fillers), (wanted, 0));
     let made = device.controls.made.load(Relaxed);
-    let (status, log) = bridge.wait();
-    assert!(status.success(), "{log}");
+    let log = bridge.success();
     assert!(log.contains("connections 1 resets 0"), "{log}");
     // The board can make another code before the bridge ends.
     let all =

@@ -10,7 +10,7 @@ use tempfile::TempDir;
 
 use crate::board::Board;
 use crate::device::Device;
-use crate::graph::{frame, master, node};
+use crate::graph::{ended, frame, master, node};
 use crate::process::Bridge;
 
 /// Writes a configuration file to a new folder.
@@ -35,8 +35,7 @@ async fn log_of_bridge_on(
     let bridge = Bridge::start_with(arguments, variables);
     frame(&mut encoded).await;
     bridge.signal(Signal::TERM);
-    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
-    assert!(status.success(), "{log}");
+    let log = ended(bridge).await;
     log
 }
 
@@ -121,8 +120,7 @@ fn an_unusable_file_is_status_2_and_the_message_names_file_line_and_key() {
     let folder = tempfile::tempdir().unwrap();
     let missing: PathBuf = folder.path().join("missing.toml");
     let run = |path: &str| {
-        let (status, log) = Bridge::start(&["--config", path]).wait();
-        assert_eq!(status.code(), Some(2), "{log}");
+        let log = Bridge::start(&["--config", path]).failure(2);
         assert!(log.contains(path), "{log}");
         log
     };
@@ -151,11 +149,9 @@ fn convert_takes_the_model_of_the_file_and_replay_reads_no_file() {
     let (_folder, path) = config("model = \"/nowhere\"\nport = \"/nowhere\"\n");
     let file = [("CORTICODE_CONFIG", &*path)];
     let replay = ["replay", "/missing.wire", "--output=tcp:127.0.0.1:1"];
-    let (status, log) = Bridge::start_with(&replay, &file).wait();
-    assert_eq!(status.code(), Some(2), "{log}");
+    let log = Bridge::start_with(&replay, &file).failure(2);
     assert!(!log.contains("options from"), "{log}");
     let convert = ["convert", "/missing.wire", "--to=csv"];
-    let (status, log) = Bridge::start_with(&convert, &file).wait();
-    assert_eq!(status.code(), Some(2), "{log}");
+    let log = Bridge::start_with(&convert, &file).failure(2);
     assert!(log.contains("model"), "the model of the file: {log}");
 }

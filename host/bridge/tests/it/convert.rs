@@ -17,7 +17,7 @@ use recordings::{Block, EventLabel, Recording};
 
 use rustix::process::Signal;
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::process::{Bridge, wait_for_bytes};
 use crate::synthetic_recording::{Rig, TICKS_PER_SECOND};
@@ -108,10 +108,7 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
     let (path, times_us) = recording(folder.path());
     let (status, log) = convert(&path, "csv");
     assert_eq!(status, Some(0), "{log}");
-    assert!(
-        log.contains(&format!("events: {}", times_us.len())),
-        "{log}"
-    );
+    assert_has(&log, [&format!("events: {}", times_us.len())]);
     // Ticks of 1/512 s from one row to the next.
     for (stream, ticks) in [("raw", 1.0), ("filtered", 4.0), ("codes", 32.0)] {
         let table = Table::read(&folder.path().join(format!("session.{stream}.csv")));
@@ -276,10 +273,7 @@ fn compare_arrays(table: &Table, path: &Path) {
         assert_eq!(value.to_string(), table.rows[row][12]);
     }
     let (header, events) = read("events.npy");
-    assert!(
-        header.contains(&format!("'shape': ({},)", table.events().len())),
-        "{header}"
-    );
+    assert_has(&header, [&format!("'shape': ({},)", table.events().len())]);
     let rows = events.chunks(26).map(|event| {
         let row = u64::from_le_bytes(event[..8].try_into().unwrap());
         usize::try_from(row).unwrap()
@@ -305,8 +299,7 @@ fn a_file_that_was_cut_off_is_converted_to_its_last_whole_record() {
     std::fs::write(&codes, "mine").unwrap();
     let file = path.to_str().unwrap();
     let again = Bridge::start(&["convert", file, "--to", "csv", "--force"]);
-    let (status, log) = again.wait();
-    assert!(status.success(), "{log}");
+    again.success();
     assert_eq!(std::fs::read(&codes).unwrap(), whole);
     let files = std::fs::read_dir(folder.path()).unwrap().flatten();
     let names: Vec<_> = files.map(|file| file.file_name()).collect();
@@ -357,14 +350,14 @@ fn codes_that_replaced_refused_packed_blocks_are_decoded() {
     ];
     let recorder = Bridge::start(&[&arguments[..], &[&device.port]].concat());
     wait_for_bytes(&path, 20_000);
-    recorder.signal(Signal::TERM);
-    let (status, log) = recorder.wait();
-    assert!(status.success(), "{log}");
-    assert!(
-        log.contains("WARN")
-            && log.contains("refuses the rate 4 of the packed code")
-            && log.contains("choose no rate"),
-        "{log}"
+    let log = recorder.end(Signal::TERM);
+    assert_has(
+        &log,
+        [
+            "WARN",
+            "refuses the rate 4 of the packed code",
+            "choose no rate",
+        ],
     );
     let (status, log) = convert(&path, "csv");
     assert_eq!(status, Some(0), "{log}");

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use link::Streams;
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::convert::{Table, convert};
 use crate::packed_recording::{HOP_US, PackedRecording};
 
@@ -35,10 +35,7 @@ fn a_recording_of_another_model_has_an_error_that_names_the_model() {
     let path = write(folder.path(), recording.finish());
     let (status, log) = convert(&path, "csv");
     assert_eq!(status, Some(2), "{log}");
-    assert!(
-        log.contains("--model and the folder of model 0909090909090909"),
-        "{log}"
-    );
+    assert_has(&log, ["--model and the folder of model 0909090909090909"]);
     assert!(!log.contains("record again"), "{log}");
 }
 

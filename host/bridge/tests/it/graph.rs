@@ -14,7 +14,7 @@ use neuro_ros::{
 use rustix::process::Signal;
 use tokio::time::{sleep, timeout};
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::process::{Bridge, TIMEOUT};
 
@@ -40,6 +40,18 @@ pub(crate) async fn frame(subscriber: &mut Subscriber) -> NeuroFrame {
         .expect("no frame came")
         .unwrap();
     NeuroFrame::from_bytes(&body).unwrap()
+}
+
+/// Subscribes to a topic of frames.
+pub(crate) async fn subscribe(node: &Node, topic: &str) -> Subscriber {
+    let subscriber = node.subscribe(topic, NeuroFrame::TYPE, 1024).await;
+    subscriber.unwrap()
+}
+
+/// Waits until a bridge exits with status 0. Returns its log.
+pub(crate) async fn ended(bridge: Bridge) -> String {
+    let ended = tokio::task::spawn_blocking(|| bridge.success()).await;
+    ended.unwrap()
 }
 
 pub(crate) async fn until(what: &str, mut holds: impl AsyncFnMut() -> bool) {
@@ -77,12 +89,9 @@ async fn codes_reach_a_subscriber_and_match_the_announcement() {
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
     let node = node("recorder", master.uri()).await;
-    let mut encoded = node
-        .subscribe("/encoded", NeuroFrame::TYPE, 64)
-        .await
-        .unwrap();
+    let mut encoded = subscribe(&node, "/encoded").await;
     let name = "/neurodata_reconstructed";
-    let mut reconstructed = node.subscribe(name, NeuroFrame::TYPE, 64).await.unwrap();
+    let mut reconstructed = subscribe(&node, name).await;
     let mut diagnostics = node
         .subscribe("/diagnostics", DiagnosticArray::TYPE, 8)
         .await
@@ -118,8 +127,7 @@ async fn codes_reach_a_subscriber_and_match_the_announcement() {
     })
     .await;
     node.call("/acquisition/quit", &EMPTY, &[]).await.unwrap();
-    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
-    assert!(status.success(), "{log}");
+    let log = ended(bridge).await;
     assert!(log.contains("lost 0 "), "{log}");
     assert_eq!(device.received().last(), Some(&ToDevice::Stop));
     assert!(
@@ -149,10 +157,7 @@ async fn the_bridge_registers_with_a_late_master_and_again_after_its_restart() {
         until("registration", async || registered(&uri).await).await;
         println!("registered after {:?}", began.elapsed());
         let node = node("listener", &uri).await;
-        let mut encoded = node
-            .subscribe("/encoded", NeuroFrame::TYPE, 64)
-            .await
-            .unwrap();
+        let mut encoded = subscribe(&node, "/encoded").await;
         assert!(
             frame(&mut encoded).await.neuroheader.seq > 5,
             "round {round}"
@@ -161,8 +166,7 @@ async fn the_bridge_registers_with_a_late_master_and_again_after_its_restart() {
         master.shutdown().await;
     }
     bridge.signal(Signal::TERM);
-    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
-    assert!(status.success(), "{log}");
+    let log = ended(bridge).await;
     assert!(log.contains("waiting for it: start roscore"), "{log}");
 }
 
@@ -178,8 +182,7 @@ async fn a_node_with_the_same_name_takes_over_and_the_bridge_shuts_down() {
         .subscribe("/encoded", NeuroFrame::TYPE, 8)
         .await
         .unwrap();
-    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
-    assert!(status.success(), "{log}");
+    let log = ended(bridge).await;
     assert!(log.contains("asks this node to shut down"), "{log}");
     assert_eq!(device.received().last(), Some(&ToDevice::Stop));
 }
@@ -190,10 +193,7 @@ async fn lost_codes_are_filled_and_counted() {
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
     let node = node("recorder", master.uri()).await;
-    let mut encoded = node
-        .subscribe("/encoded", NeuroFrame::TYPE, 256)
-        .await
-        .unwrap();
+    let mut encoded = subscribe(&node, "/encoded").await;
     frame(&mut encoded).await;
     device.controls.lose.store(7, Relaxed);
     let mut fillers = 0;
@@ -211,12 +211,8 @@ async fn lost_codes_are_filled_and_counted() {
     }
     assert_eq!(fillers, 7);
     bridge.signal(Signal::INT);
-    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
-    assert!(status.success(), "{log}");
-    assert!(
-        log.contains("lost 7 (bursts 1, longest 7) fillers 7"),
-        "{log}"
-    );
+    let log = ended(bridge).await;
+    assert_has(&log, ["lost 7 (bursts 1, longest 7) fillers 7"]);
 }
 
 #[tokio::test]
@@ -233,17 +229,13 @@ async fn node_and_topics_can_be_renamed_on_the_command_line() {
         &format!("__master:={}", master.uri()),
     ]);
     let node = node("recorder", master.uri()).await;
-    let mut encoded = node
-        .subscribe("/neurodata", NeuroFrame::TYPE, 64)
-        .await
-        .unwrap();
+    let mut encoded = subscribe(&node, "/neurodata").await;
     frame(&mut encoded).await;
     until("the service", async || {
         node.call("/left/amplifier/quit", &EMPTY, &[]).await.is_ok()
     })
     .await;
-    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
-    assert!(status.success(), "{log}");
+    ended(bridge).await;
 }
 
 #[tokio::test]
@@ -254,10 +246,7 @@ async fn nothing_is_decoded_while_nobody_subscribes_to_the_reconstruction() {
     let bridge = Bridge::start(&["--port", &device.port, &master_uri]);
     tokio::time::sleep(Duration::from_secs(3)).await;
     bridge.signal(Signal::TERM);
-    let (status, log) = tokio::task::spawn_blocking(move || bridge.wait())
-        .await
-        .unwrap();
-    assert!(status.success(), "{log}");
+    let log = ended(bridge).await;
     let summary = log.lines().last().unwrap();
     assert!(
         summary.contains("windows: decoded 0 not decoded 0"),

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::device::{Device, PACE};
 use crate::process::Bridge;
 
@@ -30,12 +30,8 @@ fn frames_are_written_as_lines_until_the_bridge_is_interrupted() {
     lines.for_each(take);
     let made = device.controls.made.load(Relaxed);
     assert_eq!(last_seq, u64::from(made), "codes are missing at the end");
-    let (status, log) = bridge.wait();
-    assert!(status.success(), "{log}");
-    assert!(
-        log.contains(&format!("made {made} received {made} lost 0")),
-        "{log}"
-    );
+    let log = bridge.success();
+    assert_has(&log, [&format!("made {made} received {made} lost 0")]);
     assert!(
         seen["/encoded"] > 20 && seen["/neurodata_reconstructed"] > 15,
         "{seen:?}"
@@ -49,8 +45,7 @@ fn a_reader_that_closes_the_pipe_ends_the_bridge_without_an_error() {
     let mut lines = BufReader::new(bridge.stdout()).lines();
     lines.next().unwrap().unwrap();
     drop(lines);
-    let (status, log) = bridge.wait();
-    assert!(status.success(), "{log}");
+    bridge.success();
 }
 
 #[test]
@@ -68,10 +63,7 @@ fn codes_of_another_model_are_published_and_the_log_has_advice() {
     assert!(topics.iter().any(|topic| topic.contains("encoded")));
     assert!(!topics.iter().any(|topic| topic.contains("reconstructed")));
     let (_, log) = bridge.wait();
-    assert!(
-        log.contains("0909090909090909") && log.contains("--model"),
-        "{log}"
-    );
+    assert_has(&log, ["0909090909090909", "--model"]);
 }
 
 #[test]

@@ -5,9 +5,9 @@ use std::sync::atomic::Ordering::Relaxed;
 use neuro_ros::{NeuroFrame, RosMessage};
 use rustix::process::Signal;
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::device::Device;
-use crate::graph::{frame, master, node};
+use crate::graph::{ended, frame, master, node};
 use crate::process::Bridge;
 
 #[tokio::test]
@@ -34,12 +34,8 @@ async fn fillers_of_an_hour_push_no_code_out_of_a_queue_and_the_indices_show_the
     }
     assert_eq!((fillers, gaps), (4096, vec![60_000 - 4096]));
     bridge.signal(Signal::TERM);
-    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
-    assert!(status.success(), "{log}");
-    assert!(
-        log.contains("lost 60000 (bursts 1, longest 60000) fillers 4096"),
-        "{log}"
-    );
+    let log = ended(bridge).await;
+    assert_has(&log, ["lost 60000 (bursts 1, longest 60000) fillers 4096"]);
     assert!(log.contains("the outage was too long to fill"), "{log}");
     assert!(!log.contains("dropped for slow subscribers"), "{log}");
 }

@@ -11,7 +11,7 @@ use link::SelfTest;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::process::{Bridge, TIMEOUT};
 use crate::simulated_machine::{BOARD, Descriptor, SimulatedMachine};
@@ -124,8 +124,7 @@ fn auto_finds_the_board_again_at_another_port() {
     assert!(codes.any(|line| window(&line) > u64::from(made)));
     bridge.signal(Signal::TERM);
     codes.for_each(drop);
-    let (status, log) = bridge.wait();
-    assert!(status.success(), "{log}");
+    let log = bridge.success();
     for tty in ["ttyACM0", "ttyACM1"] {
         let opened = format!("/dev/{tty} (board {}) is open", BOARD.serial);
         assert_eq!(log.matches(&opened).count(), 1, "{log}");
@@ -149,9 +148,7 @@ fn a_board_that_is_silent_is_named_with_its_port() {
     let reader = std::thread::spawn(move || std::io::read_to_string(stdout));
     // A silence is logged after 5 s.
     std::thread::sleep(Duration::from_secs(12));
-    bridge.signal(Signal::TERM);
-    let (status, log) = bridge.wait();
-    assert!(status.success(), "{log}");
+    let log = bridge.end(Signal::TERM);
     let named = format!(
         "speaks Corticode: /dev/ttyACM0 (board {}) sent",
         BOARD.serial
@@ -200,9 +197,7 @@ fn selftest_reset_and_record_find_the_board_by_its_serial_number() {
         assert!(Instant::now() < deadline, "the board does not stream");
         std::thread::sleep(Duration::from_millis(5));
     }
-    record.signal(Signal::TERM);
-    let (status, log) = record.wait();
-    assert!(status.success(), "{log}");
+    let log = record.end(Signal::TERM);
     assert!(log.contains("/dev/ttyACM3 (board "), "{log}");
 }
 
@@ -223,18 +218,20 @@ fn ports_and_selftest_see_the_boards_of_the_machine() {
     };
     let (code, _, log) = run(&["selftest", "--port", "auto"]);
     assert_eq!(code, Some(3), "{log}");
-    assert!(log.contains("no Corticode board is on USB"), "{log}");
-    assert!(log.contains("corticode-bridge ports lists"), "{log}");
+    assert_has(
+        &log,
+        [
+            "no Corticode board is on USB",
+            "corticode-bridge ports lists",
+        ],
+    );
     machine.plug(2, "ttyACM0", BOARD, None);
     machine.plug_ftdi(4, "ttyUSB0");
     let (code, text, log) = run(&["ports"]);
     assert_eq!(code, Some(0), "{log}");
     println!("{text}");
     let link = format!("/dev/corticode-{}", BOARD.serial);
-    assert!(
-        text.contains(&link) && text.contains("FT232R USB UART"),
-        "{text}"
-    );
+    assert_has(&text, [&link, "FT232R USB UART"]);
     let (code, text, log) = run(&["ports", "--json"]);
     assert_eq!(code, Some(0), "{log}");
     let ports: Value = serde_json::from_str(&text).unwrap();

@@ -10,9 +10,9 @@ use neuro_ros::{
 use rustix::process::Signal;
 use tokio::time::timeout;
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::device::Device;
-use crate::graph::{announcement, frame, master, node, registered, until};
+use crate::graph::{announcement, ended, frame, master, node, registered, subscribe, until};
 use crate::process::{Bridge, TIMEOUT};
 
 const QUEUE: PublisherOptions = PublisherOptions {
@@ -49,8 +49,7 @@ async fn publishers(node: &Node, topic: &str) -> Vec<String> {
 
 async fn end(bridge: Bridge) -> String {
     bridge.signal(Signal::TERM);
-    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
-    assert!(status.success(), "{log}");
+    let log = ended(bridge).await;
     log
 }
 
@@ -102,7 +101,7 @@ async fn bridges_with_other_prefixes_and_namespaces_share_no_name_but_diagnostic
     for side in ["/left", "/right"] {
         announcement(&node, &format!("{side}/acquisition/get_info")).await;
         let name = format!("{side}/encoded");
-        let mut encoded = node.subscribe(&name, NeuroFrame::TYPE, 64).await.unwrap();
+        let mut encoded = subscribe(&node, &name).await;
         frame(&mut encoded).await;
         let bus = publishers(&node, &format!("{side}/events/bus")).await;
         assert_eq!(bus, [format!("{side}/acquisition")]);
@@ -154,10 +153,7 @@ async fn the_status_outlets_shows_how_far_each_subscriber_is_behind() {
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
     let node = node("recorder", master.uri()).await;
-    let mut encoded = node
-        .subscribe("/encoded", NeuroFrame::TYPE, 64)
-        .await
-        .unwrap();
+    let mut encoded = subscribe(&node, "/encoded").await;
     frame(&mut encoded).await;
     let mut reports = diagnostics(&node).await;
     let key = "messages behind: /recorder on /encoded";
@@ -209,8 +205,13 @@ async fn flags_override_the_environment_which_overrides_the_parameter_server() {
     let bridge = Bridge::start(&["--ros-master-uri", master.uri()]);
     let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
     assert_eq!(status.code(), Some(2), "{log}");
-    assert!(log.contains("rosparam delete /acquisition/plugin"), "{log}");
-    assert!(log.contains("known are port, baud, sink"), "{log}");
+    assert_has(
+        &log,
+        [
+            "rosparam delete /acquisition/plugin",
+            "known are port, baud, sink",
+        ],
+    );
 }
 
 #[tokio::test]

@@ -7,7 +7,7 @@ use link::Streams;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::packed_recording::PackedRecording;
 use crate::process::Bridge;
 
@@ -31,8 +31,7 @@ fn messages(recording: PackedRecording) -> (Vec<(String, Value)>, String) {
         });
         messages.collect::<Vec<_>>()
     });
-    let (status, log) = replay.wait();
-    assert!(status.success(), "{log}");
+    replay.success();
     std::thread::sleep(Duration::from_millis(1_500));
     bridge.signal(Signal::INT);
     let (_, log) = bridge.wait();
@@ -59,10 +58,7 @@ fn malformed_blocks_are_an_error_of_the_packed_code_and_do_not_count_as_decoded(
     let refused = log.lines().find(|line| line.contains("refuses the rate 4"));
     let refused = refused.unwrap();
     assert!(refused.contains("INFO"), "{log}");
-    assert!(
-        log.contains("windows: decoded 23 ") && log.contains("packed blocks malformed 1"),
-        "{log}"
-    );
+    assert_has(&log, ["windows: decoded 23 ", "packed blocks malformed 1"]);
     let reports = messages.iter().filter(|(topic, _)| topic == "/diagnostics");
     let statuses = reports.filter_map(|(_, report)| {
         let mut statuses = report["status"].as_array()?.iter();

@@ -101,6 +101,27 @@ impl Bridge {
             .unwrap();
         (status, text)
     }
+
+    /// Waits until the bridge exits with status 0. Returns its output on stderr.
+    #[track_caller]
+    pub(crate) fn success(self) -> String {
+        self.failure(0)
+    }
+
+    /// Waits until the bridge exits with this status. Returns its output on stderr.
+    #[track_caller]
+    pub(crate) fn failure(self, status: i32) -> String {
+        let (ended, log) = self.wait();
+        assert_eq!(ended.code(), Some(status), "{log}");
+        log
+    }
+
+    /// Sends a signal, after which the bridge must exit with status 0. Returns its output on stderr.
+    #[track_caller]
+    pub(crate) fn end(self, signal: Signal) -> String {
+        self.signal(signal);
+        self.success()
+    }
 }
 
 impl Drop for Bridge {

@@ -12,7 +12,7 @@ use capture::{LeftOut, RecordKind, RecordingReader};
 use link::{Decoder, MAX_FRAME, Streams, ToDevice, ToHost};
 use rustix::process::Signal;
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::process::{Bridge, wait_for_bytes};
 
@@ -60,12 +60,15 @@ fn a_recording_holds_every_code_and_ends_with_a_summary() {
     let arguments = ["--packed-rate=3", "--port", &device.port];
     let bridge = Bridge::start(&[&["record", path.to_str().unwrap()], &arguments[..]].concat());
     wait_for_bytes(&path, 20_000);
-    bridge.signal(Signal::INT);
-    let (status, log) = bridge.wait();
-    assert!(status.success(), "{log}");
+    let log = bridge.end(Signal::INT);
     let made = device.controls.made.load(Relaxed);
-    assert!(log.contains(&format!("received {made} lost 0")), "{log}");
-    assert!(log.contains("--packed-rate has no effect"), "{log}");
+    assert_has(
+        &log,
+        [
+            &format!("received {made} lost 0"),
+            "--packed-rate has no effect",
+        ],
+    );
     let content = read(&path);
     assert!(content.windows.iter().copied().eq(0..made), "{content:?}");
     assert_eq!(content.events, made / 10);
@@ -105,15 +108,12 @@ fn an_existing_file_is_refused_and_not_touched() {
     let path = folder.path().join("recording");
     std::fs::write(&path, "mine").unwrap();
     let file = path.to_str().unwrap();
-    let (status, log) = Bridge::start(&["record", file, "--port", "tcp:127.0.0.1:1"]).wait();
-    assert_eq!(status.code(), Some(2), "{log}");
-    assert!(log.contains("exists already"), "{log}");
-    assert!(log.contains("--force"), "{log}");
+    let log = Bridge::start(&["record", file, "--port", "tcp:127.0.0.1:1"]).failure(2);
+    assert_has(&log, ["exists already", "--force"]);
     assert_eq!(std::fs::read(&path).unwrap(), b"mine");
     let nowhere = folder.path().join("no/recording");
     let file = nowhere.to_str().unwrap();
-    let (status, log) = Bridge::start(&["record", file, "--port", "tcp:127.0.0.1:1"]).wait();
-    assert_eq!(status.code(), Some(2), "{log}");
+    let log = Bridge::start(&["record", file, "--port", "tcp:127.0.0.1:1"]).failure(2);
     assert!(log.contains("cannot be created"), "{log}");
 }
 
@@ -153,10 +153,7 @@ fn a_full_disk_ends_the_recording_and_keeps_what_was_written() {
     let mut log = String::new();
     child.stderr.unwrap().read_to_string(&mut log).unwrap();
     assert_eq!(status.code(), Some(1), "{log}");
-    assert!(
-        log.contains("cannot be written any further") && log.contains("File too large"),
-        "{log}"
-    );
+    assert_has(&log, ["cannot be written any further", "File too large"]);
     let content = read(&path);
     let length = std::fs::metadata(&path).unwrap().len();
     assert!(length.is_multiple_of(512) && length >= 16_384, "{length}");
@@ -178,9 +175,7 @@ fn packed_blocks_have_the_models_rate_unless_the_device_has_another_model() {
         let arguments = ["record", file, "--streams=packed", "--port", &device.port];
         let recorder = Bridge::start(&arguments);
         wait_for_bytes(&path, 20_000);
-        recorder.signal(Signal::TERM);
-        let (status, log) = recorder.wait();
-        assert!(status.success(), "{log}");
+        let log = recorder.end(Signal::TERM);
         let received = device.received();
         let set = received.iter().filter_map(|command| match command {
             ToDevice::SetRate { rate } => Some(*rate),
@@ -205,9 +200,7 @@ fn a_device_that_refuses_the_models_rate_is_no_warning() {
     let arguments = ["record", file, "--streams=packed", "--port", &device.port];
     let recorder = Bridge::start(&arguments);
     wait_for_bytes(&path, 20_000);
-    recorder.signal(Signal::TERM);
-    let (status, log) = recorder.wait();
-    assert!(status.success(), "{log}");
+    let log = recorder.end(Signal::TERM);
     let line = log.lines().find(|line| line.contains("refuses the rate 4"));
     assert!(line.unwrap().contains("INFO"), "{log}");
 }

@@ -54,8 +54,7 @@ fn replayed_codes(arguments: &[&str], port: &str, streams: &str) -> (Vec<Vec<f64
         }
         codes
     });
-    let (status, log) = replay.wait();
-    assert!(status.success(), "{log}");
+    let log = replay.success();
     std::thread::sleep(Duration::from_millis(500));
     bridge.signal(Signal::INT);
     let (_, bridge_log) = bridge.wait();
@@ -133,8 +132,7 @@ fn what_cannot_be_replayed_is_status_2_with_advice() {
             "with a free port",
         ),
     ] {
-        let (status, log) = Bridge::start(&arguments).wait();
-        assert_eq!(status.code(), Some(2), "{log}");
+        let log = Bridge::start(&arguments).failure(2);
         assert!(log.contains(expected), "{log}");
     }
 }

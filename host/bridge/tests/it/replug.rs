@@ -53,8 +53,7 @@ fn replug(device: &Device, mut bridge: Bridge, times: u32) -> (Vec<Duration>, St
         assert_eq!(next.unwrap_or(seq), seq);
         next = Some(seq + 1);
     }
-    let (status, log) = bridge.wait();
-    assert!(status.success(), "{log}");
+    let log = bridge.success();
     (outages, log)
 }
 
@@ -114,9 +113,7 @@ fn a_suspended_bridge_accounts_for_every_code() {
     let made = device.controls.made.load(Relaxed);
     let caught_up = |frame: &Value| frame["message"]["tri"]["data"][1].as_u64().unwrap();
     while caught_up(&frames.recv_timeout(TIMEOUT).unwrap().1) < u64::from(made) {}
-    bridge.signal(Signal::TERM);
-    let (status, log) = bridge.wait();
-    assert!(status.success(), "{log}");
+    let log = bridge.end(Signal::TERM);
     let [made, received, lost, fillers, _] = totals(&log);
     assert_eq!(made, device.controls.made.load(Relaxed), "{log}");
     assert_eq!((received + lost, fillers), (made, lost), "{log}");
@@ -132,9 +129,7 @@ fn the_bridge_waits_for_an_absent_device() {
     std::thread::sleep(Duration::from_millis(300));
     let _device = Device::pty(Board::new(), &path);
     frames.recv_timeout(TIMEOUT).unwrap();
-    bridge.signal(Signal::TERM);
-    let (status, log) = bridge.wait();
-    assert!(status.success(), "{log}");
+    let log = bridge.end(Signal::TERM);
     assert!(log.contains("plug the device in"), "{log}");
 }
 
@@ -153,8 +148,7 @@ fn a_port_is_locked_by_one_bridge_and_released_at_its_end() {
     let frames = encoded(&mut second);
     let while_taken = frames.recv_timeout(Duration::from_secs(1));
     assert!(while_taken.is_err(), "both bridges read the port");
-    let (status, log) = Bridge::start(&["selftest", "--port", &device.port]).wait();
-    assert_eq!(status.code(), Some(3), "{log}");
+    let log = Bridge::start(&["selftest", "--port", &device.port]).failure(3);
     assert!(log.contains("another program uses it: fuser -v"), "{log}");
     first.signal(Signal::KILL);
     drop(first);

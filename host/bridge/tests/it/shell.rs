@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use crate::board::assert_has;
 use crate::process::Bridge;
 
 fn stdout(arguments: &[&str]) -> String {
@@ -59,11 +60,9 @@ fn every_shell_has_a_script_that_names_the_program() {
         ("fish", "complete -c corticode-bridge"),
     ] {
         let script = stdout(&["completions", shell]);
-        assert!(script.contains(expected), "{script}");
-        assert!(script.contains("event-stamps"), "{script}");
+        assert_has(&script, [expected, "event-stamps"]);
     }
-    let (status, log) = Bridge::start(&["completions", "csh"]).wait();
-    assert_eq!(status.code(), Some(2), "{log}");
+    let log = Bridge::start(&["completions", "csh"]).failure(2);
     assert!(log.contains("bash") && log.contains("zsh"), "{log}");
 }
 
@@ -125,7 +124,6 @@ fn there_is_a_manual_page_for_each_command_that_names_every_option() {
 
 #[test]
 fn a_folder_that_cannot_be_made_is_status_2() {
-    let (status, log) = Bridge::start(&["man", "--folder", "/dev/null/man1"]).wait();
-    assert_eq!(status.code(), Some(2), "{log}");
+    let log = Bridge::start(&["man", "--folder", "/dev/null/man1"]).failure(2);
     assert!(log.contains("/dev/null/man1"), "{log}");
 }

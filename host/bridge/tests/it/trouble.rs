@@ -51,9 +51,7 @@ fn log_of(port: &str, time: Duration) -> String {
         .unwrap();
     let bridge = Bridge::start_into(null, &["--port", port, "--sink", "ndjson"]);
     sleep(time);
-    bridge.signal(Signal::TERM);
-    let (status, log) = bridge.wait();
-    assert!(status.success(), "{log}");
+    let log = bridge.end(Signal::TERM);
     log
 }
 

@@ -9,6 +9,7 @@ use capture::{Conversion, FileFormat, Pace, RecordKind, Recorder, RecordingReade
 use link::{Decoder, MAX_FRAME, Start, Streams, ToDevice, ToHost};
 use proptest::prelude::*;
 
+use crate::board::assert_has;
 use crate::synthetic_recording::Rig;
 
 /// Longest time of a conversion that takes milliseconds on an idle machine.
@@ -121,7 +122,7 @@ fn a_record_with_an_impossible_time_is_left_out() {
             }
         });
         let log = convert(&recording);
-        assert!(log.contains("the recording is damaged: "), "{log}");
+        assert_has(&log, ["the recording is damaged: "]);
         assert!(replay(recording) > 25);
     }
     let recording = changed(|number, time, _| {
@@ -168,7 +169,7 @@ fn an_impossible_index_is_a_gap_that_is_filled_in_part_and_counted() {
     });
     assert_eq!(done, [true; 3]);
     let log = convert(&recording);
-    assert!(log.contains(" missing rows are not filled: "), "{log}");
+    assert_has(&log, [" missing rows are not filled: "]);
     replay(recording);
 }
 
