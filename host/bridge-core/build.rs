@@ -1,5 +1,5 @@
-//! Names the folder of the model that the program embeds: `signal/model/artifact/`, or the folder in
-//! `CORTICODE_ARTIFACT`, as `signal/model/build.rs` does.
+//! Names the folder of the model that the program embeds: `signal/model/artifact/`, or the folder
+//! in `CORTICODE_ARTIFACT`, as `signal/model/build.rs` does.
 
 use std::{
     env,

@@ -80,7 +80,8 @@ impl Core {
         self.session.commands_mut().set_rate(rate);
     }
 
-    /// Sets the rate of the packed code to that of the device's model, for a core without the model.
+    /// Sets the rate of the packed code to that of the device's model, for a core without the
+    /// model.
     pub fn set_model_rate(&mut self, rate: u8) {
         self.session.set_model_rate(rate);
     }
@@ -108,7 +109,8 @@ impl Core {
         Summary::new(&self.session, self.decoder.counters())
     }
 
-    /// Returns why codes or the signals of the device are not published, worded for the user; `None` if they are.
+    /// Returns why codes or the signals of the device are not published, worded for the user;
+    /// `None` if they are.
     pub fn objection(&self) -> Option<&str> {
         self.session.objection()
     }
@@ -120,15 +122,15 @@ impl Core {
     }
 }
 
-/// Actions that [`Core`](crate::Core) requests from its environment. No method may block. The default
-/// of each action but `send` does nothing, for an environment without that output.
+/// Actions that [`Core`](crate::Core) requests from its environment. No method may block. The
+/// default of each action but `send` does nothing, for an environment without that output.
 pub trait Effects {
     /// Queues a complete frame for the device.
     fn send(&mut self, frame: &[u8]);
 
     /// Announces the device that sends the following codes. Called again when another compatible
-    /// device connects, when the mains frequency changes, or when the reconstruction is made from codes instead of
-    /// packed blocks, because the device refused those.
+    /// device connects, when the mains frequency changes, or when the reconstruction is made from
+    /// codes instead of packed blocks, because the device refused those.
     fn announce(&mut self, _announcement: &Announcement) {}
 
     /// Publishes a frame on `/encoded`.
@@ -145,11 +147,12 @@ pub trait Effects {
     /// [`decodable`](Announcement::decodable).
     fn decode(&mut self, _window: TimedCode) {}
 
-    /// Decodes a packed block as [`Self::decode`] does a code. A device whose packed blocks arrive has its
-    /// signals reconstructed from them, and none from codes.
+    /// Decodes a packed block as [`Self::decode`] does a code. A device whose packed blocks arrive
+    /// has its signals reconstructed from them, and none from codes.
     fn decode_block(&mut self, _block: TimedPackedBlock) {}
 
-    /// Publishes the signals of the newest packed block, if they wait for the next one: none follows.
+    /// Publishes the signals of the newest packed block, if they wait for the next one: none
+    /// follows.
     fn finish_blocks(&mut self) {}
 
     /// Publishes a frame of ADC samples on `/neurodata`.

@@ -194,8 +194,8 @@ impl Device {
         }
     }
 
-    /// Returns the electrodes whose signal was not recorded, such as "interpolated: F1 F2; zero: Cz";
-    /// `None` if every electrode was.
+    /// Returns the electrodes whose signal was not recorded, such as "interpolated: F1 F2; zero:
+    /// Cz"; `None` if every electrode was.
     pub fn unrecorded(&self) -> Option<String> {
         let kinds = [
             ("interpolated", self.substitutes.interpolated),

@@ -56,8 +56,8 @@ pub(crate) struct Session {
     announced: Option<Arc<Device>>,
     /// Stream that `/neurodata_reconstructed` is decoded from, as it was announced last.
     decoding: Decoding,
-    /// Whether the device was asked for the stream that `/acquisition/get_info` describes, and did not refuse to stream,
-    /// when it was announced last.
+    /// Whether the device was asked for the stream that `/acquisition/get_info` describes, and did
+    /// not refuse to stream, when it was announced last.
     is_described_asked: bool,
     clock: Clock,
     round_trips: RoundTrips,
@@ -97,7 +97,8 @@ struct SessionCounts {
     connections: u64,
     /// Number of detected resets of the device, including changes of the device.
     resets: u64,
-    /// Number of codes and packed blocks that arrived before the device's introduction, or from a refused device.
+    /// Number of codes and packed blocks that arrived before the device's introduction, or from a
+    /// refused device.
     codes_unused: u64,
     /// Number of missing codes at the last report to `/diagnostics`.
     missing_reported: u64,
@@ -396,7 +397,8 @@ impl Session {
             clock: &self.clock,
             trigger: &self.side.trigger,
         };
-        // The window index is that of codes. A replay also states it to a host that asks for packed blocks alone.
+        // The window index is that of codes. A replay also states it to a host that asks for packed
+        // blocks alone.
         if self.commands.streams().contains(Streams::CODES) {
             codes.fill_before(stats.next_window, device_us, reception, effects);
         }
@@ -450,8 +452,8 @@ impl Session {
         }
     }
 
-    /// Logs that the device keeps its rate of the packed code. This is no warning if the model's rate was refused,
-    /// which nobody needs to have chosen.
+    /// Logs that the device keeps its rate of the packed code. This is no warning if the model's
+    /// rate was refused, which nobody needs to have chosen.
     fn report_refused_rate(&self, rate: u8, result: AckResult) {
         let text = format!(
             "the device refuses the rate {rate} of the packed code: {}; it streams no packed blocks, or always at \
@@ -509,8 +511,8 @@ impl Session {
         if packed.timeline.is_restart(code.block) {
             self.side.restart_events();
         }
-        // The clock is fitted to codes. Packed blocks are used for the fit only until the first code arrives, or
-        // where no codes stream.
+        // The clock is fitted to codes. Packed blocks are used for the fit only until the first
+        // code arrives, or where no codes stream.
         let has_codes = self.commands.streams().contains(Streams::CODES);
         let trusted = if has_codes && self.clock.is_known() {
             self.clock.is_possible(device_us, read)
@@ -525,8 +527,8 @@ impl Session {
         packed.receive(code, trusted.then_some(device_us), reception, effects);
     }
 
-    /// Returns whether codes and packed blocks of this device are published. Its stream may have started without
-    /// an acknowledgement.
+    /// Returns whether codes and packed blocks of this device are published. Its stream may have
+    /// started without an acknowledgement.
     fn expects_hops(&mut self, read: HostTime, effects: &mut dyn Effects) -> bool {
         let is_usable = self.introduced && self.commands.accepts_codes();
         if is_usable {
@@ -568,8 +570,8 @@ impl Session {
         self.side.bus.publish(&event, wall_ns, effects);
     }
 
-    /// Publishes an event if the device's new report shows other electrodes without contact than the
-    /// report `before`. `device_us` is the time of the new report.
+    /// Publishes an event if the device's new report shows other electrodes without contact than
+    /// the report `before`. `device_us` is the time of the new report.
     fn report_electrodes(
         &mut self,
         before: Option<&ChainReport>,
@@ -596,7 +598,8 @@ impl Session {
         self.side.bus.publish(&event, wall_ns, effects);
     }
 
-    /// Publishes an event for a device that is refused in the place of one whose codes were published.
+    /// Publishes an event for a device that is refused in the place of one whose codes were
+    /// published.
     fn report_refusal(&mut self, why: &str, read: HostTime, effects: &mut dyn Effects) {
         if self.announced.is_some() {
             let event = BusEvent::DeviceRefused(why.to_owned());

@@ -47,12 +47,13 @@ pub struct Settings {
     pub low_latency: bool,
     /// Stream that `/acquisition/get_info` describes.
     pub announced: AnnouncedStream,
-    /// Streams that the device is asked for. The bridge adds the stream of codes if neither codes nor the packed code
-    /// is among them. With
-    /// both `RAW` and `COMPRESSED_RAW`, samples are wanted in either form: the device is asked for
-    /// plain ones, and for compressed ones if it refuses, because its port is too slow.
+    /// Streams that the device is asked for. The bridge adds the stream of codes if neither codes
+    /// nor the packed code is among them. With both `RAW` and `COMPRESSED_RAW`, samples are wanted
+    /// in either form: the device is asked for plain ones, and for compressed ones if it refuses,
+    /// because its port is too slow.
     pub streams: Streams,
-    /// Rate of the packed code that the device is asked for, 0 to 15; `None` leaves the choice to the device.
+    /// Rate of the packed code that the device is asked for, 0 to 15; `None` leaves the choice to
+    /// the device.
     pub packed_rate: Option<u8>,
     /// Time that the stamps of events refer to.
     pub event_stamps: EventStamps,
@@ -69,7 +70,8 @@ choice! {
 }
 
 choice! {
-    /// Stream that is announced to ROS-Neuro's recorder and filters, which handle exactly one stream.
+    /// Stream that is announced to ROS-Neuro's recorder and filters, which handle exactly one
+    /// stream.
     AnnouncedStream {
         Encoded = "encoded": "`/encoded`: the numbers of each code.",
         Reconstructed = "reconstructed": "`/neurodata_reconstructed`: electrodes in microvolts.",
@@ -133,8 +135,8 @@ impl StreamKind {
         }
     }
 
-    /// Returns the names of all streams in `streams`, separated by spaces. Compressed samples alone are
-    /// `compressed-raw`.
+    /// Returns the names of all streams in `streams`, separated by spaces. Compressed samples alone
+    /// are `compressed-raw`.
     pub fn names(streams: Streams) -> String {
         let named = StreamKind::CHOICES.iter().filter_map(|(name, _, kind)| {
             let (name, is_named) = match kind {
@@ -177,7 +179,8 @@ impl RawForm {
     }
 }
 
-/// Returns `streams`, with the stream of codes if neither it nor that of packed blocks is among them.
+/// Returns `streams`, with the stream of codes if neither it nor that of packed blocks is among
+/// them.
 pub fn with_codes(streams: Streams) -> Streams {
     if streams.contains(Streams::PACKED) {
         streams

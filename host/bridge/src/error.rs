@@ -121,8 +121,8 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// A file cannot be written under its name: it exists, it is the recording to read, or it cannot
-    /// be created or completed.
+    /// A file cannot be written under its name: it exists, it is the recording to read, or it
+    /// cannot be created or completed.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
     /// A recording's file cannot be written any further, because the disk is full or fails.

@@ -6,9 +6,10 @@
 //!  └────── commands ──────┘
 //! ```
 //!
-//! [`run`] is the program `corticode-bridge`, which connects the core of `bridge-core` to a port and
-//! to ROS; its subcommands record, replay and convert with the crate `capture`. A [`Publication`]
-//! connects the core to ROS for a program that is a device itself and implements [`Feed`].
+//! [`run`] is the program `corticode-bridge`, which connects the core of `bridge-core` to a port
+//! and to ROS; its subcommands record, replay and convert with the crate `capture`. A
+//! [`Publication`] connects the core to ROS for a program that is a device itself and implements
+//! [`Feed`].
 #![forbid(unsafe_code)]
 
 mod app;

@@ -231,7 +231,8 @@ impl Conversion {
     }
 }
 
-/// Returns the names of the files to write: one for each stream of the recording. `objection` is the core's.
+/// Returns the names of the files to write: one for each stream of the recording. `objection` is
+/// the core's.
 fn outputs(
     options: &Conversion,
     survey: &Survey,

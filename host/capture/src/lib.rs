@@ -6,9 +6,9 @@
 //!                                                                 └─► convert ──► GDF, BDF, CSV, NPZ
 //! ```
 //!
-//! [`Recorder`] and [`Replayer`] perform no I/O on a port: the caller moves the bytes and states the
-//! time. `docs/recording-format.md` describes the bytes of a file; a test compares its hex dumps with
-//! what [`Recorder`] writes.
+//! [`Recorder`] and [`Replayer`] perform no I/O on a port: the caller moves the bytes and states
+//! the time. `docs/recording-format.md` describes the bytes of a file; a test compares its hex
+//! dumps with what [`Recorder`] writes.
 #![forbid(unsafe_code)]
 
 mod conversion;

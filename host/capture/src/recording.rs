@@ -122,39 +122,20 @@ impl FileHeader {
             let bytes = bytes.len();
             return Err(RecordingError::HeaderCutOff { bytes });
         };
-        let [
-            _,
-            _,
-            _,
-            _,
-            _,
-            _,
-            _,
-            _,
-            v0,
-            v1,
-            s0,
-            s1,
-            mains_hz,
-            _,
-            _,
-            _,
-            rest @ ..,
-        ] = *bytes;
         // A newer version may place its checksum elsewhere, so the version comes first.
-        let found = u16::from_le_bytes([v0, v1]);
+        let found = u16::from_le_bytes([bytes[8], bytes[9]]);
         if found > VERSION {
             let newest = VERSION;
             return Err(RecordingError::Version { found, newest });
         }
-        let [t0, t1, t2, t3, t4, t5, t6, t7, c0, c1, c2, c3] = rest;
-        if CRC.checksum(&bytes[..24]) != u32::from_le_bytes([c0, c1, c2, c3]) {
+        let (content, crc) = bytes.split_at(24);
+        if CRC.checksum(content).to_le_bytes() != *crc {
             return Err(RecordingError::HeaderDamaged);
         }
         Ok(FileHeader {
-            created_ns: i64::from_le_bytes([t0, t1, t2, t3, t4, t5, t6, t7]),
-            streams: Streams::from_bits(u16::from_le_bytes([s0, s1])),
-            mains_hz,
+            created_ns: i64::from_le_bytes(std::array::from_fn(|index| bytes[16 + index])),
+            streams: Streams::from_bits(u16::from_le_bytes([bytes[10], bytes[11]])),
+            mains_hz: bytes[12],
         })
     }
 }
@@ -232,8 +213,8 @@ pub(crate) enum Parsed<'a> {
 }
 
 impl<'a> Record<'a> {
-    /// Appends the record's bytes, as docs/recording-format.md describes them. A payload has at most
-    /// [`MAX_PAYLOAD`] bytes.
+    /// Appends the record's bytes, as docs/recording-format.md describes them. A payload has at
+    /// most [`MAX_PAYLOAD`] bytes.
     pub(crate) fn encode(&self, out: &mut Vec<u8>) {
         debug_assert!(self.payload.len() <= MAX_PAYLOAD);
         let start = out.len();

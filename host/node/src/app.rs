@@ -18,7 +18,8 @@ use crate::feed::SourceFeed;
 /// Number of frames that wait when this program does not run: 64 s at 16 frames per second.
 const QUEUE_FRAMES: usize = 1024;
 
-/// Runs `corticode-node` with the arguments and environment of this process and returns its exit status.
+/// Runs `corticode-node` with the arguments and environment of this process and returns its exit
+/// status.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("corticode");
     match publish(ros, arguments) {
@@ -39,8 +40,8 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
     if !model::HAS_NETWORK {
         return Err(BridgeError::NoNetwork);
     }
-    // One thread reads the frames and writes the sockets: passing a code to another thread would delay
-    // it by the time in which that thread wakes up.
+    // One thread reads the frames and writes the sockets: passing a code to another thread would
+    // delay it by the time in which that thread wakes up.
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;

@@ -12,14 +12,14 @@ use crate::encoder_device::STREAMS;
 
 /// Encode the EEG of any ROS-Neuro acquisition and publish its codes.
 ///
-/// Subscribes to /neurodata (rosneuro_msgs/NeuroFrame): float microvolts, any frame size, 250 to 1024 Hz,
-/// electrodes by label. Publishes /encoded, /neurodata_reconstructed and /diagnostics as
+/// Subscribes to /neurodata (rosneuro_msgs/NeuroFrame): float microvolts, any frame size, 250 to
+/// 1024 Hz, electrodes by label. Publishes /encoded, /neurodata_reconstructed and /diagnostics as
 /// corticode-bridge does for a board, and serves ~get_info, ~start, ~stop and ~quit, as the node
-/// `corticode`. A recorder of /encoded needs the remapping /acquisition/get_info:=/corticode/get_info.
-/// Waits for an absent ROS master or acquisition. ROS's own arguments work too: __name:=, __ns:=,
-/// /neurodata:=/filtered. Each option but the master and the level of the log is a private parameter as
-/// well: _mains:=60, or ~mains on the parameter server, which flags and environment override. The log
-/// goes to stderr.
+/// `corticode`. A recorder of /encoded needs the remapping
+/// /acquisition/get_info:=/corticode/get_info. Waits for an absent ROS master or acquisition. ROS's
+/// own arguments work too: __name:=, __ns:=, /neurodata:=/filtered. Each option but the master and
+/// the level of the log is a private parameter as well: _mains:=60, or ~mains on the parameter
+/// server, which flags and environment override. The log goes to stderr.
 ///
 /// Exit status: 0 done, 1 publishing failed, 2 wrong usage, 3 ROS not reachable.
 #[derive(Clone, Debug, Parser)]

@@ -79,8 +79,8 @@ impl SourceFeed {
         Some(count)
     }
 
-    /// Handles a message that arrived at `read`. Returns whether the device is connected now and was
-    /// not before.
+    /// Handles a message that arrived at `read`. Returns whether the device is connected now and
+    /// was not before.
     fn handle_message(&mut self, body: &[u8], read: HostTime) -> bool {
         self.newest = Some(read);
         let handled = match (NeuroFrame::from_bytes(body), self.subscriber.publishers()) {

@@ -1,5 +1,5 @@
-//! Audits: comparison of a device's code with the float network's code of the same window, and of the window's
-//! signals with those of the packed code.
+//! Audits: comparison of a device's code with the float network's code of the same window, and of
+//! the window's signals with those of the packed code.
 
 use std::fmt;
 use std::sync::Arc;
@@ -14,8 +14,9 @@ use crate::device::Device;
 /// fraction of the RMS of the latter. Half a level is allowed in addition, for rounding. The limit
 /// is relative because the error of int8 weights and activations grows with the signal.
 ///
-/// Measured on the windows of EEGMMIDB S001 R11 and R12 whose input is not clipped: the integer reference is compared
-/// with the float network. Figures in levels of the code, for the window with the largest RMS difference:
+/// Measured on the windows of EEGMMIDB S001 R11 and R12 whose input is not clipped: the integer
+/// reference is compared with the float network. Figures in levels of the code, for the window with
+/// the largest RMS difference:
 ///
 /// | model, format | windows | RMS difference | RMS of the code | difference less half a level, as a fraction |
 /// | --- | --- | --- | --- | --- |
@@ -30,20 +31,21 @@ const RMS_LIMIT: f64 = 0.05;
 /// Limit of the difference of any single value between the two codes, as a fraction of the RMS of
 /// the float network's code. Half a level is allowed in addition, for rounding.
 ///
-/// In the measurement for [`RMS_LIMIT`], the largest difference less half a level is 0.064 of the code's RMS with
-/// `signal/model/paper`, and 0.082 with `signal/model/artifact`. The limit is half as much again: a larger one would find
-/// none of the flipped bits below.
+/// In the measurement for [`RMS_LIMIT`], the largest difference less half a level is 0.064 of the
+/// code's RMS with `signal/model/paper`, and 0.082 with `signal/model/artifact`. The limit is half
+/// as much again: a larger one would find none of the flipped bits below.
 ///
-/// In one measurement, which no test repeats, a flipped sign bit in one weight of the linear shortcut
-/// changed one value of an int8 code by 1.4 to 2.7 levels on the loudest of 42 windows. A flipped sign bit in a
-/// convolution changed no value by more than rounding does, because the convolutions of this model
-/// contribute little to the code.
+/// In one measurement, which no test repeats, a flipped sign bit in one weight of the linear
+/// shortcut changed one value of an int8 code by 1.4 to 2.7 levels on the loudest of 42 windows. A
+/// flipped sign bit in a convolution changed no value by more than rounding does, because the
+/// convolutions of this model contribute little to the code.
 const LARGEST_LIMIT: f64 = 0.12;
 
-/// Allowance in addition for codes with levels of 16 bits, levels: the biases and activations of the convolutions are
-/// rounded to units that are coarser than these levels, however quiet the window is. In windows of EEGMMIDB S001 R11
-/// and R12 that are attenuated to between 0 and 3 %, the largest difference with `signal/model/artifact` is 1.35 levels. A
-/// level of int8 codes is about 32 times as wide.
+/// Allowance in addition for codes with levels of 16 bits, levels: the biases and activations of
+/// the convolutions are rounded to units that are coarser than these levels, however quiet the
+/// window is. In windows of EEGMMIDB S001 R11 and R12 that are attenuated to between 0 and 3 %, the
+/// largest difference with `signal/model/artifact` is 1.35 levels. A level of int8 codes is about
+/// 32 times as wide.
 const FINE_LEVELS: f64 = 2.0;
 
 /// A window of the encoder's input, and the code that the device computed from this window.
@@ -113,8 +115,8 @@ impl AuditedWindow {
         })
     }
 
-    /// Compares the window's signals, as the device measured them, with those of its packed blocks. Returns `None`
-    /// if a block was lost, or if an input was clipped to int8.
+    /// Compares the window's signals, as the device measured them, with those of its packed blocks.
+    /// Returns `None` if a block was lost, or if an input was clipped to int8.
     pub fn compare_packed(
         &self,
         model: &Model,
@@ -153,7 +155,8 @@ impl AuditedWindow {
 pub struct PackedError {
     /// RMS difference over all steps and electrodes, microvolts.
     pub rms_uv: f64,
-    /// Mean squared difference, in units of the variance of the training data, as in docs/packed.md.
+    /// Mean squared difference, in units of the variance of the training data, as in
+    /// docs/packed.md.
     pub of_variance: f64,
 }
 

@@ -7,8 +7,8 @@ const WAITING_WINDOWS: u64 = 256;
 /// How far the device's time must have run ahead of the host's time before the source counts as
 /// faster than real time, microseconds.
 const AHEAD_US: i64 = 10_000_000;
-/// Part of the elapsed time by which the device's clock may be fast in addition: 1000 ppm. Two crystals
-/// never differ by more than 500 ppm.
+/// Part of the elapsed time by which the device's clock may be fast in addition: 1000 ppm. Two
+/// crystals never differ by more than 500 ppm.
 const DRIFT: i64 = 1000;
 
 /// Compares the device's time with the host's. A source that runs ahead of real time, such as

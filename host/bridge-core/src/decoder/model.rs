@@ -9,9 +9,9 @@ use artifact::{
 
 use crate::device::Device;
 
-/// The float network of one model, and its packed code if it has one. A model without a network has codes without
-/// numbers. It decodes the codes of devices with that
-/// model, and computes the code that a correct device returns for a window.
+/// The float network of one model, and its packed code if it has one. A model without a network has
+/// codes without numbers. It decodes the codes of devices with that model, and computes the code
+/// that a correct device returns for a window.
 #[derive(Clone, Debug)]
 pub struct Model {
     id: ModelId,
@@ -30,8 +30,8 @@ pub struct Model {
 }
 
 impl Model {
-    /// Reads the model with which this program was built, which is part of the program: the checked-in
-    /// one, or that in the folder `CORTICODE_ARTIFACT`.
+    /// Reads the model with which this program was built, which is part of the program: the
+    /// checked-in one, or that in the folder `CORTICODE_ARTIFACT`.
     ///
     /// # Errors
     ///
@@ -92,8 +92,8 @@ impl Model {
         &self.electrodes
     }
 
-    /// Returns the reason why this model cannot decode the device's codes and packed blocks, worded for the user;
-    /// `None` if it can decode them.
+    /// Returns the reason why this model cannot decode the device's codes and packed blocks, worded
+    /// for the user; `None` if it can decode them.
     pub fn objection(&self, device: &Device) -> Option<String> {
         if device.model_id != self.id.0 {
             return Some(format!(
@@ -134,8 +134,9 @@ impl Model {
         self.sd_uv
     }
 
-    /// Returns the electrode signals of a window in the order step, electrode, in microvolts, and the voltage of one
-    /// int8 level. `planes` holds the device's input for the window; missing cells count as 0.
+    /// Returns the electrode signals of a window in the order step, electrode, in microvolts, and
+    /// the voltage of one int8 level. `planes` holds the device's input for the window; missing
+    /// cells count as 0.
     pub fn electrodes_uv(&self, planes: &[i8]) -> (Vec<f32>, f64) {
         let level_uv = f64::from(self.input_scale) * self.sd_uv;
         let mut cells = vec![0.0; self.window_cells()];

@@ -39,8 +39,8 @@ pub struct PackedBytes {
 
 /// Decodes packed blocks to frames of `/neurodata_reconstructed`, one for each block.
 ///
-/// With low latency, a block yields its own frame. Otherwise it yields the frame of the block before, corrected by
-/// what the newer block says about it.
+/// With low latency, a block yields its own frame. Otherwise it yields the frame of the block
+/// before, corrected by what the newer block says about it.
 #[derive(Debug)]
 pub struct PackedReconstruction {
     overlap: PackedOverlap<Label>,
@@ -58,7 +58,8 @@ struct Label {
 }
 
 impl PackedReconstruction {
-    /// Creates a reconstruction for a device whose model is `model`; `None` if that model has no packed code.
+    /// Creates a reconstruction for a device whose model is `model`; `None` if that model has no
+    /// packed code.
     pub fn new(
         device: &Device,
         model: &Arc<Model>,
@@ -86,8 +87,8 @@ impl PackedReconstruction {
         self.frame.neuroheader.seq
     }
 
-    /// Continues the frames of `before`, which another device sent: the frame that it still holds comes first. The
-    /// frames of both reconstructions must have the same shape.
+    /// Continues the frames of `before`, which another device sent: the frame that it still holds
+    /// comes first. The frames of both reconstructions must have the same shape.
     pub fn continue_from(&mut self, before: &mut PackedReconstruction) {
         self.set_number(before.number());
         self.overlap.continue_from(&mut before.overlap);
@@ -98,22 +99,23 @@ impl PackedReconstruction {
         self.overlap.malformed()
     }
 
-    /// Returns the signals of block `index` as they were decoded at once, microvolts, in the order step, electrode;
-    /// `None` if it was lost or is too old.
+    /// Returns the signals of block `index` as they were decoded at once, microvolts, in the order
+    /// step, electrode; `None` if it was lost or is too old.
     pub(crate) fn signals(&self, index: u32) -> Option<&[f32]> {
         let kept = self.kept.iter().find(|(kept, _)| *kept == index);
         kept.map(|(_, microvolts)| microvolts.as_slice())
     }
 
-    /// Returns the frame that waits for the next block, without its correction, because no block follows; `None` if
-    /// none waits, or if its block is lost and lost blocks are not filled.
+    /// Returns the frame that waits for the next block, without its correction, because no block
+    /// follows; `None` if none waits, or if its block is lost and lost blocks are not filled.
     pub fn finish(&mut self) -> Option<&NeuroFrame> {
         let hop = self.overlap.finish()?;
         self.filled_frame(hop)
     }
 
-    /// Decodes `block` and returns the frame that it completes: that of the block before, with low latency its own.
-    /// Returns `None` if there is no such block, or if it is lost and lost blocks are not filled.
+    /// Decodes `block` and returns the frame that it completes: that of the block before, with low
+    /// latency its own. Returns `None` if there is no such block, or if it is lost and lost blocks
+    /// are not filled.
     pub fn next_frame(&mut self, block: &TimedPackedBlock) -> Option<&NeuroFrame> {
         self.start_recording(block.is_first);
         let received = block.block.as_ref();
@@ -127,8 +129,8 @@ impl PackedReconstruction {
         self.filled_frame(completed?)
     }
 
-    /// Returns the frame that `block` completes as [`Self::next_frame`] does, with zeros for its values: no block is
-    /// decoded. For a caller that needs the times alone.
+    /// Returns the frame that `block` completes as [`Self::next_frame`] does, with zeros for its
+    /// values: no block is decoded. For a caller that needs the times alone.
     pub fn next_times(&mut self, block: &TimedPackedBlock) -> Option<&NeuroFrame> {
         self.start_recording(block.is_first);
         let source = match block.block {

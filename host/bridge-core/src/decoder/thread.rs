@@ -18,9 +18,9 @@ use crate::decoder::packed::{PackedReconstruction, TimedPackedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::diagnostics::audit::AuditCounts;
 
-/// Maximum number of codes and packed blocks that wait for the decoder: 68 minutes at 16 codes per second, as long
-/// as the longest gap that is filled. A waiting code takes about 0.6 KB, so a full queue takes
-/// 40 MB.
+/// Maximum number of codes and packed blocks that wait for the decoder: 68 minutes at 16 codes per
+/// second, as long as the longest gap that is filled. A waiting code takes about 0.6 KB, so a full
+/// queue takes 40 MB.
 const QUEUE_WINDOWS: u64 = 65_536;
 
 /// Maximum number of audits that wait for this thread. One audit arrives every 10 s, and its
@@ -35,8 +35,8 @@ const STOP_TIMEOUT: Duration = Duration::from_secs(1);
 /// Time between two checks whether the thread has ended.
 const POLL: Duration = Duration::from_millis(10);
 
-/// Thread that decodes codes and packed blocks, publishes the reconstructed signals and compares audits, so that this
-/// work does not delay the link.
+/// Thread that decodes codes and packed blocks, publishes the reconstructed signals and compares
+/// audits, so that this work does not delay the link.
 #[derive(Debug)]
 pub struct DecoderThread {
     work: Sender<Work>,
@@ -51,7 +51,8 @@ pub struct DecoderThread {
 /// Lengths of the queues, and what the thread has done.
 #[derive(Debug, Default)]
 struct Progress {
-    /// Number of queued codes and packed blocks. Placeholders for lost blocks count, those for lost codes do not.
+    /// Number of queued codes and packed blocks. Placeholders for lost blocks count, those for lost
+    /// codes do not.
     waiting: AtomicU64,
     decoded: AtomicU64,
     /// Number of packed blocks that were malformed.
@@ -68,8 +69,8 @@ struct Progress {
 
 #[derive(Debug)]
 enum Work {
-    /// Reconstructions for the device that sends what is queued after this item: from codes, and from packed
-    /// blocks if the model has them.
+    /// Reconstructions for the device that sends what is queued after this item: from codes, and
+    /// from packed blocks if the model has them.
     Device(Box<Reconstruction>, Option<Box<PackedReconstruction>>),
     /// A code, and when it was queued.
     Code(TimedCode, Instant),
@@ -124,8 +125,9 @@ impl DecoderThread {
         self.prepared.push(Work::Code(window, Instant::now()));
     }
 
-    /// Queues a packed block as [`Self::decode`] does a code. Placeholders count among those that wait, because a
-    /// prediction can take as long as a block; a full queue takes them nevertheless.
+    /// Queues a packed block as [`Self::decode`] does a code. Placeholders count among those that
+    /// wait, because a prediction can take as long as a block; a full queue takes them
+    /// nevertheless.
     pub fn decode_block(&mut self, mut block: TimedPackedBlock) {
         if block.block.is_none() {
             self.progress.waiting.fetch_add(1, Ordering::Relaxed);
@@ -198,8 +200,8 @@ impl DecoderThread {
         self.thread.is_finished()
     }
 
-    /// Waits until the queue is empty, but not longer than `limit`, and returns the final counts. The
-    /// windows that wait then count as not decoded.
+    /// Waits until the queue is empty, but not longer than `limit`, and returns the final counts.
+    /// The windows that wait then count as not decoded.
     pub fn finish(mut self, limit: Duration) -> DecoderCounts {
         self.start_work();
         drop(self.work);
@@ -336,8 +338,8 @@ fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress)
     finish_blocks(packed.as_deref_mut(), &mut number, sink.as_mut(), progress);
 }
 
-/// Publishes the frame that waits for another packed block, with the number after `number`. Returns false if frames
-/// cannot be published any more.
+/// Publishes the frame that waits for another packed block, with the number after `number`. Returns
+/// false if frames cannot be published any more.
 fn finish_blocks(
     packed: Option<&mut PackedReconstruction>,
     number: &mut u32,
@@ -353,8 +355,8 @@ fn finish_blocks(
     can_publish
 }
 
-/// Decodes a packed block and publishes the frame that it completes. Every block is decoded, because those after it
-/// build on it. Returns false if frames cannot be published any more.
+/// Decodes a packed block and publishes the frame that it completes. Every block is decoded,
+/// because those after it build on it. Returns false if frames cannot be published any more.
 fn run_block(
     packed: &mut PackedReconstruction,
     block: &TimedPackedBlock,
@@ -392,13 +394,14 @@ pub struct DecoderCounts {
     pub waiting: u64,
     /// Longest time that a window has waited for the decoder.
     pub longest_wait: Duration,
-    /// Number of windows replaced by fillers because the decoder's queue was full, and of those that
-    /// waited when the program ended.
+    /// Number of windows replaced by fillers because the decoder's queue was full, and of those
+    /// that waited when the program ended.
     pub not_decoded: u64,
     /// Number of windows that were not decoded because `/neurodata_reconstructed` had no
     /// subscriber.
     pub not_needed: u64,
-    /// Number of packed blocks that arrived intact, but are no blocks of the model; they count as lost.
+    /// Number of packed blocks that arrived intact, but are no blocks of the model; they count as
+    /// lost.
     pub malformed: u64,
 }
 

@@ -37,8 +37,8 @@ impl AuditCounts {
         self.newest = Some(result);
     }
 
-    /// Records the comparison of a window with its packed blocks; `None` if it had a cell at the rail or a block was
-    /// lost.
+    /// Records the comparison of a window with its packed blocks; `None` if it had a cell at the
+    /// rail or a block was lost.
     pub(crate) fn record_packed(&mut self, error: Option<PackedError>) {
         if error.is_some() {
             self.packed_compared += 1;

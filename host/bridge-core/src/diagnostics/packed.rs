@@ -9,8 +9,8 @@ use crate::streams::packed::PackedStream;
 /// Name of the status.
 const NAME: &str = "packed code";
 
-/// Adds the decoder's number of malformed blocks to the status `packed code` of a report, of which `since` are new: the
-/// core passes blocks on and does not decode them.
+/// Adds the decoder's number of malformed blocks to the status `packed code` of a report, of which
+/// `since` are new: the core passes blocks on and does not decode them.
 pub fn report_malformed(report: &mut DiagnosticArray, malformed: u64, since: u64) {
     let statuses = report.status.iter_mut();
     for status in statuses.filter(|status| status.name.ends_with(NAME)) {
@@ -43,8 +43,8 @@ impl PackedReport {
         stream.timeline.counts().missing() - self.missing
     }
 
-    /// Returns the status `packed code` at the host time `now_us`, and keeps its counts for the next one; `None`
-    /// before the first block.
+    /// Returns the status `packed code` at the host time `now_us`, and keeps its counts for the
+    /// next one; `None` before the first block.
     pub(crate) fn status(
         &mut self,
         stream: &PackedStream,

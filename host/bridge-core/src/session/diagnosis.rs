@@ -129,8 +129,9 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     new_status("device", (level, message), values)
 }
 
-/// Returns level and text for a streaming device. Missing codes, raw samples, filtered steps or packed
-/// blocks cause a warning; missing audits or events do not, because older firmware does not support them.
+/// Returns level and text for a streaming device. Missing codes, raw samples, filtered steps or
+/// packed blocks cause a warning; missing audits or events do not, because older firmware does not
+/// support them.
 fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
     let refused = session.commands.refused_streams();
     if refused.is_empty() {

@@ -150,10 +150,11 @@ impl Session {
         });
     }
 
-    /// Announces the device again if another stream is decoded now than when it was announced last, or if the stream
-    /// that `/acquisition/get_info` describes is no longer asked for, or is again: the device refused some of the
-    /// streams, or refuses them no more. Call this when the device has started or refused to, and for each code and
-    /// packed block: the acknowledgement of the start can be lost.
+    /// Announces the device again if another stream is decoded now than when it was announced last,
+    /// or if the stream that `/acquisition/get_info` describes is no longer asked for, or is again:
+    /// the device refused some of the streams, or refuses them no more. Call this when the device
+    /// has started or refused to, and for each code and packed block: the acknowledgement of the
+    /// start can be lost.
     pub(super) fn announce_other_streams(&mut self, read: HostTime, effects: &mut dyn Effects) {
         let Some(codes) = &self.codes else { return };
         let device = Arc::clone(codes.device());
@@ -179,15 +180,15 @@ impl Session {
         }
     }
 
-    /// Returns whether the device is asked for the stream that `/acquisition/get_info` describes, and does not refuse
-    /// to stream.
+    /// Returns whether the device is asked for the stream that `/acquisition/get_info` describes,
+    /// and does not refuse to stream.
     fn asks_for_described(&self) -> bool {
         let asked = self.commands.streams();
         self.settings.announced.is_in(asked) && self.commands.start_refusal().is_none()
     }
 
-    /// Returns the stream to decode, of those that the device is asked for. `decodable` is true if the bridge's model
-    /// is the device's.
+    /// Returns the stream to decode, of those that the device is asked for. `decodable` is true if
+    /// the bridge's model is the device's.
     fn decoding(&self, decodable: bool) -> Decoding {
         let stream = DecodedStream::of(self.commands.streams());
         let has_packed = || self.model.as_ref()?.packed();

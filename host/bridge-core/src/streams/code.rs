@@ -25,8 +25,8 @@ pub(crate) struct CodeStream {
     z: Vec<f32>,
     /// Whether `z` holds a code of this recording.
     has_last: bool,
-    /// Whether another stream was decoded until now. What is missing before the first code of this run is then no gap
-    /// in the signals.
+    /// Whether another stream was decoded until now. What is missing before the first code of this
+    /// run is then no gap in the signals.
     follows_other: bool,
     counts: CodeCounts,
     encoded_stamps: MonotoneStamps,
@@ -64,8 +64,8 @@ impl CodeStream {
         self.timeline.decoding = decoding;
     }
 
-    /// Ends the recording, because the user stopped the stream. The time until the next start is not
-    /// filled.
+    /// Ends the recording, because the user stopped the stream. The time until the next start is
+    /// not filled.
     pub(crate) fn end_recording(&mut self) {
         self.timeline.end_recording();
         self.has_last = false;

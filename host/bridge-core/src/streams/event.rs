@@ -114,8 +114,9 @@ impl Trigger {
         self.edges.clear();
     }
 
-    /// Returns the trigger level, 0 or 1, at the ADC sample with index `sample` since `Start`. Before
-    /// the first edge of the run, returns the level at the end of the previous run, at first 0.
+    /// Returns the trigger level, 0 or 1, at the ADC sample with index `sample` since `Start`.
+    /// Before the first edge of the run, returns the level at the end of the previous run, at first
+    /// 0.
     pub(crate) fn level_at(&self, sample: u64) -> u16 {
         let newest = self.edges.iter().rev().find(|edge| edge.sample <= sample);
         newest.map_or(self.level_before, |edge| edge.level)

@@ -130,8 +130,8 @@ impl HopTimeline {
         self.continuity.end_run();
     }
 
-    /// Ends the recording, because the user stopped the stream. The time until the next start is not
-    /// filled.
+    /// Ends the recording, because the user stopped the stream. The time until the next start is
+    /// not filled.
     pub(crate) fn end_recording(&mut self) {
         self.restart();
         self.continuity = Continuity::default();
@@ -268,8 +268,8 @@ impl HopTimeline {
         known_us.saturating_add_signed(hops * self.hop_us())
     }
 
-    /// Returns the places of the items missing directly before index `index`, at most `max_fillers`.
-    /// The item of index `index` has the device time `device_us`.
+    /// Returns the places of the items missing directly before index `index`, at most
+    /// `max_fillers`. The item of index `index` has the device time `device_us`.
     fn fillers(&mut self, index: u32, gap: Gap, device_us: u64, max_fillers: u64) -> Vec<HopPlace> {
         let missing = gap.between_runs + u64::from(gap.lost);
         if missing == 0 {
@@ -331,8 +331,8 @@ impl HopTimeline {
     }
 }
 
-/// Place of a topic's newest item on the host's clock. It survives a restart of the device, whose own
-/// clock starts at 0 again, and so shows how many items are missing between two runs.
+/// Place of a topic's newest item on the host's clock. It survives a restart of the device, whose
+/// own clock starts at 0 again, and so shows how many items are missing between two runs.
 ///
 /// "Item" means a code, a packed block, an ADC sample or a filtered step.
 #[derive(Clone, Copy, Debug, Default)]
@@ -358,9 +358,9 @@ impl Continuity {
         self.run_ended = self.newest_us.is_some();
     }
 
-    /// Returns the number of items between the newest one and the first of the next run, which is at
-    /// the host time `first_us`. Items follow each other every `period_us` microseconds. Returns 0
-    /// within a run.
+    /// Returns the number of items between the newest one and the first of the next run, which is
+    /// at the host time `first_us`. Items follow each other every `period_us` microseconds. Returns
+    /// 0 within a run.
     pub(crate) fn missing_before(&mut self, first_us: f64, period_us: f64) -> u64 {
         let (Some(newest_us), true) = (self.newest_us, self.run_ended) else {
             return 0;

@@ -117,8 +117,8 @@ pub(crate) struct HopCounts {
     /// Number of items that are missing between two runs of the device, which did not make them.
     pub(crate) between_runs: u64,
     pub(crate) fillers: u64,
-    /// Number of missing items without a filler, because more are missing than fit into the queues of
-    /// subscribers.
+    /// Number of missing items without a filler, because more are missing than fit into the queues
+    /// of subscribers.
     pub(crate) unfilled: u64,
 }
 
@@ -141,11 +141,13 @@ pub(crate) struct PackedCounts {
     pub(crate) bits: u64,
     /// Number of blocks without prediction.
     pub(crate) resets: u64,
-    /// Number of blocks with the flag `MISFIT`, after the filters have settled: until then, no signal fits.
+    /// Number of blocks with the flag `MISFIT`, after the filters have settled: until then, no
+    /// signal fits.
     pub(crate) misfits: u64,
     /// Number of blocks with the flag `BLANK`, after the filters have settled.
     pub(crate) blanks: u64,
-    /// Number of blocks that the device quantised more coarsely than its rate, because they were too long.
+    /// Number of blocks that the device quantised more coarsely than its rate, because they were
+    /// too long.
     pub(crate) coarser: u64,
     /// Number of electrode values that the device clipped to the range of the inputs.
     pub(crate) clipped: u64,

@@ -7,8 +7,8 @@ use crate::device::Device;
 /// Value of `header.frame_id`, and start of `transducter`, in frames with values that the network
 /// computed.
 const NETWORK: &str = "autoencoder";
-/// Value of `header.frame_id`, and start of `transducter`, in frames with values that the packed code
-/// holds.
+/// Value of `header.frame_id`, and start of `transducter`, in frames with values that the packed
+/// code holds.
 const PACKED: &str = "packed code";
 /// Value of `header.frame_id`, and start of `transducter`, in frames with voltages that the
 /// amplifier measured.
@@ -39,14 +39,14 @@ impl Device {
         )
     }
 
-    /// Returns a frame for `/neurodata_reconstructed`, from codes, that holds the steps of one hop, all
-    /// zeros.
+    /// Returns a frame for `/neurodata_reconstructed`, from codes, that holds the steps of one hop,
+    /// all zeros.
     pub fn reconstructed_frame(&self) -> NeuroFrame {
         self.hop_frame(NETWORK)
     }
 
-    /// Returns a frame for `/neurodata_reconstructed`, from packed blocks, that holds the steps of one hop,
-    /// all zeros.
+    /// Returns a frame for `/neurodata_reconstructed`, from packed blocks, that holds the steps of
+    /// one hop, all zeros.
     pub fn unpacked_frame(&self) -> NeuroFrame {
         self.hop_frame(PACKED)
     }
@@ -168,14 +168,14 @@ pub struct TriWords {
     /// Index, since `Start`, of the code's window or of the packed block, or of the frame that
     /// contains the sample or step.
     pub window: u32,
-    /// Device time of the last step of the window or block, or of the sample or step itself, microseconds. The
-    /// words carry the low 48 bits, which wrap after 8.9 years.
+    /// Device time of the last step of the window or block, or of the sample or step itself,
+    /// microseconds. The words carry the low 48 bits, which wrap after 8.9 years.
     pub device_time_us: u64,
-    /// Number of codes, blocks, samples or steps of this stream that were lost since the bridge started.
-    /// The word carries the number modulo 2^16.
+    /// Number of codes, blocks, samples or steps of this stream that were lost since the bridge
+    /// started. The word carries the number modulo 2^16.
     pub lost: u64,
-    /// Level of the trigger input, 0 or 1, according to the edges received; 0 before the first edge,
-    /// and always 0 without the stream of events.
+    /// Level of the trigger input, 0 or 1, according to the edges received; 0 before the first
+    /// edge, and always 0 without the stream of events.
     pub trigger: u16,
 }
 
@@ -197,8 +197,8 @@ fn sixteen_bits(value: u64) -> [u16; 4] {
 /// Range that is announced for the status words.
 ///
 /// ROS-Neuro's recorder stores `tri` in GDF as float32 and maps this range to the whole range of
-/// float32. The range of the words themselves, 0 to 65535, makes almost every stored word infinite or
-/// inexact; with 24 bits and sign, words come back as they were.
+/// float32. The range of the words themselves, 0 to 65535, makes almost every stored word infinite
+/// or inexact; with 24 bits and sign, words come back as they were.
 const RANGE: [f64; 2] = [-8_388_608.0, 8_388_607.0];
 
 /// Returns the description of a `tri` block that holds the words of `nsamples` samples.

@@ -13,7 +13,8 @@ use crate::streams::hop_timeline::{HopPlace, HopTimeline};
 use crate::streams::ledger::PackedCounts;
 use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
 
-/// Places packed blocks in time and passes them to the decoder, with a placeholder for each missing one.
+/// Places packed blocks in time and passes them to the decoder, with a placeholder for each missing
+/// one.
 ///
 /// Counts and stamps persist while the bridge runs, across restarts of the device.
 #[derive(Debug)]
@@ -44,7 +45,8 @@ impl PackedStream {
         self.timeline.device = device;
     }
 
-    /// Sets which stream is decoded to `/neurodata_reconstructed`. The time in which another one was is no gap.
+    /// Sets which stream is decoded to `/neurodata_reconstructed`. The time in which another one
+    /// was is no gap.
     pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
         if self.timeline.decoding.stream != decoding.stream {
             self.end_recording();
@@ -52,8 +54,8 @@ impl PackedStream {
         self.timeline.decoding = decoding;
     }
 
-    /// Ends the recording, because the user stopped the stream. The time until the next start is not
-    /// filled.
+    /// Ends the recording, because the user stopped the stream. The time until the next start is
+    /// not filled.
     pub(crate) fn end_recording(&mut self) {
         self.timeline.end_recording();
         self.is_first = true;
@@ -75,8 +77,8 @@ impl PackedStream {
         self.stamps.moved()
     }
 
-    /// Passes a block that the device made at `device_us` to the decoder, after placeholders for the
-    /// blocks lost before it.
+    /// Passes a block that the device made at `device_us` to the decoder, after placeholders for
+    /// the blocks lost before it.
     ///
     /// `device_us` is `None` if the frame's device time was impossible. The time is then computed
     /// from the block's index.

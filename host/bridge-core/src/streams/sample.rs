@@ -18,9 +18,9 @@ const MAX_FILL_SECONDS: u64 = 120;
 /// `/neurodata_corticode`, and fills gaps. In this file, "sample" means an ADC sample or a filtered
 /// step.
 ///
-/// Samples have an index in the topic. It goes on when the device restarts, and the time between two
-/// runs of the device is filled. The index of a frame's first sample is always a multiple of the
-/// number of samples per frame, so the number of samples on the topic matches the time that has
+/// Samples have an index in the topic. It goes on when the device restarts, and the time between
+/// two runs of the device is filled. The index of a frame's first sample is always a multiple of
+/// the number of samples per frame, so the number of samples on the topic matches the time that has
 /// passed. Sequence numbers and counts persist while the bridge runs.
 #[derive(Debug)]
 pub(crate) struct SampleStream {
@@ -116,16 +116,16 @@ impl SampleStream {
         self.restart();
     }
 
-    /// Starts another run. Call this when the device counts samples from 0 again. The time until the
-    /// run's first sample is filled.
+    /// Starts another run. Call this when the device counts samples from 0 again. The time until
+    /// the run's first sample is filled.
     pub(crate) fn restart(&mut self) {
         self.run_start = None;
         self.timeline = None;
         self.continuity.end_run();
     }
 
-    /// Ends the recording, because the user stopped the stream. Samples of an unfinished frame are not
-    /// published, and the time until the next start is not filled.
+    /// Ends the recording, because the user stopped the stream. Samples of an unfinished frame are
+    /// not published, and the time until the next start is not filled.
     pub(crate) fn end_recording(&mut self) {
         self.count_unpublished(self.filled as u64);
         self.next = 0;
@@ -240,8 +240,8 @@ impl SampleStream {
         self.continuity.record(host_us);
     }
 
-    /// Begins the device's next run and returns the index of its first sample in the topic. `host_us`
-    /// is the host time, microseconds, of the run's sample `index`.
+    /// Begins the device's next run and returns the index of its first sample in the topic.
+    /// `host_us` is the host time, microseconds, of the run's sample `index`.
     fn begin_run(&mut self, host_us: f64, index: u64) -> u64 {
         let period_us = 1e6 / f64::from(self.frame.sr.max(1));
         #[expect(clippy::cast_precision_loss, reason = "below 2^53 (500,000 years)")]
@@ -253,7 +253,8 @@ impl SampleStream {
         start
     }
 
-    /// Appends fillers for all samples before the sample `first`, which is the first of the message.
+    /// Appends fillers for all samples before the sample `first`, which is the first of the
+    /// message.
     fn fill_gap(&mut self, first: u64, batch: &mut Batch<'_>) {
         let missing = first - self.next;
         if missing == 0 {
@@ -385,8 +386,8 @@ pub(crate) struct CompressedSamples {
     decoder: Option<Box<Decoder<CHANNELS>>>,
     /// Index of the sample after the newest decoded one.
     next: u64,
-    /// Number of samples that arrived and could not be decoded, because the blocks that they continue
-    /// from were lost. They count as lost too.
+    /// Number of samples that arrived and could not be decoded, because the blocks that they
+    /// continue from were lost. They count as lost too.
     pub(crate) undecodable: u64,
 }
 

@@ -89,8 +89,8 @@ impl SideStreams {
         self.device = Some(Arc::clone(device));
     }
 
-    /// Sets by how much the stamps of events are later than the events. Call this after [`Self::set_device`], with
-    /// the stream that `/neurodata_reconstructed` is decoded from.
+    /// Sets by how much the stamps of events are later than the events. Call this after
+    /// [`Self::set_device`], with the stream that `/neurodata_reconstructed` is decoded from.
     pub(crate) fn set_event_shift(&mut self, decoded: DecodedStream) {
         let Some(device) = &self.device else { return };
         let settings = &self.settings;
@@ -160,8 +160,8 @@ impl SideStreams {
         });
     }
 
-    /// Decodes the ADC samples of a message and publishes them as [`Self::receive_raw`] does. Samples that
-    /// cannot be decoded count as lost when the next ones are published.
+    /// Decodes the ADC samples of a message and publishes them as [`Self::receive_raw`] does.
+    /// Samples that cannot be decoded count as lost when the next ones are published.
     pub(crate) fn receive_compressed(
         &mut self,
         message: &CompressedRaw,

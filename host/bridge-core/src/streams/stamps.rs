@@ -29,8 +29,8 @@ pub(crate) struct FrameSteps {
     pub(crate) length: u32,
 }
 
-/// Returns the time of a frame for its stamp, nanoseconds since 1970. `device_us` is the time of the last
-/// step of the item that completes the frame.
+/// Returns the time of a frame for its stamp, nanoseconds since 1970. `device_us` is the time of
+/// the last step of the item that completes the frame.
 pub(crate) fn frame_time_ns(
     device: &Device,
     point: StampPoint,
@@ -80,9 +80,11 @@ impl MonotoneStamps {
     }
 }
 
-/// The stream that `/neurodata_reconstructed` is decoded from, and whether the bridge's model decodes it.
+/// The stream that `/neurodata_reconstructed` is decoded from, and whether the bridge's model
+/// decodes it.
 ///
-/// It follows from the streams that the device is asked for, and so changes when the device refuses some.
+/// It follows from the streams that the device is asked for, and so changes when the device refuses
+/// some.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Decoding {
     pub(crate) stream: DecodedStream,
@@ -119,8 +121,9 @@ impl Decoding {
 
 impl Device {
     /// Returns the time from the first sample of a frame, at the electrodes, to the end of the
-    /// acquisition and filtering of all data that the frame is made of, microseconds. The transfer to
-    /// the host follows. `decoded` is the stream that `/neurodata_reconstructed` is decoded from.
+    /// acquisition and filtering of all data that the frame is made of, microseconds. The transfer
+    /// to the host follows. `decoded` is the stream that `/neurodata_reconstructed` is decoded
+    /// from.
     pub(crate) fn frame_lookback_us(
         &self,
         stream: AnnouncedStream,
@@ -152,13 +155,14 @@ impl Device {
         }
     }
 
-    /// Returns the time by which the stamp of an event must be later than the event, microseconds, to be
-    /// read from a recording of this stream at the sample that was at the electrodes when it happened.
+    /// Returns the time by which the stamp of an event must be later than the event, microseconds,
+    /// to be read from a recording of this stream at the sample that was at the electrodes when it
+    /// happened.
     ///
-    /// `rosneuro_recorder` takes for the time of its first sample the arrival of the first frame minus
-    /// the frame's duration, and places an event by its stamp relative to that time. Its library,
-    /// libxdffileio, rounds the place down and counts from 0, where GDF and its readers count from 1.
-    /// Half a sample makes the rounding exact, and a whole sample the counting.
+    /// `rosneuro_recorder` takes for the time of its first sample the arrival of the first frame
+    /// minus the frame's duration, and places an event by its stamp relative to that time. Its
+    /// library, libxdffileio, rounds the place down and counts from 0, where GDF and its readers
+    /// count from 1. Half a sample makes the rounding exact, and a whole sample the counting.
     pub(crate) fn recorder_shift_us(
         &self,
         stream: AnnouncedStream,

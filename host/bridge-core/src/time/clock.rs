@@ -44,10 +44,11 @@ const MAX_DRIFT: f64 = 500e-6;
 /// Fastest rise of the offset, host seconds per device second: the largest error of the fitted
 /// drift that is expected.
 const MAX_RISE: f64 = 200e-6;
-/// Lag, microseconds, above which a frame counts as part of a backlog: it waited in a buffer while the
-/// host did not read. A host that reads every 16 ms stays below this limit.
+/// Lag, microseconds, above which a frame counts as part of a backlog: it waited in a buffer while
+/// the host did not read. A host that reads every 16 ms stays below this limit.
 const BACKLOG_LAG_US: f64 = 25_000.0;
-/// Device time without a backlog after which the offset may follow the least lag at once, microseconds.
+/// Device time without a backlog after which the offset may follow the least lag at once,
+/// microseconds.
 const PROMPT_SPAN_US: f64 = 5e6;
 /// Fastest change of the smoothed wall clock relative to the monotonic clock, seconds per second.
 /// NTP slews a clock by at most 500 ppm.
@@ -224,8 +225,8 @@ impl Clock {
         }
     }
 
-    /// Moves the offset to the least lag of the recent frames, and limits its rise. `elapsed` is the
-    /// device time since the previous frame, microseconds.
+    /// Moves the offset to the least lag of the recent frames, and limits its rise. `elapsed` is
+    /// the device time since the previous frame, microseconds.
     fn update_offset(&mut self, elapsed: f64, is_first: bool) {
         let lags = self
             .recent
@@ -283,8 +284,8 @@ impl Clock {
         wall.offset_ns += off.clamp(-most, most);
     }
 
-    /// Returns the time on the host's monotonic clock at a device time, microseconds; `None` before the
-    /// first observation.
+    /// Returns the time on the host's monotonic clock at a device time, microseconds; `None` before
+    /// the first observation.
     pub(crate) fn host_us(&self, device_us: i128) -> Option<f64> {
         let (device_origin, host_origin) = self.origin?;
         #[expect(

@@ -7,8 +7,9 @@ use crate::wire::words;
 
 /// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
 const PING_AFTER_US: i64 = 2_000_000;
-/// Time without a code, packed block or `Stats` after which a streaming device must identify itself again,
-/// microseconds. The `Hello` of a reset may be lost, or another program may have sent `Stop`.
+/// Time without a code, packed block or `Stats` after which a streaming device must identify itself
+/// again, microseconds. The `Hello` of a reset may be lost, or another program may have sent
+/// `Stop`.
 const STARVED_AFTER_US: i64 = 2_000_000;
 /// Time between two calls of `next_command`, microseconds, above which the host must have been
 /// suspended or this program stopped. Messages that the device sent during that time are still
@@ -34,8 +35,8 @@ pub(crate) struct Commands {
     /// The newest `Start` that the device refused, if no choice of fewer streams is left to try.
     refused_start: Option<RefusedStart>,
     last_frame_us: i64,
-    /// Host time of the newest code, packed block or `Stats`, or of the stream's start, microseconds;
-    /// `None` while none of them is expected.
+    /// Host time of the newest code, packed block or `Stats`, or of the stream's start,
+    /// microseconds; `None` while none of them is expected.
     last_stream_us: Option<i64>,
     last_identify_us: i64,
     clock_query: ClockQuery,
@@ -198,8 +199,8 @@ impl Commands {
         self.streams.refused()
     }
 
-    /// Returns why the device refuses to stream, also with fewer streams if that can help, and what to do; `None` if it
-    /// streams or was not asked.
+    /// Returns why the device refuses to stream, also with fewer streams if that can help, and what
+    /// to do; `None` if it streams or was not asked.
     pub(crate) fn start_refusal(&self) -> Option<String> {
         let refused = self.refused_start.filter(|_| self.streaming_wanted)?;
         Some(refused.reason())

@@ -4,13 +4,15 @@ use link::{AckResult, Streams, ToDevice};
 
 use crate::settings::{RawForm, with_codes};
 
-/// Streams that the user wants, and those of them that `Start` asks for: fewer after the device refused some.
+/// Streams that the user wants, and those of them that `Start` asks for: fewer after the device
+/// refused some.
 #[derive(Clone, Debug)]
 pub(crate) struct WantedStreams {
-    /// Streams that the user requested, with the stream of codes added unless packed blocks are among them.
-    /// Samples can be requested in both forms, of which the device sends one.
+    /// Streams that the user requested, with the stream of codes added unless packed blocks are
+    /// among them. Samples can be requested in both forms, of which the device sends one.
     wanted: Streams,
-    /// Streams to ask for, one choice after the other: a refusal does not say which stream it means.
+    /// Streams to ask for, one choice after the other: a refusal does not say which stream it
+    /// means.
     choices: Vec<Streams>,
     /// Index of the choice that `Start` asks for.
     asked: usize,
@@ -55,9 +57,9 @@ impl WantedStreams {
     }
 }
 
-/// Returns the choices of the streams to ask for, best first: all sets of samples with the best encoders, then with
-/// the next ones, and then codes alone, which firmware before 0.2 is limited to. Last come packed blocks in place of
-/// codes, for a device without the network.
+/// Returns the choices of the streams to ask for, best first: all sets of samples with the best
+/// encoders, then with the next ones, and then codes alone, which firmware before 0.2 is limited
+/// to. Last come packed blocks in place of codes, for a device without the network.
 fn choices(wanted: Streams) -> Vec<Streams> {
     let mut choices = Vec::new();
     for streams in encoder_choices(wanted).into_iter().flat_map(sample_choices) {
@@ -75,8 +77,8 @@ fn choices(wanted: Streams) -> Vec<Streams> {
     choices
 }
 
-/// Returns `wanted` with the encoders that a device may have: all; the packed code alone, so without codes; the network
-/// alone, so with codes in place of packed blocks.
+/// Returns `wanted` with the encoders that a device may have: all; the packed code alone, so
+/// without codes; the network alone, so with codes in place of packed blocks.
 fn encoder_choices(wanted: Streams) -> Vec<Streams> {
     if !wanted.contains(Streams::PACKED) {
         return vec![wanted];
@@ -88,8 +90,8 @@ fn encoder_choices(wanted: Streams) -> Vec<Streams> {
     ]
 }
 
-/// Returns `wanted` with the samples that a device's port may carry: raw ones in either form, only one of which is
-/// asked for, filtered ones alone, none.
+/// Returns `wanted` with the samples that a device's port may carry: raw ones in either form, only
+/// one of which is asked for, filtered ones alone, none.
 fn sample_choices(wanted: Streams) -> [Streams; 4] {
     let [raw, compressed] = [Streams::RAW, Streams::COMPRESSED_RAW];
     let first = if wanted.contains(raw) {
@@ -137,7 +139,8 @@ impl WantedRate {
     }
 }
 
-/// Delay from the start of a stream to the first query, microseconds; the clock must be fitted first.
+/// Delay from the start of a stream to the first query, microseconds; the clock must be fitted
+/// first.
 const FIRST_US: i64 = 2_000_000;
 /// Time between two queries, microseconds.
 const INTERVAL_US: i64 = 10_000_000;

@@ -52,8 +52,8 @@ fn golden(folder: &Path) -> Vec<AuditedWindow> {
         .collect()
 }
 
-/// Returns a device with the scales that model-gen computes: those of int8 codes cover twice the calibrated
-/// range, those of the other formats 16 times its larger end.
+/// Returns a device with the scales that model-gen computes: those of int8 codes cover twice the
+/// calibrated range, those of the other formats 16 times its larger end.
 fn device(artifact: &Artifact) -> Device {
     let ends = |name| {
         let ends = artifact.calibration.tensor(name, &[NUMBERS]).unwrap();
@@ -123,9 +123,9 @@ fn codes_of_the_built_in_model_are_right_by_its_float_network() {
     assert!(judged().count() > 0, "all have cells at the rail");
 }
 
-/// Returns the model in [`folder`] with one weight of the shortcut changed by 128 int8 levels, the value
-/// of the weight's sign bit. A correct device differs from this model as much as a device with that
-/// bit flipped differs from the correct model.
+/// Returns the model in [`folder`] with one weight of the shortcut changed by 128 int8 levels, the
+/// value of the weight's sign bit. A correct device differs from this model as much as a device
+/// with that bit flipped differs from the correct model.
 fn flipped(value: usize, feature: usize) -> Model {
     let mut artifact = Artifact::read(folder()).unwrap();
     let (name, shape) = ("encoder.shortcut.weight", [NUMBERS, 976]);

@@ -1,5 +1,5 @@
-//! Events that a recording needs: where `rosneuro_recorder` places them, and what they tell about the
-//! data.
+//! Events that a recording needs: where `rosneuro_recorder` places them, and what they tell about
+//! the data.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
@@ -21,9 +21,10 @@ const EVENTS: Settings = Settings {
     ..SETTINGS
 };
 
-/// Returns the sample at which a reader of GDF finds an event of this stamp. `rosneuro_recorder` takes
-/// for the time of its first sample the arrival of the first frame minus the frame's duration; its
-/// library rounds the place of an event down and counts from 0, and readers count from 1.
+/// Returns the sample at which a reader of GDF finds an event of this stamp. `rosneuro_recorder`
+/// takes for the time of its first sample the arrival of the first frame minus the frame's
+/// duration; its library rounds the place of an event down and counts from 0, and readers count
+/// from 1.
 fn recorded_at(first: &NeuroFrame, first_arrival_us: i64, event_ns: i64) -> f64 {
     let rate = f64::from(first.sr);
     let start_us = first_arrival_us as f64 - f64::from(first.eeg.info.nsamples) / rate * 1e6;
@@ -35,8 +36,9 @@ fn recorded_at(first: &NeuroFrame, first_arrival_us: i64, event_ns: i64) -> f64 
 #[test]
 fn an_event_is_recorded_at_the_sample_that_was_at_the_electrodes() {
     for (announced, expected) in [
-        // The group delay of the simulated board is 10 ms. The first window is at the electrodes from
-        // 0 s on, and the edge at 0.5 s: sample 256 of 512 Hz, and row 8 of 16 codes per second.
+        // The group delay of the simulated board is 10 ms. The first window is at the electrodes
+        // from 0 s on, and the edge at 0.5 s: sample 256 of 512 Hz, and row 8 of 16 codes per
+        // second.
         (AnnouncedStream::Raw, 256.0),
         (AnnouncedStream::Encoded, 8.0),
     ] {
@@ -98,8 +100,8 @@ fn the_shift_of_each_topic_is_in_the_diagnostics() {
         let pair = values.iter().find(|pair| pair.key == key).unwrap();
         pair.value.parse::<i64>().unwrap()
     };
-    // Window of 16 steps, hop of 8, group delay 10 ms; each frame is 62.5 ms long, and 1.5 samples are
-    // 93.75 ms of codes, 11.7 ms of steps, 2.9 ms of ADC samples.
+    // Window of 16 steps, hop of 8, group delay 10 ms; each frame is 62.5 ms long, and 1.5 samples
+    // are 93.75 ms of codes, 11.7 ms of steps, 2.9 ms of ADC samples.
     assert_eq!(shift("/encoded"), 117_187 + 10_000 - 62_500 + 93_750);
     assert_eq!(
         shift("/neurodata_reconstructed"),

@@ -15,14 +15,15 @@ const HOP_US: f64 = 62_500.0;
 /// Time that the host takes to read and handle one code of a backlog, microseconds.
 const BACKLOG_READ_US: f64 = 150.0;
 
-/// One run of device and host: drift, stalls of the host, reads in bunches, steps of the wall clock.
+/// One run of device and host: drift, stalls of the host, reads in bunches, steps of the wall
+/// clock.
 struct Run {
     /// Drift (host seconds per device second minus 1), ppm, at a host time in seconds.
     ppm: fn(f64) -> f64,
     /// Times at which the host stops to read, and the times at which it goes on, seconds.
     stalls: &'static [[f64; 2]],
-    /// Interval at which the host reads, microseconds; 0 for a read at each arrival, up to 4 ms after it
-    /// was sent.
+    /// Interval at which the host reads, microseconds; 0 for a read at each arrival, up to 4 ms
+    /// after it was sent.
     bunch_us: f64,
     /// Sum of all steps of the wall clock until a host time in seconds, nanoseconds.
     wall_step_ns: fn(f64) -> i64,
@@ -174,7 +175,8 @@ fn a_step_of_the_wall_clock_during_a_stall_moves_all_stamps_alike() {
 
 #[test]
 fn a_clock_that_drifted_during_an_hour_of_stall_is_followed_again() {
-    // During an hour of stall the drift differs by 30 ppm from the one before, which adds up to 108 ms.
+    // During an hour of stall the drift differs by 30 ppm from the one before, which adds up to 108
+    // ms.
     let ppm = |t| {
         if (100.0..3_700.0).contains(&t) {
             70.0

@@ -4,7 +4,7 @@ use link::{Converters, ToHost};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
 
 use crate::board::{Board, electrode};
-use crate::recorder::{Harness, SETTINGS};
+use crate::recorder::{Harness, SETTINGS, state, value};
 
 /// Sends a report about two chips without faults, as modified by `change`, and returns the status.
 fn report_status(harness: &mut Harness, change: impl FnOnce(&mut Converters)) -> DiagnosticStatus {
@@ -20,20 +20,12 @@ fn report_status(harness: &mut Harness, change: impl FnOnce(&mut Converters)) ->
     harness.status("converters").unwrap()
 }
 
-fn value<'a>(status: &'a DiagnosticStatus, key: &str) -> &'a str {
-    let pair = status.values.iter().find(|pair| pair.key == key);
-    &pair.unwrap_or_else(|| panic!("{key} of {status:?}")).value
-}
-
 #[test]
 fn chips_in_order_are_no_warning() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     assert_eq!(harness.status("converters"), None);
     let status = report_status(&mut harness, |_| {});
-    assert_eq!(
-        (status.level, &*status.message),
-        (DiagnosticLevel::Ok, "2 chips convert")
-    );
+    assert_eq!(state(&status), (DiagnosticLevel::Ok, "2 chips convert"));
     assert_eq!(
         value(&status, "DRDY"),
         "512.010 Hz, +20 ppm off the 512 Hz that were set"
@@ -53,7 +45,7 @@ fn bad_frames_are_a_warning_that_names_the_chip_until_there_are_no_new_ones() {
     assert_eq!(bad(2).level, DiagnosticLevel::Ok);
     let status = bad(5);
     assert_eq!(
-        (status.level, &*status.message),
+        state(&status),
         (
             DiagnosticLevel::Warn,
             "frames bad since the last report: chip 1 (3)"
@@ -77,7 +69,7 @@ fn detached_electrodes_and_spare_channels_are_named() {
         converters.off_negative = 1 | 1 << 63;
     });
     assert_eq!(
-        (status.level, &*status.message),
+        state(&status),
         (
             DiagnosticLevel::Warn,
             &*format!("electrodes off: {first} {second} exg3")
@@ -100,10 +92,7 @@ fn a_chain_that_does_not_run_is_an_error_until_it_runs() {
     let status = report_status(&mut harness, |converters| {
         converters.fault.push_str(fault).unwrap();
     });
-    assert_eq!(
-        (status.level, &*status.message),
-        (DiagnosticLevel::Error, fault)
-    );
+    assert_eq!(state(&status), (DiagnosticLevel::Error, fault));
     assert_eq!(
         harness.status("converters").unwrap().level,
         DiagnosticLevel::Error

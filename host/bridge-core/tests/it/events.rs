@@ -5,7 +5,7 @@ use link::{Event, EventKind, Flags, Raw, Streams, ToHost};
 use neuro_ros::DiagnosticLevel;
 
 use crate::board::{Board, WALL_START_NS};
-use crate::recorder::{Harness, SETTINGS, value};
+use crate::recorder::{Harness, SETTINGS, state, value};
 
 const EVENTS: Settings = Settings {
     streams: Streams::from_bits(0b10011),
@@ -58,7 +58,7 @@ fn lost_events_are_counted_and_reported_once() {
     }
     let status = harness.status("loss").unwrap();
     assert_eq!(
-        (status.level, &*status.message),
+        state(&status),
         (
             DiagnosticLevel::Warn,
             "3 events missing since the last report"

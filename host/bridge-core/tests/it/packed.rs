@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use artifact::reconstruction::HEALING_BLOCKS;
 use bridge_core::{AuditedWindow, FillerPolicy, PackedReconstruction, Settings};
-use link::{Flags, Streams};
+use link::{AckResult, Flags, Streams, ToDevice};
 use neuro_ros::DiagnosticLevel;
 
 use crate::board::{at, model};
 use crate::packed_block::{block, coarser_block};
 use crate::packed_device::{PACKED, Packed, decode, flags, frames};
-use crate::recorder::Harness;
+use crate::recorder::{Harness, commands};
 
 #[test]
 fn with_low_latency_each_block_yields_its_signals_at_once() {
@@ -30,7 +30,8 @@ fn with_low_latency_each_block_yields_its_signals_at_once() {
     assert_eq!(frames[0].eeg.info.transducter, "packed code");
     for (index, frame) in (0..).zip(&frames) {
         assert_eq!(frame.neuroheader.seq, index + 1);
-        // Stamps follow each other by a hop; the first step was 7 steps and the filters' delay before.
+        // Stamps follow each other by a hop; the first step was 7 steps and the filters' delay
+        // before.
         let stamp_us = frame.header.stamp.nanoseconds() / 1000;
         let last_step_us = 1_000_000 + 62_500 * (i64::from(index) + 1);
         let expected_us = at(last_step_us - 7 * 7_812 - 4 - 10_000).wall_ns / 1000;
@@ -318,4 +319,76 @@ fn an_audit_measures_the_error_of_the_blocks_in_its_window() {
     let mut clipped = window(&device, 2, &measured(2));
     clipped.planes[300] = 127;
     assert_eq!(clipped.compare_packed(&model(), &decoder), None);
+}
+
+#[test]
+fn the_rate_is_set_before_the_start_and_while_blocks_arrive() {
+    let asked = Settings {
+        packed_rate: Some(7),
+        ..PACKED
+    };
+    let mut device = Packed::new(asked);
+    assert_eq!(
+        commands(&device.harness),
+        ["identify", "stop", "set rate", "start"]
+    );
+    assert_eq!(device.harness.board.rate, 7);
+    device.send(false);
+    device.harness.core.set_packed_rate(2);
+    let now = at(device.harness.now_us);
+    device.harness.core.tick(now, &mut device.harness.recorder);
+    device.harness.exchange();
+    assert_eq!(device.harness.board.rate, 2);
+    assert_eq!(commands(&device.harness).last(), Some(&"set rate"));
+    // Without packed blocks there is nothing to set.
+    let codes = Settings {
+        streams: Streams::CODES,
+        ..asked
+    };
+    assert!(!commands(&Packed::new(codes).harness).contains(&"set rate"));
+}
+
+#[test]
+fn a_device_that_cannot_set_the_rate_streams_all_the_same() {
+    let asked = Settings {
+        packed_rate: Some(7),
+        ..PACKED
+    };
+    let mut harness = Harness::new(asked, crate::board::Board::new());
+    harness.core.connected(at(1_000_000), &mut harness.recorder);
+    for _ in 0..8 {
+        let commands = std::mem::take(&mut harness.recorder.sent);
+        let before = harness.board.received.len();
+        let answers = harness.board.answer(&commands);
+        let news = &harness.board.received[before..];
+        let is_rate = matches!(news, [(_, ToDevice::SetRate { .. })]);
+        if is_rate {
+            let ack = link::ToHost::Ack(link::Ack {
+                of: news[0].0,
+                result: AckResult::UnknownCommand,
+            });
+            harness.send(0, &ack);
+        } else {
+            harness.receive(&answers);
+        }
+    }
+    assert_eq!(
+        commands(&harness),
+        ["identify", "stop", "set rate", "start"]
+    );
+}
+
+#[test]
+fn a_rate_that_changes_before_the_device_has_answered_is_sent_too() {
+    let mut device = Packed::new(PACKED);
+    let harness = &mut device.harness;
+    harness.core.set_packed_rate(5);
+    harness.tick();
+    let sent = std::mem::take(&mut harness.recorder.sent);
+    let answers = harness.board.answer(&sent);
+    assert_eq!(harness.board.rate, 5);
+    harness.core.set_packed_rate(7);
+    harness.receive(&answers);
+    harness.exchange();
+    assert_eq!(harness.board.rate, 7);
 }

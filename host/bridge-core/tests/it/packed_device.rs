@@ -81,7 +81,8 @@ impl Packed {
         }
     }
 
-    /// Advances time by one hop, in which the device makes the next block. It reaches the bridge unless `lost`.
+    /// Advances time by one hop, in which the device makes the next block. It reaches the bridge
+    /// unless `lost`.
     pub(crate) fn send(&mut self, lost: bool) {
         let bytes = block(self.next, 0, self.rate);
         self.send_bytes(&bytes, lost);
@@ -92,7 +93,8 @@ impl Packed {
         (0..count).for_each(|_| self.send(lost));
     }
 
-    /// Advances time by one hop, in which the device makes a block with these bytes. It reaches the bridge unless `lost`.
+    /// Advances time by one hop, in which the device makes a block with these bytes. It reaches the
+    /// bridge unless `lost`.
     pub(crate) fn send_bytes(&mut self, bytes: &[u8], lost: bool) {
         self.harness.now_us += 62_500;
         let us = self.harness.now_us.unsigned_abs();

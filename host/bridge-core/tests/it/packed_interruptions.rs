@@ -26,7 +26,8 @@ fn restart(device: &mut Packed, hops: i64) {
     device.next = 0;
 }
 
-/// Returns the signals of the first `blocks` blocks of a run, each corrected by the next one but the last.
+/// Returns the signals of the first `blocks` blocks of a run, each corrected by the next one but
+/// the last.
 fn corrected(blocks: u32) -> Vec<Vec<f32>> {
     let (plain, smoothed) = decode((0..blocks).map(Some));
     let next = smoothed.into_iter().skip(1).chain([None]);

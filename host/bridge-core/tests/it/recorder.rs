@@ -7,7 +7,7 @@ use bridge_core::{
     Settings, StampPoint, TimedCode, TimedPackedBlock,
 };
 use link::{CodeValues, Streams, ToDevice, ToHost};
-use neuro_ros::{DiagnosticStatus, NeuroEvent, NeuroFrame, Shape};
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus, NeuroEvent, NeuroFrame, Shape};
 
 use crate::board::{Board, at, model};
 
@@ -248,6 +248,16 @@ impl Harness {
         statuses.into_iter().find(|status| status.name == name)
     }
 
+    /// Delivers a message and returns the status `corticode: {part}` of a new report.
+    pub(crate) fn status_after(
+        &mut self,
+        message: &ToHost,
+        part: &str,
+    ) -> Option<DiagnosticStatus> {
+        self.send(0, message);
+        self.status(part)
+    }
+
     /// Returns all parts of the status `corticode: {part}` of a new report, as text.
     pub(crate) fn report(&mut self, part: &str) -> String {
         format!("{:?}", self.status(part).unwrap())
@@ -299,4 +309,9 @@ pub(crate) fn value<'a>(status: &'a DiagnosticStatus, key: &str) -> &'a str {
 pub(crate) fn stamps(frames: &[NeuroFrame]) -> Vec<i64> {
     let stamps = frames.iter().map(|frame| frame.header.stamp.nanoseconds());
     stamps.collect()
+}
+
+/// Returns level and message of a status.
+pub(crate) fn state(status: &DiagnosticStatus) -> (DiagnosticLevel, &str) {
+    (status.level, &status.message)
 }

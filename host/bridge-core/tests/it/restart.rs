@@ -64,8 +64,8 @@ impl Recording {
         self.harness.receive(&code);
     }
 
-    /// Moves the host's clock to `device_us` microseconds after the start of the run and returns that
-    /// time.
+    /// Moves the host's clock to `device_us` microseconds after the start of the run and returns
+    /// that time.
     fn at(&mut self, device_us: u64) -> u64 {
         self.harness.now_us = self.run_us + device_us.cast_signed();
         device_us

@@ -1,10 +1,10 @@
 //! The status `signal quality` in `/diagnostics`.
 
 use link::{ElectrodeQuality, Quality, ToHost};
-use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
+use neuro_ros::DiagnosticLevel;
 
 use crate::board::{Board, at, electrode};
-use crate::recorder::{Harness, SETTINGS};
+use crate::recorder::{Harness, SETTINGS, state};
 
 const GOOD: ElectrodeQuality = ElectrodeQuality {
     rms_uv: 12.34,
@@ -25,21 +25,6 @@ fn report(change: impl FnOnce(&mut Quality)) -> ToHost<'static> {
     ToHost::Quality(quality)
 }
 
-/// Delivers a message from a streaming board. Returns the status `signal quality`; `None` if the
-/// report has none.
-fn report_status(harness: &mut Harness, message: &ToHost) -> Option<DiagnosticStatus> {
-    let bytes = harness.board.frame(0, message);
-    harness.receive(&bytes);
-    current_status(harness)
-}
-
-fn current_status(harness: &mut Harness) -> Option<DiagnosticStatus> {
-    let statuses = harness.core.diagnostics(at(harness.now_us)).status;
-    statuses
-        .into_iter()
-        .find(|status| status.name == "corticode: signal quality")
-}
-
 #[test]
 fn electrodes_that_are_flat_at_the_rail_or_with_strong_mains_are_named() {
     let [first, third, fourth, last] = [0, 2, 3, 60].map(electrode);
@@ -50,7 +35,7 @@ fn electrodes_that_are_flat_at_the_rail_or_with_strong_mains_are_named() {
         quality.electrodes[3].mains_uv = 100.5;
         quality.electrodes[60].mains_uv = 3000.0;
     });
-    let status = report_status(&mut harness, &message).unwrap();
+    let status = harness.status_after(&message, "signal quality").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
     assert_eq!(
         status.message,
@@ -73,14 +58,18 @@ fn electrodes_that_are_flat_at_the_rail_or_with_strong_mains_are_named() {
 #[test]
 fn good_electrodes_are_no_warning_and_settling_is_reported() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    let status = report_status(&mut harness, &report(|_| {})).unwrap();
+    let status = harness
+        .status_after(&report(|_| {}), "signal quality")
+        .unwrap();
     assert_eq!(
-        (status.level, &*status.message),
+        state(&status),
         (DiagnosticLevel::Ok, "61 electrodes in order")
     );
-    let status = report_status(&mut harness, &report(|quality| quality.settling = true)).unwrap();
+    let status = harness
+        .status_after(&report(|quality| quality.settling = true), "signal quality")
+        .unwrap();
     assert_eq!(
-        (status.level, &*status.message),
+        state(&status),
         (DiagnosticLevel::Ok, "the filters are settling")
     );
 }
@@ -88,24 +77,24 @@ fn good_electrodes_are_no_warning_and_settling_is_reported() {
 #[test]
 fn the_newest_report_is_shown_once() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    assert_eq!(current_status(&mut harness), None);
+    assert_eq!(harness.status("signal quality"), None);
     let older = report(|quality| quality.electrodes[0].flat = true);
-    let older = harness.board.frame(0, &older);
-    harness.receive(&older);
-    let status = report_status(&mut harness, &report(|_| {})).unwrap();
+    harness.send(0, &older);
+    let status = harness
+        .status_after(&report(|_| {}), "signal quality")
+        .unwrap();
     assert_eq!(status.level, DiagnosticLevel::Ok);
-    assert_eq!(current_status(&mut harness), None);
+    assert_eq!(harness.status("signal quality"), None);
 }
 
 #[test]
 fn a_report_from_before_a_reset_is_discarded() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    let bytes = harness.board.frame(0, &report(|_| {}));
-    harness.receive(&bytes);
+    harness.send(0, &report(|_| {}));
     harness.board.reboot();
     let hello = harness.board.hello();
     harness.receive(&hello);
-    assert_eq!(current_status(&mut harness), None);
+    assert_eq!(harness.status("signal quality"), None);
 }
 
 #[test]
@@ -118,12 +107,19 @@ fn impossible_figures_and_missing_labels_are_handled() {
             quality.electrodes.push(GOOD).unwrap();
         }
     });
-    let status = report_status(&mut harness, &message).unwrap();
+    let status = harness.status_after(&message, "signal quality").unwrap();
     assert_eq!(
         status.message,
         format!("mains above 100 uV: {}", electrode(1))
     );
     assert_eq!(status.values[63].key, "electrode 63");
     let none = report(|quality| quality.electrodes.clear());
-    assert_eq!(report_status(&mut harness, &none).unwrap().values.len(), 0);
+    assert_eq!(
+        harness
+            .status_after(&none, "signal quality")
+            .unwrap()
+            .values
+            .len(),
+        0
+    );
 }

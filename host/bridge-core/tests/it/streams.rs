@@ -5,7 +5,7 @@ use link::{Streams, ToDevice};
 use neuro_ros::DiagnosticLevel;
 
 use crate::board::{Board, assert_has};
-use crate::recorder::{Harness, SETTINGS, commands};
+use crate::recorder::{Harness, SETTINGS, commands, state};
 
 /// Streams of the wire before packed blocks.
 const EVERYTHING: Streams = Streams::from_bits(0b11_1111);
@@ -81,10 +81,7 @@ fn a_device_whose_port_is_too_slow_is_asked_for_compressed_samples() {
     assert_eq!(starts(&harness), [0b01_1111, 0b11_1101]);
     harness.code(1, false);
     let status = harness.status("device").unwrap();
-    assert_eq!(
-        (status.level, &*status.message),
-        (DiagnosticLevel::Ok, "streaming")
-    );
+    assert_eq!(state(&status), (DiagnosticLevel::Ok, "streaming"));
     // An older device is never asked for a form that it does not know.
     let older = self::harness(EVERYTHING, Streams::from_bits(0b11111));
     assert_eq!(starts(&older), [0b01_1111]);

@@ -3,8 +3,8 @@
 use link::{Stage, StageTiming, Timing, ToHost};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
 
-use crate::board::{Board, at};
-use crate::recorder::{Harness, SETTINGS};
+use crate::board::Board;
+use crate::recorder::{Harness, SETTINGS, state};
 
 const ACQUIRE: StageTiming = StageTiming {
     stage: Stage::Acquire,
@@ -33,21 +33,6 @@ fn report(change: impl FnOnce(&mut Timing)) -> ToHost<'static> {
     ToHost::Timing(timing)
 }
 
-/// Delivers a message from a streaming board. Returns the status `timing`; `None` if the report has
-/// none.
-fn report_status(harness: &mut Harness, message: &ToHost) -> Option<DiagnosticStatus> {
-    let bytes = harness.board.frame(0, message);
-    harness.receive(&bytes);
-    current_status(harness)
-}
-
-fn current_status(harness: &mut Harness) -> Option<DiagnosticStatus> {
-    let statuses = harness.core.diagnostics(at(harness.now_us)).status;
-    statuses
-        .into_iter()
-        .find(|status| status.name == "corticode: timing")
-}
-
 fn values(status: &DiagnosticStatus) -> Vec<(&str, &str)> {
     let values = status.values.iter();
     values.map(|pair| (&*pair.key, &*pair.value)).collect()
@@ -56,9 +41,9 @@ fn values(status: &DiagnosticStatus) -> Vec<(&str, &str)> {
 #[test]
 fn stages_in_time_and_a_sufficient_stack_are_no_warning() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    let status = report_status(&mut harness, &report(|_| {})).unwrap();
+    let status = harness.status_after(&report(|_| {}), "timing").unwrap();
     assert_eq!(
-        (status.level, &*status.message),
+        state(&status),
         (DiagnosticLevel::Ok, "2 stages within their deadlines")
     );
     assert!(status.hardware_id.starts_with("board "));
@@ -91,9 +76,9 @@ fn a_stage_that_was_late_by_a_nanosecond_is_named() {
         };
         timing.stages.push(newer).unwrap();
     });
-    let status = report_status(&mut harness, &message).unwrap();
+    let status = harness.status_after(&message, "timing").unwrap();
     assert_eq!(
-        (status.level, &*status.message),
+        state(&status),
         (DiagnosticLevel::Warn, "late since boot: code stage 9")
     );
     assert!(values(&status).contains(&("stage 9", "worst 5 us of 1 us")));
@@ -105,9 +90,11 @@ fn a_stage_that_was_late_by_a_nanosecond_is_named() {
 #[test]
 fn more_than_three_quarters_of_the_stack_is_a_warning() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    let status = report_status(&mut harness, &report(|timing| timing.stack_used += 1)).unwrap();
+    let status = harness
+        .status_after(&report(|timing| timing.stack_used += 1), "timing")
+        .unwrap();
     assert_eq!(
-        (status.level, &*status.message),
+        state(&status),
         (
             DiagnosticLevel::Warn,
             "stack nearly used up: 6145 of 8192 bytes"
@@ -117,7 +104,7 @@ fn more_than_three_quarters_of_the_stack_is_a_warning() {
         timing.stages[0].worst_ns = u32::MAX;
         timing.stack_used = u32::MAX;
     });
-    let status = report_status(&mut harness, &message).unwrap();
+    let status = harness.status_after(&message, "timing").unwrap();
     assert_eq!(
         status.message,
         "late since boot: acquire; stack nearly used up: 4294967295 of 8192 bytes"
@@ -127,7 +114,9 @@ fn more_than_three_quarters_of_the_stack_is_a_warning() {
 #[test]
 fn a_device_that_measures_nothing_is_no_warning() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    let status = report_status(&mut harness, &ToHost::Timing(Timing::default())).unwrap();
+    let status = harness
+        .status_after(&ToHost::Timing(Timing::default()), "timing")
+        .unwrap();
     assert_eq!(status.level, DiagnosticLevel::Ok);
     assert!(status.values.is_empty(), "{status:?}");
     assert_eq!(harness.core.summary().worst_stage, None);
@@ -137,40 +126,35 @@ fn a_device_that_measures_nothing_is_no_warning() {
 #[test]
 fn the_newest_report_of_deadlines_is_shown_once() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    assert_eq!(current_status(&mut harness), None);
+    assert_eq!(harness.status("timing"), None);
     let older = report(|timing| timing.stack_used = 8192);
-    let older = harness.board.frame(0, &older);
-    harness.receive(&older);
-    let status = report_status(&mut harness, &report(|_| {})).unwrap();
+    harness.send(0, &older);
+    let status = harness.status_after(&report(|_| {}), "timing").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Ok);
-    assert_eq!(current_status(&mut harness), None);
+    assert_eq!(harness.status("timing"), None);
 }
 
 #[test]
 fn a_report_of_deadlines_from_before_a_reset_is_discarded() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    let bytes = harness.board.frame(0, &report(|_| {}));
-    harness.receive(&bytes);
+    harness.send(0, &report(|_| {}));
     harness.board.reboot();
     let hello = harness.board.hello();
     harness.receive(&hello);
-    assert_eq!(current_status(&mut harness), None);
+    assert_eq!(harness.status("timing"), None);
 }
 
 #[test]
 fn the_summary_names_the_stage_closest_to_its_deadline_across_resets() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    report_status(
-        &mut harness,
-        &report(|timing| timing.stages[0].worst_ns *= 2),
-    );
+    harness.status_after(&report(|timing| timing.stages[0].worst_ns *= 2), "timing");
     assert_eq!(harness.core.summary().worst_stage, Some(CODE));
     let late = report(|timing| timing.stages[0].worst_ns = 4_000_000);
-    report_status(&mut harness, &late);
+    harness.status_after(&late, "timing");
     harness.board.reboot();
     let hello = harness.board.hello();
     harness.receive(&hello);
-    report_status(&mut harness, &report(|_| {}));
+    harness.status_after(&report(|_| {}), "timing");
     let line = harness.core.summary().to_string();
     assert!(
         line.ends_with("; stage acquire: worst 4000 us of 1953.125 us"),

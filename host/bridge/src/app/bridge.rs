@@ -67,13 +67,13 @@ impl Publication {
 
     /// Publishes the streams of a device at a ROS node, until it is ended by a signal (such as
     /// SIGTERM), by `~quit` or by `rosnode kill`. Then stops the device and unregisters the node.
-    /// `connect` returns the connection to the device, once the node has started. `log` are the lines
-    /// for `/rosout`.
+    /// `connect` returns the connection to the device, once the node has started. `log` are the
+    /// lines for `/rosout`.
     ///
     /// # Errors
     ///
-    /// [`BridgeError`] if the program cannot run. An absent device or ROS master is not an error; the
-    /// program waits.
+    /// [`BridgeError`] if the program cannot run. An absent device or ROS master is not an error;
+    /// the program waits.
     pub async fn publish<F: Feed>(
         mut self,
         log: mpsc::Receiver<Log>,

@@ -29,12 +29,13 @@ pub(crate) const CONFIG: &str = "config";
 /// Publishes /encoded, /neurodata_reconstructed, /events/bus and /diagnostics, on request also
 /// /neurodata and /neurodata_corticode, and serves /acquisition/get_info, ~start, ~stop and ~quit,
 /// as the node `acquisition`. The answer of get_info describes ONE of the streams, /encoded unless
-/// --announce selects another or codes do not stream: a rosneuro_recorder or visualizer that is remapped to another stream
-/// receives frames that are larger than it allocated. Waits for an absent device or ROS master and
-/// reconnects when it returns. ROS's own arguments work too: __name:=, __ns:=,
-/// /encoded:=/neurodata. Each option is a private parameter as well: _port:=/dev/ttyACM0, or
-/// ~port on the parameter server, which flags and environment override. --config names a file of
-/// options, which all of these override. The log goes to stderr; RUST_LOG=debug shows more.
+/// --announce selects another or codes do not stream: a rosneuro_recorder or visualizer that is
+/// remapped to another stream receives frames that are larger than it allocated. Waits for an
+/// absent device or ROS master and reconnects when it returns. ROS's own arguments work too:
+/// __name:=, __ns:=, /encoded:=/neurodata. Each option is a private parameter as well:
+/// _port:=/dev/ttyACM0, or ~port on the parameter server, which flags and environment override.
+/// --config names a file of options, which all of these override. The log goes to stderr;
+/// RUST_LOG=debug shows more.
 ///
 /// Exit status: 0 done, 1 a check failed, 2 wrong usage, 3 device or ROS not reachable, 4 the
 /// device refuses.
@@ -69,7 +70,8 @@ pub(crate) struct Options {
     /// Replacement of a lost code, packed block, sample or step
     #[arg(long, env = "CORTICODE_FILLER", default_value = "last", value_parser = choice::<FillerPolicy>())]
     pub(crate) filler: FillerPolicy,
-    /// Reconstruct from the newest window or packed block alone: 62.5 ms earlier, with a slightly larger error
+    /// Reconstruct from the newest window or packed block alone: 62.5 ms earlier, with a slightly
+    /// larger error
     #[arg(
         long,
         env = "CORTICODE_LOW_LATENCY",
@@ -81,8 +83,8 @@ pub(crate) struct Options {
         value_parser = BoolishValueParser::new()
     )]
     pub(crate) low_latency: bool,
-    /// Time that the stamp of an event refers to: where rosneuro_recorder places it in a recording of
-    /// the announced stream, or the event itself, as the frames' stamps
+    /// Time that the stamp of an event refers to: where rosneuro_recorder places it in a recording
+    /// of the announced stream, or the event itself, as the frames' stamps
     #[arg(long, env = "CORTICODE_EVENT_STAMPS", default_value = "recorder", value_parser = choice::<EventStamps>())]
     pub(crate) event_stamps: EventStamps,
     /// Stream that /acquisition/get_info describes; record this one and no other [default: encoded,
@@ -199,7 +201,8 @@ impl ResetOptions {
 /// plays the file as a device, and `convert` writes it as GDF, BDF, CSV or NPZ. An existing file is
 /// never replaced.
 ///
-/// Exit status: 0 done, 1 the file cannot be written any further, 2 wrong usage or an existing file.
+/// Exit status: 0 done, 1 the file cannot be written any further, 2 wrong usage or an existing
+/// file.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "record")]
 pub(crate) struct RecordOptions {
@@ -244,7 +247,8 @@ impl Task {
     }
 }
 
-/// Returns the command line with all subcommands. An empty variable of the environment sets no option.
+/// Returns the command line with all subcommands. An empty variable of the environment sets no
+/// option.
 pub(crate) fn command() -> Command {
     let command = all_options().mut_args(ignore_empty_variable);
     command.mut_subcommands(|subcommand| subcommand.mut_args(ignore_empty_variable))
@@ -276,8 +280,8 @@ fn all_options() -> Command {
         .subcommand(ManOptions::command())
 }
 
-/// Option that names the configuration file. The file is read before the other options are complete,
-/// so this option is no field of their structs.
+/// Option that names the configuration file. The file is read before the other options are
+/// complete, so this option is no field of their structs.
 fn config_option() -> Arg {
     Arg::new(CONFIG)
         .long(CONFIG)
@@ -312,7 +316,8 @@ pub(crate) struct PortsOptions {
 ///
 /// Prints one line for each check, with ok, warning, error or unknown, and a second line with the
 /// command that helps. Asks the device to identify itself, and leaves its streams as they are.
-/// host-sim on TCP serves one host at a time: the check interrupts a bridge that is connected to it.
+/// host-sim on TCP serves one host at a time: the check interrupts a bridge that is connected to
+/// it.
 ///
 /// Exit status: 0 no errors, 1 an error.
 #[derive(Clone, Debug, Parser)]
@@ -404,8 +409,9 @@ fn mains(text: &str) -> Result<u8, String> {
 /// Address and speed of the port; options of the bridge and of its subcommands.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct PortOptions {
-    /// Serial port, pseudoterminal, tcp:HOST:PORT, or auto: the only board on USB, or the one with a
-    /// serial number, auto:SERIAL. The board is found again after it was unplugged; `ports` lists all
+    /// Serial port, pseudoterminal, tcp:HOST:PORT, or auto: the only board on USB, or the one with
+    /// a serial number, auto:SERIAL. The board is found again after it was unplugged; `ports` lists
+    /// all
     #[arg(
         long,
         env = "CORTICODE_PORT",

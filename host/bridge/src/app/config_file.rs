@@ -48,8 +48,8 @@ impl ConfigFile {
     }
 }
 
-/// Returns whether a path exists, also if this user may not look it up: reading the file then fails with the
-/// reason.
+/// Returns whether a path exists, also if this user may not look it up: reading the file then fails
+/// with the reason.
 fn is_there(path: &Path) -> bool {
     match path.try_exists() {
         Ok(exists) => exists,

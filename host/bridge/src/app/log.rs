@@ -53,8 +53,8 @@ pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeErro
 /// Maximum number of lines that wait to be published, and that wait for each subscriber. Lines
 /// beyond it are only on stderr.
 const QUEUE_LINES: usize = 1024;
-/// Longest time for which the first lines wait for a subscriber, which needs several milliseconds to
-/// connect.
+/// Longest time for which the first lines wait for a subscriber, which needs several milliseconds
+/// to connect.
 const FIRST_SUBSCRIBER_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Passes the lines of the log at the level of information and above to [`publish`].

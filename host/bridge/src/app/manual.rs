@@ -10,20 +10,21 @@ use new_file::NewFileError;
 
 use crate::error::BridgeError;
 
-/// Print the manual page of the bridge, or write those of the bridge and all subcommands to a folder.
+/// Print the manual page of the bridge, or write those of the bridge and all subcommands to a
+/// folder.
 ///
 /// To read the page: corticode-bridge man | man --local-file -
 #[derive(Clone, Debug, Parser)]
 #[command(name = "man")]
 pub(crate) struct ManOptions {
-    /// Folder to write corticode-bridge.1, corticode-bridge-record.1 and the others to; it is created
-    /// if it does not exist, and pages in it are replaced
+    /// Folder to write corticode-bridge.1, corticode-bridge-record.1 and the others to; it is
+    /// created if it does not exist, and pages in it are replaced
     #[arg(long, value_name = "FOLDER", value_hint = ValueHint::DirPath)]
     pub(crate) folder: Option<PathBuf>,
 }
 
-/// Writes the pages of a command line to the folder in `options`. Without a folder, returns the page
-/// of the program itself.
+/// Writes the pages of a command line to the folder in `options`. Without a folder, returns the
+/// page of the program itself.
 ///
 /// # Errors
 ///
@@ -77,7 +78,7 @@ pub(crate) fn script(options: &CompletionsOptions, mut command: Command) -> Stri
     clap_complete::generate(options.shell, &mut command, name, &mut script);
     let script = String::from_utf8_lossy(&script);
     // For a program whose name has a hyphen, clap_complete 4.6.11 sets the state
-    // `corticode__bridge__subcmd__record` in bash, and compares it with another spelling. Subcommands
-    // would have no completion.
+    // `corticode__bridge__subcmd__record` in bash, and compares it with another spelling.
+    // Subcommands would have no completion.
     script.replace("corticode__subcmd__bridge", "corticode__bridge")
 }

@@ -95,9 +95,9 @@ impl Outlets {
         !self.decoder.has_ended() && self.back_pressure.must_pause(self.decoder.counts().waiting)
     }
 
-    /// Waits until queued codes are decoded, at most for [`DECODER_TIMEOUT`], and returns the decoder's
-    /// counts. Logs the number of codes that were not decoded, and of frames on `/encoded` that were
-    /// dropped for slow subscribers.
+    /// Waits until queued codes are decoded, at most for [`DECODER_TIMEOUT`], and returns the
+    /// decoder's counts. Logs the number of codes that were not decoded, and of frames on
+    /// `/encoded` that were dropped for slow subscribers.
     pub(crate) fn finish(self) -> DecoderCounts {
         let dropped = self.encoded.dropped();
         let not_decoded = self.decoder.counts().not_decoded;
@@ -120,8 +120,8 @@ impl Outlets {
         counts
     }
 
-    /// Publishes the core's report, extended by the status of the outlets and of the audits, and by the decoder's
-    /// findings about packed blocks.
+    /// Publishes the core's report, extended by the status of the outlets and of the audits, and by
+    /// the decoder's findings about packed blocks.
     pub(crate) fn publish_diagnostics(&mut self, mut report: DiagnosticArray) {
         let malformed = self.decoder.counts().malformed;
         let before = std::mem::replace(&mut self.reported_malformed, malformed);

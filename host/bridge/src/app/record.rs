@@ -124,7 +124,8 @@ struct Recording {
     core: Core,
     connection: Connection,
     port: RecordedPort,
-    /// Rate to set on devices with the built-in model; `None` leaves the choice to the device, or the user chose one.
+    /// Rate to set on devices with the built-in model; `None` leaves the choice to the device, or
+    /// the user chose one.
     model_rate: Option<ModelRate>,
     file: RecordingFile,
     start: Instant,

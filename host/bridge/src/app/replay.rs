@@ -189,8 +189,8 @@ impl ReplayPort {
         }
     }
 
-    /// Waits until bytes were read from the host into `buffer`, or a part of `outgoing` was written.
-    /// Without a host, waits for one. A host that disconnects is no error. Cancel safe.
+    /// Waits until bytes were read from the host into `buffer`, or a part of `outgoing` was
+    /// written. Without a host, waits for one. A host that disconnects is no error. Cancel safe.
     ///
     /// # Errors
     ///

@@ -42,8 +42,8 @@ impl RosNode {
         self.node.shutdown().await;
     }
 
-    /// Sends the rates that arrive on `~packed_rate` to `commands`. Runs in a task of its own, because registration
-    /// can take long.
+    /// Sends the rates that arrive on `~packed_rate` to `commands`. Runs in a task of its own,
+    /// because registration can take long.
     pub(crate) fn subscribe_rate(&self, commands: UnboundedSender<NodeCommand>) {
         tokio::spawn(receive_rates(Arc::clone(&self.node), commands));
     }
@@ -96,7 +96,8 @@ impl RosNode {
     }
 }
 
-/// Sends each number that arrives on `~packed_rate` to `commands`. Other numbers than rates are refused in the log.
+/// Sends each number that arrives on `~packed_rate` to `commands`. Other numbers than rates are
+/// refused in the log.
 async fn receive_rates(node: Arc<Node>, commands: UnboundedSender<NodeCommand>) {
     let subscribed = node.subscribe(RATE_TOPIC, UInt8::TYPE, QUEUE_RATES).await;
     let mut rates = match subscribed {
@@ -162,7 +163,8 @@ pub struct Namespace {
 }
 
 impl Namespace {
-    /// Joins ROS's namespace and a prefix. A prefix that starts with a slash replaces the namespace.
+    /// Joins ROS's namespace and a prefix. A prefix that starts with a slash replaces the
+    /// namespace.
     pub fn new(ros: &str, prefix: &str) -> Namespace {
         let joined = if prefix.starts_with('/') {
             prefix.to_owned()

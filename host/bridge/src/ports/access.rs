@@ -166,8 +166,8 @@ impl SystemRoot {
     }
 
     /// Returns the other programs that have the port open. Programs of other users are visible only
-    /// to root, except those that have locked the port, as the bridge does. Of a pseudoterminal only
-    /// these count, because the program that made a pseudoterminal may hold both ends open.
+    /// to root, except those that have locked the port, as the bridge does. Of a pseudoterminal
+    /// only these count, because the program that made a pseudoterminal may hold both ends open.
     pub(crate) fn holders(&self, port: &Path) -> Vec<Program> {
         let Ok(target) = fs::canonicalize(port) else {
             return Vec::new();

@@ -76,7 +76,8 @@ fn listed(boards: &[String]) -> String {
 }
 
 impl BoardFinder {
-    /// Creates a finder for the board with the serial number, or for the only board if it is `None`.
+    /// Creates a finder for the board with the serial number, or for the only board if it is
+    /// `None`.
     pub(crate) fn new(root: SystemRoot, serial: Option<String>) -> BoardFinder {
         BoardFinder { root, serial }
     }

@@ -133,7 +133,8 @@ const BOARD: (&str, &str) = ("1209:0001", "Corticode");
 /// USB vendor of STMicroelectronics, whose ST-LINK connects a board's UART.
 const ST_VENDOR: &str = "0483:";
 
-/// Start of the names in `/dev` that the project's udev rule gives (`packaging/60-corticode.rules`).
+/// Start of the names in `/dev` that the project's udev rule gives
+/// (`packaging/60-corticode.rules`).
 pub(crate) const OWN_NAME: &str = "corticode-";
 
 /// A serial port that has a device.
@@ -191,7 +192,8 @@ impl SerialPort {
         }
     }
 
-    /// Returns whether udev has given the port a name by the project's rule, `/dev/corticode-SERIAL`.
+    /// Returns whether udev has given the port a name by the project's rule,
+    /// `/dev/corticode-SERIAL`.
     pub(crate) fn has_own_name(&self) -> bool {
         let name = self
             .link

@@ -245,8 +245,8 @@ impl Feed for Connection {
 }
 /// Connection to a device, as the streaming loop of this program uses it.
 pub trait Feed {
-    /// Waits for the next event. Bytes from the device are at the front of `buffer`. Meanwhile passes
-    /// `outgoing` to the device and removes what it has accepted. Cancel safe.
+    /// Waits for the next event. Bytes from the device are at the front of `buffer`. Meanwhile
+    /// passes `outgoing` to the device and removes what it has accepted. Cancel safe.
     ///
     /// # Errors
     ///
@@ -263,8 +263,8 @@ pub trait Feed {
     /// Returns the name of the device's address for the log.
     fn name(&self) -> String;
 
-    /// Returns the host time at which the bytes of the last event came from the device. The clock is
-    /// fitted to this time.
+    /// Returns the host time at which the bytes of the last event came from the device. The clock
+    /// is fitted to this time.
     fn read_time(&self) -> HostTime {
         HostTime::now()
     }

@@ -205,8 +205,8 @@ impl FromStr for PortAddress {
     }
 }
 
-/// Returns whether a text is a number, or ends with a colon and a number, and has no folder: what remains
-/// of `tcp:HOST:PORT` without its beginning.
+/// Returns whether a text is a number, or ends with a colon and a number, and has no folder: what
+/// remains of `tcp:HOST:PORT` without its beginning.
 fn is_tcp_without_prefix(text: &str) -> bool {
     let last = text.rsplit(':').next().unwrap_or(text);
     !text.contains('/') && !last.is_empty() && last.bytes().all(|byte| byte.is_ascii_digit())

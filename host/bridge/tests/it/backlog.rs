@@ -18,8 +18,8 @@ use crate::process::Bridge;
 /// Longest wait for the decoder on a busy machine.
 const PATIENCE: Duration = Duration::from_mins(3);
 
-/// Reads lines in a thread until `frames` frames of reconstructed signals have arrived, or the output
-/// ends. Returns the number of frames, and of fillers among them.
+/// Reads lines in a thread until `frames` frames of reconstructed signals have arrived, or the
+/// output ends. Returns the number of frames, and of fillers among them.
 fn reconstructed(stdout: ChildStdout, frames: usize) -> JoinHandle<(usize, usize)> {
     spawn(move || {
         let lines = BufReader::new(stdout).lines().map_while(Result::ok);

@@ -10,19 +10,15 @@ mod board;
 mod command_line;
 mod config;
 mod convert;
-mod convert_packed;
 mod device;
 mod doctor;
 mod graph;
-mod json_lines;
 mod lines;
-mod long_outage;
 mod machine;
 mod master;
 mod names;
 #[path = "../../../bridge-core/tests/it/packed_block.rs"]
 mod packed_block;
-mod packed_lines;
 #[path = "../../../capture/tests/it/packed_recording.rs"]
 #[expect(dead_code, reason = "the tests of the core use more of it")]
 mod packed_recording;
@@ -31,7 +27,6 @@ mod query;
 mod record;
 mod replay;
 mod replug;
-mod shell;
 #[path = "../../src/ports/simulated_machine.rs"]
 #[expect(dead_code, reason = "the tests of the crate use more of it")]
 mod simulated_machine;

@@ -116,7 +116,8 @@ impl Bridge {
         log
     }
 
-    /// Sends a signal, after which the bridge must exit with status 0. Returns its output on stderr.
+    /// Sends a signal, after which the bridge must exit with status 0. Returns its output on
+    /// stderr.
     #[track_caller]
     pub(crate) fn end(self, signal: Signal) -> String {
         self.signal(signal);

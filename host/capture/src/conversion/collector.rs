@@ -83,8 +83,8 @@ impl<L: Listener> Collector<L> {
         packed.map_or(0, PackedReconstruction::malformed)
     }
 
-    /// Passes on a frame of the present run. Its first row happened `delay_us` before the device time in its status
-    /// words.
+    /// Passes on a frame of the present run. Its first row happened `delay_us` before the device
+    /// time in its status words.
     fn publish(&mut self, stream: Stream, frame: &NeuroFrame, delay_us: i64) {
         self.publish_of(self.run, stream, frame, delay_us);
     }
@@ -110,8 +110,8 @@ impl<L: Listener> Collector<L> {
         }
     }
 
-    /// Returns how many of `count` blocks of fillers the stream may have, and counts these. A damaged
-    /// or crafted recording can miss more data than fits on a disk.
+    /// Returns how many of `count` blocks of fillers the stream may have, and counts these. A
+    /// damaged or crafted recording can miss more data than fits on a disk.
     fn take_fillers(&mut self, block: &Block, count: u64) -> u64 {
         let seconds = self.elapsed_s.saturating_add(SPARE_S).min(MAX_FILLERS_S);
         let most = seconds * u64::from(block.frame.sr);
@@ -124,8 +124,9 @@ impl<L: Listener> Collector<L> {
         taken
     }
 
-    /// Passes on fillers for the frames before `block` that the core skipped, because they would not
-    /// have fitted into the queues of subscribers. The fillers continue the times of the previous run.
+    /// Passes on fillers for the frames before `block` that the core skipped, because they would
+    /// not have fitted into the queues of subscribers. The fillers continue the times of the
+    /// previous run.
     fn fill_skipped(&mut self, block: &Block) {
         let place = match block.stream {
             Stream::Raw => 0,
@@ -144,7 +145,8 @@ impl<L: Listener> Collector<L> {
         self.newest[place] = Some(block.clone());
     }
 
-    /// Returns the time from when a packed block's first step was at the electrodes to the block's device time.
+    /// Returns the time from when a packed block's first step was at the electrodes to the block's
+    /// device time.
     fn block_delay_us(&self) -> i64 {
         self.device.as_ref().map_or(0, |device| {
             let lookback = u32::from(device.hop_steps) - 1;
@@ -152,7 +154,8 @@ impl<L: Listener> Collector<L> {
         })
     }
 
-    /// Returns the time from when a code's first step was at the electrodes to the code's device time.
+    /// Returns the time from when a code's first step was at the electrodes to the code's device
+    /// time.
     fn code_delay_us(&self) -> i64 {
         self.device.as_ref().map_or(0, |device| {
             let lookback = u32::from(device.window_steps) - 1;
@@ -251,7 +254,8 @@ impl<L: Listener> Effects for Collector<L> {
             reason = "an event's type has 16 bits"
         )]
         let code = event.event as u16;
-        // The bus also reports missing data, of the announced stream; the rows of all streams are flagged.
+        // The bus also reports missing data, of the announced stream; the rows of all streams are
+        // flagged.
         if code & 0x7fff != TRIGGER {
             return;
         }
@@ -321,8 +325,8 @@ mod tests {
         fn event(&mut self, _: TimedEvent) {}
     }
 
-    /// Passes 20 blocks to a collector, of which some are lost and none is one of the model. Returns the times of rows
-    /// and the number of blocks that were found malformed.
+    /// Passes 20 blocks to a collector, of which some are lost and none is one of the model.
+    /// Returns the times of rows and the number of blocks that were found malformed.
     fn collect<const DECODES: bool>() -> (Vec<(i64, bool)>, u64) {
         let model = Arc::new(Model::embedded().unwrap());
         let settings = Settings {

@@ -23,9 +23,9 @@ const NOT_SENT: u32 = u32::MAX;
 /// Plays the records of a recording to a core.
 ///
 /// The core sends commands as it did when the recording was made, but not necessarily with the same
-/// numbers: a newer bridge may ask for something else as well. So an acknowledgement in the recording
-/// is passed to the core with the number of the core's own command of that kind, and with a number that
-/// the core does not use if it has sent none.
+/// numbers: a newer bridge may ask for something else as well. So an acknowledgement in the
+/// recording is passed to the core with the number of the core's own command of that kind, and with
+/// a number that the core does not use if it has sent none.
 pub(crate) struct Playback<L> {
     core: Core,
     pub(crate) collector: Collector<L>,
@@ -63,7 +63,8 @@ impl<L: Listener> Playback<L> {
         self.core.summary()
     }
 
-    /// Returns the core's objection to the device, which it does not publish; `None` if it has none.
+    /// Returns the core's objection to the device, which it does not publish; `None` if it has
+    /// none.
     pub(crate) fn objection(&self) -> Option<&str> {
         self.core.objection()
     }
@@ -74,7 +75,8 @@ impl<L: Listener> Playback<L> {
         let first = *self.first.get_or_insert(time);
         let since_first_us = time.monotonic_us - first.monotonic_us;
         self.collector.elapsed_s = u64::try_from(since_first_us / 1_000_000).unwrap_or(0);
-        // Frames of one read have the same time, and the core sends commands after the last of them.
+        // Frames of one read have the same time, and the core sends commands after the last of
+        // them.
         if self
             .due
             .is_some_and(|due| due.monotonic_us != time.monotonic_us)
@@ -163,8 +165,8 @@ impl<L: Listener> Playback<L> {
         self.core.handle(bytes, read, &mut self.collector);
     }
 
-    /// Returns the frame of an acknowledgement with the number of the core's own command; `None` if the
-    /// recording lacks the command.
+    /// Returns the frame of an acknowledgement with the number of the core's own command; `None` if
+    /// the recording lacks the command.
     fn own_answer(&self, frame: &Frame<ToHost>, ack: Ack) -> Option<Vec<u8>> {
         let recorded = discriminant(self.recorded.get(&ack.of)?);
         let mut own = self.own.iter().rev();

@@ -77,8 +77,8 @@ impl StreamSurvey {
         self.anchors.first().map_or(0, |anchor| anchor.wall_ns)
     }
 
-    /// Returns the first row that happened at the same time as an event or later. An event after the
-    /// last row has the row that would have followed at its time.
+    /// Returns the first row that happened at the same time as an event or later. An event after
+    /// the last row has the row that would have followed at its time.
     pub(crate) fn row_of(&self, event: &TimedEvent) -> u64 {
         let not_later = |anchor: &Anchor| {
             (anchor.run, anchor.device_us) <= (event.run, event.device_us.saturating_add(SAME_US))

@@ -70,8 +70,8 @@ impl Introduction {
     }
 }
 
-/// The commands of the recorded host so far, by number: the streams that a `Start` asked for, `None`
-/// for every other command.
+/// The commands of the recorded host so far, by number: the streams that a `Start` asked for,
+/// `None` for every other command.
 #[derive(Debug, Default)]
 pub(crate) struct RecordedStarts(HashMap<u32, Option<Streams>>);
 
@@ -92,8 +92,8 @@ impl RecordedStarts {
         }
     }
 
-    /// Returns the streams of the `Start` that the bytes of a frame from the device acknowledge; `None`
-    /// if they acknowledge none.
+    /// Returns the streams of the `Start` that the bytes of a frame from the device acknowledge;
+    /// `None` if they acknowledge none.
     pub(crate) fn acknowledged_by(&self, mut payload: &[u8]) -> Option<Streams> {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         match decoder.next::<ToHost>(&mut payload)?.ok()?.message {

@@ -9,7 +9,8 @@ use crate::recording::{FileHeader, MAX_RECORD, Parsed, Record, RecordingError};
 /// Number of bytes that are read from the file at once.
 const BLOCK: usize = 64 * 1024;
 
-/// Latest possible time of the host's monotonic clock, microseconds: 285 years, and exact in a float64.
+/// Latest possible time of the host's monotonic clock, microseconds: 285 years, and exact in a
+/// float64.
 const MAX_MONOTONIC_US: i64 = 1 << 53;
 /// Latest possible wall clock, nanoseconds since 1970: the year 2116.
 const MAX_WALL_NS: i64 = 1 << 62;

@@ -86,8 +86,8 @@ impl Recorder {
 
 /// Splits the bytes from the device at the ends of frames.
 ///
-/// The pieces in their order are all bytes, unchanged. A piece ends with the zero that ends a frame;
-/// only garbage longer than a frame, and the bytes before a port was lost, end without one.
+/// The pieces in their order are all bytes, unchanged. A piece ends with the zero that ends a
+/// frame; only garbage longer than a frame, and the bytes before a port was lost, end without one.
 #[derive(Debug, Default)]
 pub(crate) struct Splitter {
     piece: Vec<u8>,

@@ -20,11 +20,11 @@ pub enum Pace {
     Fast,
 }
 
-/// Plays a recording as a device. Pure apart from reading the file: the caller passes bytes from the
-/// host and times, and sends the bytes that it takes.
+/// Plays a recording as a device. Pure apart from reading the file: the caller passes bytes from
+/// the host and times, and sends the bytes that it takes.
 ///
-/// `Start` plays the recording from its beginning. Where the recorded host started the device again,
-/// because it had restarted, the replay waits for the `Start` of its own host.
+/// `Start` plays the recording from its beginning. Where the recorded host started the device
+/// again, because it had restarted, the replay waits for the `Start` of its own host.
 #[derive(Debug)]
 pub struct Replayer<R> {
     reader: RecordingReader<R>,
@@ -333,8 +333,8 @@ impl<R: Read + Seek> Replayer<R> {
         }
     }
 
-    /// Returns whether a message is for this host: one of its streams, and no answer to a command of
-    /// the recorded host.
+    /// Returns whether a message is for this host: one of its streams, and no answer to a command
+    /// of the recorded host.
     fn is_wanted(&self, message: &ToHost) -> bool {
         match message {
             ToHost::Hello(_) | ToHost::Ack(_) | ToHost::ClockReading(_) | ToHost::SelfTest(_) => {

@@ -25,8 +25,8 @@ fn good() -> Vec<u8> {
     rig.finish()
 }
 
-/// Returns a good recording with changes. `change` gets the number of each record, its time, and the
-/// message of the device in it, with its device time.
+/// Returns a good recording with changes. `change` gets the number of each record, its time, and
+/// the message of the device in it, with its device time.
 fn changed(
     mut change: impl FnMut(usize, &mut HostTime, Option<(&mut u64, &mut ToHost<'_>)>),
 ) -> Vec<u8> {

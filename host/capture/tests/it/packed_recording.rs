@@ -85,7 +85,8 @@ impl PackedRecording {
         self.recorder.received(&frame, at(self.now_us));
     }
 
-    /// Advances time by a hop, in which the device makes a block, and a code where it streams these.
+    /// Advances time by a hop, in which the device makes a block, and a code where it streams
+    /// these.
     pub(crate) fn hop(&mut self) {
         let bytes = block(self.next, 0, 4);
         self.hop_of(&bytes);

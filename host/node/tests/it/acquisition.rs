@@ -1,4 +1,5 @@
-//! A simulated acquisition: frames of synthetic EEG, and the codes that host-sim makes of a recording of it.
+//! A simulated acquisition: frames of synthetic EEG, and the codes that host-sim makes of a
+//! recording of it.
 
 use std::io::Cursor;
 
@@ -56,7 +57,8 @@ impl Acquisition {
         }
     }
 
-    /// Returns `samples` samples from `first` on, uV: an alpha rhythm, drift and noise on each channel.
+    /// Returns `samples` samples from `first` on, uV: an alpha rhythm, drift and noise on each
+    /// channel.
     fn values(&self, first: u32, samples: u32) -> Vec<f32> {
         let rows = first..first + samples;
         let values = rows.flat_map(|row| {

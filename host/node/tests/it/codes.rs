@@ -7,8 +7,8 @@ use pipeline::Mains;
 use crate::acquisition::Acquisition;
 use crate::harness::{Harness, START, is_filler, word};
 
-/// Encodes `seconds` of an acquisition and compares the codes with those of a recording. Returns the
-/// harness for further checks.
+/// Encodes `seconds` of an acquisition and compares the codes with those of a recording. Returns
+/// the harness for further checks.
 fn equals_recording(acquisition: &Acquisition, seconds: u32) -> Harness {
     let frames = seconds * u32::from(acquisition.rate_hz) / u32::from(acquisition.samples);
     let expected = acquisition.codes_of_recording(frames, Mains::Hz50);
@@ -108,8 +108,8 @@ fn labels_can_have_any_order_and_spelling_and_missing_electrodes_are_announced()
         1 => format!("{}.", label.to_lowercase()),
         _ => format!("{label}h"),
     });
-    // Every third label ends with h, which is a position of its own in the 10-5 system for some; take
-    // only the spellings that mean the same electrode.
+    // Every third label ends with h, which is a position of its own in the 10-5 system for some;
+    // take only the spellings that mean the same electrode.
     let spelled: Vec<String> = spelled
         .zip(&acquisition.labels)
         .map(|(spelled, label)| {

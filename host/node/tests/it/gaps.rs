@@ -34,8 +34,8 @@ fn codes_next_to_lost_frames_are_fillers_and_counted_and_later_ones_keep_their_i
         .filter(|frame| is_filler(frame))
         .map(|frame| word(frame, "seq_lo"))
         .collect();
-    // A window takes two hops, and the lost five hops begin after hop 39. The first step after them is
-    // made of the samples since the step before, which are lost.
+    // A window takes two hops, and the lost five hops begin after hop 39. The first step after them
+    // is made of the samples since the step before, which are lost.
     let hops = i32::try_from(model::STEPS / model::HOP).unwrap();
     let first = 40 - (hops - 1);
     let expected: Vec<i32> = (first..=45).collect();

@@ -19,17 +19,47 @@ use crate::streams::neuro_frames::TriWords;
 /// Timeout of each wait, sufficient for a busy machine.
 const TIMEOUT: Duration = Duration::from_mins(1);
 
-/// Sink that records the sequence number of every frame.
-struct Numbers(Arc<Mutex<Vec<u32>>>);
+/// Number and stamp of each frame that a sink received.
+type Frames = Arc<Mutex<Vec<(u32, i64)>>>;
 
-impl Sink<NeuroFrame> for Numbers {
+/// Sink that records the sequence number and the stamp of every frame.
+struct Places(Frames);
+
+impl Sink<NeuroFrame> for Places {
     fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
-        self.0.lock().unwrap().push(frame.neuroheader.seq);
+        let stamp = frame.header.stamp.nanoseconds();
+        let mut places = self.0.lock().unwrap();
+        places.push((frame.neuroheader.seq, stamp));
         Ok(())
     }
 
     fn dropped(&self) -> u64 {
         0
+    }
+}
+
+/// Starts a decoder whose frames are recorded.
+fn start() -> (Frames, DecoderThread) {
+    let frames = Frames::default();
+    let decoder = DecoderThread::start(Box::new(Places(Arc::clone(&frames)))).unwrap();
+    (frames, decoder)
+}
+
+/// Returns the numbers of recorded frames.
+fn numbers(frames: &Frames) -> Vec<u32> {
+    let frames = frames.lock().unwrap();
+    frames.iter().map(|(number, _)| *number).collect()
+}
+
+/// Returns the code of a window, all zeros, or its placeholder.
+fn code(window: u32, is_received: bool) -> TimedCode {
+    TimedCode {
+        z: is_received.then(|| vec![0.0; 128]),
+        stamp: Stamp::default(),
+        words: TriWords {
+            window,
+            ..TriWords::default()
+        },
     }
 }
 
@@ -85,17 +115,14 @@ fn unpacked() -> PackedReconstruction {
 
 #[test]
 fn codes_beyond_a_full_queue_are_counted() {
-    let count = Arc::new(Mutex::new(Vec::new()));
-    let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+    let (count, mut decoder) = start();
     // Simulate more waiting codes than the thread can decode during this test.
     decoder
         .progress
         .waiting
         .store(QUEUE_WINDOWS, Ordering::Relaxed);
-    let (stamp, words) = (Stamp::default(), TriWords::default());
     for _ in 0..3 {
-        let z = Some(vec![0.0; 128]);
-        decoder.decode(TimedCode { z, stamp, words });
+        decoder.decode(code(0, true));
     }
     decoder.progress.waiting.store(0, Ordering::Relaxed);
     // No device was announced with `start_device`, so there is nothing to publish.
@@ -105,40 +132,16 @@ fn codes_beyond_a_full_queue_are_counted() {
 
 #[test]
 fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_device() {
-    let count = Arc::new(Mutex::new(Vec::new()));
-    let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+    let (count, mut decoder) = start();
     for _ in 0..2 {
         decoder.start_device(reconstruction(), None);
         for window in 0..2500 {
-            decoder.decode(TimedCode {
-                z: None,
-                stamp: Stamp::default(),
-                words: TriWords {
-                    window,
-                    ..TriWords::default()
-                },
-            });
+            decoder.decode(code(window, false));
         }
     }
     assert_eq!(decoder.dropped(), 0);
     assert_eq!(decoder.finish(TIMEOUT).not_decoded, 0);
-    assert_eq!(*count.lock().unwrap(), (1..=5000).collect::<Vec<u32>>());
-}
-
-/// Sink that records the sequence number and the stamp of every frame.
-struct Places(Arc<Mutex<Vec<(u32, i64)>>>);
-
-impl Sink<NeuroFrame> for Places {
-    fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
-        let stamp = frame.header.stamp.nanoseconds();
-        let mut places = self.0.lock().unwrap();
-        places.push((frame.neuroheader.seq, stamp));
-        Ok(())
-    }
-
-    fn dropped(&self) -> u64 {
-        0
-    }
+    assert_eq!(numbers(&count), (1..=5000).collect::<Vec<u32>>());
 }
 
 /// Returns a lost block whose steps begin `at_ns` nanoseconds after 1970.
@@ -153,8 +156,7 @@ fn lost_block(at_ns: i64, is_first: bool) -> TimedPackedBlock {
 
 #[test]
 fn frames_from_codes_and_from_packed_blocks_are_one_stream() {
-    let places = Arc::new(Mutex::new(Vec::new()));
-    let mut decoder = DecoderThread::start(Box::new(Places(Arc::clone(&places)))).unwrap();
+    let (places, mut decoder) = start();
     decoder.start_device(reconstruction(), Some(unpacked()));
     for index in 0..60 {
         if index % 20 < 10 {
@@ -175,8 +177,7 @@ fn frames_from_codes_and_from_packed_blocks_are_one_stream() {
 
 #[test]
 fn the_frame_that_waits_for_a_correction_is_published_when_another_device_takes_over() {
-    let places = Arc::new(Mutex::new(Vec::new()));
-    let mut decoder = DecoderThread::start(Box::new(Places(Arc::clone(&places)))).unwrap();
+    let (places, mut decoder) = start();
     for device in 0..2 {
         decoder.start_device(reconstruction(), Some(unpacked()));
         for index in 0..10 {
@@ -190,8 +191,7 @@ fn the_frame_that_waits_for_a_correction_is_published_when_another_device_takes_
 
 #[test]
 fn at_the_end_the_frame_that_waits_is_published_without_its_correction() {
-    let places = Arc::new(Mutex::new(Vec::new()));
-    let mut decoder = DecoderThread::start(Box::new(Places(Arc::clone(&places)))).unwrap();
+    let (places, mut decoder) = start();
     decoder.start_device(reconstruction(), Some(unpacked()));
     decoder.decode_block(lost_block(7, true));
     decoder.finish(TIMEOUT);
@@ -200,8 +200,7 @@ fn at_the_end_the_frame_that_waits_is_published_without_its_correction() {
 
 #[test]
 fn placeholders_of_packed_blocks_wait_like_blocks() {
-    let places = Arc::new(Mutex::new(Vec::new()));
-    let mut decoder = DecoderThread::start(Box::new(Places(Arc::clone(&places)))).unwrap();
+    let (places, mut decoder) = start();
     decoder.start_device(reconstruction(), Some(unpacked()));
     for index in 0..4_096 {
         decoder.decode_block(lost_block(index, index == 0));
@@ -214,8 +213,7 @@ fn placeholders_of_packed_blocks_wait_like_blocks() {
 
 #[test]
 fn blocks_that_the_model_does_not_have_are_counted() {
-    let count = Arc::new(Mutex::new(Vec::new()));
-    let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+    let (_, mut decoder) = start();
     decoder.start_device(reconstruction(), Some(unpacked()));
     for bytes in [vec![], vec![0x5a; 200]] {
         decoder.decode_block(TimedPackedBlock {
@@ -233,8 +231,7 @@ fn blocks_that_the_model_does_not_have_are_counted() {
 #[test]
 fn an_audit_without_a_code_measures_the_error_of_its_blocks() {
     let model = Arc::new(Model::embedded().unwrap());
-    let count = Arc::new(Mutex::new(Vec::new()));
-    let mut decoder = DecoderThread::start(Box::new(Numbers(count))).unwrap();
+    let (_, mut decoder) = start();
     decoder.start_device(reconstruction(), Some(unpacked()));
     // Blocks without bytes are silence at the start of a run.
     for window in 0..2 {
@@ -273,19 +270,11 @@ fn an_audit_without_a_code_measures_the_error_of_its_blocks() {
 
 #[test]
 fn every_code_of_a_burst_after_a_stall_is_decoded() {
-    let count = Arc::new(Mutex::new(Vec::new()));
-    let mut decoder = DecoderThread::start(Box::new(Numbers(Arc::clone(&count)))).unwrap();
+    let (count, mut decoder) = start();
     decoder.start_device(reconstruction(), None);
     // 37 s of codes at once, far more than the thread decodes meanwhile.
     for window in 0..600 {
-        decoder.decode(TimedCode {
-            z: Some(vec![0.0; 128]),
-            stamp: Stamp::default(),
-            words: TriWords {
-                window,
-                ..TriWords::default()
-            },
-        });
+        decoder.decode(code(window, true));
     }
     let counts = decoder.finish(TIMEOUT);
     assert_eq!((counts.decoded, counts.not_decoded), (600, 0));
@@ -294,7 +283,7 @@ fn every_code_of_a_burst_after_a_stall_is_decoded() {
 }
 
 /// Sink that has a receiver while the flag is set.
-struct Switched(Numbers, Arc<AtomicBool>);
+struct Switched(Places, Arc<AtomicBool>);
 
 impl Sink<NeuroFrame> for Switched {
     fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
@@ -312,9 +301,9 @@ impl Sink<NeuroFrame> for Switched {
 
 #[test]
 fn codes_are_decoded_only_while_someone_receives_them_and_numbers_continue() {
-    let count = Arc::new(Mutex::new(Vec::new()));
+    let count = Frames::default();
     let receiver = Arc::new(AtomicBool::new(false));
-    let sink = Switched(Numbers(Arc::clone(&count)), Arc::clone(&receiver));
+    let sink = Switched(Places(Arc::clone(&count)), Arc::clone(&receiver));
     let mut decoder = DecoderThread::start(Box::new(sink)).unwrap();
     decoder.start_device(reconstruction(), None);
     for window in 0..20 {
@@ -324,19 +313,12 @@ fn codes_are_decoded_only_while_someone_receives_them_and_numbers_continue() {
             }
             receiver.store(true, Ordering::Relaxed);
         }
-        decoder.decode(TimedCode {
-            z: Some(vec![0.0; 128]),
-            stamp: Stamp::default(),
-            words: TriWords {
-                window,
-                ..TriWords::default()
-            },
-        });
+        decoder.decode(code(window, true));
         decoder.start_work();
     }
     let counts = decoder.finish(TIMEOUT);
     assert_eq!((counts.not_needed, counts.decoded), (10, 10));
-    assert_eq!(*count.lock().unwrap(), (11..=20).collect::<Vec<u32>>());
+    assert_eq!(numbers(&count), (11..=20).collect::<Vec<u32>>());
 }
 
 /// Sink that takes 50 ms for each frame.
@@ -359,14 +341,7 @@ fn the_end_does_not_wait_for_a_long_queue_and_counts_what_is_left() {
     decoder.start_device(reconstruction(), None);
     // 60 s of work.
     for window in 0..1200 {
-        decoder.decode(TimedCode {
-            z: Some(vec![0.0; 128]),
-            stamp: Stamp::default(),
-            words: TriWords {
-                window,
-                ..TriWords::default()
-            },
-        });
+        decoder.decode(code(window, true));
     }
     let start = Instant::now();
     let counts = decoder.finish(Duration::from_millis(500));
