@@ -174,7 +174,7 @@ fn electrode_figures(electrode: &ElectrodeQuality) -> String {
 /// Shortest time between two lines, microseconds.
 const PERIOD_US: i64 = 60_000_000;
 
-/// What a bad link has damaged or lost since the last line of the log.
+/// Numbers of frames damaged and items lost since the last line of the log.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LinkLog {
     logged_us: Option<i64>,

@@ -40,7 +40,7 @@ const OLD_FRAMES_BEFORE_IDENTIFY: u32 = 8;
 pub(crate) struct Session {
     settings: Settings,
     model: Option<Arc<Model>>,
-    /// Rate of the model's packed code, which nobody needs to have chosen.
+    /// Rate of the model's packed code, which is the default and not a choice of the user.
     model_rate: Option<u8>,
     encoder: Encoder,
     commands: Commands,

@@ -108,7 +108,7 @@ impl Choice for FileFormat {
     ];
 }
 
-/// What a conversion wrote and what it had to leave out; prints as lines.
+/// Files that a conversion wrote, and counts of what it left out; prints as lines.
 #[derive(Debug)]
 pub struct ConvertSummary {
     files: Vec<(PathBuf, u64)>,

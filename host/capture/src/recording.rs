@@ -78,7 +78,7 @@ const MAGIC: [u8; 8] = *b"CORTIREC";
 /// CRC-32C, the checksum of header and records; the wire's frames use the same.
 pub(crate) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
-/// What a recording states about itself before its first record.
+/// Header of a recording's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FileHeader {
     /// Wall clock when the file was created, nanoseconds since 1970.
@@ -149,7 +149,7 @@ pub(crate) const MAX_PAYLOAD: usize = MAX_FRAME;
 /// Longest record, bytes.
 pub(crate) const MAX_RECORD: usize = HEAD + MAX_PAYLOAD + TAIL;
 
-/// What happened at the port.
+/// Event at the port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RecordKind {
     /// The port was opened.
@@ -193,7 +193,7 @@ impl RecordKind {
 /// One record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record<'a> {
-    /// What happened.
+    /// Event that is recorded.
     pub kind: RecordKind,
     /// When it happened. The monotonic clock counts from the start of the host.
     pub time: HostTime,

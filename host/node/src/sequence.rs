@@ -11,7 +11,7 @@ const LONGEST_GAP_US: i64 = 120_000_000;
 /// they vary by some frames.
 const LONGEST_PAUSE_US: i64 = 1_000_000;
 
-/// What a frame's number says about the frames before it.
+/// Relation of a frame to the frames before it, according to its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
     /// The frame follows the previous one, or is the first.

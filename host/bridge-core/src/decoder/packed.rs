@@ -40,7 +40,7 @@ pub struct PackedBytes {
 /// Decodes packed blocks to frames of `/neurodata_reconstructed`, one for each block.
 ///
 /// With low latency, a block yields its own frame. Otherwise it yields the frame of the block
-/// before, corrected by what the newer block says about it.
+/// before, corrected by the newer block.
 #[derive(Debug)]
 pub struct PackedReconstruction {
     overlap: PackedOverlap<Label>,

@@ -80,7 +80,7 @@ impl Reconstruction {
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
     }
 
-    /// Counts the frame of a window that is not decoded because nobody receives it. The first frame
+    /// Counts the frame of a window that is not decoded because no subscriber receives it. The first frame
     /// after it is decoded from one window alone.
     pub(crate) fn skip_frame(&mut self) {
         self.overlap.forget();

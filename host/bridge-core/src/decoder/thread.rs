@@ -209,7 +209,7 @@ impl DecoderThread {
             self.progress.stop.store(true, Ordering::Relaxed);
             ends_within(&self.thread, STOP_TIMEOUT);
         }
-        // A thread whose sink stands still is left alone: the process ends without it.
+        // A thread whose sink is blocked is not joined: the process ends without it.
         if self.thread.is_finished() && self.thread.join().is_err() {
             tracing::error!("the decoder thread panicked; reconstructed frames are missing");
         }

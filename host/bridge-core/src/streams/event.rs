@@ -127,7 +127,7 @@ impl Trigger {
 /// is called OFF (32768).
 const END_OF_EVENT: i32 = 0x8000;
 
-/// What an event on the bus reports.
+/// Content of an event on the bus.
 ///
 /// The codes of lost data, lost edges and refused devices are the project's own; they are outside
 /// GDF's user codes (1 to 255), which belong to the experiment.

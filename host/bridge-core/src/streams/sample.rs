@@ -18,7 +18,7 @@ const MAX_FILL_SECONDS: u64 = 120;
 /// `/neurodata_corticode`, and fills gaps. In this file, "sample" means an ADC sample or a filtered
 /// step.
 ///
-/// Samples have an index in the topic. It goes on when the device restarts, and the time between
+/// Samples have an index in the topic. It continues when the device restarts, and the time between
 /// two runs of the device is filled. The index of a frame's first sample is always a multiple of
 /// the number of samples per frame, so the number of samples on the topic matches the time that has
 /// passed. Sequence numbers and counts persist while the bridge runs.

@@ -52,7 +52,7 @@ enum Introduction {
     Unusable,
 }
 
-/// Whether the device streams, as far as its acknowledgements show.
+/// Whether the device streams, according to its acknowledgements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum StreamState {
     Stopped,

@@ -128,7 +128,7 @@ impl WantedRate {
         (!self.is_answered).then_some(self.rate)
     }
 
-    /// Records that the device has answered the command for `rate`, whatever it says.
+    /// Records that the device has answered the command for `rate`, with any result.
     pub(crate) fn answered(&mut self, rate: u8) {
         self.is_answered |= rate == self.rate;
     }

@@ -20,7 +20,7 @@ const BACKLOG_READ_US: f64 = 150.0;
 struct Run {
     /// Drift (host seconds per device second minus 1), ppm, at a host time in seconds.
     ppm: fn(f64) -> f64,
-    /// Times at which the host stops to read, and the times at which it goes on, seconds.
+    /// Times at which the host stops reading, and at which it continues, seconds.
     stalls: &'static [[f64; 2]],
     /// Interval at which the host reads, microseconds; 0 for a read at each arrival, up to 4 ms
     /// after it was sent.

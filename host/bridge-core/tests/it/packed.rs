@@ -92,7 +92,7 @@ fn a_lost_block_is_predicted_and_flagged_until_the_state_has_healed() {
         (80, 76, 4, 4)
     );
     assert_eq!(summary.frames_lost, 4);
-    // The policy chooses what stands in the frames of lost blocks, but not what follows.
+    // The policy selects the values of lost blocks' frames, and does not affect later frames.
     for (filler, due) in [(FillerPolicy::Zeros, 80), (FillerPolicy::Off, 76)] {
         let settings = Settings { filler, ..PACKED };
         let mut other = Packed::new(settings);
@@ -289,7 +289,7 @@ fn an_audit_measures_the_error_of_the_blocks_in_its_window() {
         .iter()
         .map(|block| decoder.next_frame(block).unwrap().eeg.data.clone())
         .collect();
-    // What the device measured differs from the blocks by 6 uV, with either sign.
+    // The measured signal differs from the blocks by 6 uV, with either sign.
     let measured = |first: usize| -> Vec<f32> {
         let signals = frames[first..first + 2].concat();
         let signs = [6.0, -6.0].into_iter().cycle();

@@ -121,7 +121,7 @@ impl Harness {
         harness
     }
 
-    /// Creates a harness whose board has answered the first commands, whatever it refuses.
+    /// Creates a harness whose board has acknowledged or refused the first commands.
     pub(crate) fn connected(settings: Settings, board: Board) -> Harness {
         let mut harness = Harness::new(settings, board);
         harness.connect();

@@ -1,4 +1,4 @@
-//! Clock queries, whose answers give bounds for the delay of stamps.
+//! Clock queries, whose answers bound the delay of stamps.
 
 use link::{AckResult, ClockReading, ToDevice, ToHost};
 use neuro_ros::DiagnosticStatus;

@@ -31,7 +31,7 @@ const TICKS_PER_REPORT: u32 = 10;
 /// JSON lines are written.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// What a program that publishes the streams of a device chooses.
+/// Configuration of a program that publishes the streams of a device.
 #[derive(Clone, Debug)]
 pub struct Publication {
     /// Settings of the core.

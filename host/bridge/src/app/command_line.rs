@@ -349,7 +349,7 @@ pub(crate) struct DoctorOptions {
     pub(crate) json: bool,
 }
 
-/// What the device is asked for; options of the bridge and of `record`.
+/// Streams and settings that the device is asked for; options of the bridge and of `record`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct StreamOptions {
     /// Mains frequency that the device shall remove, Hz; the device chooses by default

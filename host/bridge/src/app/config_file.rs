@@ -173,7 +173,7 @@ pub enum ConfigError {
     Syntax {
         /// Line, from 1.
         line: usize,
-        /// What the parser of TOML reports.
+        /// Message of the TOML parser.
         message: String,
     },
     /// A key is the name of no option.
@@ -205,7 +205,7 @@ pub enum ConfigError {
         line: usize,
         /// Key in the file.
         key: String,
-        /// What is wrong, and which values are possible.
+        /// Reason, and the possible values.
         message: String,
     },
 }

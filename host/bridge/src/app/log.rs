@@ -141,7 +141,7 @@ pub(crate) fn publish(node: Arc<Node>, mut lines: Receiver<Log>) {
                 tokio::time::sleep(Duration::from_millis(50)).await;
             }
         };
-        // Without a subscriber nobody misses the lines.
+        // Without a subscriber the lines are not needed.
         let _ = tokio::time::timeout(FIRST_SUBSCRIBER_TIMEOUT, connected).await;
         let mut seq = 0;
         while let Some(mut line) = lines.recv().await {

@@ -90,7 +90,8 @@ impl Outlets {
         }
     }
 
-    /// Returns whether the decoder is far behind a source that can wait. The port is then not read.
+    /// Returns whether the decoder lags far behind a source that can wait. The port is then not
+    /// read.
     pub(crate) fn must_pause(&self) -> bool {
         !self.decoder.has_ended() && self.back_pressure.must_pause(self.decoder.counts().waiting)
     }

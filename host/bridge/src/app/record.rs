@@ -24,7 +24,7 @@ const TICK: Duration = Duration::from_millis(100);
 /// Longest time at the end to wait until the device has stopped.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// What a finished recording holds; prints as one line.
+/// Summary of a finished recording; prints as one line.
 #[derive(Debug)]
 pub(crate) struct RecordSummary {
     path: PathBuf,
@@ -105,7 +105,7 @@ struct ModelRate {
 }
 
 impl ModelRate {
-    /// Returns the rate, if blocks are to be recorded and nobody has chosen another one.
+    /// Returns the rate if blocks are recorded and the user has not chosen another one.
     fn new(settings: Settings) -> Result<Option<ModelRate>, BridgeError> {
         if settings.packed_rate.is_some() || !settings.streams.contains(Streams::PACKED) {
             return Ok(None);

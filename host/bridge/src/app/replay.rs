@@ -55,7 +55,7 @@ pub(crate) struct ReplayOptions {
     pub(crate) fast: bool,
 }
 
-/// What a replay has sent; prints as one line.
+/// Summary of a replay; prints as one line.
 #[derive(Debug)]
 pub(crate) struct ReplaySummary {
     path: PathBuf,
@@ -221,7 +221,7 @@ impl ReplayPort {
         }
     }
 
-    /// Returns the number of bytes that the host has not read, as far as it is known.
+    /// Returns the number of bytes that the host has not read; 0 if it is not known.
     pub(crate) fn unread(&self) -> u64 {
         match self {
             ReplayPort::Tty { terminal, .. } => rustix::io::ioctl_fionread(terminal).unwrap_or(0),
@@ -253,7 +253,7 @@ fn open_terminal(link: &Path) -> io::Result<ReplayPort> {
     let controller = File::from(controller);
     let receiver = Receiver::from_file_unchecked(controller.try_clone()?)?;
     let port = Port::Tty(receiver, Sender::from_file_unchecked(controller)?);
-    // A link to a terminal, which an earlier run left behind, is replaced, and nothing else.
+    // Replaces only a link to a terminal, which an earlier run has left.
     if std::fs::read_link(link).is_ok_and(|target| target.starts_with("/dev/pts")) {
         std::fs::remove_file(link)?;
     }

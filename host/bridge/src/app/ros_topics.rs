@@ -101,7 +101,7 @@ impl RosTopics {
     /// have done the same at the same time.
     async fn check(&self) -> Result<(), NodeError> {
         loop {
-            // Without a master nobody can subscribe, so topics can wait for its answer.
+            // Without a master no node can subscribe, so topics can wait for its answer.
             let Ok(state) = self.node.system_state().await else {
                 return Ok(());
             };
@@ -267,7 +267,7 @@ pub(crate) struct Claim {
     contested: bool,
 }
 
-/// What a check of the publishers requires.
+/// Action that a check of the publishers requires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Change {
     Keep,

@@ -120,7 +120,7 @@ fn check_model(device: &IdentifiedDevice, model: &Result<Model, String>) -> Chec
     }
 }
 
-/// What the port sent in answer to `Identify`.
+/// Answer at the port to `Identify`.
 #[derive(Clone, Debug)]
 pub(crate) enum DeviceAnswer {
     /// The port was not opened, because of an earlier finding.

@@ -15,7 +15,7 @@ const INSTALL_RULE: &str = "corticode-bridge ports --udev-rule | sudo tee \
 const APPLY_RULE: &str = "sudo udevadm control --reload && sudo udevadm trigger --action=add \
                           --subsystem-match=usb --subsystem-match=tty";
 
-/// What is known about the port without opening it.
+/// Facts about the port, found without opening it.
 #[derive(Clone, Debug)]
 pub(crate) struct PortFacts {
     pub(crate) place: PortPlace,
@@ -23,7 +23,7 @@ pub(crate) struct PortFacts {
     pub(crate) modem_manager: bool,
 }
 
-/// Where the port is.
+/// Kind and place of the port.
 #[derive(Clone, Debug)]
 pub(crate) enum PortPlace {
     /// A TCP address.

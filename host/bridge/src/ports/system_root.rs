@@ -31,7 +31,7 @@ impl SystemRoot {
         text(&self.path(relative))
     }
 
-    /// Returns the serial ports that have a device behind them, in the order of their names. Empty
+    /// Returns the serial ports that have a device, in the order of their names. Empty
     /// without sysfs.
     pub(crate) fn serial_ports(&self) -> Vec<SerialPort> {
         let terminals = entries(&self.path("sys/class/tty"));
@@ -133,7 +133,7 @@ const BOARD: (&str, &str) = ("1209:0001", "Corticode");
 /// USB vendor of STMicroelectronics, whose ST-LINK connects a board's UART.
 const ST_VENDOR: &str = "0483:";
 
-/// Start of the names in `/dev` that the project's udev rule gives
+/// Start of the names in `/dev` that the project's udev rule assigns
 /// (`packaging/60-corticode.rules`).
 pub(crate) const OWN_NAME: &str = "corticode-";
 
@@ -170,13 +170,13 @@ pub(crate) struct UsbIdentity {
 pub(crate) enum Likeness {
     /// The USB descriptor is a board's.
     Board,
-    /// An ST-LINK, which is wired to the UART of whatever board it sits on.
+    /// An ST-LINK, which is wired to the UART of the board that it is mounted on.
     Maybe,
     Other,
 }
 
 impl SerialPort {
-    /// Returns whether the port leads to a board, as far as its USB descriptor shows.
+    /// Returns whether the port leads to a board, according to its USB descriptor.
     pub(crate) fn likeness(&self) -> Likeness {
         let Some(usb) = &self.usb else {
             return Likeness::Other;

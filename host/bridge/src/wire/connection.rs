@@ -21,7 +21,7 @@ const RETRY: Duration = Duration::from_millis(250);
 const TTY_SILENCE_LIMIT: Duration = Duration::from_secs(5);
 
 /// Silence after which a TCP port is reopened. A broken connection is detected earlier, by TCP
-/// itself. An intact one keeps the data of a peer that stands still, and reopening would lose them.
+/// itself. An intact one keeps the data of a suspended peer, and reopening would lose them.
 const TCP_SILENCE_LIMIT: Duration = Duration::from_mins(1);
 
 /// A port that is reopened whenever it disappears.

@@ -101,7 +101,7 @@ async fn exchange(
 }
 
 /// Makes TCP report a peer whose machine does not answer for 10 s (power cut, unplugged cable). The
-/// machine of a program that stands still does answer.
+/// machine of a suspended program does answer.
 fn detect_broken_connection(stream: &TcpStream) -> io::Result<()> {
     sockopt::set_socket_keepalive(stream, true)?;
     sockopt::set_tcp_keepidle(stream, Duration::from_secs(4))?;
@@ -217,7 +217,7 @@ impl PortAddress {
     ///
     /// # Errors
     ///
-    /// What is allowed, for any other text.
+    /// A message with the allowed forms, for any other text.
     pub(crate) fn parse_output(text: &str) -> Result<PortAddress, String> {
         match text.split_once(':') {
             Some(("pty", path)) if !path.is_empty() => text.parse(),

@@ -122,7 +122,7 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
             let Some((at, tick)) = found else { continue };
             let tick = tick - (at - row) as f64 * ticks;
             let event = *us as f64 * TICKS_PER_SECOND as f64 / 1e6;
-            // A row that was found behind the pause of the restart is off by its rounding.
+            // A row after the pause of the restart is off by its rounding.
             worst = worst.max((tick - event).abs() / ticks);
             checked += 1;
         }
@@ -130,7 +130,7 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
         assert!(checked >= times_us.len() - 1, "{stream}: {checked}");
         assert!(worst <= 1.1, "{stream}: {worst} rows");
         assert!((0..table.rows.len()).any(|row| table.is_filler(row)));
-        // Every row stands at its index: the wall clock and the values agree from start to end.
+        // Every row is at its index: the wall clock and the values agree from start to end.
         let mut at_start = None;
         for row in 0..table.rows.len() {
             let Some(tick) = tick_of(&table, stream, row) else {

@@ -35,7 +35,7 @@ pub(crate) struct Controls {
     pub(crate) made: AtomicU32,
     /// Whether the board refuses connections.
     pub(crate) unplugged: AtomicBool,
-    /// Whether the board stands still, like a program that is suspended. Afterwards the board makes
+    /// Whether the board is suspended. Afterwards the board makes
     /// the codes of that time at once.
     pub(crate) stand_still: AtomicBool,
     stop: AtomicBool,

@@ -16,7 +16,7 @@ use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::process::{Bridge, wait_for_bytes};
 
-/// What a recording holds, as far as a test needs it.
+/// Content of a recording that the tests need.
 #[derive(Debug, Default)]
 struct Content {
     windows: Vec<u32>,
@@ -138,7 +138,7 @@ fn a_full_disk_ends_the_recording_and_keeps_what_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recording");
     let device = Device::tcp(Board::new());
-    // A limit of the file's size stands for a full disk: 32 blocks of 512 or 1024 bytes. Without
+    // A limit of the file's size simulates a full disk: 32 blocks of 512 or 1024 bytes. Without
     // the trap the kernel would end the program by a signal.
     let script = "trap '' XFSZ; ulimit -f 32; exec \"$@\"";
     let mut child = Command::new("sh")

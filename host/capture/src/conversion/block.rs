@@ -44,14 +44,14 @@ pub(crate) struct Block {
     /// The published frame: values, status words, rate and labels.
     pub(crate) frame: NeuroFrame,
     /// Number of restarts of the device before these rows. Device times of different runs have
-    /// nothing in common.
+    /// cannot be compared.
     pub(crate) run: u32,
     /// Device time at which the first row happened on the scalp, microseconds; negative for rows
     /// from before the device's start.
     pub(crate) first_us: i64,
     /// Wall clock at which the first row happened on the scalp, nanoseconds since 1970.
     pub(crate) wall_ns: i64,
-    /// Index of the first row in the stream, as far as the stream has one.
+    /// Index of the first row in the stream; `None` for streams without an index.
     pub(crate) index: Option<u64>,
 }
 
@@ -127,7 +127,7 @@ pub(crate) struct TimedEvent {
     pub(crate) description: String,
 }
 
-/// What a file is told about its stream before the first row.
+/// Description of a stream, which its file needs before the first row.
 pub(crate) struct StreamFile<'a> {
     /// The stream's first frame: labels, units, ranges, rate.
     pub(crate) first: &'a NeuroFrame,

@@ -1,4 +1,4 @@
-//! The first pass over a recording: which streams it holds, and at which row each event stands.
+//! The first pass over a recording: which streams it holds, and the row of each event.
 
 use std::sync::Arc;
 
@@ -11,11 +11,11 @@ use crate::conversion::collector::Listener;
 /// microseconds: times of samples are rounded to microseconds.
 const SAME_US: i64 = 2;
 
-/// Longest time after the last row at which an event can stand, seconds: a day. An event of a later
-/// time, which a damaged recording can hold, stands there too.
+/// Longest time after the last row at which an event is placed, seconds: a day. An event of a later
+/// time, which a damaged recording can hold, is placed there too.
 const MAX_AFTER_END_S: u64 = 86_400;
 
-/// What the first pass finds out.
+/// Result of the first pass.
 #[derive(Debug, Default)]
 pub(crate) struct Survey {
     pub(crate) streams: [StreamSurvey; 4],

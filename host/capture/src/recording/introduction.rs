@@ -1,4 +1,4 @@
-//! What a replay knows of a recording before it plays it: the device's introduction and its starts.
+//! State that a replay reads from a recording before playing it: introduction and starts.
 
 use std::collections::HashMap;
 

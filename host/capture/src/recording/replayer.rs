@@ -259,7 +259,7 @@ impl<R: Read + Seek> Replayer<R> {
                 RecordKind::Sent => {
                     self.recorded_starts.note(record.payload);
                 }
-                // What follows is the recorded end of the stream, which this host decides itself.
+                // The recorded end of the stream follows; this host ends the stream itself.
                 RecordKind::Ending => return Ok(None),
                 RecordKind::Opened | RecordKind::Closed | RecordKind::Newer(_) => {}
             }
@@ -267,7 +267,7 @@ impl<R: Read + Seek> Replayer<R> {
         Ok(None)
     }
 
-    /// Sends a recorded frame, or does what it stands for.
+    /// Sends a recorded frame, or changes the state as the frame did for the recorded host.
     fn pass_on(&mut self, payload: &[u8], time_us: i64) {
         let mut decoder = std::mem::take(&mut self.from_device);
         let mut bytes = payload;

@@ -1,5 +1,5 @@
 //! Recordings: the bytes of a file are those of docs/recording-format.md, and a damaged file is
-//! read as far as it is whole.
+//! read up to the damage.
 
 use std::io::Cursor;
 

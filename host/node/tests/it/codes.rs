@@ -24,7 +24,7 @@ fn equals_recording(acquisition: &Acquisition, seconds: u32) -> Harness {
     for (window, (code, expected)) in codes.iter().zip(&expected).enumerate() {
         assert_eq!(*code, expected, "window {window}");
     }
-    // A resampled recording goes on for up to one and a half blocks, which depend on its end.
+    // A resampled recording continues for up to one and a half blocks, which depend on its end.
     let waiting_us = harness.source.block_us() * 3 / 2;
     let missing = expected.len() - codes.len();
     let hop_us = 1_000_000 * model::HOP as u64 / u64::from(model::STEP_RATE_HZ);

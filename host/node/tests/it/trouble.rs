@@ -93,7 +93,7 @@ async fn a_silent_acquisition_and_a_second_one_are_errors_in_diagnostics() {
     let log = graph.log();
     assert_eq!(log.matches("2 nodes publish the topic").count(), 1, "{log}");
     assert!(!log.contains("started again"), "{log}");
-    // The first acquisition goes on when the second one has ended.
+    // The first acquisition continues when the second one has ended.
     node.shutdown().await;
     let is_alone = |status: &neuro_ros::DiagnosticStatus| !status.message.starts_with("2 nodes");
     graph.status("corticode: source", is_alone).await;
