@@ -19,7 +19,6 @@ mod ros_topics;
 mod shutdown;
 mod whole_lines;
 
-use std::error::Error;
 use std::fmt;
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
@@ -79,15 +78,7 @@ pub fn run() -> ExitCode {
     });
     match done {
         Ok(code) => code,
-        Err(error) => {
-            eprintln!("corticode-bridge: {error}");
-            let mut source = error.source();
-            while let Some(cause) = source {
-                eprintln!("  because {cause}");
-                source = cause.source();
-            }
-            ExitCode::from(error.exit_code())
-        }
+        Err(error) => error.report("corticode-bridge"),
     }
 }
 

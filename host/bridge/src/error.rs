@@ -1,6 +1,8 @@
 //! Errors that end the bridge or one of its subcommands.
 
+use std::error::Error as _;
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use artifact::ArtifactError;
 use bridge_core::QueryError;
@@ -164,6 +166,17 @@ pub enum BridgeError {
 }
 
 impl BridgeError {
+    /// Prints the error and its causes to stderr, and returns the exit status of the program.
+    pub fn report(&self, program: &str) -> ExitCode {
+        eprintln!("{program}: {self}");
+        let mut source = self.source();
+        while let Some(cause) = source {
+            eprintln!("  because {cause}");
+            source = cause.source();
+        }
+        ExitCode::from(self.exit_code())
+    }
+
     /// Returns the exit status of the program: 1 if a check or the output failed, 2 for wrong
     /// usage, 3 if the device or ROS is not reachable, 4 if the device refuses the request.
     pub fn exit_code(&self) -> u8 {

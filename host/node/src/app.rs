@@ -1,6 +1,5 @@
 //! The program `corticode-node`: options, log and exit status.
 
-use std::error::Error;
 use std::process::ExitCode;
 
 use bridge::{
@@ -24,15 +23,7 @@ pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("corticode");
     match publish(ros, arguments) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("corticode-node: {error}");
-            let mut source = error.source();
-            while let Some(cause) = source {
-                eprintln!("  because {cause}");
-                source = cause.source();
-            }
-            ExitCode::from(error.exit_code())
-        }
+        Err(error) => error.report("corticode-node"),
     }
 }
 

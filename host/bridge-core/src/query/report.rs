@@ -378,6 +378,10 @@ fn or_dash(measured: Option<String>) -> String {
 
 /// Writes a header and rows. Every column is as wide as its widest cell; columns marked in `right`
 /// are aligned to the right.
+///
+/// # Errors
+///
+/// Those of `formatter`.
 pub fn write_columns<const N: usize>(
     formatter: &mut fmt::Formatter<'_>,
     header: [&str; N],

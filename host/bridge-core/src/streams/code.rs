@@ -164,7 +164,7 @@ impl CodeStream {
         self.timeline.record(place, reception);
         let device = &self.timeline.device;
         let last_sample = device.last_sample(place.index);
-        let words = self.timeline.words(place, flags, last_sample, reception);
+        let words = place.words(flags, last_sample, reception);
         let steps_back = reception.clock.wall_steps_back();
         let window = u32::from(device.window_steps);
         if received || self.timeline.settings.filler != FillerPolicy::Off {

@@ -47,6 +47,24 @@ pub(crate) struct HopPlace {
     pub(crate) is_made: bool,
 }
 
+impl HopPlace {
+    /// Returns the status words of the item's frame, whose last ADC sample is `last_sample`.
+    pub(crate) fn words(
+        self,
+        flags: Flags,
+        last_sample: u64,
+        reception: Reception<'_>,
+    ) -> TriWords {
+        TriWords {
+            flags: flags.bits(),
+            window: self.index,
+            device_time_us: u64::try_from(self.device_us).unwrap_or(0),
+            lost: self.missing,
+            trigger: reception.trigger.level_at(last_sample),
+        }
+    }
+}
+
 /// Items that are missing directly before another one.
 #[derive(Clone, Copy, Debug)]
 struct Gap {
@@ -89,23 +107,6 @@ impl HopTimeline {
         let (settings, decoded) = (&self.settings, self.decoding.stream);
         self.device
             .frame_lookback_us(settings.announced, decoded, settings)
-    }
-
-    /// Returns the status words of an item's frame, whose last ADC sample is `last_sample`.
-    pub(crate) fn words(
-        &self,
-        place: HopPlace,
-        flags: Flags,
-        last_sample: u64,
-        reception: Reception<'_>,
-    ) -> TriWords {
-        TriWords {
-            flags: flags.bits(),
-            window: place.index,
-            device_time_us: u64::try_from(place.device_us).unwrap_or(0),
-            lost: place.missing,
-            trigger: reception.trigger.level_at(last_sample),
-        }
     }
 
     /// Returns the time of a frame of `length` steps, which begins `lookback` steps before the last

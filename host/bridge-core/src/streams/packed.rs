@@ -144,7 +144,7 @@ impl PackedStream {
         let hop = u32::from(device.hop_steps);
         let end = (u64::from(place.index) + 1) * u64::from(hop);
         let last_sample = device.sample_of_step(end - 1);
-        let words = self.timeline.words(place, flags, last_sample, reception);
+        let words = place.words(flags, last_sample, reception);
         let steps = [hop - 1, hop];
         let time = self.timeline.frame_time_ns(place, steps, reception);
         let steps_back = reception.clock.wall_steps_back();

@@ -418,6 +418,7 @@ impl PendingCommand {
     }
 
     /// Returns this command with one more transmission recorded: frame `seq`, sent at `now_us`.
+    #[must_use]
     pub fn sent_again(self, seq: u32, now_us: i64) -> PendingCommand {
         PendingCommand {
             last_seq: seq,

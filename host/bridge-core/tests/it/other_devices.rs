@@ -204,7 +204,7 @@ fn a_device_with_a_newer_code_format_is_refused_with_advice() {
     let now = crate::board::at(harness.now_us);
     let device = harness.core.diagnostics(now).status.remove(0);
     let message = &device.message;
-    assert_has(&message, ["number 3", "same release"]);
+    assert_has(message, ["number 3", "same release"]);
 }
 
 #[test]

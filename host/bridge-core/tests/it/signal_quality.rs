@@ -3,7 +3,7 @@
 use link::{ElectrodeQuality, Quality, ToHost};
 use neuro_ros::DiagnosticLevel;
 
-use crate::board::{Board, at, electrode};
+use crate::board::{Board, electrode};
 use crate::recorder::{Harness, SETTINGS, state};
 
 const GOOD: ElectrodeQuality = ElectrodeQuality {

@@ -35,8 +35,7 @@ async fn log_of_bridge_on(
     let bridge = Bridge::start_with(arguments, variables);
     frame(&mut encoded).await;
     bridge.signal(Signal::TERM);
-    let log = ended(bridge).await;
-    log
+    ended(bridge).await
 }
 
 #[tokio::test]

@@ -111,7 +111,7 @@ async fn three_faults_at_once_have_their_remedies_and_status_1() {
     assert_eq!(code, Some(1));
     let pid = holder.pid().to_string();
     let (finding, remedy) = found(&checks, "other program", "error");
-    assert_has(&finding, [&format!("corticode-bridge (pid {pid})")]);
+    assert_has(finding, [&format!("corticode-bridge (pid {pid})")]);
     assert!(remedy.ends_with(&format!("kill {pid}")), "{remedy}");
     let (finding, remedy) = found(&checks, "ROS master", "error");
     assert!(
@@ -119,8 +119,8 @@ async fn three_faults_at_once_have_their_remedies_and_status_1() {
         "{finding}: {remedy}"
     );
     let (finding, remedy) = found(&checks, "own address", "error");
-    assert_has(&finding, ["no-such-host.invalid, which does not resolve"]);
-    assert_has(&remedy, ["unset ROS_HOSTNAME; export ROS_IP="]);
+    assert_has(finding, ["no-such-host.invalid, which does not resolve"]);
+    assert_has(remedy, ["unset ROS_HOSTNAME; export ROS_IP="]);
     found(&checks, "device", "unknown");
     for check in &checks {
         let remedy = check["remedy"].as_str();
@@ -163,10 +163,7 @@ async fn faults_of_device_and_ros_graph_are_named() {
         "{remedy}"
     );
     let (finding, _) = found(&checks, "own address", "error");
-    assert_has(
-        &finding,
-        ["192.0.2.1), which is no address of this machine"],
-    );
+    assert_has(finding, ["192.0.2.1), which is no address of this machine"]);
     let (finding, remedy) = found(&checks, "model", "warning");
     assert!(finding.contains("0909090909090909") && remedy.contains("--model FOLDER"));
 }

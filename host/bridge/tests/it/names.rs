@@ -49,8 +49,7 @@ async fn publishers(node: &Node, topic: &str) -> Vec<String> {
 
 async fn end(bridge: Bridge) -> String {
     bridge.signal(Signal::TERM);
-    let log = ended(bridge).await;
-    log
+    ended(bridge).await
 }
 
 #[tokio::test]

@@ -51,8 +51,7 @@ fn log_of(port: &str, time: Duration) -> String {
         .unwrap();
     let bridge = Bridge::start_into(null, &["--port", port, "--sink", "ndjson"]);
     sleep(time);
-    let log = bridge.end(Signal::TERM);
-    log
+    bridge.end(Signal::TERM)
 }
 
 #[test]
