@@ -15,10 +15,7 @@ mod conversion;
 mod recording;
 
 pub use conversion::{Conversion, ConvertError, ConvertSummary, FileFormat, convert};
-pub use recording::FileHeader;
-pub use recording::RecordingError;
 pub use recording::reader::{LeftOut, RecordingReader};
 pub use recording::recorder::Recorder;
-pub use recording::replayer::ReplayCounts;
-pub use recording::replayer::{Pace, Replayer};
-pub use recording::{Record, RecordKind};
+pub use recording::replayer::{Pace, ReplayCounts, Replayer};
+pub use recording::{FileHeader, Record, RecordKind, RecordingError};

@@ -1,11 +1,11 @@
 //! Conversion of the core's effects to blocks of rows and to events.
 
+use std::sync::Arc;
+
 use bridge_core::{
     Announcement, Device, Effects, Model, PackedReconstruction, Reconstruction, Settings,
     TimedCode, TimedPackedBlock,
 };
-use std::sync::Arc;
-
 use neuro_ros::{NeuroEvent, NeuroFrame};
 
 use crate::conversion::block::{Block, Stream, TimedEvent};
