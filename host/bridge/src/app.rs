@@ -16,6 +16,7 @@ mod record;
 mod replay;
 pub(crate) mod ros_node;
 mod ros_topics;
+mod rosout;
 mod shutdown;
 mod whole_lines;
 

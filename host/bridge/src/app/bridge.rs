@@ -12,10 +12,10 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use crate::app::command_line::{Options, SinkKind};
-use crate::app::log;
 use crate::app::log::SilenceLog;
 use crate::app::outlets::{Outlets, Sinks};
 use crate::app::ros_node::{Namespace, NodeCommand, RosNode};
+use crate::app::rosout;
 use crate::app::shutdown::Shutdown;
 use crate::app::whole_lines::WholeLines;
 use crate::error::BridgeError;
@@ -89,7 +89,7 @@ impl Publication {
         }
         let (command_sender, commands) = mpsc::unbounded_channel();
         let ros = RosNode::start(self.ros).await?;
-        log::publish(Arc::clone(&ros.node), log);
+        rosout::publish(Arc::clone(&ros.node), log);
         let (announcement_sender, announced) = watch::channel(None);
         if settings.streams.contains(Streams::PACKED) {
             ros.subscribe_rate(command_sender.clone());
