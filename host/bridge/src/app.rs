@@ -1,60 +1,48 @@
 //! The program `corticode-bridge`: tasks, log and exit status.
 
 pub(crate) mod bridge;
-mod check_options;
-mod claim;
 pub(crate) mod command_line;
-mod completions;
-mod config_file;
+pub(crate) mod config_file;
 mod convert;
 mod doctor;
 mod given_options;
 pub(crate) mod log;
-mod man;
+mod manual;
 mod master;
-pub(crate) mod namespace;
-mod node_command;
 mod outlets;
 pub(crate) mod parameters;
-mod port_options;
 mod ports;
 mod record;
-mod recording_file;
 mod replay;
-mod replay_port;
-mod ros_node;
+pub(crate) mod ros_node;
 mod ros_topics;
 mod rosout;
 mod shutdown;
-mod silence_log;
-mod sink_kind;
-mod sinks;
-mod stream_options;
 mod whole_lines;
 
-use std::error::Error;
 use std::fmt;
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use bridge_core::{Answer, Request};
 use neuro_ros::Log;
 use neuro_ros::ros1::NodeOptions;
 use serde::Serialize;
+use tokio::runtime::{Builder, Runtime};
 use tokio::sync::mpsc::Receiver;
 
-use crate::app::check_options::{DoctorOptions, PortsOptions};
-use crate::app::command_line::{Options, RecordOptions, Task, command};
+use crate::app::command_line::{
+    DoctorOptions, Options, PortOptions, PortsOptions, RecordOptions, Task, command,
+};
 use crate::app::config_file::ConfigFile;
 use crate::app::convert::ConvertOptions;
 use crate::app::given_options::GivenOptions;
 use crate::app::master::MasterOptions;
-use crate::app::port_options::PortOptions;
 use crate::app::ports::PortList;
 use crate::app::replay::ReplayOptions;
 use crate::error::BridgeError;
 use crate::ports::system_root::SystemRoot;
-use crate::query::protocol::{Answer, Request};
 use crate::query::query_port;
 
 /// udev's rule for boards on USB.
@@ -82,28 +70,22 @@ pub fn run() -> ExitCode {
         Task::Convert(options) => convert(&options, &ros, config).map(|()| ExitCode::SUCCESS),
         Task::Master(options) => run_master(&options, &ros).map(|()| ExitCode::SUCCESS),
         Task::Completions(options) => {
-            let script = completions::script(&options, command());
+            let script = manual::script(&options, command());
             print(script.as_bytes()).map(|()| ExitCode::SUCCESS)
         }
-        Task::Man(options) => print(&man::pages(&options, command())?).map(|()| ExitCode::SUCCESS),
+        Task::Man(options) => {
+            print(&manual::pages(&options, command())?).map(|()| ExitCode::SUCCESS)
+        }
     });
     match done {
         Ok(code) => code,
-        Err(error) => {
-            eprintln!("corticode-bridge: {error}");
-            let mut source = error.source();
-            while let Some(cause) = source {
-                eprintln!("  because {cause}");
-                source = cause.source();
-            }
-            ExitCode::from(error.exit_code())
-        }
+        Err(error) => error.report("corticode-bridge"),
     }
 }
 
-/// Reads the options from command line, environment, parameter server and configuration file, in this
-/// order of precedence. Wrong usage and requests for help end the process. Also returns the path of
-/// the file, for the log, if it has options.
+/// Reads the options from command line, environment, parameter server and configuration file, in
+/// this order of precedence. Wrong usage and requests for help end the process. Also returns the
+/// path of the file, for the log, if it has options.
 fn read_task(
     ros: &NodeOptions,
     arguments: Vec<String>,
@@ -131,12 +113,11 @@ fn read_task(
     let with_file = parse(&values(&others));
     if with_file.is_ros_bridge() {
         let master_uri = with_file.ros_master_uri().unwrap_or(&ros.master_uri);
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()?;
+        let runtime = one_thread()?;
         let names = Options::parameter_names();
         let parameters = runtime.block_on(parameters::read(ros, master_uri, &names));
-        // A name that does not resolve would hold the runtime's end for as long as the resolver tries.
+        // A name that does not resolve would hold the runtime's end for as long as the resolver
+        // tries.
         runtime.shutdown_background();
         for (name, argument) in parameters? {
             if !given.is_set(&name) {
@@ -165,11 +146,9 @@ fn names_master() -> bool {
 
 fn stream(options: Options, ros: NodeOptions, config: Option<PathBuf>) -> Result<(), BridgeError> {
     let lines = init_log(&ros, config)?;
-    // One thread reads the port and writes the sockets: passing a code to another thread would delay
-    // it by the time in which that thread wakes up.
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()?;
+    // One thread reads the port and writes the sockets: passing a code to another thread would
+    // delay it by the time in which that thread wakes up.
+    let runtime = one_thread()?;
     let summary = runtime.block_on(bridge::stream(options, ros, lines))?;
     eprintln!("corticode-bridge: {summary}");
     Ok(())
@@ -181,9 +160,7 @@ fn record(
     config: Option<PathBuf>,
 ) -> Result<(), BridgeError> {
     init_log(ros, config)?;
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .enable_all()
-        .build()?;
+    let runtime = Runtime::new()?;
     let summary = runtime.block_on(record::record(options))?;
     eprintln!("corticode-bridge: {summary}");
     Ok(())
@@ -191,9 +168,7 @@ fn record(
 
 fn replay(options: &ReplayOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
     init_log(ros, None)?;
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .enable_all()
-        .build()?;
+    let runtime = Runtime::new()?;
     let summary = runtime.block_on(replay::replay(options))?;
     eprintln!("corticode-bridge: {summary}");
     Ok(())
@@ -212,18 +187,14 @@ fn convert(
 
 fn run_master(options: &MasterOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
     init_log(ros, None)?;
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .enable_all()
-        .build()?;
+    let runtime = Runtime::new()?;
     runtime.block_on(master::run(options))
 }
 
 /// Sends one request to the device and prints the answer. The exit status is 1 if a self-test
 /// failed.
 fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCode, BridgeError> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()?;
+    let runtime = one_thread()?;
     let (text, passed) = match runtime.block_on(query_port(&at.port, at.baud, request))? {
         Answer::SelfTest(report) if json => {
             let json = serde_json::to_string_pretty(&report).map_err(std::io::Error::from)?;
@@ -255,14 +226,17 @@ fn list_ports(options: &PortsOptions) -> Result<ExitCode, BridgeError> {
 
 /// Checks this machine and prints the findings. The exit status is 1 if one is an error.
 fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, BridgeError> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()?;
+    let runtime = one_thread()?;
     let report = runtime.block_on(doctor::examine(options, ros));
     // A name that does not resolve would hold the runtime's end for as long as the resolver tries.
     runtime.shutdown_background();
     print_report(&report, options.json)?;
     Ok(ExitCode::from(u8::from(report.errors > 0)))
+}
+
+/// Returns a runtime whose tasks run in the thread that waits for it.
+fn one_thread() -> std::io::Result<Runtime> {
+    Builder::new_current_thread().enable_all().build()
 }
 
 /// Prints a report as text or as JSON.

@@ -1,16 +1,18 @@
 //! Errors that end the bridge or one of its subcommands.
 
+use std::error::Error as _;
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use artifact::ArtifactError;
+use bridge_core::QueryError;
+use capture::{ConvertError, RecordingError};
 use neuro_ros::SinkError;
 use neuro_ros::ros1::NodeError;
 use new_file::NewFileError;
 use thiserror::Error;
 
-use crate::config_error::ConfigError;
-use crate::query::report::DeviceSummary;
-use crate::recording::error::RecordingError;
+use crate::app::config_file::ConfigError;
 
 /// Error that ends the bridge or a query. The streaming bridge waits for an absent device or ROS
 /// master, without an error.
@@ -91,34 +93,9 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// The device did not acknowledge a command, or did not send the result, before the timeout.
-    #[error(
-        "no answer {what} within {seconds} s; check cable, power and --baud, and that no other \
-         program uses the port"
-    )]
-    NoAnswer {
-        /// Phrase that follows "no answer", such as `to the reset command`.
-        what: &'static str,
-        /// Length of the timeout, seconds.
-        seconds: u32,
-    },
-    /// The device acknowledged the request with an error.
-    #[error("the device refuses {what}: {why}")]
-    Refused {
-        /// Request as an infinitive, such as `to restart`.
-        what: &'static str,
-        /// Reason, and what the user can do next.
-        why: &'static str,
-    },
-    /// The device restarted during its self-test, because of a reset, its watchdog or a fault.
-    #[error(
-        "the device restarted during its self-test, which has no result: {device}; try again, and \
-         report this message if it happens again"
-    )]
-    RestartedDuringTest {
-        /// Identity, cause of the restart, and any fault that the device reports.
-        device: Box<DeviceSummary>,
-    },
+    /// A request to the device has no answer, or a refusal.
+    #[error(transparent)]
+    Query(#[from] QueryError),
     /// The ROS node's name or the master's URI is invalid, or the node's network ports cannot be
     /// opened.
     #[error("the ROS node cannot start; check the name, ROS_IP and ROS_MASTER_URI")]
@@ -146,8 +123,8 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// A file cannot be written under its name: it exists, it is the recording to read, or it cannot
-    /// be created or completed.
+    /// A file cannot be written under its name: it exists, it is the recording to read, or it
+    /// cannot be created or completed.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
     /// A recording's file cannot be written any further, because the disk is full or fails.
@@ -172,7 +149,7 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// The file to read is not a usable recording.
+    /// A recording cannot be played.
     #[error("{path} cannot be used as a recording")]
     Recording {
         /// Path of the file.
@@ -180,12 +157,26 @@ pub enum BridgeError {
         /// What is wrong with it.
         source: RecordingError,
     },
+    /// A recording cannot be converted.
+    #[error(transparent)]
+    Convert(#[from] ConvertError),
     /// The operating system does not provide a signal handler, a thread or stdout.
     #[error("the operating system refuses a resource that this program needs")]
     System(#[from] std::io::Error),
 }
 
 impl BridgeError {
+    /// Prints the error and its causes to stderr, and returns the exit status of the program.
+    pub fn report(&self, program: &str) -> ExitCode {
+        eprintln!("{program}: {self}");
+        let mut source = self.source();
+        while let Some(cause) = source {
+            eprintln!("  because {cause}");
+            source = cause.source();
+        }
+        ExitCode::from(self.exit_code())
+    }
+
     /// Returns the exit status of the program: 1 if a check or the output failed, 2 for wrong
     /// usage, 3 if the device or ROS is not reachable, 4 if the device refuses the request.
     pub fn exit_code(&self) -> u8 {
@@ -194,7 +185,9 @@ impl BridgeError {
             | BridgeError::System(_)
             | BridgeError::FileWrite { .. }
             | BridgeError::NewFile(NewFileError::Write { .. } | NewFileError::Finish { .. })
-            | BridgeError::RestartedDuringTest { .. } => 1,
+            | BridgeError::Convert(ConvertError::NewFile(
+                NewFileError::Write { .. } | NewFileError::Finish { .. },
+            )) => 1,
             BridgeError::Port { .. }
             | BridgeError::Speed { .. }
             | BridgeError::SeveralBoards { .. }
@@ -203,6 +196,7 @@ impl BridgeError {
             | BridgeError::Log { .. }
             | BridgeError::NewFile(_)
             | BridgeError::Recording { .. }
+            | BridgeError::Convert(_)
             | BridgeError::Output { .. }
             | BridgeError::AnnouncedNotStreamed
             | BridgeError::Config { .. }
@@ -210,10 +204,8 @@ impl BridgeError {
             | BridgeError::UnknownParameter { .. }
             | BridgeError::ParameterType { .. }
             | BridgeError::Node(NodeError::Name(_) | NodeError::MasterUri(_)) => 2,
-            BridgeError::Node(_)
-            | BridgeError::Unreachable { .. }
-            | BridgeError::NoAnswer { .. } => 3,
-            BridgeError::Refused { .. } => 4,
+            BridgeError::Node(_) | BridgeError::Unreachable { .. } => 3,
+            BridgeError::Query(error) => error.exit_code(),
         }
     }
 }

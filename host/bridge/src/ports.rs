@@ -2,8 +2,6 @@
 
 pub(crate) mod access;
 pub(crate) mod finder;
-pub(crate) mod holders;
-pub(crate) mod serial_port;
 #[cfg(test)]
 pub(crate) mod simulated_machine;
 pub(crate) mod system_root;

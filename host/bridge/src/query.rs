@@ -1,21 +1,15 @@
 //! A single request to the device at a port.
 
-pub(crate) mod protocol;
-pub(crate) mod report;
-mod table;
-
 use std::io;
 use std::time::Duration;
 
+use bridge_core::{Answer, HostTime, Query, Request};
 use indicatif::ProgressBar;
 use tokio::time::{sleep, timeout};
 
 use crate::error::BridgeError;
-use crate::query::protocol::{Answer, Query, QueryResult, Request};
-use crate::time::host_time::HostTime;
-use crate::wire::address::PortAddress;
 use crate::wire::opener::{OpenError, PortOpener};
-use crate::wire::port::{Port, Transfer};
+use crate::wire::port::{Port, PortAddress, Transfer};
 
 /// Interval at which timeouts are checked and a lost port is reopened.
 const TICK: Duration = Duration::from_millis(100);
@@ -27,7 +21,11 @@ const TICK: Duration = Duration::from_millis(100);
 ///
 /// [`BridgeError`] if the port cannot be used, the device does not answer, or it refuses the
 /// request.
-pub(crate) async fn query_port(address: &PortAddress, baud: u32, request: Request) -> QueryResult {
+pub(crate) async fn query_port(
+    address: &PortAddress,
+    baud: u32,
+    request: Request,
+) -> Result<Answer, BridgeError> {
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(TICK);
     let outcome = run_query(address, baud, request, &spinner).await;
@@ -50,7 +48,7 @@ async fn run_query(
         spinner.set_message(query.progress_text());
         let now_us = HostTime::now().monotonic_us;
         if let Some(outcome) = query.tick(now_us) {
-            return outcome;
+            return Ok(outcome?);
         }
         let Some(open_port) = &mut port else {
             sleep(TICK).await;
@@ -69,7 +67,7 @@ async fn run_query(
             Ok(Ok(Transfer::Read(count))) => {
                 let now_us = HostTime::now().monotonic_us;
                 if let Some(outcome) = query.receive(&buffer[..count], now_us) {
-                    return outcome;
+                    return Ok(outcome?);
                 }
             }
             Ok(Ok(Transfer::Written(count))) => drop(outgoing.drain(..count)),

@@ -1,6 +1,5 @@
 //! The program `corticode-node`: options, log and exit status.
 
-use std::error::Error;
 use std::process::ExitCode;
 
 use bridge::{
@@ -18,20 +17,13 @@ use crate::feed::SourceFeed;
 /// Number of frames that wait when this program does not run: 64 s at 16 frames per second.
 const QUEUE_FRAMES: usize = 1024;
 
-/// Runs `corticode-node` with the arguments and environment of this process and returns its exit status.
+/// Runs `corticode-node` with the arguments and environment of this process and returns its exit
+/// status.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("corticode");
     match publish(ros, arguments) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("corticode-node: {error}");
-            let mut source = error.source();
-            while let Some(cause) = source {
-                eprintln!("  because {cause}");
-                source = cause.source();
-            }
-            ExitCode::from(error.exit_code())
-        }
+        Err(error) => error.report("corticode-node"),
     }
 }
 
@@ -39,8 +31,8 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
     if !model::HAS_NETWORK {
         return Err(BridgeError::NoNetwork);
     }
-    // One thread reads the frames and writes the sockets: passing a code to another thread would delay
-    // it by the time in which that thread wakes up.
+    // One thread reads the frames and writes the sockets: passing a code to another thread would
+    // delay it by the time in which that thread wakes up.
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;

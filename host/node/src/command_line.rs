@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use bridge::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
+use bridge::choice;
+use bridge_core::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
 use clap::builder::{BoolishValueParser, PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, CommandFactory, Parser};
 use pipeline::Mains;
@@ -11,14 +12,14 @@ use crate::encoder_device::STREAMS;
 
 /// Encode the EEG of any ROS-Neuro acquisition and publish its codes.
 ///
-/// Subscribes to /neurodata (rosneuro_msgs/NeuroFrame): float microvolts, any frame size, 250 to 1024 Hz,
-/// electrodes by label. Publishes /encoded, /neurodata_reconstructed and /diagnostics as
+/// Subscribes to /neurodata (rosneuro_msgs/NeuroFrame): float microvolts, any frame size, 250 to
+/// 1024 Hz, electrodes by label. Publishes /encoded, /neurodata_reconstructed and /diagnostics as
 /// corticode-bridge does for a board, and serves ~get_info, ~start, ~stop and ~quit, as the node
-/// `corticode`. A recorder of /encoded needs the remapping /acquisition/get_info:=/corticode/get_info.
-/// Waits for an absent ROS master or acquisition. ROS's own arguments work too: __name:=, __ns:=,
-/// /neurodata:=/filtered. Each option but the master and the level of the log is a private parameter as
-/// well: _mains:=60, or ~mains on the parameter server, which flags and environment override. The log
-/// goes to stderr.
+/// `corticode`. A recorder of /encoded needs the remapping
+/// /acquisition/get_info:=/corticode/get_info. Waits for an absent ROS master or acquisition. ROS's
+/// own arguments work too: __name:=, __ns:=, /neurodata:=/filtered. Each option but the master and
+/// the level of the log is a private parameter as well: _mains:=60, or ~mains on the parameter
+/// server, which flags and environment override. The log goes to stderr.
 ///
 /// Exit status: 0 done, 1 publishing failed, 2 wrong usage, 3 ROS not reachable.
 #[derive(Clone, Debug, Parser)]
@@ -45,10 +46,10 @@ pub(crate) struct Options {
     )]
     pub(crate) mains: u8,
     /// Point of a frame that its stamp refers to
-    #[arg(long, env = "CORTICODE_STAMP", value_enum, default_value_t)]
+    #[arg(long, env = "CORTICODE_STAMP", default_value = "first", value_parser = choice::<StampPoint>())]
     pub(crate) stamp: StampPoint,
     /// Replacement of a lost code
-    #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
+    #[arg(long, env = "CORTICODE_FILLER", default_value = "last", value_parser = choice::<FillerPolicy>())]
     pub(crate) filler: FillerPolicy,
     /// Reconstruct from the newest window alone: one hop earlier, with a slightly larger error
     #[arg(
@@ -108,8 +109,8 @@ impl Options {
             low_latency: self.low_latency,
             announced: self.announce,
             streams: STREAMS,
-            packed_rate: None,
             event_stamps: EventStamps::Scalp,
+            ..Settings::default()
         }
     }
 
@@ -130,7 +131,7 @@ impl Options {
 
 #[cfg(test)]
 mod tests {
-    use bridge::AnnouncedStream;
+    use bridge_core::AnnouncedStream;
     use clap::{CommandFactory, Parser};
     use pipeline::Mains;
 

@@ -19,8 +19,8 @@ const ABILITIES: Abilities = Abilities {
 pub(crate) const STREAMS: Streams =
     Streams::from_bits(Streams::CODES.bits() | Streams::AUDIT.bits());
 
-/// A device that gets its samples from a program instead of converters. It runs the code of the boards:
-/// session, acquisition and encoder.
+/// A device that gets its samples from a program instead of converters. It runs the code of the
+/// boards: session, acquisition and encoder.
 ///
 /// Methods take the device time as an argument, in microseconds since the device's start.
 pub struct EncoderDevice {
@@ -59,7 +59,8 @@ impl FrameQueue for Outgoing {
 }
 
 impl EncoderDevice {
-    /// Creates a device that introduces itself. `session_id` must differ from that of the device before.
+    /// Creates a device that introduces itself. `session_id` must differ from that of the device
+    /// before.
     pub fn new(session_id: u32, substitutes: Substitutes, mains: Mains) -> EncoderDevice {
         let identity = Identity {
             firmware: env!("CARGO_PKG_VERSION"),
@@ -107,8 +108,8 @@ impl EncoderDevice {
         self.session.is_streaming()
     }
 
-    /// Encodes a sample. Codes of windows with a sample that `is_lost` are dropped, so that the host
-    /// finds them missing. Ignores the sample outside a run.
+    /// Encodes a sample. Codes of windows with a sample that `is_lost` are dropped, so that the
+    /// host finds them missing. Ignores the sample outside a run.
     pub fn process(&mut self, sample: &Sample, is_lost: bool, at_us: u64) {
         if !self.is_streaming() {
             return;

@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use bridge::{BridgeError, Feed, FeedEvent, HostTime};
+use bridge::{BridgeError, Feed, FeedEvent};
+use bridge_core::HostTime;
 use neuro_ros::ros1::Subscriber;
 use neuro_ros::{DiagnosticStatus, NeuroFrame, Wire};
 use pipeline::Mains;
@@ -78,8 +79,8 @@ impl SourceFeed {
         Some(count)
     }
 
-    /// Handles a message that arrived at `read`. Returns whether the device is connected now and was
-    /// not before.
+    /// Handles a message that arrived at `read`. Returns whether the device is connected now and
+    /// was not before.
     fn handle_message(&mut self, body: &[u8], read: HostTime) -> bool {
         self.newest = Some(read);
         let handled = match (NeuroFrame::from_bytes(body), self.subscriber.publishers()) {

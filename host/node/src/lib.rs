@@ -1,9 +1,9 @@
 //! Encodes the EEG of any ROS-Neuro acquisition and publishes its codes, as the paper's node does.
 //!
-//! A board encodes the samples of its own converters. This program subscribes to the frames of another
-//! amplifier's acquisition and encodes them with the same pipeline, bit for bit as host-sim encodes a
-//! recording of the same samples. The bridge's core publishes the codes, so subscribers see no
-//! difference.
+//! A board encodes the samples of its own converters. This program subscribes to the frames of
+//! another amplifier's acquisition and encodes them with the same pipeline, bit for bit as host-sim
+//! encodes a recording of the same samples. The bridge's core publishes the codes, so subscribers
+//! see no difference.
 //!
 //! ```text
 //! /neurodata ──► Layout, Sequence ──► LiveAdc ──► EncoderDevice ──► bridge ──► /encoded

@@ -74,7 +74,7 @@ pub enum Refusal {
         /// `neuroheader.seq` of the frame.
         seq: u32,
     },
-    /// Several nodes publish the topic, and their frames cannot be told apart.
+    /// Several nodes publish the topic, and their frames cannot be distinguished.
     #[error("{publishers} nodes publish the topic and their frames are mixed; stop all but one")]
     Mixed {
         /// Number of connected publishers.

@@ -2,16 +2,16 @@
 
 use neuro_ros::NeuroFrame;
 
-/// Longest gap that is bridged by fillers, microseconds. After a longer one the acquisition counts as
-/// restarted.
+/// Longest gap that is bridged by fillers, microseconds. After a longer one the acquisition counts
+/// as restarted.
 const LONGEST_GAP_US: i64 = 120_000_000;
 
-/// How much later than its predecessor's end a consecutive frame can begin before the acquisition counts
-/// as restarted, microseconds. Stamps are taken when a frame is read from the amplifier, so they vary
-/// by some frames.
+/// How much later than its predecessor's end a consecutive frame can begin before the acquisition
+/// counts as restarted, microseconds. Stamps are taken when a frame is read from the amplifier, so
+/// they vary by some frames.
 const LONGEST_PAUSE_US: i64 = 1_000_000;
 
-/// What a frame's number says about the frames before it.
+/// Relation of a frame to the frames before it, according to its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
     /// The frame follows the previous one, or is the first.

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 
-use bridge::HostTime;
+use bridge_core::HostTime;
 use link::Substitutes;
 use neuro_ros::NeuroFrame;
 use pipeline::{Mains, Sample};
@@ -18,8 +18,8 @@ const _: () = assert!(model::CHANNELS <= recordings::virtual_adc::CHANNELS);
 
 /// An acquisition whose frames are encoded by a device in this process.
 ///
-/// The device's time counts samples at their nominal rate, as a board's converters do. The bridge fits
-/// it to the arrival of the frames.
+/// The device's time counts samples at their nominal rate, as a board's converters do. The bridge
+/// fits it to the arrival of the frames.
 pub struct Source {
     layout: Layout,
     map: MontageMap,
@@ -32,8 +32,8 @@ pub struct Source {
     inputs: u64,
     /// Samples of the virtual ADC since the device's start.
     outputs: u64,
-    /// First sample and arrival of each frame whose samples are not all converted, oldest first. The
-    /// newest frame stays.
+    /// First sample and arrival of each frame whose samples are not all converted, oldest first.
+    /// The newest frame stays.
     arrivals: VecDeque<(u64, HostTime)>,
     /// Lost samples that are not all converted, oldest first.
     lost: VecDeque<Range<u64>>,
@@ -118,7 +118,8 @@ impl Source {
     ///
     /// # Errors
     ///
-    /// [`Refusal`] if the frame must not be encoded. It then counts as lost when the next one comes.
+    /// [`Refusal`] if the frame must not be encoded. It then counts as lost when the next one
+    /// comes.
     pub fn check(&mut self, frame: &NeuroFrame) -> Result<Arrival, Refusal> {
         self.layout.admit(frame)?;
         match self.sequence.record(frame, self.layout.frame_us()) {
@@ -149,8 +150,8 @@ impl Source {
         Ok(())
     }
 
-    /// Encodes a frame that [`Source::check`] has accepted, `lost` frames after the previous one. It
-    /// arrived at `read`.
+    /// Encodes a frame that [`Source::check`] has accepted, `lost` frames after the previous one.
+    /// It arrived at `read`.
     ///
     /// # Errors
     ///
@@ -186,7 +187,7 @@ impl Source {
 
     /// Passes bytes from the host to the device at `now`.
     pub fn receive(&mut self, bytes: &[u8], now: HostTime) {
-        // Between two frames the device's time goes on, but not beyond the samples of the next one.
+        // Between two frames the device's time advances, but not beyond the samples of the next one.
         let since_us = self.arrivals.back().map_or(0, |(_, arrival)| {
             now.monotonic_us.saturating_sub(arrival.monotonic_us)
         });
@@ -202,7 +203,8 @@ impl Source {
         self.device.is_streaming()
     }
 
-    /// Sends the device's counters, as a device does every second. The resampler makes codes less often.
+    /// Sends the device's counters, as a device does every second. The resampler makes codes less
+    /// often.
     pub fn send_stats(&mut self) {
         if self.is_streaming() {
             self.device.send_stats(self.device_us());
@@ -242,8 +244,8 @@ impl Source {
         lost.is_some_and(|lost| lost.contains(&before) || lost.contains(&after))
     }
 
-    /// Moves the device's bytes to the outgoing ones, with the arrival of the newest sample that was
-    /// converted.
+    /// Moves the device's bytes to the outgoing ones, with the arrival of the newest sample that
+    /// was converted.
     fn collect(&mut self) {
         let bytes = self.device.take_bytes();
         if bytes.is_empty() {

@@ -30,8 +30,8 @@ pub(crate) struct SourceFacts {
     pub(crate) block_s: f64,
 }
 
-/// Returns the status. `before` are the facts of the previous report, one second earlier: losses and
-/// refusals are warnings only in the first report after them.
+/// Returns the status. `before` are the facts of the previous report, one second earlier: losses
+/// and refusals are warnings only in the first report after them.
 pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticStatus {
     let lost = facts.counts.lost - before.counts.lost;
     let refused = facts.refused - before.refused;

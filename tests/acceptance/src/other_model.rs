@@ -12,8 +12,16 @@ use crate::machine_load::exclusive;
 use crate::workspace;
 
 /// Crates that contain the model, or depend on one that does.
-const DEPENDENTS: [&str; 7] = [
-    "model", "pipeline", "device", "offline", "host-sim", "bridge", "node",
+const DEPENDENTS: [&str; 9] = [
+    "model",
+    "pipeline",
+    "device",
+    "offline",
+    "host-sim",
+    "bridge-core",
+    "capture",
+    "bridge",
+    "node",
 ];
 
 /// Programs and tests that cargo has built with one model.

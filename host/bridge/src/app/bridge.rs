@@ -4,31 +4,22 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use bridge_core::{Core, HostTime, Model, Settings, Summary};
 use link::Streams;
 use neuro_ros::ros1::{Node, NodeError, NodeOptions};
 use neuro_ros::{AcquisitionCommand, GET_INFO_SERVICE, Log, NdjsonWriter, SinkError};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
-use crate::app::command_line::Options;
-use crate::app::namespace::Namespace;
-use crate::app::node_command::NodeCommand;
-use crate::app::outlets::Outlets;
-use crate::app::ros_node::RosNode;
+use crate::app::command_line::{Options, SinkKind};
+use crate::app::log::SilenceLog;
+use crate::app::outlets::{Outlets, Sinks};
+use crate::app::ros_node::{Namespace, NodeCommand, RosNode};
 use crate::app::rosout;
 use crate::app::shutdown::Shutdown;
-use crate::app::silence_log::SilenceLog;
-use crate::app::sink_kind::SinkKind;
-use crate::app::sinks::Sinks;
 use crate::app::whole_lines::WholeLines;
-use crate::core::Core;
-use crate::decoder::model::Model;
-use crate::diagnostics::summary::Summary;
 use crate::error::BridgeError;
-use crate::settings::Settings;
-use crate::time::host_time::HostTime;
-use crate::wire::connection::{Connection, Event};
-use crate::wire::feed::Feed;
+use crate::wire::connection::{Connection, Event, Feed};
 
 /// Time between two calls of [`Core::tick`].
 const TICK: Duration = Duration::from_millis(100);
@@ -40,7 +31,7 @@ const TICKS_PER_REPORT: u32 = 10;
 /// JSON lines are written.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// What a program that publishes the streams of a device chooses.
+/// Configuration of a program that publishes the streams of a device.
 #[derive(Clone, Debug)]
 pub struct Publication {
     /// Settings of the core.
@@ -76,13 +67,13 @@ impl Publication {
 
     /// Publishes the streams of a device at a ROS node, until it is ended by a signal (such as
     /// SIGTERM), by `~quit` or by `rosnode kill`. Then stops the device and unregisters the node.
-    /// `connect` returns the connection to the device, once the node has started. `log` are the lines
-    /// for `/rosout`.
+    /// `connect` returns the connection to the device, once the node has started. `log` are the
+    /// lines for `/rosout`.
     ///
     /// # Errors
     ///
-    /// [`BridgeError`] if the program cannot run. An absent device or ROS master is not an error; the
-    /// program waits.
+    /// [`BridgeError`] if the program cannot run. An absent device or ROS master is not an error;
+    /// the program waits.
     pub async fn publish<F: Feed>(
         mut self,
         log: mpsc::Receiver<Log>,

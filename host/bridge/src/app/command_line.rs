@@ -3,20 +3,23 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::builder::{BoolishValueParser, Resettable};
-use clap::{Arg, ArgAction, Command, CommandFactory, Error, FromArgMatches, Parser, ValueHint};
-use link::{ResetInto, Streams};
+use bridge_core::{
+    AnnouncedStream, Choice, EventStamps, FillerPolicy, RawForm, Settings, StampPoint, StreamKind,
+    with_codes,
+};
+use clap::builder::{
+    BoolishValueParser, PossibleValue, PossibleValuesParser, Resettable, TypedValueParser,
+};
+use clap::{
+    Arg, ArgAction, Args, Command, CommandFactory, Error, FromArgMatches, Parser, ValueHint,
+};
+use link::{MAX_RATE, ResetInto, Streams};
 
-use crate::app::check_options::{DoctorOptions, PortsOptions};
-use crate::app::completions::CompletionsOptions;
 use crate::app::convert::ConvertOptions;
-use crate::app::man::ManOptions;
+use crate::app::manual::{CompletionsOptions, ManOptions};
 use crate::app::master::MasterOptions;
-use crate::app::port_options::PortOptions;
 use crate::app::replay::ReplayOptions;
-use crate::app::sink_kind::SinkKind;
-use crate::app::stream_options::StreamOptions;
-use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
+use crate::wire::port::PortAddress;
 
 /// Identifier and name of the option for the configuration file.
 pub(crate) const CONFIG: &str = "config";
@@ -26,12 +29,13 @@ pub(crate) const CONFIG: &str = "config";
 /// Publishes /encoded, /neurodata_reconstructed, /events/bus and /diagnostics, on request also
 /// /neurodata and /neurodata_corticode, and serves /acquisition/get_info, ~start, ~stop and ~quit,
 /// as the node `acquisition`. The answer of get_info describes ONE of the streams, /encoded unless
-/// --announce selects another or codes do not stream: a rosneuro_recorder or visualizer that is remapped to another stream
-/// receives frames that are larger than it allocated. Waits for an absent device or ROS master and
-/// reconnects when it returns. ROS's own arguments work too: __name:=, __ns:=,
-/// /encoded:=/neurodata. Each option is a private parameter as well: _port:=/dev/ttyACM0, or
-/// ~port on the parameter server, which flags and environment override. --config names a file of
-/// options, which all of these override. The log goes to stderr; RUST_LOG=debug shows more.
+/// --announce selects another or codes do not stream: a rosneuro_recorder or visualizer that is
+/// remapped to another stream receives frames that are larger than it allocated. Waits for an
+/// absent device or ROS master and reconnects when it returns. ROS's own arguments work too:
+/// __name:=, __ns:=, /encoded:=/neurodata. Each option is a private parameter as well:
+/// _port:=/dev/ttyACM0, or ~port on the parameter server, which flags and environment override.
+/// --config names a file of options, which all of these override. The log goes to stderr;
+/// RUST_LOG=debug shows more.
 ///
 /// Exit status: 0 done, 1 a check failed, 2 wrong usage, 3 device or ROS not reachable, 4 the
 /// device refuses.
@@ -59,14 +63,15 @@ pub(crate) struct Options {
     #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
     /// Point of a frame that its stamp refers to
-    #[arg(long, env = "CORTICODE_STAMP", value_enum, default_value_t)]
+    #[arg(long, env = "CORTICODE_STAMP", default_value = "first", value_parser = choice::<StampPoint>())]
     pub(crate) stamp: StampPoint,
     #[command(flatten)]
     pub(crate) asked: StreamOptions,
     /// Replacement of a lost code, packed block, sample or step
-    #[arg(long, env = "CORTICODE_FILLER", value_enum, default_value_t)]
+    #[arg(long, env = "CORTICODE_FILLER", default_value = "last", value_parser = choice::<FillerPolicy>())]
     pub(crate) filler: FillerPolicy,
-    /// Reconstruct from the newest window or packed block alone: 62.5 ms earlier, with a slightly larger error
+    /// Reconstruct from the newest window or packed block alone: 62.5 ms earlier, with a slightly
+    /// larger error
     #[arg(
         long,
         env = "CORTICODE_LOW_LATENCY",
@@ -78,13 +83,13 @@ pub(crate) struct Options {
         value_parser = BoolishValueParser::new()
     )]
     pub(crate) low_latency: bool,
-    /// Time that the stamp of an event refers to: where rosneuro_recorder places it in a recording of
-    /// the announced stream, or the event itself, as the frames' stamps
-    #[arg(long, env = "CORTICODE_EVENT_STAMPS", value_enum, default_value_t)]
+    /// Time that the stamp of an event refers to: where rosneuro_recorder places it in a recording
+    /// of the announced stream, or the event itself, as the frames' stamps
+    #[arg(long, env = "CORTICODE_EVENT_STAMPS", default_value = "recorder", value_parser = choice::<EventStamps>())]
     pub(crate) event_stamps: EventStamps,
     /// Stream that /acquisition/get_info describes; record this one and no other [default: encoded,
     /// without codes reconstructed]
-    #[arg(long, env = "CORTICODE_ANNOUNCE", value_enum)]
+    #[arg(long, env = "CORTICODE_ANNOUNCE", value_parser = choice::<AnnouncedStream>())]
     pub(crate) announce: Option<AnnouncedStream>,
 }
 
@@ -196,7 +201,8 @@ impl ResetOptions {
 /// plays the file as a device, and `convert` writes it as GDF, BDF, CSV or NPZ. An existing file is
 /// never replaced.
 ///
-/// Exit status: 0 done, 1 the file cannot be written any further, 2 wrong usage or an existing file.
+/// Exit status: 0 done, 1 the file cannot be written any further, 2 wrong usage or an existing
+/// file.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "record")]
 pub(crate) struct RecordOptions {
@@ -241,7 +247,8 @@ impl Task {
     }
 }
 
-/// Returns the command line with all subcommands. An empty variable of the environment sets no option.
+/// Returns the command line with all subcommands. An empty variable of the environment sets no
+/// option.
 pub(crate) fn command() -> Command {
     let command = all_options().mut_args(ignore_empty_variable);
     command.mut_subcommands(|subcommand| subcommand.mut_args(ignore_empty_variable))
@@ -273,8 +280,8 @@ fn all_options() -> Command {
         .subcommand(ManOptions::command())
 }
 
-/// Option that names the configuration file. The file is read before the other options are complete,
-/// so this option is no field of their structs.
+/// Option that names the configuration file. The file is read before the other options are
+/// complete, so this option is no field of their structs.
 fn config_option() -> Arg {
     Arg::new(CONFIG)
         .long(CONFIG)
@@ -286,4 +293,161 @@ fn config_option() -> Arg {
             "TOML file with options, such as port = \"/dev/ttyACM0\" [default: \
              ~/.config/corticode/bridge.toml, else /etc/corticode/bridge.toml, if one exists]",
         )
+}
+
+/// List the serial ports of this machine, and say which are Corticode boards.
+///
+/// A port that cannot be opened has a line with the reason and the command that helps. No port is
+/// opened. An ST-LINK `may be` a board: the UART of whatever board it is on.
+///
+/// Exit status: 0, also without any port.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "ports")]
+pub(crate) struct PortsOptions {
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Print the udev rule for boards on USB instead
+    #[arg(long, conflicts_with = "json")]
+    pub(crate) udev_rule: bool,
+}
+
+/// Check what the bridge needs: port, device, model, ROS, clock and disk.
+///
+/// Prints one line for each check, with ok, warning, error or unknown, and a second line with the
+/// command that helps. Asks the device to identify itself, and leaves its streams as they are.
+/// host-sim on TCP serves one host at a time: the check interrupts a bridge that is connected to
+/// it.
+///
+/// Exit status: 0 no errors, 1 an error.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "doctor")]
+pub(crate) struct DoctorOptions {
+    #[command(flatten)]
+    pub(crate) at: PortOptions,
+    /// Folder of the model to decode with, instead of the built-in one
+    #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
+    pub(crate) model: Option<PathBuf>,
+    /// Destination of the bridge's frames; with ndjson, ROS is not checked
+    #[arg(long, env = "CORTICODE_SINK", value_enum, default_value_t)]
+    pub(crate) sink: SinkKind,
+    /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
+    #[arg(long, value_name = "URI")]
+    pub(crate) ros_master_uri: Option<String>,
+    #[command(flatten)]
+    pub(crate) asked: StreamOptions,
+    /// Namespace of the bridge's node and topics
+    #[arg(
+        long,
+        env = "CORTICODE_TOPIC_PREFIX",
+        default_value = "",
+        value_name = "PREFIX"
+    )]
+    pub(crate) topic_prefix: String,
+    /// Print JSON instead of text
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Streams and settings that the device is asked for; options of the bridge and of `record`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct StreamOptions {
+    /// Mains frequency that the device shall remove, Hz; the device chooses by default
+    #[arg(long, env = "CORTICODE_MAINS", value_parser = mains)]
+    pub(crate) mains: Option<u8>,
+    /// Streams of the device, comma-separated; codes are included unless packed is named. A device
+    /// that refuses some is asked for fewer
+    #[arg(
+        long,
+        env = "CORTICODE_STREAMS",
+        value_parser = choice::<StreamKind>(),
+        value_delimiter = ',',
+        default_value = "codes,audit,events"
+    )]
+    pub(crate) streams: Vec<StreamKind>,
+    /// Rate of the packed code, 0 to 15: one more is 3 dB coarser; the model's by default
+    #[arg(long, env = "CORTICODE_PACKED_RATE", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
+    pub(crate) packed_rate: Option<u8>,
+    /// Form in which the device sends the samples of the stream raw; both yield the same frames
+    #[arg(long, env = "CORTICODE_RAW_FORM", default_value = "any", value_parser = choice::<RawForm>())]
+    pub(crate) raw_form: RawForm,
+}
+
+impl StreamOptions {
+    /// Returns the mains frequency to remove, Hz; 0 leaves the choice to the device.
+    pub(crate) fn mains_hz(&self) -> u8 {
+        self.mains.unwrap_or(0)
+    }
+
+    /// Logs a warning about options that have no effect on the chosen streams.
+    pub(crate) fn warn_about_unused(&self) {
+        if self.packed_rate.is_some() && !self.streams.contains(&StreamKind::Packed) {
+            tracing::warn!(
+                "--packed-rate has no effect, because packed is not among the streams; add it with --streams packed"
+            );
+        }
+    }
+
+    /// Returns the streams to ask for, codes included unless packed blocks are.
+    pub(crate) fn streams(&self) -> Streams {
+        let asked = self.streams.iter();
+        with_codes(asked.fold(Streams::empty(), |streams, kind| match kind {
+            StreamKind::Raw => streams | self.raw_form.streams(),
+            kind => streams | kind.bit(),
+        }))
+    }
+}
+
+fn mains(text: &str) -> Result<u8, String> {
+    match text {
+        "50" => Ok(50),
+        "60" => Ok(60),
+        _ => Err("the mains frequency is 50 or 60 Hz".to_owned()),
+    }
+}
+
+/// Address and speed of the port; options of the bridge and of its subcommands.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct PortOptions {
+    /// Serial port, pseudoterminal, tcp:HOST:PORT, or auto: the only board on USB, or the one with
+    /// a serial number, auto:SERIAL. The board is found again after it was unplugged; `ports` lists
+    /// all
+    #[arg(
+        long,
+        env = "CORTICODE_PORT",
+        value_name = "PATH|tcp:HOST:PORT|auto",
+        default_value = "auto"
+    )]
+    pub(crate) port: PortAddress,
+    /// Baud rate of a serial port; USB and pseudoterminals ignore it
+    #[arg(
+        long,
+        env = "CORTICODE_BAUD",
+        default_value_t = 921_600,
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
+    pub(crate) baud: u32,
+}
+
+/// Destination of the frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum SinkKind {
+    /// ROS 1 topics.
+    #[default]
+    Ros,
+    /// Lines of JSON on stdout.
+    Ndjson,
+}
+
+/// Returns the parser of an option that takes one of the values of `T`.
+pub fn choice<T: Choice>() -> impl TypedValueParser<Value = T> {
+    let values = T::CHOICES.iter().map(|(name, help, _)| {
+        let help = help.strip_suffix('.').unwrap_or(help);
+        PossibleValue::new(*name).help(help)
+    });
+    PossibleValuesParser::new(values).try_map(|name| {
+        let mut choices = T::CHOICES.iter();
+        let found = choices.find(|(known, _, _)| *known == name);
+        found.map(|(_, _, value)| *value).ok_or("unknown value")
+    })
 }

@@ -7,11 +7,11 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::{Arg, Command, CommandFactory};
+use thiserror::Error;
 use toml::de::{DeTable, DeValue};
 
 use crate::app::command_line::Options;
 use crate::app::parameters::to_flag;
-use crate::config_error::ConfigError;
 use crate::error::BridgeError;
 
 /// Path of the file below the folder for configuration.
@@ -48,8 +48,8 @@ impl ConfigFile {
     }
 }
 
-/// Returns whether a path exists, also if this user may not look it up: reading the file then fails with the
-/// reason.
+/// Returns whether a path exists, also if this user may not look it up: reading the file then fails
+/// with the reason.
 fn is_there(path: &Path) -> bool {
     match path.try_exists() {
         Ok(exists) => exists,
@@ -159,6 +159,57 @@ fn check(option: &Arg, argument: &str) -> Result<(), String> {
     })
 }
 
+/// Reason why a configuration file cannot be used.
+#[derive(Debug, Error)]
+pub enum ConfigError {
+    /// The operating system cannot read the file, or the file is not UTF-8.
+    #[error("it cannot be read; check the path and the permissions")]
+    Read(#[source] io::Error),
+    /// The file is not TOML.
+    #[error(
+        "line {line}: {message}; write each option as in: port = \"/dev/ttyACM0\"; strings need \
+         quotation marks"
+    )]
+    Syntax {
+        /// Line, from 1.
+        line: usize,
+        /// Message of the TOML parser.
+        message: String,
+    },
+    /// A key is the name of no option.
+    #[error("line {line}: the key {key} is not known; known are {known}")]
+    UnknownKey {
+        /// Line, from 1.
+        line: usize,
+        /// Key in the file.
+        key: String,
+        /// All keys, separated by commas.
+        known: String,
+    },
+    /// A value has another type than the option.
+    #[error("line {line}: {key} is of type {found}, and must be {expected}")]
+    Type {
+        /// Line, from 1.
+        line: usize,
+        /// Key in the file.
+        key: String,
+        /// Type in the file.
+        found: &'static str,
+        /// Type of the option.
+        expected: &'static str,
+    },
+    /// The option cannot have this value.
+    #[error("line {line}: {key}: {message}")]
+    Value {
+        /// Line, from 1.
+        line: usize,
+        /// Key in the file.
+        key: String,
+        /// Reason, and the possible values.
+        message: String,
+    },
+}
+
 #[cfg(test)]
 mod tests {
     use std::ffi::OsString;
@@ -169,7 +220,7 @@ mod tests {
     #[test]
     fn values_of_every_type_become_arguments_in_the_order_of_the_file() {
         let text = "# of the left amplifier\nport = \"/dev/ttyACM0\"\nbaud = 115_200\n\
-                    low_latency = true\nstreams = [\"codes\", \"raw\"]\nmains = 0x32\n";
+                low_latency = true\nstreams = [\"codes\", \"raw\"]\nmains = 0x32\n";
         let options = parse(text).unwrap();
         let arguments: Vec<&str> = options.iter().map(|(_, argument)| &**argument).collect();
         let expected = [

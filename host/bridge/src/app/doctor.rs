@@ -5,29 +5,22 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use bridge_core::{AnnouncedStream, HostTime, Model};
 use link::Streams;
 use neuro_ros::ros1::xmlrpc::{CallError, Value, call_ros};
 use neuro_ros::ros1::{NodeOptions, SystemState};
 use tokio::net::UdpSocket;
 use tokio::time::{Instant, timeout};
 
-use crate::app::check_options::DoctorOptions;
-use crate::app::namespace::Namespace;
-use crate::app::sink_kind::SinkKind;
-use crate::decoder::model::Model;
-use crate::doctor::check::{Level, Report};
-use crate::doctor::device_checks::check_device;
-use crate::doctor::machine_checks::{check_clock, check_disk};
+use crate::app::command_line::{DoctorOptions, SinkKind};
+use crate::app::ros_node::Namespace;
+use crate::doctor::device_checks::{DeviceAnswer, Probe, check_device};
 use crate::doctor::port_checks::{PortFacts, PortPlace, UdevRule, UsbPort, check_port};
-use crate::doctor::probe::{DeviceAnswer, Probe};
 use crate::doctor::ros_checks::{MasterState, OwnHost, RosFacts, check_ros};
+use crate::doctor::{Level, Report, check_clock, check_disk};
 use crate::ports::finder::{BoardFinder, FindError};
-use crate::ports::serial_port::Likeness;
-use crate::ports::system_root::SystemRoot;
-use crate::settings::AnnouncedStream;
-use crate::time::host_time::HostTime;
-use crate::wire::address::PortAddress;
-use crate::wire::port::{Port, Transfer};
+use crate::ports::system_root::{Likeness, SystemRoot};
+use crate::wire::port::{Port, PortAddress, Transfer};
 
 /// Time for the device to introduce itself, and for each answer of another program.
 const TIMEOUT: Duration = Duration::from_secs(3);
@@ -274,7 +267,7 @@ mod tests {
     };
     use crate::doctor::port_checks::PortFacts;
     use crate::ports::simulated_machine::{BOARD, Descriptor, SimulatedMachine};
-    use crate::wire::address::PortAddress;
+    use crate::wire::port::PortAddress;
 
     #[test]
     fn auto_leads_to_the_port_of_the_board_or_to_the_reason_and_a_remedy() {

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command, Error};
 
-use crate::app::command_line::{CONFIG, command};
-use crate::app::sink_kind::SinkKind;
+use crate::app::command_line::{CONFIG, SinkKind, command};
 
 /// Options on the command line and in the environment, without those that the parameter server and
 /// the configuration file set.
@@ -81,8 +80,8 @@ impl GivenOptions {
         )
     }
 
-    /// Returns `arguments` with `others` added, options of the subcommand or of the bridge. They come
-    /// before the other arguments, which can end with names of files after `--`.
+    /// Returns `arguments` with `others` added, options of the subcommand or of the bridge. They
+    /// come before the other arguments, which can end with names of files after `--`.
     pub(crate) fn extend(
         &self,
         arguments: &[String],

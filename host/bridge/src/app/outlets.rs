@@ -3,26 +3,21 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use bridge_core::{
+    Announcement, AuditedWindow, BackPressure, DecoderCounts, DecoderThread, Effects, HostTime,
+    Model, PackedReconstruction, RawForm, Reconstruction, Settings, TimedCode, TimedPackedBlock,
+    report_malformed,
+};
+use link::Streams;
+use neuro_ros::ros1::NodeError;
 use neuro_ros::{
     AcquisitionInfo, DiagnosticArray, DiagnosticLevel, DiagnosticStatus, FrameSink, KeyValue,
-    NeuroEvent, NeuroFrame, Sink, SinkError,
+    NdjsonWriter, NeuroEvent, NeuroFrame, Sink, SinkError,
 };
 use tokio::sync::watch::Sender;
 
-use crate::app::namespace::Namespace;
+use crate::app::ros_node::{Namespace, RosNode};
 use crate::app::ros_topics::RosTopics;
-use crate::app::sinks::{MAX_FILLERS, Sinks};
-use crate::decoder::audit::AuditedWindow;
-use crate::decoder::back_pressure::BackPressure;
-use crate::decoder::counts::DecoderCounts;
-use crate::decoder::model::Model;
-use crate::decoder::packed::{PackedReconstruction, TimedPackedBlock};
-use crate::decoder::reconstruction::{Reconstruction, TimedCode};
-use crate::decoder::thread::DecoderThread;
-use crate::diagnostics::packed::report_malformed;
-use crate::effects::{Announcement, Effects};
-use crate::settings::Settings;
-use crate::time::host_time::HostTime;
 
 /// Longest time at the end to wait for the decoder. A service manager kills a program that does not
 /// end, systemd after 90 s.
@@ -95,14 +90,15 @@ impl Outlets {
         }
     }
 
-    /// Returns whether the decoder is far behind a source that can wait. The port is then not read.
+    /// Returns whether the decoder lags far behind a source that can wait. The port is then not
+    /// read.
     pub(crate) fn must_pause(&self) -> bool {
         !self.decoder.has_ended() && self.back_pressure.must_pause(self.decoder.counts().waiting)
     }
 
-    /// Waits until queued codes are decoded, at most for [`DECODER_TIMEOUT`], and returns the decoder's
-    /// counts. Logs the number of codes that were not decoded, and of frames on `/encoded` that were
-    /// dropped for slow subscribers.
+    /// Waits until queued codes are decoded, at most for [`DECODER_TIMEOUT`], and returns the
+    /// decoder's counts. Logs the number of codes that were not decoded, and of frames on
+    /// `/encoded` that were dropped for slow subscribers.
     pub(crate) fn finish(self) -> DecoderCounts {
         let dropped = self.encoded.dropped();
         let not_decoded = self.decoder.counts().not_decoded;
@@ -125,8 +121,8 @@ impl Outlets {
         counts
     }
 
-    /// Publishes the core's report, extended by the status of the outlets and of the audits, and by the decoder's
-    /// findings about packed blocks.
+    /// Publishes the core's report, extended by the status of the outlets and of the audits, and by
+    /// the decoder's findings about packed blocks.
     pub(crate) fn publish_diagnostics(&mut self, mut report: DiagnosticArray) {
         let malformed = self.decoder.counts().malformed;
         let before = std::mem::replace(&mut self.reported_malformed, malformed);
@@ -282,5 +278,112 @@ impl Effects for Outlets {
 
     fn audit(&mut self, window: AuditedWindow) {
         self.decoder.audit(window, Arc::clone(&self.model));
+    }
+}
+
+/// Queue length per subscriber for frames of codes and of reconstructed signals: 8.5 minutes at 16
+/// frames per second. A frame takes about 3 KB, and only slow subscribers have frames waiting.
+const QUEUE_FRAMES: usize = 8192;
+/// Largest number of fillers that are published at once after an outage: 4.3 minutes of codes. A
+/// recorder must receive all of them, and the codes after them, which have the other half of the
+/// queue. More fillers would push codes out of it.
+pub(crate) const MAX_FILLERS: u64 = QUEUE_FRAMES as u64 / 2;
+/// Queue length per subscriber for frames of samples and of filtered steps. It has room for the
+/// filler frames of the longest outage that is filled: 120 s at 16 frames per second, 1,920 frames
+/// of about 9 KB each.
+const QUEUE_SAMPLES: usize = 2048;
+/// Queue length per subscriber for messages with events and diagnostics. Few of them arrive per
+/// second, so the queue covers a recorder's pauses while it writes to disk.
+const QUEUE_EVENTS: usize = 1024;
+
+/// One sink per topic. Each sink has its own queue, so a slow reader of samples loses samples but
+/// no codes. Streams that are not requested have no topic.
+pub(crate) struct Sinks {
+    pub(crate) encoded: Box<dyn FrameSink>,
+    pub(crate) reconstructed: Box<dyn FrameSink>,
+    pub(crate) raw: Option<Box<dyn FrameSink>>,
+    pub(crate) filtered: Option<Box<dyn FrameSink>>,
+    pub(crate) events: Option<Box<dyn Sink<NeuroEvent>>>,
+    pub(crate) diagnostics: Box<dyn Sink<DiagnosticArray>>,
+    /// The topics of the sinks; `None` if frames go to stdout.
+    pub(crate) topics: Option<Arc<RosTopics>>,
+    pub(crate) namespace: Namespace,
+}
+
+/// Full names of the topics; `None` for streams that are not requested.
+struct Names {
+    encoded: String,
+    reconstructed: String,
+    raw: Option<String>,
+    filtered: Option<String>,
+    events: Option<String>,
+    diagnostics: &'static str,
+}
+
+impl Names {
+    fn new(streams: Streams, namespace: &Namespace) -> Names {
+        let requested = |stream, name| streams.contains(stream).then(|| namespace.resolve(name));
+        let raw = RawForm::any_in(streams);
+        Names {
+            encoded: namespace.resolve("encoded"),
+            reconstructed: namespace.resolve("neurodata_reconstructed"),
+            raw: raw.then(|| namespace.resolve("neurodata")),
+            filtered: requested(Streams::FILTERED, "neurodata_corticode"),
+            events: requested(Streams::EVENTS, "events/bus"),
+            // One aggregator collects the diagnostics of all namespaces.
+            diagnostics: "/diagnostics",
+        }
+    }
+}
+
+impl Sinks {
+    /// Advertises the topics at a ROS node.
+    pub(crate) async fn ros(
+        ros: &RosNode,
+        streams: Streams,
+        namespace: &Namespace,
+    ) -> Result<Sinks, NodeError> {
+        let names = Names::new(streams, namespace);
+        let topics = Arc::new(RosTopics::new(Arc::clone(&ros.node)));
+        let frames = |name: &str, queue| -> Result<Box<dyn FrameSink>, NodeError> {
+            Ok(Box::new(topics.frames(name, queue)?))
+        };
+        let optional = |name: &Option<String>| {
+            let name = name.as_ref();
+            name.map(|name| frames(name, QUEUE_SAMPLES)).transpose()
+        };
+        let mut sinks = Sinks {
+            encoded: frames(&names.encoded, QUEUE_FRAMES)?,
+            reconstructed: frames(&names.reconstructed, QUEUE_FRAMES)?,
+            raw: optional(&names.raw)?,
+            filtered: optional(&names.filtered)?,
+            events: None,
+            diagnostics: Box::new(topics.shared(names.diagnostics, QUEUE_EVENTS).await?),
+            topics: Some(Arc::clone(&topics)),
+            namespace: namespace.clone(),
+        };
+        if let Some(events) = names.events {
+            sinks.events = Some(Box::new(topics.shared(&events, QUEUE_EVENTS).await?));
+        }
+        topics.start().await?;
+        Ok(sinks)
+    }
+
+    /// Creates sinks that write lines of JSON.
+    pub(crate) fn ndjson(lines: &NdjsonWriter, streams: Streams, namespace: &Namespace) -> Sinks {
+        let names = Names::new(streams, namespace);
+        let frames = |name: String| Box::new(lines.sink(&name)) as Box<dyn FrameSink>;
+        Sinks {
+            encoded: frames(names.encoded),
+            reconstructed: frames(names.reconstructed),
+            raw: names.raw.map(frames),
+            filtered: names.filtered.map(frames),
+            events: names
+                .events
+                .map(|name| Box::new(lines.sink(&name)) as Box<dyn Sink<NeuroEvent>>),
+            diagnostics: Box::new(lines.sink(names.diagnostics)),
+            topics: None,
+            namespace: namespace.clone(),
+        }
     }
 }

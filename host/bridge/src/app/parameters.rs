@@ -3,11 +3,11 @@
 use neuro_ros::ros1::NodeOptions;
 use neuro_ros::ros1::xmlrpc::{CallError, Value, call_ros};
 
-use crate::app::namespace::Namespace;
+use crate::app::ros_node::Namespace;
 use crate::error::BridgeError;
 
-/// Replaces `_name:=value` by `--name=value`, and keeps all other arguments. `known` are the names of
-/// the options, with underscores.
+/// Replaces `_name:=value` by `--name=value`, and keeps all other arguments. `known` are the names
+/// of the options, with underscores.
 ///
 /// # Errors
 ///
@@ -27,8 +27,8 @@ pub fn to_flags(arguments: Vec<String>, known: &[String]) -> Result<Vec<String>,
 }
 
 /// Reads the node's private parameters from the parameter server at `master_uri`, as pairs of a
-/// name and an argument `--name=value`. Without a master there are none. `known` are the names of the
-/// options, with underscores.
+/// name and an argument `--name=value`. Without a master there are none. `known` are the names of
+/// the options, with underscores.
 ///
 /// # Errors
 ///

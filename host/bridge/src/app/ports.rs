@@ -2,11 +2,10 @@
 
 use std::fmt;
 
+use bridge_core::write_columns;
 use serde::Serialize;
 
-use crate::columns::write_columns;
-use crate::ports::serial_port::{Likeness, SerialPort};
-use crate::ports::system_root::SystemRoot;
+use crate::ports::system_root::{Likeness, SerialPort, SystemRoot};
 
 /// The serial ports of a machine; prints as a table.
 #[derive(Debug, Serialize)]

@@ -1,38 +1,30 @@
 //! The subcommand `record`: connects the core to a port and to a file.
 
 use std::fmt;
-use std::path::PathBuf;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use bridge_core::{Announcement, Core, Effects, FillerPolicy, HostTime, Model, Settings, Summary};
+use capture::{FileHeader, Recorder};
 use indicatif::{DecimalBytes, FormattedDuration, ProgressBar};
 use link::Streams;
-use neuro_ros::{NeuroEvent, NeuroFrame};
-use new_file::Existing;
+use new_file::{Existing, GrowingFile};
 use tokio::time::{MissedTickBehavior, interval};
 
 use crate::app::command_line::RecordOptions;
-use crate::app::recording_file::RecordingFile;
 use crate::app::shutdown::Shutdown;
-use crate::core::Core;
-use crate::decoder::audit::AuditedWindow;
-use crate::decoder::model::Model;
-use crate::decoder::packed::TimedPackedBlock;
-use crate::decoder::reconstruction::TimedCode;
-use crate::diagnostics::summary::Summary;
-use crate::effects::{Announcement, Effects};
 use crate::error::BridgeError;
-use crate::recording::file_header::FileHeader;
-use crate::recording::recorder::Recorder;
-use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
-use crate::time::host_time::HostTime;
-use crate::wire::connection::{Connection, Event};
+use crate::wire::connection::{Connection, Event, Feed};
 
 /// Time between two ticks of the core.
 const TICK: Duration = Duration::from_millis(100);
 /// Longest time at the end to wait until the device has stopped.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// What a finished recording holds; prints as one line.
+/// Summary of a finished recording; prints as one line.
 #[derive(Debug)]
 pub(crate) struct RecordSummary {
     path: PathBuf,
@@ -64,14 +56,11 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
     let mut shutdown = Shutdown::new()?;
     options.asked.warn_about_unused();
     let settings = Settings {
-        stamp: StampPoint::First,
         mains_hz: options.asked.mains_hz(),
         filler: FillerPolicy::Off,
-        low_latency: false,
-        event_stamps: EventStamps::Scalp,
-        announced: AnnouncedStream::Encoded,
         streams: options.asked.streams(),
         packed_rate: options.asked.packed_rate,
+        ..Settings::default()
     };
     let now = HostTime::now();
     let header = FileHeader {
@@ -116,7 +105,7 @@ struct ModelRate {
 }
 
 impl ModelRate {
-    /// Returns the rate, if blocks are to be recorded and nobody has chosen another one.
+    /// Returns the rate if blocks are recorded and the user has not chosen another one.
     fn new(settings: Settings) -> Result<Option<ModelRate>, BridgeError> {
         if settings.packed_rate.is_some() || !settings.streams.contains(Streams::PACKED) {
             return Ok(None);
@@ -135,7 +124,8 @@ struct Recording {
     core: Core,
     connection: Connection,
     port: RecordedPort,
-    /// Rate to set on devices with the built-in model; `None` leaves the choice to the device, or the user chose one.
+    /// Rate to set on devices with the built-in model; `None` leaves the choice to the device, or
+    /// the user chose one.
     model_rate: Option<ModelRate>,
     file: RecordingFile,
     start: Instant,
@@ -263,18 +253,81 @@ impl Effects for RecordedPort {
     fn announce(&mut self, announcement: &Announcement) {
         self.announced = Some(announcement.device.model_id);
     }
+}
 
-    fn publish_encoded(&mut self, _: &NeuroFrame) {}
+/// Longest time from a byte's arrival until it is on the disk, unless the disk is slower.
+const SYNC_INTERVAL: Duration = Duration::from_secs(1);
+/// Number of chunks that wait for the disk: about a minute of all streams. When more wait, reading
+/// from the port waits too, and the device counts what it cannot send.
+const QUEUE_CHUNKS: usize = 8192;
 
-    fn decode(&mut self, _: TimedCode) {}
+/// A new file that a thread appends to, so that a slow disk does not delay the reading of the port.
+#[derive(Debug)]
+pub(crate) struct RecordingFile {
+    path: PathBuf,
+    chunks: SyncSender<Vec<u8>>,
+    thread: JoinHandle<io::Result<()>>,
+}
 
-    fn decode_block(&mut self, _: TimedPackedBlock) {}
+impl RecordingFile {
+    /// Creates the file, or replaces it with [`Existing::Replace`].
+    ///
+    /// # Errors
+    ///
+    /// [`BridgeError::NewFile`]; [`BridgeError::System`] if no thread can be started.
+    pub(crate) fn create(path: &Path, existing: Existing) -> Result<RecordingFile, BridgeError> {
+        let file = GrowingFile::create(path, existing)?;
+        let (chunks, receiver) = sync_channel(QUEUE_CHUNKS);
+        let thread = std::thread::Builder::new()
+            .name("recording".to_owned())
+            .spawn(move || append_all(file, &receiver))?;
+        Ok(RecordingFile {
+            path: path.to_owned(),
+            chunks,
+            thread,
+        })
+    }
 
-    fn publish_raw(&mut self, _: &NeuroFrame) {}
+    /// Queues bytes for the file and returns whether it still accepts any. If it does not,
+    /// [`RecordingFile::finish`] returns the reason.
+    pub(crate) fn append(&self, bytes: Vec<u8>) -> bool {
+        bytes.is_empty() || self.chunks.send(bytes).is_ok()
+    }
 
-    fn publish_filtered(&mut self, _: &NeuroFrame) {}
+    /// Waits until all bytes are on the disk.
+    ///
+    /// # Errors
+    ///
+    /// [`BridgeError::FileWrite`] if a byte could not be written.
+    pub(crate) fn finish(self) -> Result<(), BridgeError> {
+        drop(self.chunks);
+        let ended = self.thread.join();
+        let ended = ended.unwrap_or_else(|_| Err(io::Error::other("the writing thread failed")));
+        ended.map_err(|source| BridgeError::FileWrite {
+            path: self.path,
+            source,
+        })
+    }
+}
 
-    fn publish_event(&mut self, _: &NeuroEvent) {}
-
-    fn audit(&mut self, _: AuditedWindow) {}
+/// Appends each chunk as it comes, so that it survives the end of this process, and once a second
+/// waits until the disk has everything, so that it survives a loss of power.
+fn append_all(mut file: GrowingFile, chunks: &Receiver<Vec<u8>>) -> io::Result<()> {
+    let mut synced = Instant::now();
+    let mut unsynced = false;
+    loop {
+        match chunks.recv_timeout(SYNC_INTERVAL) {
+            Ok(chunk) => {
+                file.write_all(&chunk)?;
+                unsynced = true;
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return file.sync(),
+        }
+        if unsynced && synced.elapsed() >= SYNC_INTERVAL {
+            file.sync()?;
+            synced = Instant::now();
+            unsynced = false;
+        }
+    }
 }

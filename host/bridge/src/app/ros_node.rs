@@ -1,4 +1,4 @@
-//! The bridge's ROS node: topics, services and registration.
+//! The bridge's ROS node: namespace, services and registration.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,9 +11,6 @@ use neuro_ros::{
 use tokio::sync::mpsc::UnboundedSender;
 use tokio::sync::watch::Receiver;
 use tokio::task::JoinHandle;
-
-use crate::app::namespace::Namespace;
-use crate::app::node_command::NodeCommand;
 
 /// Time after the node's start at which a missing ROS master is first logged.
 const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
@@ -45,8 +42,8 @@ impl RosNode {
         self.node.shutdown().await;
     }
 
-    /// Sends the rates that arrive on `~packed_rate` to `commands`. Runs in a task of its own, because registration
-    /// can take long.
+    /// Sends the rates that arrive on `~packed_rate` to `commands`. Runs in a task of its own,
+    /// because registration can take long.
     pub(crate) fn subscribe_rate(&self, commands: UnboundedSender<NodeCommand>) {
         tokio::spawn(receive_rates(Arc::clone(&self.node), commands));
     }
@@ -99,7 +96,8 @@ impl RosNode {
     }
 }
 
-/// Sends each number that arrives on `~packed_rate` to `commands`. Other numbers than rates are refused in the log.
+/// Sends each number that arrives on `~packed_rate` to `commands`. Other numbers than rates are
+/// refused in the log.
 async fn receive_rates(node: Arc<Node>, commands: UnboundedSender<NodeCommand>) {
     let subscribed = node.subscribe(RATE_TOPIC, UInt8::TYPE, QUEUE_RATES).await;
     let mut rates = match subscribed {
@@ -153,6 +151,96 @@ async fn log_master_changes(mut online: Receiver<bool>, uri: String) {
         }
         if online.changed().await.is_err() {
             return;
+        }
+    }
+}
+
+/// Namespace from `ROS_NAMESPACE` or `__ns:=`, extended or replaced by `--topic-prefix`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Namespace {
+    /// Full name without a slash at its end; empty for the namespace `/`.
+    name: String,
+}
+
+impl Namespace {
+    /// Joins ROS's namespace and a prefix. A prefix that starts with a slash replaces the
+    /// namespace.
+    pub fn new(ros: &str, prefix: &str) -> Namespace {
+        let joined = if prefix.starts_with('/') {
+            prefix.to_owned()
+        } else {
+            format!("{ros}/{prefix}")
+        };
+        let parts = joined.split('/').filter(|part| !part.is_empty());
+        let name = parts.fold(String::new(), |name, part| format!("{name}/{part}"));
+        Namespace { name }
+    }
+
+    /// Returns the namespace as a ROS name, such as `/left` or `/`.
+    pub fn as_ros_name(&self) -> &str {
+        if self.name.is_empty() {
+            "/"
+        } else {
+            &self.name
+        }
+    }
+
+    /// Returns the full name of `name` in this namespace: `/left/encoded` for `encoded` and
+    /// `/encoded`.
+    pub fn resolve(&self, name: &str) -> String {
+        format!("{}/{}", self.name, name.trim_start_matches('/'))
+    }
+
+    /// Returns the name of a status in `/diagnostics`, which all bridges share: `corticode: link`
+    /// becomes `corticode /left: link`.
+    pub fn status_name(&self, name: &str) -> String {
+        match name.split_once(": ") {
+            Some((program, part)) if !self.name.is_empty() => {
+                format!("{program} {}: {part}", self.name)
+            }
+            _ => name.to_owned(),
+        }
+    }
+}
+
+/// A request from the ROS graph.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum NodeCommand {
+    /// A call of `~start`, `~stop` or `~quit`.
+    Acquisition(AcquisitionCommand),
+    /// A message on `~packed_rate`: the rate that the packed code is to have.
+    PackedRate(u8),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Namespace;
+
+    #[test]
+    fn without_a_namespace_all_names_are_those_that_rosneuro_asks_for() {
+        for (ros, prefix) in [("/", ""), ("", ""), ("/", "/")] {
+            let none = Namespace::new(ros, prefix);
+            assert_eq!(none.as_ros_name(), "/");
+            assert_eq!(
+                none.resolve("/acquisition/get_info"),
+                "/acquisition/get_info"
+            );
+            assert_eq!(none.status_name("corticode: link"), "corticode: link");
+        }
+    }
+
+    #[test]
+    fn a_prefix_extends_the_namespace_and_an_absolute_one_replaces_it() {
+        for (ros, prefix, expected) in [
+            ("/lab", "", "/lab"),
+            ("lab", "left", "/lab/left"),
+            ("/lab", "/left/", "/left"),
+        ] {
+            let namespace = Namespace::new(ros, prefix);
+            assert_eq!(namespace.as_ros_name(), expected);
+            assert_eq!(namespace.resolve("encoded"), format!("{expected}/encoded"));
+            let status = format!("corticode {expected}: link");
+            assert_eq!(namespace.status_name("corticode: link"), status);
         }
     }
 }

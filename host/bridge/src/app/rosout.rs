@@ -15,8 +15,8 @@ use tracing_subscriber::layer::Context;
 /// Maximum number of lines that wait to be published, and that wait for each subscriber. Lines
 /// beyond it are only on stderr.
 const QUEUE_LINES: usize = 1024;
-/// Longest time for which the first lines wait for a subscriber, which needs several milliseconds to
-/// connect.
+/// Longest time for which the first lines wait for a subscriber, which needs several milliseconds
+/// to connect.
 const FIRST_SUBSCRIBER_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Passes the lines of the log at the level of information and above to [`publish`].
@@ -103,7 +103,7 @@ pub(crate) fn publish(node: Arc<Node>, mut lines: Receiver<Log>) {
                 tokio::time::sleep(Duration::from_millis(50)).await;
             }
         };
-        // Without a subscriber nobody misses the lines.
+        // Without a subscriber the lines are not needed.
         let _ = tokio::time::timeout(FIRST_SUBSCRIBER_TIMEOUT, connected).await;
         let mut seq = 0;
         while let Some(mut line) = lines.recv().await {

@@ -15,8 +15,8 @@ pub(crate) struct WholeLines<O> {
 
 /// An output whose last bytes can be removed.
 pub(crate) trait RemoveEnd {
-    /// Removes the last `bytes` bytes that were written, if the output is a file that no other program
-    /// appends to.
+    /// Removes the last `bytes` bytes that were written, if the output is a file that no other
+    /// program appends to.
     fn remove_end(&mut self, bytes: u64) -> io::Result<()>;
 }
 
@@ -24,9 +24,9 @@ impl RemoveEnd for File {
     fn remove_end(&mut self, bytes: u64) -> io::Result<()> {
         let end = self.stream_position();
         let metadata = self.metadata()?;
-        // In append mode other programs can write to the file at any time, so its end cannot be cut off
-        // without a risk. In another mode they have written if the file goes on after this program's
-        // last byte.
+        // In append mode other programs can write to the file at any time, so its end cannot be cut
+        // off without a risk. In another mode they have written if the file goes on after this
+        // program's last byte.
         let appends = fcntl_getfl(&*self)?.contains(OFlags::APPEND);
         if metadata.is_file() && !appends {
             let end = end?;
@@ -85,8 +85,8 @@ mod tests {
 
     use super::{RemoveEnd, WholeLines};
 
-    /// A file on a disk with room for a few bytes. Another program appends to the file when the disk
-    /// becomes full.
+    /// A file on a disk with room for a few bytes. Another program appends to the file when the
+    /// disk becomes full.
     struct SmallDisk {
         file: File,
         room: usize,

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::doctor::check::Check;
+use crate::doctor::Check;
 use crate::ports::access::PortAccess;
 
 /// Command that installs the udev rule.
@@ -15,7 +15,7 @@ const INSTALL_RULE: &str = "corticode-bridge ports --udev-rule | sudo tee \
 const APPLY_RULE: &str = "sudo udevadm control --reload && sudo udevadm trigger --action=add \
                           --subsystem-match=usb --subsystem-match=tty";
 
-/// What is known about the port without opening it.
+/// Facts about the port, found without opening it.
 #[derive(Clone, Debug)]
 pub(crate) struct PortFacts {
     pub(crate) place: PortPlace,
@@ -23,7 +23,7 @@ pub(crate) struct PortFacts {
     pub(crate) modem_manager: bool,
 }
 
-/// Where the port is.
+/// Kind and place of the port.
 #[derive(Clone, Debug)]
 pub(crate) enum PortPlace {
     /// A TCP address.
@@ -135,9 +135,9 @@ fn check_modem_manager(usb: UsbPort, runs: bool) -> Option<Check> {
 #[cfg(test)]
 mod tests {
     use super::{PortFacts, PortPlace, UdevRule, UsbPort, check_port};
-    use crate::doctor::check::{Check, Level};
+    use crate::doctor::{Check, Level};
+    use crate::ports::access::Program;
     use crate::ports::access::{Membership, PortAccess};
-    use crate::ports::holders::Program;
 
     fn check(access: PortAccess, usb: UsbPort, modem_manager: bool) -> Vec<Check> {
         let path = "/dev/ttyACM0".into();

@@ -2,9 +2,9 @@
 
 use std::net::IpAddr;
 
-use crate::doctor::check::Check;
+use crate::doctor::Check;
 
-/// What is known about ROS.
+/// Facts about ROS.
 #[derive(Clone, Debug)]
 pub(crate) struct RosFacts {
     pub(crate) master_uri: String,
@@ -16,7 +16,7 @@ pub(crate) struct RosFacts {
     pub(crate) own_host: Option<OwnHost>,
 }
 
-/// What the master answers.
+/// State that the master reports.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MasterState {
     /// Full name of the bridge's node.
@@ -126,7 +126,7 @@ fn check_publishers(master: &MasterState) -> Check {
 #[cfg(test)]
 mod tests {
     use super::{MasterState, OwnHost, RosFacts, check_ros};
-    use crate::doctor::check::{Check, Level};
+    use crate::doctor::{Check, Level};
 
     fn facts() -> RosFacts {
         RosFacts {

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::ports::serial_port::{Likeness, SerialPort};
-use crate::ports::system_root::SystemRoot;
+use crate::ports::system_root::{Likeness, SerialPort, SystemRoot};
 
 /// Searches the ports for one board. Remembers the serial number of the board that was found first,
 /// and finds no other board afterwards.
@@ -77,7 +76,8 @@ fn listed(boards: &[String]) -> String {
 }
 
 impl BoardFinder {
-    /// Creates a finder for the board with the serial number, or for the only board if it is `None`.
+    /// Creates a finder for the board with the serial number, or for the only board if it is
+    /// `None`.
     pub(crate) fn new(root: SystemRoot, serial: Option<String>) -> BoardFinder {
         BoardFinder { root, serial }
     }

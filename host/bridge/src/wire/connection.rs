@@ -3,13 +3,14 @@
 use std::io;
 use std::time::Duration;
 
+use bridge_core::HostTime;
+use neuro_ros::DiagnosticStatus;
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep_until};
 
 use crate::error::BridgeError;
-use crate::wire::address::PortAddress;
 use crate::wire::opener::{OpenError, PortOpener};
-use crate::wire::port::{PORT_TIMEOUT, Port, Transfer};
+use crate::wire::port::{PORT_TIMEOUT, Port, PortAddress, Transfer};
 
 /// Delay between two attempts to open the port. The requirement is to reconnect a replugged device
 /// within 1 s, which allows several attempts.
@@ -20,7 +21,7 @@ const RETRY: Duration = Duration::from_millis(250);
 const TTY_SILENCE_LIMIT: Duration = Duration::from_secs(5);
 
 /// Silence after which a TCP port is reopened. A broken connection is detected earlier, by TCP
-/// itself. An intact one keeps the data of a peer that stands still, and reopening would lose them.
+/// itself. An intact one keeps the data of a suspended peer, and reopening would lose them.
 const TCP_SILENCE_LIMIT: Duration = Duration::from_mins(1);
 
 /// A port that is reopened whenever it disappears.
@@ -37,7 +38,7 @@ pub(crate) struct Connection {
     silently: bool,
     /// Whether the port sends bytes and has sent no valid frame yet. Its interruptions are not
     /// logged.
-    pub(crate) is_stranger: bool,
+    is_stranger: bool,
 }
 
 #[derive(Debug)]
@@ -77,17 +78,40 @@ impl Connection {
         }
     }
 
-    pub(crate) fn is_open(&self) -> bool {
+    /// Closes the port, which is opened again.
+    pub(crate) fn close(&mut self) {
+        self.state = State::Closed {
+            retry_at: Instant::now() + RETRY,
+        };
+    }
+
+    fn report_failure(&mut self, error: &io::Error) {
+        self.close();
+        let why = error.to_string();
+        if self.reported.as_ref() == Some(&why) {
+            return;
+        }
+        self.reported = Some(why);
+        tracing::warn!(
+            "{} does not open ({error}); waiting for it; {}",
+            self.opener,
+            self.opener.address().remedy(error.kind())
+        );
+    }
+}
+
+impl Feed for Connection {
+    fn is_open(&self) -> bool {
         matches!(self.state, State::Open(_))
     }
 
     /// Returns the address of the port; with `auto`, the port and the board that were found last.
-    pub(crate) fn name(&self) -> String {
+    fn name(&self) -> String {
         self.opener.to_string()
     }
 
     /// Silence of the device after which the port should be reopened.
-    pub(crate) fn silence_limit(&self) -> Duration {
+    fn silence_limit(&self) -> Duration {
         match self.opener.address() {
             PortAddress::Tty(_) | PortAddress::Auto(_) => TTY_SILENCE_LIMIT,
             PortAddress::Tcp(_) => TCP_SILENCE_LIMIT,
@@ -95,15 +119,9 @@ impl Connection {
     }
 
     /// Closes the port, which is opened again without a message in the log.
-    pub(crate) fn close_silently(&mut self) {
+    fn close_silently(&mut self) {
         self.silently = true;
         self.close();
-    }
-
-    pub(crate) fn close(&mut self) {
-        self.state = State::Closed {
-            retry_at: Instant::now() + RETRY,
-        };
     }
 
     /// Waits for the next event. Meanwhile writes `outgoing` to the device and removes the written
@@ -114,7 +132,7 @@ impl Connection {
     /// [`BridgeError::Port`] if the address names something that is not a port,
     /// [`BridgeError::Speed`] if the port does not support the baud rate, and
     /// [`BridgeError::SeveralBoards`] if `auto` finds several boards.
-    pub(crate) async fn next_event(
+    async fn next_event(
         &mut self,
         buffer: &mut [u8],
         outgoing: &mut Vec<u8>,
@@ -217,17 +235,59 @@ impl Connection {
         }
     }
 
-    fn report_failure(&mut self, error: &io::Error) {
-        self.close();
-        let why = error.to_string();
-        if self.reported.as_ref() == Some(&why) {
-            return;
-        }
-        self.reported = Some(why);
-        tracing::warn!(
-            "{} does not open ({error}); waiting for it; {}",
-            self.opener,
-            self.opener.address().remedy(error.kind())
-        );
+    fn mark_stranger(&mut self, is_stranger: bool) {
+        self.is_stranger = is_stranger;
+    }
+
+    fn is_stranger(&self) -> bool {
+        self.is_stranger
+    }
+}
+/// Connection to a device, as the streaming loop of this program uses it.
+pub trait Feed {
+    /// Waits for the next event. Bytes from the device are at the front of `buffer`. Meanwhile
+    /// passes `outgoing` to the device and removes what it has accepted. Cancel safe.
+    ///
+    /// # Errors
+    ///
+    /// [`BridgeError`] if waiting is of no use, such as for an address that is no port.
+    fn next_event(
+        &mut self,
+        buffer: &mut [u8],
+        outgoing: &mut Vec<u8>,
+    ) -> impl Future<Output = Result<Event, BridgeError>>;
+
+    /// Returns whether the device is connected.
+    fn is_open(&self) -> bool;
+
+    /// Returns the name of the device's address for the log.
+    fn name(&self) -> String;
+
+    /// Returns the host time at which the bytes of the last event came from the device. The clock
+    /// is fitted to this time.
+    fn read_time(&self) -> HostTime {
+        HostTime::now()
+    }
+
+    /// Silence of the device after which [`Feed::close_silently`] is called.
+    fn silence_limit(&self) -> Duration {
+        Duration::MAX
+    }
+
+    /// Disconnects from a silent device. The next event connects again.
+    fn close_silently(&mut self) {}
+
+    /// States whether the device has sent bytes that are no valid frame, and nothing else.
+    fn mark_stranger(&mut self, _is_stranger: bool) {}
+
+    /// Returns whether the last call of [`Feed::mark_stranger`] stated so.
+    fn is_stranger(&self) -> bool {
+        false
+    }
+
+    /// Returns the status of what the device measures, for `/diagnostics`; `None` if the device
+    /// reports it itself. Called once a second.
+    fn status(&mut self) -> Option<DiagnosticStatus> {
+        None
     }
 }

@@ -1,14 +1,12 @@
 //! Opens the port of an address, again and again.
 
-use std::fmt;
-use std::io;
+use std::{fmt, io};
 
 use thiserror::Error;
 
 use crate::ports::finder::{BoardFinder, FindError, FoundBoard};
 use crate::ports::system_root::SystemRoot;
-use crate::wire::address::PortAddress;
-use crate::wire::port::Port;
+use crate::wire::port::{Port, PortAddress};
 
 /// Opens a port. The port of `auto` can be another one each time, of the same board.
 #[derive(Clone, Debug)]
@@ -104,8 +102,8 @@ mod tests {
     use super::{OpenError, PortOpener, SystemRoot};
     use crate::error::BridgeError;
     use crate::ports::simulated_machine::{BOARD, Descriptor, SimulatedMachine};
-    use crate::wire::address::PortAddress;
-    use crate::wire::connection::{Connection, Event};
+    use crate::wire::connection::{Connection, Event, Feed};
+    use crate::wire::port::PortAddress;
 
     const OTHER: Descriptor<'static> = Descriptor {
         serial: "3B",

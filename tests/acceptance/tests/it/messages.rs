@@ -6,17 +6,18 @@ use std::path::{Path, PathBuf};
 use acceptance::workspace;
 
 /// Crates whose messages a user of the programs sees.
-const CRATES: [&str; 13] = [
+const CRATES: [&str; 14] = [
     "artifact",
     "bench",
     "bridge",
+    "bridge-core",
+    "capture",
     "demo",
     "host-sim",
     "model-gen",
     "neuro-ros",
     "new-file",
     "node",
-    "reconstruction",
     "recordings",
     "ros1",
     "trainer",

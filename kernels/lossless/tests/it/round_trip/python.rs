@@ -1,4 +1,4 @@
-//! The format of the blocks in Python, `tests/reference.py`.
+//! The format of the blocks in Python, `kernels/lossless/tests/reference.py`.
 
 use std::fmt::Write as _;
 use std::io::{Write as _, stderr};

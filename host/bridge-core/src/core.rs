@@ -1,0 +1,181 @@
+//! The pure core: frame decoder and session. It performs no I/O itself.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use link::{Counters, Decoder, MAX_FRAME, ToHost};
+use neuro_ros::{AcquisitionInfo, DiagnosticArray, NeuroEvent, NeuroFrame};
+
+use crate::decoder::audit::AuditedWindow;
+use crate::decoder::model::Model;
+use crate::decoder::packed::TimedPackedBlock;
+use crate::decoder::reconstruction::TimedCode;
+use crate::device::Device;
+use crate::session::Session;
+use crate::session::diagnosis::diagnose;
+use crate::session::summary::Summary;
+use crate::settings::Settings;
+use crate::time::HostTime;
+
+/// The pure core of the bridge: receives bytes and times, and requests [`Effects`].
+///
+/// `Core` reads no clock and no port, so tests can reproduce every fault of a link exactly.
+#[derive(Debug)]
+pub struct Core {
+    decoder: Decoder<MAX_FRAME>,
+    session: Session,
+}
+
+impl Core {
+    /// Creates a core without a connection. Without a model it publishes codes but does not decode
+    /// them.
+    pub fn new(settings: Settings, model: Option<Arc<Model>>) -> Core {
+        Core {
+            decoder: Decoder::new(),
+            session: Session::new(settings, model),
+        }
+    }
+
+    /// Records that a port was opened, and sends the first command.
+    pub fn connected(&mut self, now: HostTime, effects: &mut dyn Effects) {
+        self.decoder.reset();
+        self.session.connected(now, effects);
+    }
+
+    /// Records that the port was closed or lost. The state of streams and counts is kept for a
+    /// reconnection.
+    pub fn disconnected(&mut self) {
+        self.session.disconnected();
+    }
+
+    /// Handles bytes from the device that were read at `read`, and sends the next command if one is
+    /// due.
+    pub fn receive(&mut self, bytes: &[u8], read: HostTime, effects: &mut dyn Effects) {
+        self.handle(bytes, read, effects);
+        self.session.tick(read, effects);
+    }
+
+    /// Handles bytes from the device like [`Core::receive`], but sends no command.
+    pub fn handle(&mut self, mut bytes: &[u8], read: HostTime, effects: &mut dyn Effects) {
+        while let Some(outcome) = self.decoder.next::<ToHost>(&mut bytes) {
+            match outcome {
+                Ok(frame) => self.session.handle_frame(&frame, read, effects),
+                Err(error) => self.session.handle_error(error, read),
+            }
+        }
+    }
+
+    /// Sends the next command if one is due. Call this at least every 100 ms.
+    pub fn tick(&mut self, now: HostTime, effects: &mut dyn Effects) {
+        self.session.tick(now, effects);
+    }
+
+    /// Sets whether the device should stream. The next [`Core::tick`] sends the command for it.
+    pub fn set_streaming(&mut self, streaming: bool) {
+        self.session.commands_mut().set_streaming(streaming);
+    }
+
+    /// Sets the rate of the packed code, 0 to 15. The next [`Core::tick`] sends the command for it.
+    pub fn set_packed_rate(&mut self, rate: u8) {
+        self.session.commands_mut().set_rate(rate);
+    }
+
+    /// Sets the rate of the packed code to that of the device's model, for a core without the
+    /// model.
+    pub fn set_model_rate(&mut self, rate: u8) {
+        self.session.set_model_rate(rate);
+    }
+
+    /// Returns whether no stream is wanted and the device has confirmed that none is running.
+    pub fn is_stopped(&self) -> bool {
+        self.session.commands().is_stopped()
+    }
+
+    /// Returns whether the connected device has been silent for longer than `limit`, although it is
+    /// pinged after 2 s. The caller should then reopen the port.
+    pub fn is_unresponsive(&self, now: HostTime, limit: Duration) -> bool {
+        let limit_us = i64::try_from(limit.as_micros()).unwrap_or(i64::MAX);
+        let commands = self.session.commands();
+        commands.is_unresponsive(now.monotonic_us, limit_us)
+    }
+
+    /// Returns the frame decoder's counts of bytes, frames and errors.
+    pub fn wire_counters(&self) -> &Counters {
+        self.decoder.counters()
+    }
+
+    /// Returns the counts of received, lost and filled codes since the core was created.
+    pub fn summary(&self) -> Summary {
+        Summary::new(&self.session, self.decoder.counters())
+    }
+
+    /// Returns why codes or the signals of the device are not published, worded for the user;
+    /// `None` if they are.
+    pub fn objection(&self) -> Option<&str> {
+        self.session.objection()
+    }
+
+    /// Returns the report for `/diagnostics`. Call this once a second: a loss is a warning only in
+    /// the first report after the loss.
+    pub fn diagnostics(&mut self, now: HostTime) -> DiagnosticArray {
+        diagnose(&mut self.session, self.decoder.counters(), now)
+    }
+}
+
+/// Actions that [`Core`](crate::Core) requests from its environment. No method may block. The
+/// default of each action but `send` does nothing, for an environment without that output.
+pub trait Effects {
+    /// Queues a complete frame for the device.
+    fn send(&mut self, frame: &[u8]);
+
+    /// Announces the device that sends the following codes. Called again when another compatible
+    /// device connects, when the mains frequency changes, or when the reconstruction is made from
+    /// codes instead of packed blocks, because the device refused those.
+    fn announce(&mut self, _announcement: &Announcement) {}
+
+    /// Publishes a frame on `/encoded`.
+    fn publish_encoded(&mut self, _frame: &NeuroFrame) {}
+
+    /// Returns how many fillers can be published on `/encoded` at once. The rest of a longer gap is
+    /// counted and not filled. The default, 68 minutes of codes, is for an output without a queue.
+    fn max_fillers(&self) -> u64 {
+        65_536
+    }
+
+    /// Decodes a code to electrode signals in microvolts and publishes them on
+    /// `/neurodata_reconstructed`. Called only if the announcement is
+    /// [`decodable`](Announcement::decodable).
+    fn decode(&mut self, _window: TimedCode) {}
+
+    /// Decodes a packed block as [`Self::decode`] does a code. A device whose packed blocks arrive
+    /// has its signals reconstructed from them, and none from codes.
+    fn decode_block(&mut self, _block: TimedPackedBlock) {}
+
+    /// Publishes the signals of the newest packed block, if they wait for the next one: none
+    /// follows.
+    fn finish_blocks(&mut self) {}
+
+    /// Publishes a frame of ADC samples on `/neurodata`.
+    fn publish_raw(&mut self, _frame: &NeuroFrame) {}
+
+    /// Publishes a frame of filtered steps on `/neurodata_corticode`.
+    fn publish_filtered(&mut self, _frame: &NeuroFrame) {}
+
+    /// Publishes an edge of the trigger input on `/events/bus`.
+    fn publish_event(&mut self, _event: &NeuroEvent) {}
+
+    /// Compares the device's code with the float network's code for the same window. Called only if
+    /// the announcement is [`decodable`](Announcement::decodable).
+    fn audit(&mut self, _window: AuditedWindow) {}
+}
+
+/// A device that has introduced itself, with the description for `/acquisition/get_info`.
+#[derive(Clone, Debug)]
+pub struct Announcement {
+    /// Answer to `/acquisition/get_info`; `None` if the selected stream is not published.
+    pub info: Option<AcquisitionInfo>,
+    /// Scales, rates and labels of the device's codes.
+    pub device: Arc<Device>,
+    /// Whether the bridge has the device's model, which is needed to decode and audit the codes.
+    pub decodable: bool,
+}

@@ -1,0 +1,95 @@
+//! Decides when the bridge stops reading the port until the decoder has caught up.
+
+/// Number of waiting windows above which a source that can wait has to: 16 s of signal, and about
+/// 1 s of decoding.
+const WAITING_WINDOWS: u64 = 256;
+
+/// How far the device's time must have run ahead of the host's time before the source counts as
+/// faster than real time, microseconds.
+const AHEAD_US: i64 = 10_000_000;
+/// Part of the elapsed time by which the device's clock may be fast in addition: 1000 ppm. Two
+/// crystals never differ by more than 500 ppm.
+const DRIFT: i64 = 1000;
+
+/// Compares the device's time with the host's. A source that runs ahead of real time, such as
+/// `host-sim run --fast`, waits for its reader and loses nothing when the bridge stops reading. A
+/// device in real time cannot wait: its own queue holds some seconds.
+///
+/// A backlog that arrives after a stall does not run ahead, because the host's time went on during
+/// the stall.
+#[derive(Debug, Default)]
+pub struct BackPressure {
+    /// Device time and host time of the first code since the last restart, microseconds.
+    first: Option<(u64, i64)>,
+    newest_device_us: u64,
+    runs_ahead: bool,
+}
+
+impl BackPressure {
+    /// Records a code with device time `device_us` that was read at host time `read_us`.
+    pub fn record(&mut self, device_us: u64, read_us: i64) {
+        if device_us < self.newest_device_us {
+            // The device restarted, so its time starts again at 0.
+            self.first = None;
+        }
+        self.newest_device_us = device_us;
+        let (first_device_us, first_read_us) = *self.first.get_or_insert((device_us, read_us));
+        let device_elapsed_us = i64::try_from(device_us - first_device_us).unwrap_or(i64::MAX);
+        let host_elapsed_us = read_us.saturating_sub(first_read_us);
+        let limit_us = AHEAD_US.saturating_add(host_elapsed_us / DRIFT);
+        self.runs_ahead = device_elapsed_us.saturating_sub(host_elapsed_us) > limit_us;
+    }
+
+    /// Returns whether reading must pause while `waiting` windows wait for the decoder.
+    pub fn must_pause(&self, waiting: u64) -> bool {
+        self.runs_ahead && waiting > WAITING_WINDOWS
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{BackPressure, WAITING_WINDOWS};
+
+    const HOP_US: u64 = 62_500;
+
+    #[test]
+    fn a_source_faster_than_real_time_waits_while_the_queue_is_long() {
+        let mut pressure = BackPressure::default();
+        for code in 0..2000 {
+            pressure.record(code * HOP_US, 1000);
+        }
+        assert!(pressure.must_pause(WAITING_WINDOWS + 1));
+        assert!(!pressure.must_pause(WAITING_WINDOWS));
+    }
+
+    #[test]
+    fn a_device_whose_clock_is_fast_by_100_ppm_is_in_real_time_after_days() {
+        let mut pressure = BackPressure::default();
+        for day in 0..30_i64 {
+            let host_us = day * 86_400_000_000;
+            pressure.record((host_us + host_us / 10_000).unsigned_abs(), host_us);
+            assert!(!pressure.must_pause(WAITING_WINDOWS + 1), "day {day}");
+        }
+    }
+
+    #[test]
+    fn a_backlog_of_a_stalled_host_is_read_however_long_the_queue_is() {
+        let mut pressure = BackPressure::default();
+        pressure.record(0, 0);
+        // The host stood still for 10 minutes and reads all codes at once.
+        for code in 1..=9600 {
+            pressure.record(code * HOP_US, 600_000_000);
+            assert!(!pressure.must_pause(code));
+        }
+    }
+
+    #[test]
+    fn a_restart_of_the_device_does_not_count_as_running_ahead() {
+        let mut pressure = BackPressure::default();
+        pressure.record(900_000_000, 0);
+        pressure.record(HOP_US, 100_000);
+        assert!(!pressure.must_pause(u64::MAX));
+        pressure.record(2 * HOP_US, 162_500);
+        assert!(!pressure.must_pause(u64::MAX));
+    }
+}

@@ -1,0 +1,164 @@
+//! A model's network in floating point, as encoder and decoder, and its packed code.
+
+use std::path::Path;
+
+use artifact::reconstruction::WindowDecoder;
+use artifact::{
+    Artifact, ArtifactError, Dimensions, FloatEncoder, ModelId, PackedModel, ScalpGrid,
+};
+
+use crate::device::Device;
+
+/// The float network of one model, and its packed code if it has one. A model without a network has
+/// codes without numbers. It decodes the codes of devices with that model, and computes the code
+/// that a correct device returns for a window.
+#[derive(Clone, Debug)]
+pub struct Model {
+    id: ModelId,
+    encoder: FloatEncoder,
+    decoder: WindowDecoder,
+    packed: Option<PackedModel>,
+    grid: ScalpGrid,
+    /// Standard deviation of the training data, microvolts.
+    sd_uv: f64,
+    /// Value at the float network's input that corresponds to one int8 level of the device's input.
+    input_scale: f32,
+    dimensions: Dimensions,
+    hop: usize,
+    rate_hz: u32,
+    electrodes: Vec<String>,
+}
+
+impl Model {
+    /// Reads the model with which this program was built, which is part of the program: the
+    /// checked-in one, or that in the folder `CORTICODE_ARTIFACT`.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError`] if the model's decoder needs more input than the code.
+    pub fn embedded() -> Result<Model, ArtifactError> {
+        let toml = include_str!(env!("EMBEDDED_PACKED_TOML"));
+        let tensors: &[u8] = include_bytes!(env!("EMBEDDED_PACKED_TENSORS"));
+        Model::new(&Artifact::from_bytes(
+            include_str!(concat!(env!("EMBEDDED_MODEL"), "/model.toml")),
+            include_bytes!(env!("EMBEDDED_WEIGHTS")),
+            include_bytes!(concat!(env!("EMBEDDED_MODEL"), "/calibration.safetensors")),
+            (!toml.is_empty()).then_some((toml, tensors)),
+        )?)
+    }
+
+    /// Reads the model in a folder with `model.toml` and its weights.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError`] if the folder holds no valid model, or if the model's decoder needs more
+    /// input than the code.
+    pub fn read(folder: &Path) -> Result<Model, ArtifactError> {
+        Model::new(&Artifact::read(folder)?)
+    }
+
+    /// Builds the float networks of an artifact.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError`] if a tensor is missing, or if the model's decoder needs more input than
+    /// the code.
+    pub fn new(artifact: &Artifact) -> Result<Model, ArtifactError> {
+        let description = &artifact.description;
+        #[expect(clippy::cast_possible_truncation, reason = "a scale, about 0.1")]
+        let input_scale = (artifact.input_scale_uv()? / description.input.sd_uv) as f32;
+        Ok(Model {
+            id: artifact.id,
+            encoder: FloatEncoder::new(artifact)?,
+            input_scale,
+            decoder: WindowDecoder::new(artifact)?,
+            packed: artifact.packed.clone(),
+            grid: ScalpGrid::new(description),
+            sd_uv: description.input.sd_uv,
+            dimensions: description.dimensions(),
+            hop: description.window.hop,
+            rate_hz: description.window.rate_hz,
+            electrodes: description.montage.electrodes.clone(),
+        })
+    }
+
+    /// Returns the model id: 8 bytes, as in codes and `Hello`.
+    pub fn id(&self) -> [u8; 8] {
+        self.id.0
+    }
+
+    /// Returns the electrode labels in the order of the montage.
+    pub fn electrodes(&self) -> &[String] {
+        &self.electrodes
+    }
+
+    /// Returns the reason why this model cannot decode the device's codes and packed blocks, worded
+    /// for the user; `None` if it can decode them.
+    pub fn objection(&self, device: &Device) -> Option<String> {
+        if device.model_id != self.id.0 {
+            return Some(format!(
+                "the device has model {coded} and this program decodes {own}; signals are not \
+                 reconstructed: start the program again with --model and the folder of \
+                 model {coded}",
+                coded = ModelId(device.model_id),
+                own = self.id
+            ));
+        }
+        let same = usize::from(device.window_steps) == self.dimensions.steps
+            && usize::from(device.hop_steps) == self.hop
+            && device.numbers() == self.dimensions.numbers
+            && u32::from(device.step_rate_hz) == self.rate_hz
+            && device.labels == self.electrodes;
+        (!same).then(|| {
+            format!(
+                "the device reports model {} but another montage or window; signals are not \
+                 reconstructed: bring the device and this program to the same release",
+                self.id
+            )
+        })
+    }
+
+    /// Decodes a code to the electrode signals of its window, microvolts: all electrodes of the
+    /// first step, then all electrodes of the next step, and so on.
+    pub fn decode(&self, z: &[f32]) -> Vec<f32> {
+        self.decoder.decode(z)
+    }
+
+    /// Returns the packed code of this model; `None` if it has none.
+    pub fn packed(&self) -> Option<&PackedModel> {
+        self.packed.as_ref()
+    }
+
+    /// Standard deviation of the data that the model was trained on, microvolts.
+    pub fn sd_uv(&self) -> f64 {
+        self.sd_uv
+    }
+
+    /// Returns the electrode signals of a window in the order step, electrode, in microvolts, and
+    /// the voltage of one int8 level. `planes` holds the device's input for the window; missing
+    /// cells count as 0.
+    pub fn electrodes_uv(&self, planes: &[i8]) -> (Vec<f32>, f64) {
+        let level_uv = f64::from(self.input_scale) * self.sd_uv;
+        let mut cells = vec![0.0; self.window_cells()];
+        #[expect(clippy::cast_possible_truncation, reason = "published as f32")]
+        for (cell, level) in cells.iter_mut().zip(planes) {
+            *cell = (f64::from(*level) * level_uv) as f32;
+        }
+        (self.grid.gather(&cells), level_uv)
+    }
+
+    /// Returns the number of scalp-grid cells in a window: cells per plane times steps.
+    pub fn window_cells(&self) -> usize {
+        self.dimensions.window_cells()
+    }
+
+    /// Computes the float code of a window. `planes` holds the device's input for the window: int8
+    /// cells, plane by plane. If `planes` is too short, the missing cells count as 0.
+    pub fn encode(&self, planes: &[i8]) -> Vec<f32> {
+        let mut window = vec![0.0; self.window_cells()];
+        for (cell, step) in window.iter_mut().zip(planes) {
+            *cell = f32::from(*step) * self.input_scale;
+        }
+        self.encoder.encode(&window)
+    }
+}

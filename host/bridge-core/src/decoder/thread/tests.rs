@@ -1,0 +1,351 @@
+//! Tests of the decoder thread with sinks that record.
+
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use link::{Capabilities, Hello, ResetCause};
+use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp};
+
+use super::{DecoderThread, Ordering, QUEUE_WINDOWS};
+use crate::decoder::audit::AuditedWindow;
+use crate::decoder::model::Model;
+use crate::decoder::packed::{PackedBytes, PackedReconstruction, TimedPackedBlock};
+use crate::decoder::reconstruction::{Reconstruction, TimedCode};
+use crate::device::Device;
+use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
+use neuro_ros::TriWords;
+
+/// Timeout of each wait, sufficient for a busy machine.
+const TIMEOUT: Duration = Duration::from_mins(1);
+
+/// Number and stamp of each frame that a sink received.
+type Frames = Arc<Mutex<Vec<(u32, i64)>>>;
+
+/// Sink that records the sequence number and the stamp of every frame.
+struct Places(Frames);
+
+impl Sink<NeuroFrame> for Places {
+    fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
+        let stamp = frame.header.stamp.nanoseconds();
+        let mut places = self.0.lock().unwrap();
+        places.push((frame.neuroheader.seq, stamp));
+        Ok(())
+    }
+
+    fn dropped(&self) -> u64 {
+        0
+    }
+}
+
+/// Starts a decoder whose frames are recorded.
+fn start() -> (Frames, DecoderThread) {
+    let frames = Frames::default();
+    let decoder = DecoderThread::start(Box::new(Places(Arc::clone(&frames)))).unwrap();
+    (frames, decoder)
+}
+
+/// Returns the numbers of recorded frames.
+fn numbers(frames: &Frames) -> Vec<u32> {
+    let frames = frames.lock().unwrap();
+    frames.iter().map(|(number, _)| *number).collect()
+}
+
+/// Returns the code of a window, all zeros, or its placeholder.
+fn code(window: u32, is_received: bool) -> TimedCode {
+    TimedCode {
+        z: is_received.then(|| vec![0.0; 128]),
+        stamp: Stamp::default(),
+        words: TriWords {
+            window,
+            ..TriWords::default()
+        },
+    }
+}
+
+pub(crate) const SETTINGS: Settings = Settings {
+    stamp: StampPoint::First,
+    mains_hz: 0,
+    filler: FillerPolicy::Last,
+    low_latency: false,
+    announced: AnnouncedStream::Encoded,
+    streams: link::Streams::CODES,
+    packed_rate: None,
+    event_stamps: EventStamps::Scalp,
+};
+
+pub(crate) fn device(model: &Model) -> Device {
+    let labels = model.electrodes().join(" ");
+    let hello = Hello {
+        firmware: "test",
+        board: "board",
+        chip_uid: [7; 12],
+        model_id: model.id(),
+        session_id: 1,
+        reset_cause: ResetCause::PowerOn,
+        fault: "",
+    };
+    let capabilities = Capabilities {
+        adc_rate_hz: 512,
+        step_rate_hz: 128,
+        window_steps: 16,
+        hop_steps: 8,
+        channels: 64,
+        lsb_nv: 22.351_742,
+        mains_hz: 50,
+        group_delay_us: 10_000,
+        labels: &labels,
+        filters: "none",
+        code_format: link::CodeFormat::Int8,
+        code_scale: std::iter::repeat_n(0.5, 128).collect(),
+        code_zero_point: std::iter::repeat_n(1, 128).collect(),
+    };
+    Device::new(&hello, &capabilities).unwrap()
+}
+
+fn reconstruction() -> Reconstruction {
+    let model = Arc::new(Model::embedded().unwrap());
+    Reconstruction::new(&device(&model), model, SETTINGS)
+}
+
+fn unpacked() -> PackedReconstruction {
+    let model = Arc::new(Model::embedded().unwrap());
+    PackedReconstruction::new(&device(&model), &model, SETTINGS).unwrap()
+}
+
+#[test]
+fn codes_beyond_a_full_queue_are_counted() {
+    let (count, mut decoder) = start();
+    // Simulate more waiting codes than the thread can decode during this test.
+    decoder
+        .progress
+        .waiting
+        .store(QUEUE_WINDOWS, Ordering::Relaxed);
+    for _ in 0..3 {
+        decoder.decode(code(0, true));
+    }
+    decoder.progress.waiting.store(0, Ordering::Relaxed);
+    // No device was announced with `start_device`, so there is nothing to publish.
+    assert_eq!(decoder.finish(TIMEOUT).not_decoded, 3);
+    assert!(count.lock().unwrap().is_empty());
+}
+
+#[test]
+fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_device() {
+    let (count, mut decoder) = start();
+    for _ in 0..2 {
+        decoder.start_device(reconstruction(), None);
+        for window in 0..2500 {
+            decoder.decode(code(window, false));
+        }
+    }
+    assert_eq!(decoder.dropped(), 0);
+    assert_eq!(decoder.finish(TIMEOUT).not_decoded, 0);
+    assert_eq!(numbers(&count), (1..=5000).collect::<Vec<u32>>());
+}
+
+/// Returns a lost block whose steps begin `at_ns` nanoseconds after 1970.
+fn lost_block(at_ns: i64, is_first: bool) -> TimedPackedBlock {
+    TimedPackedBlock {
+        block: None,
+        is_first,
+        stamp: Stamp::from_nanoseconds(at_ns),
+        words: TriWords::default(),
+    }
+}
+
+#[test]
+fn frames_from_codes_and_from_packed_blocks_are_one_stream() {
+    let (places, mut decoder) = start();
+    decoder.start_device(reconstruction(), Some(unpacked()));
+    for index in 0..60 {
+        if index % 20 < 10 {
+            let (z, words) = (Some(vec![0.0; 128]), TriWords::default());
+            let stamp = Stamp::from_nanoseconds(index);
+            decoder.decode(TimedCode { z, stamp, words });
+        } else {
+            decoder.decode_block(lost_block(index, index % 20 == 10));
+        }
+        if index % 20 == 19 {
+            decoder.finish_blocks();
+        }
+    }
+    assert_eq!(decoder.finish(TIMEOUT).not_decoded, 0);
+    let due: Vec<(u32, i64)> = (1..=60).zip(0..).collect();
+    assert_eq!(*places.lock().unwrap(), due);
+}
+
+#[test]
+fn the_frame_that_waits_for_a_correction_is_published_when_another_device_takes_over() {
+    let (places, mut decoder) = start();
+    for device in 0..2 {
+        decoder.start_device(reconstruction(), Some(unpacked()));
+        for index in 0..10 {
+            decoder.decode_block(lost_block(10 * device + index, false));
+        }
+    }
+    assert_eq!(decoder.finish(TIMEOUT).not_decoded, 0);
+    let due: Vec<(u32, i64)> = (1..=20).zip(0..).collect();
+    assert_eq!(*places.lock().unwrap(), due);
+}
+
+#[test]
+fn at_the_end_the_frame_that_waits_is_published_without_its_correction() {
+    let (places, mut decoder) = start();
+    decoder.start_device(reconstruction(), Some(unpacked()));
+    decoder.decode_block(lost_block(7, true));
+    decoder.finish(TIMEOUT);
+    assert_eq!(*places.lock().unwrap(), [(1, 7)]);
+}
+
+#[test]
+fn placeholders_of_packed_blocks_wait_like_blocks() {
+    let (places, mut decoder) = start();
+    decoder.start_device(reconstruction(), Some(unpacked()));
+    for index in 0..4_096 {
+        decoder.decode_block(lost_block(index, index == 0));
+    }
+    assert_eq!(decoder.counts().waiting, 4_096);
+    let counts = decoder.finish(TIMEOUT);
+    assert_eq!((counts.waiting, counts.not_decoded), (0, 0));
+    assert_eq!((counts.decoded, places.lock().unwrap().len()), (0, 4_096));
+}
+
+#[test]
+fn blocks_that_the_model_does_not_have_are_counted() {
+    let (_, mut decoder) = start();
+    decoder.start_device(reconstruction(), Some(unpacked()));
+    for bytes in [vec![], vec![0x5a; 200]] {
+        decoder.decode_block(TimedPackedBlock {
+            block: Some(PackedBytes { bytes, rate: 4 }),
+            is_first: false,
+            stamp: Stamp::default(),
+            words: TriWords::default(),
+        });
+    }
+    let counts = decoder.finish(TIMEOUT);
+    assert_eq!((counts.decoded, counts.malformed), (1, 1));
+    assert!(counts.to_string().ends_with("packed blocks malformed 1"));
+}
+
+#[test]
+fn an_audit_without_a_code_measures_the_error_of_its_blocks() {
+    let model = Arc::new(Model::embedded().unwrap());
+    let (_, mut decoder) = start();
+    decoder.start_device(reconstruction(), Some(unpacked()));
+    // Blocks without bytes are silence at the start of a run.
+    for window in 0..2 {
+        decoder.decode_block(TimedPackedBlock {
+            block: Some(PackedBytes {
+                bytes: vec![],
+                rate: 4,
+            }),
+            is_first: window == 0,
+            stamp: Stamp::default(),
+            words: TriWords {
+                window,
+                ..TriWords::default()
+            },
+        });
+    }
+    let mut audited = |cell| {
+        let window = AuditedWindow {
+            device: Arc::new(device(&model)),
+            window: 0,
+            planes: vec![cell; model.window_cells()],
+            levels: Vec::new(),
+            resolution: 1,
+        };
+        decoder.audit(window, Arc::clone(&model));
+        decoder.start_work();
+        while decoder.progress.audits_waiting.load(Ordering::Relaxed) > 0 {
+            std::thread::yield_now();
+        }
+        decoder.audit_status().unwrap().message
+    };
+    let expected = "the packed blocks match the device's signals within 0.00 uV RMS";
+    assert_eq!(audited(0), expected);
+    assert!(audited(127).contains("was not compared"));
+}
+
+#[test]
+fn every_code_of_a_burst_after_a_stall_is_decoded() {
+    let (count, mut decoder) = start();
+    decoder.start_device(reconstruction(), None);
+    // 37 s of codes at once, far more than the thread decodes meanwhile.
+    for window in 0..600 {
+        decoder.decode(code(window, true));
+    }
+    let counts = decoder.finish(TIMEOUT);
+    assert_eq!((counts.decoded, counts.not_decoded), (600, 0));
+    assert_eq!((counts.waiting, count.lock().unwrap().len()), (0, 600));
+    assert!(counts.longest_wait > std::time::Duration::ZERO);
+}
+
+/// Sink that has a receiver while the flag is set.
+struct Switched(Places, Arc<AtomicBool>);
+
+impl Sink<NeuroFrame> for Switched {
+    fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
+        self.0.publish(frame)
+    }
+
+    fn dropped(&self) -> u64 {
+        0
+    }
+
+    fn has_receivers(&self) -> bool {
+        self.1.load(Ordering::Relaxed)
+    }
+}
+
+#[test]
+fn codes_are_decoded_only_while_someone_receives_them_and_numbers_continue() {
+    let count = Frames::default();
+    let receiver = Arc::new(AtomicBool::new(false));
+    let sink = Switched(Places(Arc::clone(&count)), Arc::clone(&receiver));
+    let mut decoder = DecoderThread::start(Box::new(sink)).unwrap();
+    decoder.start_device(reconstruction(), None);
+    for window in 0..20 {
+        if window == 10 {
+            while decoder.counts().not_needed < 10 {
+                std::thread::yield_now();
+            }
+            receiver.store(true, Ordering::Relaxed);
+        }
+        decoder.decode(code(window, true));
+        decoder.start_work();
+    }
+    let counts = decoder.finish(TIMEOUT);
+    assert_eq!((counts.not_needed, counts.decoded), (10, 10));
+    assert_eq!(numbers(&count), (11..=20).collect::<Vec<u32>>());
+}
+
+/// Sink that takes 50 ms for each frame.
+struct Slow;
+
+impl Sink<NeuroFrame> for Slow {
+    fn publish(&mut self, _: &NeuroFrame) -> Result<(), SinkError> {
+        std::thread::sleep(Duration::from_millis(50));
+        Ok(())
+    }
+
+    fn dropped(&self) -> u64 {
+        0
+    }
+}
+
+#[test]
+fn the_end_does_not_wait_for_a_long_queue_and_counts_what_is_left() {
+    let mut decoder = DecoderThread::start(Box::new(Slow)).unwrap();
+    decoder.start_device(reconstruction(), None);
+    // 60 s of work.
+    for window in 0..1200 {
+        decoder.decode(code(window, true));
+    }
+    let start = Instant::now();
+    let counts = decoder.finish(Duration::from_millis(500));
+    assert!(start.elapsed() < Duration::from_secs(20));
+    assert!(counts.not_decoded > 0 && counts.waiting == 0, "{counts}");
+    assert_eq!(counts.decoded + counts.not_decoded, 1200, "{counts}");
+}

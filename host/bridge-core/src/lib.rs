@@ -1,0 +1,93 @@
+//! The host's side of the link as a state machine without input or output.
+//!
+//! A board sends codes (compressed EEG) and, on request, ADC samples, filtered steps, events and
+//! audits. The core fits the board's clock to the host's, fills and counts lost data, decodes codes
+//! to microvolts, and requests the publication of the result as `NeuroFrame` and `NeuroEvent`.
+//!
+//! ```text
+//! bytes, times ──► Core: session ─┬─ streams ─── NeuroFrame, NeuroEvent ─► Effects
+//!                    │            ├─ decoder: codes to microvolts ───────►
+//!                    │            └─ diagnostics ────────────────────────►
+//!     commands ◄─────┘          clock: device time to host time, for all stamps
+//! ```
+//!
+//! [`Core`] is pure: bytes and times in, [`Effects`] out. Tests drive it without a port or a clock.
+//! [`Query`] does the same for a single request, such as a self-test. [`DecoderThread`] runs the
+//! decoder in a thread of its own, because one window takes milliseconds. The crate `bridge`
+//! connects the core to a port and to ROS; `capture` records what it receives.
+//!
+//! # Example
+//!
+//! The first command to a connected device asks it to identify itself:
+//!
+//! ```
+//! # use bridge_core::{Announcement, AuditedWindow, TimedPackedBlock, TimedCode};
+//! # use neuro_ros::{NeuroEvent, NeuroFrame};
+//! use bridge_core::{AnnouncedStream, Core, Effects, EventStamps, FillerPolicy, HostTime, Settings, StampPoint};
+//! use link::{Decoder, MAX_FRAME, Streams, ToDevice};
+//!
+//! /// Keeps the bytes for the device and ignores all other effects.
+//! #[derive(Default)]
+//! struct ToPort(Vec<u8>);
+//!
+//! impl Effects for ToPort {
+//!     fn send(&mut self, frame: &[u8]) {
+//!         self.0.extend_from_slice(frame);
+//!     }
+//!     // The other methods publish frames and events.
+//! }
+//!
+//! let settings = Settings {
+//!     stamp: StampPoint::First,
+//!     mains_hz: 50,
+//!     filler: FillerPolicy::Last,
+//!     low_latency: false,
+//!     announced: AnnouncedStream::Encoded,
+//!     streams: Streams::CODES,
+//!     packed_rate: None,
+//!     event_stamps: EventStamps::Scalp,
+//! };
+//! let mut core = Core::new(settings, None);
+//! let mut port = ToPort::default();
+//! core.connected(HostTime::now(), &mut port);
+//!
+//! let mut decoder = Decoder::<MAX_FRAME>::new();
+//! let command = decoder.next::<ToDevice>(&mut &port.0[..]).unwrap().unwrap();
+//! assert_eq!(command.message, ToDevice::Identify);
+//! ```
+#![forbid(unsafe_code)]
+
+mod core;
+mod decoder;
+mod device;
+mod diagnostics;
+mod query;
+mod session;
+mod settings;
+mod streams;
+mod time;
+mod wire;
+
+pub use core::{Announcement, Core, Effects};
+pub use decoder::audit::{AuditResult, AuditedWindow, PackedError};
+pub use decoder::back_pressure::BackPressure;
+pub use decoder::model::Model;
+pub use decoder::packed::{PackedBytes, PackedReconstruction, TimedPackedBlock};
+pub use decoder::reconstruction::{Reconstruction, TimedCode};
+pub use decoder::thread::{DecoderCounts, DecoderThread};
+pub use device::{Device, DeviceError, Identity};
+pub use diagnostics::packed::report_malformed;
+pub use neuro_ros::{TRI_LABELS, TriWords};
+pub use query::report::{
+    ChannelReport, ChipReport, DeviceSummary, DrdyReport, SelfTestReport, write_columns,
+};
+pub use query::{Answer, Query, QueryError, QueryResult, Request};
+pub use session::summary::{PackedSummary, Summary};
+pub use settings::{
+    AnnouncedStream, Choice, EventStamps, FillerPolicy, RawForm, Settings, StampPoint, StreamKind,
+    with_codes,
+};
+pub use streams::ledger::{Arrival, Ledger};
+pub use time::HostTime;
+pub use time::clock::Clock;
+pub use wire::commands::PendingCommand;

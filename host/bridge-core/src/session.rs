@@ -1,0 +1,609 @@
+//! The session with a device: its messages, and the commands to it.
+
+pub(crate) mod diagnosis;
+mod introduction;
+pub(crate) mod summary;
+
+use std::sync::Arc;
+
+use link::{
+    Ack, AckResult, Code, Encoder, Frame, FrameError, Header, MAX_FRAME, PackedCode, Quality,
+    StageTiming, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
+};
+
+use crate::core::Effects;
+use crate::decoder::model::Model;
+use crate::device::{Device, Identity};
+use crate::diagnostics::converters::ChainReport;
+use crate::diagnostics::packed::PackedReport;
+use crate::diagnostics::{LinkLog, closest_to_deadline};
+use crate::settings::{AnnouncedStream, Settings, StreamKind};
+use crate::streams::code::CodeStream;
+use crate::streams::event::BusEvent;
+use crate::streams::ledger::{Arrival, Ledger};
+use crate::streams::packed::PackedStream;
+use crate::streams::sample::SampleStream;
+use crate::streams::side::{MessageTime, SideStreams};
+use crate::streams::stamps::{DecodedStream, Decoding, Reception};
+use crate::time::HostTime;
+use crate::time::clock::Clock;
+use crate::time::round_trip::RoundTrips;
+use crate::wire::commands::{AckEffect, Commands};
+use crate::wire::words;
+
+/// Number of consecutive frames with an old sequence number after which the bridge sends `Identify`
+/// again. The device may have been reset and its `Hello` lost.
+const OLD_FRAMES_BEFORE_IDENTIFY: u32 = 8;
+
+/// State that the bridge keeps about the device, also while the port is closed.
+#[derive(Debug)]
+pub(crate) struct Session {
+    settings: Settings,
+    model: Option<Arc<Model>>,
+    /// Rate of the model's packed code, which is the default and not a choice of the user.
+    model_rate: Option<u8>,
+    encoder: Encoder,
+    commands: Commands,
+    identity: Option<Identity>,
+    /// Whether `Hello` has arrived since the port was opened. Sequence numbers are ignored before
+    /// `Hello`.
+    introduced: bool,
+    codes: Option<CodeStream>,
+    packed: Option<PackedStream>,
+    side: SideStreams,
+    /// The device that was announced first. A device that is not compatible with it is refused for
+    /// as long as the bridge runs.
+    announced: Option<Arc<Device>>,
+    /// Stream that `/neurodata_reconstructed` is decoded from, as it was announced last.
+    decoding: Decoding,
+    /// Whether the device was asked for the stream that `/acquisition/get_info` describes, and did
+    /// not refuse to stream, when it was announced last.
+    is_described_asked: bool,
+    clock: Clock,
+    round_trips: RoundTrips,
+    frames: Ledger,
+    old_frames_in_a_row: u32,
+    counts: SessionCounts,
+    /// Reason why codes or their reconstruction are not published, worded for the user.
+    objection: Option<String>,
+    stats: Option<Stats>,
+    /// Newest report about the electrodes; `None` after `/diagnostics` has published it.
+    quality: Option<Quality>,
+    /// Newest report about the deadlines; `None` after `/diagnostics` has published it.
+    timing: Option<Timing>,
+    /// The stage with the largest ratio of worst time to deadline, over all reports.
+    worst_stage: Option<StageTiming>,
+    converters: Option<ChainReport>,
+    /// Electrodes whose signal was not recorded, from the device's newest introduction.
+    substitutes: Substitutes,
+    logged: LoggedOnce,
+    link_log: LinkLog,
+}
+
+/// Flags of the warnings that were logged; each of these warnings is logged once.
+#[derive(Clone, Copy, Debug, Default)]
+struct LoggedOnce {
+    newer_messages: bool,
+    wire_version: bool,
+    /// Cleared when the device restarts or another device connects. The other flags are never
+    /// cleared.
+    refused_streams: bool,
+}
+
+/// Counts of the session that are not part of a stream or a ledger.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct SessionCounts {
+    /// Number of times that the port was opened.
+    connections: u64,
+    /// Number of detected resets of the device, including changes of the device.
+    resets: u64,
+    /// Number of codes and packed blocks that arrived before the device's introduction, or from a
+    /// refused device.
+    codes_unused: u64,
+    /// Number of missing codes at the last report to `/diagnostics`.
+    missing_reported: u64,
+    /// State of the packed blocks at the last report to `/diagnostics`.
+    packed_reported: PackedReport,
+    /// Number of damaged frames at the last report to `/diagnostics`.
+    damaged_reported: u32,
+}
+
+impl Session {
+    pub(crate) fn new(settings: Settings, model: Option<Arc<Model>>) -> Session {
+        let commands = Commands::new(settings.mains_hz, settings.streams, settings.packed_rate);
+        let decoding = Decoding {
+            stream: DecodedStream::of(commands.streams()),
+            is_possible: false,
+        };
+        let packed = model.as_ref().and_then(|model| model.packed());
+        Session {
+            settings,
+            model_rate: packed.map(|packed| packed.description.rate),
+            model,
+            encoder: Encoder::default(),
+            commands,
+            identity: None,
+            introduced: false,
+            codes: None,
+            packed: None,
+            side: SideStreams::new(settings),
+            announced: None,
+            decoding,
+            is_described_asked: false,
+            clock: Clock::default(),
+            round_trips: RoundTrips::default(),
+            frames: Ledger::default(),
+            old_frames_in_a_row: 0,
+            counts: SessionCounts::default(),
+            objection: None,
+            stats: None,
+            quality: None,
+            timing: None,
+            worst_stage: None,
+            converters: None,
+            substitutes: Substitutes::NONE,
+            logged: LoggedOnce::default(),
+            link_log: LinkLog::default(),
+        }
+    }
+
+    /// Commands to the device.
+    pub(crate) fn commands(&self) -> &Commands {
+        &self.commands
+    }
+
+    /// Commands to the device.
+    pub(crate) fn commands_mut(&mut self) -> &mut Commands {
+        &mut self.commands
+    }
+
+    /// Sets the rate of the packed code to that of the device's model.
+    pub(crate) fn set_model_rate(&mut self, rate: u8) {
+        self.model_rate = Some(rate);
+        self.commands.set_rate(rate);
+    }
+
+    /// Returns why codes or their reconstruction are not published, worded for the user.
+    pub(crate) fn objection(&self) -> Option<&str> {
+        self.objection.as_deref()
+    }
+
+    /// Records that the port was opened, and sends the first command.
+    pub(crate) fn connected(&mut self, now: HostTime, effects: &mut dyn Effects) {
+        self.introduced = false;
+        self.counts.connections += 1;
+        self.commands.connected(now.monotonic_us);
+        self.tick(now, effects);
+    }
+
+    /// Records that the port was closed or lost.
+    pub(crate) fn disconnected(&mut self) {
+        self.introduced = false;
+        self.commands.disconnected();
+    }
+
+    /// Sends the next command if one is due.
+    pub(crate) fn tick(&mut self, now: HostTime, effects: &mut dyn Effects) {
+        let seq = self.encoder.next_seq();
+        let Some(command) = self.commands.next_command(now.monotonic_us, seq) else {
+            return;
+        };
+        tracing::debug!(?command, seq, "command");
+        let mut buffer = [0; MAX_FRAME];
+        match self.encoder.encode(0, &command, &mut buffer) {
+            Ok(frame) => effects.send(frame),
+            Err(error) => {
+                let command = words::command(&command);
+                tracing::error!(%error, "the command {command} cannot be sent");
+            }
+        }
+    }
+
+    /// Handles the error for bytes that are not a valid frame, or for a frame of a kind that this
+    /// bridge does not know.
+    pub(crate) fn handle_error(&mut self, error: FrameError, read: HostTime) {
+        if let FrameError::Unknown { header, kind } = error {
+            self.commands.frame_received(read.monotonic_us);
+            if self.introduced {
+                self.record_frame(header);
+            }
+            if !std::mem::replace(&mut self.logged.newer_messages, true) {
+                tracing::warn!(
+                    kind,
+                    "the device sends messages that are newer than this bridge; they are ignored \
+                     and codes are not affected; update the bridge to receive them"
+                );
+            }
+        } else if let FrameError::Version(_) = error
+            && !std::mem::replace(&mut self.logged.wire_version, true)
+        {
+            tracing::error!("the device's frames cannot be decoded: {error}");
+        } else {
+            // Logged at debug level, because noise on the line would fill the log; `/diagnostics`
+            // counts these frames.
+            tracing::debug!(%error, "frame ignored");
+        }
+    }
+
+    /// Handles a message that was read at `read`.
+    pub(crate) fn handle_frame(
+        &mut self,
+        frame: &Frame<ToHost>,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
+        self.handle_message(frame, read, effects);
+        self.report_missing(read, effects);
+    }
+
+    fn handle_message(&mut self, frame: &Frame<ToHost>, read: HostTime, effects: &mut dyn Effects) {
+        let header = frame.header;
+        self.commands.frame_received(read.monotonic_us);
+        if let ToHost::Hello(hello) = &frame.message {
+            self.handle_hello(hello, header);
+        }
+        if self.introduced && !self.record_frame(header) {
+            return;
+        }
+        match &frame.message {
+            // `Hello` was handled above, and a session never requests a self-test.
+            ToHost::Hello(_) | ToHost::SelfTest(_) => {}
+            ToHost::Substitutes(substitutes) => self.substitutes = *substitutes,
+            ToHost::Capabilities(capabilities) => {
+                self.handle_capabilities(capabilities, read, effects);
+            }
+            ToHost::Code(code) => self.handle_code(code, header.device_time_us, read, effects),
+            ToHost::Stats(stats) => self.handle_stats(*stats, header.device_time_us, read, effects),
+            ToHost::Ack(ack) => self.handle_ack(*ack, read, effects),
+            ToHost::Quality(quality) => self.quality = Some(quality.clone()),
+            ToHost::Timing(timing) => {
+                let known = self.worst_stage.iter().chain(&timing.stages);
+                self.worst_stage = closest_to_deadline(known);
+                self.timing = Some(timing.clone());
+            }
+            ToHost::Raw(_)
+            | ToHost::CompressedRaw(_)
+            | ToHost::Filtered(_)
+            | ToHost::Audit(_)
+            | ToHost::Event(_) => {
+                self.handle_side(&frame.message, header.device_time_us, read, effects);
+            }
+            ToHost::PackedCode(code) => {
+                self.handle_packed(code, header.device_time_us, read, effects);
+            }
+            ToHost::Converters(converters) => {
+                let report = ChainReport::from_message(self.converters.as_ref(), converters);
+                let before = self.converters.replace(report);
+                self.report_electrodes(before.as_ref(), header.device_time_us, read, effects);
+            }
+            ToHost::ClockReading(reading) => self.round_trips.record(
+                self.commands.clock_query_sent_us(),
+                *reading,
+                header.device_time_us,
+                read,
+                &self.clock,
+            ),
+        }
+    }
+
+    /// Handles a message with samples, filtered steps, an event or an audit; `made_us` is its
+    /// device time.
+    fn handle_side(
+        &mut self,
+        message: &ToHost,
+        made_us: u64,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
+        if !self.introduced || !self.commands.accepts_codes() {
+            self.side.unused += 1;
+            return;
+        }
+        // The clock is fitted to codes. Samples are used for the fit only until the first code
+        // arrives.
+        let samples = matches!(
+            message,
+            ToHost::Raw(_) | ToHost::CompressedRaw(_) | ToHost::Filtered(_)
+        );
+        let possible = if self.clock.is_known() {
+            self.clock.is_possible(made_us, read)
+        } else {
+            !samples || self.clock.observe(made_us, read)
+        };
+        let times = MessageTime {
+            device_us: possible.then_some(made_us),
+            read,
+            clock: &self.clock,
+        };
+        match message {
+            ToHost::Raw(raw) => self.side.receive_raw(raw, times, effects),
+            ToHost::CompressedRaw(raw) => self.side.receive_compressed(raw, times, effects),
+            ToHost::Filtered(filtered) => self.side.receive_filtered(filtered, times, effects),
+            ToHost::Event(event) => self.side.receive_event(*event, times, effects),
+            ToHost::Audit(audit) => {
+                let model = self.model.as_deref();
+                let model = model.filter(|_| self.objection.is_none());
+                self.side.receive_audit(audit, model, effects);
+            }
+            _ => {}
+        }
+    }
+
+    /// Restarts all streams, because the device counts windows, samples and steps from 0 again.
+    fn restart_streams(&mut self) {
+        if let Some(codes) = &mut self.codes {
+            codes.timeline.restart();
+        }
+        if let Some(packed) = &mut self.packed {
+            packed.timeline.restart();
+        }
+        self.side.restart();
+    }
+
+    /// Ends the recording of all streams, because the user stopped them.
+    fn end_recording(&mut self, effects: &mut dyn Effects) {
+        effects.finish_blocks();
+        if let Some(codes) = &mut self.codes {
+            codes.end_recording();
+        }
+        if let Some(packed) = &mut self.packed {
+            packed.end_recording();
+        }
+        self.side.end_recording();
+    }
+
+    /// Records the sequence number of a frame and returns false if the frame is a replay.
+    fn record_frame(&mut self, header: Header) -> bool {
+        if let Arrival::New { .. } = self.frames.record(header.seq) {
+            self.old_frames_in_a_row = 0;
+            return true;
+        }
+        self.old_frames_in_a_row += 1;
+        if self.old_frames_in_a_row >= OLD_FRAMES_BEFORE_IDENTIFY {
+            self.old_frames_in_a_row = 0;
+            self.commands.identify_again();
+        }
+        false
+    }
+
+    fn handle_stats(
+        &mut self,
+        stats: Stats,
+        device_us: u64,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
+        self.stats = Some(stats);
+        if !self.commands.is_possibly_streaming() {
+            return;
+        }
+        let Some(codes) = &mut self.codes else { return };
+        let codes_or_packed = Streams::CODES | Streams::PACKED;
+        let streams = stats.streams != stats.streams.without(codes_or_packed);
+        if streams {
+            self.commands.stream_received(read.monotonic_us);
+            codes.timeline.mark_running();
+        }
+        if !codes.timeline.is_running() {
+            return;
+        }
+        // The clock is fitted to codes. A `Stats` message is used for the fit only until the first
+        // code arrives.
+        if !self.clock.admits(device_us, read) && !self.clock.observe(device_us, read) {
+            return;
+        }
+        let reception = Reception {
+            read,
+            clock: &self.clock,
+            trigger: &self.side.trigger,
+        };
+        // The window index is that of codes. A replay also states it to a host that asks for packed
+        // blocks alone.
+        if self.commands.streams().contains(Streams::CODES) {
+            codes.fill_before(stats.next_window, device_us, reception, effects);
+        }
+        if !streams && self.commands.wants_stream() {
+            tracing::warn!("the device stopped streaming by itself; starting it again");
+            self.commands.device_stopped();
+            self.restart_streams();
+        }
+    }
+
+    fn handle_ack(&mut self, ack: Ack, read: HostTime, effects: &mut dyn Effects) {
+        match self
+            .commands
+            .handle_ack(ack.of, ack.result, read.monotonic_us)
+        {
+            AckEffect::NoChange => {}
+            AckEffect::Started => {
+                tracing::info!("streaming {}", StreamKind::names(self.commands.streams()));
+                let refused = self.commands.refused_streams();
+                if !refused.is_empty() && !std::mem::replace(&mut self.logged.refused_streams, true)
+                {
+                    tracing::warn!(
+                        "the device does not stream {}: its image or its model has no such encoder, its port \
+                         is too slow, or its firmware is older than this bridge; flash another image, or \
+                         change --streams",
+                        StreamKind::names(refused)
+                    );
+                }
+                self.announce_other_streams(read, effects);
+                if let Some(codes) = &mut self.codes {
+                    codes.timeline.mark_running();
+                }
+            }
+            AckEffect::Stopped { by_user } => {
+                tracing::debug!("stopped");
+                if by_user {
+                    self.end_recording(effects);
+                } else {
+                    self.restart_streams();
+                }
+            }
+            AckEffect::Refused(ToDevice::SetRate { rate }, result) => {
+                self.report_refused_rate(rate, result);
+            }
+            AckEffect::Refused(command, result) => {
+                tracing::error!("{}", words::refusal(&command, result));
+                if matches!(command, ToDevice::Start(_)) {
+                    self.announce_other_streams(read, effects);
+                }
+            }
+        }
+    }
+
+    /// Logs that the device keeps its rate of the packed code. This is no warning if the model's
+    /// rate was refused, which nobody needs to have chosen.
+    fn report_refused_rate(&self, rate: u8, result: AckResult) {
+        let text = format!(
+            "the device refuses the rate {rate} of the packed code: {}; it streams no packed blocks, or always at \
+             the same rate: its image or its model has no packed code, it is a replay, or its firmware is older \
+             than this bridge",
+            words::reason(result)
+        );
+        if self.model_rate == Some(rate) {
+            tracing::info!("{text}");
+        } else {
+            tracing::warn!("{text}; choose no rate, or flash an image whose packed code has rates");
+        }
+    }
+
+    /// Handles a code, whose last step was at device time `device_us`.
+    fn handle_code(
+        &mut self,
+        code: &Code,
+        device_us: u64,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
+        let is_usable = self.expects_hops(read, effects);
+        let Some(codes) = self.codes.as_mut().filter(|_| is_usable) else {
+            self.counts.codes_unused += 1;
+            return;
+        };
+        self.commands.stream_received(read.monotonic_us);
+        if codes.timeline.is_restart(code.window) {
+            self.side.restart_events();
+        }
+        let trusted = self.clock.observe(device_us, read);
+        let reception = Reception {
+            read,
+            clock: &self.clock,
+            trigger: &self.side.trigger,
+        };
+        codes.receive(code, trusted.then_some(device_us), reception, effects);
+    }
+
+    /// Handles a packed block, whose last step was at device time `device_us`.
+    fn handle_packed(
+        &mut self,
+        code: &PackedCode,
+        device_us: u64,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
+        let is_usable = self.expects_hops(read, effects);
+        let Some(packed) = self.packed.as_mut().filter(|_| is_usable) else {
+            self.counts.codes_unused += 1;
+            return;
+        };
+        self.commands.stream_received(read.monotonic_us);
+        if packed.timeline.is_restart(code.block) {
+            self.side.restart_events();
+        }
+        // The clock is fitted to codes. Packed blocks are used for the fit only until the first
+        // code arrives, or where no codes stream.
+        let has_codes = self.commands.streams().contains(Streams::CODES);
+        let trusted = if has_codes && self.clock.is_known() {
+            self.clock.is_possible(device_us, read)
+        } else {
+            self.clock.observe(device_us, read)
+        };
+        let reception = Reception {
+            read,
+            clock: &self.clock,
+            trigger: &self.side.trigger,
+        };
+        packed.receive(code, trusted.then_some(device_us), reception, effects);
+    }
+
+    /// Returns whether codes and packed blocks of this device are published. Its stream may have
+    /// started without an acknowledgement.
+    fn expects_hops(&mut self, read: HostTime, effects: &mut dyn Effects) -> bool {
+        let is_usable = self.introduced && self.commands.accepts_codes();
+        if is_usable {
+            self.announce_other_streams(read, effects);
+        }
+        is_usable
+    }
+
+    /// Publishes an event for a stretch of data that is missing in the announced stream. A recorder
+    /// records this stream, and each stream loses data of its own.
+    fn report_missing(&mut self, read: HostTime, effects: &mut dyn Effects) {
+        let [codes, packed, raw, filtered] = [
+            self.codes
+                .as_mut()
+                .and_then(|codes| codes.timeline.take_missing()),
+            self.packed
+                .as_mut()
+                .and_then(|packed| packed.timeline.take_missing()),
+            self.side.raw.as_mut().and_then(SampleStream::take_missing),
+            self.side
+                .filtered
+                .as_mut()
+                .and_then(SampleStream::take_missing),
+        ];
+        let from_packed = self.commands.streams().contains(Streams::PACKED);
+        let missing = match self.settings.announced {
+            AnnouncedStream::Reconstructed if from_packed => packed,
+            AnnouncedStream::Encoded | AnnouncedStream::Reconstructed => codes,
+            AnnouncedStream::Raw => raw,
+            AnnouncedStream::Filtered => filtered,
+        };
+        let Some(missing) = missing else { return };
+        let event = if missing.restarted {
+            BusEvent::DeviceRestarted(missing.seconds)
+        } else {
+            BusEvent::DataLost(missing.seconds)
+        };
+        let wall_ns = self.clock.wall_ns(missing.start_us).unwrap_or(read.wall_ns);
+        self.side.bus.publish(&event, wall_ns, effects);
+    }
+
+    /// Publishes an event if the device's new report shows other electrodes without contact than
+    /// the report `before`. `device_us` is the time of the new report.
+    fn report_electrodes(
+        &mut self,
+        before: Option<&ChainReport>,
+        device_us: u64,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
+        let (Some(report), Some(codes)) = (&self.converters, &self.codes) else {
+            return;
+        };
+        let labels = &codes.device().labels;
+        let was_off = before
+            .map(|before| before.electrodes_off(labels))
+            .unwrap_or_default();
+        let off = report.electrodes_off(labels);
+        let event = if off == was_off {
+            return;
+        } else if off.is_empty() {
+            BusEvent::ElectrodesOn
+        } else {
+            BusEvent::ElectrodesOff(off)
+        };
+        let wall_ns = self.clock.wall_ns(device_us.into()).unwrap_or(read.wall_ns);
+        self.side.bus.publish(&event, wall_ns, effects);
+    }
+
+    /// Publishes an event for a device that is refused in the place of one whose codes were
+    /// published.
+    fn report_refusal(&mut self, why: &str, read: HostTime, effects: &mut dyn Effects) {
+        if self.announced.is_some() {
+            let event = BusEvent::DeviceRefused(why.to_owned());
+            self.side.bus.publish(&event, read.wall_ns, effects);
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! Handling of `Hello` and `Capabilities`, with which a device introduces itself.
+
+use std::sync::Arc;
+
+use link::{Capabilities, Header, Hello, Streams, Substitutes};
+use neuro_ros::{AcquisitionInfo, ContractError, Shape};
+
+use crate::core::{Announcement, Effects};
+use crate::device::{Device, Identity};
+use crate::session::Session;
+use crate::settings::AnnouncedStream;
+use crate::streams::code::CodeStream;
+use crate::streams::packed::PackedStream;
+use crate::streams::stamps::{DecodedStream, Decoding};
+use crate::time::HostTime;
+
+impl Session {
+    pub(super) fn handle_hello(&mut self, hello: &Hello, header: Header) {
+        self.introduced = true;
+        let known = self.identity.as_ref();
+        if known.is_some_and(|identity| identity.is_same_session(hello)) {
+            return;
+        }
+        let reset = known.is_some();
+        let identity = Identity::new(hello);
+        self.frames.expect_next(header.seq);
+        self.clock.restart();
+        self.stats = None;
+        self.quality = None;
+        self.timing = None;
+        self.converters = None;
+        self.substitutes = Substitutes::NONE;
+        self.round_trips.clear();
+        self.logged.refused_streams = false;
+        if reset {
+            tracing::warn!("the device was reset or replaced: {identity}");
+            self.counts.resets += 1;
+            // Codes of the restarted device cannot be interpreted until its `Capabilities` arrive.
+            self.commands.device_restarted();
+            self.restart_streams();
+        } else {
+            tracing::info!("device: {identity}");
+        }
+        if !hello.fault.is_empty() {
+            tracing::error!(fault = hello.fault, "the device reports a fault");
+        }
+        self.identity = Some(identity);
+    }
+
+    pub(super) fn handle_capabilities(
+        &mut self,
+        capabilities: &Capabilities,
+        read: HostTime,
+        effects: &mut dyn Effects,
+    ) {
+        let Some(identity) = self.identity.as_ref().filter(|_| self.introduced) else {
+            return;
+        };
+        let device = match Device::new(&identity.as_hello(), capabilities) {
+            Ok(device) => Arc::new(device.with_substitutes(self.substitutes)),
+            Err(error) => {
+                return self.refuse(
+                    format!("{error}; its codes are not published"),
+                    read,
+                    effects,
+                );
+            }
+        };
+        let objection = self
+            .model
+            .as_ref()
+            .and_then(|model| model.objection(&device));
+        let decodable = self.model.is_some() && objection.is_none();
+        let decoding = self.decoding(decodable);
+        let info = match self.acquisition_info(&device, decoding) {
+            Ok(info) => info,
+            Err(error) => {
+                return self.refuse(
+                    format!("{error}; its codes are not published"),
+                    read,
+                    effects,
+                );
+            }
+        };
+        if let Some(announced) = &self.announced
+            && let Err(error) = announced.check_compatible(&device)
+        {
+            return self.refuse(
+                format!("another device is connected: {error}"),
+                read,
+                effects,
+            );
+        }
+        self.announced.get_or_insert_with(|| Arc::clone(&device));
+        self.commands.device_introduced(true);
+        self.objection = objection;
+        if self
+            .codes
+            .as_ref()
+            .is_some_and(|codes| **codes.device() == *device)
+        {
+            return;
+        }
+        if let Some(objection) = &self.objection {
+            tracing::error!("{objection}");
+        }
+        let (asked, per_second) = (self.commands.streams(), device.codes_per_second());
+        if asked.contains(Streams::CODES) && device.has_network() {
+            tracing::info!("codes: {per_second} per second, {}", device.code_format);
+        }
+        if asked.contains(Streams::PACKED) {
+            tracing::info!("packed blocks: {per_second} per second");
+        }
+        if let Some(unrecorded) = device.unrecorded() {
+            tracing::warn!("electrodes that were not recorded: {unrecorded}");
+        }
+        self.side.set_device(&device);
+        if decodable && !decoding.is_possible {
+            tracing::warn!(
+                "the model has no packed code, so packed blocks cannot be decoded; `trainer packed` adds one, \
+                 or choose --streams codes"
+            );
+        }
+        match &mut self.packed {
+            Some(packed) => packed.replace_device(Arc::clone(&device)),
+            None => {
+                self.packed = Some(PackedStream::new(
+                    Arc::clone(&device),
+                    decoding,
+                    self.settings,
+                ));
+            }
+        }
+        match &mut self.codes {
+            Some(codes) => codes.replace_device(Arc::clone(&device)),
+            None => {
+                self.codes = Some(CodeStream::new(
+                    Arc::clone(&device),
+                    decoding,
+                    self.settings,
+                ));
+            }
+        }
+        self.set_decoding(decoding, effects);
+        self.is_described_asked = self.asks_for_described();
+        effects.announce(&Announcement {
+            info,
+            device,
+            decodable,
+        });
+    }
+
+    /// Announces the device again if another stream is decoded now than when it was announced last,
+    /// or if the stream that `/acquisition/get_info` describes is no longer asked for, or is again:
+    /// the device refused some of the streams, or refuses them no more. Call this when the device
+    /// has started or refused to, and for each code and packed block: the acknowledgement of the
+    /// start can be lost.
+    pub(super) fn announce_other_streams(&mut self, read: HostTime, effects: &mut dyn Effects) {
+        let Some(codes) = &self.codes else { return };
+        let device = Arc::clone(codes.device());
+        let decodable = self.model.is_some() && self.objection.is_none();
+        let decoding = self.decoding(decodable);
+        let is_described_asked = self.asks_for_described();
+        if decoding == self.decoding && is_described_asked == self.is_described_asked {
+            return;
+        }
+        self.set_decoding(decoding, effects);
+        self.is_described_asked = is_described_asked;
+        match self.acquisition_info(&device, decoding) {
+            Ok(info) => effects.announce(&Announcement {
+                info,
+                device,
+                decodable,
+            }),
+            Err(error) => self.refuse(
+                format!("{error}; its codes are not published"),
+                read,
+                effects,
+            ),
+        }
+    }
+
+    /// Returns whether the device is asked for the stream that `/acquisition/get_info` describes,
+    /// and does not refuse to stream.
+    fn asks_for_described(&self) -> bool {
+        let asked = self.commands.streams();
+        self.settings.announced.is_in(asked) && self.commands.start_refusal().is_none()
+    }
+
+    /// Returns the stream to decode, of those that the device is asked for. `decodable` is true if
+    /// the bridge's model is the device's.
+    fn decoding(&self, decodable: bool) -> Decoding {
+        let stream = DecodedStream::of(self.commands.streams());
+        let has_packed = || self.model.as_ref()?.packed();
+        Decoding {
+            stream,
+            is_possible: decodable && (stream == DecodedStream::Codes || has_packed().is_some()),
+        }
+    }
+
+    fn set_decoding(&mut self, decoding: Decoding, effects: &mut dyn Effects) {
+        if self.decoding.stream != decoding.stream {
+            // The other stream's frames come after the one that waits.
+            effects.finish_blocks();
+        }
+        self.decoding = decoding;
+        if let Some(codes) = &mut self.codes {
+            codes.set_decoding(decoding);
+        }
+        if let Some(packed) = &mut self.packed {
+            packed.set_decoding(decoding);
+        }
+        self.side.set_event_shift(decoding.stream);
+    }
+
+    /// Returns the answer to `/acquisition/get_info`; `None` if the selected stream is not
+    /// published, because the device refused it or the model cannot decode it.
+    fn acquisition_info(
+        &self,
+        device: &Device,
+        decoding: Decoding,
+    ) -> Result<Option<AcquisitionInfo>, ContractError> {
+        let model = format!("{} {}", device.board, device.firmware);
+        let encoded = device.encoded_frame();
+        if device.has_network() {
+            Shape::from_frame(&encoded)?;
+        }
+        if !self.asks_for_described() {
+            return Ok(None);
+        }
+        let frame = match self.settings.announced {
+            AnnouncedStream::Encoded if !device.has_network() => return Ok(None),
+            AnnouncedStream::Encoded => encoded,
+            AnnouncedStream::Reconstructed if !decoding.is_possible => return Ok(None),
+            AnnouncedStream::Reconstructed => match decoding.stream {
+                DecodedStream::Codes => device.reconstructed_frame(),
+                DecodedStream::Packed => device.unpacked_frame(),
+            },
+            AnnouncedStream::Raw => device.raw_frame(),
+            AnnouncedStream::Filtered => device.filtered_frame(),
+        };
+        AcquisitionInfo::new(&model, &device.uid, frame).map(Some)
+    }
+
+    fn refuse(&mut self, why: String, read: HostTime, effects: &mut dyn Effects) {
+        tracing::error!("{why}");
+        self.report_refusal(&why, read, effects);
+        self.objection = Some(why);
+        self.commands.device_introduced(false);
+    }
+}

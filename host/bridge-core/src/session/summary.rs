@@ -1,0 +1,177 @@
+//! Summary of the streaming bridge's counts, which the program prints as its last line.
+
+use std::fmt;
+
+use link::{Counters, StageTiming};
+
+use crate::decoder::thread::DecoderCounts;
+use crate::diagnostics::worst_of_deadline;
+use crate::session::Session;
+use crate::streams::packed::PackedStream;
+
+/// Counts of received, lost and filled data so far; prints as one line.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Number of codes that the device has made, derived from their indices: received plus lost.
+    pub made: u64,
+    /// Number of codes that arrived; replays do not count.
+    pub received: u64,
+    /// Number of codes that did not arrive.
+    pub lost: u64,
+    /// Number of codes missing between two runs of the device, which did not make them.
+    pub between_runs: u64,
+    /// Number of bursts; a burst is a sequence of consecutive lost codes.
+    pub bursts: u64,
+    /// Number of codes in the longest burst.
+    pub longest_burst: u32,
+    /// Number of fillers published in place of lost codes.
+    pub fillers: u64,
+    /// Numbers of packed blocks; all 0 if none was streamed.
+    pub packed: PackedSummary,
+    /// Number of wire frames, of any kind, that did not arrive.
+    pub frames_lost: u64,
+    /// Counts of the frame decoder: bytes, frames, and errors of each kind.
+    pub wire: Counters,
+    /// Number of times that the port was opened.
+    pub connections: u64,
+    /// Number of detected resets of the device.
+    pub resets: u64,
+    /// Number of received codes that were not published: the device had not introduced itself or
+    /// was refused, or the code's model or format is not the one that the device reported.
+    pub unused: u64,
+    /// Drift: rate of the host's clock relative to the device's clock, minus 1, in parts per
+    /// million.
+    pub drift_ppm: f64,
+    /// The device's stage with the largest ratio of worst time to deadline so far; `None` if the
+    /// device reports no stages.
+    pub worst_stage: Option<StageTiming>,
+    /// Counts of the decoder, which is no part of the core; all 0 in a summary of the core alone.
+    pub decoder: DecoderCounts,
+}
+
+/// Numbers of packed blocks so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PackedSummary {
+    /// Number of blocks that the device has made: received plus lost.
+    pub made: u64,
+    /// Number of blocks that arrived; replays do not count.
+    pub received: u64,
+    /// Number of blocks that did not arrive.
+    pub lost: u64,
+    /// Number of placeholders that were decoded in the place of missing blocks.
+    pub fillers: u64,
+    /// Number of blocks missing between two runs of the device, which did not make them.
+    pub between_runs: u64,
+    /// Number of bits of the blocks that arrived, without those of their frames.
+    pub bits: u64,
+}
+
+impl PackedSummary {
+    fn new(stream: &PackedStream) -> PackedSummary {
+        let (hops, counts) = (stream.timeline.counts(), stream.counts());
+        PackedSummary {
+            made: hops.ledger.made(),
+            received: hops.ledger.received(),
+            lost: hops.ledger.lost(),
+            fillers: hops.fillers,
+            between_runs: hops.between_runs,
+            bits: counts.bits,
+        }
+    }
+}
+
+impl Summary {
+    pub(crate) fn new(session: &Session, wire: &Counters) -> Summary {
+        let codes = session.codes.as_ref();
+        let foreign = codes.map_or(0, |codes| codes.counts().foreign);
+        let counts = codes
+            .map(|codes| codes.timeline.counts().clone())
+            .unwrap_or_default();
+        Summary {
+            packed: session
+                .packed
+                .as_ref()
+                .map(PackedSummary::new)
+                .unwrap_or_default(),
+            made: counts.ledger.made(),
+            received: counts.ledger.received(),
+            lost: counts.ledger.lost(),
+            between_runs: counts.between_runs,
+            bursts: counts.ledger.bursts(),
+            longest_burst: counts.ledger.longest_burst(),
+            fillers: counts.fillers,
+            frames_lost: session.frames.lost(),
+            wire: *wire,
+            connections: session.counts.connections,
+            resets: session.counts.resets,
+            unused: session.counts.codes_unused + foreign,
+            drift_ppm: session.clock.drift_ppm(),
+            worst_stage: session.worst_stage,
+            decoder: DecoderCounts::default(),
+        }
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Summary {
+            made,
+            received,
+            lost,
+            bursts,
+            longest_burst,
+            fillers,
+            between_runs,
+            ..
+        } = self;
+        let Summary {
+            frames_lost,
+            wire,
+            connections,
+            resets,
+            unused,
+            drift_ppm,
+            ..
+        } = self;
+        write!(
+            formatter,
+            "codes: made {made} received {received} lost {lost} (bursts {bursts}, longest \
+             {longest_burst}) fillers {fillers} unused {unused} missing between runs \
+             {between_runs}; frames: lost {frames_lost} crc \
+             {} cobs {} oversize {} version {} unknown {} malformed {} resyncs {}; connections \
+             {connections} resets {resets}; clock {drift_ppm:+.1} ppm",
+            wire.crc,
+            wire.cobs,
+            wire.oversize,
+            wire.version,
+            wire.unknown,
+            wire.malformed,
+            wire.resyncs
+        )?;
+        if self.packed.made > 0 {
+            let PackedSummary {
+                made,
+                received,
+                lost,
+                fillers,
+                between_runs,
+                bits,
+            } = self.packed;
+            write!(
+                formatter,
+                "; packed blocks: made {made} received {received} lost {lost} fillers {fillers} bits {bits} \
+                 missing between runs {between_runs}"
+            )?;
+        }
+        write!(formatter, "; {}", self.decoder)?;
+        if let Some(stage) = &self.worst_stage {
+            write!(
+                formatter,
+                "; stage {}: {}",
+                stage.stage,
+                worst_of_deadline(stage)
+            )?;
+        }
+        Ok(())
+    }
+}

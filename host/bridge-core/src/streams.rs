@@ -1,0 +1,12 @@
+//! Conversion of the device's messages to NeuroFrames and NeuroEvents, with lost data filled and
+//! counted.
+
+pub(crate) mod code;
+pub(crate) mod event;
+pub(crate) mod hop_timeline;
+pub(crate) mod ledger;
+pub(crate) mod neuro_frames;
+pub(crate) mod packed;
+pub(crate) mod sample;
+pub(crate) mod side;
+pub(crate) mod stamps;

@@ -1,0 +1,196 @@
+//! The stream of codes, published on `/encoded` and passed to the decoder.
+
+use std::sync::Arc;
+
+use link::{Code, Flags};
+use neuro_ros::NeuroFrame;
+
+use crate::core::Effects;
+use crate::decoder::reconstruction::{Reconstruction, TimedCode};
+use crate::device::Device;
+use crate::settings::{FillerPolicy, Settings};
+use crate::streams::hop_timeline::{HopPlace, HopTimeline};
+use crate::streams::ledger::CodeCounts;
+use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
+
+/// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Fillers replace lost
+/// codes.
+///
+/// Shape of the frames, sequence numbers and counts persist while the bridge runs, across restarts
+/// of the device.
+#[derive(Debug)]
+pub(crate) struct CodeStream {
+    pub(crate) timeline: HopTimeline,
+    frame: NeuroFrame,
+    z: Vec<f32>,
+    /// Whether `z` holds a code of this recording.
+    has_last: bool,
+    /// Whether another stream was decoded until now. What is missing before the first code of this
+    /// run is then no gap in the signals.
+    follows_other: bool,
+    counts: CodeCounts,
+    encoded_stamps: MonotoneStamps,
+    window_stamps: MonotoneStamps,
+}
+
+impl CodeStream {
+    pub(crate) fn new(device: Arc<Device>, decoding: Decoding, settings: Settings) -> CodeStream {
+        CodeStream {
+            frame: device.encoded_frame(),
+            z: vec![0.0; device.numbers()],
+            timeline: HopTimeline::new("codes", device, decoding, settings),
+            has_last: false,
+            follows_other: false,
+            counts: CodeCounts::default(),
+            encoded_stamps: MonotoneStamps::default(),
+            window_stamps: MonotoneStamps::default(),
+        }
+    }
+
+    /// Switches to another device of the same shape, or to the same device with another mains
+    /// frequency. Sequence numbers, counts and stamps continue.
+    pub(crate) fn replace_device(&mut self, device: Arc<Device>) {
+        let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
+        self.frame = device.encoded_frame();
+        (self.frame.header.seq, self.frame.neuroheader.seq) = numbers;
+        self.timeline.device = device;
+    }
+
+    /// Sets which stream is decoded to `/neurodata_reconstructed`.
+    pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
+        if self.timeline.decoding.stream != decoding.stream {
+            self.follows_other = decoding.stream == DecodedStream::Codes;
+        }
+        self.timeline.decoding = decoding;
+    }
+
+    /// Ends the recording, because the user stopped the stream. The time until the next start is
+    /// not filled.
+    pub(crate) fn end_recording(&mut self) {
+        self.timeline.end_recording();
+        self.has_last = false;
+        self.z.fill(0.0);
+    }
+
+    /// Properties of the device that makes the codes.
+    pub(crate) fn device(&self) -> &Arc<Device> {
+        &self.timeline.device
+    }
+
+    /// Numbers of unusable and clipped codes.
+    pub(crate) fn counts(&self) -> &CodeCounts {
+        &self.counts
+    }
+
+    /// Returns the number of stamps that were moved forwards, because they were not at least 1 us
+    /// later than the previous stamp.
+    pub(crate) fn moved_stamps(&self) -> u64 {
+        self.encoded_stamps.moved() + self.window_stamps.moved()
+    }
+
+    /// Publishes a code that the device made at `device_us`. Fillers for the codes lost before it
+    /// are published first.
+    ///
+    /// `device_us` is `None` if the frame's device time was impossible. The time is then computed
+    /// from the window index.
+    pub(crate) fn receive(
+        &mut self,
+        code: &Code,
+        device_us: Option<u64>,
+        reception: Reception<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let (format, numbers) = (code.values.format(), code.values.len());
+        let device = &self.timeline.device;
+        let expected = (device.model_id, device.code_format, device.numbers());
+        if (code.model_id, format, numbers) != expected {
+            self.counts.foreign += 1;
+            return;
+        }
+        let most = effects.max_fillers();
+        let Some((missing, place)) = self
+            .timeline
+            .receive(code.window, device_us, reception, most)
+        else {
+            return;
+        };
+        self.fill(&missing, reception, effects);
+        let device = Arc::clone(&self.timeline.device);
+        device.dequantise(&code.values, &mut self.z);
+        self.has_last = true;
+        self.counts.clipped += u64::from(code.clipped);
+        self.counts.clipped_values += u64::from(code.clipped_values);
+        self.publish(place, code.flags, true, reception, effects);
+    }
+
+    /// Publishes fillers for all codes before index `next` that have not arrived. According to a
+    /// `Stats` message that the device made at `device_us`, its next code has this index.
+    pub(crate) fn fill_before(
+        &mut self,
+        next: u32,
+        device_us: u64,
+        reception: Reception<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let most = effects.max_fillers();
+        let missing = self.timeline.fill_before(next, device_us, reception, most);
+        self.fill(&missing, reception, effects);
+    }
+
+    /// Publishes a filler for each missing code.
+    fn fill(&mut self, missing: &[HopPlace], reception: Reception<'_>, effects: &mut dyn Effects) {
+        if missing.is_empty() {
+            return;
+        }
+        if self.timeline.settings.filler == FillerPolicy::Zeros || !self.has_last {
+            self.z.fill(0.0);
+        }
+        if self.timeline.settings.filler != FillerPolicy::Off {
+            self.timeline.count_fillers(missing.len());
+        }
+        for place in missing {
+            self.publish(*place, Flags::FILLER, false, reception, effects);
+        }
+    }
+
+    fn publish(
+        &mut self,
+        place: HopPlace,
+        flags: Flags,
+        received: bool,
+        reception: Reception<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        self.timeline.record(place, reception);
+        let device = &self.timeline.device;
+        let last_sample = device.last_sample(place.index);
+        let words = place.words(flags, last_sample, reception);
+        let steps_back = reception.clock.wall_steps_back();
+        let window = u32::from(device.window_steps);
+        if received || self.timeline.settings.filler != FillerPolicy::Off {
+            let steps = [window - 1, window];
+            let first = self.timeline.frame_time_ns(place, steps, reception);
+            let frame = &mut self.frame;
+            frame.header.stamp = self.encoded_stamps.next(first, steps_back);
+            frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
+            frame.header.seq = frame.neuroheader.seq;
+            frame.eeg.data.copy_from_slice(&self.z);
+            frame.tri.data.copy_from_slice(&words.words());
+            effects.publish_encoded(frame);
+        }
+        if place.is_made {
+            self.follows_other = false;
+        }
+        let HopTimeline {
+            device, settings, ..
+        } = &self.timeline;
+        if self.timeline.decoding.decodes(DecodedStream::Codes) && !self.follows_other {
+            let lookback = Reconstruction::lookback_steps(device, settings.low_latency);
+            let steps = [lookback, u32::from(device.hop_steps)];
+            let time = self.timeline.frame_time_ns(place, steps, reception);
+            let stamp = self.window_stamps.next(time, steps_back);
+            let z = received.then(|| self.z.clone());
+            effects.decode(TimedCode { z, stamp, words });
+        }
+    }
+}

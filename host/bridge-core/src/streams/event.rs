@@ -1,0 +1,256 @@
+//! Events of the device and about its data, published on `/events/bus`.
+
+use std::collections::VecDeque;
+
+use link::{Event, EventKind};
+use neuro_ros::{NeuroEvent, Stamp};
+
+use crate::core::Effects;
+use crate::streams::ledger::{Arrival, Ledger};
+use crate::streams::stamps::Reception;
+
+/// Converts trigger edges to events on `/events/bus` and counts lost edges.
+#[derive(Debug, Default)]
+pub(crate) struct EventStream {
+    ledger: Ledger,
+    /// Number of events of a kind that this bridge does not know.
+    pub(crate) unknown: u64,
+    /// Number of lost events at the last report to `/diagnostics`.
+    reported: u64,
+}
+
+impl EventStream {
+    /// Accepts any number for the next event. While no stream is active, the device numbers events
+    /// but does not send them.
+    pub(crate) fn restart(&mut self) {
+        self.ledger.expect_any();
+    }
+
+    pub(crate) fn ledger(&self) -> &Ledger {
+        &self.ledger
+    }
+
+    /// Returns the number of events lost since the last call.
+    pub(crate) fn lost_since_report(&mut self) -> u64 {
+        let reported = std::mem::replace(&mut self.reported, self.ledger.lost());
+        self.ledger.lost() - reported
+    }
+
+    /// Publishes an event that happened at `device_us` and returns the trigger's new level.
+    ///
+    /// If `device_us` is `None` because the device's time was impossible, the stamp is the time at
+    /// which the event was read. Returns `None` for a replay and for an event of an unknown kind,
+    /// which are not published.
+    pub(crate) fn receive(
+        &mut self,
+        event: Event,
+        device_us: Option<u64>,
+        reception: Reception<'_>,
+        bus: &mut EventBus,
+        effects: &mut dyn Effects,
+    ) -> Option<u16> {
+        let Arrival::New { lost } = self.ledger.record(event.number) else {
+            return None;
+        };
+        let time = device_us.and_then(|us| reception.clock.wall_ns(i128::from(us)));
+        let wall_ns = time.unwrap_or(reception.read.wall_ns);
+        if lost > 0 {
+            tracing::debug!(lost, before = event.number, "events lost");
+            bus.publish(&BusEvent::EdgesLost(lost), wall_ns, effects);
+        }
+        let (edge, level) = match event.kind {
+            EventKind::TriggerRise => (BusEvent::TriggerHigh, 1),
+            EventKind::TriggerFall => (BusEvent::TriggerLow, 0),
+            EventKind::Newer(kind) => {
+                if self.unknown == 0 {
+                    tracing::warn!(
+                        kind,
+                        "the device sends events of a newer kind, which are not published"
+                    );
+                }
+                self.unknown += 1;
+                return None;
+            }
+        };
+        bus.publish(&edge, wall_ns, effects);
+        Some(level)
+    }
+}
+
+/// Number of edges that are kept. A sample is published at most one frame after the edges before
+/// it, and a frame of 62.5 ms is not expected to contain 256 edges.
+const MAX_EDGES: usize = 256;
+
+/// Level of the trigger input at each sample, reconstructed from the edges that arrived.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Trigger {
+    /// Level before the oldest edge in `edges`.
+    level_before: u16,
+    edges: VecDeque<Edge>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Edge {
+    sample: u64,
+    level: u16,
+}
+
+impl Trigger {
+    /// Records an edge: the trigger has the level `level` from ADC sample `sample` on.
+    pub(crate) fn record_edge(&mut self, sample: u64, level: u16) {
+        if self.edges.len() == MAX_EDGES
+            && let Some(oldest) = self.edges.pop_front()
+        {
+            self.level_before = oldest.level;
+        }
+        self.edges.push_back(Edge { sample, level });
+    }
+
+    /// Discards all edges, because sample indices start at 0 again; the current level stays.
+    pub(crate) fn restart(&mut self) {
+        if let Some(newest) = self.edges.back() {
+            self.level_before = newest.level;
+        }
+        self.edges.clear();
+    }
+
+    /// Returns the trigger level, 0 or 1, at the ADC sample with index `sample` since `Start`.
+    /// Before the first edge of the run, returns the level at the end of the previous run, at first
+    /// 0.
+    pub(crate) fn level_at(&self, sample: u64) -> u16 {
+        let newest = self.edges.iter().rev().find(|edge| edge.sample <= sample);
+        newest.map_or(self.level_before, |edge| edge.level)
+    }
+}
+
+/// Content of an event on the bus.
+///
+/// The codes of lost data, lost edges and refused devices are the project's own; they are outside
+/// GDF's user codes (1 to 255), which belong to the experiment.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum BusEvent {
+    /// Rising edge of the trigger input.
+    TriggerHigh,
+    /// Falling edge of the trigger input.
+    TriggerLow,
+    /// Labels of electrodes that have lost contact.
+    ElectrodesOff(Vec<String>),
+    /// All electrodes have contact again.
+    ElectrodesOn,
+    /// Seconds of data that the device made and the bridge did not receive.
+    DataLost(f32),
+    /// Number of edges of the trigger input that the bridge did not receive.
+    EdgesLost(u32),
+    /// The device was replaced by one whose codes cannot be published, for this reason.
+    DeviceRefused(String),
+    /// Seconds without data because the device restarted, or was replaced for that time.
+    DeviceRestarted(f32),
+}
+
+impl BusEvent {
+    /// Returns the event's code.
+    fn code(&self) -> i32 {
+        match self {
+            BusEvent::TriggerHigh => NeuroEvent::trigger_edge(true).0,
+            BusEvent::TriggerLow => NeuroEvent::trigger_edge(false).0,
+            // GDF's event table: artifact, failing electrode.
+            BusEvent::ElectrodesOff(_) => 0x0105,
+            BusEvent::ElectrodesOn => 0x0105 | NeuroEvent::END,
+            BusEvent::DataLost(_) => 0x7f01,
+            BusEvent::EdgesLost(_) => 0x7f02,
+            BusEvent::DeviceRefused(_) => 0x7f03,
+            // GDF's event table: start of a new segment, after a break.
+            BusEvent::DeviceRestarted(_) => 0x7ffe,
+        }
+    }
+
+    /// Returns the duration in seconds; 0 for an instant.
+    fn duration_s(&self) -> f32 {
+        match self {
+            BusEvent::DataLost(seconds) | BusEvent::DeviceRestarted(seconds) => *seconds,
+            _ => 0.0,
+        }
+    }
+
+    fn description(&self) -> String {
+        match self {
+            BusEvent::TriggerHigh => NeuroEvent::trigger_edge(true).1.to_owned(),
+            BusEvent::TriggerLow => NeuroEvent::trigger_edge(false).1.to_owned(),
+            BusEvent::ElectrodesOff(labels) => format!("electrodes off: {}", labels.join(" ")),
+            BusEvent::ElectrodesOn => "electrodes have contact".to_owned(),
+            BusEvent::DataLost(seconds) => format!("data lost: {seconds:.3} s"),
+            BusEvent::EdgesLost(edges) => format!("trigger edges lost: {edges}"),
+            BusEvent::DeviceRefused(why) => format!("device refused: {why}"),
+            BusEvent::DeviceRestarted(seconds) => format!("device restarted: {seconds:.3} s"),
+        }
+    }
+}
+
+/// Numbers the events of the bus and moves their stamps to where a recorder expects them.
+#[derive(Debug)]
+pub(crate) struct EventBus {
+    message: NeuroEvent,
+    /// Whether the topic exists: the user asked for events.
+    enabled: bool,
+    /// Time that is added to every stamp, microseconds.
+    shift_us: i64,
+}
+
+impl EventBus {
+    pub(crate) fn new(enabled: bool) -> EventBus {
+        EventBus {
+            message: NeuroEvent::on_bus(),
+            enabled,
+            shift_us: 0,
+        }
+    }
+
+    /// Sets the time that is added to every stamp, microseconds.
+    pub(crate) fn set_shift(&mut self, shift_us: i64) {
+        self.shift_us = shift_us;
+    }
+
+    /// Publishes an event that happened at `wall_ns` on the wall clock, nanoseconds since 1970.
+    pub(crate) fn publish(&mut self, event: &BusEvent, wall_ns: i64, effects: &mut dyn Effects) {
+        if !self.enabled {
+            return;
+        }
+        let message = &mut self.message;
+        let stamp_ns = wall_ns.saturating_add(self.shift_us.saturating_mul(1000));
+        message.header.stamp = Stamp::from_nanoseconds(stamp_ns);
+        message.neuroheader.seq = message.neuroheader.seq.wrapping_add(1);
+        message.header.seq = message.neuroheader.seq;
+        message.event = event.code();
+        message.duration = event.duration_s();
+        message.description = event.description();
+        effects.publish_event(message);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{MAX_EDGES, Trigger};
+
+    #[test]
+    fn the_level_changes_at_the_sample_of_its_edge() {
+        let mut trigger = Trigger::default();
+        trigger.record_edge(10, 1);
+        trigger.record_edge(20, 0);
+        assert_eq!(
+            [9, 10, 19, 20].map(|sample| trigger.level_at(sample)),
+            [0, 1, 1, 0]
+        );
+    }
+
+    #[test]
+    fn the_level_survives_a_restart_and_discarded_edges() {
+        let mut trigger = Trigger::default();
+        trigger.record_edge(10, 1);
+        trigger.restart();
+        assert_eq!(trigger.level_at(0), 1);
+        for edge in 0..=MAX_EDGES as u64 {
+            trigger.record_edge(100 + edge, 0);
+        }
+        assert_eq!((trigger.level_at(100), trigger.edges.len()), (0, MAX_EDGES));
+    }
+}

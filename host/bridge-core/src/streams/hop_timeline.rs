@@ -1,0 +1,430 @@
+//! Places of the items that a device makes once per hop: codes, or blocks of the packed code.
+
+use std::sync::Arc;
+
+use link::Flags;
+
+use crate::device::Device;
+use crate::settings::Settings;
+use crate::streams::ledger::{Arrival, HopCounts};
+use crate::streams::stamps::{Decoding, FrameSteps, Reception, frame_time_ns};
+use neuro_ros::TriWords;
+
+/// Numbers the items of one stream and finds the missing ones, within a run of the device and
+/// between two.
+///
+/// The counts persist while the bridge runs, across restarts of the device.
+#[derive(Debug)]
+pub(crate) struct HopTimeline {
+    /// Plural name of the items, for the log.
+    items: &'static str,
+    pub(crate) settings: Settings,
+    pub(crate) device: Arc<Device>,
+    /// Stream that `/neurodata_reconstructed` is decoded from.
+    pub(crate) decoding: Decoding,
+    /// Whether an item, a `Stats` message or an acknowledgement has shown that the stream runs.
+    running: bool,
+    /// Device time of the newest item, received or missing, microseconds.
+    last_device_us: Option<u64>,
+    /// Index of the newest item, received or filled.
+    last_index: u32,
+    continuity: Continuity,
+    /// Newest stretch of missing items, until the bus has reported it.
+    missing: Option<MissingStretch>,
+    counts: HopCounts,
+}
+
+/// Index and time of an item, received or missing.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HopPlace {
+    pub(crate) index: u32,
+    /// Device time of the item's last step in the newest run, microseconds; negative before that
+    /// run began.
+    pub(crate) device_us: i128,
+    /// Number of items missing so far.
+    pub(crate) missing: u64,
+    /// Whether the device made the item; false for what is missing between two runs.
+    pub(crate) is_made: bool,
+}
+
+impl HopPlace {
+    /// Returns the status words of the item's frame, whose last ADC sample is `last_sample`.
+    pub(crate) fn words(
+        self,
+        flags: Flags,
+        last_sample: u64,
+        reception: Reception<'_>,
+    ) -> TriWords {
+        TriWords {
+            flags: flags.bits(),
+            window: self.index,
+            device_time_us: u64::try_from(self.device_us).unwrap_or(0),
+            lost: self.missing,
+            trigger: reception.trigger.level_at(last_sample),
+        }
+    }
+}
+
+/// Items that are missing directly before another one.
+#[derive(Clone, Copy, Debug)]
+struct Gap {
+    /// Number of items that the device made in this run.
+    lost: u32,
+    /// Number of items before the first one of this run.
+    between_runs: u64,
+}
+
+impl HopTimeline {
+    /// Creates the timeline of a stream of `items`, such as "codes".
+    pub(crate) fn new(
+        items: &'static str,
+        device: Arc<Device>,
+        decoding: Decoding,
+        settings: Settings,
+    ) -> HopTimeline {
+        HopTimeline {
+            items,
+            settings,
+            device,
+            decoding,
+            running: false,
+            last_device_us: None,
+            last_index: 0,
+            continuity: Continuity::default(),
+            missing: None,
+            counts: HopCounts::default(),
+        }
+    }
+
+    /// Returns the time from one item to the next, microseconds.
+    fn hop_us(&self) -> i64 {
+        self.device.steps_us(u32::from(self.device.hop_steps))
+    }
+
+    /// Returns the time from the first step of an announced frame, at the electrodes, to the last
+    /// step of the item that completes the frame, microseconds.
+    fn lookback_us(&self) -> i64 {
+        let (settings, decoded) = (&self.settings, self.decoding.stream);
+        self.device
+            .frame_lookback_us(settings.announced, decoded, settings)
+    }
+
+    /// Returns the time of a frame of `length` steps, which begins `lookback` steps before the last
+    /// one of the item at `place`, nanoseconds since 1970.
+    pub(crate) fn frame_time_ns(
+        &self,
+        place: HopPlace,
+        [lookback, length]: [u32; 2],
+        reception: Reception<'_>,
+    ) -> i64 {
+        let steps = FrameSteps { lookback, length };
+        let point = self.settings.stamp;
+        frame_time_ns(&self.device, point, place.device_us, steps, reception)
+    }
+
+    /// Starts another run. Call this when the device counts from 0 again. The time until the run's
+    /// first item is filled.
+    pub(crate) fn restart(&mut self) {
+        self.counts.ledger.expect_next(0);
+        self.running = false;
+        self.last_device_us = None;
+        self.continuity.end_run();
+    }
+
+    /// Ends the recording, because the user stopped the stream. The time until the next start is
+    /// not filled.
+    pub(crate) fn end_recording(&mut self) {
+        self.restart();
+        self.continuity = Continuity::default();
+    }
+
+    /// Records that the stream runs.
+    pub(crate) fn mark_running(&mut self) {
+        self.running = true;
+    }
+
+    /// Returns whether the stream is known to run since the last restart.
+    pub(crate) fn is_running(&self) -> bool {
+        self.running
+    }
+
+    /// Returns the newest stretch of missing items once. It starts where the frames do.
+    pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
+        self.missing.take()
+    }
+
+    pub(crate) fn counts(&self) -> &HopCounts {
+        &self.counts
+    }
+
+    /// Counts fillers that were published.
+    pub(crate) fn count_fillers(&mut self, fillers: usize) {
+        self.counts.fillers += fillers as u64;
+    }
+
+    /// Returns whether an item with this index, in a new frame, shows that the device restarted its
+    /// stream without a command: the index was already counted.
+    pub(crate) fn is_restart(&self, index: u32) -> bool {
+        self.counts.ledger.is_old(index)
+    }
+
+    /// Places an item that the device made at `device_us`, and the missing items before it: at most
+    /// `max_fillers`, oldest first.
+    ///
+    /// `device_us` is `None` if the frame's device time was impossible. The time is then computed
+    /// from the index.
+    pub(crate) fn receive(
+        &mut self,
+        index: u32,
+        device_us: Option<u64>,
+        reception: Reception<'_>,
+        max_fillers: u64,
+    ) -> Option<(Vec<HopPlace>, HopPlace)> {
+        let mut arrival = self.counts.ledger.record(index);
+        if arrival == Arrival::Old {
+            tracing::warn!(index, "the device restarted its stream of {}", self.items);
+            self.restart();
+            arrival = self.counts.ledger.record(index);
+        }
+        let Arrival::New { lost } = arrival else {
+            return None;
+        };
+        let host_us = device_us.and_then(|us| reception.clock.host_us(us.into()));
+        let device_us = device_us.unwrap_or_else(|| self.time_of_next(lost, 0));
+        let gap = Gap {
+            lost,
+            between_runs: self.missing_between_runs(host_us, lost, reception),
+        };
+        let fillers = self.fillers(index, gap, device_us, max_fillers);
+        self.running = true;
+        self.last_device_us = Some(device_us);
+        self.last_index = index;
+        let place = HopPlace {
+            index,
+            device_us: device_us.into(),
+            missing: self.counts.missing(),
+            is_made: true,
+        };
+        Some((fillers, place))
+    }
+
+    /// Places all missing items before index `next`. According to a `Stats` message that the device
+    /// made at `device_us`, its next item has this index.
+    pub(crate) fn fill_before(
+        &mut self,
+        next: u32,
+        device_us: u64,
+        reception: Reception<'_>,
+        max_fillers: u64,
+    ) -> Vec<HopPlace> {
+        let lost = self.counts.ledger.count_lost_before(next);
+        if lost == 0 {
+            return Vec::new();
+        }
+        // Before the first item of a stream, only the time of the `Stats` message is known. The
+        // device made its last item at most one hop before that time.
+        let next_us = self.time_of_next(lost, device_us);
+        let host_us = reception.clock.host_us(next_us.into());
+        let gap = Gap {
+            lost,
+            between_runs: self.missing_between_runs(host_us, lost, reception),
+        };
+        let fillers = self.fillers(next, gap, next_us, max_fillers);
+        self.last_device_us = Some(next_us.saturating_add_signed(-self.hop_us()));
+        fillers
+    }
+
+    /// Records that the item of `place` is published.
+    pub(crate) fn record(&mut self, place: HopPlace, reception: Reception<'_>) {
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+        let read_us = reception.read.monotonic_us as f64;
+        let host_us = reception.clock.host_us(place.device_us);
+        self.continuity.record(host_us.unwrap_or(read_us));
+    }
+
+    /// Returns the number of items missing between two runs; 0 within a run. `host_us` is the host
+    /// time of an item of the newer run, of which `lost` items before it are lost.
+    fn missing_between_runs(
+        &mut self,
+        host_us: Option<f64>,
+        lost: u32,
+        reception: Reception<'_>,
+    ) -> u64 {
+        let read_us = reception.read.monotonic_us;
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+        let [read_us, hop_us] = [read_us, self.hop_us()].map(|us| us as f64);
+        let first_us = host_us.unwrap_or(read_us) - f64::from(lost) * hop_us;
+        let missing = self.continuity.missing_before(first_us, hop_us);
+        self.counts.between_runs += missing;
+        missing
+    }
+
+    /// Returns the device time of the item that follows `lost` lost items, microseconds. If the
+    /// time of no item is known, returns the time one hop after `fallback_us`.
+    fn time_of_next(&self, lost: u32, fallback_us: u64) -> u64 {
+        let (known_us, hops) = match self.last_device_us {
+            Some(last_us) => (last_us, i64::from(lost) + 1),
+            None => (fallback_us, 1),
+        };
+        known_us.saturating_add_signed(hops * self.hop_us())
+    }
+
+    /// Returns the places of the items missing directly before index `index`, at most
+    /// `max_fillers`. The item of index `index` has the device time `device_us`.
+    fn fillers(&mut self, index: u32, gap: Gap, device_us: u64, max_fillers: u64) -> Vec<HopPlace> {
+        let missing = gap.between_runs + u64::from(gap.lost);
+        if missing == 0 {
+            return Vec::new();
+        }
+        let items = self.items;
+        tracing::debug!(
+            lost = gap.lost,
+            between_runs = gap.between_runs,
+            before = index,
+            "{items} missing"
+        );
+        let hop_us = i128::from(self.hop_us());
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "68 minutes are exact to the millisecond"
+        )]
+        let seconds = (hop_us * i128::from(missing)) as f32 / 1e6;
+        let first_us = i128::from(device_us) - hop_us * i128::from(missing);
+        self.missing = Some(MissingStretch {
+            start_us: first_us - i128::from(self.lookback_us()),
+            seconds,
+            restarted: gap.between_runs > 0,
+        });
+        let filled = missing.min(max_fillers);
+        if filled < missing {
+            self.skip_unfilled(missing - filled, gap);
+        }
+        let mut places = Vec::with_capacity(usize::try_from(filled).unwrap_or_default());
+        for back in (1..=filled).rev() {
+            // The items between two runs have no index of their own; those of the older run go on.
+            let lost = u32::try_from(back).ok().filter(|back| *back <= gap.lost);
+            self.last_index = match lost {
+                Some(back) => index.wrapping_sub(back),
+                None => self.last_index.wrapping_add(1),
+            };
+            places.push(HopPlace {
+                index: self.last_index,
+                device_us: i128::from(device_us) - hop_us * i128::from(back),
+                missing: self.counts.missing() - back + 1,
+                is_made: lost.is_some(),
+            });
+        }
+        places
+    }
+
+    /// Counts items that are missing and not filled.
+    fn skip_unfilled(&mut self, unfilled: u64, gap: Gap) {
+        self.counts.unfilled += unfilled;
+        // The indices show the gap, also those between two runs.
+        let between_runs = unfilled.min(gap.between_runs);
+        #[expect(clippy::cast_possible_truncation, reason = "indices wrap")]
+        let between_runs = between_runs as u32;
+        self.last_index = self.last_index.wrapping_add(between_runs);
+        tracing::error!(
+            unfilled,
+            "the outage was too long to fill; start a new recording"
+        );
+    }
+}
+
+/// Place of a topic's newest item on the host's clock. It survives a restart of the device, whose
+/// own clock starts at 0 again, and so shows how many items are missing between two runs.
+///
+/// "Item" means a code, a packed block, an ADC sample or a filtered step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Continuity {
+    /// Host time of the newest item, microseconds; `None` before the first item of a recording.
+    newest_us: Option<f64>,
+    /// Whether the device has restarted after the newest item.
+    run_ended: bool,
+    /// Time by which the items since the last restart are later than their places in the topic,
+    /// microseconds: what rounding to whole items has left over. It is part of the next gap, so
+    /// restarts never add up to more than half an item.
+    left_over_us: f64,
+}
+
+impl Continuity {
+    /// Records the host time of an item that is published, microseconds.
+    pub(crate) fn record(&mut self, host_us: f64) {
+        self.newest_us = Some(host_us);
+    }
+
+    /// Records that the device has restarted: the next item belongs to another run.
+    pub(crate) fn end_run(&mut self) {
+        self.run_ended = self.newest_us.is_some();
+    }
+
+    /// Returns the number of items between the newest one and the first of the next run, which is
+    /// at the host time `first_us`. Items follow each other every `period_us` microseconds. Returns
+    /// 0 within a run.
+    pub(crate) fn missing_before(&mut self, first_us: f64, period_us: f64) -> u64 {
+        let (Some(newest_us), true) = (self.newest_us, self.run_ended) else {
+            return 0;
+        };
+        self.run_ended = false;
+        let gap_us = first_us - newest_us + self.left_over_us;
+        let periods = (gap_us / period_us).round().max(1.0);
+        // A device that seems to be back before it left has a clock that cannot be trusted.
+        self.left_over_us = (gap_us - periods * period_us).max(-period_us);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "at least 0, and saturates"
+        )]
+        let missing = (periods - 1.0) as u64;
+        missing
+    }
+}
+
+/// A stretch of missing data in a topic, all of which is filled or skipped at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct MissingStretch {
+    /// Device time at which the stretch was at the electrodes, microseconds.
+    pub(crate) start_us: i128,
+    pub(crate) seconds: f32,
+    /// Whether the device restarted in this time.
+    pub(crate) restarted: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Continuity;
+
+    #[test]
+    fn items_between_two_runs_are_counted_and_rounding_does_not_add_up() {
+        let mut continuity = Continuity::default();
+        continuity.end_run();
+        assert_eq!(continuity.missing_before(5e6, 62_500.0), 0, "no run before");
+        let (mut now_us, mut items) = (0.0, 0);
+        continuity.record(now_us);
+        for _ in 0..1000 {
+            continuity.end_run();
+            // 2.4 items pass, of which the last is the first of the next run.
+            now_us += 2.4 * 62_500.0;
+            items += continuity.missing_before(now_us, 62_500.0) + 1;
+            assert_eq!(
+                continuity.missing_before(now_us, 62_500.0),
+                0,
+                "asked twice"
+            );
+            continuity.record(now_us);
+        }
+        assert_eq!(items, 2400);
+    }
+
+    #[test]
+    fn a_run_that_starts_before_the_last_one_ended_has_no_gap() {
+        let mut continuity = Continuity::default();
+        continuity.record(10e6);
+        continuity.end_run();
+        assert_eq!(continuity.missing_before(4e6, 1000.0), 0);
+        continuity.record(4e6);
+        continuity.end_run();
+        assert_eq!(continuity.missing_before(4e6 + 11_000.0, 1000.0), 9);
+    }
+}

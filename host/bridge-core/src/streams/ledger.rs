@@ -1,0 +1,186 @@
+//! Counts of received, lost and filled data of a stream.
+
+/// Counts numbered items, such as codes. The number of made items is always the sum of received and
+/// lost items, also when the sequence numbers wrap.
+///
+/// The counts depend only on the sequence numbers, not on times or rates. A gap of up to 2^31 - 1
+/// numbers is a loss; a number below the next expected number, modulo 2^32, is a replay.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Ledger {
+    expected: Option<u32>,
+    received: u64,
+    lost: u64,
+    bursts: u64,
+    longest_burst: u32,
+    replays: u64,
+}
+
+/// Result of recording the number of an item that arrived.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arrival {
+    /// The item has the expected number or a later number.
+    New {
+        /// Number of items that are missing directly before this item; usually 0.
+        lost: u32,
+    },
+    /// The item's number is below the next expected number: the item is a duplicate, or the sender
+    /// restarted.
+    Old,
+}
+
+impl Ledger {
+    /// Sets the next expected number, without counting a loss or a replay. All counts are kept.
+    pub fn expect_next(&mut self, number: u32) {
+        self.expected = Some(number);
+    }
+
+    /// Accepts any number for the next item, without counting a loss or a replay.
+    pub fn expect_any(&mut self) {
+        self.expected = None;
+    }
+
+    /// Returns whether `number` is below the next expected number, modulo 2^32.
+    pub fn is_old(&self, number: u32) -> bool {
+        self.missing_before(number) >= 1 << 31
+    }
+
+    fn missing_before(&self, number: u32) -> u32 {
+        number.wrapping_sub(self.expected.unwrap_or(number))
+    }
+
+    /// Records the arrival of item `number`. An old number is counted as a replay, not as received.
+    pub fn record(&mut self, number: u32) -> Arrival {
+        if self.is_old(number) {
+            self.replays += 1;
+            return Arrival::Old;
+        }
+        let lost = self.missing_before(number);
+        self.expected = Some(number.wrapping_add(1));
+        self.received += 1;
+        self.add_lost(lost);
+        Arrival::New { lost }
+    }
+
+    /// Counts every item before number `next` that has not arrived as lost, and returns how many
+    /// there are. `next` is the number of the sender's next item, as the sender reports it.
+    pub fn count_lost_before(&mut self, next: u32) -> u32 {
+        if self.is_old(next) {
+            return 0;
+        }
+        let lost = self.missing_before(next);
+        self.expected = Some(next);
+        self.add_lost(lost);
+        lost
+    }
+
+    fn add_lost(&mut self, lost: u32) {
+        self.lost += u64::from(lost);
+        self.bursts += u64::from(lost > 0);
+        self.longest_burst = self.longest_burst.max(lost);
+    }
+
+    /// Number of items that the sender has made, derived from their numbers: received plus lost.
+    pub fn made(&self) -> u64 {
+        self.received + self.lost
+    }
+
+    /// Number of items that arrived; replays do not count.
+    pub fn received(&self) -> u64 {
+        self.received
+    }
+
+    /// Number of items that never arrived.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// Number of bursts; a burst is a sequence of consecutive lost items.
+    pub fn bursts(&self) -> u64 {
+        self.bursts
+    }
+
+    /// Number of items in the longest burst.
+    pub fn longest_burst(&self) -> u32 {
+        self.longest_burst
+    }
+
+    /// Number of arrivals with a number below the expected number.
+    pub fn replays(&self) -> u64 {
+        self.replays
+    }
+}
+
+/// Numbers of received and missing items of a stream with one item per hop.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct HopCounts {
+    pub(crate) ledger: Ledger,
+    /// Number of items that are missing between two runs of the device, which did not make them.
+    pub(crate) between_runs: u64,
+    pub(crate) fillers: u64,
+    /// Number of missing items without a filler, because more are missing than fit into the queues
+    /// of subscribers.
+    pub(crate) unfilled: u64,
+}
+
+/// Numbers of unusable and clipped codes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct CodeCounts {
+    /// Number of codes whose model or format is not the one that the device reported.
+    pub(crate) foreign: u64,
+    /// Number of cells of the encoder's input that the device clipped to int8. A cell counts once
+    /// for each window that contains it.
+    pub(crate) clipped: u64,
+    /// Number of values in codes that the device clipped to the range of the code's format.
+    pub(crate) clipped_values: u64,
+}
+
+/// Numbers of packed blocks by their status.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct PackedCounts {
+    /// Number of bits of all blocks, without those of their frames.
+    pub(crate) bits: u64,
+    /// Number of blocks without prediction.
+    pub(crate) resets: u64,
+    /// Number of blocks with the flag `MISFIT`, after the filters have settled: until then, no
+    /// signal fits.
+    pub(crate) misfits: u64,
+    /// Number of blocks with the flag `BLANK`, after the filters have settled.
+    pub(crate) blanks: u64,
+    /// Number of blocks that the device quantised more coarsely than its rate, because they were
+    /// too long.
+    pub(crate) coarser: u64,
+    /// Number of electrode values that the device clipped to the range of the inputs.
+    pub(crate) clipped: u64,
+}
+
+impl HopCounts {
+    /// Number of items that no frame from the device holds: lost ones, and those between two runs.
+    pub(crate) fn missing(&self) -> u64 {
+        self.ledger.lost() + self.between_runs
+    }
+}
+
+/// Numbers of received, lost and unpublished samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct SampleCounts {
+    pub(crate) received: u64,
+    pub(crate) lost: u64,
+    /// Number of samples that are missing between two runs of the device, which did not make them.
+    pub(crate) between_runs: u64,
+    /// Number of samples that no published frame contains: samples of a frame that was unfinished
+    /// when the stream ended; lost samples of a gap in excess of two minutes; and, without
+    /// fillers, all samples of a frame that would contain a lost sample.
+    pub(crate) unpublished: u64,
+    /// Number of messages whose content does not match the device's capabilities.
+    pub(crate) malformed: u64,
+    /// Value of `missing` at the last report to `/diagnostics`, which shows the difference.
+    pub(crate) reported: u64,
+}
+
+impl SampleCounts {
+    /// Number of samples that are in no message from the device: lost samples, and samples missing
+    /// between two runs.
+    pub(crate) fn missing(&self) -> u64 {
+        self.lost.saturating_add(self.between_runs)
+    }
+}

@@ -1,0 +1,158 @@
+//! The stream of packed blocks, which are decoded to `/neurodata_reconstructed`.
+
+use std::sync::Arc;
+
+use link::{Flags, PackedCode};
+use packed::{BlockReader, Rate};
+
+use crate::core::Effects;
+use crate::decoder::packed::{PackedBytes, TimedPackedBlock};
+use crate::device::Device;
+use crate::settings::{FillerPolicy, Settings};
+use crate::streams::hop_timeline::{HopPlace, HopTimeline};
+use crate::streams::ledger::PackedCounts;
+use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
+
+/// Places packed blocks in time and passes them to the decoder, with a placeholder for each missing
+/// one.
+///
+/// Counts and stamps persist while the bridge runs, across restarts of the device.
+#[derive(Debug)]
+pub(crate) struct PackedStream {
+    pub(crate) timeline: HopTimeline,
+    counts: PackedCounts,
+    /// Rate of the newest block.
+    rate: Option<u8>,
+    /// Whether the next block is the first of a recording.
+    is_first: bool,
+    stamps: MonotoneStamps,
+}
+
+impl PackedStream {
+    pub(crate) fn new(device: Arc<Device>, decoding: Decoding, settings: Settings) -> PackedStream {
+        PackedStream {
+            timeline: HopTimeline::new("packed blocks", device, decoding, settings),
+            counts: PackedCounts::default(),
+            rate: None,
+            is_first: true,
+            stamps: MonotoneStamps::default(),
+        }
+    }
+
+    /// Switches to another device of the same shape, or to the same device with another mains
+    /// frequency. Counts and stamps continue.
+    pub(crate) fn replace_device(&mut self, device: Arc<Device>) {
+        self.timeline.device = device;
+    }
+
+    /// Sets which stream is decoded to `/neurodata_reconstructed`. The time in which another one
+    /// was is no gap.
+    pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
+        if self.timeline.decoding.stream != decoding.stream {
+            self.end_recording();
+        }
+        self.timeline.decoding = decoding;
+    }
+
+    /// Ends the recording, because the user stopped the stream. The time until the next start is
+    /// not filled.
+    pub(crate) fn end_recording(&mut self) {
+        self.timeline.end_recording();
+        self.is_first = true;
+    }
+
+    /// Numbers of blocks by their status.
+    pub(crate) fn counts(&self) -> &PackedCounts {
+        &self.counts
+    }
+
+    /// Rate of the newest block; `None` before the first one.
+    pub(crate) fn rate(&self) -> Option<u8> {
+        self.rate
+    }
+
+    /// Returns the number of stamps that were moved forwards, because they were not at least 1 us
+    /// later than the previous stamp.
+    pub(crate) fn moved_stamps(&self) -> u64 {
+        self.stamps.moved()
+    }
+
+    /// Passes a block that the device made at `device_us` to the decoder, after placeholders for
+    /// the blocks lost before it.
+    ///
+    /// `device_us` is `None` if the frame's device time was impossible. The time is then computed
+    /// from the block's index.
+    pub(crate) fn receive(
+        &mut self,
+        code: &PackedCode,
+        device_us: Option<u64>,
+        reception: Reception<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let most = effects.max_fillers();
+        let Some((missing, place)) = self
+            .timeline
+            .receive(code.block, device_us, reception, most)
+        else {
+            return;
+        };
+        if self.timeline.settings.filler != FillerPolicy::Off {
+            self.timeline.count_fillers(missing.len());
+        }
+        for place in missing {
+            self.pass_on(place, Flags::FILLER, None, reception, effects);
+        }
+        self.count(code);
+        let block = PackedBytes {
+            bytes: code.bytes.to_vec(),
+            rate: code.rate,
+        };
+        self.pass_on(place, code.flags, Some(block), reception, effects);
+    }
+
+    /// Counts a block by its status. The decoder counts malformed blocks.
+    fn count(&mut self, code: &PackedCode) {
+        self.rate = Some(code.rate);
+        let counts = &mut self.counts;
+        counts.bits += 8 * code.bytes.len() as u64;
+        counts.clipped += u64::from(code.clipped);
+        if !code.flags.contains(Flags::SETTLING) {
+            counts.misfits += u64::from(code.flags.contains(Flags::MISFIT));
+            counts.blanks += u64::from(code.flags.contains(Flags::BLANK));
+        }
+        let reader = Rate::new(code.rate).and_then(|rate| BlockReader::new(code.bytes, rate).ok());
+        if let Some(header) = reader.map(|reader| reader.header()) {
+            counts.resets += u64::from(header.is_reset);
+            counts.coarser += u64::from(header.rate.index() > code.rate);
+        }
+    }
+
+    fn pass_on(
+        &mut self,
+        place: HopPlace,
+        flags: Flags,
+        block: Option<PackedBytes>,
+        reception: Reception<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        self.timeline.record(place, reception);
+        let is_first = std::mem::take(&mut self.is_first);
+        if !self.timeline.decoding.decodes(DecodedStream::Packed) {
+            return;
+        }
+        let device = &self.timeline.device;
+        let hop = u32::from(device.hop_steps);
+        let end = (u64::from(place.index) + 1) * u64::from(hop);
+        let last_sample = device.sample_of_step(end - 1);
+        let words = place.words(flags, last_sample, reception);
+        let steps = [hop - 1, hop];
+        let time = self.timeline.frame_time_ns(place, steps, reception);
+        let steps_back = reception.clock.wall_steps_back();
+        effects.decode_block(TimedPackedBlock {
+            block,
+            is_first,
+            stamp: self.stamps.next(time, steps_back),
+            words,
+        });
+    }
+}

@@ -1,0 +1,455 @@
+//! A stream of ADC samples or of filtered steps, published as NeuroFrames.
+
+use link::{BlockForm, CompressedRaw, Flags, Raw};
+use lossless::{Block, DecodeError, Decoder, Kind};
+use neuro_ros::NeuroFrame;
+
+use crate::settings::{FillerPolicy, Settings, StampPoint};
+use crate::streams::hop_timeline::{Continuity, MissingStretch};
+use crate::streams::ledger::SampleCounts;
+use crate::streams::stamps::{MonotoneStamps, Reception};
+use neuro_ros::TriWords;
+
+/// Longest part of a gap that is filled, seconds. At 16 frames per second it takes 1,920 frames,
+/// which fit into a subscriber's queue. After a longer outage a new recording is needed.
+const MAX_FILL_SECONDS: u64 = 120;
+
+/// Converts ADC samples to NeuroFrames of `/neurodata`, or filtered steps to NeuroFrames of
+/// `/neurodata_corticode`, and fills gaps. In this file, "sample" means an ADC sample or a filtered
+/// step.
+///
+/// Samples have an index in the topic. It continues when the device restarts, and the time between
+/// two runs of the device is filled. The index of a frame's first sample is always a multiple of
+/// the number of samples per frame, so the number of samples on the topic matches the time that has
+/// passed. Sequence numbers and counts persist while the bridge runs.
+#[derive(Debug)]
+pub(crate) struct SampleStream {
+    filler: FillerPolicy,
+    stamp: StampPoint,
+    delay_us: u32,
+    frame: NeuroFrame,
+    nsamples: usize,
+    electrodes: usize,
+    /// Values of the newest sample, uV; zeros before the first sample.
+    newest: Vec<f32>,
+    /// Index and device time of the newest sample that was received; fillers do not count.
+    timeline: Option<SampleTimeline>,
+    /// Number of samples in the unfinished frame.
+    filled: usize,
+    holds_filler: bool,
+    first_us: i128,
+    /// Index of the next sample to publish.
+    next: u64,
+    /// Index of the first sample of the device's run; `None` from a restart to the next message.
+    run_start: Option<u64>,
+    continuity: Continuity,
+    /// Newest stretch of missing samples, until the bus has reported it.
+    missing: Option<MissingStretch>,
+    counts: SampleCounts,
+    stamps: MonotoneStamps,
+}
+
+/// Samples of one message from the device.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Samples<'a> {
+    /// Index of the message's first sample, counted by the device since `Start`.
+    pub(crate) first: u64,
+    pub(crate) flags: Flags,
+    /// Device time of the last sample, microseconds; `None` if the message's time is impossible.
+    pub(crate) last_us: Option<u64>,
+    /// Values in uV, sample by sample. The values of a sample are those of the electrodes, then
+    /// those of the spare channels.
+    pub(crate) microvolts: &'a [f32],
+}
+
+/// Extrapolates the device time of any sample from one sample with a known time.
+#[derive(Clone, Copy, Debug)]
+struct SampleTimeline {
+    index: u64,
+    us: u64,
+    rate_hz: u16,
+}
+
+impl SampleTimeline {
+    /// Returns the device time of a sample, microseconds, rounded towards the time of the known
+    /// sample.
+    fn device_us_at(self, index: u64) -> i128 {
+        let samples = i128::from(index) - i128::from(self.index);
+        i128::from(self.us) + samples * 1_000_000 / i128::from(self.rate_hz.max(1))
+    }
+}
+
+impl SampleStream {
+    /// Creates a stream that publishes frames of the shape of `frame`. `delay_us` is the delay of
+    /// the filters, microseconds, which is subtracted from stamps.
+    pub(crate) fn new(frame: NeuroFrame, delay_us: u32, settings: Settings) -> SampleStream {
+        let eeg = usize::from(frame.eeg.info.nchannels);
+        let width = eeg + usize::from(frame.exg.info.nchannels);
+        SampleStream {
+            filler: settings.filler,
+            stamp: settings.stamp,
+            delay_us,
+            nsamples: usize::from(frame.eeg.info.nsamples),
+            electrodes: eeg,
+            frame,
+            newest: vec![0.0; width],
+            timeline: None,
+            filled: 0,
+            holds_filler: false,
+            first_us: 0,
+            next: 0,
+            run_start: Some(0),
+            continuity: Continuity::default(),
+            missing: None,
+            counts: SampleCounts::default(),
+            stamps: MonotoneStamps::default(),
+        }
+    }
+
+    /// Switches to another device of the same shape, or to the same device with another mains
+    /// frequency. Sequence numbers, counts and stamps continue.
+    pub(crate) fn replace_device(&mut self, frame: NeuroFrame, delay_us: u32) {
+        let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
+        self.frame = frame;
+        (self.frame.header.seq, self.frame.neuroheader.seq) = numbers;
+        self.delay_us = delay_us;
+        self.restart();
+    }
+
+    /// Starts another run. Call this when the device counts samples from 0 again. The time until
+    /// the run's first sample is filled.
+    pub(crate) fn restart(&mut self) {
+        self.run_start = None;
+        self.timeline = None;
+        self.continuity.end_run();
+    }
+
+    /// Ends the recording, because the user stopped the stream. Samples of an unfinished frame are
+    /// not published, and the time until the next start is not filled.
+    pub(crate) fn end_recording(&mut self) {
+        self.count_unpublished(self.filled as u64);
+        self.next = 0;
+        self.filled = 0;
+        self.run_start = Some(0);
+        self.timeline = None;
+        self.continuity = Continuity::default();
+        self.newest.fill(0.0);
+    }
+
+    /// Counts samples that no published frame will contain. Saturates, because a faulty device can
+    /// skip 2^63 samples.
+    fn count_unpublished(&mut self, samples: u64) {
+        self.counts.unpublished = self.counts.unpublished.saturating_add(samples);
+    }
+
+    /// Number of channels in a sample: electrodes plus spare channels.
+    pub(crate) fn width(&self) -> usize {
+        self.newest.len()
+    }
+
+    /// Returns the newest stretch of missing samples once.
+    pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
+        self.missing.take()
+    }
+
+    pub(crate) fn counts(&self) -> &SampleCounts {
+        &self.counts
+    }
+
+    /// Returns the number of stamps that were moved forwards, because they were not at least 1 us
+    /// later than the previous stamp.
+    pub(crate) fn moved_stamps(&self) -> u64 {
+        self.stamps.moved()
+    }
+
+    /// Returns the number of samples missing since the last call.
+    pub(crate) fn missing_since_report(&mut self) -> u64 {
+        let missing = self.counts.missing();
+        missing - std::mem::replace(&mut self.counts.reported, missing)
+    }
+
+    /// Counts a message whose content does not match the device. The message's samples count as
+    /// lost when the next valid message arrives.
+    pub(crate) fn reject(&mut self, why: &str) {
+        if self.counts.malformed == 0 {
+            tracing::error!(
+                "the device sends samples that do not match its capabilities ({why}); they are \
+                 counted and not published; bring firmware and bridge to the same release"
+            );
+        }
+        self.counts.malformed += 1;
+    }
+
+    /// Publishes the samples of a message. Fillers for the samples lost before them are published
+    /// first. `trigger_sample` converts a sample index of this stream to an ADC sample index.
+    pub(crate) fn receive(
+        &mut self,
+        samples: Samples<'_>,
+        trigger_sample: impl Fn(u64) -> u64,
+        reception: Reception<'_>,
+        publish: &mut dyn FnMut(&NeuroFrame),
+    ) {
+        let width = self.width();
+        let count = (samples.microvolts.len() / width.max(1)) as u64;
+        let Some(end) = samples.first.checked_add(count).filter(|_| count > 0) else {
+            return self.reject("there are no samples, or their index is impossible");
+        };
+        let is_known = |start: u64| samples.first < self.next.saturating_sub(start);
+        if self.run_start.is_some_and(is_known) {
+            tracing::warn!(sample = samples.first, "the device restarted its samples");
+            self.restart();
+        }
+        // The time of the message's last sample, if it is impossible, follows from its index.
+        let extrapolated = || {
+            let last = self.run_start?.checked_add(end - 1)?;
+            let us = self.timeline?.device_us_at(last).max(0);
+            u64::try_from(us).ok()
+        };
+        let Some(us) = samples.last_us.or_else(extrapolated) else {
+            return self.reject("their time is impossible");
+        };
+        let host_us = reception.clock.host_us(us.into());
+        #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
+        let host_us = host_us.unwrap_or(reception.read.monotonic_us as f64);
+        let start = match self.run_start {
+            Some(start) => start,
+            None => self.begin_run(host_us, end - 1),
+        };
+        let Some(next) = start.checked_add(end) else {
+            return self.reject("their index is impossible");
+        };
+        let timeline = SampleTimeline {
+            index: next - 1,
+            us,
+            rate_hz: self.frame.sr,
+        };
+        let mut batch = Batch {
+            timeline,
+            run_start: start,
+            trigger_sample: &trigger_sample,
+            reception,
+            publish,
+        };
+        self.fill_gap(start + samples.first, &mut batch);
+        for sample in samples.microvolts.chunks_exact(width) {
+            self.newest.copy_from_slice(sample);
+            self.append(samples.flags, &mut batch);
+        }
+        self.counts.received += count;
+        self.timeline = Some(timeline);
+        self.continuity.record(host_us);
+    }
+
+    /// Begins the device's next run and returns the index of its first sample in the topic.
+    /// `host_us` is the host time, microseconds, of the run's sample `index`.
+    fn begin_run(&mut self, host_us: f64, index: u64) -> u64 {
+        let period_us = 1e6 / f64::from(self.frame.sr.max(1));
+        #[expect(clippy::cast_precision_loss, reason = "below 2^53 (500,000 years)")]
+        let first_us = host_us - index as f64 * period_us;
+        let missing = self.continuity.missing_before(first_us, period_us);
+        self.counts.between_runs += missing;
+        let start = self.next.saturating_add(missing);
+        self.run_start = Some(start);
+        start
+    }
+
+    /// Appends fillers for all samples before the sample `first`, which is the first of the
+    /// message.
+    fn fill_gap(&mut self, first: u64, batch: &mut Batch<'_>) {
+        let missing = first - self.next;
+        if missing == 0 {
+            return;
+        }
+        tracing::debug!(missing, before = first, "samples missing");
+        let lost = missing.min(first - batch.run_start);
+        #[expect(
+            clippy::cast_precision_loss,
+            reason = "minutes are exact to the millisecond"
+        )]
+        let seconds = missing as f32 / f32::from(self.frame.sr.max(1));
+        self.missing = Some(MissingStretch {
+            start_us: batch.timeline.device_us_at(self.next) - i128::from(self.delay_us),
+            seconds,
+            restarted: missing > lost,
+        });
+        self.counts.lost = self.counts.lost.saturating_add(lost);
+        if self.filler == FillerPolicy::Zeros {
+            self.newest.fill(0.0);
+        }
+        let nsamples = self.nsamples as u64;
+        let to_boundary = (nsamples - self.filled as u64) % nsamples;
+        let mut left = missing;
+        for _ in 0..to_boundary.min(left) {
+            self.append(Flags::FILLER, batch);
+            left -= 1;
+        }
+        // The part of a gap that is too long to fill is skipped in whole frames, so that frames
+        // stay aligned. The rest of the gap gets fillers.
+        let most = match self.filler {
+            FillerPolicy::Off => 0,
+            FillerPolicy::Last | FillerPolicy::Zeros => u64::from(self.frame.sr) * MAX_FILL_SECONDS,
+        };
+        if left > most {
+            let skipped = (left - most) / nsamples * nsamples;
+            self.next += skipped;
+            left -= skipped;
+            self.count_unpublished(skipped);
+            if most > 0 && skipped > 0 {
+                tracing::error!(
+                    unfilled = skipped,
+                    "the outage was too long to fill with samples; start a new recording"
+                );
+            }
+        }
+        for _ in 0..left {
+            self.append(Flags::FILLER, batch);
+        }
+    }
+
+    /// Appends the newest sample to the frame, and publishes the frame when it is full.
+    fn append(&mut self, flags: Flags, batch: &mut Batch<'_>) {
+        let us = batch.timeline.device_us_at(self.next);
+        if self.filled == 0 {
+            self.first_us = us;
+            self.holds_filler = false;
+        }
+        self.holds_filler |= flags.contains(Flags::FILLER);
+        let (eeg, exg) = self.newest.split_at(self.electrodes);
+        let frame = &mut self.frame;
+        let row = |width: usize| self.filled * width..(self.filled + 1) * width;
+        frame.eeg.data[row(eeg.len())].copy_from_slice(eeg);
+        frame.exg.data[row(exg.len())].copy_from_slice(exg);
+        let frames = self.next / self.nsamples as u64;
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "wraps, like window indices"
+        )]
+        let words = TriWords {
+            flags: flags.bits(),
+            window: frames as u32,
+            device_time_us: u64::try_from(us).unwrap_or(0),
+            lost: self.counts.missing(),
+            trigger: batch.reception.trigger.level_at((batch.trigger_sample)(
+                self.next.saturating_sub(batch.run_start),
+            )),
+        };
+        frame.tri.data[row(8)].copy_from_slice(&words.words());
+        self.next += 1;
+        self.filled += 1;
+        if self.filled == self.nsamples {
+            self.filled = 0;
+            self.publish(batch);
+        }
+    }
+
+    fn publish(&mut self, batch: &mut Batch<'_>) {
+        if self.holds_filler && self.filler == FillerPolicy::Off {
+            return self.count_unpublished(self.nsamples as u64);
+        }
+        let Reception { read, clock, .. } = batch.reception;
+        let length_us = self.nsamples.saturating_sub(1) as i128 * 1_000_000;
+        let on_scalp_us = self.first_us - i128::from(self.delay_us);
+        let time = match self.stamp {
+            StampPoint::First => clock.wall_ns(on_scalp_us),
+            StampPoint::Last => {
+                let rate_hz = i128::from(self.frame.sr.max(1));
+                clock.wall_ns(on_scalp_us + length_us / rate_hz)
+            }
+            StampPoint::Arrival => Some(clock.wall_of_host_ns(read)),
+        };
+        let time = time.unwrap_or(read.wall_ns);
+        let frame = &mut self.frame;
+        frame.header.stamp = self.stamps.next(time, clock.wall_steps_back());
+        frame.neuroheader.seq = frame.neuroheader.seq.wrapping_add(1);
+        frame.header.seq = frame.neuroheader.seq;
+        (batch.publish)(frame);
+    }
+}
+
+/// Data that all samples of one message share while they are published.
+struct Batch<'a> {
+    timeline: SampleTimeline,
+    /// Index in the topic of the first sample of the device's run.
+    run_start: u64,
+    trigger_sample: &'a dyn Fn(u64) -> u64,
+    reception: Reception<'a>,
+    publish: &'a mut dyn FnMut(&NeuroFrame),
+}
+
+/// Largest number of channels that a message can state.
+const CHANNELS: usize = u8::MAX as usize;
+
+/// Decodes compressed samples to those of a [`Raw`] message.
+#[derive(Debug, Default)]
+pub(crate) struct CompressedSamples {
+    /// Decoder, once a message has arrived.
+    decoder: Option<Box<Decoder<CHANNELS>>>,
+    /// Index of the sample after the newest decoded one.
+    next: u64,
+    /// Number of samples that arrived and could not be decoded, because the blocks that they
+    /// continue from were lost. They count as lost too.
+    pub(crate) undecodable: u64,
+}
+
+impl CompressedSamples {
+    /// Forgets what was decoded. Call this when the device counts samples from 0 again.
+    pub(crate) fn forget(&mut self) {
+        if let Some(decoder) = &mut self.decoder {
+            decoder.forget();
+        }
+    }
+
+    /// Returns the samples of a message; `None` if the samples that it continues from were lost.
+    ///
+    /// # Errors
+    /// If the message is not what a sound device sends.
+    pub(crate) fn decode<'d>(
+        &'d mut self,
+        message: &CompressedRaw,
+    ) -> Result<Option<Raw<'d>>, Refusal> {
+        let decoder = self.decoder.get_or_insert_with(|| Box::new(Decoder::NEW));
+        if message.first_sample != self.next {
+            decoder.forget();
+        }
+        let kind = match message.form {
+            BlockForm::Verbatim => Kind::Verbatim,
+            BlockForm::Key => Kind::Key,
+            BlockForm::Continuing => Kind::Continuing,
+            BlockForm::Newer(form) => {
+                decoder.forget();
+                return Err(Refusal::Form(form));
+            }
+        };
+        let block = Block {
+            kind,
+            samples: message.samples.into(),
+            bytes: message.bytes,
+        };
+        let samples = u64::from(message.samples);
+        self.next = message.first_sample.wrapping_add(samples);
+        match decoder.decode(message.channels.into(), &block) {
+            Ok(counts) => Ok(Some(Raw {
+                first_sample: message.first_sample,
+                channels: message.channels,
+                flags: message.flags,
+                counts: counts.as_flattened(),
+            })),
+            // A sum that does not fit shows a loss that the indices do not.
+            Err(DecodeError::NoKey | DecodeError::Sum) => {
+                self.undecodable = self.undecodable.saturating_add(samples);
+                Ok(None)
+            }
+            Err(error) => Err(Refusal::Block(error)),
+        }
+    }
+}
+
+/// Reason why a message was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum Refusal {
+    /// The form is newer than this bridge.
+    #[error("compressed samples have the unknown form {0}")]
+    Form(u8),
+    #[error("compressed samples cannot be decoded: {0}")]
+    Block(DecodeError),
+}

@@ -1,0 +1,286 @@
+//! The optional streams of a device: samples, filtered steps, events and audits.
+
+use std::sync::Arc;
+
+use link::{Audit, COUNT_BYTES, CompressedRaw, Event, Filtered, Raw, Streams, VALUE_BYTES};
+
+use crate::core::Effects;
+use crate::decoder::audit::AuditedWindow;
+use crate::decoder::model::Model;
+use crate::device::Device;
+use crate::settings::{EventStamps, RawForm, Settings};
+use crate::streams::event::{EventBus, EventStream, Trigger};
+use crate::streams::sample::{CompressedSamples, SampleStream, Samples};
+use crate::streams::stamps::{DecodedStream, Reception};
+use crate::time::HostTime;
+use crate::time::clock::Clock;
+
+/// Checks the messages of the optional streams and converts them to frames, events and audits.
+#[derive(Debug)]
+pub(crate) struct SideStreams {
+    settings: Settings,
+    device: Option<Arc<Device>>,
+    pub(crate) raw: Option<SampleStream>,
+    pub(crate) compressed: CompressedSamples,
+    pub(crate) filtered: Option<SampleStream>,
+    pub(crate) events: EventStream,
+    pub(crate) bus: EventBus,
+    pub(crate) trigger: Trigger,
+    /// Number of messages that were ignored: they were not requested, arrived before the device's
+    /// introduction or from a refused device, or were audits of a model that the bridge does not
+    /// have.
+    pub(crate) unused: u64,
+    /// Number of audits that were not compared, because their model, format or size is not the
+    /// device's.
+    pub(crate) audits_unusable: u64,
+    /// Samples of the current message, uV. The buffer is reused to avoid allocations.
+    microvolts: Vec<f32>,
+}
+
+/// Device time and host time of a message, with the clock that relates them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MessageTime<'a> {
+    /// Device time from the message's header, microseconds; `None` if that time is impossible.
+    pub(crate) device_us: Option<u64>,
+    pub(crate) read: HostTime,
+    pub(crate) clock: &'a Clock,
+}
+
+impl SideStreams {
+    pub(crate) fn new(settings: Settings) -> SideStreams {
+        SideStreams {
+            settings,
+            device: None,
+            raw: None,
+            compressed: CompressedSamples::default(),
+            filtered: None,
+            events: EventStream::default(),
+            bus: EventBus::new(settings.streams.contains(Streams::EVENTS)),
+            trigger: Trigger::default(),
+            unused: 0,
+            audits_unusable: 0,
+            microvolts: Vec::new(),
+        }
+    }
+
+    /// Sets the device that the following messages belong to.
+    pub(crate) fn set_device(&mut self, device: &Arc<Device>) {
+        let asked = self.settings.streams;
+        self.compressed.forget();
+        // Raw samples have not passed the filters, so their filter delay is 0.
+        let streams = [
+            (&mut self.raw, RawForm::any_in(asked), device.raw_frame(), 0),
+            (
+                &mut self.filtered,
+                asked.contains(Streams::FILTERED),
+                device.filtered_frame(),
+                device.group_delay_us,
+            ),
+        ];
+        for (stream, is_wanted, frame, delay_us) in streams {
+            match stream {
+                Some(stream) => stream.replace_device(frame, delay_us),
+                None if is_wanted => {
+                    *stream = Some(SampleStream::new(frame, delay_us, self.settings));
+                }
+                None => {}
+            }
+        }
+        self.device = Some(Arc::clone(device));
+    }
+
+    /// Sets by how much the stamps of events are later than the events. Call this after
+    /// [`Self::set_device`], with the stream that `/neurodata_reconstructed` is decoded from.
+    pub(crate) fn set_event_shift(&mut self, decoded: DecodedStream) {
+        let Some(device) = &self.device else { return };
+        let settings = &self.settings;
+        let shift_us = match settings.event_stamps {
+            EventStamps::Recorder => {
+                device.recorder_shift_us(settings.announced, decoded, settings)
+            }
+            EventStamps::Scalp => 0,
+        };
+        self.bus.set_shift(shift_us);
+    }
+
+    /// Ends the recording of all streams, because the user stopped them.
+    pub(crate) fn end_recording(&mut self) {
+        for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
+            stream.end_recording();
+        }
+        self.compressed.forget();
+        self.restart_events();
+    }
+
+    /// Restarts all streams. Call this when the device counts samples and steps from 0 again.
+    pub(crate) fn restart(&mut self) {
+        for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
+            stream.restart();
+        }
+        self.compressed.forget();
+        self.restart_events();
+    }
+
+    /// Restarts events and trigger. Call this when the indices of codes show that the device
+    /// restarted. Raw samples and filtered steps detect a restart from their own indices, perhaps
+    /// earlier.
+    pub(crate) fn restart_events(&mut self) {
+        self.events.restart();
+        self.trigger.restart();
+    }
+
+    /// Publishes the ADC samples of a message, scaled to uV.
+    pub(crate) fn receive_raw(
+        &mut self,
+        raw: &Raw,
+        times: MessageTime<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let Some((stream, device)) = self.raw.as_mut().zip(self.device.as_ref()) else {
+            self.unused += 1;
+            return;
+        };
+        let bytes = usize::from(raw.channels) * COUNT_BYTES;
+        if usize::from(raw.channels) != stream.width() || !raw.counts.len().is_multiple_of(bytes) {
+            return stream.reject("raw samples have another number of channels, or are cut off");
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "within 187500 uV")]
+        let microvolt = |count| (f64::from(count) * device.uv_per_count) as f32;
+        self.microvolts.clear();
+        self.microvolts.extend(raw.counts().map(microvolt));
+        let samples = Samples {
+            first: raw.first_sample,
+            flags: raw.flags,
+            last_us: times.device_us,
+            microvolts: &self.microvolts,
+        };
+        let reception = times.reception(&self.trigger);
+        stream.receive(samples, |sample| sample, reception, &mut |frame| {
+            effects.publish_raw(frame);
+        });
+    }
+
+    /// Decodes the ADC samples of a message and publishes them as [`Self::receive_raw`] does.
+    /// Samples that cannot be decoded count as lost when the next ones are published.
+    pub(crate) fn receive_compressed(
+        &mut self,
+        message: &CompressedRaw,
+        times: MessageTime<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let mut compressed = std::mem::take(&mut self.compressed);
+        match compressed.decode(message) {
+            Ok(Some(raw)) => self.receive_raw(&raw, times, effects),
+            Ok(None) => {}
+            Err(why) => {
+                if let Some(stream) = &mut self.raw {
+                    stream.reject(&why.to_string());
+                }
+            }
+        }
+        self.compressed = compressed;
+    }
+
+    /// Publishes the filtered steps of a message, scaled to uV.
+    pub(crate) fn receive_filtered(
+        &mut self,
+        filtered: &Filtered,
+        times: MessageTime<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let Some((stream, device)) = self.filtered.as_mut().zip(self.device.as_ref()) else {
+            self.unused += 1;
+            return;
+        };
+        let bytes = usize::from(filtered.electrodes) * VALUE_BYTES;
+        let fits = usize::from(filtered.electrodes) == stream.width()
+            && filtered.values.len().is_multiple_of(bytes);
+        if !fits {
+            return stream
+                .reject("filtered steps have another number of electrodes, or are cut off");
+        }
+        let value_uv = device.uv_per_count * 2_f64.powi(-i32::from(filtered.fraction_bits));
+        let range_uv = device.full_scale_uv;
+        #[expect(clippy::cast_possible_truncation, reason = "clamped to 187500 uV")]
+        let microvolt =
+            // Limit the value to the announced range: a recorder stores values outside this range
+            // as infinite.
+            |value| (f64::from(value) * value_uv).clamp(-range_uv, range_uv) as f32;
+        self.microvolts.clear();
+        self.microvolts.extend(filtered.values().map(microvolt));
+        let samples = Samples {
+            first: filtered.first_step,
+            flags: filtered.flags,
+            last_us: times.device_us,
+            microvolts: &self.microvolts,
+        };
+        let reception = times.reception(&self.trigger);
+        let of_step = |step| device.sample_of_step(step);
+        stream.receive(samples, of_step, reception, &mut |frame| {
+            effects.publish_filtered(frame);
+        });
+    }
+
+    /// Publishes an event and records the trigger's new level.
+    pub(crate) fn receive_event(
+        &mut self,
+        event: Event,
+        times: MessageTime<'_>,
+        effects: &mut dyn Effects,
+    ) {
+        let reception = times.reception(&self.trigger);
+        if !self.settings.streams.contains(Streams::EVENTS) {
+            self.unused += 1;
+        } else if let Some(level) =
+            self.events
+                .receive(event, times.device_us, reception, &mut self.bus, effects)
+        {
+            self.trigger.record_edge(event.sample, level);
+        }
+    }
+
+    /// Converts an audit and requests its comparison. `model` is the device's model; `None` if this
+    /// bridge does not have it.
+    pub(crate) fn receive_audit(
+        &mut self,
+        audit: &Audit,
+        model: Option<&Model>,
+        effects: &mut dyn Effects,
+    ) {
+        let (true, Some(device)) = (self.settings.streams.contains(Streams::AUDIT), &self.device)
+        else {
+            self.unused += 1;
+            return;
+        };
+        // Not logged, because `/diagnostics` already reports the missing model.
+        let Some(model) = model else {
+            self.unused += 1;
+            return;
+        };
+        let fits = audit.model_id == device.model_id
+            && audit.values.format() == device.code_format
+            && audit.planes.len() == model.window_cells();
+        if !fits {
+            if self.audits_unusable == 0 {
+                tracing::error!(
+                    planes = audit.planes.len(),
+                    "the device's audits differ from its codes in model, format or size; they are \
+                     counted and not compared"
+                );
+            }
+            self.audits_unusable += 1;
+            return;
+        }
+        effects.audit(AuditedWindow::new(Arc::clone(device), audit));
+    }
+}
+
+impl<'a> MessageTime<'a> {
+    fn reception(self, trigger: &'a Trigger) -> Reception<'a> {
+        Reception {
+            read: self.read,
+            clock: self.clock,
+            trigger,
+        }
+    }
+}

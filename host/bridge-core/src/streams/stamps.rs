@@ -1,0 +1,187 @@
+//! Time stamps of published frames, and the time from the electrodes to a recorder.
+
+use link::Streams;
+use neuro_ros::Stamp;
+
+use crate::decoder::reconstruction::Reconstruction;
+use crate::device::Device;
+use crate::settings::{AnnouncedStream, Settings, StampPoint};
+use crate::streams::event::Trigger;
+use crate::time::HostTime;
+use crate::time::clock::Clock;
+
+/// Context for the conversion of a message: the time at which it was read, the fitted clock and the
+/// trigger input.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reception<'a> {
+    /// Host time at which the message was read.
+    pub(crate) read: HostTime,
+    pub(crate) clock: &'a Clock,
+    pub(crate) trigger: &'a Trigger,
+}
+
+/// Steps of a frame, relative to the item of the device that completes it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FrameSteps {
+    /// Steps from the frame's first step to the last step of the item.
+    pub(crate) lookback: u32,
+    /// Number of steps of the frame.
+    pub(crate) length: u32,
+}
+
+/// Returns the time of a frame for its stamp, nanoseconds since 1970. `device_us` is the time of
+/// the last step of the item that completes the frame.
+pub(crate) fn frame_time_ns(
+    device: &Device,
+    point: StampPoint,
+    device_us: i128,
+    steps: FrameSteps,
+    reception: Reception<'_>,
+) -> i64 {
+    let back_us = match point {
+        StampPoint::First => device.steps_us(steps.lookback),
+        StampPoint::Last => device.steps_us(steps.lookback + 1 - steps.length),
+        StampPoint::Arrival => return reception.clock.wall_of_host_ns(reception.read),
+    };
+    let on_scalp = device_us - i128::from(back_us) - i128::from(device.group_delay_us);
+    let wall_ns = reception.clock.wall_ns(on_scalp);
+    wall_ns.unwrap_or(reception.read.wall_ns)
+}
+
+/// Generator of increasing stamps. Each stamp is at least 1 us later than the previous stamp,
+/// unless the wall clock was set back by more than 30 s.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct MonotoneStamps {
+    last_ns: i64,
+    moved: u64,
+    /// Number of times so far that the wall clock was set back by more than 30 s.
+    steps_back: u32,
+}
+
+impl MonotoneStamps {
+    /// Returns the stamp for the time `nanoseconds` of the wall clock. A stamp that would be less
+    /// than 1 us after the previous stamp is moved forwards to 1 us after it.
+    ///
+    /// `steps_back` is the number of times that the wall clock was set back by more than 30 s
+    /// ([`Clock::wall_steps_back`]). When it increases, the stamps go back with the clock.
+    pub(crate) fn next(&mut self, nanoseconds: i64, steps_back: u32) -> Stamp {
+        if std::mem::replace(&mut self.steps_back, steps_back) != steps_back {
+            self.last_ns = 0;
+        }
+        let least = self.last_ns.saturating_add(1000);
+        self.moved += u64::from(nanoseconds < least);
+        self.last_ns = nanoseconds.max(least);
+        Stamp::from_nanoseconds(self.last_ns)
+    }
+
+    /// Number of stamps that were moved forwards.
+    pub(crate) fn moved(&self) -> u64 {
+        self.moved
+    }
+}
+
+/// The stream that `/neurodata_reconstructed` is decoded from, and whether the bridge's model
+/// decodes it.
+///
+/// It follows from the streams that the device is asked for, and so changes when the device refuses
+/// some.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Decoding {
+    pub(crate) stream: DecodedStream,
+    /// Whether the bridge's model is the device's, and decodes the stream.
+    pub(crate) is_possible: bool,
+}
+
+/// A stream that yields electrode signals when it is decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum DecodedStream {
+    /// Codes of the network.
+    Codes,
+    /// Packed blocks, also where the device sends codes with them.
+    Packed,
+}
+
+impl DecodedStream {
+    /// Returns the stream that is decoded of those that a device is asked for.
+    pub(crate) fn of(asked: Streams) -> DecodedStream {
+        if asked.contains(Streams::PACKED) {
+            DecodedStream::Packed
+        } else {
+            DecodedStream::Codes
+        }
+    }
+}
+
+impl Decoding {
+    /// Returns whether `stream` is decoded.
+    pub(crate) fn decodes(self, stream: DecodedStream) -> bool {
+        self.is_possible && self.stream == stream
+    }
+}
+
+impl Device {
+    /// Returns the time from the first sample of a frame, at the electrodes, to the end of the
+    /// acquisition and filtering of all data that the frame is made of, microseconds. The transfer
+    /// to the host follows. `decoded` is the stream that `/neurodata_reconstructed` is decoded
+    /// from.
+    pub(crate) fn frame_lookback_us(
+        &self,
+        stream: AnnouncedStream,
+        decoded: DecodedStream,
+        settings: &Settings,
+    ) -> i64 {
+        let filters_us = i64::from(self.group_delay_us);
+        match stream {
+            AnnouncedStream::Encoded => {
+                self.steps_us(u32::from(self.window_steps) - 1) + filters_us
+            }
+            AnnouncedStream::Reconstructed => {
+                let hop = u32::from(self.hop_steps);
+                let steps = match (decoded, settings.low_latency) {
+                    (DecodedStream::Codes, low_latency) => {
+                        Reconstruction::lookback_steps(self, low_latency)
+                    }
+                    (DecodedStream::Packed, true) => hop - 1,
+                    // The block after the frame's own completes it.
+                    (DecodedStream::Packed, false) => 2 * hop - 1,
+                };
+                self.steps_us(steps) + filters_us
+            }
+            AnnouncedStream::Raw => {
+                let (samples, rate_hz) = self.frame_length(stream);
+                (i64::from(samples) - 1) * 1_000_000 / i64::from(rate_hz)
+            }
+            AnnouncedStream::Filtered => self.steps_us(u32::from(self.hop_steps) - 1) + filters_us,
+        }
+    }
+
+    /// Returns the time by which the stamp of an event must be later than the event, microseconds,
+    /// to be read from a recording of this stream at the sample that was at the electrodes when it
+    /// happened.
+    ///
+    /// `rosneuro_recorder` takes for the time of its first sample the arrival of the first frame
+    /// minus the frame's duration, and places an event by its stamp relative to that time. Its
+    /// library, libxdffileio, rounds the place down and counts from 0, where GDF and its readers
+    /// count from 1. Half a sample makes the rounding exact, and a whole sample the counting.
+    pub(crate) fn recorder_shift_us(
+        &self,
+        stream: AnnouncedStream,
+        decoded: DecodedStream,
+        settings: &Settings,
+    ) -> i64 {
+        let (samples, rate_hz) = self.frame_length(stream);
+        let halves_us = |halves: i64| halves * 500_000 / i64::from(rate_hz);
+        self.frame_lookback_us(stream, decoded, settings) + halves_us(3 - 2 * i64::from(samples))
+    }
+
+    /// Returns the number of samples in a frame of this stream, and their rate in Hz.
+    fn frame_length(&self, stream: AnnouncedStream) -> (u16, u16) {
+        let frame = match stream {
+            AnnouncedStream::Encoded => return (1, self.codes_per_second()),
+            AnnouncedStream::Reconstructed => self.reconstructed_frame(),
+            AnnouncedStream::Raw => self.raw_frame(),
+            AnnouncedStream::Filtered => self.filtered_frame(),
+        };
+        (frame.eeg.info.nsamples, frame.sr)
+    }
+}

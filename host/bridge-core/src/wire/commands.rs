@@ -1,0 +1,477 @@
+//! Schedule of the commands to the device: which one is due, and when it is repeated.
+
+use link::{AckResult, Start, Streams, ToDevice};
+
+use crate::wire::wanted::{ClockQuery, WantedRate, WantedStreams};
+use crate::wire::words;
+
+/// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
+const PING_AFTER_US: i64 = 2_000_000;
+/// Time without a code, packed block or `Stats` after which a streaming device must identify itself
+/// again, microseconds. The `Hello` of a reset may be lost, or another program may have sent
+/// `Stop`.
+const STARVED_AFTER_US: i64 = 2_000_000;
+/// Time between two calls of `next_command`, microseconds, above which the host must have been
+/// suspended or this program stopped. Messages that the device sent during that time are still
+/// unread, so the silence timeouts restart.
+const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
+
+/// Decides which command is due for the device: first `Identify`, then `Stop` if a stream runs that
+/// this bridge did not start, then `Start`. Every command is repeated until it is acknowledged.
+#[derive(Clone, Debug)]
+pub(crate) struct Commands {
+    mains_hz: u8,
+    /// Rate of the packed code that the device is to have; `None` leaves the choice to the device.
+    rate: Option<WantedRate>,
+    streams: WantedStreams,
+    streaming_wanted: bool,
+    device: Introduction,
+    /// Whether this bridge started any stream that runs on the device. Set when the device
+    /// acknowledges a `Stop`; cleared when the device restarts or another device is connected.
+    owns_stream: bool,
+    stream: StreamState,
+    pending: Option<PendingCommand>,
+    connected: bool,
+    /// The newest `Start` that the device refused, if no choice of fewer streams is left to try.
+    refused_start: Option<RefusedStart>,
+    last_frame_us: i64,
+    /// Host time of the newest code, packed block or `Stats`, or of the stream's start,
+    /// microseconds; `None` while none of them is expected.
+    last_stream_us: Option<i64>,
+    last_identify_us: i64,
+    clock_query: ClockQuery,
+    last_tick_us: i64,
+}
+
+/// Result of the device's introduction since the port was opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Introduction {
+    Missing,
+    Usable,
+    /// The device's codes cannot be published.
+    Unusable,
+}
+
+/// Whether the device streams, according to its acknowledgements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum StreamState {
+    Stopped,
+    /// A `Start` has no acknowledgement yet, or the port was reopened.
+    Unconfirmed,
+    Running,
+}
+
+/// Effect of an acknowledgement on the rest of the bridge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum AckEffect {
+    NoChange,
+    /// A `Start` was acknowledged.
+    Started,
+    /// A `Stop` was acknowledged.
+    Stopped {
+        /// Whether the user wants no stream any more.
+        by_user: bool,
+    },
+    /// A command was refused for a reason other than `Busy` or `Failed`.
+    Refused(ToDevice, AckResult),
+}
+
+impl Commands {
+    /// Creates the state before the first connection. Streaming is wanted from the beginning.
+    pub(crate) fn new(mains_hz: u8, streams: Streams, rate: Option<u8>) -> Commands {
+        Commands {
+            mains_hz,
+            rate: rate.map(WantedRate::new),
+            streams: WantedStreams::new(streams),
+            streaming_wanted: true,
+            device: Introduction::Missing,
+            owns_stream: false,
+            stream: StreamState::Stopped,
+            pending: None,
+            connected: false,
+            refused_start: None,
+            last_frame_us: 0,
+            last_stream_us: None,
+            last_identify_us: 0,
+            clock_query: ClockQuery::default(),
+            last_tick_us: 0,
+        }
+    }
+
+    /// Records that a port was opened. The device must identify itself again, and a stream that
+    /// this bridge started before may still be running.
+    pub(crate) fn connected(&mut self, now_us: i64) {
+        self.device = Introduction::Missing;
+        self.stream = StreamState::Unconfirmed;
+        self.pending = None;
+        self.mark_rate_unsent();
+        self.connected = true;
+        self.refused_start = None;
+        self.last_frame_us = now_us;
+        self.last_stream_us = None;
+    }
+
+    /// Records that the port was closed or lost. No command is due until the next connection.
+    pub(crate) fn disconnected(&mut self) {
+        self.device = Introduction::Missing;
+        self.stream = StreamState::Stopped;
+        self.pending = None;
+        self.connected = false;
+        self.last_stream_us = None;
+    }
+
+    pub(crate) fn set_streaming(&mut self, streaming: bool) {
+        self.streaming_wanted = streaming;
+    }
+
+    /// Sets the rate of the packed code, which the next [`Self::next_command`] sends.
+    pub(crate) fn set_rate(&mut self, rate: u8) {
+        self.rate = Some(WantedRate::new(rate));
+    }
+
+    /// Makes the rate due again, for a device that may have another one.
+    fn mark_rate_unsent(&mut self) {
+        self.rate.iter_mut().for_each(WantedRate::mark_unsent);
+    }
+
+    /// Records an introduction. `usable` is true if the device's codes can be published.
+    pub(crate) fn device_introduced(&mut self, usable: bool) {
+        self.device = if usable {
+            Introduction::Usable
+        } else {
+            Introduction::Unusable
+        };
+    }
+
+    /// Records that the device rebooted or another device is connected. The device must be
+    /// identified and then stopped, because another program may have started its stream.
+    pub(crate) fn device_restarted(&mut self) {
+        self.device = Introduction::Missing;
+        self.owns_stream = false;
+        self.streams.ask_for_all();
+        self.mark_rate_unsent();
+        self.stream = StreamState::Unconfirmed;
+        self.pending = None;
+        self.refused_start = None;
+        self.last_stream_us = None;
+        self.clock_query = ClockQuery::default();
+    }
+
+    /// Requests a new introduction, because the device's frames contradict the last one.
+    pub(crate) fn identify_again(&mut self) {
+        self.device = Introduction::Missing;
+    }
+
+    /// Restarts the silence timeout. Call this for every valid frame.
+    pub(crate) fn frame_received(&mut self, now_us: i64) {
+        self.last_frame_us = now_us;
+    }
+
+    /// Restarts the timeout of the stream. Call this for every code, and for every `Stats` that
+    /// reports a running stream.
+    pub(crate) fn stream_received(&mut self, now_us: i64) {
+        self.last_stream_us = Some(now_us);
+    }
+
+    /// Records that the device reported no stream although this bridge did not stop it.
+    pub(crate) fn device_stopped(&mut self) {
+        self.stream = StreamState::Stopped;
+        self.last_stream_us = None;
+    }
+
+    /// Returns whether the device should be streaming, but neither codes nor `Stats` have arrived
+    /// for 2 s.
+    pub(crate) fn is_starved(&self, now_us: i64) -> bool {
+        let last_stream_us = self
+            .last_stream_us
+            .filter(|_| self.stream != StreamState::Stopped);
+        last_stream_us.is_some_and(|last_stream_us| now_us - last_stream_us > STARVED_AFTER_US)
+    }
+
+    /// Streams that `Start` asks the device for: those that the user wants, less those that the
+    /// device refused.
+    pub(crate) fn streams(&self) -> Streams {
+        self.streams.asked()
+    }
+
+    /// Streams that the user wants and the device refused.
+    pub(crate) fn refused_streams(&self) -> Streams {
+        self.streams.refused()
+    }
+
+    /// Returns why the device refuses to stream, also with fewer streams if that can help, and what
+    /// to do; `None` if it streams or was not asked.
+    pub(crate) fn start_refusal(&self) -> Option<String> {
+        let refused = self.refused_start.filter(|_| self.streaming_wanted)?;
+        Some(refused.reason())
+    }
+
+    /// Host time of the newest clock query, microseconds.
+    pub(crate) fn clock_query_sent_us(&self) -> Option<i64> {
+        self.clock_query.sent_us()
+    }
+
+    /// Returns whether streaming is wanted and the device was not refused.
+    pub(crate) fn wants_stream(&self) -> bool {
+        self.streaming_wanted && self.device != Introduction::Unusable
+    }
+
+    /// Returns whether codes can be published: the device introduced itself since the port was
+    /// opened, and this bridge started its stream.
+    pub(crate) fn accepts_codes(&self) -> bool {
+        self.device == Introduction::Usable && self.owns_stream
+    }
+
+    /// Returns whether a `Start` was acknowledged and not followed by a `Stop` or a reconnection.
+    pub(crate) fn is_streaming(&self) -> bool {
+        self.stream == StreamState::Running
+    }
+
+    /// Returns whether this bridge's stream runs on the device, or may run because a `Start` has no
+    /// acknowledgement yet.
+    pub(crate) fn is_possibly_streaming(&self) -> bool {
+        self.accepts_codes() && self.stream != StreamState::Stopped
+    }
+
+    /// Returns whether no stream is wanted and none is running.
+    pub(crate) fn is_stopped(&self) -> bool {
+        !self.streaming_wanted && self.stream == StreamState::Stopped
+    }
+
+    /// Returns whether the connected device has been silent for more than `limit_us`, microseconds.
+    pub(crate) fn is_unresponsive(&self, now_us: i64, limit_us: i64) -> bool {
+        self.connected && now_us - self.last_frame_us > limit_us
+    }
+
+    /// Returns the command that is due now, if any. The caller sends it in the frame with number
+    /// `seq`.
+    pub(crate) fn next_command(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+        if now_us - self.last_tick_us > HOST_SUSPENDED_AFTER_US {
+            self.last_frame_us = now_us;
+            self.last_stream_us = self.last_stream_us.map(|_| now_us);
+        }
+        self.last_tick_us = now_us;
+        if !self.connected {
+            return None;
+        }
+        let Some(command) = self.required_command(now_us) else {
+            return self.clock_query(now_us, seq);
+        };
+        let repeated = self.pending.filter(|pending| pending.command == command);
+        if repeated.is_some_and(|pending| !pending.retry_is_due(now_us)) {
+            return None;
+        }
+        if command == ToDevice::Identify {
+            self.last_identify_us = now_us;
+        }
+        if matches!(command, ToDevice::Start(_)) {
+            self.stream = StreamState::Unconfirmed;
+        }
+        self.pending = Some(match repeated {
+            Some(pending) => pending.sent_again(seq, now_us),
+            None => PendingCommand::new(command, seq, now_us),
+        });
+        Some(command)
+    }
+
+    fn required_command(&self, now_us: i64) -> Option<ToDevice> {
+        if self.device == Introduction::Missing {
+            return Some(ToDevice::Identify);
+        }
+        let since_identify_us = now_us - self.last_identify_us;
+        let refused = self
+            .refused_start
+            .is_some_and(|refused| refused.is_recent(now_us));
+        match (self.wants_stream(), self.stream) {
+            (true, StreamState::Stopped | StreamState::Unconfirmed) if !self.owns_stream => {
+                Some(ToDevice::Stop)
+            }
+            (true, _) if let Some(rate) = self.due_rate() => Some(ToDevice::SetRate { rate }),
+            (true, StreamState::Stopped | StreamState::Unconfirmed) if !refused => {
+                Some(ToDevice::Start(Start {
+                    streams: self.streams.asked(),
+                    mains_hz: self.mains_hz,
+                }))
+            }
+            (false, StreamState::Unconfirmed | StreamState::Running) => Some(ToDevice::Stop),
+            (true, StreamState::Running)
+                if self.is_starved(now_us) && since_identify_us < RETRY_US =>
+            {
+                None
+            }
+            (true, StreamState::Running)
+                if self.is_starved(now_us) && since_identify_us > STARVED_AFTER_US =>
+            {
+                Some(ToDevice::Identify)
+            }
+            _ => (now_us - self.last_frame_us > PING_AFTER_US).then_some(ToDevice::Ping),
+        }
+    }
+
+    /// Returns the rate of the packed code if the device is to be sent it.
+    fn due_rate(&self) -> Option<u8> {
+        let has_packed = self.streams.asked().contains(Streams::PACKED);
+        self.rate.filter(|_| has_packed)?.due()
+    }
+
+    /// Returns the clock query when it is due. It is due only after codes have arrived, because the
+    /// answer is compared with the clock's fit to codes.
+    fn clock_query(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
+        let last_us = self.last_stream_us?;
+        let codes_arrive = now_us - last_us < RETRY_US && self.stream == StreamState::Running;
+        codes_arrive.then(|| self.clock_query.next(now_us, seq))?
+    }
+
+    /// Handles the acknowledgement of the command in frame number `of`.
+    pub(crate) fn handle_ack(&mut self, of: u32, result: AckResult, now_us: i64) -> AckEffect {
+        if self.clock_query.handle_ack(of, result) {
+            return AckEffect::NoChange;
+        }
+        let Some(pending) = self
+            .pending
+            .filter(|pending| pending.is_acknowledged_by(of))
+        else {
+            return AckEffect::NoChange;
+        };
+        match (pending.command, result) {
+            (_, AckResult::Busy | AckResult::Failed) => return AckEffect::NoChange,
+            (ToDevice::Start(_), AckResult::Done) => {
+                self.pending = None;
+                self.stream = StreamState::Running;
+                self.refused_start = None;
+                self.last_stream_us.get_or_insert(now_us);
+                self.clock_query.start(now_us);
+                return AckEffect::Started;
+            }
+            (ToDevice::Stop, result) => {
+                self.pending = None;
+                self.owns_stream = true;
+                self.stream = StreamState::Stopped;
+                self.last_stream_us = None;
+                if result == AckResult::Done {
+                    return AckEffect::Stopped {
+                        by_user: !self.streaming_wanted,
+                    };
+                }
+            }
+            (ToDevice::Start(_), result) => {
+                self.pending = None;
+                if result == AckResult::BadArgument && self.streams.ask_for_fewer() {
+                    return AckEffect::NoChange;
+                }
+                self.streams.ask_for_all();
+                self.refused_start = Some(RefusedStart::new(pending.command, result, now_us));
+            }
+            (ToDevice::SetRate { rate }, _) => {
+                self.rate
+                    .iter_mut()
+                    .for_each(|wanted| wanted.answered(rate));
+                self.pending = None;
+            }
+            // The device did not restart, so another program may have stopped its stream. If the
+            // stream still runs, the `Start` that follows changes nothing.
+            (ToDevice::Identify, _) if self.is_starved(now_us) => {
+                self.stream = StreamState::Unconfirmed;
+            }
+            (ToDevice::Identify, _) => {}
+            (
+                ToDevice::Ping
+                | ToDevice::SelfTest
+                | ToDevice::SyncTime { .. }
+                | ToDevice::Reset(_),
+                _,
+            ) => self.pending = None,
+        }
+        match result {
+            AckResult::Done => AckEffect::NoChange,
+            result => AckEffect::Refused(pending.command, result),
+        }
+    }
+}
+
+/// Time without an acknowledgement after which a command is sent again, microseconds.
+pub(crate) const RETRY_US: i64 = 500_000;
+
+/// A command without an acknowledgement, and the sequence numbers of the first and last frame that
+/// carried it.
+#[derive(Clone, Copy, Debug)]
+pub struct PendingCommand {
+    /// The command itself.
+    pub command: ToDevice,
+    /// Sequence number of the frame that carried the command first.
+    first_seq: u32,
+    /// Sequence number of the most recent frame that carried the command.
+    last_seq: u32,
+    /// Host time of the last transmission, microseconds.
+    sent_us: i64,
+}
+
+impl PendingCommand {
+    /// Records that `command` was sent in frame `seq` at `now_us`, host time in microseconds.
+    pub fn new(command: ToDevice, seq: u32, now_us: i64) -> PendingCommand {
+        PendingCommand {
+            command,
+            first_seq: seq,
+            last_seq: seq,
+            sent_us: now_us,
+        }
+    }
+
+    /// Returns this command with one more transmission recorded: frame `seq`, sent at `now_us`.
+    #[must_use]
+    pub fn sent_again(self, seq: u32, now_us: i64) -> PendingCommand {
+        PendingCommand {
+            last_seq: seq,
+            sent_us: now_us,
+            ..self
+        }
+    }
+
+    /// Returns whether the timeout has passed after which the command is sent again.
+    pub fn retry_is_due(&self, now_us: i64) -> bool {
+        now_us >= self.sent_us + RETRY_US
+    }
+
+    /// Returns whether more than one frame carried the command.
+    pub fn was_sent_again(&self) -> bool {
+        self.first_seq != self.last_seq
+    }
+
+    /// Returns whether an acknowledgement of frame number `of` belongs to any transmission of this
+    /// command, also if the sequence number has wrapped.
+    pub fn is_acknowledged_by(&self, of: u32) -> bool {
+        of.wrapping_sub(self.first_seq) <= self.last_seq.wrapping_sub(self.first_seq)
+    }
+}
+
+/// Delay before a refused `Start` is sent again, microseconds.
+const REFUSED_RETRY_US: i64 = 10_000_000;
+
+/// A refused `Start` after which no choice of fewer streams is left to try.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RefusedStart {
+    command: ToDevice,
+    result: AckResult,
+    /// Host time of the refusal, microseconds.
+    refused_us: i64,
+}
+
+impl RefusedStart {
+    pub(crate) fn new(command: ToDevice, result: AckResult, refused_us: i64) -> RefusedStart {
+        RefusedStart {
+            command,
+            result,
+            refused_us,
+        }
+    }
+
+    /// Returns whether it is too early to send `Start` again.
+    pub(crate) fn is_recent(&self, now_us: i64) -> bool {
+        now_us < self.refused_us + REFUSED_RETRY_US
+    }
+
+    /// Returns why the device refused, and what to do.
+    pub(crate) fn reason(&self) -> String {
+        words::refusal(&self.command, self.result)
+    }
+}

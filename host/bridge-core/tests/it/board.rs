@@ -1,0 +1,283 @@
+//! A simulated board whose properties and time are set by a test.
+
+use std::sync::{Arc, LazyLock};
+
+use bridge_core::{HostTime, Model};
+use link::{
+    Ack, AckResult, Capabilities, Code, CodeFormat, CodeValues, Decoder, Encoder, Flags, Hello,
+    MAX_FRAME, ResetCause, SelfTest, Stats, Streams, Substitutes, ToDevice, ToHost,
+};
+
+/// Wall-clock time at which host and device start, nanoseconds since 1970.
+pub(crate) const WALL_START_NS: i64 = 1_700_000_000_000_000_000;
+
+/// Returns the host time `us` microseconds after the start, with a correct wall clock.
+pub(crate) fn at(us: i64) -> HostTime {
+    HostTime {
+        monotonic_us: us,
+        wall_ns: WALL_START_NS + us * 1000,
+    }
+}
+
+/// Checks that a text has all of these parts.
+#[track_caller]
+pub(crate) fn assert_has<const N: usize>(text: &str, parts: [&str; N]) {
+    for part in parts {
+        assert!(text.contains(part), "no {part:?} in {text}");
+    }
+}
+
+/// Returns the built-in model, which is read once per process.
+pub(crate) fn model() -> Arc<Model> {
+    static MODEL: LazyLock<Arc<Model>> = LazyLock::new(|| Arc::new(Model::embedded().unwrap()));
+    Arc::clone(&MODEL)
+}
+
+/// Returns the built-in model's electrode of a channel, counted from 0.
+pub(crate) fn electrode(channel: usize) -> String {
+    model().electrodes()[channel].clone()
+}
+
+/// Number of values in a code of the board.
+pub(crate) const NUMBERS: usize = 128;
+
+/// A board that answers commands as the firmware does. Tests set its properties.
+pub(crate) struct Board {
+    pub(crate) encoder: Encoder,
+    pub(crate) commands: Decoder<256>,
+    pub(crate) model_id: [u8; 8],
+    pub(crate) session_id: u32,
+    pub(crate) labels: String,
+    pub(crate) hop_steps: u8,
+    /// Electrodes that the board does not measure.
+    pub(crate) substitutes: Substitutes,
+    pub(crate) code_format: CodeFormat,
+    /// Whether the board's model has a network. Without one, its codes have 0 numbers.
+    pub(crate) has_network: bool,
+    pub(crate) code_scale: [f32; NUMBERS],
+    /// Zero points of int8 codes. In the other formats all zero points are 0.
+    pub(crate) code_zero_point: [i8; NUMBERS],
+    pub(crate) step_rate_hz: u16,
+    pub(crate) next_window: u32,
+    pub(crate) streaming: bool,
+    pub(crate) chip_uid: [u8; 12],
+    /// Device time of the newest code, microseconds.
+    pub(crate) now_us: u64,
+    /// Streams that the simulated firmware supports. A `Start` with any other stream is refused as
+    /// `BadArgument`.
+    pub(crate) supported: Streams,
+    /// Result in the acknowledgements of self-test, clock query and reset.
+    pub(crate) ack_result: AckResult,
+    /// Result that the board sends directly after a self-test command; with `None` it sends no
+    /// result.
+    pub(crate) self_test: Option<SelfTest>,
+    /// Whether the board reboots at once after a reset command.
+    pub(crate) restarts_on_reset: bool,
+    /// Rate of the packed code.
+    pub(crate) rate: u8,
+    /// Streams in the last `Start` that the board received.
+    pub(crate) streams: Streams,
+    /// Commands that the board received, with their sequence numbers, oldest first.
+    pub(crate) received: Vec<(u32, ToDevice)>,
+}
+
+impl Board {
+    pub(crate) fn new() -> Board {
+        let model = model();
+        Board {
+            encoder: Encoder::default(),
+            commands: Decoder::new(),
+            model_id: model.id(),
+            session_id: 1,
+            labels: model.electrodes().join(" "),
+            hop_steps: 8,
+            substitutes: Substitutes::NONE,
+            code_format: CodeFormat::Int8,
+            has_network: true,
+            code_scale: [0.5; NUMBERS],
+            code_zero_point: [1; NUMBERS],
+            step_rate_hz: 128,
+            next_window: 0,
+            streaming: false,
+            chip_uid: [7; 12],
+            now_us: 0,
+            supported: Streams::ALL,
+            ack_result: AckResult::Done,
+            self_test: None,
+            restarts_on_reset: false,
+            rate: 4,
+            streams: Streams::empty(),
+            received: Vec::new(),
+        }
+    }
+
+    /// Creates a board whose next frame has the number `seq` and whose next code has the index
+    /// `window`.
+    pub(crate) fn starting_at(seq: u32, window: u32) -> Board {
+        Board {
+            encoder: Encoder::starting_at(seq),
+            next_window: window,
+            ..Board::new()
+        }
+    }
+
+    /// Restarts the board: a new session starts, and all numbers start at 0.
+    pub(crate) fn reboot(&mut self) {
+        self.encoder = Encoder::default();
+        self.session_id += 1;
+        self.next_window = 0;
+        self.streaming = false;
+    }
+
+    pub(crate) fn frame(&mut self, device_us: u64, message: &ToHost) -> Vec<u8> {
+        let mut buffer = [0; MAX_FRAME];
+        self.encoder
+            .encode(device_us, message, &mut buffer)
+            .unwrap()
+            .to_vec()
+    }
+
+    pub(crate) fn skip_frame(&mut self) {
+        self.encoder.skip();
+    }
+
+    pub(crate) fn hello(&mut self) -> Vec<u8> {
+        let (model_id, session_id, chip_uid) = (self.model_id, self.session_id, self.chip_uid);
+        let mut bytes = self.frame(
+            0,
+            &ToHost::Hello(Hello {
+                firmware: "test",
+                board: "board",
+                chip_uid,
+                model_id,
+                session_id,
+                reset_cause: ResetCause::PowerOn,
+                fault: "",
+            }),
+        );
+        if self.substitutes != Substitutes::NONE {
+            bytes.extend(self.frame(0, &ToHost::Substitutes(self.substitutes)));
+        }
+        let labels = self.labels.clone();
+        let zero_point = match self.code_format {
+            CodeFormat::Int8 => self.code_zero_point,
+            _ => [0; NUMBERS],
+        };
+        let code_scale = self.code_scale;
+        let numbers = if self.has_network { NUMBERS } else { 0 };
+        bytes.extend(self.frame(
+            0,
+            &ToHost::Capabilities(Capabilities {
+                adc_rate_hz: 512,
+                step_rate_hz: self.step_rate_hz,
+                window_steps: 16,
+                hop_steps: self.hop_steps,
+                channels: 64,
+                lsb_nv: 22.351_742,
+                mains_hz: 50,
+                group_delay_us: 10_000,
+                labels: &labels,
+                filters: "none",
+                code_format: self.code_format,
+                code_scale: code_scale.into_iter().take(numbers).collect(),
+                code_zero_point: zero_point.into_iter().take(numbers).collect(),
+            }),
+        ));
+        bytes
+    }
+
+    /// Handles the commands in `bytes` and returns the answers.
+    pub(crate) fn answer(&mut self, mut bytes: &[u8]) -> Vec<u8> {
+        let mut answers = Vec::new();
+        let mut commands = Vec::new();
+        while let Some(outcome) = self.commands.next::<ToDevice>(&mut bytes) {
+            // Before raw mode is set, the terminal echoes the board's answers. Skip whatever does
+            // not decode as a command.
+            let Ok(frame) = outcome else { continue };
+            commands.push((frame.header.seq, frame.message));
+        }
+        for (seq, command) in commands {
+            self.received.push((seq, command));
+            let mut result = AckResult::Done;
+            match command {
+                ToDevice::Identify => answers.extend(self.hello()),
+                ToDevice::Start(start) if !self.supported.contains(start.streams) => {
+                    result = AckResult::BadArgument;
+                }
+                // A `Start` changes nothing while streams are running.
+                ToDevice::Start(_) if self.streaming => {}
+                ToDevice::Start(start) => {
+                    self.next_window = 0;
+                    self.streams = start.streams;
+                    self.streaming = true;
+                }
+                ToDevice::Stop => {
+                    self.streaming = false;
+                    answers.extend(self.stats(Streams::empty()));
+                }
+                ToDevice::Ping => {}
+                ToDevice::SelfTest | ToDevice::SyncTime { .. } | ToDevice::Reset(_) => {
+                    result = self.ack_result;
+                }
+                ToDevice::SetRate { rate } => {
+                    if self.supported.contains(Streams::PACKED) {
+                        self.rate = rate;
+                    } else {
+                        result = AckResult::UnknownCommand;
+                    }
+                }
+            }
+            let ack = Ack { of: seq, result };
+            answers.extend(self.frame(0, &ToHost::Ack(ack)));
+            if let ToDevice::Reset(_) = command
+                && self.restarts_on_reset
+            {
+                self.reboot();
+                answers.extend(self.hello());
+            }
+            if let (ToDevice::SelfTest, Some(test)) = (command, self.self_test.clone()) {
+                answers.extend(self.frame(0, &ToHost::SelfTest(test)));
+            }
+        }
+        answers
+    }
+
+    /// Returns the frame of the next code, with device time `device_us` and `value` in all 128
+    /// places.
+    pub(crate) fn code(&mut self, device_us: u64, value: i8) -> Vec<u8> {
+        self.code_of(
+            device_us,
+            &CodeValues::int8(&[value.cast_unsigned(); NUMBERS]),
+        )
+    }
+
+    /// Returns the frame of the next code, with device time `device_us` and these values.
+    pub(crate) fn code_of(&mut self, device_us: u64, values: &CodeValues) -> Vec<u8> {
+        let window = self.next_window;
+        self.now_us = device_us;
+        self.next_window = window.wrapping_add(1);
+        let code = Code {
+            model_id: self.model_id,
+            window,
+            first_sample: u64::from(window) * 32,
+            flags: Flags::empty(),
+            clipped: 0,
+            clipped_values: 0,
+            saturated: 0,
+            values: *values,
+        };
+        self.frame(device_us, &ToHost::Code(code))
+    }
+
+    pub(crate) fn stats(&mut self, streams: Streams) -> Vec<u8> {
+        let next_window = self.next_window;
+        self.frame(
+            self.now_us,
+            &ToHost::Stats(Stats {
+                streams,
+                next_window,
+                ..Stats::default()
+            }),
+        )
+    }
+}

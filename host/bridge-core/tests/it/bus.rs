@@ -1,0 +1,207 @@
+//! Events that a recording needs: where `rosneuro_recorder` places them, and what they tell about
+//! the data.
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
+    reason = "times of seconds"
+)]
+
+use bridge_core::{AnnouncedStream, EventStamps, Settings};
+use link::{Converters, Event, EventKind, Flags, Streams, ToHost};
+use neuro_ros::NeuroFrame;
+
+use crate::board::{Board, WALL_START_NS};
+use crate::recorder::{Harness, SETTINGS};
+use crate::samples::send_samples_at;
+
+const EVENTS: Settings = Settings {
+    streams: Streams::from_bits(0b10111),
+    event_stamps: EventStamps::Recorder,
+    ..SETTINGS
+};
+
+/// Returns the sample at which a reader of GDF finds an event of this stamp. `rosneuro_recorder`
+/// takes for the time of its first sample the arrival of the first frame minus the frame's
+/// duration; its library rounds the place of an event down and counts from 0, and readers count
+/// from 1.
+fn recorded_at(first: &NeuroFrame, first_arrival_us: i64, event_ns: i64) -> f64 {
+    let rate = f64::from(first.sr);
+    let start_us = first_arrival_us as f64 - f64::from(first.eeg.info.nsamples) / rate * 1e6;
+    let event_us = (event_ns - WALL_START_NS) as f64 / 1000.0;
+    let position = ((event_us - start_us) / 1e6 * rate).floor();
+    position - 1.0
+}
+
+#[test]
+fn an_event_is_recorded_at_the_sample_that_was_at_the_electrodes() {
+    for (announced, expected) in [
+        // The group delay of the simulated board is 10 ms. The first window is at the electrodes
+        // from 0 s on, and the edge at 0.5 s: sample 256 of 512 Hz, and row 8 of 16 codes per
+        // second.
+        (AnnouncedStream::Raw, 256.0),
+        (AnnouncedStream::Encoded, 8.0),
+    ] {
+        let mut harness = Harness::streaming(
+            Settings {
+                announced,
+                ..EVENTS
+            },
+            Board::new(),
+        );
+        let start_us = harness.now_us;
+        let (mut raw_us, mut code_us) = (None, None);
+        for hop in 0..4_u64 {
+            for message in 0..4 {
+                let first = hop * 32 + message * 8;
+                let device_us = (first + 7) * 1_000_000 / 512;
+                harness.now_us = start_us + device_us.cast_signed();
+                send_samples_at(&mut harness, device_us, first, Flags::empty());
+                if !harness.recorder.raw.is_empty() {
+                    raw_us.get_or_insert(harness.now_us);
+                }
+            }
+            // The window of code n is complete at step 15 + 8 n; its last sample passed the filters
+            // 10 ms before it left them.
+            let device_us = 10_000 + 117_187 + hop * 62_500;
+            harness.now_us = start_us + device_us.cast_signed();
+            let code = harness.board.code(device_us, 1);
+            harness.receive(&code);
+            code_us.get_or_insert(harness.now_us);
+        }
+        let edge = Event {
+            kind: EventKind::TriggerRise,
+            number: 0,
+            sample: 256,
+        };
+        harness.now_us = start_us + 520_000;
+        harness.send(500_000, &ToHost::Event(edge));
+        let event = &harness.recorder.events[0];
+        let (frames, arrival_us) = match announced {
+            AnnouncedStream::Raw => (&harness.recorder.raw, raw_us),
+            _ => (&harness.recorder.encoded, code_us),
+        };
+        let arrival_us = arrival_us.unwrap();
+        let sample = recorded_at(&frames[0], arrival_us, event.header.stamp.nanoseconds());
+        assert!(
+            (sample - expected).abs() < 0.01,
+            "{announced:?}: {sample}, not {expected}"
+        );
+    }
+}
+
+#[test]
+fn the_shift_of_each_topic_is_in_the_diagnostics() {
+    let mut harness = Harness::streaming(EVENTS, Board::new());
+    harness.code(1, false);
+    let values = harness.status("device").unwrap().values;
+    let shift = |topic: &str| {
+        let key = format!("recorder shift us {topic}");
+        let pair = values.iter().find(|pair| pair.key == key).unwrap();
+        pair.value.parse::<i64>().unwrap()
+    };
+    // Window of 16 steps, hop of 8, group delay 10 ms; each frame is 62.5 ms long, and 1.5 samples
+    // are 93.75 ms of codes, 11.7 ms of steps, 2.9 ms of ADC samples.
+    assert_eq!(shift("/encoded"), 117_187 + 10_000 - 62_500 + 93_750);
+    assert_eq!(
+        shift("/neurodata_reconstructed"),
+        117_187 + 10_000 - 62_500 + 11_719
+    );
+    assert_eq!(shift("/neurodata"), 60_546 - 62_500 + 2_930);
+    assert_eq!(
+        shift("/neurodata_corticode"),
+        54_687 + 10_000 - 62_500 + 11_719
+    );
+}
+
+/// Returns code, duration and stamp (microseconds since the start) of each event on the bus.
+fn events(harness: &Harness) -> Vec<(i32, f32, i64)> {
+    let events = harness.recorder.events.iter();
+    let stamp_us = |ns: i64| (ns - WALL_START_NS) / 1000;
+    events
+        .map(|event| {
+            (
+                event.event,
+                event.duration,
+                stamp_us(event.header.stamp.nanoseconds()),
+            )
+        })
+        .collect()
+}
+
+#[test]
+fn lost_codes_and_restarts_are_events_where_their_fillers_begin() {
+    let settings = Settings {
+        event_stamps: EventStamps::Scalp,
+        ..EVENTS
+    };
+    let mut harness = Harness::streaming(settings, Board::new());
+    for lost in [false, true, true, false] {
+        harness.code(1, lost);
+    }
+    harness.reboot(1_000_000);
+    harness.code(1, false);
+    let fillers = harness.fillers();
+    let begins: Vec<i64> = (1..fillers.len())
+        .filter(|&at| fillers[at] && !fillers[at - 1])
+        .map(|at| (harness.recorder.encoded[at].header.stamp.nanoseconds() - WALL_START_NS) / 1000)
+        .collect();
+    assert_eq!(
+        events(&harness),
+        [(0x7f01, 0.125, begins[0]), (0x7ffe, 1.0, begins[1])]
+    );
+    let description = &harness.recorder.events[1].description;
+    assert_eq!(description, "device restarted: 1.000 s");
+}
+
+#[test]
+fn samples_lost_in_another_stream_than_the_announced_one_are_no_event() {
+    let mut harness = Harness::streaming(EVENTS, Board::new());
+    harness.code(1, false);
+    for first in [0, 64] {
+        harness.now_us += 125_000;
+        let device_us = harness.now_us.cast_unsigned();
+        send_samples_at(&mut harness, device_us, first, Flags::empty());
+    }
+    assert_eq!(events(&harness), []);
+    harness.code(1, false);
+}
+
+#[test]
+fn lost_edges_electrodes_without_contact_and_refused_devices_are_events() {
+    let mut harness = Harness::streaming(EVENTS, Board::new());
+    harness.code(1, false);
+    let now = harness.now_us as u64;
+    for number in [0, 3] {
+        let edge = Event {
+            kind: EventKind::TriggerRise,
+            number,
+            sample: 0,
+        };
+        harness.send(now, &ToHost::Event(edge));
+    }
+    for off_positive in [0, 0b101, 0b101, 0b1, 0] {
+        let converters = Converters {
+            off_positive,
+            ..Converters::default()
+        };
+        harness.send(now, &ToHost::Converters(converters));
+    }
+    harness.core.disconnected();
+    harness.board = Board {
+        hop_steps: 16,
+        session_id: 77,
+        ..Board::new()
+    };
+    harness.connect();
+    let codes: Vec<i32> = events(&harness).iter().map(|(code, ..)| *code).collect();
+    assert_eq!(codes, [1, 0x7f02, 1, 0x105, 0x105, 0x8105, 0x7f03]);
+    let text = |at: usize| &harness.recorder.events[at].description;
+    assert_eq!(text(1), "trigger edges lost: 2");
+    let labels = crate::board::model().electrodes().to_vec();
+    assert_eq!(
+        *text(3),
+        format!("electrodes off: {} {}", labels[0], labels[2])
+    );
+    assert!(text(6).contains("rate and window"), "{}", text(6));
+}

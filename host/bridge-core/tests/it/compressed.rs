@@ -1,0 +1,148 @@
+//! Compressed ADC samples yield the frames that the samples themselves yield.
+
+use bridge_core::Settings;
+use link::{BlockForm, CompressedRaw, Flags, Streams, ToHost};
+use lossless::{Count, Encoder, EncoderState, Kind, MAX_SAMPLES};
+
+use crate::recorder::{Harness, SETTINGS};
+use crate::samples::{SAMPLES, counts, harness, send_samples, time};
+
+const COMPRESSED: Settings = Settings {
+    streams: Streams::from_bits(0b10_0111),
+    ..SETTINGS
+};
+
+/// A device that compresses its samples.
+struct Device {
+    encoder: Encoder,
+    state: EncoderState<64>,
+}
+
+impl Device {
+    fn new() -> Device {
+        Device {
+            encoder: Encoder { key_blocks: 16 },
+            state: EncoderState::NEW,
+        }
+    }
+
+    /// Compresses eight samples from sample `first` on, and delivers them to the bridge unless they
+    /// are `lost`. Returns the form of their block.
+    fn send(&mut self, harness: &mut Harness, first: u64, lost: bool) -> BlockForm {
+        self.send_as(harness, first, first, lost)
+    }
+
+    /// Does the same with the samples from sample `origin` on.
+    fn send_as(&mut self, harness: &mut Harness, origin: u64, first: u64, lost: bool) -> BlockForm {
+        let counts = counts(origin, 8, 64);
+        let counts: Vec<Count> = counts.as_chunks().0.to_vec();
+        let samples: Vec<[Count; 64]> = counts.as_chunks().0.to_vec();
+        let mut room = [[[0; 3]; 64]; MAX_SAMPLES];
+        let block = self.encoder.encode(&mut self.state, &samples, &mut room);
+        let form = match block.kind {
+            Kind::Verbatim => BlockForm::Verbatim,
+            Kind::Key => BlockForm::Key,
+            Kind::Continuing => BlockForm::Continuing,
+        };
+        let message = CompressedRaw {
+            first_sample: first,
+            channels: 64,
+            flags: Flags::empty(),
+            form,
+            samples: 8,
+            bytes: block.bytes,
+        };
+        let us = time(first + 7);
+        harness.now_us = us.cast_signed();
+        if !lost {
+            harness.send(us, &ToHost::CompressedRaw(message));
+        }
+        form
+    }
+}
+
+/// Returns a value of the status "loss".
+fn value(harness: &mut Harness, key: &str) -> String {
+    let status = harness.status("loss").unwrap();
+    let value = status.values.iter().find(|value| value.key == key);
+    value.unwrap_or_else(|| panic!("{key}")).value.clone()
+}
+
+#[test]
+fn compressed_samples_yield_the_frames_of_the_samples() {
+    let (mut plain, mut compressed) = (harness(SAMPLES), harness(COMPRESSED));
+    let mut device = Device::new();
+    for block in 0..64 {
+        send_samples(&mut plain, block * 8, Flags::empty());
+        device.send(&mut compressed, block * 8, false);
+    }
+    assert_eq!(plain.recorder.raw.len(), 16);
+    assert_eq!(compressed.recorder.raw, plain.recorder.raw);
+}
+
+#[test]
+fn after_a_lost_block_fillers_replace_what_cannot_be_decoded_up_to_the_next_key_block() {
+    let mut harness = harness(COMPRESSED);
+    let mut device = Device::new();
+    let mut key_blocks = Vec::new();
+    for block in 0..64 {
+        if device.send(&mut harness, block * 8, block == 20) == BlockForm::Key {
+            key_blocks.push(block);
+        }
+    }
+    assert_eq!(key_blocks, [0, 16, 32, 48]);
+    assert_eq!(value(&mut harness, "raw samples received"), "416");
+    assert_eq!(value(&mut harness, "raw samples lost"), "96");
+    assert_eq!(value(&mut harness, "raw samples undecodable"), "88");
+    // Samples 160 to 255 are fillers: the lost block, and the 11 blocks that continue from it.
+    let flags = harness.recorder.raw.iter().flat_map(|frame| {
+        let words = frame.tri.data.chunks(8);
+        words.map(|words| words[0] != 0).collect::<Vec<_>>()
+    });
+    let filled: Vec<usize> = (0..)
+        .zip(flags)
+        .filter(|(_, is_filler)| *is_filler)
+        .map(|(index, _)| index)
+        .collect();
+    assert_eq!(filled, (160..256).collect::<Vec<_>>());
+}
+
+#[test]
+fn damaged_blocks_and_unknown_forms_are_counted_and_the_next_key_block_is_decoded() {
+    for (form, bytes) in [
+        (BlockForm::Newer(9), &[0; 40][..]),
+        (BlockForm::Key, &[0; 40]),
+        (BlockForm::Verbatim, &[0; 40]),
+    ] {
+        let mut harness = harness(COMPRESSED);
+        let message = CompressedRaw {
+            first_sample: 0,
+            channels: 64,
+            flags: Flags::empty(),
+            form,
+            samples: 8,
+            bytes,
+        };
+        harness.send(time(7), &ToHost::CompressedRaw(message));
+        let mut device = Device::new();
+        device.send(&mut harness, 8, false);
+        device.send(&mut harness, 16, false);
+        assert_eq!(value(&mut harness, "raw samples messages malformed"), "1");
+        assert_eq!(value(&mut harness, "raw samples received"), "16");
+        assert_eq!(value(&mut harness, "raw samples lost"), "8");
+    }
+}
+
+#[test]
+fn a_block_of_another_run_is_not_decoded_with_the_past_of_this_one() {
+    let mut harness = harness(COMPRESSED);
+    let mut device = Device::new();
+    device.send(&mut harness, 0, false);
+    // The first block after a restart is lost; the second one would follow the block before.
+    let mut restarted = Device::new();
+    restarted.send(&mut harness, 1_600, true);
+    let block = restarted.send_as(&mut harness, 1_608, 8, false);
+    assert_eq!(block, BlockForm::Continuing);
+    assert_eq!(value(&mut harness, "raw samples undecodable"), "8");
+    assert_eq!(value(&mut harness, "raw samples received"), "8");
+}

@@ -1,0 +1,31 @@
+//! Tests of the bridge's core with simulated boards, links and clocks.
+#![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
+
+mod audit;
+mod board;
+mod bus;
+mod clock;
+mod clock_backlog;
+mod compressed;
+mod contract;
+mod converters;
+mod events;
+mod extreme_values;
+mod invalid_samples;
+mod loss;
+mod other_devices;
+mod packed;
+mod packed_block;
+mod packed_device;
+mod packed_fallback;
+mod packed_interruptions;
+mod query;
+mod reconstruction;
+mod recorder;
+mod restart;
+mod round_trip;
+mod samples;
+mod session;
+mod signal_quality;
+mod streams;
+mod timing;

@@ -1,0 +1,321 @@
+//! Devices with another model, shape or code format than announced, newer devices, and noise.
+
+use link::{AckResult, CodeFormat, CodeValues, FrameError, ToHost};
+
+use crate::board::{Board, NUMBERS, assert_has, at};
+use crate::recorder::{Harness, SETTINGS, commands};
+
+#[test]
+fn codes_of_another_model_are_published_without_a_reconstruction() {
+    let mut harness = Harness::new(
+        SETTINGS,
+        Board {
+            model_id: [9; 8],
+            ..Board::new()
+        },
+    );
+    harness.connect();
+    harness.code(1, false);
+    assert_eq!(harness.recorder.encoded.len(), 1);
+    assert!(harness.recorder.windows.is_empty());
+    assert!(!harness.recorder.announced[0].decodable);
+    let report = harness.core.diagnostics(at(harness.now_us));
+    let text = format!("{:?}", report.status[0]);
+    assert_has(&text, ["0909090909090909", "--model"]);
+}
+
+#[test]
+fn a_code_of_another_model_than_the_introduced_one_is_not_published() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.board.model_id = [9; 8];
+    harness.code(1, false);
+    assert!(harness.recorder.encoded.is_empty());
+    assert_eq!(harness.core.summary().unused, 1);
+}
+
+#[test]
+fn a_device_of_another_shape_is_refused_until_the_first_one_returns() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(1, false);
+    harness.core.disconnected();
+    let other = Board {
+        hop_steps: 16,
+        session_id: 77,
+        ..Board::new()
+    };
+    let right = std::mem::replace(&mut harness.board, other);
+    harness.connect();
+    harness.code(1, false);
+    assert_eq!(harness.recorder.encoded.len(), 1);
+    assert_eq!(harness.core.summary().unused, 1);
+    let report = harness.report("device");
+    assert_has(&report, ["Error", "rate and window"]);
+    harness.core.disconnected();
+    harness.board = right;
+    harness.connect();
+    harness.code(1, false);
+    // The code of the refused device has a filler in its place.
+    assert_eq!(harness.fillers(), [false, true, false]);
+    let report = harness.report("device");
+    assert_has(&report, ["streaming"]);
+}
+
+#[test]
+fn a_device_with_impossible_capabilities_is_refused() {
+    for board in [
+        Board {
+            hop_steps: 0,
+            ..Board::new()
+        },
+        Board {
+            hop_steps: 17,
+            step_rate_hz: 136,
+            ..Board::new()
+        },
+        Board {
+            hop_steps: 9,
+            ..Board::new()
+        },
+    ] {
+        let mut harness = Harness::connected(SETTINGS, board);
+        harness.code(1, false);
+        assert!(harness.recorder.announced.is_empty() && harness.recorder.encoded.is_empty());
+    }
+}
+
+#[test]
+fn another_board_that_streams_already_is_stopped_first() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(1, false);
+    harness.core.disconnected();
+    harness.board = Board {
+        chip_uid: [8; 12],
+        session_id: 5,
+        streaming: true,
+        next_window: 1000,
+        ..Board::new()
+    };
+    harness.connect();
+    assert_eq!(commands(&harness), ["identify", "stop", "start"]);
+    harness.code(2, false);
+    let summary = harness.core.summary();
+    assert_eq!((summary.received, summary.lost), (2, 0));
+    assert_eq!(
+        harness.recorder.announced.len(),
+        2,
+        "another chip is announced again"
+    );
+}
+
+#[test]
+fn a_device_that_differs_from_the_announced_one_is_refused() {
+    for (other, what) in [
+        (
+            Board {
+                model_id: [9; 8],
+                ..Board::new()
+            },
+            "model",
+        ),
+        (
+            Board {
+                labels: Board::new().labels.replace("Cz", "XX"),
+                ..Board::new()
+            },
+            "montage",
+        ),
+    ] {
+        let mut harness = Harness::streaming(SETTINGS, Board::new());
+        harness.core.disconnected();
+        harness.board = Board {
+            session_id: 5,
+            ..other
+        };
+        harness.connect();
+        harness.code(1, false);
+        let report = harness.report("device");
+        assert_has(&report, [&format!("in its {what};"), "restart"]);
+        assert!(harness.recorder.encoded.is_empty());
+    }
+}
+
+fn streaming(code_format: CodeFormat) -> Harness {
+    let board = Board {
+        code_format,
+        ..Board::new()
+    };
+    Harness::streaming(SETTINGS, board)
+}
+
+/// Sends a code from a board whose code scale is 0.5. Returns the value that all places of the
+/// frame on `/encoded` have, and the announced range.
+fn published(values: &CodeValues) -> (f32, Vec<f64>) {
+    let mut harness = streaming(values.format());
+    harness.code_of(values);
+    let frame = &harness.recorder.encoded[0];
+    assert_eq!(frame.eeg.data, [frame.eeg.data[0]; NUMBERS]);
+    (frame.eeg.data[0], frame.eeg.info.minmax.clone())
+}
+
+#[test]
+fn z_is_the_level_times_its_scale_in_every_format() {
+    let bytes = [(-3_i8).cast_unsigned(); NUMBERS];
+    let int8 = CodeValues::int8(&bytes);
+    assert_eq!(published(&int8), (-2.0, vec![-64.5, 63.0]));
+    for (exponent, z) in [(0, 50.0), (3, 400.0), (8, 12_800.0)] {
+        let code = CodeValues::int8_exponent(exponent, &[100; NUMBERS]);
+        assert_eq!(published(&code), (z, vec![-16_384.0, 16_256.0]));
+    }
+    for (step, z) in [(i16::MIN, -16_384.0), (1, 0.5), (i16::MAX, 16_383.5)] {
+        let bytes = [step.to_le_bytes(); NUMBERS];
+        let code = CodeValues::int16(bytes.as_flattened());
+        assert_eq!(published(&code), (z, vec![-16_384.0, 16_383.5]));
+    }
+}
+
+#[test]
+fn a_code_of_another_format_than_announced_is_counted_and_not_published() {
+    let mut harness = streaming(CodeFormat::Int16);
+    harness.code_of(&CodeValues::int16(&[1; 2 * NUMBERS]));
+    harness.code_of(&CodeValues::int8(&[1; NUMBERS]));
+    harness.code_of(&CodeValues::int16(&[1; 2 * NUMBERS]));
+    let summary = harness.core.summary();
+    assert_eq!((summary.unused, summary.received, summary.lost), (1, 2, 1));
+}
+
+#[test]
+fn a_code_of_another_length_than_announced_is_counted_and_not_published() {
+    let mut harness = streaming(CodeFormat::Int8);
+    harness.code_of(&CodeValues::int8(&[1; NUMBERS]));
+    harness.code_of(&CodeValues::int8(&[1; NUMBERS - 8]));
+    harness.code_of(&CodeValues::int8(&[1; NUMBERS]));
+    let summary = harness.core.summary();
+    assert_eq!((summary.unused, summary.received, summary.lost), (1, 2, 1));
+}
+
+#[test]
+fn a_device_with_a_newer_code_format_is_refused_with_advice() {
+    let board = Board {
+        code_format: CodeFormat::Newer(3),
+        ..Board::new()
+    };
+    let mut harness = Harness::connected(SETTINGS, board);
+    assert!(harness.recorder.announced.is_empty());
+    let now = crate::board::at(harness.now_us);
+    let device = harness.core.diagnostics(now).status.remove(0);
+    let message = &device.message;
+    assert_has(message, ["number 3", "same release"]);
+}
+
+#[test]
+fn another_device_with_another_format_is_refused() {
+    let mut harness = streaming(CodeFormat::Int8);
+    harness.core.disconnected();
+    harness.board = Board {
+        code_format: CodeFormat::Int16,
+        session_id: 2,
+        ..Board::new()
+    };
+    harness.connect();
+    harness.code_of(&CodeValues::int16(&[1; 2 * NUMBERS]));
+    assert!(harness.recorder.encoded.is_empty());
+    let now = crate::board::at(harness.now_us);
+    let device = harness.core.diagnostics(now).status.remove(0);
+    assert_has(&device.message, ["code format"]);
+}
+
+/// Messages of a later release, which has one kind more than this release.
+#[derive(serde::Serialize, serde::Deserialize)]
+enum LaterToHost {
+    Hello,
+    Capabilities,
+    Code,
+    Stats,
+    Ack,
+    Quality,
+    Timing,
+    Raw,
+    Filtered,
+    Audit,
+    Event,
+    Converters,
+    SelfTest,
+    ClockReading,
+    Substitutes,
+    CompressedRaw,
+    PackedCode,
+    Later { channel: u8, device_time_us: u64 },
+}
+
+impl link::Message<'_> for LaterToHost {
+    const KINDS: u32 = 18;
+    const DIRECTION: u8 = link::ToHost::DIRECTION;
+}
+
+#[test]
+fn unknown_messages_of_a_newer_device_do_not_affect_codes() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    harness.code(1, false);
+    let mut buffer = [0; link::MAX_FRAME];
+    let later = LaterToHost::Later {
+        channel: 1,
+        device_time_us: 1_000_000,
+    };
+    let bytes = harness
+        .board
+        .encoder
+        .encode(0, &later, &mut buffer)
+        .unwrap();
+    harness
+        .core
+        .receive(bytes, at(harness.now_us), &mut harness.recorder);
+    harness.code(1, false);
+    let summary = harness.core.summary();
+    assert_eq!(
+        (summary.received, summary.lost, summary.frames_lost),
+        (2, 0, 0)
+    );
+    assert_eq!((summary.wire.unknown, summary.wire.resyncs), (1, 0));
+}
+
+#[test]
+fn a_device_with_another_wire_version_is_reported_as_such() {
+    let mut harness = Harness::new(SETTINGS, Board::new());
+    harness.open();
+    let header = link::Header {
+        version: 2,
+        seq: 0,
+        device_time_us: 0,
+    };
+    let mut buffer = [0; link::MAX_FRAME];
+    let ack = ToHost::Ack(link::Ack {
+        of: 0,
+        result: AckResult::Done,
+    });
+    let bytes = link::encode(&header, &ack, &mut buffer).unwrap();
+    harness
+        .core
+        .receive(bytes, at(harness.now_us), &mut harness.recorder);
+    let report = harness.report("link");
+    assert_has(&report, ["another version", "same release"]);
+}
+
+#[test]
+fn noise_never_publishes_anything() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    let mut state = 1u32;
+    let noise: Vec<u8> = (0..100_000)
+        .map(|_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state.to_be_bytes()[0]
+        })
+        .collect();
+    harness.receive(&noise);
+    assert!(harness.recorder.encoded.is_empty());
+    let wire = harness.core.summary().wire;
+    assert!(wire.cobs + wire.crc + wire.oversize > 100, "{wire:?}");
+    harness.receive(&[0]);
+    harness.code(1, false);
+    assert_eq!(harness.recorder.encoded.len(), 1);
+    assert!(FrameError::Crc.to_string().contains("damaged"));
+}

@@ -1,0 +1,372 @@
+//! Devices that refuse packed blocks or codes: what is announced, streamed and reconstructed
+//! instead.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use artifact::{Artifact, Mode};
+use bridge_core::{
+    AnnouncedStream, Announcement, EventStamps, Model, PackedReconstruction, Settings,
+};
+use link::{Audit, CodeValues, Event, EventKind, Streams, ToHost};
+use neuro_ros::DiagnosticLevel;
+
+use crate::board::{Board, WALL_START_NS, assert_has, at};
+use crate::packed_device::{PACKED, Packed, flags, frames};
+use crate::recorder::{Harness, SETTINGS};
+
+/// Streams of an image without the packed code.
+const NETWORK: Streams = Streams::ALL.without(Streams::PACKED);
+
+/// Returns a bridge that wants packed blocks and events, and a board with `supported` streams and a
+/// hop of 4 steps.
+fn harness(supported: Streams, low_latency: bool) -> Harness {
+    let settings = Settings {
+        streams: Streams::PACKED | Streams::EVENTS,
+        event_stamps: EventStamps::Recorder,
+        low_latency,
+        ..PACKED
+    };
+    let board = Board {
+        supported,
+        hop_steps: 4,
+        ..Board::new()
+    };
+    Harness::connected(settings, board)
+}
+
+/// Returns where the recorder's signals come from, by the answer to `/acquisition/get_info`.
+fn origin(announced: &Announcement) -> &str {
+    &announced
+        .info
+        .as_ref()
+        .unwrap()
+        .frame()
+        .eeg
+        .info
+        .transducter
+}
+
+fn shift_us(harness: &mut Harness) -> i64 {
+    let values = harness.status("device").unwrap().values;
+    let key = "recorder shift us /neurodata_reconstructed";
+    let pair = values.iter().find(|pair| pair.key == key).unwrap();
+    pair.value.parse().unwrap()
+}
+
+#[test]
+fn codes_in_the_place_of_blocks_are_announced_and_decoded() {
+    let board = Board {
+        supported: NETWORK,
+        ..Board::new()
+    };
+    let mut harness = Harness::connected(PACKED, board);
+    assert_eq!(origins(&harness), ["packed code", "autoencoder"]);
+    harness.code(1, false);
+    assert_eq!(harness.recorder.windows.len(), 1);
+    // The same device with an image that has the packed code.
+    restart_with(&mut harness, Streams::ALL);
+    assert_eq!(
+        origins(&harness),
+        ["packed code", "autoencoder", "packed code"]
+    );
+    let mut device = Packed::of(harness);
+    device.send(false);
+    assert_eq!(device.harness.recorder.blocks.len(), 1);
+}
+
+#[test]
+fn a_device_that_streams_what_it_is_asked_for_is_announced_once() {
+    let device = Packed::new(PACKED);
+    assert_eq!(device.harness.recorder.announced.len(), 1);
+}
+
+#[test]
+fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
+    // Four steps are 31.25 ms, a window of sixteen 125 ms; frames of four steps, group delay 10 ms,
+    // 1.5 steps.
+    let rest_us = 10_000 - 31_250 + 11_718;
+    for (supported, low_latency, steps_us) in [
+        // The window that a hop begins is complete 15 steps later; the next block 7 steps later.
+        (NETWORK, false, 117_187),
+        (Streams::ALL, false, 54_687),
+        (NETWORK, true, 23_437),
+        (Streams::ALL, true, 23_437),
+    ] {
+        let mut harness = harness(supported, low_latency);
+        let expected_us = steps_us + rest_us;
+        assert!((shift_us(&mut harness) - expected_us).abs() <= 2);
+        harness.code(1, false);
+        let happened_us = harness.now_us + 10_000;
+        harness.now_us += 20_000;
+        let event = Event {
+            kind: EventKind::TriggerRise,
+            number: 1,
+            sample: 40,
+        };
+        harness.send(happened_us.unsigned_abs(), &ToHost::Event(event));
+        let stamp_ns = harness.recorder.events[0].header.stamp.nanoseconds();
+        let shifted_us = (stamp_ns - WALL_START_NS) / 1000 - happened_us;
+        assert!(
+            (shifted_us - expected_us).abs() <= 2,
+            "{shifted_us} {expected_us}"
+        );
+    }
+}
+
+/// Restarts the board with another image. A hop passes: the first window of a run is complete after
+/// two.
+pub(crate) fn restart_with(harness: &mut Harness, supported: Streams) {
+    harness.board.reboot();
+    harness.now_us += 62_500;
+    harness.board.supported = supported;
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    harness.exchange();
+}
+
+#[test]
+fn the_time_in_which_codes_were_decoded_is_not_filled_when_packed_blocks_return() {
+    let settings = Settings {
+        low_latency: false,
+        ..PACKED
+    };
+    let mut device = Packed::new(settings);
+    device.send_all(5, false);
+    restart_with(&mut device.harness, NETWORK);
+    // The last block's frame comes before those of codes.
+    assert_eq!(device.harness.recorder.finished, [5]);
+    device.harness.codes(160, 1);
+    restart_with(&mut device.harness, Streams::ALL);
+    device.next = 0;
+    device.send_all(5, false);
+    let recorder = &device.harness.recorder;
+    assert_eq!(recorder.windows.len(), 160);
+    assert_eq!(
+        (recorder.blocks.len(), recorder.blocks[5].is_first),
+        (10, true)
+    );
+    let frames = frames(recorder, settings);
+    assert_eq!(frames.len(), 9, "the newest block waits");
+    assert!(flags(&frames).iter().all(|flags| *flags == 0));
+    let stamp = |frame: usize| frames[frame].header.stamp.nanoseconds();
+    let newest_code = recorder.windows[159].stamp.nanoseconds();
+    assert!(stamp(4) < recorder.windows[0].stamp.nanoseconds());
+    assert!(newest_code < stamp(5));
+}
+
+#[test]
+fn the_time_in_which_packed_blocks_were_decoded_is_filled_among_codes_alone() {
+    let settings = Settings {
+        streams: Streams::CODES | Streams::PACKED,
+        ..PACKED
+    };
+    let board = Board {
+        supported: NETWORK,
+        ..Board::new()
+    };
+    let mut harness = Harness::connected(settings, board);
+    harness.codes(5, 1);
+    // The image without the network.
+    restart_with(&mut harness, Streams::PACKED);
+    let mut device = Packed::of(harness);
+    device.send_all(20, false);
+    let mut harness = device.harness;
+    restart_with(&mut harness, NETWORK);
+    // A code of the new run is lost.
+    harness.code(1, true);
+    harness.codes(5, 1);
+    let fillers = [&[false; 5][..], &[true; 23], &[false; 5]].concat();
+    assert_eq!(harness.fillers(), fillers);
+    let windows = &harness.recorder.windows;
+    let lost: Vec<bool> = windows.iter().map(|window| window.z.is_none()).collect();
+    assert_eq!(lost, [&[false; 5][..], &[true], &[false; 5]].concat());
+}
+
+fn origins(harness: &Harness) -> Vec<&str> {
+    harness.recorder.announced.iter().map(origin).collect()
+}
+
+#[test]
+fn signals_are_decoded_although_the_acknowledgement_of_the_start_was_lost() {
+    let board = Board {
+        supported: NETWORK,
+        ..Board::new()
+    };
+    let mut harness = Harness::new(PACKED, board);
+    let now = at(harness.now_us);
+    harness.core.connected(now, &mut harness.recorder);
+    harness.start_unacknowledged();
+    assert_eq!(origins(&harness), ["packed code"]);
+    harness.codes(6, 1);
+    assert_eq!(origins(&harness), ["packed code", "autoencoder"]);
+    let recorder = &harness.recorder;
+    assert_eq!((recorder.encoded.len(), recorder.windows.len()), (6, 6));
+    // The same after a restart with the packed code.
+    harness.board.reboot();
+    harness.board.supported = Streams::ALL;
+    let hello = harness.board.hello();
+    harness.receive(&hello);
+    harness.start_unacknowledged();
+    let mut device = Packed::of(harness);
+    device.send_all(6, false);
+    assert_eq!(origins(&device.harness).len(), 3);
+    assert_eq!(device.harness.recorder.blocks.len(), 6);
+}
+
+#[test]
+fn codes_that_a_device_refuses_are_not_described_until_it_streams_them() {
+    let settings = Settings {
+        streams: Streams::CODES | Streams::PACKED,
+        announced: AnnouncedStream::Encoded,
+        ..PACKED
+    };
+    let board = Board {
+        supported: Streams::PACKED,
+        ..Board::new()
+    };
+    let mut harness = Harness::connected(settings, board);
+    assert_eq!(harness.described(), [true, false]);
+    restart_with(&mut harness, Streams::ALL);
+    assert_eq!(harness.described(), [true, false, true]);
+}
+
+/// Streams of a device whose model has no network.
+const SUPPORTED: Streams = Streams::ALL.without(Streams::CODES);
+
+/// Returns the packed code of the built-in model as a model of its own.
+fn model() -> Arc<Model> {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/artifact");
+    let built_in = Artifact::read(Path::new(folder)).unwrap();
+    let mut description = built_in.description;
+    description.mode = Mode::Packed;
+    description.code.numbers = 0;
+    let packed = built_in.packed.unwrap();
+    let alone = Artifact::without_network(description, 640.0, packed).unwrap();
+    Arc::new(Model::new(&alone).unwrap())
+}
+
+fn connected(settings: Settings) -> Harness {
+    let model = model();
+    let board = Board {
+        model_id: model.id(),
+        has_network: false,
+        supported: SUPPORTED,
+        ..Board::new()
+    };
+    let mut harness = Harness::with_model(settings, model, board);
+    harness.connect();
+    harness
+}
+
+fn device(settings: Settings) -> Packed {
+    Packed::of(connected(settings))
+}
+
+#[test]
+fn its_blocks_are_announced_and_reconstructed() {
+    let mut device = device(PACKED);
+    for lost in [false, false, true, false] {
+        device.send(lost);
+    }
+    let recorder = &device.harness.recorder;
+    let announced = &recorder.announced[0];
+    assert!(announced.decodable && announced.info.is_some());
+    assert!(recorder.encoded.is_empty());
+    // The built-in model has the same packed code.
+    let mut decoder = PackedReconstruction::new(&announced.device, &model(), PACKED).unwrap();
+    for (block, expected) in recorder.blocks.iter().zip(frames(recorder, PACKED)) {
+        assert_eq!(decoder.next_frame(block).unwrap().eeg, expected.eeg);
+    }
+    let is_flagged = flags(&frames(recorder, PACKED))
+        .into_iter()
+        .map(|flags| flags != 0);
+    assert_eq!(is_flagged.collect::<Vec<_>>(), [false, false, true, true]);
+}
+
+/// The image lacks the network, and the model has it.
+#[test]
+fn what_is_announced_is_withdrawn_while_the_device_refuses_it() {
+    let board = Board {
+        supported: SUPPORTED,
+        ..Board::new()
+    };
+    let mut harness = Harness::connected(SETTINGS, board);
+    assert_eq!(harness.described(), [true, false]);
+    // Another image.
+    restart_with(&mut harness, Streams::ALL);
+    assert_eq!(harness.described(), [true, false, true]);
+}
+
+#[test]
+fn a_device_that_refuses_all_streams_has_no_announcement_until_another_image_runs() {
+    let board = Board {
+        supported: Streams::EVENTS,
+        ..Board::new()
+    };
+    let mut harness = Harness::connected(SETTINGS, board);
+    let last = |harness: &Harness| harness.recorder.announced.last().unwrap().info.is_some();
+    assert!(!last(&harness));
+    let status = harness.status("device").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Error);
+    restart_with(&mut harness, Streams::ALL);
+    assert!(last(&harness));
+    let status = harness.status("device").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Ok);
+}
+
+#[test]
+fn a_refusal_is_in_the_status_beside_a_model_that_the_bridge_does_not_have() {
+    let board = Board {
+        model_id: [9; 8],
+        supported: Streams::EVENTS,
+        ..Board::new()
+    };
+    let mut harness = Harness::connected(SETTINGS, board);
+    let status = harness.status("device").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Error);
+    for words in ["--model", "choose other --streams"] {
+        assert_has(&status.message, [words]);
+    }
+}
+
+#[test]
+fn its_blocks_stream_in_the_place_of_codes_with_a_warning() {
+    let mut device = device(SETTINGS);
+    assert_eq!(device.harness.board.streams, Streams::PACKED);
+    assert!(device.harness.recorder.announced[0].info.is_none());
+    device.send(false);
+    assert_eq!(device.harness.recorder.blocks.len(), 1);
+    let status = device.harness.status("device").unwrap();
+    assert_eq!(status.level, DiagnosticLevel::Warn);
+    let remedy = "choose packed without codes";
+    assert_has(&status.message, [remedy]);
+    let keys: Vec<&str> = status
+        .values
+        .iter()
+        .map(|value| value.key.as_str())
+        .collect();
+    assert!(!keys.contains(&"code format") && !keys.contains(&"recorder shift us /encoded"));
+}
+
+#[test]
+fn its_audits_have_no_code_and_reach_the_decoder() {
+    let settings = Settings {
+        streams: Streams::PACKED | Streams::AUDIT,
+        ..PACKED
+    };
+    let mut device = device(settings);
+    device.send_all(2, false);
+    let harness = &mut device.harness;
+    assert_eq!(harness.board.streams, Streams::PACKED | Streams::AUDIT);
+    let planes = vec![0; 16 * 90];
+    let audit = ToHost::Audit(Audit {
+        model_id: harness.board.model_id,
+        window: 0,
+        planes: &planes,
+        values: CodeValues::int8(&[]),
+    });
+    harness.send(harness.now_us.unsigned_abs(), &audit);
+    assert_eq!(harness.recorder.audits.len(), 1);
+    assert!(harness.recorder.audits[0].levels.is_empty());
+}

@@ -1,0 +1,317 @@
+//! A core with a simulated board, and a recorder of the core's effects.
+
+use std::sync::Arc;
+
+use bridge_core::{
+    AnnouncedStream, Announcement, AuditedWindow, Core, Effects, EventStamps, FillerPolicy, Model,
+    Settings, StampPoint, TimedCode, TimedPackedBlock,
+};
+use link::{CodeValues, Streams, ToDevice, ToHost};
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus, NeuroEvent, NeuroFrame, Shape};
+
+use crate::board::{Board, at, model};
+
+pub(crate) const SETTINGS: Settings = Settings {
+    stamp: StampPoint::First,
+    mains_hz: 0,
+    filler: FillerPolicy::Last,
+    low_latency: false,
+    announced: AnnouncedStream::Encoded,
+    streams: Streams::CODES,
+    packed_rate: None,
+    event_stamps: EventStamps::Scalp,
+};
+
+/// Records every effect of the core. Checks shape, number and stamp of every frame.
+#[derive(Default)]
+pub(crate) struct Recorder {
+    pub(crate) sent: Vec<u8>,
+    pub(crate) announced: Vec<Announcement>,
+    pub(crate) encoded: Vec<NeuroFrame>,
+    pub(crate) windows: Vec<TimedCode>,
+    pub(crate) blocks: Vec<TimedPackedBlock>,
+    /// Numbers of blocks after which none followed.
+    pub(crate) finished: Vec<usize>,
+    pub(crate) raw: Vec<NeuroFrame>,
+    pub(crate) filtered: Vec<NeuroFrame>,
+    pub(crate) events: Vec<NeuroEvent>,
+    pub(crate) audits: Vec<AuditedWindow>,
+}
+
+impl Effects for Recorder {
+    fn send(&mut self, frame: &[u8]) {
+        self.sent.extend_from_slice(frame);
+    }
+
+    fn announce(&mut self, announcement: &Announcement) {
+        self.announced.push(announcement.clone());
+    }
+
+    fn publish_encoded(&mut self, frame: &NeuroFrame) {
+        assert_eq!(Shape::from_frame(frame).unwrap().nchannels, [128, 0, 8]);
+        keep(&mut self.encoded, frame);
+    }
+
+    fn decode_block(&mut self, block: TimedPackedBlock) {
+        self.blocks.push(block);
+    }
+
+    fn finish_blocks(&mut self) {
+        self.finished.push(self.blocks.len());
+    }
+
+    fn decode(&mut self, window: TimedCode) {
+        self.windows.push(window);
+    }
+
+    fn publish_raw(&mut self, frame: &NeuroFrame) {
+        keep(&mut self.raw, frame);
+    }
+
+    fn publish_filtered(&mut self, frame: &NeuroFrame) {
+        keep(&mut self.filtered, frame);
+    }
+
+    fn publish_event(&mut self, event: &NeuroEvent) {
+        assert_eq!(event.neuroheader.seq as usize, self.events.len() + 1);
+        assert_eq!(event.header.seq, event.neuroheader.seq);
+        self.events.push(event.clone());
+    }
+
+    fn audit(&mut self, window: AuditedWindow) {
+        self.audits.push(window);
+    }
+}
+
+/// Checks that a frame has the shape of the first frame and that its number and stamp increase, and
+/// records it.
+fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
+    let shape = Shape::from_frame(frames.first().unwrap_or(frame)).unwrap();
+    shape.admit(frame).unwrap();
+    let before = frames.last().map_or((0, 0), |frame| {
+        (frame.neuroheader.seq, frame.header.stamp.nanoseconds())
+    });
+    assert_eq!(frame.neuroheader.seq, before.0 + 1);
+    assert_eq!(frame.header.seq, frame.neuroheader.seq);
+    assert!(
+        frame.header.stamp.nanoseconds() > before.1,
+        "a stamp went backwards"
+    );
+    frames.push(frame.clone());
+}
+
+/// A core and a board that exchange bytes in virtual time.
+pub(crate) struct Harness {
+    pub(crate) core: Core,
+    pub(crate) board: Board,
+    pub(crate) recorder: Recorder,
+    pub(crate) now_us: i64,
+}
+
+impl Harness {
+    /// Creates a harness whose board is already identified and streaming.
+    pub(crate) fn streaming(settings: Settings, board: Board) -> Harness {
+        let harness = Harness::connected(settings, board);
+        assert_eq!(
+            harness.board.received.len(),
+            3,
+            "Identify, Stop, Start: {:?}",
+            harness.board.received
+        );
+        harness
+    }
+
+    /// Creates a harness whose board has acknowledged or refused the first commands.
+    pub(crate) fn connected(settings: Settings, board: Board) -> Harness {
+        let mut harness = Harness::new(settings, board);
+        harness.connect();
+        harness
+    }
+
+    pub(crate) fn new(settings: Settings, board: Board) -> Harness {
+        Harness::with_model(settings, model(), board)
+    }
+
+    /// Creates a harness whose bridge has `model`.
+    pub(crate) fn with_model(settings: Settings, model: Arc<Model>, board: Board) -> Harness {
+        Harness {
+            core: Core::new(settings, Some(model)),
+            board,
+            recorder: Recorder::default(),
+            now_us: 1_000_000,
+        }
+    }
+
+    pub(crate) fn connect(&mut self) {
+        self.open();
+        self.exchange();
+    }
+
+    /// Exchanges bytes between core and board until the core has nothing more to send.
+    pub(crate) fn exchange(&mut self) {
+        loop {
+            let commands = std::mem::take(&mut self.recorder.sent);
+            if commands.is_empty() {
+                return;
+            }
+            let answers = self.board.answer(&commands);
+            self.receive(&answers);
+        }
+    }
+
+    /// Opens the port; the board gets no bytes yet.
+    pub(crate) fn open(&mut self) {
+        self.core.connected(at(self.now_us), &mut self.recorder);
+    }
+
+    /// Lets the core send a command that is due.
+    pub(crate) fn tick(&mut self) {
+        self.core.tick(at(self.now_us), &mut self.recorder);
+    }
+
+    /// Lets the user start or stop the streams.
+    pub(crate) fn set_streaming(&mut self, is_wanted: bool) {
+        self.core.set_streaming(is_wanted);
+        self.tick();
+        self.exchange();
+    }
+
+    /// Restarts the board, which is away for `outage_us` microseconds and introduces itself again.
+    pub(crate) fn reboot(&mut self, outage_us: i64) {
+        self.board.reboot();
+        self.now_us += outage_us;
+        let hello = self.board.hello();
+        self.receive(&hello);
+        self.exchange();
+    }
+
+    /// Delivers a `Stats` message of the board that streams `streams`.
+    pub(crate) fn stats(&mut self, streams: Streams) {
+        let stats = self.board.stats(streams);
+        self.receive(&stats);
+    }
+
+    /// Lets the board answer until it streams. The acknowledgement of its start is lost.
+    pub(crate) fn start_unacknowledged(&mut self) {
+        while !self.board.streaming {
+            let commands = std::mem::take(&mut self.recorder.sent);
+            let answers = self.board.answer(&commands);
+            if !self.board.streaming {
+                self.receive(&answers);
+            }
+        }
+    }
+
+    pub(crate) fn receive(&mut self, bytes: &[u8]) {
+        self.core
+            .receive(bytes, at(self.now_us), &mut self.recorder);
+    }
+
+    /// Advances time by 62.5 ms. The board makes a code with this value, which reaches the core
+    /// unless `lost`.
+    pub(crate) fn code(&mut self, value: i8, lost: bool) {
+        self.now_us += 62_500;
+        let bytes = self.board.code(self.now_us.unsigned_abs(), value);
+        if !lost {
+            self.receive(&bytes);
+        }
+    }
+
+    /// Delivers `count` codes of this value, 62.5 ms apart.
+    pub(crate) fn codes(&mut self, count: u64, value: i8) {
+        (0..count).for_each(|_| self.code(value, false));
+    }
+
+    /// Advances time by `count` codes, none of which reaches the core.
+    pub(crate) fn lose(&mut self, count: u64) {
+        (0..count).for_each(|_| self.code(1, true));
+    }
+
+    /// Advances time by 62.5 ms. The board makes a code with these values, which reaches the core.
+    pub(crate) fn code_of(&mut self, values: &CodeValues) {
+        self.now_us += 62_500;
+        let bytes = self.board.code_of(self.now_us.unsigned_abs(), values);
+        self.receive(&bytes);
+    }
+
+    /// Delivers to the core a message that the board made at device time `device_us`.
+    pub(crate) fn send(&mut self, device_us: u64, message: &ToHost) {
+        let bytes = self.board.frame(device_us, message);
+        self.receive(&bytes);
+    }
+
+    /// Returns the status `corticode: {part}` of a new report; `None` if the report has no such
+    /// status.
+    pub(crate) fn status(&mut self, part: &str) -> Option<DiagnosticStatus> {
+        let statuses = self.core.diagnostics(at(self.now_us)).status;
+        let name = format!("corticode: {part}");
+        statuses.into_iter().find(|status| status.name == name)
+    }
+
+    /// Delivers a message and returns the status `corticode: {part}` of a new report.
+    pub(crate) fn status_after(
+        &mut self,
+        message: &ToHost,
+        part: &str,
+    ) -> Option<DiagnosticStatus> {
+        self.send(0, message);
+        self.status(part)
+    }
+
+    /// Returns all parts of the status `corticode: {part}` of a new report, as text.
+    pub(crate) fn report(&mut self, part: &str) -> String {
+        format!("{:?}", self.status(part).unwrap())
+    }
+
+    /// Returns, for each announcement from the oldest on, whether it describes a stream.
+    pub(crate) fn described(&self) -> Vec<bool> {
+        let announced = self.recorder.announced.iter();
+        announced
+            .map(|announced| announced.info.is_some())
+            .collect()
+    }
+
+    /// Returns, for each frame on `/encoded` from the oldest on, whether the frame is a filler.
+    pub(crate) fn fillers(&self) -> Vec<bool> {
+        self.recorder
+            .encoded
+            .iter()
+            .map(|frame| frame.tri.data[0] & 0x8000 != 0)
+            .collect()
+    }
+}
+
+/// Returns the names of the commands that the board received, oldest first.
+pub(crate) fn commands(harness: &Harness) -> Vec<&'static str> {
+    let name = |(_, command): &(u32, ToDevice)| match command {
+        ToDevice::Start(_) => "start",
+        ToDevice::Stop => "stop",
+        ToDevice::Identify => "identify",
+        ToDevice::Ping => "ping",
+        ToDevice::SelfTest => "self-test",
+        ToDevice::SyncTime { .. } => "sync time",
+        ToDevice::Reset(_) => "reset",
+        ToDevice::SetRate { .. } => "set rate",
+    };
+    harness.board.received.iter().map(name).collect()
+}
+
+/// Returns the value `key` of a status.
+pub(crate) fn value<'a>(status: &'a DiagnosticStatus, key: &str) -> &'a str {
+    let mut values = status.values.iter();
+    let found = values.find(|value| value.key == key);
+    &found
+        .unwrap_or_else(|| panic!("no {key} in {status:?}"))
+        .value
+}
+
+/// Returns the stamps of frames, nanoseconds since 1970.
+pub(crate) fn stamps(frames: &[NeuroFrame]) -> Vec<i64> {
+    let stamps = frames.iter().map(|frame| frame.header.stamp.nanoseconds());
+    stamps.collect()
+}
+
+/// Returns level and message of a status.
+pub(crate) fn state(status: &DiagnosticStatus) -> (DiagnosticLevel, &str) {
+    (status.level, &status.message)
+}

@@ -1,0 +1,285 @@
+//! Restarts of the device: the time without data is filled on every topic.
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
+    clippy::float_cmp,
+    reason = "times of minutes; numbers of samples are whole"
+)]
+
+use bridge_core::{FillerPolicy, Settings};
+use link::{Filtered, Flags, Streams, ToHost};
+use neuro_ros::{DiagnosticLevel, NeuroFrame};
+
+use crate::board::{Board, assert_has};
+use crate::recorder::{Harness, SETTINGS};
+use crate::samples::{SAMPLES, send_samples_at};
+
+/// Time from one code to the next, microseconds.
+const HOP_US: i64 = 62_500;
+
+/// A board that streams codes, samples and filtered steps, and a count of its restarts.
+struct Recording {
+    harness: Harness,
+    /// Host time at which the device's present run began, microseconds.
+    run_us: i64,
+    /// Number of hops that the present run has made.
+    hops: u64,
+}
+
+impl Recording {
+    fn new(settings: Settings) -> Recording {
+        let harness = Harness::streaming(settings, Board::new());
+        let run_us = harness.now_us;
+        Recording {
+            harness,
+            run_us,
+            hops: 0,
+        }
+    }
+
+    /// Delivers the data of one hop, each message at the time at which it was made.
+    fn hop(&mut self) {
+        for message in 0..4 {
+            let first = self.hops * 32 + message * 8;
+            let us = self.at((first + 7) * 1_000_000 / 512);
+            send_samples_at(&mut self.harness, us, first, Flags::empty());
+            if message % 2 == 1 {
+                let first_step = self.hops * 8 + (message - 1) * 2;
+                let values = [0_u8; 4 * 61 * 4];
+                let filtered = Filtered {
+                    first_step,
+                    electrodes: 61,
+                    fraction_bits: 0,
+                    flags: Flags::empty(),
+                    values: &values,
+                };
+                let us = self.at((first_step + 3) * 1_000_000 / 128);
+                self.harness.send(us, &ToHost::Filtered(filtered));
+            }
+        }
+        self.hops += 1;
+        let us = self.at(self.hops * HOP_US as u64);
+        let code = self.harness.board.code(us, 3);
+        self.harness.receive(&code);
+    }
+
+    /// Moves the host's clock to `device_us` microseconds after the start of the run and returns
+    /// that time.
+    fn at(&mut self, device_us: u64) -> u64 {
+        self.harness.now_us = self.run_us + device_us.cast_signed();
+        device_us
+    }
+
+    /// Restarts the device, which begins to stream `outage_us` microseconds after its last code.
+    fn restart(&mut self, outage_us: i64) {
+        self.harness.reboot(outage_us);
+        self.run_us = self.harness.now_us;
+        self.hops = 0;
+    }
+
+    /// Returns the seconds of data on each topic: codes, raw samples, filtered steps.
+    fn seconds(&self) -> [f64; 3] {
+        let recorder = &self.harness.recorder;
+        [
+            (&recorder.encoded, 16.0),
+            (&recorder.raw, 16.0),
+            (&recorder.filtered, 16.0),
+        ]
+        .map(|(frames, rate)| frames.len() as f64 / rate)
+    }
+}
+
+#[test]
+fn the_time_of_a_restart_is_filled_flagged_and_counted_on_every_topic() {
+    let mut recording = Recording::new(SAMPLES);
+    let start_us = recording.harness.now_us;
+    (0..16).for_each(|_| recording.hop());
+    recording.restart(2_050_000);
+    (0..16).for_each(|_| recording.hop());
+    let passed = (recording.harness.now_us - start_us) as f64 / 1e6;
+    for (topic, seconds) in ["codes", "raw", "filtered"].iter().zip(recording.seconds()) {
+        // The last frame of samples can be unfinished: the run began within a frame.
+        assert!(
+            (passed - seconds).abs() < 0.0625,
+            "{topic}: {seconds} s of {passed} s"
+        );
+    }
+    let summary = recording.harness.core.summary();
+    assert_eq!((summary.received, summary.lost, summary.resets), (32, 0, 1));
+    // 2.05 s are 32.8 hops, rounded to 33; the code that ends the last of them was made.
+    assert_eq!((summary.between_runs, summary.fillers), (33, 33));
+    assert_eq!(
+        recording
+            .harness
+            .fillers()
+            .iter()
+            .filter(|filler| **filler)
+            .count(),
+        33
+    );
+    let text = summary.to_string();
+    assert_has(&text, ["lost 0", "missing between runs 33"]);
+    let loss = recording.harness.status("loss").unwrap();
+    assert_eq!(loss.level, DiagnosticLevel::Warn);
+    let raw = "raw samples missing between runs";
+    let value = loss.values.iter().find(|value| value.key == raw).unwrap();
+    assert_eq!(
+        value.value.parse::<f64>().unwrap(),
+        (2.05_f64 * 512.0).round()
+    );
+}
+
+#[test]
+fn after_a_restart_too_long_to_fill_the_indices_of_codes_show_the_gap() {
+    let mut recording = Recording::new(SETTINGS);
+    (0..16).for_each(|_| recording.hop());
+    let missing = 80_000;
+    recording.restart(missing * HOP_US);
+    recording.hop();
+    let encoded = &recording.harness.recorder.encoded;
+    let windows = encoded.iter().map(|frame| {
+        let words = &frame.tri.data;
+        i64::from(words[1]) | i64::from(words[2]) << 16
+    });
+    let windows: Vec<i64> = windows.collect();
+    // 16 codes, 65,536 fillers with the last indices of the older run, and the code of the new run.
+    assert_eq!(windows.len(), 16 + 65_536 + 1);
+    assert_eq!(windows[15..17], [15, 16 + missing - 65_536]);
+    assert_eq!(windows[16 + 65_535..], [15 + missing, 0]);
+}
+
+/// Returns for each sample on a topic whether it is a filler.
+fn is_filler(frames: &[NeuroFrame]) -> Vec<bool> {
+    let rows = frames
+        .iter()
+        .flat_map(|frame| frame.tri.data.chunks_exact(8));
+    rows.map(|words| words[0] & 0x8000 != 0).collect()
+}
+
+#[test]
+fn samples_after_a_restart_stand_at_the_time_at_which_they_were_taken() {
+    for outage_us in [130_000, 1_234_567, 59_999_999] {
+        let mut recording = Recording::new(SAMPLES);
+        (0..4).for_each(|_| recording.hop());
+        recording.restart(outage_us);
+        (0..4).for_each(|_| recording.hop());
+        for (frames, rate) in [
+            (&recording.harness.recorder.raw, 512.0),
+            (&recording.harness.recorder.filtered, 128.0),
+        ] {
+            let fillers = is_filler(frames);
+            let before = fillers.iter().position(|filler| *filler).unwrap();
+            let missing = fillers.iter().filter(|filler| **filler).count();
+            assert_eq!(before as f64, 0.25 * rate);
+            assert_eq!(
+                missing as f64,
+                (outage_us as f64 * rate / 1e6).round(),
+                "{outage_us}"
+            );
+        }
+    }
+}
+
+#[test]
+fn forty_nine_restarts_leave_all_topics_as_long_as_the_time_that_has_passed() {
+    let mut recording = Recording::new(SAMPLES);
+    let start_us = recording.harness.now_us;
+    for restart in 0..49 {
+        (0..3).for_each(|_| recording.hop());
+        recording.restart(150_000 + restart * 31_417);
+    }
+    (0..3).for_each(|_| recording.hop());
+    let passed = (recording.harness.now_us - start_us) as f64 / 1e6;
+    for seconds in recording.seconds() {
+        assert!(
+            (passed - seconds).abs() < 0.0625,
+            "{seconds} s of {passed} s"
+        );
+    }
+    assert_eq!(recording.harness.core.summary().resets, 49);
+}
+
+#[test]
+fn the_time_in_which_another_device_is_refused_is_filled() {
+    let mut recording = Recording::new(SAMPLES);
+    (0..16).for_each(|_| recording.hop());
+    let harness = &mut recording.harness;
+    harness.core.disconnected();
+    let other = Board {
+        hop_steps: 16,
+        session_id: 77,
+        ..Board::new()
+    };
+    let first = std::mem::replace(&mut harness.board, other);
+    harness.connect();
+    harness.codes(16, 1);
+    harness.core.disconnected();
+    harness.board = first;
+    harness.board.reboot();
+    harness.connect();
+    recording.run_us = recording.harness.now_us;
+    recording.hops = 0;
+    recording.hop();
+    // 16 hops pass while the other device is connected; the code after them was made.
+    assert_eq!(recording.harness.core.summary().between_runs, 16);
+    assert_eq!(recording.harness.recorder.encoded.len(), 16 + 16 + 1);
+}
+
+#[test]
+fn a_pause_by_the_user_is_not_filled() {
+    let mut recording = Recording::new(SAMPLES);
+    (0..5).for_each(|_| recording.hop());
+    let harness = &mut recording.harness;
+    harness.set_streaming(false);
+    harness.now_us += 10_000_000;
+    harness.set_streaming(true);
+    // The device's clock has gone on; its indices start at 0.
+    let device_us = harness.board.now_us + 10_000_000 + HOP_US as u64;
+    harness.now_us += HOP_US;
+    let code = harness.board.code(device_us, 1);
+    harness.receive(&code);
+    let summary = harness.core.summary();
+    assert_eq!(
+        (summary.between_runs, summary.lost, summary.fillers),
+        (0, 0, 0)
+    );
+    assert_eq!(harness.recorder.encoded.len(), 6);
+}
+
+#[test]
+fn without_fillers_a_restart_is_counted_and_nothing_is_published_for_it() {
+    let settings = Settings {
+        filler: FillerPolicy::Off,
+        ..SAMPLES
+    };
+    let mut recording = Recording::new(settings);
+    (0..4).for_each(|_| recording.hop());
+    recording.restart(1_000_000);
+    (0..4).for_each(|_| recording.hop());
+    let summary = recording.harness.core.summary();
+    assert_eq!((summary.between_runs, summary.fillers), (16, 0));
+    assert_eq!(recording.harness.recorder.encoded.len(), 8);
+    assert!(
+        is_filler(&recording.harness.recorder.raw)
+            .iter()
+            .all(|filler| !filler)
+    );
+}
+
+#[test]
+fn a_code_that_is_lost_after_a_restart_is_counted_apart() {
+    let mut recording = Recording::new(SETTINGS);
+    recording.harness.codes(4, 1);
+    recording.harness.reboot(1_000_000);
+    recording.harness.code(1, true);
+    recording.harness.stats(Streams::CODES);
+    recording.harness.code(1, false);
+    let summary = recording.harness.core.summary();
+    assert_eq!(
+        (summary.lost, summary.between_runs, summary.fillers),
+        (1, 16, 17)
+    );
+    let lost = recording.harness.recorder.encoded.last().unwrap().tri.data[6];
+    assert_eq!(lost, 17);
+}

@@ -1,0 +1,119 @@
+//! Clock queries, whose answers bound the delay of stamps.
+
+use link::{AckResult, ClockReading, ToDevice, ToHost};
+use neuro_ros::DiagnosticStatus;
+
+use crate::board::Board;
+use crate::recorder::{Harness, SETTINGS, commands};
+
+/// Delivers codes for `seconds` seconds. The board answers all commands of the core.
+fn run(harness: &mut Harness, seconds: u32) {
+    for _ in 0..seconds * 16 {
+        harness.code(1, false);
+        harness.exchange();
+    }
+}
+
+fn clock_queries(harness: &Harness) -> Vec<u64> {
+    let seen = harness.board.received.iter();
+    seen.filter_map(|(_, command)| match command {
+        ToDevice::SyncTime { host_time_us } => Some(*host_time_us),
+        _ => None,
+    })
+    .collect()
+}
+
+fn value(status: &DiagnosticStatus, key: &str) -> Option<String> {
+    let pair = status.values.iter().find(|pair| pair.key == key);
+    pair.map(|pair| pair.value.clone())
+}
+
+#[test]
+fn a_clock_query_is_sent_every_ten_seconds_while_codes_arrive() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    run(&mut harness, 33);
+    let asked = clock_queries(&harness);
+    assert_eq!(asked.len(), 4, "{asked:?}");
+    for pair in asked.windows(2) {
+        let apart_us = pair[1] - pair[0];
+        assert!((10_000_000..10_100_000).contains(&apart_us), "{apart_us}");
+    }
+}
+
+#[test]
+fn a_device_that_does_not_know_the_query_is_not_queried_again() {
+    let board = Board {
+        ack_result: AckResult::UnknownCommand,
+        ..Board::new()
+    };
+    let mut harness = Harness::streaming(SETTINGS, board);
+    run(&mut harness, 30);
+    assert_eq!(clock_queries(&harness).len(), 1);
+    assert_eq!(commands(&harness).len(), 4);
+    let status = harness.status("clock").unwrap();
+    assert_eq!(value(&status, "round trip us"), None);
+}
+
+#[test]
+fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
+    // The host reads each code 4 ms after the code's last sample, a delay that the fit cannot
+    // detect. A query takes 0.3 ms to the device. The device makes the answer 0.1 ms later, and the
+    // answer takes 0.5 ms to the host, plus `longer`.
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    for longer in [700, 0, 2000] {
+        let before = clock_queries(&harness).len();
+        while clock_queries(&harness).len() == before {
+            harness.now_us += 62_500;
+            let made = harness.now_us.unsigned_abs() - 4_000;
+            let code = harness.board.code(made, 1);
+            harness.receive(&code);
+            harness.exchange();
+        }
+        let asked = *clock_queries(&harness).last().unwrap();
+        harness.now_us = asked.cast_signed() + 900 + longer;
+        let reading = ClockReading {
+            host_time_us: asked,
+            received_us: asked + 300,
+        };
+        harness.send(asked + 400, &ToHost::ClockReading(reading));
+        harness.now_us = asked.cast_signed();
+    }
+    let status = harness.status("clock").unwrap();
+    let figure = |key| value(&status, key).unwrap();
+    assert_eq!(figure("round trip us"), "800");
+    assert_eq!(figure("offset known to +- us"), "400");
+    // Lower bound: 4000 us minus the 500 us of the answer. Upper bound: 4000 us plus the 300 us of
+    // the query.
+    assert_eq!(figure("stamps late by us"), "3500 to 4300");
+    // Round trips older than a minute are discarded.
+    run(&mut harness, 61);
+    let status = harness.status("clock").unwrap();
+    assert_eq!(value(&status, "round trip us"), None);
+}
+
+#[test]
+fn answers_without_a_query_or_with_impossible_times_are_counted() {
+    let mut harness = Harness::streaming(SETTINGS, Board::new());
+    let send_reading = |harness: &mut Harness, host_time_us, received_us, made_us| {
+        let reading = ClockReading {
+            host_time_us,
+            received_us,
+        };
+        harness.send(made_us, &ToHost::ClockReading(reading));
+    };
+    send_reading(&mut harness, 5, 0, 0);
+    run(&mut harness, 3);
+    let asked = clock_queries(&harness)[0];
+    for (host, received, made) in [
+        (asked + 1, 10, 20),
+        (asked, 20, 10),
+        // Impossible, because the time inside the device exceeds the time from query to answer.
+        (asked, 0, u64::MAX),
+        (asked, 0, 3_000_000),
+    ] {
+        send_reading(&mut harness, host, received, made);
+    }
+    let status = harness.status("clock").unwrap();
+    assert_eq!(value(&status, "impossible answers").unwrap(), "5");
+    assert_eq!(value(&status, "round trip us"), None);
+}

@@ -1,0 +1,123 @@
+//! Codes that arrive faster than they are decoded, or late: none is thrown away.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpListener};
+use std::process::ChildStdout;
+use std::sync::atomic::Ordering::Relaxed;
+use std::thread::{JoinHandle, sleep, spawn};
+use std::time::{Duration, Instant};
+
+use link::Flags;
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::board::Board;
+use crate::device::{Device, PACE};
+use crate::process::Bridge;
+
+/// Longest wait for the decoder on a busy machine.
+const PATIENCE: Duration = Duration::from_mins(3);
+
+/// Reads lines in a thread until `frames` frames of reconstructed signals have arrived, or the
+/// output ends. Returns the number of frames, and of fillers among them.
+fn reconstructed(stdout: ChildStdout, frames: usize) -> JoinHandle<(usize, usize)> {
+    spawn(move || {
+        let lines = BufReader::new(stdout).lines().map_while(Result::ok);
+        let lines = lines.map(|line| serde_json::from_str::<Value>(&line).unwrap());
+        let flags: Vec<u64> = lines
+            .filter(|line| line["topic"] == "/neurodata_reconstructed")
+            .map(|line| line["message"]["tri"]["data"][0].as_u64().unwrap())
+            .take(frames)
+            .collect();
+        let filler = u64::from(Flags::FILLER.bits());
+        let fillers = flags.iter().filter(|flags| **flags & filler != 0).count();
+        (flags.len(), fillers)
+    })
+}
+
+/// Waits for a thread, and interrupts the bridge if that takes too long.
+fn join<T>(thread: JoinHandle<T>, bridge: &Bridge) -> T {
+    let deadline = Instant::now() + PATIENCE;
+    while !thread.is_finished() && Instant::now() < deadline {
+        sleep(Duration::from_millis(20));
+    }
+    bridge.signal(Signal::INT);
+    thread.join().unwrap()
+}
+
+/// Starts a board at a TCP port that sends `codes` codes as fast as the host reads them, and then
+/// hangs up. Returns the port.
+fn fast_board(codes: u32) -> String {
+    let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let mut board = Board::new();
+        let mut buffer = [0; 1024];
+        while !board.streaming {
+            let count = stream.read(&mut buffer).unwrap();
+            let answers = board.answer(&buffer[..count]);
+            stream.write_all(&answers).unwrap();
+        }
+        for code in 1..=u64::from(codes) {
+            let bytes = board.code(code * 62_500, 3);
+            stream.write_all(&bytes).unwrap();
+        }
+        // Read to the end, because closing a port with unread commands resets the connection.
+        stream.shutdown(std::net::Shutdown::Write).unwrap();
+        while let Ok(count) = stream.read(&mut buffer)
+            && count > 0
+        {}
+    });
+    port
+}
+
+#[test]
+fn a_board_faster_than_real_time_waits_for_the_decoder() {
+    let codes = 1999;
+    let port = fast_board(codes);
+    let mut bridge = Bridge::start(&["--port", &port, "--sink", "ndjson"]);
+    let frames = reconstructed(bridge.stdout(), codes as usize);
+    assert_eq!(join(frames, &bridge), (codes as usize, 0));
+    let log = bridge.success();
+    for words in [
+        "made 1999 received 1999 lost 0",
+        "windows: decoded 1999 not decoded 0",
+    ] {
+        assert!(log.contains(words), "not {words:?}: {log}");
+    }
+}
+
+#[test]
+fn a_tcp_board_that_stands_still_for_8_s_loses_no_code() {
+    let device = Device::tcp(Board::new());
+    let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
+    // The frames from before the stall, and of all codes that arrive in a burst after it.
+    let wanted = 440;
+    let frames = reconstructed(bridge.stdout(), wanted);
+    let made_at_least = |codes| {
+        let start = Instant::now();
+        while device.controls.made.load(Relaxed) < codes {
+            assert!(start.elapsed() < PATIENCE, "the board makes no codes");
+            sleep(PACE);
+        }
+    };
+    made_at_least(20);
+    device.controls.stand_still.store(true, Relaxed);
+    sleep(Duration::from_secs(8));
+    let before = device.controls.made.load(Relaxed);
+    device.controls.stand_still.store(false, Relaxed);
+    made_at_least(before + 420);
+    let (count, fillers) = join(frames, &bridge);
+    assert_eq!((count, fillers), (wanted, 0));
+    let made = device.controls.made.load(Relaxed);
+    let log = bridge.success();
+    assert!(log.contains("connections 1 resets 0"), "{log}");
+    // The board can make another code before the bridge ends.
+    let all =
+        (made..made + 3).any(|made| log.contains(&format!("made {made} received {made} lost 0")));
+    assert!(
+        all,
+        "not all of {made} codes or a few more were received: {log}"
+    );
+}

@@ -1,0 +1,229 @@
+//! The subcommand `doctor` of the program, on machines with and without faults.
+
+use std::io::Write;
+use std::net::{SocketAddr, TcpListener};
+
+use link::ToDevice;
+use neuro_ros::ros1::xmlrpc::{Value as RosValue, call_ros};
+use neuro_ros::ros1::{MessageType, PublisherOptions};
+use serde_json::Value;
+
+use crate::board::{Board, assert_has};
+use crate::device::Device;
+use crate::graph::{master, node};
+use crate::process::Bridge;
+
+/// Runs the doctor until it exits. Returns exit status and stdout.
+fn doctor(arguments: &[&str], variables: &[(&str, &str)]) -> (Option<i32>, String) {
+    let arguments = [&["doctor"], arguments].concat();
+    let mut bridge = Bridge::start_with(&arguments, variables);
+    let text = std::io::read_to_string(bridge.stdout()).unwrap();
+    let (status, log) = bridge.wait();
+    assert_eq!(log, "", "{text}");
+    (status.code(), text)
+}
+
+/// Runs the doctor with `--json`. Returns exit status and the checks.
+fn checks(arguments: &[&str], variables: &[(&str, &str)]) -> (Option<i32>, Vec<Value>) {
+    let (code, text) = doctor(&[arguments, &["--json"]].concat(), variables);
+    let report: Value = serde_json::from_str(&text).unwrap();
+    (code, report["checks"].as_array().unwrap().clone())
+}
+
+/// Returns the finding and the remedy of the check `name`, which must have this level.
+fn found<'a>(checks: &'a [Value], name: &str, level: &str) -> (&'a str, &'a str) {
+    let check = checks.iter().find(|check| check["check"] == name);
+    let check = check.unwrap_or_else(|| panic!("no check {name} in {checks:#?}"));
+    assert_eq!(check["level"], level, "{check:#}");
+    let text = |key: &str| check[key].as_str().unwrap_or_default();
+    (text("finding"), text("remedy"))
+}
+
+/// Type of the topics that another node publishes.
+static STRING: MessageType = MessageType {
+    name: "std_msgs/String",
+    md5: "992ce8a1687cec8c8bd883ec73ca41d1",
+    definition: "string data\n",
+};
+const OPTIONS: PublisherOptions = PublisherOptions {
+    queue: 1,
+    latch: false,
+};
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_machine_in_order_is_status_0() {
+    let master = master().await;
+    let folder = tempfile::tempdir().unwrap();
+    let device = Device::pty(Board::new(), &folder.path().join("board"));
+    let arguments = ["--port", &device.port, "--ros-master-uri", master.uri()];
+    // The board opens its pseudoterminal in a thread.
+    while !folder.path().join("board").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let (code, text) = doctor(&arguments, &[]);
+    println!("{text}");
+    assert_eq!(code, Some(0), "{text}");
+    let (code, checks) = checks(&arguments, &[]);
+    assert_eq!(code, Some(0));
+    for name in [
+        "port",
+        "permission",
+        "other program",
+        "device",
+        "fault",
+        "model",
+        "ROS master",
+        "own address",
+        "topics",
+        "use_sim_time",
+    ] {
+        let (finding, remedy) = found(&checks, name, "ok");
+        assert!(
+            text.contains(finding) && remedy.is_empty(),
+            "{name}: {text}"
+        );
+    }
+    let (finding, _) = found(&checks, "device", "ok");
+    assert!(finding.contains("board, firmware test") && finding.contains("wire format 1"));
+    // The streams of a running device are left as they are.
+    let received = device.received();
+    assert!(received.len() >= 2);
+    let identify = |command: &ToDevice| *command == ToDevice::Identify;
+    assert!(received.iter().all(identify), "{received:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn three_faults_at_once_have_their_remedies_and_status_1() {
+    let folder = tempfile::tempdir().unwrap();
+    let device = Device::pty(Board::new(), &folder.path().join("board"));
+    let mut holder = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
+    let mut lines = std::io::BufReader::new(holder.stdout());
+    std::io::BufRead::read_line(&mut lines, &mut String::new()).unwrap();
+    let free = TcpListener::bind("127.0.0.1:0").unwrap();
+    let dead = format!("http://{}/", free.local_addr().unwrap());
+    drop(free);
+    let host = [("ROS_HOSTNAME", "no-such-host.invalid")];
+    let arguments = ["--port", &device.port, "--ros-master-uri", &dead];
+    let (code, text) = doctor(&arguments, &host);
+    println!("{text}");
+    assert_eq!(code, Some(1), "{text}");
+    let (code, checks) = checks(&arguments, &host);
+    assert_eq!(code, Some(1));
+    let pid = holder.pid().to_string();
+    let (finding, remedy) = found(&checks, "other program", "error");
+    assert_has(finding, [&format!("corticode-bridge (pid {pid})")]);
+    assert!(remedy.ends_with(&format!("kill {pid}")), "{remedy}");
+    let (finding, remedy) = found(&checks, "ROS master", "error");
+    assert!(
+        finding.contains(&dead) && remedy.starts_with("roscore"),
+        "{finding}: {remedy}"
+    );
+    let (finding, remedy) = found(&checks, "own address", "error");
+    assert_has(finding, ["no-such-host.invalid, which does not resolve"]);
+    assert_has(remedy, ["unset ROS_HOSTNAME; export ROS_IP="]);
+    found(&checks, "device", "unknown");
+    for check in &checks {
+        let remedy = check["remedy"].as_str();
+        assert_eq!(check["level"] == "ok", remedy.is_none(), "{check}");
+        assert!(remedy.is_none_or(|remedy| text.contains(remedy)), "{text}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn faults_of_device_and_ros_graph_are_named() {
+    let master = master().await;
+    let filter = node("filter", master.uri()).await;
+    let _publisher = filter
+        .advertise("/encoded", &STRING, OPTIONS)
+        .await
+        .unwrap();
+    let arguments = ["/test", "/use_sim_time"].map(RosValue::from);
+    let arguments = [&arguments[..], &[RosValue::Bool(true)]].concat();
+    call_ros(master.uri(), "setParam", &arguments)
+        .await
+        .unwrap();
+    let device = Device::tcp(Board {
+        model_id: [9; 8],
+        ..Board::new()
+    });
+    // TEST-NET-1, RFC 5737: no machine has this address.
+    let variables = [("ROS_IP", "192.0.2.1")];
+    let arguments = ["--port", &device.port, "--ros-master-uri", master.uri()];
+    let (code, checks) = checks(&arguments, &variables);
+    assert_eq!(code, Some(1));
+    let (finding, remedy) = found(&checks, "topics", "error");
+    assert!(
+        finding.starts_with("/filter publishes /encoded"),
+        "{finding}"
+    );
+    assert!(remedy.starts_with("rosnode kill /filter"), "{remedy}");
+    let (_, remedy) = found(&checks, "use_sim_time", "warning");
+    assert!(
+        remedy.starts_with("rosparam set /use_sim_time false"),
+        "{remedy}"
+    );
+    let (finding, _) = found(&checks, "own address", "error");
+    assert_has(finding, ["192.0.2.1), which is no address of this machine"]);
+    let (finding, remedy) = found(&checks, "model", "warning");
+    assert!(finding.contains("0909090909090909") && remedy.contains("--model FOLDER"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_topics_of_the_streams_that_are_asked_for_are_checked() {
+    let master = master().await;
+    let filter = node("filter", master.uri()).await;
+    let publisher = filter.advertise("/neurodata", &STRING, OPTIONS).await;
+    let _publisher = publisher.unwrap();
+    let device = Device::tcp(Board::new());
+    let arguments = ["--port", &device.port, "--ros-master-uri", master.uri()];
+    let (_, default) = checks(&arguments, &[]);
+    found(&default, "topics", "ok");
+    let arguments = [&arguments[..], &["--streams", "raw"]].concat();
+    let (_, with_raw) = checks(&arguments, &[]);
+    let (finding, _) = found(&with_raw, "topics", "error");
+    assert!(
+        finding.starts_with("/filter publishes /neurodata"),
+        "{finding}"
+    );
+}
+
+#[test]
+fn a_port_of_another_device_or_none_is_status_1() {
+    let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    std::thread::spawn(move || {
+        for client in listener.incoming().flatten() {
+            let mut client = client;
+            while client.write_all(b"$GPGGA,not a frame*00\r\n\0").is_ok() {
+                std::thread::sleep(std::time::Duration::from_millis(20));
+            }
+        }
+    });
+    // Without ROS, ROS is not checked.
+    let (code, checks_of_stranger) = checks(&["--port", &port, "--sink", "ndjson"], &[]);
+    assert_eq!(code, Some(1));
+    let (finding, remedy) = found(&checks_of_stranger, "device", "error");
+    assert!(
+        finding.starts_with("nothing here speaks Corticode"),
+        "{finding}"
+    );
+    assert!(remedy.starts_with("corticode-bridge ports"), "{remedy}");
+    assert!(
+        checks_of_stranger
+            .iter()
+            .all(|check| check["check"] != "ROS master")
+    );
+    let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    std::thread::spawn(move || listener.incoming().for_each(drop));
+    let (code, checks_of_closing) = checks(&["--port", &port, "--sink", "ndjson"], &[]);
+    assert_eq!(code, Some(1));
+    let (finding, _) = found(&checks_of_closing, "device", "error");
+    assert!(finding.contains("opens and closes again"), "{finding}");
+    for absent in ["/dev/ttyNOBODY", "auto:NOBODY"] {
+        let (code, checks) = checks(&["--port", absent, "--sink", "ndjson"], &[]);
+        assert_eq!(code, Some(1));
+        let (_, remedy) = found(&checks, "port", "error");
+        assert!(remedy.starts_with("corticode-bridge ports"), "{remedy}");
+    }
+}

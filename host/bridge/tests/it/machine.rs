@@ -1,0 +1,259 @@
+//! The bridge on a simulated machine, whose boards are plugged in and out.
+
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+
+use link::SelfTest;
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::board::{Board, assert_has};
+use crate::device::Device;
+use crate::process::{Bridge, TIMEOUT};
+use crate::simulated_machine::{BOARD, Descriptor, SimulatedMachine};
+
+/// Replaces `/sys` and `/dev` by those of the folder `$1`, in a separate namespace, and runs the
+/// rest of the arguments. Pseudoterminals stay those of the real machine.
+const SCRIPT: &str = r#"
+mkdir -p "$1/dev/pts" && touch "$1/dev/null" \
+    && mount --bind /dev/null "$1/dev/null" && mount --rbind /dev/pts "$1/dev/pts" \
+    && mount --rbind "$1/dev" /dev && mount --rbind "$1/sys" /sys \
+    && shift && exec "$@"
+"#;
+
+/// Returns whether this user can create namespaces. If not, reports on stderr that the test is
+/// skipped, or fails if CORTICODE_REQUIRE_ROS is 1.
+fn namespaces(test: &str) -> bool {
+    let status = namespace().arg("true").stderr(Stdio::null()).status();
+    if status.is_ok_and(|status| status.success()) {
+        return true;
+    }
+    let required = std::env::var("CORTICODE_REQUIRE_ROS").is_ok_and(|value| value == "1");
+    assert!(
+        !required,
+        "{test} needs `unshare --user --mount`, and CORTICODE_REQUIRE_ROS is 1"
+    );
+    // Written to stderr directly, because the test harness captures `eprintln!`.
+    let line = format!("SKIPPED: {test}: this user may not run `unshare --user --mount`\n");
+    let _ = std::io::stderr().write_all(line.as_bytes());
+    false
+}
+
+fn namespace() -> Command {
+    let mut command = Command::new("unshare");
+    command.args(["--user", "--map-root-user", "--mount"]);
+    command
+}
+
+/// Prepares the bridge with these arguments on the machine.
+fn bridge_on(machine: &SimulatedMachine, arguments: &[&str]) -> Command {
+    let mut command = namespace();
+    command
+        .args(["sh", "-c", SCRIPT, "sh"])
+        .arg(machine.folder());
+    command
+        .arg(env!("CARGO_BIN_EXE_corticode-bridge"))
+        .args(arguments);
+    // Not the configuration of the user who runs the tests.
+    command
+        .env("CORTICODE_CONFIG", "/dev/null")
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    command
+}
+
+/// Plugs the board in; its pseudoterminal is the one to which `link` points.
+fn plug(machine: &SimulatedMachine, socket: u32, tty: &str, board: Descriptor<'_>, link: &Path) {
+    let deadline = Instant::now() + TIMEOUT;
+    let node = loop {
+        if let Ok(node) = std::fs::read_link(link) {
+            break node;
+        }
+        assert!(
+            Instant::now() < deadline,
+            "the board opens no pseudoterminal"
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    machine.plug(socket, tty, board, Some(&node));
+}
+
+#[test]
+fn auto_finds_the_board_again_at_another_port() {
+    if !namespaces("--port auto") {
+        return;
+    }
+    let machine = SimulatedMachine::new();
+    let folder = tempfile::tempdir().unwrap();
+    let link = folder.path().join("board");
+    let device = Device::pty(Board::new(), &link);
+    plug(&machine, 2, "ttyACM0", BOARD, &link);
+    let mut command = bridge_on(&machine, &["--sink", "ndjson"]);
+    let mut bridge = Bridge::spawn_command(command.process_group(0));
+    let lines = BufReader::new(bridge.stdout())
+        .lines()
+        .map_while(Result::ok);
+    let mut codes = lines.filter(|line| {
+        let line: Value = serde_json::from_str(line).unwrap();
+        line["topic"] == "/encoded"
+    });
+    assert!(codes.by_ref().take(5).count() == 5);
+    device.controls.unplugged.store(true, Relaxed);
+    machine.unplug(2, "ttyACM0");
+    device.controls.hang_up.store(true, Relaxed);
+    while device.controls.hang_up.load(Relaxed) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let other = Descriptor {
+        serial: "3B",
+        ..BOARD
+    };
+    machine.plug(3, "ttyACM0", other, None);
+    let made = device.controls.made.load(Relaxed);
+    device.controls.unplugged.store(false, Relaxed);
+    plug(&machine, 2, "ttyACM1", BOARD, &link);
+    let window = |line: &str| {
+        let line: Value = serde_json::from_str(line).unwrap();
+        line["message"]["tri"]["data"][1].as_u64().unwrap()
+    };
+    assert!(codes.any(|line| window(&line) > u64::from(made)));
+    bridge.signal(Signal::TERM);
+    codes.for_each(drop);
+    let log = bridge.success();
+    for tty in ["ttyACM0", "ttyACM1"] {
+        let opened = format!("/dev/{tty} (board {}) is open", BOARD.serial);
+        assert_eq!(log.matches(&opened).count(), 1, "{log}");
+    }
+}
+
+#[test]
+fn a_board_that_is_silent_is_named_with_its_port() {
+    if !namespaces("--port auto with a silent board") {
+        return;
+    }
+    let machine = SimulatedMachine::new();
+    let folder = tempfile::tempdir().unwrap();
+    let link = folder.path().join("board");
+    let device = Device::pty(Board::new(), &link);
+    plug(&machine, 2, "ttyACM0", BOARD, &link);
+    device.controls.stand_still.store(true, Relaxed);
+    let mut command = bridge_on(&machine, &["--port", "auto", "--sink", "ndjson"]);
+    let mut bridge = Bridge::spawn_command(command.process_group(0));
+    let stdout = bridge.stdout();
+    let reader = std::thread::spawn(move || std::io::read_to_string(stdout));
+    // A silence is logged after 5 s.
+    std::thread::sleep(Duration::from_secs(12));
+    let log = bridge.end(Signal::TERM);
+    let named = format!(
+        "speaks Corticode: /dev/ttyACM0 (board {}) sent",
+        BOARD.serial
+    );
+    assert!(log.contains(&named), "{log}");
+    reader.join().unwrap().unwrap();
+}
+
+#[test]
+fn selftest_reset_and_record_find_the_board_by_its_serial_number() {
+    if !namespaces("--port auto:SERIAL") {
+        return;
+    }
+    let machine = SimulatedMachine::new();
+    let folder = tempfile::tempdir().unwrap();
+    let link = folder.path().join("board");
+    let device = Device::pty(
+        Board {
+            restarts_on_reset: true,
+            self_test: Some(SelfTest::default()),
+            ..Board::new()
+        },
+        &link,
+    );
+    plug(&machine, 2, "ttyACM3", BOARD, &link);
+    let other = Descriptor {
+        serial: "3B",
+        ..BOARD
+    };
+    machine.plug(3, "ttyACM0", other, None);
+    // The device prints its serial number in small letters.
+    let auto = format!("auto:{}", BOARD.serial.to_lowercase());
+    for task in ["selftest", "reset"] {
+        let output = bridge_on(&machine, &[task, "--port", &auto])
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(text.contains("firmware test"), "{task}: {output:?}");
+    }
+    let file = folder.path().join("session.wire");
+    let file = file.to_str().unwrap();
+    let mut record = bridge_on(&machine, &["record", file, "--port", &auto]);
+    let record = Bridge::spawn_command(record.process_group(0));
+    let deadline = Instant::now() + TIMEOUT;
+    while device.controls.made.load(Relaxed) < 5 {
+        assert!(Instant::now() < deadline, "the board does not stream");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let log = record.end(Signal::TERM);
+    assert!(log.contains("/dev/ttyACM3 (board "), "{log}");
+}
+
+#[test]
+fn ports_and_selftest_see_the_boards_of_the_machine() {
+    if !namespaces("ports") {
+        return;
+    }
+    let machine = SimulatedMachine::new();
+    let run = |arguments: &[&str]| {
+        let output = bridge_on(&machine, arguments).output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (
+            output.status.code(),
+            text(output.stdout),
+            text(output.stderr),
+        )
+    };
+    let (code, _, log) = run(&["selftest", "--port", "auto"]);
+    assert_eq!(code, Some(3), "{log}");
+    assert_has(
+        &log,
+        [
+            "no Corticode board is on USB",
+            "corticode-bridge ports lists",
+        ],
+    );
+    machine.plug(2, "ttyACM0", BOARD, None);
+    machine.plug_ftdi(4, "ttyUSB0");
+    let (code, text, log) = run(&["ports"]);
+    assert_eq!(code, Some(0), "{log}");
+    println!("{text}");
+    let link = format!("/dev/corticode-{}", BOARD.serial);
+    assert_has(&text, [&link, "FT232R USB UART"]);
+    let (code, text, log) = run(&["ports", "--json"]);
+    assert_eq!(code, Some(0), "{log}");
+    let ports: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(ports[0]["path"], "/dev/ttyACM0");
+    assert_eq!(ports[0]["board"], "board");
+    assert_eq!(ports[1]["driver"], "ftdi_sio");
+    machine.plug(
+        3,
+        "ttyACM1",
+        Descriptor {
+            serial: "3B",
+            ..BOARD
+        },
+        None,
+    );
+    for arguments in [
+        &["selftest", "--port", "auto"][..],
+        &["--port", "auto", "--sink", "ndjson"],
+    ] {
+        let (code, _, log) = run(arguments);
+        assert_eq!(code, Some(2), "{log}");
+        let listed = format!("{} (/dev/ttyACM0), 3B (/dev/ttyACM1)", BOARD.serial);
+        assert!(log.contains(&listed), "{log}");
+    }
+}

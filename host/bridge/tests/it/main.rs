@@ -1,0 +1,35 @@
+//! Tests of the program `corticode-bridge`, between a simulated board and this project's ROS
+//! master.
+#![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
+
+mod abuse;
+mod backlog;
+#[path = "../../../bridge-core/tests/it/board.rs"]
+#[expect(dead_code, reason = "the tests of the core use more of it")]
+mod board;
+mod command_line;
+mod config;
+mod convert;
+mod device;
+mod doctor;
+mod graph;
+mod lines;
+mod machine;
+mod master;
+mod names;
+#[path = "../../../bridge-core/tests/it/packed_block.rs"]
+mod packed_block;
+#[path = "../../../capture/tests/it/packed_recording.rs"]
+#[expect(dead_code, reason = "the tests of the core use more of it")]
+mod packed_recording;
+mod process;
+mod query;
+mod record;
+mod replay;
+mod replug;
+#[path = "../../src/ports/simulated_machine.rs"]
+#[expect(dead_code, reason = "the tests of the crate use more of it")]
+mod simulated_machine;
+#[path = "../../../capture/tests/it/synthetic_recording.rs"]
+mod synthetic_recording;
+mod trouble;

@@ -1,0 +1,246 @@
+//! Names in the ROS graph: namespaces, several bridges on one master, and other publishers of the
+//! bridge's topics.
+
+use neuro_ros::ros1::xmlrpc::{Value, call_ros};
+use neuro_ros::ros1::{Node, PublisherOptions, Subscriber};
+use neuro_ros::{
+    DiagnosticArray, DiagnosticLevel, DiagnosticStatus, EMPTY, GET_ACQUISITION_INFO,
+    GET_INFO_SERVICE, Log, NeuroFrame, RosMessage, Wire,
+};
+use rustix::process::Signal;
+use tokio::time::timeout;
+
+use crate::board::{Board, assert_has};
+use crate::device::Device;
+use crate::graph::{announcement, ended, frame, master, node, registered, subscribe, until};
+use crate::process::{Bridge, TIMEOUT};
+
+const QUEUE: PublisherOptions = PublisherOptions {
+    queue: 8,
+    latch: false,
+};
+
+async fn diagnostics(node: &Node) -> Subscriber {
+    let type_ = DiagnosticArray::TYPE;
+    node.subscribe("/diagnostics", type_, 64).await.unwrap()
+}
+
+/// Waits for a report that contains a status for which `wanted` holds, and returns the status.
+async fn status(
+    reports: &mut Subscriber,
+    wanted: impl Fn(&DiagnosticStatus) -> bool,
+) -> DiagnosticStatus {
+    let found = async {
+        loop {
+            let report = reports.recv().await.unwrap();
+            let report = DiagnosticArray::from_bytes(&report).unwrap();
+            if let Some(status) = report.status.into_iter().find(&wanted) {
+                return status;
+            }
+        }
+    };
+    timeout(TIMEOUT, found).await.expect("the status")
+}
+
+async fn publishers(node: &Node, topic: &str) -> Vec<String> {
+    let state = node.system_state().await.unwrap();
+    state.publishers(topic).to_vec()
+}
+
+async fn end(bridge: Bridge) -> String {
+    bridge.signal(Signal::TERM);
+    ended(bridge).await
+}
+
+#[tokio::test]
+async fn frames_are_not_published_beside_another_publisher_until_that_one_is_gone() {
+    let master = master().await;
+    let filter = node("filterchain", master.uri()).await;
+    let type_ = NeuroFrame::TYPE;
+    let other = filter.advertise("/encoded", type_, QUEUE).await.unwrap();
+    let mut reports = diagnostics(&filter).await;
+    let device = Device::tcp(Board::new());
+    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
+    let outlets = status(&mut reports, |status| {
+        status.name.ends_with("outlets") && status.level == DiagnosticLevel::Error
+    })
+    .await;
+    assert_eq!(
+        outlets.message,
+        "/encoded is not published beside /filterchain"
+    );
+    assert_eq!(publishers(&filter, "/encoded").await, ["/filterchain"]);
+    let reconstructed = publishers(&filter, "/neurodata_reconstructed").await;
+    assert_eq!(reconstructed, ["/acquisition"]);
+    drop(other);
+    let mut encoded = filter.subscribe("/encoded", type_, 64).await.unwrap();
+    frame(&mut encoded).await;
+    // A publisher that comes later ends the bridge's publication.
+    let _other = filter.advertise("/encoded", type_, QUEUE).await.unwrap();
+    until("the end of the publication", async || {
+        publishers(&filter, "/encoded").await == ["/filterchain"]
+    })
+    .await;
+    let log = end(bridge).await;
+    let refusal = "/encoded is not published, because /filterchain publishes it too";
+    assert_eq!(log.matches(refusal).count(), 2, "{log}");
+    assert!(log.contains("/encoded is published again"), "{log}");
+}
+
+#[tokio::test]
+async fn bridges_with_other_prefixes_and_namespaces_share_no_name_but_diagnostics() {
+    let master = master().await;
+    let (left, right) = (Device::tcp(Board::new()), Device::tcp(Board::new()));
+    let uri = ["--ros-master-uri", master.uri(), "--port"];
+    let prefixed = [&uri[..], &[&left.port, "--topic-prefix", "/left"]].concat();
+    let spaced = [&uri[..], &[&right.port, "__ns:=/right"]].concat();
+    let bridges = [Bridge::start(&prefixed), Bridge::start(&spaced)];
+    let node = node("recorder", master.uri()).await;
+    let mut reports = diagnostics(&node).await;
+    for side in ["/left", "/right"] {
+        announcement(&node, &format!("{side}/acquisition/get_info")).await;
+        let name = format!("{side}/encoded");
+        let mut encoded = subscribe(&node, &name).await;
+        frame(&mut encoded).await;
+        let bus = publishers(&node, &format!("{side}/events/bus")).await;
+        assert_eq!(bus, [format!("{side}/acquisition")]);
+        let link = format!("corticode {side}: link");
+        status(&mut reports, |status| status.name == link).await;
+    }
+    assert!(!registered(master.uri()).await);
+    assert!(publishers(&node, "/events/bus").await.is_empty());
+    let stop = "/left/acquisition/stop";
+    node.call(stop, &EMPTY, &[]).await.unwrap();
+    for bridge in bridges {
+        let log = end(bridge).await;
+        assert_eq!(
+            log.contains("~stop was called"),
+            log.contains("/left/"),
+            "{log}"
+        );
+    }
+}
+
+#[tokio::test]
+async fn get_info_fails_until_a_device_came_and_returns_when_another_bridge_leaves() {
+    let master = master().await;
+    let device = Device::tcp(Board::new());
+    let uri = ["--ros-master-uri", master.uri(), "--port"];
+    let first = Bridge::start(&[&uri[..], &[&device.port]].concat());
+    let node = node("recorder", master.uri()).await;
+    let announced = announcement(&node, GET_INFO_SERVICE).await;
+    let absent = ["tcp:127.0.0.1:1", "__name:=other", "--topic-prefix", ""];
+    let second = Bridge::start(&[&uri[..], &absent].concat());
+    let mut failure = String::new();
+    until("the service of the other bridge", async || {
+        let answer = node.call(GET_INFO_SERVICE, &GET_ACQUISITION_INFO, &[]);
+        failure = answer
+            .await
+            .map_or_else(|error| error.to_string(), |_| String::new());
+        failure.contains("no device has introduced itself yet")
+    })
+    .await;
+    end(second).await;
+    let again = announcement(&node, GET_INFO_SERVICE).await;
+    assert_eq!(again, announced);
+    end(first).await;
+}
+
+#[tokio::test]
+async fn the_status_outlets_shows_how_far_each_subscriber_is_behind() {
+    let master = master().await;
+    let device = Device::tcp(Board::new());
+    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
+    let node = node("recorder", master.uri()).await;
+    let mut encoded = subscribe(&node, "/encoded").await;
+    frame(&mut encoded).await;
+    let mut reports = diagnostics(&node).await;
+    let key = "messages behind: /recorder on /encoded";
+    let outlets = status(&mut reports, |status| {
+        status.values.iter().any(|value| value.key == key)
+    })
+    .await;
+    assert_eq!(outlets.name, "corticode: outlets");
+    let lag = outlets
+        .values
+        .iter()
+        .find(|value| value.key == key)
+        .unwrap();
+    assert!(lag.value.parse::<u32>().unwrap() < 50, "{lag:?}");
+    end(bridge).await;
+}
+
+#[tokio::test]
+async fn flags_override_the_environment_which_overrides_the_parameter_server() {
+    let master = master().await;
+    let device = Device::tcp(Board::new());
+    let set = async |name: &str, value: Value| {
+        let arguments = [
+            Value::from("/test"),
+            format!("/acquisition/{name}").into(),
+            value,
+        ];
+        let set = call_ros(master.uri(), "setParam", &arguments).await;
+        set.unwrap();
+    };
+    set("port", device.port.as_str().into()).await;
+    set("streams", Value::from(["codes", "raw", "filtered"])).await;
+    set("announce", "raw".into()).await;
+    set("event_stamps", "nonsense".into()).await;
+    let bridge = Bridge::start_with(
+        &["--ros-master-uri", master.uri(), "_event_stamps:=scalp"],
+        &[("CORTICODE_ANNOUNCE", "filtered")],
+    );
+    let node = node("recorder", master.uri()).await;
+    let announced = announcement(&node, GET_INFO_SERVICE).await;
+    assert_eq!(
+        (announced.frame().sr, announced.frame().eeg.info.nsamples),
+        (128, 8)
+    );
+    assert_eq!(publishers(&node, "/neurodata").await, ["/acquisition"]);
+    end(bridge).await;
+
+    set("plugin", "eegdev".into()).await;
+    let bridge = Bridge::start(&["--ros-master-uri", master.uri()]);
+    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
+    assert_eq!(status.code(), Some(2), "{log}");
+    assert_has(
+        &log,
+        [
+            "rosparam delete /acquisition/plugin",
+            "known are port, baud, sink",
+        ],
+    );
+}
+
+#[tokio::test]
+async fn the_log_is_on_rosout_from_the_first_line() {
+    let master = master().await;
+    let node = node("rosout", master.uri()).await;
+    let mut lines = node.subscribe("/rosout", Log::TYPE, 64).await.unwrap();
+    let device = Device::tcp(Board::new());
+    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
+    let mut next = async || {
+        let line = timeout(TIMEOUT, lines.recv()).await.unwrap().unwrap();
+        Log::from_bytes(&line).unwrap()
+    };
+    let first = next().await;
+    assert_eq!(
+        (first.name.as_str(), first.level),
+        ("/acquisition", Log::INFO)
+    );
+    assert!(first.msg.starts_with("node /acquisition at"), "{first:?}");
+    while !next().await.msg.starts_with("streaming codes") {}
+    device
+        .controls
+        .hang_up
+        .store(true, std::sync::atomic::Ordering::Relaxed);
+    loop {
+        let line = next().await;
+        if line.msg.contains("was lost") {
+            assert_eq!(line.level, Log::WARN);
+            break;
+        }
+    }
+    end(bridge).await;
+}

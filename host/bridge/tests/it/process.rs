@@ -1,0 +1,142 @@
+//! The bridge as a child process of a test.
+
+use std::io::Read;
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+/// Timeout of every wait in a test, sufficient for a busy machine.
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
+
+/// A running bridge process, which is killed when this value is dropped.
+pub(crate) struct Bridge {
+    child: Child,
+}
+
+impl Bridge {
+    pub(crate) fn start(arguments: &[&str]) -> Bridge {
+        Bridge::start_with(arguments, &[])
+    }
+
+    /// Starts the bridge with additional environment variables.
+    pub(crate) fn start_with(arguments: &[&str], variables: &[(&str, &str)]) -> Bridge {
+        Bridge::spawn(arguments, variables, Stdio::piped())
+    }
+
+    fn spawn(arguments: &[&str], variables: &[(&str, &str)], stdout: Stdio) -> Bridge {
+        Bridge::spawn_command(&mut Bridge::command(arguments, variables, stdout))
+    }
+
+    /// Starts a command that runs the bridge.
+    pub(crate) fn spawn_command(command: &mut Command) -> Bridge {
+        Bridge {
+            child: command.spawn().unwrap(),
+        }
+    }
+
+    fn command(arguments: &[&str], variables: &[(&str, &str)], stdout: Stdio) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_corticode-bridge"));
+        for variable in [
+            "ROS_MASTER_URI",
+            "ROS_NAMESPACE",
+            "ROS_HOSTNAME",
+            "RUST_LOG",
+        ] {
+            command.env_remove(variable);
+        }
+        command.env("ROS_IP", "127.0.0.1").args(arguments);
+        // Not the configuration of the user who runs the tests.
+        command.env("CORTICODE_CONFIG", "/dev/null");
+        command.envs(variables.iter().copied());
+        command
+            .stdin(Stdio::null())
+            .stdout(stdout)
+            .stderr(Stdio::piped());
+        command
+    }
+
+    /// Starts the bridge with the configuration of a user. `home` is the variable that names the
+    /// user's folder.
+    pub(crate) fn start_in_home(arguments: &[&str], home: (&str, &str)) -> Bridge {
+        let mut command = Bridge::command(arguments, &[home], Stdio::piped());
+        Bridge::spawn_command(command.env_remove("CORTICODE_CONFIG"))
+    }
+
+    /// Starts the bridge with its output in a file.
+    pub(crate) fn start_into(file: std::fs::File, arguments: &[&str]) -> Bridge {
+        Bridge::spawn(arguments, &[], file.into())
+    }
+
+    pub(crate) fn stdout(&mut self) -> std::process::ChildStdout {
+        self.child.stdout.take().unwrap()
+    }
+
+    pub(crate) fn pid(&self) -> u32 {
+        self.child.id()
+    }
+
+    pub(crate) fn signal(&self, signal: Signal) {
+        let pid = Pid::from_raw(i32::try_from(self.child.id()).unwrap()).unwrap();
+        kill_process(pid, signal).unwrap();
+    }
+
+    /// Waits until the bridge exits. Returns the exit status and its output on stderr.
+    pub(crate) fn wait(mut self) -> (ExitStatus, String) {
+        let deadline = Instant::now() + TIMEOUT;
+        let status = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status;
+            }
+            assert!(Instant::now() < deadline, "the bridge does not end");
+            std::thread::sleep(Duration::from_millis(10));
+        };
+        let mut text = String::new();
+        self.child
+            .stderr
+            .take()
+            .unwrap()
+            .read_to_string(&mut text)
+            .unwrap();
+        (status, text)
+    }
+
+    /// Waits until the bridge exits with status 0. Returns its output on stderr.
+    #[track_caller]
+    pub(crate) fn success(self) -> String {
+        self.failure(0)
+    }
+
+    /// Waits until the bridge exits with this status. Returns its output on stderr.
+    #[track_caller]
+    pub(crate) fn failure(self, status: i32) -> String {
+        let (ended, log) = self.wait();
+        assert_eq!(ended.code(), Some(status), "{log}");
+        log
+    }
+
+    /// Sends a signal, after which the bridge must exit with status 0. Returns its output on
+    /// stderr.
+    #[track_caller]
+    pub(crate) fn end(self, signal: Signal) -> String {
+        self.signal(signal);
+        self.success()
+    }
+}
+
+impl Drop for Bridge {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Waits until the file has at least `bytes` bytes.
+pub(crate) fn wait_for_bytes(path: &Path, bytes: u64) {
+    let deadline = Instant::now() + TIMEOUT;
+    while std::fs::metadata(path).map_or(0, |file| file.len()) < bytes {
+        assert!(Instant::now() < deadline, "nothing is recorded");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}

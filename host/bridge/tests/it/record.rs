@@ -1,0 +1,206 @@
+//! The subcommand `record`: files of a killed program, a full disk, an existing file.
+
+use std::fs::File;
+use std::io::Read;
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Duration;
+
+use capture::{LeftOut, RecordKind, RecordingReader};
+use link::{Decoder, MAX_FRAME, Streams, ToDevice, ToHost};
+use rustix::process::Signal;
+
+use crate::board::{Board, assert_has};
+use crate::device::Device;
+use crate::process::{Bridge, wait_for_bytes};
+
+/// Content of a recording that the tests need.
+#[derive(Debug, Default)]
+struct Content {
+    windows: Vec<u32>,
+    events: u32,
+    kinds: Vec<RecordKind>,
+    left_out: LeftOut,
+}
+
+/// Reads a recording, every received frame of which must be intact.
+fn read(path: &Path) -> Content {
+    let mut content = Content::default();
+    let mut reader = RecordingReader::new(File::open(path).unwrap()).unwrap();
+    let mut decoder = Decoder::<MAX_FRAME>::new();
+    while let Some(record) = reader.next_record().unwrap() {
+        content.kinds.push(record.kind);
+        if record.kind != RecordKind::Received {
+            continue;
+        }
+        let mut bytes = record.payload;
+        let frame = decoder.next::<ToHost>(&mut bytes).unwrap();
+        assert!(bytes.is_empty(), "one record holds one frame");
+        match frame.unwrap().message {
+            ToHost::Code(code) => content.windows.push(code.window),
+            ToHost::Event(_) => content.events += 1,
+            _ => {}
+        }
+    }
+    content.left_out = reader.left_out();
+    content
+}
+
+fn start(device: &Device, path: &Path) -> Bridge {
+    Bridge::start(&["record", path.to_str().unwrap(), "--port", &device.port])
+}
+
+#[test]
+fn a_recording_holds_every_code_and_ends_with_a_summary() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording");
+    let device = Device::tcp(Board::new());
+    let arguments = ["--packed-rate=3", "--port", &device.port];
+    let bridge = Bridge::start(&[&["record", path.to_str().unwrap()], &arguments[..]].concat());
+    wait_for_bytes(&path, 20_000);
+    let log = bridge.end(Signal::INT);
+    let made = device.controls.made.load(Relaxed);
+    assert_has(
+        &log,
+        [
+            &format!("received {made} lost 0"),
+            "--packed-rate has no effect",
+        ],
+    );
+    let content = read(&path);
+    assert!(content.windows.iter().copied().eq(0..made), "{content:?}");
+    assert_eq!(content.events, made / 10);
+    assert_eq!(content.left_out, LeftOut::default());
+    assert_eq!(content.kinds[0], RecordKind::Opened);
+    assert!(content.kinds.contains(&RecordKind::Ending));
+}
+
+#[test]
+fn a_recording_that_was_killed_is_readable_to_its_last_whole_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut codes = 0;
+    for round in 0..100_u64 {
+        let path = folder.path().join(format!("recording-{round}"));
+        let device = Device::tcp(Board::new());
+        let bridge = start(&device, &path);
+        // The header alone is there at once; the delays after it differ from round to round.
+        wait_for_bytes(&path, 28);
+        std::thread::sleep(Duration::from_micros(round * 7_919 % 150_000));
+        bridge.signal(Signal::KILL);
+        bridge.wait();
+        let content = read(&path);
+        assert_eq!(content.left_out.within, 0);
+        let recorded = u32::try_from(content.windows.len()).unwrap();
+        assert!(
+            content.windows.iter().copied().eq(0..recorded),
+            "{content:?}"
+        );
+        codes += recorded;
+    }
+    assert!(codes > 100, "only {codes} codes in 100 rounds");
+}
+
+#[test]
+fn an_existing_file_is_refused_and_not_touched() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording");
+    std::fs::write(&path, "mine").unwrap();
+    let file = path.to_str().unwrap();
+    let log = Bridge::start(&["record", file, "--port", "tcp:127.0.0.1:1"]).failure(2);
+    assert_has(&log, ["exists already", "--force"]);
+    assert_eq!(std::fs::read(&path).unwrap(), b"mine");
+    let nowhere = folder.path().join("no/recording");
+    let file = nowhere.to_str().unwrap();
+    let log = Bridge::start(&["record", file, "--port", "tcp:127.0.0.1:1"]).failure(2);
+    assert!(log.contains("cannot be created"), "{log}");
+}
+
+#[test]
+fn force_replaces_a_file_and_a_killed_recording_has_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording");
+    std::fs::write(&path, [0xff; 1000]).unwrap();
+    let device = Device::tcp(Board::new());
+    let file = path.to_str().unwrap();
+    let bridge = Bridge::start(&["record", file, "--force", "--port", &device.port]);
+    wait_for_bytes(&path, 20_000);
+    bridge.signal(Signal::KILL);
+    bridge.wait();
+    let content = read(&path);
+    assert!(content.windows.len() > 10, "{content:?}");
+    assert_eq!(content.left_out.within, 0);
+}
+
+#[test]
+fn a_full_disk_ends_the_recording_and_keeps_what_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording");
+    let device = Device::tcp(Board::new());
+    // A limit of the file's size simulates a full disk: 32 blocks of 512 or 1024 bytes. Without
+    // the trap the kernel would end the program by a signal.
+    let script = "trap '' XFSZ; ulimit -f 32; exec \"$@\"";
+    let mut child = Command::new("sh")
+        .args(["-c", script, "sh", env!("CARGO_BIN_EXE_corticode-bridge")])
+        .args(["record", path.to_str().unwrap(), "--port", &device.port])
+        .stdin(Stdio::null())
+        .stderr(Stdio::piped())
+        .process_group(0)
+        .spawn()
+        .unwrap();
+    let status = child.wait().unwrap();
+    let mut log = String::new();
+    child.stderr.unwrap().read_to_string(&mut log).unwrap();
+    assert_eq!(status.code(), Some(1), "{log}");
+    assert_has(&log, ["cannot be written any further", "File too large"]);
+    let content = read(&path);
+    let length = std::fs::metadata(&path).unwrap().len();
+    assert!(length.is_multiple_of(512) && length >= 16_384, "{length}");
+    assert!(content.left_out.at_end < 2_100, "{content:?}");
+    assert!(content.windows.len() > 40, "{content:?}");
+}
+
+#[test]
+fn packed_blocks_have_the_models_rate_unless_the_device_has_another_model() {
+    for (model_id, rates) in [(Board::new().model_id, vec![4]), ([9; 8], vec![])] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("recording");
+        let device = Device::tcp(Board {
+            model_id,
+            rate: 9,
+            ..Board::new()
+        });
+        let file = path.to_str().unwrap();
+        let arguments = ["record", file, "--streams=packed", "--port", &device.port];
+        let recorder = Bridge::start(&arguments);
+        wait_for_bytes(&path, 20_000);
+        let log = recorder.end(Signal::TERM);
+        let received = device.received();
+        let set = received.iter().filter_map(|command| match command {
+            ToDevice::SetRate { rate } => Some(*rate),
+            _ => None,
+        });
+        assert_eq!(set.collect::<Vec<_>>(), rates, "{log}");
+        // The first start already has it.
+        let start = |command: &ToDevice| matches!(command, ToDevice::Start(start) if start.streams == Streams::PACKED);
+        let start = received.iter().position(start).unwrap();
+        assert_eq!(received[..start].len(), 2 + rates.len(), "{received:?}");
+    }
+}
+
+#[test]
+fn a_device_that_refuses_the_models_rate_is_no_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording");
+    let mut board = Board::new();
+    board.supported = Streams::ALL.without(Streams::PACKED);
+    let device = Device::tcp(board);
+    let file = path.to_str().unwrap();
+    let arguments = ["record", file, "--streams=packed", "--port", &device.port];
+    let recorder = Bridge::start(&arguments);
+    wait_for_bytes(&path, 20_000);
+    let log = recorder.end(Signal::TERM);
+    let line = log.lines().find(|line| line.contains("refuses the rate 4"));
+    assert!(line.unwrap().contains("INFO"), "{log}");
+}

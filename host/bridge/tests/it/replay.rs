@@ -1,0 +1,164 @@
+//! The subcommand `replay`: a bridge at a replay publishes the codes of the recording.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor};
+use std::path::Path;
+use std::time::Duration;
+
+use capture::{Pace, RecordingReader, Replayer};
+use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice, ToHost};
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::board::Board;
+use crate::device::Device;
+use crate::process::{Bridge, wait_for_bytes};
+use crate::synthetic_recording::Rig;
+
+/// Returns the levels of all codes in a recording whose boards have scale 0.5 and zero point 1.
+fn recorded_codes(path: &Path) -> Vec<Vec<f64>> {
+    let mut reader = RecordingReader::new(File::open(path).unwrap()).unwrap();
+    let mut decoder = Decoder::<MAX_FRAME>::new();
+    let mut codes = Vec::new();
+    while let Some(record) = reader.next_record().unwrap() {
+        if record.kind != capture::RecordKind::Received {
+            continue;
+        }
+        let mut bytes = record.payload;
+        if let Some(Ok(frame)) = decoder.next::<ToHost>(&mut bytes)
+            && let ToHost::Code(code) = frame.message
+        {
+            let levels = code.values.levels();
+            codes.push(levels.map(|level| f64::from(level - 1) * 0.5).collect());
+        }
+    }
+    codes
+}
+
+/// Plays a recording to a bridge and returns the codes that the bridge published, without fillers.
+fn replayed_codes(arguments: &[&str], port: &str, streams: &str) -> (Vec<Vec<f64>>, String) {
+    let replay = Bridge::start(&[&["replay"], arguments].concat());
+    let arguments = ["--port", port, "--sink", "ndjson", "--streams", streams];
+    let mut bridge = Bridge::start(&arguments);
+    let lines = BufReader::new(bridge.stdout()).lines();
+    let reader = std::thread::spawn(move || {
+        let mut codes = Vec::new();
+        for line in lines {
+            let line: Value = serde_json::from_str(&line.unwrap()).unwrap();
+            let message = &line["message"];
+            let is_code = line["topic"] == "/encoded";
+            if is_code && message["tri"]["data"][0].as_u64().unwrap() < 32_768 {
+                let values = message["eeg"]["data"].as_array().unwrap();
+                codes.push(values.iter().map(|value| value.as_f64().unwrap()).collect());
+            }
+        }
+        codes
+    });
+    let log = replay.success();
+    std::thread::sleep(Duration::from_millis(500));
+    bridge.signal(Signal::INT);
+    let (_, bridge_log) = bridge.wait();
+    (reader.join().unwrap(), log + &bridge_log)
+}
+
+#[test]
+fn a_bridge_at_a_terminal_gets_every_recorded_code_in_real_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording");
+    let file = path.to_str().unwrap();
+    let device = Device::tcp(Board::new());
+    let recorder = Bridge::start(&["record", file, "--port", &device.port]);
+    wait_for_bytes(&path, 20_000);
+    recorder.signal(Signal::TERM);
+    assert!(recorder.wait().0.success());
+    let port = folder.path().join("board");
+    let output = format!("pty:{}", port.display());
+    let recorded = recorded_codes(&path);
+    let arguments = [file, "--output", &output];
+    let (codes, log) = replayed_codes(&arguments, port.to_str().unwrap(), "codes,audit,events");
+    assert_eq!(codes, recorded, "{log}");
+    assert!(recorded.len() > 50 && log.contains("lost 0 ("), "{log}");
+    assert!(!port.exists(), "the link is removed at the end");
+}
+
+#[test]
+fn a_restart_and_losses_of_the_recording_reach_the_bridge() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording");
+    let mut rig = Rig::new(5);
+    rig.run(60, 7);
+    rig.restart(1_700_000);
+    rig.run(60, 7);
+    std::fs::write(&path, rig.finish()).unwrap();
+    let recorded = recorded_codes(&path);
+    assert!(recorded.len() < 120, "no code was lost");
+    // A free port: the listener is gone when the replay opens it.
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    drop(listener);
+    let arguments = [path.to_str().unwrap(), "--fast", "--output", &port];
+    for streams in ["codes,raw,filtered,events", "codes"] {
+        let (codes, log) = replayed_codes(&arguments, &port, streams);
+        assert_eq!(codes, recorded, "{log}");
+        assert!(log.contains("resets 1"), "{log}");
+    }
+}
+
+#[test]
+fn what_cannot_be_replayed_is_status_2_with_advice() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("file");
+    std::fs::write(&path, Rig::new(0).finish()).unwrap();
+    let file = path.to_str().unwrap();
+    let taken = format!("pty:{file}");
+    let link = folder.path().join("link");
+    std::os::unix::fs::symlink(&path, &link).unwrap();
+    let linked = format!("pty:{}", link.display());
+    for (arguments, expected) in [
+        (
+            ["replay", "/etc/hostname", "--output", &taken],
+            "is not a recording",
+        ),
+        (
+            ["replay", file, "--output", &taken],
+            "cannot be made a port",
+        ),
+        (
+            ["replay", file, "--output", &linked],
+            "cannot be made a port",
+        ),
+        (
+            ["replay", file, "--output", "tcp:192.0.2.1:5"],
+            "with a free port",
+        ),
+    ] {
+        let log = Bridge::start(&arguments).failure(2);
+        assert!(log.contains(expected), "{log}");
+    }
+}
+
+#[test]
+fn a_host_that_asks_for_no_codes_gets_none() {
+    let mut rig = Rig::new(0);
+    rig.run(20, 7);
+    let mut replayer = Replayer::new(Cursor::new(rig.finish()), Pace::Fast).unwrap();
+    let start = ToDevice::Start(Start {
+        streams: Streams::FILTERED,
+        mains_hz: 0,
+    });
+    let mut buffer = [0; MAX_FRAME];
+    let bytes = Encoder::starting_at(0).encode(0, &start, &mut buffer);
+    replayer.receive(bytes.unwrap()).unwrap();
+    let mut bytes = Vec::new();
+    while !replayer.is_finished() {
+        replayer.play(1_000).unwrap();
+        bytes.extend(replayer.take());
+    }
+    let (mut bytes, mut decoder) = (&bytes[..], Decoder::<MAX_FRAME>::new());
+    let (mut codes, mut filtered) = (0, 0);
+    while let Some(Ok(frame)) = decoder.next::<ToHost>(&mut bytes) {
+        codes += u32::from(matches!(frame.message, ToHost::Code(_)));
+        filtered += u32::from(matches!(frame.message, ToHost::Filtered(_)));
+    }
+    assert_eq!((codes, filtered), (0, 40));
+}

@@ -1,0 +1,328 @@
+//! Conversion of recordings to files of samples and events.
+//!
+//! ```text
+//! records ──► Playback: Core ──► Collector ──blocks, events──► Survey (first pass): times, counts
+//!                                                         └──► StreamFiles (second pass): rows
+//! ```
+//!
+//! A recording is played twice. An event can arrive after its sample, so the first pass finds the
+//! sample of each event, and the second one writes.
+
+pub(crate) mod block;
+pub(crate) mod collector;
+pub(crate) mod csv;
+pub(crate) mod gdf;
+pub(crate) mod npz;
+pub(crate) mod playback;
+pub(crate) mod survey;
+
+use std::fmt;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use bridge_core::{Choice, EventStamps, Model, Settings, Summary};
+use new_file::{Existing, NewFile, NewFileError};
+use thiserror::Error;
+use tracing::subscriber::NoSubscriber;
+
+use crate::conversion::block::{RowWriter, Rows, Stream, StreamFile};
+use crate::conversion::collector::Listener;
+use crate::conversion::csv::CsvWriter;
+use crate::conversion::gdf::{BdfRows, GdfRows};
+use crate::conversion::npz::NpzRows;
+use crate::conversion::playback::Playback;
+use crate::conversion::survey::Survey;
+use crate::recording::reader::{LeftOut, RecordingReader};
+use crate::recording::{FileHeader, RecordingError};
+
+/// A recording to convert, and the files to write.
+#[derive(Clone, Debug)]
+pub struct Conversion {
+    /// Recording to read.
+    pub file: PathBuf,
+    /// Format of the files to write. Their names are those of the recording, the stream and the
+    /// format.
+    pub to: FileFormat,
+    /// Whether files that exist are replaced.
+    pub force: bool,
+}
+
+/// Reason why a recording cannot be converted.
+#[derive(Debug, Error)]
+pub enum ConvertError {
+    /// The file to read is not a usable recording.
+    #[error("{path} cannot be used as a recording")]
+    Recording {
+        /// Path of the file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: RecordingError,
+    },
+    /// A file cannot be written.
+    #[error(transparent)]
+    NewFile(#[from] NewFileError),
+}
+
+/// Format of the files that `convert` writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileFormat {
+    /// GDF 2.20: float32, and the events in a table.
+    Gdf,
+    /// BDF+: 24 bits, and the events as annotations.
+    Bdf,
+    /// Comma-separated values with a header line.
+    Csv,
+    /// Arrays for numpy.
+    Npz,
+}
+
+impl FileFormat {
+    /// Ending of the names of files.
+    pub fn extension(self) -> &'static str {
+        let named = FileFormat::CHOICES.iter();
+        let name = named.filter(|(_, _, format)| *format == self);
+        name.map(|(name, _, _)| *name).next().unwrap_or_default()
+    }
+}
+
+impl Choice for FileFormat {
+    const CHOICES: &'static [(&'static str, &'static str, Self)] = &[
+        (
+            "gdf",
+            "GDF 2.20: float32, and the events in a table",
+            FileFormat::Gdf,
+        ),
+        (
+            "bdf",
+            "BDF+: 24 bits, and the events as annotations",
+            FileFormat::Bdf,
+        ),
+        (
+            "csv",
+            "Comma-separated values with a header line",
+            FileFormat::Csv,
+        ),
+        ("npz", "Arrays for numpy", FileFormat::Npz),
+    ];
+}
+
+/// Files that a conversion wrote, and counts of what it left out; prints as lines.
+#[derive(Debug)]
+pub struct ConvertSummary {
+    files: Vec<(PathBuf, u64)>,
+    events: usize,
+    left_out: LeftOut,
+    /// Number of missing rows for which there are no fillers.
+    unfilled: u64,
+    core: Summary,
+}
+
+impl fmt::Display for ConvertSummary {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (path, rows) in &self.files {
+            writeln!(formatter, "{}: {rows} rows", path.display())?;
+        }
+        write!(formatter, "events: {}; {}", self.events, self.core)?;
+        let LeftOut { within, at_end } = self.left_out;
+        if at_end > 0 {
+            write!(
+                formatter,
+                "\nthe recording was not ended: its last {at_end} bytes are no whole record and \
+                 were left out"
+            )?;
+        }
+        if self.unfilled > 0 {
+            write!(
+                formatter,
+                "\n{} missing rows are not filled: more is missing than a day or the time of the \
+                 recording",
+                self.unfilled
+            )?;
+        }
+        if within > 0 {
+            write!(
+                formatter,
+                "\nthe recording is damaged: {within} bytes between whole records were left out"
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// Converts a recording. `progress` wraps the file of each of the two passes, to show how far it is
+/// read; it gets the name of the pass.
+///
+/// # Errors
+///
+/// [`ConvertError`] if the recording cannot be read, or a file cannot be written.
+pub fn convert<R: Read>(
+    options: &Conversion,
+    model: Arc<Model>,
+    progress: impl Fn(File, &'static str) -> R,
+) -> Result<ConvertSummary, ConvertError> {
+    let input = Input {
+        path: &options.file,
+        model,
+        progress,
+    };
+    // The log is that of the second pass.
+    let silent = NoSubscriber::default();
+    let survey = tracing::subscriber::with_default(silent, || {
+        input.play(Survey::default(), "looking for events", |_| Ok(()))
+    });
+    let (survey, left_out) = survey?;
+    let mut core = survey.summary();
+    let unfilled = survey.collector.unfilled;
+    let objection = survey.objection().map(str::to_owned);
+    let survey = survey.collector.listener;
+    let outputs = outputs(options, &survey, objection)?;
+    let mut rows = Rows::default();
+    let mut files = Vec::new();
+    let mut new_files = Vec::new();
+    for (stream, path) in &outputs {
+        let file = options.create(path)?;
+        let handle = file.handle();
+        let writer = handle.and_then(|handle| writer(options.to, handle, &survey, *stream));
+        rows.writers[*stream as usize] = writer.map_err(|source| failed(path, source))?;
+        new_files.push(file);
+        files.push((path.clone(), survey.streams[*stream as usize].rows));
+    }
+    let path_of = |number: usize| {
+        let mut named = outputs.iter();
+        let found = named.find(|(stream, _)| *stream as usize == number);
+        found.map_or(options.file.as_path(), |(_, path)| path.as_path())
+    };
+    let (played, _) = input.play(rows, "writing", |rows| match rows.failed.take() {
+        Some((stream, source)) => Err(failed(path_of(stream), source)),
+        None => Ok(()),
+    })?;
+    core.decoder.malformed = played.collector.malformed();
+    let writers = played.collector.listener.writers.into_iter().enumerate();
+    for (number, writer) in writers {
+        if let Some(writer) = writer {
+            let finished = writer.finish();
+            finished.map_err(|source| failed(path_of(number), source))?;
+        }
+    }
+    for file in new_files {
+        file.finish()?;
+    }
+    Ok(ConvertSummary {
+        files,
+        events: survey.events.len(),
+        left_out,
+        unfilled,
+        core,
+    })
+}
+
+fn failed(path: &Path, source: std::io::Error) -> ConvertError {
+    let path = path.to_owned();
+    NewFileError::Write { path, source }.into()
+}
+
+impl Conversion {
+    /// Creates an output file, which must not be the recording.
+    fn create(&self, path: &Path) -> Result<NewFile, NewFileError> {
+        let inputs = [self.file.clone()];
+        NewFile::create(path, Existing::from_force(self.force), &inputs)
+    }
+}
+
+/// Returns the names of the files to write: one for each stream of the recording. `objection` is
+/// the core's.
+fn outputs(
+    options: &Conversion,
+    survey: &Survey,
+    objection: Option<String>,
+) -> Result<Vec<(Stream, PathBuf)>, ConvertError> {
+    let present = |stream: &Stream| survey.streams[*stream as usize].rows > 0;
+    let outputs = Stream::ALL.into_iter().filter(present).map(|stream| {
+        let name = format!("{}.{}", stream.name(), options.to.extension());
+        (stream, options.file.with_extension(name))
+    });
+    let outputs: Vec<_> = outputs.collect();
+    if outputs.is_empty() {
+        let path = options.file.clone();
+        let source = match objection {
+            Some(objection) => RecordingError::NothingUsable { objection },
+            None => RecordingError::NoDevice,
+        };
+        return Err(ConvertError::Recording { path, source });
+    }
+    // All names are checked before the first file is written.
+    for (_, path) in &outputs {
+        options.create(path)?;
+    }
+    Ok(outputs)
+}
+
+fn writer(
+    format: FileFormat,
+    file: File,
+    survey: &Survey,
+    stream: Stream,
+) -> std::io::Result<Option<Box<dyn RowWriter>>> {
+    let rows = &survey.streams[stream as usize];
+    let Some(first) = &rows.first else {
+        return Ok(None);
+    };
+    let events = survey.placed(stream).into_iter();
+    let description = StreamFile {
+        first,
+        rows: rows.rows,
+        start_ns: rows.start_ns(),
+        events: events.map(|(row, event)| (row, event.clone())).collect(),
+    };
+    Ok(Some(match format {
+        FileFormat::Csv => Box::new(CsvWriter::new(file, &description)?),
+        FileFormat::Gdf => Box::new(GdfRows::new(file, &description)?),
+        FileFormat::Bdf => Box::new(BdfRows::new(file, &description)?),
+        FileFormat::Npz => Box::new(NpzRows::new(file, &description)?),
+    }))
+}
+
+/// A recording to read, and the model to decode it with.
+struct Input<'a, P> {
+    path: &'a Path,
+    model: Arc<Model>,
+    progress: P,
+}
+
+impl<R: Read, P: Fn(File, &'static str) -> R> Input<'_, P> {
+    /// Plays the whole recording to a listener. `check` is called after every record.
+    fn play<L: Listener>(
+        &self,
+        listener: L,
+        what: &'static str,
+        mut check: impl FnMut(&mut L) -> Result<(), ConvertError>,
+    ) -> Result<(Playback<L>, LeftOut), ConvertError> {
+        let unusable = |source| ConvertError::Recording {
+            path: self.path.to_owned(),
+            source,
+        };
+        let file = File::open(self.path).map_err(|error| unusable(error.into()))?;
+        let mut reader = RecordingReader::new((self.progress)(file, what)).map_err(unusable)?;
+        let settings = settings(reader.header());
+        let mut playback = Playback::new(settings, Arc::clone(&self.model), listener);
+        while let Some(record) = reader.next_record().map_err(unusable)? {
+            playback.play(record);
+            check(&mut playback.collector.listener)?;
+        }
+        playback.finish();
+        check(&mut playback.collector.listener)?;
+        Ok((playback, reader.left_out()))
+    }
+}
+
+/// Settings of the core: those of the recording, and fillers for everything that is missing.
+fn settings(header: &FileHeader) -> Settings {
+    Settings {
+        mains_hz: header.mains_hz,
+        event_stamps: EventStamps::Scalp,
+        streams: header.streams,
+        ..Settings::default()
+    }
+}

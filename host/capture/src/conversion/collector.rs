@@ -1,0 +1,371 @@
+//! Conversion of the core's effects to blocks of rows and to events.
+
+use std::sync::Arc;
+
+use bridge_core::{
+    Announcement, Device, Effects, Model, PackedReconstruction, Reconstruction, Settings,
+    TimedCode, TimedPackedBlock,
+};
+use neuro_ros::{NeuroEvent, NeuroFrame};
+
+use crate::conversion::block::{Block, Stream, TimedEvent};
+
+/// Event code of the trigger input, without the bit for a falling edge.
+const TRIGGER: u16 = 1;
+
+/// Time of fillers that each stream can have in addition to the time of the recording, seconds: the
+/// clocks of device and host drift.
+const SPARE_S: u64 = 120;
+/// Longest time of fillers in each stream, seconds: a day.
+const MAX_FILLERS_S: u64 = 86_400;
+
+/// Receives what a recording holds, in the order of publication.
+pub(crate) trait Listener {
+    /// Whether the values of reconstructed rows matter. Decoding them takes most of the time.
+    const DECODES: bool;
+
+    /// Receives the rows of a frame.
+    fn block(&mut self, block: Block);
+
+    /// Receives an event.
+    fn event(&mut self, event: TimedEvent);
+}
+
+/// Converts the core's effects and passes them to a [`Listener`].
+pub(crate) struct Collector<L> {
+    pub(crate) listener: L,
+    settings: Settings,
+    model: Arc<Model>,
+    device: Option<Arc<Device>>,
+    reconstruction: Option<Reconstruction>,
+    packed: Option<PackedReconstruction>,
+    /// Run of the newest packed block, whose frame waits for the next one.
+    block_run: u32,
+    /// Number of restarts of the device so far.
+    pub(crate) run: u32,
+    /// Device time in the header of the frame that the core handles, microseconds.
+    pub(crate) frame_us: u64,
+    /// Commands that the core has sent since the caller took them.
+    pub(crate) commands: Vec<Vec<u8>>,
+    /// Newest block of raw samples and of filtered steps.
+    newest: [Option<Block>; 2],
+    /// Time between the first record and the newest one, seconds.
+    pub(crate) elapsed_s: u64,
+    /// Number of rows of each stream so far that are fillers.
+    fillers: [u64; 4],
+    /// Number of rows that are missing and not filled.
+    pub(crate) unfilled: u64,
+}
+
+impl<L: Listener> Collector<L> {
+    pub(crate) fn new(listener: L, settings: Settings, model: Arc<Model>) -> Collector<L> {
+        Collector {
+            listener,
+            settings,
+            model,
+            device: None,
+            reconstruction: None,
+            packed: None,
+            block_run: 0,
+            run: 0,
+            frame_us: 0,
+            commands: Vec::new(),
+            newest: [None, None],
+            elapsed_s: 0,
+            fillers: [0; 4],
+            unfilled: 0,
+        }
+    }
+
+    /// Number of packed blocks that were malformed.
+    pub(crate) fn malformed(&self) -> u64 {
+        let packed = self.packed.as_ref();
+        packed.map_or(0, PackedReconstruction::malformed)
+    }
+
+    /// Passes on a frame of the present run. Its first row happened `delay_us` before the device
+    /// time in its status words.
+    fn publish(&mut self, stream: Stream, frame: &NeuroFrame, delay_us: i64) {
+        self.publish_of(self.run, stream, frame, delay_us);
+    }
+
+    /// Passes on a frame of the run `run`, as [`Self::publish`] does.
+    fn publish_of(&mut self, run: u32, stream: Stream, frame: &NeuroFrame, delay_us: i64) {
+        let word = |index: usize| i64::from(frame.tri.data.get(index).copied().unwrap_or(0));
+        let device_us = word(3) | word(4) << 16 | word(5) << 32;
+        let number = (word(1) | word(2) << 16).unsigned_abs();
+        let rows = u64::from(frame.eeg.info.nsamples);
+        let has_index = matches!(stream, Stream::Raw | Stream::Filtered);
+        let block = Block {
+            stream,
+            frame: frame.clone(),
+            run,
+            first_us: device_us - delay_us,
+            wall_ns: frame.header.stamp.nanoseconds(),
+            index: has_index.then_some(number * rows),
+        };
+        self.fill_skipped(&block);
+        if !block.is_filler() || self.take_fillers(&block, 1) == 1 {
+            self.listener.block(block);
+        }
+    }
+
+    /// Returns how many of `count` blocks of fillers the stream may have, and counts these. A
+    /// damaged or crafted recording can miss more data than fits on a disk.
+    fn take_fillers(&mut self, block: &Block, count: u64) -> u64 {
+        let seconds = self.elapsed_s.saturating_add(SPARE_S).min(MAX_FILLERS_S);
+        let most = seconds * u64::from(block.frame.sr);
+        let rows = (block.rows() as u64).max(1);
+        let fillers = &mut self.fillers[block.stream as usize];
+        let taken = count.min(most.saturating_sub(*fillers) / rows);
+        *fillers += taken * rows;
+        let missing = (count - taken).saturating_mul(rows);
+        self.unfilled = self.unfilled.saturating_add(missing);
+        taken
+    }
+
+    /// Passes on fillers for the frames before `block` that the core skipped, because they would
+    /// not have fitted into the queues of subscribers. The fillers continue the times of the
+    /// previous run.
+    fn fill_skipped(&mut self, block: &Block) {
+        let place = match block.stream {
+            Stream::Raw => 0,
+            Stream::Filtered => 1,
+            Stream::Codes | Stream::Reconstructed => return,
+        };
+        let rows = (block.rows() as u64).max(1);
+        if let (Some(mut filler), Some(index)) = (self.newest[place].take(), block.index) {
+            let next = filler.index.unwrap_or(0) + rows;
+            let skipped = index.saturating_sub(next).div_ceil(rows);
+            for _ in 0..self.take_fillers(block, skipped) {
+                filler.become_filler(rows);
+                self.listener.block(filler.clone());
+            }
+        }
+        self.newest[place] = Some(block.clone());
+    }
+
+    /// Returns the time from when a packed block's first step was at the electrodes to the block's
+    /// device time.
+    fn block_delay_us(&self) -> i64 {
+        self.device.as_ref().map_or(0, |device| {
+            let lookback = u32::from(device.hop_steps) - 1;
+            device.steps_us(lookback) + i64::from(device.group_delay_us)
+        })
+    }
+
+    /// Returns the time from when a code's first step was at the electrodes to the code's device
+    /// time.
+    fn code_delay_us(&self) -> i64 {
+        self.device.as_ref().map_or(0, |device| {
+            let lookback = u32::from(device.window_steps) - 1;
+            device.steps_us(lookback) + i64::from(device.group_delay_us)
+        })
+    }
+}
+
+impl<L: Listener> Effects for Collector<L> {
+    fn send(&mut self, frame: &[u8]) {
+        self.commands.push(frame.to_vec());
+    }
+
+    fn announce(&mut self, announcement: &Announcement) {
+        self.device = Some(Arc::clone(&announcement.device));
+        if announcement.decodable {
+            let model = Arc::clone(&self.model);
+            let mut next = Reconstruction::new(&announcement.device, model, self.settings);
+            if let Some(before) = &self.reconstruction {
+                next.continue_from(before);
+            }
+            self.reconstruction = Some(next);
+            let (device, model) = (&announcement.device, &self.model);
+            let mut next = PackedReconstruction::new(device, model, self.settings);
+            if let (Some(next), Some(before)) = (&mut next, &mut self.packed) {
+                next.continue_from(before);
+            }
+            self.packed = next;
+        }
+    }
+
+    fn publish_encoded(&mut self, frame: &NeuroFrame) {
+        self.publish(Stream::Codes, frame, self.code_delay_us());
+    }
+
+    fn decode(&mut self, mut window: TimedCode) {
+        let delay_us = self.code_delay_us();
+        if !L::DECODES {
+            // Without the code the frame is a filler, of the same time and length.
+            window.z = None;
+        }
+        let Some(mut reconstruction) = self.reconstruction.take() else {
+            return;
+        };
+        if let Some(frame) = reconstruction.next_frame(&window) {
+            self.publish(Stream::Reconstructed, frame, delay_us);
+        }
+        self.reconstruction = Some(reconstruction);
+    }
+
+    fn decode_block(&mut self, block: TimedPackedBlock) {
+        let delay_us = self.block_delay_us();
+        let Some(mut packed) = self.packed.take() else {
+            return;
+        };
+        // The block completes the frame of the block before it, which another run may have made.
+        let run = std::mem::replace(&mut self.block_run, self.run);
+        let frame = if L::DECODES {
+            packed.next_frame(&block)
+        } else {
+            packed.next_times(&block)
+        };
+        if let Some(frame) = frame {
+            self.publish_of(run, Stream::Reconstructed, frame, delay_us);
+        }
+        self.packed = Some(packed);
+    }
+
+    fn finish_blocks(&mut self) {
+        let delay_us = self.block_delay_us();
+        let Some(mut packed) = self.packed.take() else {
+            return;
+        };
+        if let Some(frame) = packed.finish() {
+            self.publish_of(self.block_run, Stream::Reconstructed, frame, delay_us);
+        }
+        self.packed = Some(packed);
+    }
+
+    fn publish_raw(&mut self, frame: &NeuroFrame) {
+        self.publish(Stream::Raw, frame, 0);
+    }
+
+    fn publish_filtered(&mut self, frame: &NeuroFrame) {
+        let delay_us = self
+            .device
+            .as_ref()
+            .map_or(0, |device| device.group_delay_us);
+        self.publish(Stream::Filtered, frame, delay_us.into());
+    }
+
+    fn publish_event(&mut self, event: &NeuroEvent) {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "an event's type has 16 bits"
+        )]
+        let code = event.event as u16;
+        // The bus also reports missing data, of the announced stream; the rows of all streams are
+        // flagged.
+        if code & 0x7fff != TRIGGER {
+            return;
+        }
+        self.listener.event(TimedEvent {
+            run: self.run,
+            device_us: i64::try_from(self.frame_us).unwrap_or(i64::MAX),
+            wall_ns: event.header.stamp.nanoseconds(),
+            code,
+            description: event.description.clone(),
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use bridge_core::{
+        Announcement, Device, Effects, Model, PackedBytes, Settings, TimedPackedBlock, TriWords,
+    };
+    use link::{Capabilities, Hello, ResetCause, Streams};
+    use neuro_ros::Stamp;
+
+    use super::{Collector, Listener};
+    use crate::conversion::block::{Block, TimedEvent};
+
+    fn device(model: &Model) -> Device {
+        let labels = model.electrodes().join(" ");
+        let hello = Hello {
+            firmware: "test",
+            board: "board",
+            chip_uid: [7; 12],
+            model_id: model.id(),
+            session_id: 1,
+            reset_cause: ResetCause::PowerOn,
+            fault: "",
+        };
+        let capabilities = Capabilities {
+            adc_rate_hz: 512,
+            step_rate_hz: 128,
+            window_steps: 16,
+            hop_steps: 8,
+            channels: 64,
+            lsb_nv: 22.351_742,
+            mains_hz: 50,
+            group_delay_us: 10_000,
+            labels: &labels,
+            filters: "none",
+            code_format: link::CodeFormat::Int8,
+            code_scale: std::iter::repeat_n(0.5, 128).collect(),
+            code_zero_point: std::iter::repeat_n(1, 128).collect(),
+        };
+        Device::new(&hello, &capabilities).unwrap()
+    }
+
+    /// Keeps the times of rows, and whether they are fillers.
+    #[derive(Default)]
+    struct Times<const DECODES: bool>(Vec<(i64, bool)>);
+
+    impl<const DECODES: bool> Listener for Times<DECODES> {
+        const DECODES: bool = DECODES;
+
+        fn block(&mut self, block: Block) {
+            self.0.push((block.wall_ns, block.is_filler()));
+        }
+
+        fn event(&mut self, _: TimedEvent) {}
+    }
+
+    /// Passes 20 blocks to a collector, of which some are lost and none is one of the model.
+    /// Returns the times of rows and the number of blocks that were found malformed.
+    fn collect<const DECODES: bool>() -> (Vec<(i64, bool)>, u64) {
+        let model = Arc::new(Model::embedded().unwrap());
+        let settings = Settings {
+            streams: Streams::PACKED,
+            ..Settings::default()
+        };
+        let listener = Times::<DECODES>::default();
+        let mut collector = Collector::new(listener, settings, Arc::clone(&model));
+        collector.announce(&Announcement {
+            info: None,
+            device: Arc::new(device(&model)),
+            decodable: true,
+        });
+        for index in 0..20 {
+            let bytes = PackedBytes {
+                bytes: vec![0],
+                rate: 4,
+            };
+            collector.decode_block(TimedPackedBlock {
+                block: (index % 5 > 0).then_some(bytes),
+                is_first: index == 0,
+                stamp: Stamp::from_nanoseconds(index * 62_500_000),
+                words: TriWords::default(),
+            });
+        }
+        collector.finish_blocks();
+        let malformed = collector.malformed();
+        (collector.listener.0, malformed)
+    }
+
+    #[test]
+    fn the_first_pass_decodes_no_block_and_has_the_times_of_the_second() {
+        let (decoded, malformed) = collect::<true>();
+        assert_eq!((decoded.len(), malformed), (20, 16));
+        let (passed, malformed) = collect::<false>();
+        assert_eq!(malformed, 0);
+        assert!(decoded.iter().all(|(_, is_filler)| *is_filler));
+        for (index, (passed, decoded)) in passed.iter().zip(&decoded).enumerate() {
+            assert_eq!(*passed, (decoded.0, index % 5 == 0));
+        }
+    }
+}

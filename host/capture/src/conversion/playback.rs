@@ -1,0 +1,192 @@
+//! A recording played to the core: the device's frames at their times, and its answers.
+
+use std::collections::HashMap;
+use std::mem::discriminant;
+use std::sync::Arc;
+
+use bridge_core::{Core, Effects, HostTime, Identity, Model, Settings, Summary};
+use link::{Ack, Decoder, Frame, MAX_FRAME, ToDevice, ToHost};
+
+use crate::conversion::collector::{Collector, Listener};
+use crate::recording::{Record, RecordKind};
+
+/// Time between two ticks of the core, microseconds.
+const TICK_US: i64 = 100_000;
+
+/// Longest time that passes for the core tick by tick, microseconds. All timeouts are shorter, so
+/// nothing else happens in a longer pause.
+const MAX_TICKS_US: i64 = 120_000_000;
+
+/// Number of a command that the core has not sent: it counts from 0.
+const NOT_SENT: u32 = u32::MAX;
+
+/// Plays the records of a recording to a core.
+///
+/// The core sends commands as it did when the recording was made, but not necessarily with the same
+/// numbers: a newer bridge may ask for something else as well. So an acknowledgement in the
+/// recording is passed to the core with the number of the core's own command of that kind, and with
+/// a number that the core does not use if it has sent none.
+pub(crate) struct Playback<L> {
+    core: Core,
+    pub(crate) collector: Collector<L>,
+    /// Commands of the recording, by number.
+    recorded: HashMap<u32, ToDevice>,
+    /// The core's own commands: the newest of each kind, with its number.
+    own: Vec<(u32, ToDevice)>,
+    from_device: Decoder<MAX_FRAME>,
+    from_host: Decoder<MAX_FRAME>,
+    identity: Option<Identity>,
+    /// Time of the newest record, if the core has not been asked for a command since.
+    due: Option<HostTime>,
+    newest: Option<HostTime>,
+    first: Option<HostTime>,
+}
+
+impl<L: Listener> Playback<L> {
+    pub(crate) fn new(settings: Settings, model: Arc<Model>, listener: L) -> Playback<L> {
+        Playback {
+            core: Core::new(settings, Some(Arc::clone(&model))),
+            collector: Collector::new(listener, settings, model),
+            recorded: HashMap::new(),
+            own: Vec::new(),
+            from_device: Decoder::new(),
+            from_host: Decoder::new(),
+            identity: None,
+            due: None,
+            newest: None,
+            first: None,
+        }
+    }
+
+    /// Returns the counts of the core.
+    pub(crate) fn summary(&self) -> Summary {
+        self.core.summary()
+    }
+
+    /// Returns the core's objection to the device, which it does not publish; `None` if it has
+    /// none.
+    pub(crate) fn objection(&self) -> Option<&str> {
+        self.core.objection()
+    }
+
+    /// Plays one record.
+    pub(crate) fn play(&mut self, record: Record<'_>) {
+        let time = record.time;
+        let first = *self.first.get_or_insert(time);
+        let since_first_us = time.monotonic_us - first.monotonic_us;
+        self.collector.elapsed_s = u64::try_from(since_first_us / 1_000_000).unwrap_or(0);
+        // Frames of one read have the same time, and the core sends commands after the last of
+        // them.
+        if self
+            .due
+            .is_some_and(|due| due.monotonic_us != time.monotonic_us)
+        {
+            self.tick();
+        }
+        self.pass_time(time);
+        match record.kind {
+            RecordKind::Opened => {
+                self.from_device.reset();
+                self.core.connected(time, &mut self.collector);
+                self.note_commands();
+            }
+            RecordKind::Closed => self.core.disconnected(),
+            RecordKind::Ending => {
+                self.core.set_streaming(false);
+                self.due = Some(time);
+                self.tick();
+            }
+            RecordKind::Sent => {
+                let mut bytes = record.payload;
+                while let Some(outcome) = self.from_host.next::<ToDevice>(&mut bytes) {
+                    if let Ok(frame) = outcome {
+                        self.recorded.insert(frame.header.seq, frame.message);
+                    }
+                }
+                self.due = Some(time);
+                self.tick();
+            }
+            RecordKind::Received => {
+                self.receive(record.payload, time);
+                self.due = Some(time);
+            }
+            RecordKind::Newer(_) => {}
+        }
+        self.newest = Some(time);
+    }
+
+    /// Passes on what waits for a record that does not follow. Call this after the last record.
+    pub(crate) fn finish(&mut self) {
+        self.collector.finish_blocks();
+    }
+
+    fn tick(&mut self) {
+        if let Some(due) = self.due.take() {
+            self.core.tick(due, &mut self.collector);
+            self.note_commands();
+        }
+    }
+
+    /// Lets the time until `time` pass for the core as it does in the bridge, so that its timeouts
+    /// fall due.
+    fn pass_time(&mut self, time: HostTime) {
+        let Some(newest) = self.newest else { return };
+        let mut now = newest;
+        let end_us = time.monotonic_us.min(newest.monotonic_us + MAX_TICKS_US);
+        while now.monotonic_us + TICK_US < end_us {
+            now.monotonic_us += TICK_US;
+            now.wall_ns += TICK_US * 1000;
+            self.core.tick(now, &mut self.collector);
+            self.note_commands();
+        }
+    }
+
+    fn receive(&mut self, payload: &[u8], read: HostTime) {
+        let mut bytes = payload;
+        let mut decoder = std::mem::take(&mut self.from_device);
+        let mut answer = None;
+        while let Some(outcome) = decoder.next::<ToHost>(&mut bytes) {
+            let Ok(frame) = outcome else { continue };
+            self.collector.frame_us = frame.header.device_time_us;
+            match frame.message {
+                ToHost::Hello(hello) => {
+                    let same = |identity: &Identity| identity.is_same_session(&hello);
+                    if self.identity.as_ref().is_some_and(|known| !same(known)) {
+                        self.collector.run += 1;
+                    }
+                    self.identity = Some(Identity::new(&hello));
+                }
+                ToHost::Ack(ack) => answer = self.own_answer(&frame, ack),
+                _ => {}
+            }
+        }
+        self.from_device = decoder;
+        let bytes = answer.as_deref().unwrap_or(payload);
+        self.core.handle(bytes, read, &mut self.collector);
+    }
+
+    /// Returns the frame of an acknowledgement with the number of the core's own command; `None` if
+    /// the recording lacks the command.
+    fn own_answer(&self, frame: &Frame<ToHost>, ack: Ack) -> Option<Vec<u8>> {
+        let recorded = discriminant(self.recorded.get(&ack.of)?);
+        let mut own = self.own.iter().rev();
+        let own = own.find(|(_, own)| discriminant(own) == recorded);
+        let of = own.map_or(NOT_SENT, |(of, _)| *of);
+        let ack = ToHost::Ack(Ack { of, ..ack });
+        let mut buffer = [0; MAX_FRAME];
+        let bytes = link::encode(&frame.header, &ack, &mut buffer).ok()?;
+        Some(bytes.to_vec())
+    }
+
+    fn note_commands(&mut self) {
+        let mut decoder = Decoder::<MAX_FRAME>::new();
+        for bytes in self.collector.commands.drain(..) {
+            let mut bytes = &bytes[..];
+            while let Some(Ok(frame)) = decoder.next::<ToDevice>(&mut bytes) {
+                let kind = discriminant(&frame.message);
+                self.own.retain(|(_, known)| discriminant(known) != kind);
+                self.own.push((frame.header.seq, frame.message));
+            }
+        }
+    }
+}

@@ -1,0 +1,324 @@
+//! Recordings of the wire: every byte between device and host, with the time at which it was read.
+//!
+//! ```text
+//! port ──bytes──► Recorder: splitter ──records──► file ──► RecordingReader ─┬─► Replayer ──► port
+//!                                                                           └─► Playback ──► Core
+//! ```
+//!
+//! `docs/recording-format.md` describes the bytes of a file; a test compares its hex dumps with
+//! what this module writes.
+
+pub(crate) mod introduction;
+pub(crate) mod reader;
+pub(crate) mod recorder;
+pub(crate) mod replayer;
+
+use std::io;
+
+use bridge_core::HostTime;
+use crc::{CRC_32_ISCSI, Crc};
+use link::{MAX_FRAME, Streams};
+use thiserror::Error;
+
+/// Reason why a file cannot be read as a recording.
+#[derive(Debug, Error)]
+pub enum RecordingError {
+    /// The file does not start as a recording does.
+    #[error(
+        "it is not a recording of corticode-bridge: it starts with \"{found}\"; name a file that \
+         `corticode-bridge record` has written"
+    )]
+    NotARecording {
+        /// First bytes of the file, escaped.
+        found: String,
+    },
+    /// The file ends before its header does.
+    #[error(
+        "it holds only {bytes} bytes, less than the header of a recording; `corticode-bridge \
+         record` was ended before it could write anything"
+    )]
+    HeaderCutOff {
+        /// Length of the file, bytes.
+        bytes: usize,
+    },
+    /// The header's checksum does not match.
+    #[error("its header is damaged (CRC); copy the file again from where it was recorded")]
+    HeaderDamaged,
+    /// The file has a newer format than this program.
+    #[error(
+        "it has version {found} of the recording's format, and this program reads versions up \
+         to {newest}; update corticode-bridge"
+    )]
+    Version {
+        /// Version in the file.
+        found: u16,
+        /// Newest version that this program reads.
+        newest: u16,
+    },
+    /// The file holds no code or sample of a device that introduced itself.
+    #[error(
+        "it holds no codes or samples of a device; record again, and check that the device answers"
+    )]
+    NoDevice,
+    /// The file holds nothing that this program can publish.
+    #[error("nothing in it can be converted: {objection}")]
+    NothingUsable {
+        /// Why, and what to do.
+        objection: String,
+    },
+    /// The operating system cannot read the file.
+    #[error("it cannot be read; check the path, the permissions and the disk")]
+    Read(#[from] io::Error),
+}
+
+/// Version of the format that this program writes, and the only one that it reads.
+pub(crate) const VERSION: u16 = 1;
+/// First bytes of every recording.
+const MAGIC: [u8; 8] = *b"CORTIREC";
+/// CRC-32C, the checksum of header and records; the wire's frames use the same.
+pub(crate) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
+
+/// Header of a recording's file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FileHeader {
+    /// Wall clock when the file was created, nanoseconds since 1970.
+    pub created_ns: i64,
+    /// Streams that the device was asked for.
+    pub streams: Streams,
+    /// Mains frequency that the device was asked to remove, Hz; 0 if the device chose it.
+    pub mains_hz: u8,
+}
+
+impl FileHeader {
+    /// Length of a header, bytes.
+    pub const BYTES: usize = 28;
+
+    /// Returns the header's bytes, as docs/recording-format.md describes them.
+    pub fn encode(&self) -> [u8; Self::BYTES] {
+        let mut bytes = [0; Self::BYTES];
+        bytes[..8].copy_from_slice(&MAGIC);
+        bytes[8..10].copy_from_slice(&VERSION.to_le_bytes());
+        bytes[10..12].copy_from_slice(&self.streams.bits().to_le_bytes());
+        bytes[12] = self.mains_hz;
+        bytes[16..24].copy_from_slice(&self.created_ns.to_le_bytes());
+        let crc = CRC.checksum(&bytes[..24]);
+        bytes[24..].copy_from_slice(&crc.to_le_bytes());
+        bytes
+    }
+
+    /// Reads a header from the first bytes of a file; `bytes` is shorter than a header only if the
+    /// file is.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`] if this is not the header of a recording that this program can read.
+    pub fn decode(bytes: &[u8]) -> Result<FileHeader, RecordingError> {
+        let magic = &bytes[..bytes.len().min(MAGIC.len())];
+        if !MAGIC.starts_with(magic) {
+            let found = magic.escape_ascii().to_string();
+            return Err(RecordingError::NotARecording { found });
+        }
+        let Some(bytes) = bytes.first_chunk::<{ Self::BYTES }>() else {
+            let bytes = bytes.len();
+            return Err(RecordingError::HeaderCutOff { bytes });
+        };
+        // A newer version may place its checksum elsewhere, so the version comes first.
+        let found = u16::from_le_bytes([bytes[8], bytes[9]]);
+        if found > VERSION {
+            let newest = VERSION;
+            return Err(RecordingError::Version { found, newest });
+        }
+        let (content, crc) = bytes.split_at(24);
+        if CRC.checksum(content).to_le_bytes() != *crc {
+            return Err(RecordingError::HeaderDamaged);
+        }
+        Ok(FileHeader {
+            created_ns: i64::from_le_bytes(std::array::from_fn(|index| bytes[16 + index])),
+            streams: Streams::from_bits(u16::from_le_bytes([bytes[10], bytes[11]])),
+            mains_hz: bytes[12],
+        })
+    }
+}
+
+/// Bytes of a record before its payload: length, kind, zero, two times.
+const HEAD: usize = 20;
+/// Bytes of a record after its payload: the CRC.
+const TAIL: usize = 4;
+/// Longest payload, bytes: a frame, or a stretch of bytes of that length without a zero.
+pub(crate) const MAX_PAYLOAD: usize = MAX_FRAME;
+/// Longest record, bytes.
+pub(crate) const MAX_RECORD: usize = HEAD + MAX_PAYLOAD + TAIL;
+
+/// Event at the port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RecordKind {
+    /// The port was opened.
+    Opened,
+    /// The port was closed or lost.
+    Closed,
+    /// Bytes from the device: a frame as it came, or what a damaged line made of it.
+    Received,
+    /// A command to the device.
+    Sent,
+    /// The user ended the recording; the commands and frames that follow stop the device.
+    Ending,
+    /// Something that a newer program has written.
+    Newer(u8),
+}
+
+impl RecordKind {
+    fn number(self) -> u8 {
+        match self {
+            RecordKind::Opened => 0,
+            RecordKind::Closed => 1,
+            RecordKind::Received => 2,
+            RecordKind::Sent => 3,
+            RecordKind::Ending => 4,
+            RecordKind::Newer(number) => number,
+        }
+    }
+
+    fn from_number(number: u8) -> RecordKind {
+        match number {
+            0 => RecordKind::Opened,
+            1 => RecordKind::Closed,
+            2 => RecordKind::Received,
+            3 => RecordKind::Sent,
+            4 => RecordKind::Ending,
+            newer => RecordKind::Newer(newer),
+        }
+    }
+}
+
+/// One record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Record<'a> {
+    /// Event that is recorded.
+    pub kind: RecordKind,
+    /// When it happened. The monotonic clock counts from the start of the host.
+    pub time: HostTime,
+    /// Bytes that were received or sent; otherwise empty.
+    pub payload: &'a [u8],
+}
+
+/// Result of [`Record::parse`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Parsed<'a> {
+    /// A whole record and its length in the file, bytes.
+    Whole(Record<'a>, usize),
+    /// The bytes may be the start of a record.
+    Incomplete,
+    /// The bytes do not start with a record.
+    Damaged,
+}
+
+impl<'a> Record<'a> {
+    /// Appends the record's bytes, as docs/recording-format.md describes them. A payload has at
+    /// most [`MAX_PAYLOAD`] bytes.
+    pub(crate) fn encode(&self, out: &mut Vec<u8>) {
+        debug_assert!(self.payload.len() <= MAX_PAYLOAD);
+        let start = out.len();
+        let length = u16::try_from(self.payload.len()).unwrap_or(u16::MAX);
+        out.extend(length.to_le_bytes());
+        out.extend([self.kind.number(), 0]);
+        out.extend(self.time.monotonic_us.to_le_bytes());
+        out.extend(self.time.wall_ns.to_le_bytes());
+        out.extend(self.payload);
+        let crc = CRC.checksum(&out[start..]);
+        out.extend(crc.to_le_bytes());
+    }
+
+    /// Reads the record at the start of `bytes`.
+    pub(crate) fn parse(bytes: &'a [u8]) -> Parsed<'a> {
+        let Some((head, rest)) = bytes.split_first_chunk::<HEAD>() else {
+            return Parsed::Incomplete;
+        };
+        let [l0, l1, kind, zero, times @ ..] = *head;
+        let length = usize::from(u16::from_le_bytes([l0, l1]));
+        if length > MAX_PAYLOAD || zero != 0 {
+            return Parsed::Damaged;
+        }
+        let Some((payload, rest)) = rest.split_at_checked(length) else {
+            return Parsed::Incomplete;
+        };
+        let Some(crc) = rest.first_chunk::<TAIL>() else {
+            return Parsed::Incomplete;
+        };
+        if CRC.checksum(&bytes[..HEAD + length]) != u32::from_le_bytes(*crc) {
+            return Parsed::Damaged;
+        }
+        let [m0, m1, m2, m3, m4, m5, m6, m7, wall @ ..] = times;
+        let record = Record {
+            kind: RecordKind::from_number(kind),
+            time: HostTime {
+                monotonic_us: i64::from_le_bytes([m0, m1, m2, m3, m4, m5, m6, m7]),
+                wall_ns: i64::from_le_bytes(wall),
+            },
+            payload,
+        };
+        Parsed::Whole(record, HEAD + length + TAIL)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{
+        FileHeader, HostTime, MAX_PAYLOAD, Parsed, Record, RecordKind, RecordingError, Streams,
+    };
+
+    const HEADER: FileHeader = FileHeader {
+        created_ns: 1_700_000_000_000_000_000,
+        streams: Streams::ALL,
+        mains_hz: 50,
+    };
+
+    #[test]
+    fn a_header_is_read_back() {
+        assert_eq!(FileHeader::decode(&HEADER.encode()).unwrap(), HEADER);
+    }
+
+    #[test]
+    fn other_files_and_damage_have_an_error_each() {
+        let whole = HEADER.encode();
+        for length in 0..whole.len() {
+            let error = FileHeader::decode(&whole[..length]).unwrap_err();
+            assert!(matches!(error, RecordingError::HeaderCutOff { .. }));
+        }
+        let mut newer = whole;
+        newer[8] = 2;
+        let error = FileHeader::decode(&newer).unwrap_err();
+        assert!(matches!(error, RecordingError::Version { found: 2, .. }));
+        for place in 10..whole.len() {
+            let mut damaged = whole;
+            damaged[place] ^= 1;
+            let error = FileHeader::decode(&damaged).unwrap_err();
+            assert!(matches!(error, RecordingError::HeaderDamaged), "{place}");
+        }
+        let error = FileHeader::decode(b"GDF 2.20").unwrap_err();
+        assert!(error.to_string().contains("\"GDF 2.20\""));
+    }
+
+    #[test]
+    fn a_record_is_read_back_and_each_changed_bit_is_noticed() {
+        let payload = [7; MAX_PAYLOAD];
+        for length in [0, 1, 166, MAX_PAYLOAD] {
+            let record = Record {
+                kind: RecordKind::Received,
+                time: HostTime {
+                    monotonic_us: 12_345_678,
+                    wall_ns: -1,
+                },
+                payload: &payload[..length],
+            };
+            let mut bytes = Vec::new();
+            record.encode(&mut bytes);
+            assert_eq!(Record::parse(&bytes), Parsed::Whole(record, bytes.len()));
+            assert_eq!(Record::parse(&bytes[..bytes.len() - 1]), Parsed::Incomplete);
+            for bit in 0..bytes.len().min(40) * 8 {
+                let mut damaged = bytes.clone();
+                damaged[bit / 8] ^= 1 << (bit % 8);
+                assert!(!matches!(Record::parse(&damaged), Parsed::Whole(..)));
+            }
+        }
+    }
+}

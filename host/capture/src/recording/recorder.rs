@@ -1,0 +1,161 @@
+//! Conversion of what happens at a port to the bytes of a recording.
+
+use bridge_core::HostTime;
+
+use crate::recording::{FileHeader, MAX_PAYLOAD, Record, RecordKind};
+
+/// Converts what happens at a port to records. Pure: the caller writes [`Recorder::take`]'s bytes
+/// to a file.
+#[derive(Debug)]
+pub struct Recorder {
+    splitter: Splitter,
+    unwritten: Vec<u8>,
+    bytes: u64,
+}
+
+impl Recorder {
+    /// Creates a recorder whose first bytes are the file's header.
+    pub fn new(header: FileHeader) -> Recorder {
+        Recorder {
+            splitter: Splitter::default(),
+            unwritten: header.encode().to_vec(),
+            bytes: FileHeader::BYTES as u64,
+        }
+    }
+
+    /// Records that the port was opened.
+    pub fn opened(&mut self, now: HostTime) {
+        self.append(RecordKind::Opened, now, &[]);
+    }
+
+    /// Records that the port was closed or lost, after the bytes of an unfinished frame.
+    pub fn closed(&mut self, now: HostTime) {
+        self.finish_piece(now);
+        self.append(RecordKind::Closed, now, &[]);
+    }
+
+    /// Records bytes from the device that were read at `read`. A frame is recorded when its last
+    /// byte arrives, with the time of that.
+    pub fn received(&mut self, bytes: &[u8], read: HostTime) {
+        let mut splitter = std::mem::take(&mut self.splitter);
+        splitter.push(bytes, |piece| {
+            self.append(RecordKind::Received, read, piece);
+        });
+        self.splitter = splitter;
+    }
+
+    /// Records a command to the device.
+    pub fn sent(&mut self, frame: &[u8], now: HostTime) {
+        self.append(RecordKind::Sent, now, frame);
+    }
+
+    /// Records that the user ended the recording.
+    pub fn ending(&mut self, now: HostTime) {
+        self.append(RecordKind::Ending, now, &[]);
+    }
+
+    /// Records the bytes of an unfinished frame.
+    pub fn finish_piece(&mut self, now: HostTime) {
+        let mut splitter = std::mem::take(&mut self.splitter);
+        splitter.finish(|piece| self.append(RecordKind::Received, now, piece));
+        self.splitter = splitter;
+    }
+
+    /// Returns the bytes that were recorded since the last call: whole records, and before them the
+    /// header.
+    pub fn take(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.unwritten)
+    }
+
+    /// Number of bytes recorded so far, the header included.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    fn append(&mut self, kind: RecordKind, time: HostTime, payload: &[u8]) {
+        let before = self.unwritten.len();
+        let record = Record {
+            kind,
+            time,
+            payload,
+        };
+        record.encode(&mut self.unwritten);
+        self.bytes += (self.unwritten.len() - before) as u64;
+    }
+}
+
+/// Splits the bytes from the device at the ends of frames.
+///
+/// The pieces in their order are all bytes, unchanged. A piece ends with the zero that ends a
+/// frame; only garbage longer than a frame, and the bytes before a port was lost, end without one.
+#[derive(Debug, Default)]
+pub(crate) struct Splitter {
+    piece: Vec<u8>,
+    /// Whether the piece holds more than the zeros before a frame.
+    has_content: bool,
+}
+
+impl Splitter {
+    /// Adds bytes from the device and passes each piece that they complete to `complete`.
+    pub(crate) fn push(&mut self, bytes: &[u8], mut complete: impl FnMut(&[u8])) {
+        for &byte in bytes {
+            self.piece.push(byte);
+            self.has_content |= byte != 0;
+            if (byte == 0 && self.has_content) || self.piece.len() == MAX_PAYLOAD {
+                complete(&self.piece);
+                self.clear();
+            }
+        }
+    }
+
+    /// Passes the bytes of an unfinished piece to `complete`, if there are any.
+    pub(crate) fn finish(&mut self, mut complete: impl FnMut(&[u8])) {
+        if !self.piece.is_empty() {
+            complete(&self.piece);
+            self.clear();
+        }
+    }
+
+    fn clear(&mut self) {
+        self.piece.clear();
+        self.has_content = false;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::{MAX_PAYLOAD, Splitter};
+
+    fn split(chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
+        let mut pieces = Vec::new();
+        let mut splitter = Splitter::default();
+        for chunk in chunks {
+            splitter.push(chunk, |piece| pieces.push(piece.to_vec()));
+        }
+        splitter.finish(|piece| pieces.push(piece.to_vec()));
+        pieces
+    }
+
+    #[test]
+    fn a_frame_keeps_both_of_its_zeros() {
+        let chunks = [vec![0, 1, 2], vec![3, 0, 0, 4], vec![0, 5]];
+        let pieces: [&[u8]; 3] = [&[0, 1, 2, 3, 0], &[0, 4, 0], &[5]];
+        assert_eq!(split(&chunks), pieces);
+    }
+
+    #[test]
+    fn garbage_without_a_zero_is_split_at_the_longest_payload() {
+        let pieces = split(&[vec![9; 2 * MAX_PAYLOAD + 5]]);
+        let lengths: Vec<usize> = pieces.iter().map(Vec::len).collect();
+        assert_eq!(lengths, [MAX_PAYLOAD, MAX_PAYLOAD, 5]);
+    }
+
+    proptest! {
+        #[test]
+        fn no_byte_is_lost_or_changed(chunks: Vec<Vec<u8>>) {
+            prop_assert_eq!(split(&chunks).concat(), chunks.concat());
+        }
+    }
+}

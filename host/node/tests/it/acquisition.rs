@@ -1,0 +1,129 @@
+//! A simulated acquisition: frames of synthetic EEG, and the codes that host-sim makes of a
+//! recording of it.
+
+use std::io::Cursor;
+
+use neuro_ros::{Header, NeuroDataFloat, NeuroDataInfo, NeuroFrame, NeuroHeader, Stamp};
+use pipeline::{Mains, Pipeline, Sample};
+use recordings::{
+    AdcSpec, FileToWrite, GdfWriter, Missing, MontageMap, Recording, SignalToWrite, VirtualAdc,
+};
+
+/// Frames of an acquisition, made on request.
+#[derive(Clone)]
+pub(crate) struct Acquisition {
+    pub(crate) rate_hz: u16,
+    pub(crate) samples: u16,
+    pub(crate) labels: Vec<String>,
+}
+
+impl Acquisition {
+    /// Returns an acquisition with the model's electrodes, in the order of the montage.
+    pub(crate) fn new(rate_hz: u16, samples: u16) -> Acquisition {
+        let labels = model::LABELS.split(' ').map(str::to_owned).collect();
+        Acquisition {
+            rate_hz,
+            samples,
+            labels,
+        }
+    }
+
+    /// Returns frame `index`, counted from 0. Its number is one more.
+    pub(crate) fn frame(&self, index: u32) -> NeuroFrame {
+        let channels = u16::try_from(self.labels.len()).unwrap();
+        let samples = u32::from(self.samples);
+        let seconds = f64::from(index * samples) / f64::from(self.rate_hz);
+        NeuroFrame {
+            header: Header {
+                #[expect(clippy::cast_possible_truncation, reason = "a minute")]
+                stamp: Stamp::from_nanoseconds(1_700_000_000_000_000_000 + (seconds * 1e9) as i64),
+                ..Header::default()
+            },
+            neuroheader: NeuroHeader { seq: index + 1 },
+            sr: self.rate_hz,
+            eeg: NeuroDataFloat {
+                info: NeuroDataInfo {
+                    nsamples: self.samples,
+                    nchannels: channels,
+                    stride: channels * 4,
+                    unit: "uV".to_owned(),
+                    labels: self.labels.clone(),
+                    minmax: vec![-187_500.0, 187_500.0],
+                    ..NeuroDataInfo::default()
+                },
+                data: self.values(index * samples, samples),
+            },
+            ..NeuroFrame::default()
+        }
+    }
+
+    /// Returns `samples` samples from `first` on, uV: an alpha rhythm, drift and noise on each
+    /// channel.
+    fn values(&self, first: u32, samples: u32) -> Vec<f32> {
+        let rows = first..first + samples;
+        let values = rows.flat_map(|row| {
+            let seconds = f64::from(row) / f64::from(self.rate_hz);
+            (0_u32..).zip(&self.labels).map(move |(channel, _)| {
+                let phase = f64::from(channel);
+                let mut hash = (row * 977 + channel).wrapping_mul(2_654_435_761);
+                hash ^= hash >> 15;
+                let noise = f64::from(hash.wrapping_mul(2_246_822_519) >> 16) / 4096.0;
+                let alpha = 30.0 * (62.8 * seconds + phase).sin();
+                #[expect(clippy::cast_possible_truncation, reason = "about 100 uV")]
+                let value = (50.0 * (0.5 * seconds + phase).cos() + alpha + noise) as f32;
+                value
+            })
+        });
+        values.collect()
+    }
+
+    /// Returns the dequantised codes that host-sim makes of a recording of `frames` frames.
+    pub(crate) fn codes_of_recording(&self, frames: u32, mains: Mains) -> Vec<Vec<f32>> {
+        let signal = |label: &String| SignalToWrite {
+            label: label.clone(),
+            is_microvolt: true,
+            is_integer: false,
+            range: [-187_500.0, 187_500.0],
+        };
+        let file = FileToWrite {
+            signals: self.labels.iter().map(signal).collect(),
+            rate_hz: self.rate_hz.into(),
+            rows_per_record: self.samples.into(),
+            start_ns: 0,
+            description: String::new(),
+        };
+        let mut writer = GdfWriter::new(Cursor::new(Vec::new()), &file).unwrap();
+        for index in 0..frames {
+            writer.write_record(&self.frame(index).eeg.data).unwrap();
+        }
+        let bytes = writer.finish(&[]).unwrap().into_inner();
+        let recording = Recording::from_source(Cursor::new(bytes)).unwrap();
+        let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
+        let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate).unwrap();
+        // The scale of host-sim's virtual ADC.
+        let spec = AdcSpec {
+            rate_hz: model::ADC_RATE_HZ.into(),
+            lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
+        };
+        let mut pipeline = Pipeline::new(mains);
+        let samples = VirtualAdc::new(recording, &map, spec).unwrap();
+        let codes = samples.filter_map(|counts| {
+            // The virtual ADC fills the channels of the longest chain.
+            let counts = counts.unwrap();
+            pipeline.encode_sample(&Sample {
+                counts: std::array::from_fn(|channel| counts[channel]),
+            })
+        });
+        codes.map(|code| dequantised(&code.values)).collect()
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "levels of at most 17 bits")]
+fn dequantised(values: &pipeline::CodeValues) -> Vec<f32> {
+    let scales = model::CODE_SCALE.iter().zip(&model::CODE_ZERO_POINT);
+    let levels = values.levels().into_iter().zip(scales);
+    let dequantise = |(level, (scale, zero_point)): (i32, (&f32, &i8))| {
+        (level - i32::from(*zero_point)) as f32 * scale
+    };
+    levels.map(dequantise).collect()
+}

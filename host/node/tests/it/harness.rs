@@ -1,0 +1,142 @@
+//! A source and the bridge's core, which exchange bytes in virtual time.
+
+use std::sync::Arc;
+
+use bridge_core::{Announcement, AuditedWindow, Core, Effects, HostTime, Model, Settings};
+use link::{Flags, Streams};
+use neuro_ros::{DiagnosticStatus, NeuroFrame};
+use node::{Arrival, Refusal, Source};
+use pipeline::Mains;
+
+use crate::acquisition::Acquisition;
+
+/// Time at which the first frame arrives.
+pub(crate) const START: HostTime = HostTime {
+    monotonic_us: 1_000_000_000,
+    wall_ns: 1_700_000_000_000_000_000,
+};
+
+/// Effects of the core.
+#[derive(Default)]
+pub(crate) struct Recorder {
+    sent: Vec<u8>,
+    pub(crate) announced: Vec<Announcement>,
+    pub(crate) encoded: Vec<NeuroFrame>,
+}
+
+impl Effects for Recorder {
+    fn send(&mut self, frame: &[u8]) {
+        self.sent.extend_from_slice(frame);
+    }
+
+    fn announce(&mut self, announcement: &Announcement) {
+        self.announced.push(announcement.clone());
+    }
+
+    fn publish_encoded(&mut self, frame: &NeuroFrame) {
+        self.encoded.push(frame.clone());
+    }
+
+    fn audit(&mut self, window: AuditedWindow) {
+        let result = window.compare(&Model::embedded().unwrap()).expect("a code");
+        assert!(!result.is_wrong(), "{result:?}");
+    }
+}
+
+pub(crate) struct Harness {
+    pub(crate) source: Source,
+    pub(crate) core: Core,
+    pub(crate) recorder: Recorder,
+    pub(crate) now: HostTime,
+}
+
+impl Harness {
+    /// Connects the core to a source, whose first frame this is, and encodes the frame.
+    pub(crate) fn new(first: &NeuroFrame) -> Harness {
+        let settings = Settings {
+            mains_hz: 50,
+            streams: Streams::CODES | Streams::AUDIT,
+            ..Settings::default()
+        };
+        let model = Arc::new(Model::embedded().unwrap());
+        let mut harness = Harness {
+            source: Source::new(first, Mains::Hz50, 1).unwrap(),
+            core: Core::new(settings, Some(model)),
+            recorder: Recorder::default(),
+            now: START,
+        };
+        harness.core.connected(START, &mut harness.recorder);
+        harness.exchange();
+        assert!(harness.source.is_streaming());
+        harness.encode(first, 0);
+        harness
+    }
+
+    /// Receives a frame `us` microseconds after the previous one.
+    pub(crate) fn receive(&mut self, frame: &NeuroFrame, us: i64) -> Result<Arrival, Refusal> {
+        self.now.monotonic_us += us;
+        self.now.wall_ns += us * 1000;
+        let arrival = self.source.check(frame)?;
+        match arrival {
+            Arrival::Lost(frames) => self.encode(frame, frames),
+            Arrival::Restarted => {
+                self.source.restart(self.now).unwrap();
+                self.exchange();
+                assert!(self.source.is_streaming());
+                self.encode(frame, 0);
+            }
+            Arrival::Next | Arrival::Repeated => self.encode(frame, 0),
+        }
+        Ok(arrival)
+    }
+
+    /// Receives the frames with these indices in real time.
+    pub(crate) fn receive_all(
+        &mut self,
+        acquisition: &Acquisition,
+        indices: impl IntoIterator<Item = u32>,
+    ) {
+        let frame_us = self.source.layout().frame_us();
+        for index in indices {
+            self.receive(&acquisition.frame(index), frame_us).unwrap();
+        }
+    }
+
+    fn encode(&mut self, frame: &NeuroFrame, lost: u32) {
+        self.source.encode(frame, lost, self.now).unwrap();
+        self.exchange();
+    }
+
+    /// Exchanges bytes until neither side has any.
+    fn exchange(&mut self) {
+        loop {
+            let sent = std::mem::take(&mut self.recorder.sent);
+            if !sent.is_empty() {
+                self.source.receive(&sent, self.now);
+            }
+            match self.source.next_bytes() {
+                Some((read, bytes)) => self.core.receive(&bytes, read, &mut self.recorder),
+                None if sent.is_empty() => return,
+                None => {}
+            }
+        }
+    }
+
+    /// Returns the status of this name.
+    pub(crate) fn status(&mut self, name: &str) -> DiagnosticStatus {
+        let report = self.core.diagnostics(self.now);
+        let mut statuses = report.status.into_iter();
+        statuses.find(|status| status.name == name).unwrap()
+    }
+}
+
+/// Returns the status word `label` of a frame.
+pub(crate) fn word(frame: &NeuroFrame, label: &str) -> i32 {
+    let labels = &frame.tri.info.labels;
+    let place = labels.iter().position(|name| name == label).unwrap();
+    frame.tri.data[place]
+}
+
+pub(crate) fn is_filler(frame: &NeuroFrame) -> bool {
+    word(frame, "flags") & i32::from(Flags::FILLER.bits()) != 0
+}

@@ -1,0 +1,11 @@
+//! The acquisition as a device, without ROS and without a clock, and the program `corticode-node`
+//! in a ROS graph, with the master of `ros1`.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod acquisition;
+mod codes;
+mod gaps;
+mod graph;
+mod harness;
+mod refusals;
+mod trouble;
