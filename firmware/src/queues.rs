@@ -75,8 +75,8 @@ impl OutputSlot {
 }
 
 impl BulkSlot {
-    /// Creates a slot that has not been used yet. A function, because a constant would take its zeros
-    /// in flash.
+    /// Creates a slot that has not been used yet. A function, because a constant would take its
+    /// zeros in flash.
     pub const fn empty() -> Self {
         Self::Raw(RawChunk::EMPTY)
     }

@@ -195,8 +195,8 @@ pub(crate) struct DecodeOptions {
     #[arg(long, value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
     /// Recording from which the codes were made, or a folder of recordings for those of a folder:
-    /// NAME.edf for NAME.edf.codes. Its events are written to the output, and the decoded signal is compared
-    /// with its own.
+    /// NAME.edf for NAME.edf.codes. Its events are written to the output, and the decoded signal is
+    /// compared with its own.
     #[arg(long, value_name = "FILE|FOLDER")]
     pub(crate) original: Option<PathBuf>,
     /// Write a report to this folder: index.html, electrodes.csv and pictures.

@@ -26,8 +26,8 @@ mod signal;
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 /// File with the filter outputs that scipy computes; `scipy_rates.py` in the same folder writes it.
 const SCIPY: &str = "../../signal/pipeline/tests/it/front_end/scipy_rates.csv";
-/// Document that shows frames as hex dumps; `signal/link/tests/it/wire_format.rs` compares the dumps with the output of
-/// the encoder.
+/// Document that shows frames as hex dumps; `signal/link/tests/it/wire_format.rs` compares the
+/// dumps with the output of the encoder.
 const WIRE_FORMAT: &str = "../../docs/wire-format.md";
 /// Largest number of golden windows whose codes are compared.
 const WINDOWS: usize = 6;

@@ -1,5 +1,5 @@
-//! `cargo fw` and `cargo flash`: build the image of a board, state for which model and converters, and
-//! flash it.
+//! `cargo fw` and `cargo flash`: build the image of a board, state for which model and converters,
+//! and flash it.
 
 use std::env;
 use std::path::{Path, PathBuf};

@@ -35,8 +35,8 @@ impl Board {
         ["STM32H743ZITx", "STM32F446RETx"][self as usize]
     }
 
-    /// Names of the board's images, each with the arguments for cargo that select it: the image with the other
-    /// port first, the default image last.
+    /// Names of the board's images, each with the arguments for cargo that select it: the image
+    /// with the other port first, the default image last.
     pub(crate) const fn images(self) -> &'static [[&'static str; 2]] {
         match self {
             Self::H743 => &[

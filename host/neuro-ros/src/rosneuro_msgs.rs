@@ -160,8 +160,8 @@ pub struct NeuroFrame {
 }
 
 impl NeuroFrame {
-    /// Value of `header.frame_id`, and start of `transducter`, in frames with values that the network
-    /// computed.
+    /// Value of `header.frame_id`, and start of `transducter`, in frames with values that the
+    /// network computed.
     pub const NETWORK: &'static str = "autoencoder";
 
     /// Creates a frame for `/encoded` that holds one code of `numbers` values, all zeros.

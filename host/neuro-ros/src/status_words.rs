@@ -18,14 +18,14 @@ pub struct TriWords {
     /// Index, since `Start`, of the code's window or of the packed block, or of the frame that
     /// contains the sample or step.
     pub window: u32,
-    /// Device time of the last step of the window or block, or of the sample or step itself, microseconds. The
-    /// words carry the low 48 bits, which wrap after 8.9 years.
+    /// Device time of the last step of the window or block, or of the sample or step itself,
+    /// microseconds. The words carry the low 48 bits, which wrap after 8.9 years.
     pub device_time_us: u64,
-    /// Number of codes, blocks, samples or steps of this stream that were lost since the bridge started.
-    /// The word carries the number modulo 2^16.
+    /// Number of codes, blocks, samples or steps of this stream that were lost since the bridge
+    /// started. The word carries the number modulo 2^16.
     pub lost: u64,
-    /// Level of the trigger input, 0 or 1, according to the edges received; 0 before the first edge,
-    /// and always 0 without the stream of events.
+    /// Level of the trigger input, 0 or 1, according to the edges received; 0 before the first
+    /// edge, and always 0 without the stream of events.
     pub trigger: u16,
 }
 
@@ -47,8 +47,8 @@ fn sixteen_bits(value: u64) -> [u16; 4] {
 /// Range that is announced for the status words.
 ///
 /// ROS-Neuro's recorder stores `tri` in GDF as float32 and maps this range to the whole range of
-/// float32. The range of the words themselves, 0 to 65535, makes almost every stored word infinite or
-/// inexact; with 24 bits and sign, words come back as they were.
+/// float32. The range of the words themselves, 0 to 65535, makes almost every stored word infinite
+/// or inexact; with 24 bits and sign, words come back as they were.
 const RANGE: [f64; 2] = [-8_388_608.0, 8_388_607.0];
 
 /// Returns the description of a `tri` block that holds the words of `nsamples` samples.

@@ -187,7 +187,8 @@ impl Source {
 
     /// Passes bytes from the host to the device at `now`.
     pub fn receive(&mut self, bytes: &[u8], now: HostTime) {
-        // Between two frames the device's time advances, but not beyond the samples of the next one.
+        // Between two frames the device's time advances, but not beyond the samples of the next
+        // one.
         let since_us = self.arrivals.back().map_or(0, |(_, arrival)| {
             now.monotonic_us.saturating_sub(arrival.monotonic_us)
         });

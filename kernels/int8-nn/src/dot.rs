@@ -29,9 +29,8 @@ pub(crate) const fn weight_index(output: usize, input: usize) -> usize {
 }
 
 /// Computes, for each block of `sums`, the dot products of [`POSITIONS`] positions and [`OUTPUTS`]
-/// outputs:
-/// `sums[block][position][output] = sum over segment, k of inputs[segment][(block * POSITIONS + position) * STRIDE + k] . weights[block][segment][k][output]`,
-/// wrapping.
+/// outputs: `sums[block][position][output] = sum over segment, k of inputs[segment][(block *
+/// POSITIONS + position) * STRIDE + k] . weights[block][segment][k][output]`, wrapping.
 ///
 /// The inputs of a position are `WIDTH` consecutive pairs in each of the `SEGMENTS` slices; those
 /// of the next position start `STRIDE` pairs later. If `weights` holds the weights of one block

@@ -117,8 +117,8 @@ impl Substitutes {
         zero: 0,
     };
 
-    /// Formats the electrodes of both sets by their labels, such as "interpolated: F1 F2; zero: Cz".
-    /// `labels` are those of [`Capabilities::labels`](crate::Capabilities::labels).
+    /// Formats the electrodes of both sets by their labels, such as "interpolated: F1 F2; zero:
+    /// Cz". `labels` are those of [`Capabilities::labels`](crate::Capabilities::labels).
     pub fn named<'a>(
         self,
         labels: impl Iterator<Item = &'a str> + Clone,

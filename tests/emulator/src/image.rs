@@ -12,8 +12,8 @@ use crate::error::EmulatorError;
 use crate::installed::check_target;
 use crate::machine::TARGET;
 
-/// Locked during a build: cargo writes the images of all feature sets to the same path, and tests run
-/// in parallel.
+/// Locked during a build: cargo writes the images of all feature sets to the same path, and tests
+/// run in parallel.
 static BUILDS: Mutex<()> = Mutex::new(());
 
 /// A linked program for a microcontroller, as an ELF file.

@@ -1,7 +1,7 @@
 //! Dequantises the values of codes.
 
-/// Returns the value `z = (level - zero_point) * scale` of a level of a code, the input of the decoder
-/// network. |level| is below 2^16.
+/// Returns the value `z = (level - zero_point) * scale` of a level of a code, the input of the
+/// decoder network. |level| is below 2^16.
 #[expect(
     clippy::cast_precision_loss,
     reason = "the difference has 17 bits at most"

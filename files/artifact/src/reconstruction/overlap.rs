@@ -9,7 +9,8 @@ pub struct HopLayout {
     pub steps: usize,
     /// Number of electrodes in each step.
     pub electrodes: usize,
-    /// Whether a hop holds the newest steps of its window, without the average with the next window.
+    /// Whether a hop holds the newest steps of its window, without the average with the next
+    /// window.
     pub low_latency: bool,
     /// Largest magnitude of a value, microvolts. Larger ones are limited: a recorder stores values
     /// outside the announced range as infinite.
@@ -87,8 +88,8 @@ impl Overlap {
 
     /// Writes the hop that `window` completes to `hop`, and returns its source and flags.
     ///
-    /// With low latency, the hop is the last one of the window; otherwise it is the first one, which
-    /// the window shares with all earlier windows that contain it.
+    /// With low latency, the hop is the last one of the window; otherwise it is the first one,
+    /// which the window shares with all earlier windows that contain it.
     ///
     /// # Panics
     ///
@@ -143,8 +144,8 @@ impl Overlap {
     }
 }
 
-/// Returns the part of an earlier window that is the first hop of window `index`; `None` if the earlier
-/// window ended before this hop.
+/// Returns the part of an earlier window that is the first hop of window `index`; `None` if the
+/// earlier window ended before this hop.
 fn hop_at(earlier: &Window, index: u32, length: usize) -> Option<&[f32]> {
     let age = usize::try_from(index.wrapping_sub(earlier.index)).ok()?;
     let start = age.checked_mul(length).filter(|_| age > 0)?;
@@ -154,9 +155,9 @@ fn hop_at(earlier: &Window, index: u32, length: usize) -> Option<&[f32]> {
         .get(start..start.checked_add(length)?)
 }
 
-/// Averages the steps that windows share, which lowers their error. Measured with an earlier model on
-/// EEGMMIDB S001 R11 and R12, with two windows: normalised error 0.00971 for the average and 0.01034 for
-/// one window alone. Not measured again with the built-in model.
+/// Averages the steps that windows share, which lowers their error. Measured with an earlier model
+/// on EEGMMIDB S001 R11 and R12, with two windows: normalised error 0.00971 for the average and
+/// 0.01034 for one window alone. Not measured again with the built-in model.
 fn average(windows: &[&[f32]], out: &mut [f32]) {
     #[expect(clippy::cast_precision_loss, reason = "at most 8 windows overlap")]
     let share = 1.0 / windows.len() as f32;
@@ -182,7 +183,8 @@ mod tests {
         full_scale_uv: 100.0,
     };
 
-    /// Returns hops and sources of windows; `None` is a lost code. The flags of window k are 1 << k.
+    /// Returns hops and sources of windows; `None` is a lost code. The flags of window k are 1 <<
+    /// k.
     fn hops(layout: HopLayout, windows: &[(u32, Option<&[f32]>)]) -> Vec<([f32; 2], Hop)> {
         let mut overlap = Overlap::new(layout);
         let mut hop = [0.0; 2];

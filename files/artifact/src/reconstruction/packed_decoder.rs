@@ -5,15 +5,16 @@ use packed::{BlockReader, Context, Magnitude, Malformed, RATES, Rate, Tables};
 
 use super::synthesis::Synthesis;
 
-/// Blocks after a lost one, without a block that needs no prediction, until the error is that of a stream without
-/// loss again: measured 1.12 to 1.20 times it after 1 to 12 lost blocks, and 1.15 times it when the first block that
-/// arrives is one from the middle of a run.
+/// Blocks after a lost one, without a block that needs no prediction, until the error is that of a
+/// stream without loss again: measured 1.12 to 1.20 times it after 1 to 12 lost blocks, and 1.15
+/// times it when the first block that arrives is one from the middle of a run.
 pub const HEALING_BLOCKS: usize = 8;
 
 /// Decodes consecutive blocks of the packed code.
 ///
-/// The state is that of the encoder, bit for bit, from the first block without prediction on. After a lost block it
-/// differs, and approaches the encoder's with every block; the next block without prediction sets it right.
+/// The state is that of the encoder, bit for bit, from the first block without prediction on. After
+/// a lost block it differs, and approaches the encoder's with every block; the next block without
+/// prediction sets it right.
 #[derive(Clone, Debug)]
 pub struct PackedDecoder {
     model: PackedModel,
@@ -43,8 +44,8 @@ enum Health {
 pub struct PackedBlock {
     /// Signals of the block at once, microvolts, in the order step, electrode.
     pub microvolts: Vec<f32>,
-    /// Signals of the block before, better than when they were decoded; `None` if this block says nothing about
-    /// them, because it has no prediction or is not the next one.
+    /// Signals of the block before, better than when they were decoded; `None` if this block says
+    /// nothing about them, because it has no prediction or is not the next one.
     pub smoothed: Option<Vec<f32>>,
     /// True if the state is close to that of the encoder: equal, or long enough after a loss.
     pub is_sound: bool,
@@ -74,7 +75,8 @@ impl PackedDecoder {
     /// Decodes the next block; `announced` is the rate of the stream.
     ///
     /// # Errors
-    /// If the bytes are no block of this model. The decoder is unchanged; call [`Self::skip`] for the block.
+    /// If the bytes are no block of this model. The decoder is unchanged; call [`Self::skip`] for
+    /// the block.
     pub fn decode(&mut self, bytes: &[u8], announced: Rate) -> Result<PackedBlock, Malformed> {
         let reader = BlockReader::new(bytes, announced)?;
         let header = reader.header();
@@ -114,11 +116,12 @@ impl PackedDecoder {
         })
     }
 
-    /// Passes a lost block: its signals are those of its prediction, which the call returns, microvolts.
+    /// Passes a lost block: its signals are those of its prediction, which the call returns,
+    /// microvolts.
     ///
     /// # Timing
-    /// As long as decoding, until the prediction is equal to the state. Then, which is after some blocks, nothing is
-    /// left to compute.
+    /// As long as decoding, until the prediction is equal to the state. Then, which is after some
+    /// blocks, nothing is left to compute.
     pub fn skip(&mut self) -> Vec<f32> {
         self.health = Health::Healing { blocks: 0 };
         if let Some(microvolts) = &self.standing {
@@ -154,8 +157,8 @@ impl PackedDecoder {
         }
     }
 
-    /// Returns the signals of the block before, whose state was `before`, corrected by what the newest block adds to
-    /// its prediction.
+    /// Returns the signals of the block before, whose state was `before`, corrected by what the
+    /// newest block adds to its prediction.
     fn smoothed(&mut self, before: &[i16], prediction: &[i16], rate: Rate) -> Vec<f32> {
         let model = &self.model;
         let smoother = self

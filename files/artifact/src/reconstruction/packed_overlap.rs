@@ -5,8 +5,8 @@ use packed::{Malformed, Rate};
 
 use super::packed_decoder::PackedDecoder;
 
-/// Decodes blocks to hops, one for each block: with low latency that of the block itself, otherwise that of the block
-/// before, corrected by what the newer block says about it.
+/// Decodes blocks to hops, one for each block: with low latency that of the block itself, otherwise
+/// that of the block before, corrected by what the newer block says about it.
 ///
 /// `T` is what the caller wants to know of a hop, such as its time.
 #[derive(Clone, Debug)]
@@ -38,13 +38,14 @@ pub enum PackedSource {
     Block,
     /// The block, whose error is larger because blocks before it are lost.
     Healing,
-    /// The blocks before it: the block is lost or malformed, and the values are the model's prediction.
+    /// The blocks before it: the block is lost or malformed, and the values are the model's
+    /// prediction.
     Prediction,
 }
 
 impl<T: Clone> PackedOverlap<T> {
-    /// Creates an overlap that waits for a block without prediction. Hops are limited to the range of plus and minus
-    /// `full_scale_uv`.
+    /// Creates an overlap that waits for a block without prediction. Hops are limited to the range
+    /// of plus and minus `full_scale_uv`.
     pub fn new(model: &PackedModel, low_latency: bool, full_scale_uv: f32) -> Self {
         Self {
             decoder: PackedDecoder::new(model),
@@ -61,15 +62,17 @@ impl<T: Clone> PackedOverlap<T> {
         self.newest = None;
     }
 
-    /// Takes over the newest hop and the count of `before`, whose stream goes on with another device.
+    /// Takes over the newest hop and the count of `before`, whose stream goes on with another
+    /// device.
     pub fn continue_from(&mut self, before: &mut Self) {
         self.newest = before.newest.take();
         self.malformed = before.malformed;
     }
 
-    /// Decodes the next block, `None` for a lost one, and returns the hop that it completes; `None` if there is none.
-    /// The block's rate is the index of that of the stream, as on the wire. A malformed block, and one whose rate does
-    /// not exist, is replaced like a lost one, and counted.
+    /// Decodes the next block, `None` for a lost one, and returns the hop that it completes; `None`
+    /// if there is none. The block's rate is the index of that of the stream, as on the wire. A
+    /// malformed block, and one whose rate does not exist, is replaced like a lost one, and
+    /// counted.
     pub fn next_hop(&mut self, block: Option<(&[u8], u8)>, label: T) -> Option<PackedHop<T>> {
         let received = block.map(|(bytes, rate)| {
             let rate = Rate::new(rate).ok_or(Malformed)?;
@@ -91,13 +94,14 @@ impl<T: Clone> PackedOverlap<T> {
         self.complete(newest, smoothed)
     }
 
-    /// Takes `newest` for the hop of the next block, which is not decoded, and returns the hop that it completes. For a
-    /// caller that needs no signals; what is decoded afterwards is wrong.
+    /// Takes `newest` for the hop of the next block, which is not decoded, and returns the hop that
+    /// it completes. For a caller that needs no signals; what is decoded afterwards is wrong.
     pub fn pass(&mut self, newest: PackedHop<T>) -> Option<PackedHop<T>> {
         self.complete(newest, None)
     }
 
-    /// Returns the hop that `newest` completes, with the signals `smoothed` if it corrects the hop before it.
+    /// Returns the hop that `newest` completes, with the signals `smoothed` if it corrects the hop
+    /// before it.
     fn complete(
         &mut self,
         newest: PackedHop<T>,
@@ -116,8 +120,8 @@ impl<T: Clone> PackedOverlap<T> {
         completed.map(|hop| self.limited(hop))
     }
 
-    /// Returns the hop that waits for the next block, as it is without that block; `None` with low latency, because
-    /// it was returned at once.
+    /// Returns the hop that waits for the next block, as it is without that block; `None` with low
+    /// latency, because it was returned at once.
     pub fn finish(&mut self) -> Option<PackedHop<T>> {
         let newest = self.newest.take().filter(|_| !self.low_latency);
         newest.map(|hop| self.limited(hop))

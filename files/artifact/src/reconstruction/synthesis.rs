@@ -54,8 +54,8 @@ impl Synthesis {
     }
 }
 
-/// Solves `matrix * x = right` for the positive definite `matrix` `[count][count]` by elimination; `right`
-/// `[count][columns]` becomes x.
+/// Solves `matrix * x = right` for the positive definite `matrix` `[count][count]` by elimination;
+/// `right` `[count][columns]` becomes x.
 fn solve(matrix: &mut [f64], right: &mut [f64], count: usize, columns: usize) {
     for pivot in 0..count {
         let (above, below) = matrix.split_at_mut((pivot + 1) * count);

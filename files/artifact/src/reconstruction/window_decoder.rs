@@ -29,8 +29,8 @@ impl WindowDecoder {
         })
     }
 
-    /// Decodes a dequantised code to the electrode signals of its window, microvolts: all electrodes of
-    /// the first step, then all electrodes of the next step, and so on.
+    /// Decodes a dequantised code to the electrode signals of its window, microvolts: all
+    /// electrodes of the first step, then all electrodes of the next step, and so on.
     ///
     /// # Panics
     ///

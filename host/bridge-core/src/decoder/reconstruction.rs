@@ -80,8 +80,8 @@ impl Reconstruction {
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
     }
 
-    /// Counts the frame of a window that is not decoded because no subscriber receives it. The first frame
-    /// after it is decoded from one window alone.
+    /// Counts the frame of a window that is not decoded because no subscriber receives it. The
+    /// first frame after it is decoded from one window alone.
     pub(crate) fn skip_frame(&mut self) {
         self.overlap.forget();
         self.count_frame();

@@ -11,8 +11,8 @@
 //!   Within these 10 s the offset follows a change of drift. The offset falls at once but rises no
 //!   faster than a clock can drift.
 //!
-//! While a stalled host reads a backlog, every frame is late, by up to minutes. Such a frame is later
-//! than any drift can explain; it shows nothing about the clocks and is left out of the fit.
+//! While a stalled host reads a backlog, every frame is late, by up to minutes. Such a frame is
+//! later than any drift can explain; it shows nothing about the clocks and is left out of the fit.
 //!
 //! The fit uses the host's monotonic clock. The difference between wall clock and monotonic clock
 //! is added to the fitted host time.

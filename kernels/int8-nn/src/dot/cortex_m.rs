@@ -1,9 +1,9 @@
 //! The dot products on a Cortex-M4 or M7, with SMLAD: two products per instruction.
 //!
-//! There are two schedules with the same results. `grouped` loads several registers at a time, which takes
-//! the fewest cycles on a Cortex-M4. `interleaved` (feature `cortex-m7`) alternates loads and
-//! products, because a Cortex-M7 issues one of each together. The cycles are computed by llvm-mca,
-//! not measured.
+//! There are two schedules with the same results. `grouped` loads several registers at a time,
+//! which takes the fewest cycles on a Cortex-M4. `interleaved` (feature `cortex-m7`) alternates
+//! loads and products, because a Cortex-M7 issues one of each together. The cycles are computed by
+//! llvm-mca, not measured.
 #![expect(unsafe_code, reason = "calls the assembler")]
 
 #[cfg(not(feature = "cortex-m7"))]

@@ -1,5 +1,5 @@
-//! The images for the NUCLEO boards run on virtual boards and stream to a rospy subscriber of a real
-//! roscore.
+//! The images for the NUCLEO boards run on virtual boards and stream to a rospy subscriber of a
+//! real roscore.
 
 use std::time::{Duration, Instant};
 

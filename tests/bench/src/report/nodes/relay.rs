@@ -1,5 +1,5 @@
-//! Forwards the bytes of the source to the bridge, and the codes among them to the node in rospy, and
-//! records the times. Codes leave one hop apart to some microseconds, so that the jitter at a
+//! Forwards the bytes of the source to the bridge, and the codes among them to the node in rospy,
+//! and records the times. Codes leave one hop apart to some microseconds, so that the jitter at a
 //! subscriber is that of the node.
 
 use std::io::{self, Read, Write};
