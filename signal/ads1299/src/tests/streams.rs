@@ -5,7 +5,7 @@ use std::vec::Vec;
 use super::Bench;
 use crate::clock::Clock;
 use crate::decoder::{Alignment, CHANNELS, frame_bytes};
-use crate::ready::ReadyMeter;
+use crate::ready::{Edge, ReadyMeter};
 use crate::settings::{Gain, LeadOff, LeadOffThreshold, Rate, Settings};
 use crate::simulation::{Electrodes, Event, Options, finish};
 
@@ -29,17 +29,19 @@ fn every_sample_arrives_once_and_unchanged_on_either_kind_of_board() {
         let mut bench =
             Bench::<8, { frame_bytes(8) }>::new(options, Electrodes::counts(unlike), Settings::EEG);
         bench.start().unwrap();
+        let mut meter = ReadyMeter::new(0, Clock::EEG, Rate::Div4096);
         for sample in 0..1000 {
-            let reading = bench.next();
+            let edge_us = bench.edge_us();
+            assert!(matches!(meter.edge(edge_us), Edge::First | Edge::OnTime));
+            let reading = finish(bench.sampler.read(edge_us)).unwrap();
             assert!(reading.is_sound() && reading.missed == 0, "{reading:?}");
             let mut expected = [[0; CHANNELS]; 8];
             unlike(sample, &mut expected);
             assert_eq!(bench.sampler.counts(), &expected, "sample {sample}");
         }
         assert_eq!(bench.sampler.decoder.alignment(), Some(alignment));
-        // Two stamps of 1 us resolution over 64 periods of 1/512 s are 16 ppm, or 8 mHz of 512 Hz.
-        let measured = bench.sampler.millihertz().expect("many periods");
-        assert!(measured.abs_diff(512_000) <= 8, "{measured}");
+        // Two stamps of 1 us resolution over 1.95 s are 1 ppm, or 0.5 mHz of 512 Hz.
+        assert!(meter.check().unwrap().abs_diff(512_000) <= 1);
         finish(bench.sampler.chain.halt()).unwrap().unwrap();
         assert_eq!(bench.simulation.violations(), 0);
     }

@@ -23,6 +23,7 @@ mod packed_python;
 mod qemu_chain;
 mod quantise;
 mod raw_forms;
+mod readme;
 mod ros_chain;
 mod samples_chain;
 mod service;
