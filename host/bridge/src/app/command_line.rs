@@ -24,6 +24,11 @@ use crate::wire::port::PortAddress;
 /// Identifier and name of the option for the configuration file.
 pub(crate) const CONFIG: &str = "config";
 
+/// Headings of the options in `--help`.
+const DEVICE: &str = "Device";
+const OUTPUTS: &str = "Outputs";
+const DECODING: &str = "Decoding and time";
+
 /// Publish the codes and signals of a Corticode board as ROS-Neuro NeuroFrames.
 ///
 /// Publishes /encoded, /neurodata_reconstructed, /events/bus and /diagnostics, on request also
@@ -45,35 +50,37 @@ pub(crate) struct Options {
     #[command(flatten)]
     pub(crate) at: PortOptions,
     /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
-    #[arg(long, value_name = "URI")]
+    #[arg(long, help_heading = OUTPUTS, value_name = "URI")]
     pub(crate) ros_master_uri: Option<String>,
     /// Destination of the frames: ROS topics, or lines of JSON on stdout
-    #[arg(long, env = "CORTICODE_SINK", value_enum, default_value_t)]
+    #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_SINK", value_enum, default_value_t)]
     pub(crate) sink: SinkKind,
     /// Namespace of the node, its topics and services, such as /left for /left/encoded and
     /// /left/acquisition/get_info; /diagnostics keeps its name
     #[arg(
         long,
+        help_heading = OUTPUTS,
         env = "CORTICODE_TOPIC_PREFIX",
         default_value = "",
         value_name = "PREFIX"
     )]
     pub(crate) topic_prefix: String,
     /// Folder of the model to decode with, instead of the built-in one
-    #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
+    #[arg(long, help_heading = DECODING, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
     /// Point of a frame that its stamp refers to
-    #[arg(long, env = "CORTICODE_STAMP", default_value = "first", value_parser = choice::<StampPoint>())]
+    #[arg(long, help_heading = DECODING, env = "CORTICODE_STAMP", default_value = "first", value_parser = choice::<StampPoint>())]
     pub(crate) stamp: StampPoint,
     #[command(flatten)]
     pub(crate) asked: StreamOptions,
     /// Replacement of a lost code, packed block, sample or step
-    #[arg(long, env = "CORTICODE_FILLER", default_value = "last", value_parser = choice::<FillerPolicy>())]
+    #[arg(long, help_heading = DECODING, env = "CORTICODE_FILLER", default_value = "last", value_parser = choice::<FillerPolicy>())]
     pub(crate) filler: FillerPolicy,
     /// Reconstruct from the newest window or packed block alone: 62.5 ms earlier, with a slightly
     /// larger error
     #[arg(
         long,
+        help_heading = DECODING,
         env = "CORTICODE_LOW_LATENCY",
         action = ArgAction::Set,
         num_args = 0..=1,
@@ -85,11 +92,11 @@ pub(crate) struct Options {
     pub(crate) low_latency: bool,
     /// Time that the stamp of an event refers to: where rosneuro_recorder places it in a recording
     /// of the announced stream, or the event itself, as the frames' stamps
-    #[arg(long, env = "CORTICODE_EVENT_STAMPS", default_value = "recorder", value_parser = choice::<EventStamps>())]
+    #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_EVENT_STAMPS", default_value = "recorder", value_parser = choice::<EventStamps>())]
     pub(crate) event_stamps: EventStamps,
     /// Stream that /acquisition/get_info describes; record this one and no other [default: encoded,
     /// without codes reconstructed]
-    #[arg(long, env = "CORTICODE_ANNOUNCE", value_parser = choice::<AnnouncedStream>())]
+    #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_ANNOUNCE", value_parser = choice::<AnnouncedStream>())]
     pub(crate) announce: Option<AnnouncedStream>,
 }
 
@@ -353,12 +360,13 @@ pub(crate) struct DoctorOptions {
 #[derive(Clone, Debug, Args)]
 pub(crate) struct StreamOptions {
     /// Mains frequency that the device shall remove, Hz; the device chooses by default
-    #[arg(long, env = "CORTICODE_MAINS", value_parser = mains)]
+    #[arg(long, help_heading = DEVICE, env = "CORTICODE_MAINS", value_parser = mains)]
     pub(crate) mains: Option<u8>,
     /// Streams of the device, comma-separated; codes are included unless packed is named. A device
     /// that refuses some is asked for fewer
     #[arg(
         long,
+        help_heading = DEVICE,
         env = "CORTICODE_STREAMS",
         value_parser = choice::<StreamKind>(),
         value_delimiter = ',',
@@ -366,10 +374,10 @@ pub(crate) struct StreamOptions {
     )]
     pub(crate) streams: Vec<StreamKind>,
     /// Rate of the packed code, 0 to 15: one more is 3 dB coarser; the model's by default
-    #[arg(long, env = "CORTICODE_PACKED_RATE", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
+    #[arg(long, help_heading = DEVICE, env = "CORTICODE_PACKED_RATE", value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
     pub(crate) packed_rate: Option<u8>,
     /// Form in which the device sends the samples of the stream raw; both yield the same frames
-    #[arg(long, env = "CORTICODE_RAW_FORM", default_value = "any", value_parser = choice::<RawForm>())]
+    #[arg(long, help_heading = DEVICE, env = "CORTICODE_RAW_FORM", default_value = "any", value_parser = choice::<RawForm>())]
     pub(crate) raw_form: RawForm,
 }
 
@@ -414,6 +422,7 @@ pub(crate) struct PortOptions {
     /// all
     #[arg(
         long,
+        help_heading = DEVICE,
         env = "CORTICODE_PORT",
         value_name = "PATH|tcp:HOST:PORT|auto",
         default_value = "auto"
@@ -422,6 +431,7 @@ pub(crate) struct PortOptions {
     /// Baud rate of a serial port; USB and pseudoterminals ignore it
     #[arg(
         long,
+        help_heading = DEVICE,
         env = "CORTICODE_BAUD",
         default_value_t = 921_600,
         value_parser = clap::value_parser!(u32).range(1..)

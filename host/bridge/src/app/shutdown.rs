@@ -55,6 +55,10 @@ impl Shutdown {
         let reason_sender = self.reason_sender.clone();
         tokio::spawn(async move {
             node.shutdown_requested().await;
+            tracing::warn!(
+                "the ROS master asks this node to shut down, as it does when another node takes its \
+                 name; --topic-prefix or __name:= lets two bridges run side by side"
+            );
             // Sending fails only if the bridge has shut down already.
             let _ = reason_sender.send("the ROS master asks this node to shut down");
         });

@@ -195,6 +195,10 @@ impl FromStr for PortAddress {
             ),
             Some(("auto", serial)) => Ok(PortAddress::Auto(Some(serial.to_owned()))),
             None if text == "auto" => Ok(PortAddress::Auto(None)),
+            Some(("file", path)) => Err(format!(
+                "a file is no port; write `corticode-bridge replay {path} --output pty:/tmp/board` \
+                 and --port /tmp/board, or ./{text} for a port of this name"
+            )),
             _ if text.is_empty() => Err("the path is empty; write /dev/ttyACM0".to_owned()),
             _ if is_tcp_without_prefix(text) => Err(format!(
                 "`{text}` is not the path of a port; write tcp:HOST:PORT, such as tcp:127.0.0.1:5555, \

@@ -19,6 +19,7 @@ fn wrong_usage_is_status_2_with_advice() {
         (&["--port", "/dev/null", "--baud", "0"], "--baud"),
         (&["--port", "tcp:localhost:99999"], "0 to 65535"),
         (&["--port", "99999"], "write tcp:HOST:PORT"),
+        (&["--port", "file:x"], "corticode-bridge replay x"),
         (
             &["selftest", "--port", "localhost:5555"],
             "write tcp:HOST:PORT",
