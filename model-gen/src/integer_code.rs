@@ -2,8 +2,8 @@
 
 use artifact::{CodeFormat, IntegerCode};
 
-/// Returns the code of the given levels, which are multiples of the code's scale. Computed in plain
-/// loops: the reference for every format.
+/// Returns the code of the given levels, which are in units of the code's scale. The plain loops
+/// are the reference to which the device's encoder is compared, in every format.
 ///
 /// The exponent is the smallest with which every `round(level / 2^exponent)`, half up, is within
 /// the format's range; if no exponent is large enough, it is the largest, and values out of range

@@ -112,9 +112,9 @@ pub fn fully_connected(model: &IntegerModel) -> Vec<Vec<Vec<Pair>>> {
         .collect()
 }
 
-/// Returns the number of matrices into which the weights of a pooled plane are split: the smallest
-/// number of equal matrices that [`Linear`] supports, each with a multiple of eight pairs of
-/// inputs.
+/// Returns into how many equal matrices the fully connected layer's weights for one pooled plane
+/// are split. It is the smallest number for which [`Linear`] supports each matrix, and each has a
+/// multiple of eight pairs of inputs.
 ///
 /// Returns 1 for a model without convolutions.
 pub fn fc_pieces(model: &IntegerModel) -> usize {

@@ -201,8 +201,8 @@ pub fn checked_description(
     description_to_compare(montage, shape)
 }
 
-/// Returns the description of a model to train and compare, whose codes need not be decodable,
-/// after all checks that need no recording.
+/// Returns the description of a model that is trained only to be compared with other models, so its
+/// codes need not be decodable. Makes every check that is possible before recordings are read.
 ///
 /// # Errors
 /// If the montage has mistakes, or no model can have this shape.

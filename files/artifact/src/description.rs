@@ -305,7 +305,7 @@ pub struct TrainingCard {
     pub interpolated: Vec<String>,
     /// Caveats about the test figures.
     pub note: String,
-    /// Names of the training files.
+    /// Names, without folder, of the recordings on which the model was trained.
     pub train_files: Vec<String>,
     /// Names of the test files, which were not used for training or validation.
     pub test_files: Vec<String>,

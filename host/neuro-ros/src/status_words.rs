@@ -46,9 +46,9 @@ fn sixteen_bits(value: u64) -> [u16; 4] {
 
 /// Range that is announced for the status words.
 ///
-/// ROS-Neuro's recorder stores `tri` in GDF as float32 and maps this range to the whole range of
-/// float32. The range of the words themselves, 0 to 65535, makes almost every stored word infinite
-/// or inexact; with 24 bits and sign, words come back as they were.
+/// ROS-Neuro's recorder stores `tri` in GDF as float32 and scales this range to the whole range of
+/// float32. With the words' own range, 0 to 65535, that scaling overflows or rounds almost every
+/// word. With the range of a signed 24-bit integer every word is restored exactly.
 const RANGE: [f64; 2] = [-8_388_608.0, 8_388_607.0];
 
 /// Returns the description of a `tri` block that holds the words of `nsamples` samples.

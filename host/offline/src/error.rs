@@ -83,7 +83,7 @@ pub enum OfflineError {
     Write {
         /// Name of the output.
         path: PathBuf,
-        /// Error from the operating system, or what the format cannot hold.
+        /// Error of the operating system, or of the writer that refuses a value.
         source: io::Error,
     },
     /// The format or the kind of the output cannot hold the signal.

@@ -30,12 +30,12 @@ impl State {
     }
 }
 
-/// A quantised coefficient.
+/// A quantised coefficient: sign and magnitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Magnitude {
-    /// Index of the point, 0 for zero; at most 2^16 - 1.
+    /// Index of the quantiser's point, 0 for zero; at most 2^16 - 1.
     pub value: u16,
-    /// True if the coefficient is negative.
+    /// Sign of the coefficient; not coded where `value` is 0.
     pub is_negative: bool,
 }
 

@@ -8,12 +8,12 @@ use crate::settings::{Gain, Rate};
 /// Limits that a working channel keeps in the self-test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Largest |gain error|, as a fraction: 0.03. It allows 2 % for the test signal, a value not
-    /// compared with the data sheet, and 1 % for the amplifier, whose typical gain error is 0.1 %
-    /// of full scale (section 7.5).
+    /// Largest |gain error|, as a fraction. The default of 0.03 is the sum of 2 % for the amplitude
+    /// of the test signal (assumed, not verified against the data sheet) and 1 % for the amplifier
+    /// (typical gain error 0.1 % of full scale, data sheet section 7.5).
     pub gain_error: f32,
-    /// Largest |offset|, in microvolts at the input: 300. It is five times a typical offset of 60
-    /// uV, a value not compared with the data sheet (section 7.5).
+    /// Largest |offset|, in microvolts at the input. The default of 300 is five times a typical
+    /// offset of 60 uV (assumed, not verified against the data sheet).
     pub offset_uv: f32,
     /// Least and largest noise, in microvolts rms at the input: half and twice
     /// [`typical_noise_uv`]. A channel without noise is dead.

@@ -183,8 +183,8 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
     /// Transfers a byte that ends at `end_ns`, with an SCLK of `sclk_hz`, and returns the byte on
     /// MISO.
     ///
-    /// Reading a register faster than decision 0011's resistors allow is a
-    /// [violation](Self::violations).
+    /// Reading a register with an SCLK above 105 kHz is a [violation](Self::violations): the
+    /// resistors through which the chips share MISO are too slow for more (decision 0011).
     pub fn transfer_at(&self, end_ns: u64, sclk_hz: u32, mosi: u8) -> u8 {
         let speed = if sclk_hz <= FASTEST_REGISTERS_HZ {
             Speed::Registers

@@ -256,8 +256,8 @@ impl<'i> Session<'i> {
         self.stats.clipped_values = self.stats.clipped_values.wrapping_add(clipped);
     }
 
-    /// Stores the status of the converters for later introductions. Sends it at once while a run is
-    /// active, or if the fault has changed.
+    /// Stores the status of the converters, which every later answer to `Identify` contains. Sends
+    /// it at once as well while a run is active, or if its fault differs from the stored one.
     pub fn update_converters(
         &mut self,
         converters: Converters,

@@ -78,9 +78,9 @@ pub struct ElectrodeQuality {
 pub struct SignalQuality {
     inputs: [InputSums; ELECTRODES],
     outputs: [OutputSums; ELECTRODES],
-    /// Weights of the mains frequency at the ADC's rate.
+    /// DFT bin of the mains frequency, for samples at the ADC's rate.
     input_bin: Bin,
-    /// Weights of the mains frequency at the step rate.
+    /// DFT bin of the mains frequency, for samples at the step rate.
     output_bin: Bin,
     first_sample: u64,
     /// Number of samples in this second so far.

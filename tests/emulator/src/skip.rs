@@ -5,7 +5,8 @@ use std::env;
 use std::fmt::Display;
 use std::io::Write;
 
-/// Prints `SKIPPED: WHAT: WHY` on the standard error, which the test harness does not capture here.
+/// Prints `SKIPPED: WHAT: WHY` to standard error, past the test harness, which captures
+/// `eprintln!`.
 pub fn skipped(what: &str, why: impl Display) {
     // One write, so that lines of parallel tests stay whole. If standard error is closed, only this
     // line is lost.

@@ -11,8 +11,8 @@ const RAILS: RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 /// channels then fit the first-level cache of a processor.
 const SAMPLES: usize = 64;
 
-/// A block of samples of the ADC. The conversion runs channel by channel, so that the compiler
-/// vectorises it.
+/// A block of samples of the ADC. Volts are converted to counts one channel at a time, over all
+/// samples of the block, because the compiler vectorises that loop.
 pub(super) struct CountBlock {
     counts: [[i32; CHANNELS]; SAMPLES],
     /// Number of channels in each sample that were beyond the rails.

@@ -143,7 +143,8 @@ pub(crate) enum BusEvent {
     EdgesLost(u32),
     /// The device was replaced by one whose codes cannot be published, for this reason.
     DeviceRefused(String),
-    /// Seconds without data because the device restarted, or was replaced for that time.
+    /// Seconds without data, because the device restarted, or because another device was connected
+    /// in its place meanwhile.
     DeviceRestarted(f32),
 }
 

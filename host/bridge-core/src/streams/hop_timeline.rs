@@ -65,12 +65,13 @@ impl HopPlace {
     }
 }
 
-/// Items that are missing directly before another one.
+/// Items that are missing directly before a received one.
 #[derive(Clone, Copy, Debug)]
 struct Gap {
-    /// Number of items that the device made in this run.
+    /// Number of items of this run that the device made and that never arrived.
     lost: u32,
-    /// Number of items before the first one of this run.
+    /// Number of items that fit into the time between the previous run and this one, during which
+    /// the device made none.
     between_runs: u64,
 }
 
@@ -301,7 +302,8 @@ impl HopTimeline {
         }
         let mut places = Vec::with_capacity(usize::try_from(filled).unwrap_or_default());
         for back in (1..=filled).rev() {
-            // The items between two runs have no index of their own; those of the older run go on.
+            // Items of this run have indices that end before the received one. The device never
+            // numbered items between two runs: they continue the numbers of the previous run.
             let lost = u32::try_from(back).ok().filter(|back| *back <= gap.lost);
             self.last_index = match lost {
                 Some(back) => index.wrapping_sub(back),

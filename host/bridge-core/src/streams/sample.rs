@@ -116,8 +116,8 @@ impl SampleStream {
         self.restart();
     }
 
-    /// Starts another run. Call this when the device counts samples from 0 again. The time until
-    /// the run's first sample is filled.
+    /// Starts another run. Call this when the device counts samples from 0 again. The gap between
+    /// the previous run and the first sample of this one is filled when that sample arrives.
     pub(crate) fn restart(&mut self) {
         self.run_start = None;
         self.timeline = None;

@@ -73,7 +73,7 @@ pub(crate) struct Board {
     pub(crate) self_test: Option<SelfTest>,
     /// Whether the board reboots at once after a reset command.
     pub(crate) restarts_on_reset: bool,
-    /// Rate of the packed code.
+    /// Rate of the packed code that the host has set: 0 the finest, 15 the coarsest.
     pub(crate) rate: u8,
     /// Streams in the last `Start` that the board received.
     pub(crate) streams: Streams,

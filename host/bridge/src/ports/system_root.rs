@@ -43,8 +43,9 @@ impl SystemRoot {
         ports
     }
 
-    /// Returns the port of an entry of `sys/class/tty`; `None` for consoles and pseudoterminals,
-    /// which have no device, and for the numbers of 8250 ports that the machine does not have.
+    /// Returns the port of an entry of `sys/class/tty`. Returns `None` for consoles and
+    /// pseudoterminals, whose entries have no link `device`, and for the entries `ttyS*` that the
+    /// driver of 8250 UARTs creates where the machine has no such UART.
     fn serial_port(&self, class: &Path) -> Option<SerialPort> {
         const PORT_UNKNOWN: &str = "0"; // linux/serial_core.h
         let folder = fs::canonicalize(class).ok()?;
