@@ -119,8 +119,13 @@ fn parse_signals(
     let mut fields = SignalFields::new(bytes, signals);
     let labels = fields.next_field(16);
     let _transducers = fields.next_field(80);
-    // Version 1: text of 8 bytes. Version 2: text of 6 bytes, then a code (u16).
-    let units = fields.next_field(8);
+    // Version 1 has the texts of all signals, 8 bytes each; version 2 those with 6 bytes, and after
+    // them the codes of all signals (u16).
+    let (units, unit_codes) = if is_version_1 {
+        (fields.next_field(8), Vec::new())
+    } else {
+        (fields.next_field(6), fields.next_field(2))
+    };
     let [physical_min, physical_max, digital_min, digital_max] = fields.next_ranges();
     // Prefilter; in version 2 also the time offset, low-pass, high-pass and notch.
     let _filters = fields.next_field(80);
@@ -145,8 +150,8 @@ fn parse_signals(
         let unit = if is_version_1 {
             Unit::from_text(&text(units[i]))
         } else {
-            let (name, code) = units[i].split_at(6);
-            Unit::from_gdf_code(u16::from_le_bytes(array_at(code, 0)), &text(name))
+            let code = u16::from_le_bytes(array_at(unit_codes[i], 0));
+            Unit::from_gdf_code(code, &text(units[i]))
         };
         Ok(Signal {
             kind: SignalKind::Samples,

@@ -130,6 +130,34 @@ fn the_layout_of_version_1_is_read() {
 }
 
 #[test]
+fn each_signal_of_a_file_has_its_own_unit() {
+    let signal = |label, unit, unit_code| GdfSignal {
+        label,
+        unit,
+        unit_code,
+        ..GdfSignal::with_type(3, 1, vec![1, 0])
+    };
+    // Codes of ISO/IEEE 11073: microvolts, millivolts, volts.
+    let signals = vec![
+        signal("Fp1", "uV", 4275),
+        signal("Cz", "mV", 4274),
+        signal("Oz", "V", 4256),
+    ];
+    let mut file = GdfFile::version_2(1, signals);
+    for version_1 in [false, true] {
+        file.version_1 = version_1;
+        let recording = open(file.bytes()).expect("a valid file");
+        let units: Vec<_> = recording
+            .signals()
+            .iter()
+            .map(|signal| signal.unit.microvolts())
+            .collect();
+        let expected = [Some(1.0), Some(1e3), Some(1e6)];
+        assert_eq!(units, expected, "version 1: {version_1}");
+    }
+}
+
+#[test]
 fn unknown_record_counts_truncation_and_unknown_units_cause_warnings() {
     let mut file = GdfFile::float32(-1, 1, &[1.0, 2.0]);
     file.signals[0].unit_code = 512;
