@@ -11,10 +11,11 @@ const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
 fn main() -> ExitCode {
     println!("cargo::rerun-if-env-changed={ARTIFACT}");
-    let artifact = std::env::var_os(ARTIFACT).map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("artifact"),
-        PathBuf::from,
-    );
+    // Read when the script runs: a program that cargo built for another checkout of the sources, in
+    // a shared target folder, has that checkout's path compiled in.
+    let package = std::env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
+    let artifact = std::env::var_os(ARTIFACT)
+        .map_or_else(|| Path::new(&package).join("artifact"), PathBuf::from);
     if artifact.is_relative() {
         println!(
             "cargo::error={ARTIFACT} is {:?}, but cargo runs each build script in the folder of its package: \
