@@ -68,18 +68,30 @@ impl OtherModel {
         Command::new(self.folder.path().join(name))
     }
 
-    /// Runs all tests whose names contain `filter`.
+    /// Runs the tests of the test target `target` whose names contain `filter`.
     ///
     /// # Panics
-    /// When a test fails, or no name contains `filter`.
-    pub fn test(&self, filter: &str) {
-        let run = |test| succeed(Command::new(test).arg(filter));
-        let printed: String = self.tests.iter().map(run).collect();
+    /// When a test fails, or there is none.
+    pub fn test(&self, target: &str, filter: &str) {
+        let is_of_target = |test: &&PathBuf| {
+            let name = test.file_name().and_then(|name| name.to_str());
+            name.is_some_and(|name| {
+                name.rsplit_once('-')
+                    .is_some_and(|(name, _)| name == target)
+            })
+        };
+        let tests = self.tests.iter().filter(is_of_target);
+        let printed: String = tests
+            .map(|test| succeed(Command::new(test).arg(filter)))
+            .collect();
         let results = printed
             .lines()
             .filter_map(|line| line.strip_prefix("test "));
         let passed = results.filter(|result| result.ends_with("... ok")).count();
-        assert!(passed > 0, "no test has {filter:?} in its name: {printed}");
+        assert!(
+            passed > 0,
+            "no test of {target} has {filter:?} in its name: {printed}"
+        );
     }
 }
 

@@ -94,7 +94,10 @@ fn streaming_equals_batch_with_every_variant() {
                 println!("{mode:?}, padding {padding:?}, pool {pool:?}, {size}, {format}");
                 // The tests read the model's folder.
                 let _folder = folder;
-                built.test("");
+                built.test("streaming_equals_batch", "");
+                if has_packed {
+                    built.test("packed_equals_batch", "");
+                }
             });
         }
     });
