@@ -243,7 +243,7 @@ pub struct CodeFigures {
     pub errors: Evaluation,
     /// Correlation of band powers with those of the original, of integer codes: overlapping windows
     /// are averaged, as in a stream. The bands are those of
-    /// [`RateFigures`](crate::packed::RateFigures).
+    /// `RateFigures`.
     pub bands: [f64; 2],
 }
 

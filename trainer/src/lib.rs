@@ -16,7 +16,7 @@
 //!                   state_dict, specification --import
 //! ```
 //!
-//! [`report`] draws the learning curves, the evaluation and the cross-validation. docs/training.md
+//! `report` draws the learning curves, the evaluation and the cross-validation. docs/training.md
 //! and docs/importing.md show how to use the program.
 //!
 //! # The network
