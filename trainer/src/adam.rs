@@ -1,7 +1,7 @@
 //! The Adam optimiser.
 //!
-//! A checkpoint holds the whole state, so a resumed training run equals an uninterrupted one bit
-//! for bit.
+//! A checkpoint holds the whole state of the optimiser, so a resumed training run equals an
+//! uninterrupted one bit for bit.
 
 use crate::parameters::{Parameters, TENSORS, Weights};
 
@@ -9,12 +9,13 @@ use crate::parameters::{Parameters, TENSORS, Weights};
 const MEAN_DECAY: f32 = 0.9;
 /// Factor by which the mean squared gradient decays in an update, beta2.
 const SQUARE_DECAY: f32 = 0.999;
-/// Number added to the denominator, which keeps the update finite when gradients vanish.
+/// Number added to the denominator of an update, which keeps it finite when gradients vanish.
 const EPSILON: f32 = 1e-8;
 
 /// Adam (Kingma and Ba, arXiv 1412.6980, algorithm 1) with its usual constants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
+    /// Number of updates so far.
     pub(crate) updates: u64,
     /// Decaying means of the gradients.
     pub(crate) mean: Weights,
@@ -34,11 +35,6 @@ impl Adam {
             mean: rest.clone(),
             square: rest,
         }
-    }
-
-    /// Returns the number of updates so far.
-    pub fn updates(&self) -> u64 {
-        self.updates
     }
 
     /// Updates the parameters against the gradients, with learning rate `rate`.
@@ -101,6 +97,6 @@ mod tests {
                 assert!((after - before - expected).abs() < 1e-5);
             }
         }
-        assert_eq!(adam.updates(), 1);
+        assert_eq!(adam.updates, 1);
     }
 }

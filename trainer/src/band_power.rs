@@ -12,12 +12,11 @@ pub(crate) type LogPowers = [Vec<Vec<f64>>; 2];
 /// Correlates the band powers of two signals, over windows of one second.
 #[derive(Clone, Debug)]
 pub(crate) struct BandPower {
-    /// Number of electrodes.
     electrodes: usize,
     /// Number of steps in a second.
     second: usize,
-    /// For each bin of 1 Hz in any band: its band, and cosine and sine times a Hann window for each
-    /// step.
+    /// For each frequency bin of 1 Hz that is part of a band: the index of the band, and for each
+    /// step cosine and sine times a Hann window.
     bins: Vec<(usize, Vec<[f64; 2]>)>,
 }
 
@@ -44,9 +43,8 @@ impl BandPower {
         }
     }
 
-    /// Returns the correlation of each band's power in coded sequences with that in the original
-    /// ones: Pearson's, of the logarithm in each second, mean over the electrodes. The values are
-    /// in the order step, electrode.
+    /// Returns the [`correlation`] of the powers of original and coded sequences. The values of a
+    /// sequence are in the order step, electrode.
     pub(crate) fn correlation(&self, original: &[Vec<f32>], coded: &[Vec<f32>]) -> [f64; 2] {
         let powers =
             |sequences| in_parallel::map(sequences, |values: &Vec<f32>| self.log_powers(values));
@@ -79,38 +77,22 @@ impl BandPower {
     }
 }
 
-/// Returns the correlation of each band's power in two lists of sequences, mean over the
+/// Returns the correlation of each band's power in two lists of sequences: Pearson's, mean over the
 /// electrodes.
 pub(crate) fn correlation(one: &[LogPowers], other: &[LogPowers]) -> [f64; 2] {
     [0, 1].map(|band| {
-        let series = |powers: &[LogPowers]| joined(powers.iter().map(|powers| &powers[band]));
-        mean_correlation(&series(one), &series(other))
+        let electrodes = one.first().map_or(0, |powers| powers[band].len());
+        let series = |sequences: &[LogPowers], electrode: usize| -> Vec<f64> {
+            let series = sequences.iter().flat_map(|powers| &powers[band][electrode]);
+            series.copied().collect()
+        };
+        let correlations = (0..electrodes)
+            .map(|electrode| pearson(&series(one, electrode), &series(other, electrode)));
+        correlations.sum::<f64>() / electrodes.max(1) as f64
     })
 }
 
-/// Joins the series of all sequences, electrode by electrode.
-fn joined<'p>(sequences: impl Iterator<Item = &'p Vec<Vec<f64>>>) -> Vec<Vec<f64>> {
-    let mut joined: Vec<Vec<f64>> = Vec::new();
-    for sequence in sequences {
-        joined.resize(sequence.len(), Vec::new());
-        for (joined, series) in joined.iter_mut().zip(sequence) {
-            joined.extend(series);
-        }
-    }
-    joined
-}
-
-/// Returns the mean over the electrodes of Pearson's correlation of two series,
-/// `[electrode][second]`.
-fn mean_correlation(one: &[Vec<f64>], other: &[Vec<f64>]) -> f64 {
-    let correlations = one
-        .iter()
-        .zip(other)
-        .map(|(one, other)| pearson(one, other));
-    let count = one.len().max(1) as f64;
-    correlations.sum::<f64>() / count
-}
-
+/// Returns Pearson's correlation of two series of the same length.
 fn pearson(one: &[f64], other: &[f64]) -> f64 {
     let count = one.len().max(1) as f64;
     let mean = |values: &[f64]| values.iter().sum::<f64>() / count;
@@ -163,10 +145,10 @@ mod tests {
         let band = BandPower::new(2, 128);
         let original = band.log_powers(&tones(&[[1.0, 1.0], [2.0, 1.5], [4.0, 1.0], [1.0, 3.0]]));
         let halved = band.log_powers(&tones(&[[0.5, 1.0], [1.0, 1.5], [2.0, 1.0], [0.5, 3.0]]));
-        let alpha = mean_correlation(&original[0][..1], &halved[0][..1]);
+        let alpha = pearson(&original[0][0], &halved[0][0]);
         assert!((alpha - 1.0).abs() < 1e-9, "{alpha}");
         let turned = band.log_powers(&tones(&[[4.0, 1.0], [2.0, 1.0], [1.0, 1.0], [4.0, 1.0]]));
-        let alpha = mean_correlation(&original[0][..1], &turned[0][..1]);
+        let alpha = pearson(&original[0][0], &turned[0][0]);
         assert!((alpha + 1.0).abs() < 1e-9, "{alpha}");
     }
 }

@@ -2,9 +2,9 @@
 
 use crate::dataset::Dataset;
 use crate::error::TrainerError;
-use crate::network::{Network, Trace};
+use crate::network::Network;
 use crate::parameters::Parameters;
-use artifact::{Artifact, Description, Mode, Tensors};
+use artifact::{Artifact, Description, Tensors};
 
 /// Smallest calibrated range of a dimension of the code: +-10 standard deviations of the input.
 ///
@@ -24,7 +24,7 @@ const MIN_RANGE: f32 = 10.0;
 ///
 /// # Errors
 /// If description and parameters are not a valid model.
-pub fn calibrated_artifact(
+pub(crate) fn calibrated_artifact(
     mut description: Description,
     parameters: &Parameters,
     dataset: &Dataset,
@@ -35,10 +35,25 @@ pub fn calibrated_artifact(
     parameters.hold_silent_channels();
     let windows = dataset.aligned(description.window.hop);
     let trace = Network::new(&description).trace(&parameters, &windows);
-    let ranges = Ranges::new(&trace, description.code.numbers);
+    let numbers = description.code.numbers;
+    let (mut low, mut high) = (vec![-MIN_RANGE; numbers], vec![MIN_RANGE; numbers]);
+    for code in trace.codes.chunks_exact(numbers) {
+        for ((low, high), z) in low.iter_mut().zip(&mut high).zip(code) {
+            *low = low.min(*z);
+            *high = high.max(*z);
+        }
+    }
     #[expect(clippy::cast_possible_truncation, reason = "calibration is f32")]
     let largest_uv = (f64::from(dataset.max_abs()) * description.input.sd_uv) as f32;
-    let calibration = ranges.to_tensors(parameters.mode(), largest_uv);
+    let mut calibration = Tensors::for_calibration();
+    calibration.insert("input.max_abs", &[1], vec![largest_uv]);
+    calibration.insert("code.min", &[numbers], low);
+    calibration.insert("code.max", &[numbers], high);
+    if description.mode.has_convolutions() {
+        let [first, second] = trace.activations;
+        calibration.insert("activation1.max", &[1], vec![first]);
+        calibration.insert("activation2.max", &[1], vec![second]);
+    }
     Ok(Artifact::new(
         description,
         parameters.to_tensors(),
@@ -46,48 +61,12 @@ pub fn calibrated_artifact(
     )?)
 }
 
-/// Measured ranges of each number of the code, and the largest activations of both convolutions.
-struct Ranges {
-    low: Vec<f32>,
-    high: Vec<f32>,
-    activations: [f32; 2],
-}
-
-impl Ranges {
-    fn new(trace: &Trace, numbers: usize) -> Self {
-        let mut ranges = Self {
-            low: vec![-MIN_RANGE; numbers],
-            high: vec![MIN_RANGE; numbers],
-            activations: trace.activations,
-        };
-        for code in trace.codes.chunks_exact(numbers) {
-            for ((low, high), z) in ranges.low.iter_mut().zip(&mut ranges.high).zip(code) {
-                *low = low.min(*z);
-                *high = high.max(*z);
-            }
-        }
-        ranges
-    }
-
-    fn to_tensors(&self, mode: Mode, largest_uv: f32) -> Tensors {
-        let mut tensors = Tensors::for_calibration();
-        tensors.insert("input.max_abs", &[1], vec![largest_uv]);
-        tensors.insert("code.min", &[self.low.len()], self.low.clone());
-        tensors.insert("code.max", &[self.high.len()], self.high.clone());
-        if mode.has_convolutions() {
-            tensors.insert("activation1.max", &[1], vec![self.activations[0]]);
-            tensors.insert("activation2.max", &[1], vec![self.activations[1]]);
-        }
-        tensors
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::testing;
 
-    /// Returns a range of each number of the code.
+    /// Returns the tensor of the calibration that has an end of each number's range.
     fn range<'a>(artifact: &'a Artifact, name: &str) -> &'a [f32] {
         let numbers = artifact.description.code.numbers;
         artifact.calibration.tensor(name, &[numbers]).unwrap()

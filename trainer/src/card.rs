@@ -10,17 +10,18 @@ use artifact::{
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::de::{DeserializeOwned, IntoDeserializer, value::Error as ValueError};
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// Rate of the time steps, Hz.
 const STEP_RATE_HZ: u32 = 128;
 
-/// The default montage.
+/// Content of the default montage file.
 const PAPER: &str = include_str!("../../files/montages/paper-61.toml");
 
 /// Montage and shape of a model.
 #[derive(Args, Clone, Debug)]
-pub struct ModelOptions {
+pub(crate) struct ModelOptions {
     /// Montage file: grid, order of the ADC's channels, ADC [default:
     /// files/montages/paper-61.toml].
     #[arg(long)]
@@ -30,12 +31,12 @@ pub struct ModelOptions {
     rate: Option<u32>,
     /// Mode and dimensions.
     #[command(flatten)]
-    pub shape: Shape,
+    pub(crate) shape: Shape,
 }
 
 /// Mode and dimensions of a model; the defaults of the command line are the paper's.
 #[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shape {
+pub(crate) struct Shape {
     /// Layers of the network; pca takes no epochs.
     #[arg(long, default_value = "shortcut", value_parser = choice::<Mode, 4>([
         ("pca", "Linear maps only, fitted without epochs"),
@@ -43,33 +44,34 @@ pub struct Shape {
         ("paper", "The paper's network with index unpooling: its codes cannot be decoded, so only `crossval` takes it"),
         ("paper-code-only", "The paper's network with nearest-neighbour unpooling"),
     ]))]
-    pub mode: Mode,
+    pub(crate) mode: Mode,
     /// Length of a code: 8 to 256, a multiple of 4, at most steps times electrodes.
     #[arg(long, default_value_t = 128)]
-    pub numbers: usize,
+    pub(crate) numbers: usize,
     /// Time steps of a window: 16 or 32.
     #[arg(long, default_value_t = 16)]
-    pub steps: usize,
+    pub(crate) steps: usize,
     /// Time steps from the start of one window to the next: 4, 8 or 16.
     #[arg(long, default_value_t = 8)]
-    pub hop: usize,
+    pub(crate) hop: usize,
     /// Zero padding of both convolutions.
     #[arg(long, default_value = "none", value_parser = choice::<Padding, 3>([
         ("none", "No padding; needs a grid of at least 6 x 8 cells"),
         ("space", "One row and column on each side"),
         ("all", "One row, column and step on each side"),
     ]))]
-    pub padding: Padding,
+    pub(crate) padding: Padding,
     /// Integer format of the codes.
     #[arg(long = "code-format", value_name = "CODE_FORMAT", default_value = "int8", value_parser = choice::<CodeFormat, 3>([
         ("int8", "8 bits for each number"),
         ("int8-exponent", "8 bits for each number, and a power of two for each window"),
         ("int16", "16 bits for each number"),
     ]))]
-    pub format: CodeFormat,
+    pub(crate) format: CodeFormat,
 }
 
-/// Returns a parser of the names of an enum's values, each with its help.
+/// Returns a parser for an option with these values: pairs of a name, which `T` deserializes, and
+/// its help.
 fn choice<T: DeserializeOwned + Clone + Send + Sync + 'static, const N: usize>(
     values: [(&'static str, &'static str); N],
 ) -> impl TypedValueParser<Value = T> {
@@ -78,12 +80,30 @@ fn choice<T: DeserializeOwned + Clone + Send + Sync + 'static, const N: usize>(
         .try_map(|name| T::deserialize(name.into_deserializer()) as Result<T, ValueError>)
 }
 
+impl fmt::Display for Shape {
+    /// Writes everything but the format of the codes, which the training does not depend on.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            mode,
+            numbers,
+            steps,
+            hop,
+            padding,
+            format: _,
+        } = self;
+        write!(
+            f,
+            "mode {mode}, {numbers} numbers, windows of {steps} steps, hop {hop}, padding {padding}"
+        )
+    }
+}
+
 impl ModelOptions {
     /// Reads the montage file, or returns the paper's montage.
     ///
     /// # Errors
     /// If the file cannot be read or is no montage.
-    pub fn montage(&self) -> Result<MontageFile, TrainerError> {
+    pub(crate) fn montage(&self) -> Result<MontageFile, TrainerError> {
         let mut montage = match &self.montage {
             Some(path) => MontageFile::read(path)?,
             None => MontageFile::parse(Path::new("files/montages/paper-61.toml"), PAPER)?,
@@ -96,7 +116,7 @@ impl ModelOptions {
 /// Returns the description of the paper's chain (arXiv 2008.13485) for a montage, with an empty
 /// training card. Only an ADC rate that is no multiple of the step rate needs another decimation
 /// than the paper's.
-pub fn description(montage: &MontageFile, shape: Shape) -> Description {
+pub(crate) fn description(montage: &MontageFile, shape: Shape) -> Description {
     let adc = montage.adc();
     let decimation = if adc.rate_hz.is_multiple_of(STEP_RATE_HZ) {
         Decimation::Literal
@@ -132,29 +152,11 @@ pub fn description(montage: &MontageFile, shape: Shape) -> Description {
         },
         // Replaced by the standard deviation of the recordings.
         input: Input { sd_uv: 1.0 },
-        training: TrainingCard {
-            dataset: String::new(),
-            citation: String::new(),
-            real_electrodes: 0,
-            interpolated_electrodes: 0,
-            interpolated: Vec::new(),
-            note: String::new(),
-            train_files: Vec::new(),
-            test_files: Vec::new(),
-            validation: String::new(),
-            mains_hz: 0,
-            seed: 0,
-            epochs: 0,
-            best_epoch: 0,
-            windows: 0,
-            optimiser: String::new(),
-            mse: None,
-            prd_percent: None,
-        },
+        training: TrainingCard::default(),
     }
 }
 
-/// Returns the training card's note about recorded and interpolated electrodes. `signals` is the
+/// Returns the training card's note on recorded and interpolated electrodes. `signals` is the
 /// number of recorded signals from which all electrodes were computed.
 fn note(electrodes: usize, interpolated: usize, signals: usize) -> String {
     if interpolated == 0 {
@@ -167,7 +169,8 @@ fn note(electrodes: usize, interpolated: usize, signals: usize) -> String {
     )
 }
 
-/// Fills in which electrodes were recorded, and which were interpolated in any training recording.
+/// Fills in how many electrodes all training recordings have, and which ones were interpolated in
+/// any of them.
 pub(crate) fn fill_electrodes(card: &mut TrainingCard, electrodes: &[String], tracks: &[Track]) {
     let is_interpolated = |label: &&String| tracks.iter().any(|t| t.interpolated.contains(label));
     card.interpolated = electrodes.iter().filter(is_interpolated).cloned().collect();
@@ -177,7 +180,7 @@ pub(crate) fn fill_electrodes(card: &mut TrainingCard, electrodes: &[String], tr
     card.note = note(electrodes.len(), card.interpolated_electrodes, signals);
 }
 
-/// Returns the training card's text about the parts of the recordings that training does not see:
+/// Returns the training card's text about the parts of the recordings that are not trained on:
 /// `held_out`, and the first `settling_steps`.
 pub(crate) fn validation(held_out: Option<&str>, settling_steps: usize, rate_hz: u32) -> String {
     let settling_s = settling_steps as f64 / f64::from(rate_hz);
@@ -191,7 +194,7 @@ pub(crate) fn validation(held_out: Option<&str>, settling_steps: usize, rate_hz:
 ///
 /// # Errors
 /// If the montage has mistakes, no model can have this shape, or its codes could not be decoded.
-pub fn checked_description(
+pub(crate) fn checked_description(
     montage: &MontageFile,
     shape: Shape,
 ) -> Result<Description, TrainerError> {
@@ -201,12 +204,12 @@ pub fn checked_description(
     description_to_compare(montage, shape)
 }
 
-/// Returns the description of a model that is trained only to be compared with other models, so its
-/// codes need not be decodable. Makes every check that is possible before recordings are read.
+/// Returns the description of a model that is trained only for a comparison, so its codes need not
+/// be decodable. Makes every check that is possible before recordings are read.
 ///
 /// # Errors
 /// If the montage has mistakes, or no model can have this shape.
-pub fn description_to_compare(
+pub(crate) fn description_to_compare(
     montage: &MontageFile,
     shape: Shape,
 ) -> Result<Description, TrainerError> {

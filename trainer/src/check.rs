@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 /// Options of `trainer check`.
 #[derive(clap::Args, Clone, Debug)]
-pub struct CheckOptions {
+pub(crate) struct CheckOptions {
     /// Folder of the model.
     #[arg(default_value = "signal/model/artifact")]
     folder: PathBuf,
@@ -21,31 +21,28 @@ pub struct CheckOptions {
     files: TestFiles,
     /// Print one JSON object.
     #[arg(long)]
-    pub json: bool,
+    pub(crate) json: bool,
 }
 
 /// Result of a check.
 #[derive(Clone, Debug)]
-pub struct Checked {
-    /// Id of the model.
-    pub model: String,
+pub(crate) struct Checked {
+    pub(crate) model: String,
     /// Number of electrodes that were recorded in training.
-    pub real_electrodes: usize,
+    pub(crate) real_electrodes: usize,
     /// The golden codes; `None` if the model has no network.
-    pub codes: Option<CheckedCodes>,
-    /// Error on recordings.
-    pub comparison: Option<Comparison>,
+    pub(crate) codes: Option<CheckedCodes>,
+    pub(crate) comparison: Option<Comparison>,
 }
 
 /// The golden codes of a network.
 #[derive(Clone, Debug)]
-pub struct CheckedCodes {
+pub(crate) struct CheckedCodes {
     /// Bits of an integer code.
-    pub bits_per_window: usize,
-    /// Number of golden windows.
-    pub windows: usize,
+    pub(crate) bits_per_window: usize,
+    pub(crate) windows: usize,
     /// Golden windows whose stored code is not that of the integer encoder.
-    pub wrong: Vec<usize>,
+    pub(crate) wrong: Vec<usize>,
 }
 
 /// Reads a model, turns it into integers, which proves that no sum overflows, compares its golden
@@ -54,7 +51,7 @@ pub struct CheckedCodes {
 /// # Errors
 /// If a file cannot be read, the model cannot be turned into integers, or a recording cannot be
 /// used. Golden codes that differ are no error: [`CheckedCodes::wrong`] has them.
-pub fn check(
+pub(crate) fn check(
     options: &CheckOptions,
     observer: &mut impl ProgressObserver,
 ) -> Result<Checked, TrainerError> {
@@ -101,7 +98,7 @@ fn wrong_windows(integers: &IntegerModel, golden: &Golden) -> Vec<usize> {
 
 impl Checked {
     /// Returns whether all golden codes are right, if the model has a network.
-    pub fn is_good(&self) -> bool {
+    pub(crate) fn is_good(&self) -> bool {
         let codes = self.codes.as_ref();
         codes.is_none_or(|codes| codes.wrong.is_empty() && codes.windows > 0)
     }
@@ -109,7 +106,7 @@ impl Checked {
     /// Returns the result as a JSON object. With recordings it has the keys of `trainer evaluate
     /// --json`, and `real_electrodes` counts those of the recordings. A model without a network has
     /// no key of its codes.
-    pub fn to_json(&self) -> Json {
+    pub(crate) fn to_json(&self) -> Json {
         let mut object = json!({
             "model": self.model,
             "real_electrodes": self.real_electrodes,

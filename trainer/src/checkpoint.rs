@@ -3,24 +3,24 @@
 use crate::adam::Adam;
 use crate::error::TrainerError;
 use crate::parameters::{Parameters, TENSORS, Tensor, Weights, shapes};
-use crate::training::{Candidate, Settings, Training};
+use crate::training::{Candidate, LearningCurve, Settings, Training};
 use artifact::{Description, Geometry, Tensors};
 use safetensors::SafeTensors;
 use safetensors::tensor::{Dtype, TensorView};
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Display;
 use std::path::Path;
-use std::str::FromStr;
 
 /// Writes a training run to `path`; a crash while writing leaves the previous checkpoint intact.
 ///
-/// `data` identifies the data and the model's shape: a training run can be resumed only with the
-/// same.
+/// `data` is a text that identifies the data and the model's shape: a training run can be resumed
+/// only with the same text.
 ///
 /// # Errors
 /// If the file cannot be written.
-pub fn write(path: &Path, training: &Training, data: &str) -> Result<(), TrainerError> {
-    let bytes = to_bytes(training, data).map_err(|error| damaged(path, &error))?;
+pub(crate) fn write(path: &Path, training: &Training, data: &str) -> Result<(), TrainerError> {
+    let bytes = to_bytes(path, training, data)?;
     let file_error = TrainerError::file(path);
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(file_error)?;
@@ -36,7 +36,7 @@ pub fn write(path: &Path, training: &Training, data: &str) -> Result<(), Trainer
 ///
 /// # Errors
 /// If the file cannot be read, is damaged or belongs to another training run.
-pub fn read(
+pub(crate) fn read(
     path: &Path,
     description: &Description,
     settings: Settings,
@@ -45,26 +45,22 @@ pub fn read(
     let (mode, geometry) = (description.mode, Geometry::new(description));
     let bytes = std::fs::read(path).map_err(TrainerError::file(path))?;
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|error| damaged(path, &error))?;
-    let metadata = Metadata {
-        path,
-        entries: header.metadata().clone().unwrap_or_default(),
-    };
+    let state = header
+        .metadata()
+        .as_ref()
+        .and_then(|entries| entries.get(STATE));
+    let state = state.ok_or_else(|| damaged(path, &"it has no state"))?;
+    let state: State = serde_json::from_str(state).map_err(|error| damaged(path, &error))?;
     let expected = training_identity(settings, data);
-    let found = metadata.text("training")?;
-    if found != expected {
+    if state.training != expected {
         let path = path.to_owned();
-        return Err(TrainerError::OtherTraining(path, found, expected));
+        return Err(TrainerError::OtherTraining(path, state.training, expected));
     }
-    let stored = Settings {
-        epochs: metadata.number("epochs")?,
-        ..settings
-    };
-    let epoch: u32 = metadata.number("epoch")?;
-    if settings.epochs < stored.epochs || (settings.epochs > stored.epochs && epoch < stored.epochs)
-    {
+    let State { epochs, epoch, .. } = state;
+    if settings.epochs < epochs || (settings.epochs > epochs && epoch < epochs) {
         return Err(TrainerError::OtherEpochs {
             path: path.to_owned(),
-            stored: stored.epochs,
+            stored: epochs,
             finished: epoch,
             requested: settings.epochs,
         });
@@ -95,41 +91,55 @@ pub fn read(
         Ok(weights)
     };
     let mut training = Training {
-        settings: stored,
+        settings: Settings { epochs, ..settings },
         epoch,
-        cycle_start: metadata.number("cycle_start")?,
+        cycle_start: state.cycle_start,
         parameters: parameters("current")?,
         adam: Adam {
-            updates: metadata.number("updates")?,
+            updates: state.updates,
             mean: moments("mean")?,
             square: moments("square")?,
         },
         best: Candidate {
-            epoch: metadata.number("best_epoch")?,
-            validation: metadata.number("best_validation")?,
+            epoch: state.best_epoch,
+            validation: state.best_validation,
             parameters: parameters("best")?,
         },
-        curve: metadata.number("curve")?,
+        curve: state.curve,
     };
-    if settings.epochs > stored.epochs {
+    if settings.epochs > epochs {
         training.extend(settings.epochs);
     }
     Ok(training)
 }
 
+/// Key of the [`State`] in the metadata of a checkpoint.
+const STATE: &str = "state";
+
+/// Everything of a training run but its tensors, as JSON.
+#[derive(Serialize, Deserialize)]
+struct State {
+    /// Settings and data, as [`training_identity`] returns them.
+    training: String,
+    /// Number of epochs of the training run.
+    epochs: u32,
+    cycle_start: u32,
+    /// Number of finished epochs.
+    epoch: u32,
+    /// Number of updates of the optimiser.
+    updates: u64,
+    best_epoch: u32,
+    best_validation: f64,
+    curve: LearningCurve,
+}
+
 /// Returns settings and data as text, without the number of epochs. A training run can be resumed
 /// only if this text is the same.
 fn training_identity(settings: Settings, data: &str) -> String {
-    let Settings {
-        epochs: _,
-        batch,
-        peak_rate,
-        seed,
-    } = settings;
-    format!("batches of {batch} at a learning rate of {peak_rate} with seed {seed}, on {data}")
+    format!("{settings}, on {data}")
 }
 
-fn to_bytes(training: &Training, data: &str) -> Result<Vec<u8>, safetensors::SafeTensorError> {
+fn to_bytes(path: &Path, training: &Training, data: &str) -> Result<Vec<u8>, TrainerError> {
     let mut tensors: BTreeMap<String, Vec<u8>> = BTreeMap::new();
     for (kind, weights) in [
         ("current", &training.parameters.weights),
@@ -145,54 +155,31 @@ fn to_bytes(training: &Training, data: &str) -> Result<Vec<u8>, safetensors::Saf
             }
         }
     }
-    let mut views = Vec::with_capacity(tensors.len());
-    for (name, bytes) in &tensors {
-        views.push((
-            name,
-            TensorView::new(Dtype::F32, vec![bytes.len() / 4], bytes)?,
-        ));
-    }
+    let state = State {
+        training: training_identity(training.settings, data),
+        epochs: training.settings.epochs,
+        cycle_start: training.cycle_start,
+        epoch: training.epoch,
+        updates: training.adam.updates,
+        best_epoch: training.best.epoch,
+        best_validation: training.best.validation,
+        curve: training.curve.clone(),
+    };
     // A float is written with enough digits to parse to the same bits.
-    let entries = HashMap::from([
-        ("training", training_identity(training.settings, data)),
-        ("epochs", training.settings.epochs.to_string()),
-        ("cycle_start", training.cycle_start.to_string()),
-        ("epoch", training.epoch.to_string()),
-        ("updates", training.adam.updates.to_string()),
-        ("best_epoch", training.best.epoch.to_string()),
-        ("best_validation", training.best.validation.to_string()),
-        ("curve", training.curve.to_string()),
-    ]);
-    let entries = entries
-        .into_iter()
-        .map(|(name, value)| (name.to_owned(), value))
-        .collect();
-    safetensors::serialize(views, Some(entries))
+    let state = serde_json::to_string(&state).map_err(|error| damaged(path, &error))?;
+    let metadata = HashMap::from([(STATE.to_owned(), state)]);
+    let views = tensors.iter().map(|(name, bytes)| {
+        let view = TensorView::new(Dtype::F32, vec![bytes.len() / 4], bytes);
+        view.map(|view| (name, view))
+    });
+    views
+        .collect::<Result<Vec<_>, _>>()
+        .and_then(|views| safetensors::serialize(views, Some(metadata)))
+        .map_err(|error| damaged(path, &error))
 }
 
 fn damaged(path: &Path, problem: &dyn Display) -> TrainerError {
     TrainerError::Checkpoint(path.to_owned(), problem.to_string())
-}
-
-/// Metadata in the header of a checkpoint.
-struct Metadata<'a> {
-    path: &'a Path,
-    entries: HashMap<String, String>,
-}
-
-impl Metadata<'_> {
-    fn text(&self, name: &str) -> Result<String, TrainerError> {
-        let value = self.entries.get(name);
-        value
-            .cloned()
-            .ok_or_else(|| damaged(self.path, &format!("its {name} is missing")))
-    }
-
-    fn number<T: FromStr>(&self, name: &str) -> Result<T, TrainerError> {
-        let text = self.text(name)?;
-        text.parse()
-            .map_err(|_| damaged(self.path, &format!("its {name} is {text}")))
-    }
 }
 
 #[cfg(test)]
@@ -256,7 +243,7 @@ mod tests {
         // The first rate of the new cycle is not 0.
         assert_ne!(longer.parameters, before);
         assert_eq!(
-            (longer.epoch(), longer.epochs(), longer.cycle_start),
+            (longer.epoch, longer.settings.epochs, longer.cycle_start),
             (3, 5, 2)
         );
     }

@@ -2,6 +2,19 @@
 
 mod terminal;
 
+use crate::check::{CheckOptions, check};
+use crate::comparison;
+use crate::crossval::{self, CrossvalOptions, Table};
+use crate::difference::Difference;
+use crate::error::TrainerError;
+use crate::import::Import;
+use crate::montage_check::{MontageCheck, RecordingCheck};
+use crate::packed::{self, PackedOptions, RateTable};
+use crate::progress::ProgressObserver;
+use crate::report;
+use crate::selection::TestFiles;
+use crate::session::{self, TrainOptions};
+use crate::show::Shown;
 use artifact::MontageFile;
 use clap::{Args, Parser, Subcommand};
 use rustix::time::{ClockId, clock_gettime};
@@ -12,19 +25,6 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 use terminal::Terminal;
-use trainer::check::{CheckOptions, check};
-use trainer::comparison;
-use trainer::crossval::{self, CrossvalOptions, Table};
-use trainer::difference::Difference;
-use trainer::error::TrainerError;
-use trainer::import::Import;
-use trainer::montage_check::{MontageCheck, RecordingCheck};
-use trainer::packed::{self, PackedOptions, RateTable};
-use trainer::progress::ProgressObserver;
-use trainer::report;
-use trainer::selection::TestFiles;
-use trainer::session::{self, TrainOptions};
-use trainer::show::Shown;
 
 /// Trains models of EEG, evaluates them, imports networks, and shows, compares and checks models.
 #[derive(Debug, Parser)]
@@ -145,7 +145,7 @@ const USAGE: u8 = 2;
 
 /// Runs the program. Returns 0, 1 for a failure, 2 for wrong usage and 130 after Ctrl-C. Commands
 /// that check return 2 for every error, and 1 or 2 for what they find.
-pub(crate) fn run() -> ExitCode {
+pub fn run() -> ExitCode {
     let (result, on_failure) = match Cli::parse().verb {
         Verb::Train(options) => (train(&options), 1),
         Verb::Evaluate(args) => (evaluate(&args), 1),
@@ -189,7 +189,7 @@ fn evaluate(args: &EvaluateArgs) -> Result<ExitCode, TrainerError> {
     let (data, mains_hz) = (files.folder(), files.mains_hz);
     let comparison = comparison::compare(&args.artifact, data, &files.test, mains_hz, terminal)?;
     if let Some(folder) = folder {
-        report::write_evaluation(folder, &comparison)?;
+        report::write(folder, "Error of a model", None, Some(&comparison))?;
         terminal.message(&report::message(folder));
     }
     print(&comparison, args.json.then(|| comparison.to_json()));
@@ -275,22 +275,22 @@ fn show(args: &ShowArgs) -> Result<ExitCode, TrainerError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Returns 1 unless the models are equal.
+/// Prints the differences between two models. Returns exit status 1 if there are any.
 fn diff(args: &DiffArgs) -> Result<ExitCode, TrainerError> {
     let difference = Difference::read([&args.one, &args.other])?;
     print(&difference, args.json.then(|| difference.to_json()));
     Ok(ExitCode::from(u8::from(!difference.is_empty())))
 }
 
-/// Returns 1 unless the golden codes are right.
+/// Checks a model and prints the result. Returns exit status 1 unless the golden codes are right.
 fn check_model(options: &CheckOptions) -> Result<ExitCode, TrainerError> {
     let checked = check(options, &mut Terminal::new())?;
     print(&checked, options.json.then(|| checked.to_json()));
     Ok(ExitCode::from(u8::from(!checked.is_good())))
 }
 
-/// Prints the check of a montage, and how a recording fits it. Returns 2 if the montage has
-/// mistakes.
+/// Prints the check of a montage, and how a recording fits it. Returns exit status 2 if the montage
+/// has mistakes.
 fn check_montage(file: &Path, recording: Option<&Path>) -> Result<ExitCode, TrainerError> {
     let montage = MontageFile::read(file)?;
     let check = MontageCheck::new(&montage);

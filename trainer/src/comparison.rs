@@ -51,7 +51,7 @@ impl Comparison {
     ///
     /// # Errors
     /// If a track is shorter than a window, or the model cannot be turned into integers.
-    pub fn new(
+    pub(crate) fn new(
         model: &Artifact,
         pca: Option<&Pca>,
         tracks: &[Track],
@@ -115,27 +115,23 @@ impl Comparison {
         let pca = codes.pca.as_ref()?;
         let figure = |error| (figure(error) * 1e6).round() / 1e6;
         Some(Figures {
-            autoencoder_float: figure(&codes.network.float),
-            autoencoder_int8: figure(&codes.network.integer),
-            pca_float: figure(&pca.float),
-            pca_int8: figure(&pca.integer),
+            autoencoder_float: figure(&codes.network.errors.float),
+            autoencoder_int8: figure(&codes.network.errors.integer),
+            pca_float: figure(&pca.errors.float),
+            pca_int8: figure(&pca.errors.integer),
         })
     }
 
     /// Prints the errors of network and PCA, and the correlation of the power of two bands.
     fn fmt_codes(&self, codes: &CodeComparison, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = format!("PCA-{}", codes.numbers);
-        let mut rows = Vec::new();
-        let mut bands = Vec::new();
-        if self.mode != Mode::Pca {
-            rows.push(("autoencoder", codes.network));
-            bands.push(("autoencoder", codes.network_bands));
-        }
-        rows.extend(codes.pca.map(|pca| (name.as_str(), pca)));
-        bands.extend(codes.pca_bands.map(|of_pca| (name.as_str(), of_pca)));
+        let models = codes.models("autoencoder", self.mode);
+        let rows = models
+            .iter()
+            .map(|(name, figures)| (name.as_str(), figures.errors));
+        let rows: Vec<_> = rows.collect();
         write!(f, "{}", Table(&rows))?;
-        for (name, [alpha, beta]) in bands {
-            let format = codes.network.format;
+        for (name, CodeFigures { errors, bands }) in &models {
+            let (format, [alpha, beta]) = (errors.format, bands);
             writeln!(
                 f,
                 "{name}, {format} codes: correlation of power {alpha:.3} at 8-13 Hz, {beta:.3} at 13-30 Hz"
@@ -185,7 +181,8 @@ impl fmt::Display for Comparison {
     }
 }
 
-/// Returns the figures in the card of the packed model if its test recordings are these.
+/// Returns the figures of the KLT in the packed model's card; none unless `tracks` are the test
+/// recordings of that card.
 fn without_prediction(model: &Artifact, tracks: &[Track]) -> Vec<PackedFigures> {
     let card = model
         .packed
@@ -239,26 +236,31 @@ pub fn compare(
     Comparison::new(&model, pca.as_ref(), &tracks)
 }
 
+/// Figures of the codes of one model.
+#[derive(Clone, Copy, Debug)]
+pub struct CodeFigures {
+    /// Errors of float and integer codes.
+    pub errors: Evaluation,
+    /// Correlation of band powers with those of the original, of integer codes: overlapping windows
+    /// are averaged, as in a stream. The bands are those of
+    /// `RateFigures`.
+    pub bands: [f64; 2],
+}
+
 /// Figures of a network's codes, and of PCA with the same number of components, on the same
 /// recordings.
 #[derive(Clone, Debug)]
 pub struct CodeComparison {
-    /// Figures of the network.
-    pub network: Evaluation,
+    /// Figures of the network, which is a linear map in mode `pca`.
+    pub network: CodeFigures,
     /// Figures of PCA; `None` if the artifact has no `pca.safetensors`.
-    pub pca: Option<Evaluation>,
+    pub pca: Option<CodeFigures>,
     /// Number of numbers in a code.
     pub numbers: usize,
     /// Errors of the network at each electrode, in the order of the montage.
-    pub electrode_errors: Vec<ElectrodeError>,
+    pub(crate) electrode_errors: Vec<ElectrodeError>,
     /// Errors of PCA with fewer numbers, in ascending order, up to all of them; empty without PCA.
-    pub pca_by_numbers: Vec<TruncationError>,
-    /// Correlation of band powers with those of the original, of the network's integer codes:
-    /// overlapping windows are averaged, as in a stream. The bands are those of
-    /// [`RateFigures`](crate::packed::RateFigures).
-    pub network_bands: [f64; 2],
-    /// Correlation of band powers of PCA's integer codes.
-    pub pca_bands: Option<[f64; 2]>,
+    pub(crate) pca_by_numbers: Vec<TruncationError>,
 }
 
 impl CodeComparison {
@@ -277,14 +279,14 @@ impl CodeComparison {
         let mut electrodes = ElectrodeSums::new(description.montage.electrodes.len());
         let is_pca = description.mode == Mode::Pca;
         let mut truncation = is_pca.then(|| TruncationSums::new(model)).transpose()?;
-        let (network, network_bands) = evaluate_with_bands(model, dataset, |block| {
+        let network = evaluate_with_bands(model, dataset, |block| {
             electrodes.add(block);
             if let Some(sums) = &mut truncation {
                 sums.add(block);
             }
         })?;
         let pca = match pca {
-            _ if is_pca => Some((network, network_bands)),
+            _ if is_pca => Some(network),
             Some(pca) => {
                 let linear = pca.to_model(description.clone())?;
                 let sums = truncation.insert(TruncationSums::new(&linear)?);
@@ -296,37 +298,44 @@ impl CodeComparison {
         };
         Ok(Self {
             network,
-            pca: pca.map(|(evaluation, _)| evaluation),
+            pca,
             numbers: description.code.numbers,
             electrode_errors: electrodes.errors(description, is_recorded),
             pca_by_numbers: truncation.map_or_else(Vec::new, |sums| sums.errors_by_numbers()),
-            network_bands,
-            pca_bands: pca.map(|(_, bands)| bands),
         })
     }
 
-    /// Returns the figures as a JSON object.
-    pub(crate) fn to_json(&self) -> Json {
-        let pca = self.pca.as_ref();
+    /// Returns the figures of the network, called `name`, and of PCA; of PCA alone in mode `pca`,
+    /// in which both are the same.
+    pub(crate) fn models(&self, name: &str, mode: Mode) -> Vec<(String, CodeFigures)> {
+        let network = (mode != Mode::Pca).then(|| (name.to_owned(), self.network));
+        let pca = self.pca.map(|pca| (format!("PCA-{}", self.numbers), pca));
+        network.into_iter().chain(pca).collect()
+    }
+
+    fn to_json(&self) -> Json {
+        let CodeFigures { errors, bands } = self.network;
+        let pca = self.pca.map(|pca| pca.errors);
+        let pca_bands = self.pca.map(|pca| pca.bands);
         json!({
-            "windows": self.network.windows,
+            "windows": errors.windows,
             "numbers": self.numbers,
-            "code_format": self.network.format.to_string(),
+            "code_format": errors.format.to_string(),
             "bits_per_window": self.bits_per_window(),
-            "mse_float": self.network.float.mse,
-            "mse_int8": self.network.integer.mse,
+            "mse_float": errors.float.mse,
+            "mse_int8": errors.integer.mse,
             "mse_pca": pca.map(|pca| pca.float.mse),
             "mse_pca_int8": pca.map(|pca| pca.integer.mse),
-            "prd_percent_float": self.network.float.prd_percent,
-            "prd_percent_int8": self.network.integer.prd_percent,
+            "prd_percent_float": errors.float.prd_percent,
+            "prd_percent_int8": errors.integer.prd_percent,
             "prd_percent_pca": pca.map(|pca| pca.float.prd_percent),
             "prd_percent_pca_int8": pca.map(|pca| pca.integer.prd_percent),
-            "band_correlation_8_13": self.network_bands[0],
-            "band_correlation_13_30": self.network_bands[1],
-            "band_correlation_8_13_pca": self.pca_bands.map(|bands| bands[0]),
-            "band_correlation_13_30_pca": self.pca_bands.map(|bands| bands[1]),
-            "input_clipped": self.network.input_clipped,
-            "codes_at_rail": self.network.code_clipped,
+            "band_correlation_8_13": bands[0],
+            "band_correlation_13_30": bands[1],
+            "band_correlation_8_13_pca": pca_bands.map(|bands| bands[0]),
+            "band_correlation_13_30_pca": pca_bands.map(|bands| bands[1]),
+            "input_clipped": errors.input_clipped,
+            "codes_at_rail": errors.code_clipped,
         })
     }
 
@@ -337,20 +346,19 @@ impl CodeComparison {
 
     /// Returns the number of bits of an integer code with this number of numbers.
     pub fn bits_of(&self, numbers: usize) -> usize {
-        self.network.format.bits(numbers)
+        self.network.errors.format.bits(numbers)
     }
 }
 
-/// Measures a model; returns its figures, and the correlation of band powers with its integer
-/// codes.
+/// Measures a model on a dataset, and passes each block of windows to `observe`.
 fn evaluate_with_bands(
     model: &Artifact,
     dataset: &Dataset,
     mut observe: impl FnMut(&CodedBlock),
-) -> Result<(Evaluation, [f64; 2]), TrainerError> {
+) -> Result<CodeFigures, TrainerError> {
     let description = &model.description;
     let mut decoded = OverlapMean::new(dataset, description.window.hop);
-    let evaluation = evaluate_blocks(model, dataset, |block| {
+    let errors = evaluate_blocks(model, dataset, |block| {
         decoded.add(block.decoded_received);
         observe(block);
     })?;
@@ -359,5 +367,5 @@ fn evaluate_with_bands(
         description.window.rate_hz,
     );
     let bands = band_power.correlation(&decoded.original(), &decoded.mean());
-    Ok((evaluation, bands))
+    Ok(CodeFigures { errors, bands })
 }

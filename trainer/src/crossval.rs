@@ -20,7 +20,7 @@ mod outcome;
 mod plan;
 mod table;
 
-use crate::card::{ModelOptions, Shape, description_to_compare};
+use crate::card::{ModelOptions, description_to_compare};
 use crate::error::TrainerError;
 use crate::progress::ProgressObserver;
 use crate::selection::{self, mains_hz};
@@ -29,14 +29,14 @@ use crate::training::Settings;
 use clap::Args;
 use std::path::{Path, PathBuf};
 
-pub use outcome::{Outcome, Validation};
-pub use plan::{Fold, Shard, Subject, group};
-pub use table::Table;
+pub(crate) use outcome::Outcome;
+use plan::{Fold, Shard, group};
+pub(crate) use table::Table;
 pub(crate) use table::columns;
 
 /// Options of `trainer crossval`.
 #[derive(Args, Clone, Debug)]
-pub struct CrossvalOptions {
+pub(crate) struct CrossvalOptions {
     /// Folder in which names of recordings are searched.
     #[arg(long, default_value = ".")]
     data: PathBuf,
@@ -72,7 +72,7 @@ pub struct CrossvalOptions {
     /// Folder of the outcomes and of the table. Folds whose outcome is there are not computed
     /// again.
     #[arg(long)]
-    pub out: PathBuf,
+    pub(crate) out: PathBuf,
 }
 
 /// Computes the folds of the shard whose outcomes are missing, and writes each outcome. Returns the
@@ -80,7 +80,7 @@ pub struct CrossvalOptions {
 ///
 /// # Errors
 /// If a recording cannot be used, a subject has too little data, or a file cannot be written.
-pub fn run(
+pub(crate) fn run(
     options: &CrossvalOptions,
     observer: &mut impl ProgressObserver,
 ) -> Result<Option<Table>, TrainerError> {
@@ -99,11 +99,9 @@ pub fn run(
             plan.push((subject, fold));
         }
     }
-    let shards = plan.iter().enumerate();
-    let own: Vec<_> = shards
-        .filter(|(index, _)| options.shard.contains(*index))
-        .map(|(_, fold)| fold)
-        .collect();
+    let own = plan.iter().enumerate();
+    let own = own.filter(|(index, _)| options.shard.contains(*index));
+    let own: Vec<_> = own.map(|(_, fold)| fold).collect();
     let mut tracks: Option<(&str, Vec<Track>)> = None;
     for (number, (subject, fold)) in own.iter().enumerate() {
         let settings = identity(fold);
@@ -127,8 +125,9 @@ pub fn run(
         }
         observer.fold_started(&fold.name(), number + 1, own.len());
         if let Some((_, tracks)) = &tracks {
-            let outcome = fit::test_fold(tracks, fold, &description, options.settings, observer)?;
-            let outcome = outcome.with_settings(settings);
+            let mut outcome =
+                fit::test_fold(tracks, fold, &description, options.settings, observer)?;
+            outcome.settings = settings;
             outcome.write(&options.out)?;
             observer.fold_finished(&outcome);
         }
@@ -149,7 +148,7 @@ pub fn run(
 ///
 /// # Errors
 /// If outcomes are missing, exist twice with different contents, or belong to different settings.
-pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Table, TrainerError> {
+pub(crate) fn merge(folders: &[PathBuf], out: &Path) -> Result<Table, TrainerError> {
     let table = Table::new(outcome::read_all(folders)?)?;
     outcome::prepare(out)?;
     for outcome in table.outcomes() {
@@ -159,28 +158,16 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Table, TrainerError> {
     Ok(table)
 }
 
-/// Returns all settings that determine an outcome except the fold's number, as text. The outcomes
-/// of a table have the same text.
+/// Returns all settings that determine an outcome except the fold's number, as text. All outcomes
+/// of a subject in a table have the same text.
 fn identity(options: &CrossvalOptions, montage: &str, fold: &Fold) -> String {
-    let Shape {
-        mode,
-        numbers,
-        steps,
-        hop,
-        padding,
-        format,
-    } = options.model.shape;
-    let Settings {
-        epochs,
-        batch,
-        peak_rate,
-        seed,
-    } = options.settings;
     format!(
-        "montage {montage}, mode {mode}, {numbers} numbers, windows of {steps} steps, hop {hop}, \
-         padding {padding}, codes {format}, mains {} Hz; {epochs} epochs in batches of {batch} at a \
-         learning rate of {peak_rate} with seed {seed}; {} folds of {} in {} repetitions",
+        "montage {montage}, {}, codes {}, mains {} Hz; {} epochs in {}; {} folds of {} in {} repetitions",
+        options.model.shape,
+        options.model.shape.format,
         options.mains_hz,
+        options.settings.epochs,
+        options.settings,
         options.folds,
         fold.kind(),
         options.repetitions

@@ -1,30 +1,34 @@
 //! Windows of tracks: at random offsets for training, at every hop for evaluation.
 
 use crate::error::TrainerError;
+use crate::pca;
 use crate::track::Track;
 use artifact::Dimensions;
 use rand::{Rng, RngExt};
 
-/// The last 1 / `VALIDATION_PART` of every track is used for validation.
+/// Number of parts of a track, of which the last is the validation part.
 const VALIDATION_PART: usize = 8;
 
 /// Contiguous segments of filtered recordings, from which windows are cut.
 #[derive(Clone, Debug)]
-pub struct Dataset {
+pub(crate) struct Dataset {
     dimensions: Dimensions,
     /// Values of each segment, in the order step, electrode (the last fastest).
     segments: Vec<Vec<f32>>,
 }
 
 /// The values of a window, in the order step, electrode (the last fastest).
-pub type Window = [f32];
+pub(crate) type Window = [f32];
 
 impl Dataset {
     /// Creates a dataset from whole tracks.
     ///
     /// # Errors
     /// If a track is shorter than a window.
-    pub fn from_tracks(tracks: &[Track], dimensions: Dimensions) -> Result<Self, TrainerError> {
+    pub(crate) fn from_tracks(
+        tracks: &[Track],
+        dimensions: Dimensions,
+    ) -> Result<Self, TrainerError> {
         tracks
             .iter()
             .try_for_each(|track| require(track, dimensions.steps))?;
@@ -40,7 +44,7 @@ impl Dataset {
     ///
     /// # Errors
     /// If the last eighth of a track would be shorter than two windows.
-    pub fn split(tracks: &[Track], dimensions: Dimensions) -> Result<Split, TrainerError> {
+    pub(crate) fn split(tracks: &[Track], dimensions: Dimensions) -> Result<Split, TrainerError> {
         let mut split = Split {
             training: Self::from_segments(Vec::new(), dimensions),
             validation: Self::from_segments(Vec::new(), dimensions),
@@ -63,7 +67,7 @@ impl Dataset {
     ///
     /// # Panics
     /// If a segment is shorter than a window.
-    pub fn from_segments(segments: Vec<Vec<f32>>, dimensions: Dimensions) -> Self {
+    pub(crate) fn from_segments(segments: Vec<Vec<f32>>, dimensions: Dimensions) -> Self {
         let window = dimensions.window_electrodes();
         assert!(
             segments.iter().all(|values| values.len() >= window),
@@ -75,13 +79,12 @@ impl Dataset {
         }
     }
 
-    /// Returns the dimensions of the windows.
-    pub fn dimensions(&self) -> Dimensions {
+    pub(crate) fn dimensions(&self) -> Dimensions {
         self.dimensions
     }
 
     /// Iterates over the values of each segment, in the order step, electrode.
-    pub fn segments(&self) -> impl Iterator<Item = &[f32]> {
+    pub(crate) fn segments(&self) -> impl Iterator<Item = &[f32]> {
         self.segments.iter().map(Vec::as_slice)
     }
 
@@ -97,7 +100,7 @@ impl Dataset {
     }
 
     /// Multiplies every value of the dataset by `factor`.
-    pub fn scale(&mut self, factor: f64) {
+    pub(crate) fn scale(&mut self, factor: f64) {
         #[expect(clippy::cast_possible_truncation, reason = "a float network takes f32")]
         for value in self.segments.iter_mut().flatten() {
             *value = (f64::from(*value) * factor) as f32;
@@ -106,7 +109,7 @@ impl Dataset {
 
     /// Returns the root mean square over all time steps and electrodes. This is the standard
     /// deviation, because the band-pass removes the mean.
-    pub fn deviation(&self) -> f64 {
+    pub(crate) fn deviation(&self) -> f64 {
         let values = self.segments.iter().flatten();
         let (count, sum) = values.fold((0_u64, 0.0), |(count, sum), value| {
             (count + 1, sum + f64::from(*value).powi(2))
@@ -116,20 +119,20 @@ impl Dataset {
     }
 
     /// Returns the largest magnitude of all values, in the unit of the dataset.
-    pub fn max_abs(&self) -> f32 {
+    pub(crate) fn max_abs(&self) -> f32 {
         let values = self.segments.iter().flatten();
         values.fold(0.0, |largest, value| largest.max(value.abs()))
     }
 
     /// Returns the number of disjoint windows, which determines the number of windows of an epoch.
-    pub fn disjoint_windows(&self) -> usize {
+    pub(crate) fn disjoint_windows(&self) -> usize {
         let steps = self.dimensions.steps;
         let windows = |segment: &Vec<f32>| self.steps(segment) / steps;
         self.segments.iter().map(windows).sum()
     }
 
     /// Returns the windows that start at every `hop`-th time step of every segment.
-    pub fn aligned(&self, hop: usize) -> Vec<&Window> {
+    pub(crate) fn aligned(&self, hop: usize) -> Vec<&Window> {
         let segments = self.segments.iter();
         segments
             .flat_map(|segment| {
@@ -141,7 +144,7 @@ impl Dataset {
     }
 
     /// Returns `count` windows at random offsets, uniformly distributed over all segments.
-    pub fn random(&self, count: usize, rng: &mut impl Rng) -> Vec<&Window> {
+    pub(crate) fn random(&self, count: usize, rng: &mut impl Rng) -> Vec<&Window> {
         let in_segment = |segment: &Vec<f32>| self.steps(segment) - self.dimensions.steps + 1;
         let offsets: usize = self.segments.iter().map(in_segment).sum();
         let mut draw = || {
@@ -159,15 +162,55 @@ impl Dataset {
     }
 }
 
-/// The two parts of the training tracks.
+/// Training tracks in units of the standard deviation of their training part.
 #[derive(Clone, Debug)]
-pub struct Split {
-    /// Windows for training.
-    pub training: Dataset,
-    /// Windows on which the best epoch is selected.
-    pub validation: Dataset,
+pub(crate) struct TrainingSet {
+    /// Training part and validation part.
+    pub(crate) split: Split,
+    /// Complete tracks, for calibration.
+    pub(crate) whole: Dataset,
+    /// Standard deviation of the training part, uV.
+    pub(crate) sd_uv: f64,
 }
 
+impl TrainingSet {
+    /// Splits and scales tracks.
+    ///
+    /// # Errors
+    /// If a track is too short, or all values of the training part are 0.
+    pub(crate) fn new(tracks: &[Track], dimensions: Dimensions) -> Result<Self, TrainerError> {
+        let mut split = Dataset::split(tracks, dimensions)?;
+        let mut whole = Dataset::from_tracks(tracks, dimensions)?;
+        let sd_uv = split.training.deviation();
+        if sd_uv <= 0.0 {
+            return Err(TrainerError::Silent);
+        }
+        for part in [&mut split.training, &mut split.validation, &mut whole] {
+            part.scale(1.0 / sd_uv);
+        }
+        Ok(Self {
+            split,
+            whole,
+            sd_uv,
+        })
+    }
+
+    /// Returns the principal directions of the training part, one for each number of a code.
+    pub(crate) fn directions(&self) -> Vec<Vec<f32>> {
+        let count = self.whole.dimensions.numbers;
+        pca::principal_directions(pca::second_moment(&self.split.training), count)
+    }
+}
+
+/// The two parts of the training tracks.
+#[derive(Clone, Debug)]
+pub(crate) struct Split {
+    pub(crate) training: Dataset,
+    /// Windows on which the best epoch is selected.
+    pub(crate) validation: Dataset,
+}
+
+/// Returns an error that names the track if it has fewer than `needed` steps.
 fn require(track: &Track, needed: usize) -> Result<(), TrainerError> {
     let steps = track.steps();
     if steps >= needed {
@@ -199,19 +242,16 @@ mod tests {
     }
 
     #[test]
-    fn training_and_validation_are_separated_by_a_window() {
+    fn training_and_validation_are_a_window_apart_and_the_training_part_has_deviation_1() {
         let split = Dataset::split(&[ramp(800)], dimensions()).unwrap();
-        let last = split
-            .training
-            .aligned(1)
-            .last()
-            .unwrap()
-            .last()
-            .copied()
-            .unwrap();
+        let training = split.training.aligned(1);
+        let last = training[training.len() - 1][dimensions().window_electrodes() - 1];
         let first = split.validation.aligned(1)[0][0];
         assert!((first - last - 17.0).abs() < f32::EPSILON, "{last} {first}");
         assert_eq!(split.validation.disjoint_windows(), 100 / 16);
+        let tracks = [ramp(800)];
+        let scaled = TrainingSet::new(&tracks, dimensions()).unwrap();
+        assert!((scaled.split.training.deviation() - 1.0).abs() < 1e-6);
     }
 
     #[test]
@@ -246,12 +286,5 @@ mod tests {
             error.to_string().starts_with("ramp has 200 time steps"),
             "{error}"
         );
-    }
-
-    #[test]
-    fn dividing_by_the_deviation_makes_it_one() {
-        let mut dataset = Dataset::from_tracks(&[ramp(50)], dimensions()).unwrap();
-        dataset.scale(1.0 / dataset.deviation());
-        assert!((dataset.deviation() - 1.0).abs() < 1e-6);
     }
 }

@@ -2,47 +2,60 @@
 
 use crate::error::TrainerError;
 use artifact::{Artifact, ArtifactError, Golden, PackedModel, Tensors};
+use serde::Serialize;
 use serde_json::{Value as Json, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::io::ErrorKind;
 use std::path::Path;
 
-/// All differences between two models.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Difference {
+/// All differences between two models, with the names that they have in JSON.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Difference {
     /// Ids of both models.
-    pub ids: [String; 2],
-    /// Fields of `model.toml` that differ: name, and value in each model, if it has the field.
-    pub fields: Vec<(String, [Option<String>; 2])>,
+    pub(crate) models: [String; 2],
+    /// Fields of `model.toml` that differ.
+    pub(crate) fields: Vec<FieldDifference>,
     /// Tensors that differ.
-    pub tensors: Vec<TensorDifference>,
+    pub(crate) tensors: Vec<TensorDifference>,
     /// Whether the integers of the packed models differ; `None` if neither model has one.
-    pub packed: Option<bool>,
+    pub(crate) packed_differ: Option<bool>,
     /// Whether the golden windows or codes differ; `None` if neither folder has any.
-    pub golden: Option<bool>,
+    pub(crate) golden_differ: Option<bool>,
+}
+
+/// A field that differs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct FieldDifference {
+    /// Name of the field, with dots.
+    pub(crate) field: String,
+    /// Value in each model; `None` where it is missing.
+    pub(crate) values: [Option<String>; 2],
 }
 
 /// A tensor that differs.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TensorDifference {
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct TensorDifference {
     /// Name of the file and of the tensor.
-    pub name: String,
-    /// Kind of the difference.
-    pub kind: Kind,
+    pub(crate) tensor: String,
+    #[serde(flatten)]
+    pub(crate) kind: Kind,
 }
 
 /// Difference between two tensors of the same name.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Kind {
-    /// Shape in each model; `None` where it is missing.
-    Shapes([Option<Vec<usize>>; 2]),
-    /// Elements differ.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub(crate) enum Kind {
+    /// The shapes differ.
+    Shapes {
+        /// Shape in each model; `None` where the tensor is missing.
+        shapes: [Option<Vec<usize>>; 2],
+    },
+    /// The shape is the same, and elements differ.
     Values {
         /// Number of elements that differ.
-        count: usize,
-        /// Number of elements.
-        of: usize,
+        differ: usize,
+        elements: usize,
         /// Largest difference.
         largest: f32,
         /// Root mean square of the difference, relative to that of the first model's tensor.
@@ -55,7 +68,7 @@ impl Difference {
     ///
     /// # Errors
     /// If a folder holds no usable model, or its golden codes cannot be read.
-    pub fn read(folders: [&Path; 2]) -> Result<Self, TrainerError> {
+    pub(crate) fn read(folders: [&Path; 2]) -> Result<Self, TrainerError> {
         let read = |folder: &Path| Artifact::read(folder).map_err(TrainerError::no_model(folder));
         let [one, other] = [read(folders[0])?, read(folders[1])?];
         let golden = match [read_golden(folders[0])?, read_golden(folders[1])?] {
@@ -69,51 +82,30 @@ impl Difference {
         let mut tensors = compare("weights", &one.weights, &other.weights);
         tensors.extend(compare("calibration", &one.calibration, &other.calibration));
         Self {
-            ids: [one.id.to_string(), other.id.to_string()],
+            models: [one.id.to_string(), other.id.to_string()],
             fields: compare_fields(&fields(one), &fields(other)),
             tensors,
-            packed: match (&one.packed, &other.packed) {
+            packed_differ: match (&one.packed, &other.packed) {
                 (None, None) => None,
                 (one, other) => Some(!have_same_integers(one.as_ref(), other.as_ref())),
             },
-            golden,
+            golden_differ: golden,
         }
     }
 
     /// Returns whether the models are equal, golden codes included.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.fields.is_empty()
             && self.tensors.is_empty()
-            && self.packed != Some(true)
-            && self.golden != Some(true)
+            && self.packed_differ != Some(true)
+            && self.golden_differ != Some(true)
     }
 
-    /// Returns the differences as a JSON object.
-    pub fn to_json(&self) -> Json {
-        let fields = self.fields.iter();
-        let tensors = self.tensors.iter().map(|tensor| match &tensor.kind {
-            Kind::Shapes(shapes) => json!({ "tensor": tensor.name, "shapes": shapes }),
-            Kind::Values {
-                count,
-                of,
-                largest,
-                relative_rms,
-            } => json!({
-                "tensor": tensor.name,
-                "differ": count,
-                "elements": of,
-                "largest": largest,
-                "relative_rms": relative_rms,
-            }),
-        });
-        json!({
-            "equal": self.is_empty(),
-            "models": self.ids,
-            "fields": fields.map(|(name, values)| json!({ "field": name, "values": values })).collect::<Vec<_>>(),
-            "tensors": tensors.collect::<Vec<_>>(),
-            "packed_differ": self.packed,
-            "golden_differ": self.golden,
-        })
+    /// Returns the differences as a JSON object, in which `equal` says whether there are none.
+    pub(crate) fn to_json(&self) -> Json {
+        let mut object = json!(self);
+        object["equal"] = json!(self.is_empty());
+        object
     }
 }
 
@@ -169,13 +161,14 @@ fn flatten(name: &str, value: &Json, fields: &mut BTreeMap<String, String>) {
 fn compare_fields(
     one: &BTreeMap<String, String>,
     other: &BTreeMap<String, String>,
-) -> Vec<(String, [Option<String>; 2])> {
+) -> Vec<FieldDifference> {
     let names: BTreeSet<&String> = one.keys().chain(other.keys()).collect();
-    let values = |name: &String| [one.get(name).cloned(), other.get(name).cloned()];
-    names
-        .into_iter()
-        .map(|name| (name.clone(), values(name)))
-        .filter(|(_, [one, other])| one != other)
+    let fields = names.into_iter().map(|name| FieldDifference {
+        field: name.clone(),
+        values: [one, other].map(|fields| fields.get(name).cloned()),
+    });
+    fields
+        .filter(|field| field.values[0] != field.values[1])
         .collect()
 }
 
@@ -195,14 +188,14 @@ fn compare(file: &str, one: &Tensors, other: &Tensors) -> Vec<TensorDifference> 
                 one.tensor(name, shape).ok()?,
                 other.tensor(name, shape).ok()?,
             ),
-            _ => Some(Kind::Shapes(shapes)),
+            _ => Some(Kind::Shapes { shapes }),
         }
     };
     names
         .into_iter()
         .filter_map(|name| {
             Some(TensorDifference {
-                name: format!("{file}: {name}"),
+                tensor: format!("{file}: {name}"),
                 kind: kind(name)?,
             })
         })
@@ -215,13 +208,13 @@ fn values(one: &[f32], other: &[f32]) -> Option<Kind> {
         let pairs = one.iter().zip(other);
         pairs.map(|(one, other)| (one - other).abs())
     };
-    let count = differences().filter(|difference| *difference > 0.0).count();
+    let differ = differences().filter(|difference| *difference > 0.0).count();
     let energy = |values: &mut dyn Iterator<Item = f32>| -> f64 {
         values.map(|value| f64::from(value).powi(2)).sum()
     };
-    (count > 0).then(|| Kind::Values {
-        count,
-        of: one.len(),
+    (differ > 0).then(|| Kind::Values {
+        differ,
+        elements: one.len(),
         largest: differences().fold(0.0, f32::max),
         relative_rms: (energy(&mut differences()) / energy(&mut one.iter().copied())).sqrt(),
     })
@@ -229,41 +222,45 @@ fn values(one: &[f32], other: &[f32]) -> Option<Kind> {
 
 impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [one, other] = &self.ids;
+        let [one, other] = &self.models;
         if self.is_empty() {
             return writeln!(f, "the models are equal: {one}");
         }
         writeln!(f, "{one} -> {other}")?;
-        for (name, [one, other]) in &self.fields {
-            let text = |value: &Option<String>| value.clone().unwrap_or_else(|| "-".to_owned());
-            writeln!(f, "{name}: {} -> {}", text(one), text(other))?;
+        for FieldDifference { field, values } in &self.fields {
+            let [one, other] = values
+                .each_ref()
+                .map(|value| value.as_deref().unwrap_or("-"));
+            writeln!(f, "{field}: {one} -> {other}")?;
         }
-        for TensorDifference { name, kind } in &self.tensors {
+        for TensorDifference { tensor, kind } in &self.tensors {
             match kind {
-                Kind::Shapes([one, other]) => {
-                    let text = |shape: &Option<Vec<usize>>| {
-                        let lengths = shape.iter().flatten().map(usize::to_string);
-                        let lengths = lengths.collect::<Vec<_>>().join(" x ");
-                        shape.as_ref().map_or("-".to_owned(), |_| lengths)
-                    };
-                    writeln!(f, "{name}: {} -> {}", text(one), text(other))?;
+                Kind::Shapes { shapes } => {
+                    let [one, other] = shapes.each_ref().map(|shape| {
+                        let shape = shape.as_ref().map(|shape| {
+                            let lengths: Vec<_> = shape.iter().map(usize::to_string).collect();
+                            lengths.join(" x ")
+                        });
+                        shape.unwrap_or_else(|| "-".to_owned())
+                    });
+                    writeln!(f, "{tensor}: {one} -> {other}")?;
                 }
                 Kind::Values {
-                    count,
-                    of,
+                    differ,
+                    elements,
                     largest,
                     relative_rms,
                 } => writeln!(
                     f,
-                    "{name}: {count} of {of} elements differ, by at most {largest:.3e}, RMS {:.3} %",
+                    "{tensor}: {differ} of {elements} elements differ, by at most {largest:.3e}, RMS {:.3} %",
                     100.0 * relative_rms
                 )?,
             }
         }
-        if self.packed == Some(true) {
+        if self.packed_differ == Some(true) {
             writeln!(f, "packed models differ")?;
         }
-        match self.golden {
+        match self.golden_differ {
             Some(true) => writeln!(f, "golden codes differ"),
             _ => Ok(()),
         }

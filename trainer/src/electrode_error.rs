@@ -6,18 +6,17 @@ use artifact::{Description, ScalpGrid};
 
 /// Errors of one electrode over all measured windows.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ElectrodeError {
-    /// Label of the electrode.
-    pub label: String,
+pub(crate) struct ElectrodeError {
+    pub(crate) label: String,
     /// Row and column of its cell of the scalp grid, from 0; the first row is at the front of the
     /// head, the first column on the left.
-    pub cell: [usize; 2],
+    pub(crate) cell: [usize; 2],
     /// Whether every recording has the electrode; otherwise it is interpolated.
-    pub is_recorded: bool,
+    pub(crate) is_recorded: bool,
     /// Mean squared error with float codes, in units of `input.sd_uv` squared.
-    pub mse_float: f64,
+    pub(crate) mse_float: f64,
     /// Mean squared error with integer codes, in units of `input.sd_uv` squared.
-    pub mse_int8: f64,
+    pub(crate) mse_int8: f64,
 }
 
 /// Sums of squared errors of each electrode.
@@ -30,7 +29,6 @@ pub(crate) struct ElectrodeSums {
 }
 
 impl ElectrodeSums {
-    /// Creates sums of 0, before the first window.
     pub(crate) fn new(electrodes: usize) -> Self {
         Self {
             squares: vec![[0.0; 2]; electrodes],

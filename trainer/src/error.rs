@@ -5,10 +5,12 @@ use std::path::{Path, PathBuf};
 
 /// An error that ends a command.
 #[derive(Debug, thiserror::Error)]
-#[expect(missing_docs, reason = "each message names the fields of its variant")]
+#[expect(
+    missing_docs,
+    reason = "the messages say what each variant and its fields mean"
+)]
 pub enum TrainerError {
     // Usage errors, which the user can correct on the command line.
-    /// The artifact in a folder has a packed model already.
     #[error("{} has a packed model already; --force replaces it", .0.display())]
     PackedExists(PathBuf),
     /// A block cannot have this number of coefficients; `most` is 0 if it has fewer than 16 values.
@@ -17,13 +19,11 @@ pub enum TrainerError {
          with this montage and hop"
     )]
     Coefficients { count: usize, most: usize },
-    /// No rate reaches the requested mean squared error.
     #[error(
         "no rate has a mean squared error of {target} or less; the finest reaches {least:.5}: ask \
          for more, or train with more --coefficients"
     )]
     TargetOutOfReach { target: f64, least: f64 },
-    /// The output folder holds a model.
     #[error("{} holds a model already; choose another folder, or replace it with --force", .0.display())]
     ArtifactExists(PathBuf),
     /// A name selects no recording of a folder, whose recordings are `found`.
@@ -33,28 +33,21 @@ pub enum TrainerError {
         folder: PathBuf,
         found: Vec<String>,
     },
-    /// A folder has no recording.
     #[error("{} has no recording; recordings end with .edf, .bdf or .gdf", .0.display())]
     EmptyFolder(PathBuf),
-    /// A pattern matches no recording.
     #[error("no recording matches {0}; recordings end with .edf, .bdf or .gdf")]
     NothingMatches(String),
-    /// A pattern is malformed.
     #[error("{0} is no pattern of paths")]
     BadPattern(String, #[source] glob::PatternError),
-    /// A range of names cannot be expanded, such as R10..R03.
     #[error("{0} is not a range of names; write for example R03..R10")]
     BadRange(String),
-    /// A recording is both a training and a test file.
     #[error(
         "{0} is both a training and a test file, so its figures would be meaningless; remove it \
          from one of them"
     )]
     TrainedOn(String),
-    /// A montage file cannot be read.
     #[error("the montage cannot be used")]
     MontageFile(#[from] artifact::MontageFileError),
-    /// A montage has mistakes.
     #[error(
         "the montage {name} has {} mistake(s):\n  {}\n\
          `trainer montage check` prints the grid with them",
@@ -74,10 +67,8 @@ pub enum TrainerError {
         steps: usize,
         electrodes: usize,
     },
-    /// No model can have the requested shape.
     #[error("no model can have this shape; see `trainer train --help`")]
     Shape(#[source] artifact::ArtifactError),
-    /// A model of mode `paper` cannot be evaluated, because its codes cannot be decoded.
     #[error(
         "--mode paper is not trained here: its decoder needs pool indices that are not sent; use \
          paper-code-only or shortcut"
@@ -119,7 +110,6 @@ pub enum TrainerError {
         .0.display(), .1, .2
     )]
     OtherCrossval(PathBuf, String, String),
-    /// The folder of a report holds one already.
     #[error(transparent)]
     Report(#[from] new_file::NewFileError),
     /// A training run without epochs and without test recordings has nothing to report.
@@ -128,24 +118,18 @@ pub enum TrainerError {
          show; add --test, or leave out --report"
     )]
     NothingToReport,
-    /// No test recordings are named, on the command line or in the training card.
     #[error("the training card names no test recordings; name recordings with --test")]
     NothingToTest,
 
     // Files.
-    /// A file or folder cannot be read or written.
     #[error("cannot access {}", .0.display())]
     File(PathBuf, #[source] io::Error),
-    /// A folder to write to cannot be written.
     #[error("{} cannot be written; name another folder", .0.display())]
     NotWritable(PathBuf, #[source] io::Error),
-    /// A recording is damaged or in an unsupported format.
     #[error("cannot read the recording {0}")]
     Recording(String, #[source] recordings::RecordingError),
-    /// The electrode labels of a recording do not fit the montage.
     #[error("the recording {0} does not fit the montage")]
     Montage(String, #[source] recordings::MontageMapError),
-    /// Too few time steps of a recording remain after the filters have settled.
     #[error(
         "{name} has {steps} time steps after the filters have settled; at least {needed} are needed"
     )]
@@ -154,29 +138,22 @@ pub enum TrainerError {
         steps: usize,
         needed: usize,
     },
-    /// All samples of the recordings are 0 after filtering.
     #[error(
         "the training recordings are 0 in all electrodes; check the physical unit in the files"
     )]
     Silent,
-    /// A folder holds no usable model.
     #[error("{} holds no usable model", .0.display())]
     NoModel(PathBuf, #[source] Box<artifact::ArtifactError>),
-    /// The artifact cannot be read, created or written.
     #[error(transparent)]
     Artifact(#[from] artifact::ArtifactError),
-    /// A file is not a checkpoint or is damaged.
     #[error("{} is not a checkpoint of this trainer or is damaged: {}; train without --resume", .0.display(), .1)]
     Checkpoint(PathBuf, String),
-    /// A picture of a report cannot be written.
     #[error(transparent)]
     Picture(#[from] picture::canvas::PictureError),
 
     // The outcomes of a cross-validation.
-    /// An outcome cannot be read.
     #[error("{} is no outcome of a fold; delete it, and its fold is computed again", .0.display())]
     Outcome(PathBuf, #[source] serde_json::Error),
-    /// Two folders have different outcomes of the same fold.
     #[error(
         "fold {} has another outcome in {} than in a folder before it; merge shards of one \
          cross-validation",
@@ -184,7 +161,6 @@ pub enum TrainerError {
         .1.display()
     )]
     TwoOutcomes(String, PathBuf),
-    /// No folder has an outcome.
     #[error("there are no outcomes to merge; name the folders that `trainer crossval --out` wrote")]
     NoOutcomes,
     /// Two outcomes, each with its name and its settings, belong to different cross-validations.
@@ -193,7 +169,6 @@ pub enum TrainerError {
         .1.0, .0.0, .0.0, .0.1, .1.0, .1.1
     )]
     MixedOutcomes((String, String), (String, String)),
-    /// Folds without an outcome, by name.
     #[error(
         "folds are missing: {}; compute them with `trainer crossval`, or name the folders of all \
          shards",
@@ -205,33 +180,25 @@ pub enum TrainerError {
     /// The filters for a mains frequency, Hz, cannot be realised.
     #[error("the filters for {0} Hz mains cannot be realised")]
     Filter(u32, #[source] model_gen::FilterError),
-    /// The resampler of the description cannot be realised.
     #[error("the decimation cannot be realised")]
     Resampler(#[source] model_gen::FilterError),
-    /// A range or factor of the model does not fit its integer format.
     #[error("the model cannot be turned into integers")]
     Quantise(#[from] model_gen::ModelGenError),
-    /// The loss of an epoch is infinite or NaN.
     #[error("the loss of epoch {0} is {1}: training diverged; use a lower --learning-rate")]
     Diverged(u32, f64),
 
     // An import.
-    /// The specification is not TOML, or a field is missing, misspelt or of the wrong type.
     #[error("{} is no specification of an import; docs/importing.md has an example", .0.display())]
     Spec(PathBuf, #[source] Box<toml::de::Error>),
-    /// The specification describes a model that cannot exist.
     #[error("{} describes no possible model", .0.display())]
     Described(PathBuf, #[source] Box<TrainerError>),
-    /// The file with the weights is damaged or of another format.
     #[error(
         "{} is damaged or no safetensors file; export it again, with `safetensors.torch.save_file`",
         .0.display()
     )]
     Safetensors(PathBuf, #[source] safetensors::SafeTensorError),
-    /// The tensors of a file have the right shapes, but are no usable model.
     #[error("the tensors of {} are no usable model", .0.display())]
     Unusable(PathBuf, #[source] Box<TrainerError>),
-    /// Tensors and specification do not describe the same model.
     #[error("{} and {} do not fit together:\n  {}", .0.display(), .1.display(), .2.join("\n  "))]
     ImportMistakes(PathBuf, PathBuf, Vec<String>),
     /// The same weights yield other values here than in the exported network. `what` is `code` or
@@ -252,10 +219,8 @@ pub enum TrainerError {
     },
 
     // Ctrl-C.
-    /// The system does not report Ctrl-C.
     #[error("the program cannot listen for Ctrl-C")]
     Signals(#[source] io::Error),
-    /// The user interrupted the training after some epochs, which the checkpoint has.
     #[error("interrupted after {} epochs; {}", .0, resume_words(*.0, .1))]
     Interrupted(u32, PathBuf),
 }

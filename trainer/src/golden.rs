@@ -16,7 +16,7 @@ const SEED: u64 = 0x60_1D;
 
 /// Returns synthetic windows, extremes and noise, and the codes that model-gen's integer reference
 /// computes for them.
-pub fn golden_windows(integers: &IntegerModel) -> Golden {
+pub(crate) fn golden_windows(integers: &IntegerModel) -> Golden {
     let cells: Vec<usize> = integers
         .cells
         .iter()

@@ -35,7 +35,7 @@ pub(crate) fn add_scaled(sums: &mut Lanes, factor: f32, values: &Lanes) {
     }
 }
 
-/// Returns the sum over all lanes, in pairs: 8 and 8, 4 and 4, 2 and 2, 1 and 1.
+/// Returns the sum of all lanes, added in pairs: 8 and 8 lanes, then 4 and 4, 2 and 2, 1 and 1.
 pub(crate) fn total(lanes: &Lanes) -> f32 {
     let mut sums = *lanes;
     let mut length = LANES;
@@ -51,7 +51,6 @@ pub(crate) fn total(lanes: &Lanes) -> f32 {
 /// A feature map of [`LANES`] windows: channel, step, row, column, lane (the last fastest).
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Volume {
-    /// Number of channels.
     pub(crate) channels: usize,
     /// Steps, rows and columns.
     pub(crate) size: [usize; 3],
@@ -60,7 +59,6 @@ pub(crate) struct Volume {
 }
 
 impl Volume {
-    /// Creates a volume of zeros.
     pub(crate) fn zeros(channels: usize, size: [usize; 3]) -> Self {
         Self::from_values(channels, size, vec![[0.0; LANES]; channels * product(size)])
     }
@@ -87,7 +85,6 @@ impl Volume {
         product(self.size)
     }
 
-    /// Iterates over the values of each channel.
     pub(crate) fn by_channel(&self) -> impl Iterator<Item = &[Lanes]> {
         self.values.chunks_exact(self.places().max(1))
     }

@@ -16,7 +16,7 @@
 //!                   state_dict, specification --import
 //! ```
 //!
-//! [`report`] draws the learning curves, the evaluation and the cross-validation. docs/training.md
+//! `report` draws the learning curves, the evaluation and the cross-validation. docs/training.md
 //! and docs/importing.md show how to use the program.
 //!
 //! # The network
@@ -26,16 +26,6 @@
 //! code and back. The linear map starts as PCA, and the convolutions contribute exactly 0 at the
 //! start. Epoch 0 is a candidate, so on the validation windows the float codes are never worse than
 //! PCA's.
-//!
-//! # Example
-//! ```
-//! use trainer::schedule::OneCycle;
-//!
-//! let schedule = OneCycle { peak: 1e-3, updates: 101 };
-//! // The rate starts at 1/25 of the peak and reaches it after 15 % of the updates.
-//! assert!((schedule.rate(0) - 4e-5).abs() < 1e-12);
-//! assert!((schedule.rate(15) - 1e-3).abs() < 1e-12);
-//! ```
 #![forbid(unsafe_code)]
 #![expect(
     clippy::cast_precision_loss,
@@ -44,39 +34,37 @@
 
 pub mod adam;
 mod band_power;
-pub mod calibrate;
-pub mod card;
-pub mod check;
-pub mod checkpoint;
+mod calibrate;
+mod card;
+mod check;
+mod checkpoint;
+pub mod command_line;
 pub mod comparison;
-pub mod crossval;
-pub mod dataset;
-pub mod difference;
-pub mod electrode_error;
+mod crossval;
+mod dataset;
+mod difference;
+mod electrode_error;
 pub mod error;
-pub mod evaluate;
+mod evaluate;
 mod front_end;
-pub mod golden;
-pub mod import;
+mod golden;
+mod import;
 mod in_parallel;
 mod layers;
-pub mod learning_curve;
 pub mod montage_check;
 pub mod network;
-mod output;
 mod overlap;
-pub mod packed;
+mod packed;
 pub mod parameters;
-pub mod pca;
+mod pca;
 pub mod progress;
-pub mod report;
-pub mod schedule;
-pub mod selection;
-pub mod session;
-pub mod show;
-pub mod track;
-pub mod training;
-pub mod truncation;
+mod report;
+mod selection;
+mod session;
+mod show;
+mod track;
+mod training;
+mod truncation;
 
 #[cfg(test)]
 mod testing;

@@ -1,10 +1,8 @@
-//! The program `trainer`: see `command_line`.
+//! The program `trainer`: see [`trainer::command_line`].
 #![forbid(unsafe_code)]
-
-mod command_line;
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    command_line::run()
+    trainer::command_line::run()
 }

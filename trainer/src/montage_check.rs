@@ -24,7 +24,7 @@ const REMOVED: usize = 4;
 /// Row and column of a cell, from 1.
 type Cell = (usize, usize);
 
-/// The result of a check. `Display` prints the grid, all mistakes and all notes.
+/// Result of checking a montage file. `Display` prints the grid, all mistakes and all notes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MontageCheck {
     name: String,

@@ -2,19 +2,18 @@
 
 use crate::dataset::Dataset;
 
-/// Sums of decoded windows at the steps of a dataset.
+/// Sums of decoded windows at the steps of a dataset, from which a continuous signal follows.
 pub(crate) struct OverlapMean<'d> {
     dataset: &'d Dataset,
     hop: usize,
     /// For each segment, the values that its windows cover, in the order step, electrode.
     sums: Vec<Vec<f32>>,
-    /// Segment of the next window, and the number of its windows before.
+    /// Index of the segment of the next window, and number of windows added to that segment.
     segment: usize,
     window: usize,
 }
 
 impl<'d> OverlapMean<'d> {
-    /// Creates sums of 0, before the first window.
     pub(crate) fn new(dataset: &'d Dataset, hop: usize) -> Self {
         let dimensions = dataset.dimensions();
         let covered = |segment: &[f32]| {

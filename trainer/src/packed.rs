@@ -17,17 +17,16 @@ mod transform;
 use crate::card::{self, Shape};
 use crate::dataset::Dataset;
 use crate::error::TrainerError;
-use crate::output::{check_writable, refuse_model};
 use crate::progress::ProgressObserver;
-use crate::selection::{Selected, TrainingFiles};
-use crate::track::{Track, settling_steps};
-use artifact::{Artifact, CodeFormat, Description, Mode, MontageFile, PackedModel, Padding};
+use crate::selection::{Selected, TrainingFiles, check_writable, refuse_model};
+use crate::track::{Track, read_tracks, settling_steps};
+use artifact::{Artifact, CodeFormat, Description, Mode, MontageFile, Padding};
 use clap::{ArgGroup, Args};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 pub(crate) use evaluation::evaluate;
-pub use evaluation::{RateFigures, RateTable};
-pub use fit::PackedTrained;
+pub(crate) use evaluation::{RateFigures, RateTable};
+pub(crate) use fit::PackedTrained;
 
 /// Number of time steps that `model.toml` states for a window, which only a network reads.
 const STEPS: usize = 16;
@@ -35,7 +34,7 @@ const STEPS: usize = 16;
 /// Options of `trainer packed`.
 #[derive(Args, Clone, Debug)]
 #[command(group = ArgGroup::new("model").args(["artifact", "montage"]).required(true))]
-pub struct PackedOptions {
+pub(crate) struct PackedOptions {
     /// Folder of the artifact that the packed model joins: its montage, hop and filters are used.
     #[arg(long)]
     artifact: Option<PathBuf>,
@@ -93,23 +92,10 @@ struct FitOptions {
     target_mse: Option<f64>,
 }
 
-/// Filtered recordings.
+/// Recordings after the front end, to train on and to test with.
 struct Tracks {
     train: Vec<Track>,
     test: Vec<Track>,
-}
-
-impl Tracks {
-    fn read(
-        selected: &Selected,
-        description: &Description,
-        observer: &mut impl ProgressObserver,
-    ) -> Result<Self, TrainerError> {
-        Ok(Self {
-            train: selected.read(&selected.train, description, observer)?,
-            test: selected.read(&selected.test, description, observer)?,
-        })
-    }
 }
 
 /// Trains a packed model, adds it to an artifact or writes a new artifact without a network, and
@@ -118,103 +104,97 @@ impl Tracks {
 /// # Errors
 /// If the montage has mistakes, recordings cannot be used, the requested error cannot be reached or
 /// files cannot be written.
-pub fn train(
+pub(crate) fn train(
     options: &PackedOptions,
     observer: &mut impl ProgressObserver,
 ) -> Result<PackedTrained, TrainerError> {
     let alone = &options.alone;
-    let (folder, artifact, trained) = match (&options.artifact, &alone.montage, &alone.out) {
+    let (folder, joined, mut description) = match (&options.artifact, &alone.montage, &alone.out) {
         (Some(folder), ..) => {
-            let (artifact, trained) = train_joined(options, folder, observer)?;
-            (folder, artifact, trained)
+            let artifact = Artifact::read(folder)?;
+            if artifact.packed.is_some() && !options.force {
+                return Err(TrainerError::PackedExists(folder.to_owned()));
+            }
+            let description = artifact.description.clone();
+            (folder, Some(artifact), description)
         }
         (None, Some(montage), Some(out)) => {
-            let (artifact, trained) = train_alone(options, montage, out, observer)?;
-            (out, artifact, trained)
+            let montage = MontageFile::read(montage)?;
+            refuse_model(out, options.force)?;
+            (out, None, alone.description(montage)?)
         }
         _ => unreachable!("clap requires --artifact or --montage with --out"),
+    };
+    let count = fit::coefficients(options.fit.coefficients, &description)?;
+    let selected = options.files.find()?;
+    check_writable(folder)?;
+    let mains_hz = options.files.mains_hz;
+    let tracks = Tracks {
+        train: read_tracks(&selected.train, &description, mains_hz, observer)?,
+        test: read_tracks(&selected.test, &description, mains_hz, observer)?,
+    };
+    let mut largest = 0.0;
+    if joined.is_none() {
+        let whole = Dataset::from_tracks(&tracks.train, description.dimensions())?;
+        largest = whole.max_abs();
+        let sd_uv = whole.deviation();
+        if sd_uv <= 0.0 {
+            return Err(TrainerError::Silent);
+        }
+        observer.message(&format!(
+            "standard deviation of the training recordings: {sd_uv:.2} uV"
+        ));
+        description.input.sd_uv = sd_uv;
+    }
+    let target_mse = options.fit.target_mse;
+    let (mut model, trained) = fit::fit(&tracks, &description, count, target_mse, observer)?;
+    let card = &mut model.description.training;
+    [card.train_files, card.test_files] = selected.names();
+    let artifact = if let Some(artifact) = joined {
+        artifact.with_packed(Some(model))?
+    } else {
+        fill_card(&mut description, options, &selected, &tracks.train)?;
+        Artifact::without_network(description, largest, model)?
     };
     let id = artifact.write(folder)?;
     observer.message(&format!("model {id} written to {}", folder.display()));
     Ok(trained)
 }
 
-/// Trains a packed model for the artifact in a folder.
-fn train_joined(
-    options: &PackedOptions,
-    folder: &Path,
-    observer: &mut impl ProgressObserver,
-) -> Result<(Artifact, PackedTrained), TrainerError> {
-    let artifact = Artifact::read(folder)?;
-    if artifact.packed.is_some() && !options.force {
-        return Err(TrainerError::PackedExists(folder.to_owned()));
+impl AloneOptions {
+    /// Returns the description of a new model without a network.
+    fn description(&self, mut montage: MontageFile) -> Result<Description, TrainerError> {
+        montage.adc.rate_hz = self.rate.unwrap_or(montage.adc.rate_hz);
+        let shape = Shape {
+            mode: Mode::Packed,
+            numbers: 0,
+            steps: STEPS,
+            hop: self.hop.unwrap_or(8),
+            padding: Padding::None,
+            format: CodeFormat::Int8,
+        };
+        card::checked_description(&montage, shape)
     }
-    let description = &artifact.description;
-    let count = fit::coefficients(options.fit.coefficients, description)?;
-    let selected = options.files.find()?;
-    check_writable(folder)?;
-    let tracks = Tracks::read(&selected, description, observer)?;
-    let target_mse = options.fit.target_mse;
-    let (model, trained) = fit::fit(&tracks, description, count, target_mse, observer)?;
-    let model = with_files(model, &selected);
-    Ok((artifact.with_packed(Some(model))?, trained))
 }
 
-/// Trains a packed model and returns it as an artifact without a network.
-fn train_alone(
+/// Fills the training card of a new model without a network.
+fn fill_card(
+    description: &mut Description,
     options: &PackedOptions,
-    montage: &Path,
-    out: &Path,
-    observer: &mut impl ProgressObserver,
-) -> Result<(Artifact, PackedTrained), TrainerError> {
-    let alone = &options.alone;
-    let mut montage = MontageFile::read(montage)?;
-    montage.adc.rate_hz = alone.rate.unwrap_or(montage.adc.rate_hz);
-    refuse_model(out, options.force)?;
-    let shape = Shape {
-        mode: Mode::Packed,
-        numbers: 0,
-        steps: STEPS,
-        hop: alone.hop.unwrap_or(8),
-        padding: Padding::None,
-        format: CodeFormat::Int8,
-    };
-    let mut description = card::checked_description(&montage, shape)?;
-    let count = fit::coefficients(options.fit.coefficients, &description)?;
-    let selected = options.files.find()?;
-    check_writable(out)?;
-    let tracks = Tracks::read(&selected, &description, observer)?;
-    let whole = Dataset::from_tracks(&tracks.train, description.dimensions())?;
-    let sd_uv = whole.deviation();
-    if sd_uv <= 0.0 {
-        return Err(TrainerError::Silent);
-    }
-    observer.message(&format!(
-        "standard deviation of the training recordings: {sd_uv:.2} uV"
-    ));
-    description.input.sd_uv = sd_uv;
-    let target_mse = options.fit.target_mse;
-    let (model, trained) = fit::fit(&tracks, &description, count, target_mse, observer)?;
+    selected: &Selected,
+    tracks: &[Track],
+) -> Result<(), TrainerError> {
     let mains_hz = options.files.mains_hz;
-    let settling = settling_steps(&description, mains_hz)?;
+    let settling = settling_steps(description, mains_hz)?;
     let card = &mut description.training;
-    card::fill_electrodes(card, &description.montage.electrodes, &tracks.train);
+    card::fill_electrodes(card, &description.montage.electrodes, tracks);
     let or_not_stated = |text: &Option<String>| text.clone().unwrap_or("not stated".to_owned());
-    card.dataset = or_not_stated(&alone.dataset);
-    card.citation = or_not_stated(&alone.citation);
+    card.dataset = or_not_stated(&options.alone.dataset);
+    card.citation = or_not_stated(&options.alone.citation);
     [card.train_files, card.test_files] = selected.names();
     card.validation = card::validation(None, settling, description.window.rate_hz);
     card.mains_hz = mains_hz;
     "none: transform of the signals' covariance, prediction by ridge regression"
         .clone_into(&mut card.optimiser);
-    let model = with_files(model, &selected);
-    let artifact = Artifact::without_network(description, whole.max_abs(), model)?;
-    Ok((artifact, trained))
-}
-
-/// Names the recordings in the card of a packed model.
-fn with_files(mut model: PackedModel, selected: &Selected) -> PackedModel {
-    let card = &mut model.description.training;
-    [card.train_files, card.test_files] = selected.names();
-    model
+    Ok(())
 }

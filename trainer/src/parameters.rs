@@ -71,7 +71,7 @@ pub struct Tensor {
     get_mut: fn(&mut Weights) -> &mut Vec<f32>,
 }
 
-/// Determines how a tensor is initialised and trained.
+/// Role of a tensor, which determines how it is initialised and trained.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Role {
     /// Kernels, matrix or bias.
@@ -178,40 +178,37 @@ pub struct Parameters {
 }
 
 impl Parameters {
-    /// Returns the initial parameters of a training run: [`Self::from_directions`] in a mode with a
-    /// shortcut, otherwise [`Self::random`].
-    pub(crate) fn initial(
-        mode: Mode,
-        geometry: Geometry,
-        directions: &[Vec<f32>],
-        seed: u64,
-    ) -> Self {
-        if mode.has_shortcut() {
-            Self::from_directions(geometry, directions, seed)
-        } else {
-            Self::random(mode, geometry, seed)
-        }
-    }
-
-    /// Returns the initial parameters of a training run in mode `shortcut`.
+    /// Returns the initial parameters of a training run.
     ///
-    /// The shortcut is the projection onto `directions` and back. `encoder.fc` and `decoder.conv2`,
-    /// the last layers of the convolutional encoder and decoder, are 0, and batch norm starts with
-    /// factor 1 and offset 0. All other layers are random.
+    /// The shortcut, if the mode has one, is the projection onto `directions` and back, which is
+    /// PCA. `encoder.fc` and `decoder.conv2`, the last layers of the convolutional encoder and
+    /// decoder, are then 0, so that the convolutions contribute nothing. All other layers are
+    /// random; batch norm starts with factor 1 and offset 0.
     ///
     /// # Panics
-    /// Unless there is a direction for each number of the code, with an element for each value of a
-    /// window.
-    pub fn from_directions(geometry: Geometry, directions: &[Vec<f32>], seed: u64) -> Self {
-        let mut parameters = Self::linear(Mode::Shortcut, geometry, directions);
-        parameters.draw_convolutions(seed);
-        parameters
-    }
-
-    /// Returns the initial parameters of a training run without a shortcut (mode
-    /// `paper-code-only`): all layers are random, and batch norm starts with factor 1 and offset 0.
-    pub fn random(mode: Mode, geometry: Geometry, seed: u64) -> Self {
-        let weights = Weights::default();
+    /// In a mode with a shortcut, unless there is a direction for each number of the code, with an
+    /// element for each value of a window.
+    pub fn initial(mode: Mode, geometry: Geometry, directions: &[Vec<f32>], seed: u64) -> Self {
+        let mut weights = Weights::default();
+        if mode.has_shortcut() {
+            let numbers = geometry.dimensions.numbers;
+            let features = geometry.dimensions.window_electrodes();
+            assert_eq!(
+                directions.len(),
+                numbers,
+                "one direction for each number of the code"
+            );
+            let encoder = directions.concat();
+            assert_eq!(
+                encoder.len(),
+                numbers * features,
+                "one element for each value of a window"
+            );
+            weights.encoder.shortcut.weight = encoder;
+            weights.decoder.shortcut.weight = (0..features)
+                .flat_map(|feature| directions.iter().map(move |direction| direction[feature]))
+                .collect();
+        }
         let mut parameters = Self {
             mode,
             geometry,
@@ -250,42 +247,6 @@ impl Parameters {
                 }
             };
             *tensor.of_mut(&mut self.weights) = values;
-        }
-    }
-
-    /// Returns the parameters of PCA: the projection onto `directions` and back.
-    ///
-    /// # Panics
-    /// Unless there is a direction for each number of the code, with an element for each value of a
-    /// window.
-    pub fn pca(geometry: Geometry, directions: &[Vec<f32>]) -> Self {
-        Self::linear(Mode::Pca, geometry, directions)
-    }
-
-    fn linear(mode: Mode, geometry: Geometry, directions: &[Vec<f32>]) -> Self {
-        let numbers = geometry.dimensions.numbers;
-        let features = geometry.dimensions.window_electrodes();
-        assert_eq!(
-            directions.len(),
-            numbers,
-            "one direction for each number of the code"
-        );
-        let encoder = directions.concat();
-        assert_eq!(
-            encoder.len(),
-            numbers * features,
-            "one element for each feature"
-        );
-        let decoder = (0..features)
-            .flat_map(|feature| directions.iter().map(move |direction| direction[feature]))
-            .collect();
-        let mut weights = Weights::default();
-        weights.encoder.shortcut.weight = encoder;
-        weights.decoder.shortcut.weight = decoder;
-        Self {
-            mode,
-            geometry,
-            weights,
         }
     }
 
@@ -350,30 +311,26 @@ const SILENT_VARIANCE: f32 = 1e-6 * NORM_EPSILON;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing;
-
-    fn start(seed: u64) -> Parameters {
-        testing::shortcut(seed)
-    }
+    use crate::testing::{self, shortcut};
 
     #[test]
     fn the_initial_parameters_have_every_tensor_and_depend_on_the_seed_only() {
-        let tensors = start(7).to_tensors();
+        let tensors = shortcut(7).to_tensors();
         let read = Parameters::from_tensors(Mode::Shortcut, testing::geometry(), &tensors);
-        assert_eq!(read.unwrap(), start(7));
-        assert_ne!(start(7), start(8));
-        let filled = TENSORS.iter();
-        assert_eq!(
-            filled
-                .filter(|t| t.of(&start(7).weights).is_empty())
-                .count(),
-            0
-        );
+        assert_eq!(read.unwrap(), shortcut(7));
+        assert_ne!(shortcut(7), shortcut(8));
+        for tensor in TENSORS {
+            assert!(
+                !tensor.of(&shortcut(7).weights).is_empty(),
+                "{}",
+                tensor.name
+            );
+        }
     }
 
     #[test]
     fn a_channel_that_never_varies_is_held_at_the_bias_of_its_norm() {
-        let mut parameters = start(7);
+        let mut parameters = shortcut(7);
         assert_eq!(parameters.clone().hold_silent_channels(), 0);
         parameters.weights.encoder.norm2.running_var[17] = 0.0;
         parameters.weights.encoder.norm2.bias[17] = 0.5;
@@ -385,7 +342,7 @@ mod tests {
 
     #[test]
     fn random_layers_fill_their_range() {
-        let Weights { encoder, decoder } = start(7).weights;
+        let Weights { encoder, decoder } = shortcut(7).weights;
         let largest = |values: &[f32]| values.iter().fold(0.0_f32, |a, b| a.max(b.abs()));
         for (values, bound) in [
             (&encoder.conv1.weight, 0.192_450_09),

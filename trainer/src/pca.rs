@@ -10,7 +10,7 @@ const BLOCK: usize = 512;
 /// Returns the second-moment matrix of the dataset's windows, one every half a window. It is used
 /// instead of the covariance: the band-pass removes the mean, and without subtraction of a mean the
 /// code of a zero window is 0.
-pub fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
+pub(crate) fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
     let windows = dataset.aligned(dataset.dimensions().steps / 2);
     let features = dataset.dimensions().window_electrodes();
     let mut moment = DMatrix::zeros(features, features);
@@ -35,7 +35,7 @@ pub fn second_moment(dataset: &Dataset) -> DMatrix<f64> {
 ///
 /// # Panics
 /// If the matrix has fewer than `count` rows.
-pub fn principal_directions(moment: DMatrix<f64>, count: usize) -> Vec<Vec<f32>> {
+pub(crate) fn principal_directions(moment: DMatrix<f64>, count: usize) -> Vec<Vec<f32>> {
     assert!(
         count <= moment.nrows(),
         "there are at most as many directions as dimensions"

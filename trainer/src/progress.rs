@@ -1,18 +1,7 @@
 //! Progress of a training run, an evaluation or a cross-validation.
 
 use crate::crossval::Outcome;
-
-/// Losses of one epoch, for the progress display.
-#[derive(Clone, Copy, Debug)]
-pub struct EpochReport {
-    /// Number of the epoch, from 1.
-    pub epoch: u32,
-    /// Mean loss over the batches of the epoch.
-    pub loss: f64,
-    /// Mean squared error on the validation windows after the epoch, in units of `input.sd_uv`
-    /// squared.
-    pub validation: f64,
-}
+use crate::training::EpochLosses;
 
 /// Receives the progress of a command. All methods but the first do nothing by default.
 pub trait ProgressObserver {
@@ -26,8 +15,8 @@ pub trait ProgressObserver {
     /// Reports the end of a batch and its loss.
     fn batch_finished(&mut self, _loss: f64) {}
 
-    /// Reports the losses of a finished epoch.
-    fn epoch_finished(&mut self, _report: EpochReport) {}
+    /// Reports the losses of a finished epoch, whose number counts from 1.
+    fn epoch_finished(&mut self, _epoch: u32, _losses: EpochLosses) {}
 
     /// Returns whether the user asked to stop. Called after each batch.
     fn is_interrupted(&self) -> bool {

@@ -9,8 +9,8 @@ mod packed;
 use crate::comparison::Comparison;
 use crate::crossval::Table;
 use crate::error::TrainerError;
-use crate::learning_curve::Learning;
-use crate::output::check_writable;
+use crate::selection::check_writable;
+use crate::training::Learning;
 use new_file::NewFileError;
 use picture::canvas::PictureError;
 use picture::page::Page;
@@ -52,7 +52,6 @@ impl<'a> Report<'a> {
         Ok(())
     }
 
-    /// Writes the page.
     fn finish(self) -> Result<(), TrainerError> {
         self.write(PAGE, &self.page.to_html())
     }
@@ -67,7 +66,7 @@ impl<'a> Report<'a> {
 ///
 /// # Errors
 /// If the folder holds a report already and `force` is false, or it cannot be written.
-pub fn prepare(folder: Option<&Path>, force: bool) -> Result<(), TrainerError> {
+pub(crate) fn prepare(folder: Option<&Path>, force: bool) -> Result<(), TrainerError> {
     let Some(folder) = folder else {
         return Ok(());
     };
@@ -79,21 +78,23 @@ pub fn prepare(folder: Option<&Path>, force: bool) -> Result<(), TrainerError> {
 }
 
 /// Returns a message with the path of a report.
-pub fn message(folder: &Path) -> String {
+pub(crate) fn message(folder: &Path) -> String {
     format!("report written to {}", folder.join(PAGE).display())
 }
 
-/// Writes the report of a training run into a folder: learning curves if it had epochs, and the
-/// pictures of [`write_evaluation`] if it had test recordings.
+/// Writes the report of a training run or an evaluation into a folder: learning curves if there
+/// were epochs, and error of each electrode and of PCA with fewer numbers if there were recordings
+/// to test with.
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write_training(
+pub(crate) fn write(
     folder: &Path,
+    title: &str,
     learning: Option<&Learning>,
     comparison: Option<&Comparison>,
 ) -> Result<(), TrainerError> {
-    let mut report = Report::new(folder, "Training of a model");
+    let mut report = Report::new(folder, title);
     if let Some(learning) = learning {
         learning::add(&mut report, learning)?;
     }
@@ -103,23 +104,12 @@ pub fn write_training(
     report.finish()
 }
 
-/// Writes the report of an evaluation into a folder: error of each electrode, and of PCA with fewer
-/// numbers.
-///
-/// # Errors
-/// If a file cannot be written.
-pub fn write_evaluation(folder: &Path, comparison: &Comparison) -> Result<(), TrainerError> {
-    let mut report = Report::new(folder, "Error of a model");
-    evaluation::add(&mut report, comparison)?;
-    report.finish()
-}
-
 /// Writes the report of a cross-validation into a folder: errors of all folds, and their learning
 /// curves.
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write_crossval(folder: &Path, table: &Table) -> Result<(), TrainerError> {
+pub(crate) fn write_crossval(folder: &Path, table: &Table) -> Result<(), TrainerError> {
     let mut report = Report::new(folder, "Cross-validation");
     cross_validation::add(&mut report, table)?;
     report.finish()

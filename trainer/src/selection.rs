@@ -1,9 +1,6 @@
-//! Selects recordings by path, pattern or name.
+//! Paths that a user names: recordings by path, pattern or name, and folders to write to.
 
 use crate::error::TrainerError;
-use crate::progress::ProgressObserver;
-use crate::track::{Track, read_tracks};
-use artifact::Description;
 use clap::Args;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -13,7 +10,7 @@ const EXTENSIONS: [&str; 3] = ["edf", "bdf", "gdf"];
 
 /// Names of recordings to train on and to test with.
 #[derive(Args, Clone, Debug)]
-pub struct TrainingFiles {
+pub(crate) struct TrainingFiles {
     /// Folder in which names of recordings are searched.
     #[arg(long, default_value = ".")]
     data: PathBuf,
@@ -32,22 +29,22 @@ pub struct TrainingFiles {
 
 /// Names of recordings to evaluate a trained model on.
 #[derive(Args, Clone, Debug)]
-pub struct TestFiles {
+pub(crate) struct TestFiles {
     /// Folder in which names of recordings are searched [default: .].
     #[arg(long)]
-    pub data: Option<PathBuf>,
+    pub(crate) data: Option<PathBuf>,
     /// Recordings to test with: files, folders, patterns, ends of the names of files in --data, or
     /// ranges of them like R11..R12 [default: those in the training card].
     #[arg(long, value_delimiter = ',')]
-    pub test: Vec<String>,
+    pub(crate) test: Vec<String>,
     /// Mains frequency of the recordings, Hz: 50 or 60 [default: that of the training].
     #[arg(long = "mains", value_name = "MAINS", value_parser = mains_hz)]
-    pub mains_hz: Option<u32>,
+    pub(crate) mains_hz: Option<u32>,
 }
 
 impl TestFiles {
-    /// Returns the folder in which names are searched.
-    pub fn folder(&self) -> &Path {
+    /// Returns the folder in which names of recordings are searched.
+    pub(crate) fn folder(&self) -> &Path {
         self.data.as_deref().unwrap_or(Path::new("."))
     }
 }
@@ -56,7 +53,7 @@ impl TestFiles {
 ///
 /// # Errors
 /// Unless it is 50 or 60.
-pub fn mains_hz(text: &str) -> Result<u32, String> {
+pub(crate) fn mains_hz(text: &str) -> Result<u32, String> {
     match text {
         "50" => Ok(50),
         "60" => Ok(60),
@@ -64,15 +61,14 @@ pub fn mains_hz(text: &str) -> Result<u32, String> {
     }
 }
 
-/// Recordings to train on and to test with, none of them in both lists.
+/// Recordings to train on and to test with; none is in both lists.
 pub(crate) struct Selected {
     pub(crate) train: Vec<PathBuf>,
     pub(crate) test: Vec<PathBuf>,
-    mains_hz: u32,
 }
 
 impl TrainingFiles {
-    /// Finds the recordings.
+    /// Finds the recordings to train on and to test with.
     ///
     /// # Errors
     /// Those of [`recordings()`], and [`TrainerError::TrainedOn`] if one is both for training and
@@ -85,30 +81,38 @@ impl TrainingFiles {
         if let Some(both) = test.iter().find(|path| trained.contains(&identity(path))) {
             return Err(TrainerError::TrainedOn(file_name(both)));
         }
-        let mains_hz = self.mains_hz;
-        Ok(Selected {
-            train,
-            test,
-            mains_hz,
-        })
+        Ok(Selected { train, test })
     }
 }
 
 impl Selected {
-    /// Reads some of the recordings.
-    pub(crate) fn read(
-        &self,
-        files: &[PathBuf],
-        description: &Description,
-        observer: &mut impl ProgressObserver,
-    ) -> Result<Vec<Track>, TrainerError> {
-        read_tracks(files, description, self.mains_hz, observer)
-    }
-
     /// Returns the file names of the recordings to train on, and of those to test with.
     pub(crate) fn names(&self) -> [Vec<String>; 2] {
         [&self.train, &self.test].map(|files| files.iter().map(|file| file_name(file)).collect())
     }
+}
+
+/// Creates a folder if necessary, and a file in it, which it deletes again.
+///
+/// # Errors
+/// If the folder or the file cannot be created.
+pub(crate) fn check_writable(folder: &Path) -> Result<(), TrainerError> {
+    let probe = folder.join(format!(".trainer-{}", std::process::id()));
+    std::fs::create_dir_all(folder)
+        .and_then(|()| std::fs::write(&probe, ""))
+        .and_then(|()| std::fs::remove_file(&probe))
+        .map_err(|source| TrainerError::NotWritable(folder.to_owned(), source))
+}
+
+/// Refuses a folder that holds a model, unless it may be replaced.
+///
+/// # Errors
+/// [`TrainerError::ArtifactExists`].
+pub(crate) fn refuse_model(folder: &Path, force: bool) -> Result<(), TrainerError> {
+    if !force && folder.join("model.toml").exists() {
+        return Err(TrainerError::ArtifactExists(folder.to_owned()));
+    }
+    Ok(())
 }
 
 /// Returns the recordings that `names` select, sorted by path, without duplicates. A name is
@@ -120,7 +124,7 @@ impl Selected {
 ///
 /// # Errors
 /// If a folder cannot be read, a range cannot be expanded or a name selects no recording.
-pub fn recordings(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, TrainerError> {
+pub(crate) fn recordings(folder: &Path, names: &[String]) -> Result<Vec<PathBuf>, TrainerError> {
     let mut selected = Vec::new();
     for name in names {
         let path = Path::new(name);
@@ -149,7 +153,7 @@ fn identity(path: &Path) -> PathBuf {
 ///
 /// # Errors
 /// If the folder cannot be read or has no recording.
-pub fn all_in(folder: &Path) -> Result<Vec<PathBuf>, TrainerError> {
+pub(crate) fn all_in(folder: &Path) -> Result<Vec<PathBuf>, TrainerError> {
     let files = list(folder)?;
     if files.is_empty() {
         return Err(TrainerError::EmptyFolder(folder.to_owned()));
@@ -207,23 +211,22 @@ fn named(folder: &Path, name: &str) -> Result<Vec<PathBuf>, TrainerError> {
 }
 
 fn is_recording(path: &Path) -> bool {
-    let extension = path.extension().and_then(|extension| extension.to_str());
-    let is = |known: &&str| extension.is_some_and(|found| found.eq_ignore_ascii_case(known));
-    EXTENSIONS.iter().any(is)
+    let extension = path.extension().unwrap_or_default();
+    EXTENSIONS
+        .iter()
+        .any(|known| extension.eq_ignore_ascii_case(known))
 }
 
 /// Returns the last component of a path as text.
-pub fn file_name(path: &Path) -> String {
-    path.file_name()
-        .map(|name| name.to_string_lossy().into_owned())
-        .unwrap_or_default()
+pub(crate) fn file_name(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
 }
 
+/// Returns whether the name of a file, with or without its extension, ends with `name`.
 fn matches(name: &str, path: &Path) -> bool {
-    let stem = path
-        .file_stem()
-        .map(|stem| stem.to_string_lossy().into_owned());
-    stem.is_some_and(|stem| stem.ends_with(name)) || file_name(path).ends_with(name)
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    stem.ends_with(name) || file_name(path).ends_with(name)
 }
 
 /// Returns the names in a range, for example R03, R04 and R05 for `R03..R05`; a name that is no
@@ -248,10 +251,7 @@ fn expand(name: &str) -> Result<Vec<String>, TrainerError> {
 fn split_number(name: &str) -> Option<(&str, u32, usize)> {
     let prefix = name.trim_end_matches(|c: char| c.is_ascii_digit());
     let digits = &name[prefix.len()..];
-    digits
-        .parse()
-        .ok()
-        .map(|number| (prefix, number, digits.len()))
+    Some((prefix, digits.parse().ok()?, digits.len()))
 }
 
 #[cfg(test)]
@@ -266,71 +266,53 @@ mod tests {
         folder
     }
 
-    fn matching(folder: &Path, names: &[&str]) -> Result<Vec<String>, TrainerError> {
+    /// Returns the names of the files that `names` select in a folder.
+    fn select(folder: &Path, names: &[&str]) -> Result<Vec<String>, TrainerError> {
         let names: Vec<String> = names.iter().map(|&name| name.to_owned()).collect();
-        Ok(recordings(folder, &names)?
-            .iter()
-            .map(|path| file_name(path))
-            .collect())
+        let files = recordings(folder, &names)?;
+        Ok(files.iter().map(|path| file_name(path)).collect())
     }
 
     #[test]
     fn ranges_and_names_match_files_by_the_end_of_their_stem() {
-        let folder = folder(&[
+        let files = [
             "S001R08.edf",
             "S001R09.edf",
             "S001R10.EDF",
             "S001R11.edf",
             "R09.txt",
-        ]);
-        let files = matching(folder.path(), &["R09..R10", "R09", "S001R11.edf"]).unwrap();
+        ];
+        let folder = folder(&files);
+        let select = |names: &[&str]| select(folder.path(), names);
+        let files = select(&["R09..R10", "R09", "S001R11.edf"]).unwrap();
         assert_eq!(files, ["S001R09.edf", "S001R10.EDF", "S001R11.edf"]);
-    }
-
-    #[test]
-    fn the_error_of_a_name_without_match_lists_the_recordings() {
-        let folder = folder(&["S001R08.edf"]);
-        let error = matching(folder.path(), &["R08..R09"])
-            .unwrap_err()
-            .to_string();
+        let error = select(&["R11..R12"]).unwrap_err().to_string();
         assert!(
-            error.contains("R09") && error.contains("S001R08.edf"),
+            error.contains("R12") && error.contains("S001R08.edf"),
             "{error}"
         );
+        for range in ["R10..R03", "R03..S05", "R..R5"] {
+            let error = select(&[range]).unwrap_err();
+            assert!(matches!(error, TrainerError::BadRange(_)), "{error}");
+        }
     }
 
     #[test]
     fn files_folders_and_patterns_select_recordings_wherever_they_are() {
         let folder = folder(&["a1.edf", "a2.bdf", "b1.gdf", "notes.txt"]);
         let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
-        let select = |names: &[String]| -> Result<Vec<String>, TrainerError> {
-            let files = recordings(Path::new("/nowhere"), names)?;
-            Ok(files.iter().map(|path| file_name(path)).collect())
-        };
-        assert_eq!(select(&[path("b1.gdf")]).unwrap(), ["b1.gdf"]);
-        assert_eq!(select(&[path("")]).unwrap(), ["a1.edf", "a2.bdf", "b1.gdf"]);
-        assert_eq!(
-            select(&[path("a*"), path("a1.edf")]).unwrap(),
-            ["a1.edf", "a2.bdf"]
-        );
-        let error = select(&[path("c*")]).unwrap_err().to_string();
-        assert!(
-            error.contains("c*") && error.contains("no recording"),
-            "{error}"
-        );
-        let error = select(&["a[".to_owned()]).unwrap_err();
-        assert!(matches!(error, TrainerError::BadPattern(..)), "{error}");
-    }
-
-    #[test]
-    fn ranges_that_cannot_be_expanded_are_refused() {
-        let folder = folder(&["S001R08.edf"]);
-        for range in ["R10..R03", "R03..S05", "R..R5"] {
-            let error = matching(folder.path(), &[range]).unwrap_err();
-            assert!(
-                matches!(error, TrainerError::BadRange(_)),
-                "{range}: {error}"
-            );
+        for (names, expected) in [
+            (["b1.gdf", "b1.gdf"], &["b1.gdf"][..]),
+            (["", ""], &["a1.edf", "a2.bdf", "b1.gdf"]),
+            (["a*", "a1.edf"], &["a1.edf", "a2.bdf"]),
+        ] {
+            let names = names.map(path);
+            let found = select(Path::new("/nowhere"), &names.each_ref().map(String::as_str));
+            assert_eq!(found.unwrap(), expected);
         }
+        let error = select(Path::new("/nowhere"), &[&path("c*")]).unwrap_err();
+        assert!(matches!(error, TrainerError::NothingMatches(_)), "{error}");
+        let error = select(Path::new("/nowhere"), &["a["]).unwrap_err();
+        assert!(matches!(error, TrainerError::BadPattern(..)), "{error}");
     }
 }

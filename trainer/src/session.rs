@@ -1,27 +1,25 @@
 //! Trains a model from recordings.
 
 use crate::calibrate::calibrated_artifact;
-use crate::card::{ModelOptions, Shape};
+use crate::card::ModelOptions;
 use crate::comparison::Comparison;
-use crate::dataset::{Dataset, Split};
+use crate::dataset::{Split, TrainingSet};
 use crate::error::TrainerError;
 use crate::golden::golden_windows;
-use crate::learning_curve::Learning;
 use crate::network::Network;
-use crate::output::{check_writable, refuse_model};
 use crate::parameters::Parameters;
 use crate::progress::ProgressObserver;
-use crate::selection::{Selected, TrainingFiles};
-use crate::track::settling_steps;
-use crate::training::{Settings, Training, validation_windows};
-use crate::{card, checkpoint, pca, report};
-use artifact::{Description, Geometry, Mode, MontageFile, Pca};
+use crate::selection::{Selected, TrainingFiles, check_writable, refuse_model};
+use crate::track::{read_tracks, settling_steps};
+use crate::training::{Learning, Settings, Training, validation_windows};
+use crate::{card, checkpoint, report};
+use artifact::{Description, Geometry, Mode, Pca};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 /// Options of `trainer train`.
 #[derive(clap::Args, Clone, Debug)]
-pub struct TrainOptions {
+pub(crate) struct TrainOptions {
     #[command(flatten)]
     files: TrainingFiles,
     #[command(flatten)]
@@ -52,15 +50,6 @@ pub struct TrainOptions {
     force: bool,
 }
 
-/// Recordings after the front end, scaled and split for training.
-struct PreparedData {
-    files: Vec<String>,
-    split: Split,
-    /// Complete tracks, for calibration.
-    whole: Dataset,
-    sd_uv: f64,
-}
-
 /// Trains a model, calibrates and evaluates it, and writes its artifact, golden windows and PCA,
 /// and its report if the options name a folder for it. Returns the comparison on the test
 /// recordings; `None` if there are none.
@@ -68,7 +57,7 @@ struct PreparedData {
 /// # Errors
 /// If recordings cannot be used, training diverges, the user interrupts it or files cannot be
 /// written.
-pub fn train(
+pub(crate) fn train(
     options: &TrainOptions,
     observer: &mut impl ProgressObserver,
 ) -> Result<Option<Comparison>, TrainerError> {
@@ -88,46 +77,51 @@ pub fn train(
     ) {
         check_writable(folder)?;
     }
-    let data = PreparedData::read(&selected, &mut description, observer)?;
+    let mains_hz = options.files.mains_hz;
+    let tracks = read_tracks(&selected.train, &description, mains_hz, observer)?;
+    let training_set = TrainingSet::new(&tracks, description.dimensions())?;
+    let electrodes = &description.montage.electrodes;
+    card::fill_electrodes(&mut description.training, electrodes, &tracks);
+    drop(tracks);
+    let sd_uv = training_set.sd_uv;
+    description.input.sd_uv = sd_uv;
+    observer.message(&format!(
+        "standard deviation of the training part: {sd_uv:.2} uV"
+    ));
     observer.message("computing the principal directions of the training windows ...");
     let geometry = Geometry::new(&description);
-    let directions = data.directions(geometry.dimensions.numbers);
-    let pca = Parameters::pca(geometry, &directions);
-    fill_card(&mut description, options, &data)?;
+    let directions = training_set.directions();
+    let initial = |mode| Parameters::initial(mode, geometry, &directions, options.settings.seed);
+    let pca = initial(Mode::Pca);
+    fill_card(&mut description, options, &selected)?;
     let (best, learning) = if description.mode == Mode::Pca {
         (pca.clone(), None)
     } else {
-        let identity = data.identity(&montage, options.model.shape);
-        let start = Parameters::initial(
-            description.mode,
-            geometry,
-            &directions,
-            options.settings.seed,
+        let data = format!(
+            "{} with SD {sd_uv} uV; montage {}, {}",
+            description.training.train_files.join(" "),
+            montage.name,
+            options.model.shape
         );
-        let training = train_network(
-            options,
-            &mut description,
-            (&data, &identity),
-            start,
-            observer,
-        )?;
+        let split = &training_set.split;
+        let start = initial(description.mode);
+        let training = train_network(options, &mut description, (split, &data), start, observer)?;
         let network = Network::new(&description);
-        let validation = validation_windows(&data.split);
         let learning = Learning {
-            curve: training.curve().clone(),
-            best_epoch: training.best().epoch,
-            pca_validation: network.mean_squared_error(&pca, &validation),
+            curve: training.curve,
+            best_epoch: training.best.epoch,
+            pca_validation: network.mean_squared_error(&pca, &validation_windows(split)),
         };
-        (training.best().parameters.clone(), Some(learning))
+        (training.best.parameters, Some(learning))
     };
-    [_, description.training.test_files] = selected.names();
-    let mut model = calibrated_artifact(description.clone(), &best, &data.whole)?;
-    let pca = Pca::from_model(&calibrated_artifact(description, &pca, &data.whole)?)?;
+    let whole = &training_set.whole;
+    let mut model = calibrated_artifact(description.clone(), &best, whole)?;
+    let pca = Pca::from_model(&calibrated_artifact(description, &pca, whole)?)?;
     let comparison = if selected.test.is_empty() {
         observer.message("no test recordings: the training card has no figures");
         None
     } else {
-        let tracks = selected.read(&selected.test, &model.description, observer)?;
+        let tracks = read_tracks(&selected.test, &model.description, mains_hz, observer)?;
         observer.message("evaluating on the test recordings ...");
         Some(Comparison::new(&model, Some(&pca), &tracks)?)
     };
@@ -146,30 +140,29 @@ pub fn train(
         ..comparison
     });
     if let Some(folder) = &options.report {
-        report::write_training(folder, learning.as_ref(), comparison.as_ref())?;
+        let (learning, comparison) = (learning.as_ref(), comparison.as_ref());
+        report::write(folder, "Training of a model", learning, comparison)?;
         observer.message(&report::message(folder));
     }
     Ok(comparison)
 }
 
 /// Runs the remaining epochs of a training run from `start`, or from its checkpoint, and writes a
-/// checkpoint after each epoch.
+/// checkpoint after each epoch. `data` is the text by which the checkpoint identifies `split`.
 fn run_epochs(
     options: &TrainOptions,
-    (data, identity): (&PreparedData, &str),
+    (split, data): (&Split, &str),
     description: &Description,
     start: Parameters,
     observer: &mut impl ProgressObserver,
 ) -> Result<Training, TrainerError> {
     let (settings, path) = (&options.settings, &options.checkpoint);
-    let split = &data.split;
     let network = &Network::new(description);
     let mut training = if options.resume {
-        let training = checkpoint::read(path, description, *settings, identity)?;
+        let training = checkpoint::read(path, description, *settings, data)?;
         observer.message(&format!(
             "resumed after epoch {}; best validation MSE so far {:.5}",
-            training.epoch(),
-            training.best().validation
+            training.epoch, training.best.validation
         ));
         training
     } else {
@@ -181,14 +174,14 @@ fn run_epochs(
         };
         observer.message(&format!(
             "epoch 0{is_pca}: validation MSE {:.5}",
-            training.best().validation
+            training.best.validation
         ));
         training
     };
     while !training.is_done() {
-        let (epoch, batches) = (training.epoch() + 1, training.batches(split));
+        let (epoch, batches) = (training.epoch + 1, training.batches(split));
         observer.epoch_started(epoch, settings.epochs, batches, settings.batch);
-        let report = training.run_epoch(network, split, |loss| {
+        let losses = training.run_epoch(network, split, |loss| {
             observer.batch_finished(loss);
             if observer.is_interrupted() {
                 ControlFlow::Break(())
@@ -196,28 +189,28 @@ fn run_epochs(
                 ControlFlow::Continue(())
             }
         });
-        let report = report.map_err(|error| match error {
+        let losses = losses.map_err(|error| match error {
             TrainerError::Interrupted(epochs, _) => TrainerError::Interrupted(epochs, path.clone()),
             other => other,
         })?;
-        observer.epoch_finished(report);
-        checkpoint::write(path, &training, identity)?;
+        observer.epoch_finished(epoch, losses);
+        checkpoint::write(path, &training, data)?;
     }
     Ok(training)
 }
 
-/// Fills the training card, except for the test files and figures.
+/// Fills the training card, except for electrodes and figures.
 fn fill_card(
     description: &mut Description,
     options: &TrainOptions,
-    data: &PreparedData,
+    selected: &Selected,
 ) -> Result<(), TrainerError> {
     let mains_hz = options.files.mains_hz;
     let settling = settling_steps(description, mains_hz)?;
     let card = &mut description.training;
     card.dataset.clone_from(&options.dataset);
     card.citation.clone_from(&options.citation);
-    card.train_files.clone_from(&data.files);
+    [card.train_files, card.test_files] = selected.names();
     card.validation = card::validation(
         Some("last eighth of every training file"),
         settling,
@@ -229,17 +222,16 @@ fn fill_card(
     Ok(())
 }
 
-/// Trains a network from its initial parameters, and completes the training card. `data` comes with
-/// its identity.
+/// Runs the epochs of a training run as [`run_epochs`] does, and completes the training card.
 fn train_network(
     options: &TrainOptions,
     description: &mut Description,
-    data: (&PreparedData, &str),
+    (split, data): (&Split, &str),
     start: Parameters,
     observer: &mut impl ProgressObserver,
 ) -> Result<Training, TrainerError> {
-    let training = run_epochs(options, data, description, start, observer)?;
-    let best = training.best();
+    let training = run_epochs(options, (split, data), description, start, observer)?;
+    let best = &training.best;
     observer.message(&format!(
         "best epoch: {}, validation MSE {:.5}",
         best.epoch, best.validation
@@ -260,7 +252,7 @@ fn train_network(
     let card = &mut description.training;
     card.epochs = epochs;
     card.best_epoch = best.epoch;
-    card.windows = (training.batches(&data.0.split) * batch) as u64;
+    card.windows = (training.batches(split) * batch) as u64;
     let (start, shortcut) = if description.mode.has_shortcut() {
         (
             "PCA start, convolutions silent at first",
@@ -273,63 +265,4 @@ fn train_network(
         "{start}; Adam, one cycle with peak {peak_rate}{shortcut}, 15 % warm-up, batch {batch}"
     );
     Ok(training)
-}
-
-impl PreparedData {
-    /// Passes recordings through the front end, and scales them to a standard deviation of 1 over
-    /// the training part. Fills in `input.sd_uv`, and the electrodes of the training card.
-    fn read(
-        selected: &Selected,
-        description: &mut Description,
-        observer: &mut impl ProgressObserver,
-    ) -> Result<Self, TrainerError> {
-        let tracks = selected.read(&selected.train, description, observer)?;
-        let mut split = Dataset::split(&tracks, description.dimensions())?;
-        let mut whole = Dataset::from_tracks(&tracks, description.dimensions())?;
-        let sd_uv = split.training.deviation();
-        if sd_uv <= 0.0 {
-            return Err(TrainerError::Silent);
-        }
-        for part in [&mut split.training, &mut split.validation, &mut whole] {
-            part.scale(1.0 / sd_uv);
-        }
-        let electrodes = &description.montage.electrodes;
-        card::fill_electrodes(&mut description.training, electrodes, &tracks);
-        let [files, _] = selected.names();
-        description.input.sd_uv = sd_uv;
-        observer.message(&format!(
-            "standard deviation of the training part: {sd_uv:.2} uV"
-        ));
-        Ok(Self {
-            files,
-            split,
-            whole,
-            sd_uv,
-        })
-    }
-
-    /// Returns data and shape of the model as text; a checkpoint of other data or another shape is
-    /// refused.
-    fn identity(&self, montage: &MontageFile, shape: Shape) -> String {
-        let Shape {
-            mode,
-            numbers,
-            steps,
-            hop,
-            padding,
-            format: _,
-        } = shape;
-        format!(
-            "{} with SD {} uV; montage {}, mode {mode}, {numbers} numbers, windows of {steps} steps, \
-             hop {hop}, padding {padding}",
-            self.files.join(" "),
-            self.sd_uv,
-            montage.name
-        )
-    }
-
-    /// Returns the `count` principal directions of the training part.
-    fn directions(&self, count: usize) -> Vec<Vec<f32>> {
-        pca::principal_directions(pca::second_moment(&self.split.training), count)
-    }
 }

@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// A model, with its integers.
 #[derive(Clone, Debug)]
-pub struct Shown {
+pub(crate) struct Shown {
     artifact: Artifact,
     device: DeviceModel,
 }
@@ -19,7 +19,7 @@ impl Shown {
     ///
     /// # Errors
     /// If the folder holds no usable model, or the model cannot be turned into integers.
-    pub fn read(folder: &Path) -> Result<Self, TrainerError> {
+    pub(crate) fn read(folder: &Path) -> Result<Self, TrainerError> {
         let artifact = Artifact::read(folder).map_err(TrainerError::no_model(folder))?;
         let device = DeviceModel::new(&artifact)?;
         Ok(Self { artifact, device })
@@ -28,7 +28,7 @@ impl Shown {
     /// Returns the model as a JSON object: the descriptions of the model and of its packed code,
     /// the tensors' shapes, and flash and RAM of each part of the encoder in bytes. `decodable` is
     /// null without a network, `packed` without a packed code.
-    pub fn to_json(&self) -> Json {
+    pub(crate) fn to_json(&self) -> Json {
         let Self { artifact, device } = self;
         let description = &artifact.description;
         let tensors = |tensors: &artifact::Tensors| -> Json {

@@ -5,9 +5,8 @@ use crate::card::{self, Shape};
 use crate::dataset::{Dataset, Split};
 use crate::network::Network;
 use crate::parameters::Parameters;
-use crate::progress::EpochReport;
 use crate::track::Track;
-use crate::training::{Settings, Training};
+use crate::training::{EpochLosses, Settings, Training};
 use artifact::{Artifact, CodeFormat, Description, Geometry, Mode, MontageFile, Padding};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -64,30 +63,26 @@ pub(crate) fn description() -> Description {
         padding: Padding::None,
         format: CodeFormat::Int8,
     };
-    let mut description = card::description(&montage(), shape);
+    let text = include_str!("../../files/montages/paper-61.toml");
+    let montage = MontageFile::parse(Path::new("paper-61.toml"), text).unwrap();
+    let mut description = card::description(&montage, shape);
     description.input.sd_uv = 47.3;
     description
 }
 
 /// Returns the parameters of PCA with [`directions`].
 pub(crate) fn pca() -> Parameters {
-    Parameters::pca(geometry(), &directions())
+    Parameters::initial(Mode::Pca, geometry(), &directions(), 0)
 }
 
 /// Returns the initial parameters of mode `shortcut` with [`directions`].
 pub(crate) fn shortcut(seed: u64) -> Parameters {
-    Parameters::from_directions(geometry(), &directions(), seed)
+    Parameters::initial(Mode::Shortcut, geometry(), &directions(), seed)
 }
 
 /// Returns a model with these parameters, calibrated on a dataset.
 pub(crate) fn model(parameters: &Parameters, dataset: &Dataset) -> Artifact {
     calibrated_artifact(description(), parameters, dataset).unwrap()
-}
-
-/// Returns the paper's montage.
-pub(crate) fn montage() -> MontageFile {
-    let text = include_str!("../../files/montages/paper-61.toml");
-    MontageFile::parse(Path::new("paper-61.toml"), text).unwrap()
 }
 
 /// Returns the sizes between the layers of the paper's network.
@@ -103,8 +98,6 @@ pub(crate) fn track(name: &str, electrodes: usize, values: Vec<f32>) -> Track {
         values,
         interpolated: Vec::new(),
         signals: electrodes,
-        saturated: 0,
-        warnings: Vec::new(),
     }
 }
 
@@ -139,7 +132,7 @@ impl Run {
         Training::start(SETTINGS, start, &self.network, &self.split)
     }
 
-    pub(crate) fn run_epoch(&self, training: &mut Training) -> EpochReport {
+    pub(crate) fn run_epoch(&self, training: &mut Training) -> EpochLosses {
         let go_on = |_| ControlFlow::Continue(());
         let report = training.run_epoch(&self.network, &self.split, go_on);
         report.unwrap()

@@ -7,7 +7,7 @@ use crate::selection::file_name;
 use artifact::Description;
 use model_gen::headroom::GUARD_BITS;
 use recordings::montage_map::Origin;
-use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc, Warning};
+use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 use std::path::{Path, PathBuf};
 
 /// Number of units of the front end's output in one ADC count.
@@ -16,26 +16,20 @@ const UNITS_PER_COUNT: f64 = (1_u32 << GUARD_BITS) as f64;
 /// A recording in the form that the encoder receives: filtered, at 128 Hz, in the order of the
 /// montage.
 #[derive(Clone, Debug)]
-pub struct Track {
+pub(crate) struct Track {
     /// File name of the recording.
-    pub name: String,
-    /// Number of electrodes.
-    pub electrodes: usize,
+    pub(crate) name: String,
+    pub(crate) electrodes: usize,
     /// Filtered time steps, microvolts, in the order step, electrode (the last fastest); the steps
     /// in which the filters settle are omitted.
-    pub values: Vec<f32>,
+    pub(crate) values: Vec<f32>,
     /// Labels of electrodes that are missing in the recording and were interpolated.
-    pub interpolated: Vec<String>,
+    pub(crate) interpolated: Vec<String>,
     /// Number of distinct signals of the recording that enter the electrodes, as they are or mixed.
-    pub signals: usize,
-    /// Number of counts that the virtual ADC limited to its rails.
-    pub saturated: u64,
-    /// Defects of the file that did not prevent reading it.
-    pub warnings: Vec<Warning>,
+    pub(crate) signals: usize,
 }
 
-/// Passes recordings through the front end, and reports the length and the warnings of each
-/// recording.
+/// Reads recordings as [`Track::read`] does.
 pub(crate) fn read_tracks(
     files: &[PathBuf],
     description: &Description,
@@ -44,20 +38,7 @@ pub(crate) fn read_tracks(
 ) -> Result<Vec<Track>, TrainerError> {
     files
         .iter()
-        .map(|file| {
-            let track = Track::read(file, description, mains_hz)?;
-            observer.message(&format!(
-                "{}: {} time steps, {} electrodes interpolated, {} counts at the rail",
-                track.name,
-                track.steps(),
-                track.interpolated.len(),
-                track.saturated
-            ));
-            for warning in &track.warnings {
-                observer.message(&format!("{}: warning: {warning}", track.name));
-            }
-            Ok(track)
-        })
+        .map(|file| Track::read(file, description, mains_hz, observer))
         .collect()
 }
 
@@ -66,7 +47,10 @@ pub(crate) fn read_tracks(
 ///
 /// # Errors
 /// If the filters cannot be realised.
-pub fn settling_steps(description: &Description, mains_hz: u32) -> Result<usize, TrainerError> {
+pub(crate) fn settling_steps(
+    description: &Description,
+    mains_hz: u32,
+) -> Result<usize, TrainerError> {
     let samples = model_gen::settling_samples(description, mains_hz)?;
     let rate_hz = description.adc.rate_hz as usize;
     Ok((samples * description.window.rate_hz as usize).div_ceil(rate_hz))
@@ -74,14 +58,16 @@ pub fn settling_steps(description: &Description, mains_hz: u32) -> Result<usize,
 
 impl Track {
     /// Reads a recording and passes it through a virtual ADC and the filters of `description`.
+    /// Reports its length and its warnings to `observer`.
     ///
     /// # Errors
     /// If the recording cannot be read or does not fit the montage, or the filters cannot be
     /// realised.
-    pub fn read(
+    pub(crate) fn read(
         path: &Path,
         description: &Description,
         mains_hz: u32,
+        observer: &mut impl ProgressObserver,
     ) -> Result<Self, TrainerError> {
         let name = file_name(path);
         let unreadable = |source| TrainerError::Recording(name.clone(), source);
@@ -110,7 +96,6 @@ impl Track {
         }
         let settling = settling_steps(description, mains_hz)? * electrodes;
         values.drain(..settling.min(values.len()));
-        let interpolated = map.interpolated().into_iter().map(str::to_owned).collect();
         let mut signals: Vec<usize> = Vec::new();
         for origin in map.origins() {
             match origin {
@@ -121,17 +106,24 @@ impl Track {
         }
         signals.sort_unstable();
         signals.dedup();
-        let saturated = virtual_adc.counters().saturated;
-        let warnings = virtual_adc.recording().warnings().to_vec();
-        Ok(Self {
-            name,
+        let interpolated = map.interpolated().into_iter().map(str::to_owned);
+        let track = Self {
+            name: name.clone(),
             electrodes,
             values,
-            interpolated,
+            interpolated: interpolated.collect(),
             signals: signals.len(),
-            saturated,
-            warnings,
-        })
+        };
+        observer.message(&format!(
+            "{name}: {} time steps, {} electrodes interpolated, {} counts at the rail",
+            track.steps(),
+            track.interpolated.len(),
+            virtual_adc.counters().saturated
+        ));
+        for warning in virtual_adc.recording().warnings() {
+            observer.message(&format!("{name}: warning: {warning}"));
+        }
+        Ok(track)
     }
 
     /// Returns a part of the recording, in time steps.
@@ -139,7 +131,7 @@ impl Track {
     /// # Panics
     /// If the part is not within the recording.
     #[must_use]
-    pub fn part(&self, steps: std::ops::Range<usize>) -> Self {
+    pub(crate) fn part(&self, steps: std::ops::Range<usize>) -> Self {
         let values = steps.start * self.electrodes..steps.end * self.electrodes;
         Self {
             name: self.name.clone(),
@@ -147,13 +139,10 @@ impl Track {
             values: self.values[values].to_vec(),
             interpolated: self.interpolated.clone(),
             signals: self.signals,
-            saturated: self.saturated,
-            warnings: self.warnings.clone(),
         }
     }
 
-    /// Returns the number of time steps.
-    pub fn steps(&self) -> usize {
+    pub(crate) fn steps(&self) -> usize {
         self.values.len() / self.electrodes
     }
 }

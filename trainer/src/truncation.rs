@@ -5,18 +5,17 @@ use crate::evaluate::CodedBlock;
 use crate::in_parallel;
 use artifact::{Artifact, ArtifactError};
 
-/// Error of PCA with the first numbers of its code only, over all measured windows.
+/// Error of PCA with the first `numbers` numbers of its code only, over all measured windows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TruncationError {
-    /// Number of numbers, from 1.
-    pub numbers: usize,
+pub(crate) struct TruncationError {
+    pub(crate) numbers: usize,
     /// Mean squared error with float codes, in units of `input.sd_uv` squared.
-    pub mse_float: f64,
+    pub(crate) mse_float: f64,
     /// Mean squared error with integer codes, in units of `input.sd_uv` squared.
-    pub mse_int8: f64,
+    pub(crate) mse_int8: f64,
 }
 
-/// Sums of squared errors for each number of numbers.
+/// Sums of squared errors of codes with the first number, the first two, up to all.
 #[derive(Clone, Debug)]
 pub(crate) struct TruncationSums {
     /// Columns of the decoder: the window of a code whose only number is 1, for each number.

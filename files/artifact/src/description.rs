@@ -290,7 +290,7 @@ pub struct Input {
 }
 
 /// Training data, training settings and test figures of a model: the table `[training]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingCard {
     /// Origin and licence of the recordings.

@@ -20,11 +20,11 @@ pub struct Axis {
     pub label: String,
     /// Spacing of the values.
     pub scale: Scale,
-    /// Values to label, with their text; if empty, round values are labelled.
+    /// Values of the ticks, with their texts; if empty, ticks are at round values.
     pub ticks: Vec<(f64, String)>,
 }
 
-/// Most ticks that are chosen for an axis.
+/// Largest number of ticks on an axis whose ticks the caller does not choose.
 const MOST_TICKS: f64 = 10.0;
 
 impl Axis {
@@ -37,7 +37,7 @@ impl Axis {
         }
     }
 
-    /// Returns whether a value has a place on the axis.
+    /// Returns whether the axis can show a value: a finite one, on a logarithmic axis above 0.
     pub(crate) fn has(&self, value: f64) -> bool {
         value.is_finite() && (self.scale != Scale::Logarithmic || value > 0.0)
     }
@@ -63,7 +63,7 @@ impl Axis {
         if low > high {
             return [0.0, 1.0];
         }
-        // A single value gets an axis too.
+        // A single value has no range, so the axis takes one from its size.
         let width = if high > low {
             high - low
         } else {
@@ -122,7 +122,7 @@ impl Axis {
     }
 }
 
-/// Returns a number with the decimal places that a multiple of a power of ten needs.
+/// Formats a multiple of 10^`decade`, with as many decimal places as it needs.
 fn text(value: f64, decade: i32) -> String {
     let places = usize::try_from(-decade).unwrap_or(0);
     format!("{value:.places$}").replace('-', "−")

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -73,6 +74,48 @@ pub(crate) fn chart<'a, 'b>(
     chart.margin_bottom(16).x_label_area_size(52);
     chart.y_label_area_size(y_labels);
     chart
+}
+
+/// A chart with linear axes.
+pub(crate) type Chart<'a, 'b> =
+    ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// Draws the axes of a histogram and a bar for each bin, `top` pixels below the top of the area.
+/// Returns the chart, for lines over the bars.
+///
+/// `counts` are the heights of the bins, which divide the x axis from `low` to `high` evenly, and
+/// `highest` is the end of the y axis. Both axes have a description and a number of decimal places.
+pub(crate) fn bars<'a, 'b>(
+    area: &'a Area<'b>,
+    top: i32,
+    [low, high]: [f64; 2],
+    highest: f64,
+    counts: &[f64],
+    [(x, x_places), (y, y_places)]: [(&str, usize); 2],
+) -> Result<Chart<'a, 'b>, DrawingAreaErrorKind<std::io::Error>> {
+    let mut chart = chart(area, [top, 20, 36], 66).build_cartesian_2d(low..high, 0.0..highest)?;
+    chart
+        .configure_mesh()
+        .disable_x_mesh()
+        .light_line_style(WHITE)
+        .bold_line_style(GRID)
+        .axis_style(FAINT)
+        .x_labels(9)
+        .x_label_formatter(&|value| format!("{value:.x_places$}"))
+        .y_labels(7)
+        .y_label_formatter(&|count| format!("{count:.y_places$}"))
+        .x_desc(x)
+        .y_desc(y)
+        .label_style(text(15, INK))
+        .axis_desc_style(text(16, INK))
+        .draw()?;
+    let width = (high - low) / real(counts.len());
+    for (bin, count) in counts.iter().enumerate().filter(|(_, count)| **count > 0.0) {
+        let left = low + real(bin) * width;
+        let corners = [(left, 0.0), (left + width, *count)];
+        chart.draw_series([Rectangle::new(corners, SOURCE.mix(0.75).filled())])?;
+    }
+    Ok(chart)
 }
 
 /// Returns a text style with `height` in pixels, anchored at the text's top left corner.

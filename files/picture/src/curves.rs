@@ -6,28 +6,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use crate::canvas::{self, Area, Drawn, FAINT, GRID, INK, PictureError, REFERENCE};
-
-/// How a curve's points are drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mark {
-    /// A line through the points.
-    Line,
-    /// A circle around each point.
-    Circles,
-}
-
-/// One curve over frequency: its points, look and entry in the legend.
-#[derive(Debug, Clone)]
-pub struct Curve {
-    /// Text in the legend.
-    pub label: String,
-    /// Colour, usually one from [`canvas`].
-    pub color: RGBColor,
-    /// Whether the points are drawn as a line or as circles.
-    pub mark: Mark,
-    /// Points: frequency in Hz, ascending, and value in the unit of the y axis.
-    pub points: Vec<(f64, f64)>,
-}
+use crate::lines::{self, Mark, Series};
 
 /// Chart of several curves on common axes.
 #[derive(Debug, Clone)]
@@ -47,8 +26,9 @@ pub struct Curves {
     pub band_hz: [f64; 2],
     /// Mains frequency, Hz; marked and labelled.
     pub mains_hz: f64,
-    /// Curves in drawing order: the last one is on top.
-    pub curves: Vec<Curve>,
+    /// Curves in drawing order, the last one on top: frequency in Hz, ascending, and value in the
+    /// unit of the y axis. Deviations are not drawn.
+    pub curves: Vec<Series>,
 }
 
 const SIZE: (u32, u32) = (1200, 700);
@@ -103,11 +83,12 @@ impl Curves {
             let points = curve.points.iter().copied();
             let points = points.filter(|(hz, y)| is_on_axis(hz) && *y <= high);
             match curve.mark {
-                Mark::Line => {
+                Mark::Line | Mark::ThinLine => {
                     let points = down_to(low, &points.collect::<Vec<_>>());
-                    chart.draw_series([PathElement::new(points, curve.color.stroke_width(3))])?;
+                    let style = curve.color.stroke_width(lines::width(curve.mark));
+                    chart.draw_series([PathElement::new(points, style)])?;
                 }
-                Mark::Circles => {
+                Mark::Dots | Mark::Rings => {
                     let circle = |point| Circle::new(point, 4, curve.color.stroke_width(2));
                     chart.draw_series(points.filter(|(_, y)| *y >= low).map(circle))?;
                 }
@@ -130,8 +111,7 @@ impl Curves {
         let width = i32::try_from(area.dim_in_pixel().0).unwrap_or(i32::MAX) - 100;
         let count = i32::try_from(self.curves.len()).unwrap_or(i32::MAX);
         (0..).zip(&self.curves).try_for_each(|(place, curve)| {
-            let at = (90 + width / count * place, 10);
-            canvas::legend(area, at, curve.color, &curve.label)
+            lines::draw_entry(area, (90 + width / count * place, 10), curve)
         })
     }
 }

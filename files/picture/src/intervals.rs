@@ -4,7 +4,7 @@ use std::path::Path;
 
 use plotters::prelude::*;
 
-use crate::canvas::{self, Area, Drawn, FAINT, GRID, INK, PictureError, REFERENCE, RESULT, SOURCE};
+use crate::canvas::{self, Area, Drawn, INK, PictureError, REFERENCE, RESULT, SOURCE, real};
 use crate::spread::Spread;
 
 /// Intervals between the codes of the paper's node on a PC, ms (arXiv 2008.13485, interval
@@ -36,15 +36,15 @@ pub struct Series {
     pub ms: Vec<f64>,
 }
 
-/// Numbers of intervals in bins of equal width.
-struct Histogram {
-    counts: [u32; BINS as usize],
+/// Numbers of intervals in [`BINS`] bins of equal width.
+struct Counted {
+    counts: [f64; BINS],
     /// Number of intervals beyond the first and last bin.
     outside: u32,
 }
 
 const SIZE: (u32, u32) = (1200, 700);
-const BINS: u16 = 80;
+const BINS: usize = 80;
 
 impl Intervals {
     /// Writes the chart as an SVG file.
@@ -66,55 +66,24 @@ impl Intervals {
         // how many intervals are outside.
         let reach = (4.0 * sd).clamp(4.0 * PAPER_MS.sd, 6.0);
         let (low, high) = (62.5 - reach, 62.5 + reach);
-        let width = (high - low) / f64::from(BINS);
-        let arrival = Histogram::new(&self.arrival.ms, low, width);
-        let rival = self
-            .rival
-            .as_ref()
-            .map(|rival| (rival, Histogram::new(&rival.ms, low, width)));
-        let inside: u32 = arrival.counts.iter().sum();
-        let paper = |ms: f64| PAPER_MS.density(ms) * width * f64::from(inside);
-        let rival_counts = rival.iter().flat_map(|(_, histogram)| histogram.counts);
-        let counts = arrival
-            .counts
-            .into_iter()
-            .chain(rival_counts)
-            .map(f64::from);
+        let width = (high - low) / real(BINS);
+        let arrival = Counted::new(&self.arrival.ms, low, width);
+        let rival = self.rival.as_ref();
+        let rival = rival.map(|rival| (rival, Counted::new(&rival.ms, low, width)));
+        let inside: f64 = arrival.counts.iter().sum();
+        let paper = |ms: f64| PAPER_MS.density(ms) * width * inside;
+        let rival_counts = rival.iter().flat_map(|(_, counted)| counted.counts);
+        let counts = arrival.counts.into_iter().chain(rival_counts);
         let top = 1.08 * counts.fold(paper(PAPER_MS.mean), f64::max);
 
-        let mut chart =
-            canvas::chart(area, [84, 20, 36], 66).build_cartesian_2d(low..high, 0.0..top)?;
-        chart
-            .configure_mesh()
-            .disable_x_mesh()
-            .light_line_style(WHITE)
-            .bold_line_style(GRID)
-            .axis_style(FAINT)
-            .x_labels(9)
-            .x_label_formatter(&|ms| format!("{ms:.2}"))
-            .y_labels(7)
-            .y_label_formatter(&|count| format!("{count:.0}"))
-            .x_desc("interval (ms)")
-            .y_desc(format!("intervals per {width:.3} ms"))
-            .label_style(canvas::text(15, INK))
-            .axis_desc_style(canvas::text(16, INK))
-            .draw()?;
-        let left = |bin: u16| low + f64::from(bin) * width;
-        for (bin, count) in (0..BINS)
-            .zip(arrival.counts)
-            .filter(|(_, count)| *count > 0)
-        {
-            let corners = [(left(bin), 0.0), (left(bin + 1), f64::from(count))];
-            chart.draw_series([Rectangle::new(corners, SOURCE.mix(0.75).filled())])?;
-        }
-        if let Some((_, histogram)) = &rival {
-            let steps = (0..BINS).zip(histogram.counts);
-            let steps = steps.flat_map(|(bin, count)| {
-                [
-                    (left(bin), f64::from(count)),
-                    (left(bin + 1), f64::from(count)),
-                ]
-            });
+        let y = format!("intervals per {width:.3} ms");
+        let labels = [("interval (ms)", 2), (y.as_str(), 0)];
+        let mut chart = canvas::bars(area, 84, [low, high], top, &arrival.counts, labels)?;
+        if let Some((_, counted)) = &rival {
+            let left = |bin: usize| low + real(bin) * width;
+            let steps = counted.counts.iter().enumerate();
+            let steps =
+                steps.flat_map(|(bin, count)| [(left(bin), *count), (left(bin + 1), *count)]);
             let outline: Vec<(f64, f64)> = steps.collect();
             chart.draw_series([PathElement::new(outline, RESULT.stroke_width(2))])?;
         }
@@ -130,44 +99,37 @@ impl Intervals {
         chart.draw_series(dashes)?;
 
         let paper = format!("the paper's node on a PC: {PAPER_MS} ms, as a normal curve");
+        let of_source = format!("{}: {source} ms", self.source.name);
         canvas::legend(area, (90, 6), SOURCE, &arrival.label(&self.arrival))?;
-        canvas::legend(
-            area,
-            (90, 32),
-            INK,
-            &format!("{}: {source} ms", self.source.name),
-        )?;
+        canvas::legend(area, (90, 32), INK, &of_source)?;
         canvas::legend(area, (620, 6), REFERENCE, &paper)?;
-        rival.map_or(Ok(()), |(rival, histogram)| {
-            canvas::legend(area, (620, 32), RESULT, &histogram.label(rival))
+        rival.map_or(Ok(()), |(rival, counted)| {
+            canvas::legend(area, (620, 32), RESULT, &counted.label(rival))
         })
     }
 }
 
-impl Histogram {
-    /// Counts `values` in bins from `low` on.
+impl Counted {
+    /// Counts `values` in bins of `width`, the first of which starts at `low`; all in ms.
     fn new(values: &[f64], low: f64, width: f64) -> Self {
-        let mut histogram = Self {
-            counts: [0; BINS as usize],
+        let mut counted = Self {
+            counts: [0.0; BINS],
             outside: 0,
         };
         for value in values {
-            let bin =
-                (0..BINS).find(|bin| *value >= low && *value < low + f64::from(bin + 1) * width);
+            let bin = (0..BINS).find(|bin| *value >= low && *value < low + real(bin + 1) * width);
             match bin {
-                Some(bin) => histogram.counts[usize::from(bin)] += 1,
-                None => histogram.outside += 1,
+                Some(bin) => counted.counts[bin] += 1.0,
+                None => counted.outside += 1,
             }
         }
-        histogram
+        counted
     }
 
-    /// Returns the entry of `series` in the legend: mean, SD, and the number of intervals outside.
+    /// Returns the entry of `series` in the legend: mean, SD, and the number of intervals beyond
+    /// the axis.
     fn label(&self, series: &Series) -> String {
-        let spread = Spread::from_values(&series.ms);
-        format!(
-            "{}: {spread} ms, {} beyond the axis",
-            series.name, self.outside
-        )
+        let (spread, outside) = (Spread::from_values(&series.ms), self.outside);
+        format!("{}: {spread} ms, {outside} beyond the axis", series.name)
     }
 }

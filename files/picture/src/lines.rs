@@ -2,12 +2,11 @@
 
 use std::path::Path;
 
-use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
 use crate::axis::Axis;
-use crate::canvas::{self, Area, Drawn, FAINT, GRID, INK, PictureError};
+use crate::canvas::{self, Area, Chart, Drawn, FAINT, GRID, INK, PictureError};
 
 /// How the points of a series are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,17 +30,17 @@ pub struct Series {
     pub color: RGBColor,
     /// How the points are drawn.
     pub mark: Mark,
-    /// Points in drawing order: values on the x and the y axis. A point without a place on an axis
-    /// is not drawn.
+    /// Points in drawing order: values on the x and the y axis. A point is not drawn if an axis has
+    /// no place for it, such as a logarithmic axis for 0.
     pub points: Vec<(f64, f64)>,
     /// Standard deviation at each point, drawn as a bar to both sides; empty for none.
     pub sd: Vec<f64>,
 }
 
-/// Several series on common axes, which show all points.
+/// Several series on common axes, whose ranges follow from the points.
 #[derive(Debug, Clone)]
 pub struct Lines {
-    /// Line of the title.
+    /// Title of the picture, in one line.
     pub title: String,
     /// Line below the title, such as the conditions.
     pub subtitle: String,
@@ -53,7 +52,29 @@ pub struct Lines {
     pub series: Vec<Series>,
 }
 
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+impl Series {
+    /// Creates a series without standard deviations.
+    pub fn new(
+        label: impl Into<String>,
+        color: RGBColor,
+        mark: Mark,
+        points: Vec<(f64, f64)>,
+    ) -> Self {
+        Self {
+            label: label.into(),
+            color,
+            mark,
+            points,
+            sd: Vec::new(),
+        }
+    }
+
+    /// Returns the points with their standard deviations, 0 for a series without any.
+    fn spread_points(&self) -> impl Iterator<Item = (f64, f64, f64)> {
+        let points = self.points.iter().enumerate();
+        points.map(|(place, &(x, y))| (x, y, self.sd.get(place).copied().unwrap_or(0.0)))
+    }
+}
 
 const SIZE: (u32, u32) = (1100, 640);
 /// Height of a row of the legend, pixels.
@@ -77,9 +98,9 @@ impl Lines {
     fn draw_on(&self, area: &Area) -> Drawn {
         let legend = self.legend();
         let rows = legend.last().map_or(0, |(_, (_, y))| y / ROW + 1);
-        let xs = self.points().map(|(x, _, _)| x);
-        let [left, right] = self.x.coordinates(xs);
-        let ys = self.points().flat_map(|(_, y, sd)| {
+        let points = || self.series.iter().flat_map(Series::spread_points);
+        let [left, right] = self.x.coordinates(points().map(|(x, _, _)| x));
+        let ys = points().flat_map(|(_, y, sd)| {
             // Half of the value at least: a bar down to 0 has no end on a logarithmic axis.
             [y, y + sd, (y - sd).max(0.5 * y)]
         });
@@ -118,9 +139,12 @@ impl Lines {
         Ok(())
     }
 
+    /// Draws a series; `low` is the coordinate at which the y axis starts.
     fn draw_series(&self, chart: &mut Chart, series: &Series, low: f64) -> Drawn {
         let at = |x: f64, y: f64| (self.x.coordinate(x), self.y.coordinate(y));
-        let shown = points(series).filter(|(x, y, _)| self.x.has(*x) && self.y.has(*y));
+        let shown = series
+            .spread_points()
+            .filter(|(x, y, _)| self.x.has(*x) && self.y.has(*y));
         let shown: Vec<(f64, f64, f64)> = shown.collect();
         for &(x, y, sd) in shown.iter().filter(|(_, _, sd)| *sd > 0.0) {
             let below = y - sd;
@@ -149,13 +173,8 @@ impl Lines {
         Ok(())
     }
 
-    /// Returns all points with their standard deviations.
-    fn points(&self) -> impl Iterator<Item = (f64, f64, f64)> {
-        self.series.iter().flat_map(points)
-    }
-
-    /// Returns the listed series with the places of their entries, in pixels: in rows as wide as
-    /// the page.
+    /// Returns the series that the legend lists, each with the pixel of its entry. The entries are
+    /// in rows, which end before the right edge of the page.
     fn legend(&self) -> Vec<(&Series, (i32, i32))> {
         let right = i32::try_from(SIZE.0).unwrap_or(i32::MAX) - 30;
         let (mut x, mut y) = (LEGEND_LEFT, 8);
@@ -174,19 +193,13 @@ impl Lines {
     }
 }
 
-/// Returns the points of a series with their standard deviations, 0 if it has none.
-fn points(series: &Series) -> impl Iterator<Item = (f64, f64, f64)> {
-    let points = series.points.iter().enumerate();
-    points.map(|(place, &(x, y))| (x, y, series.sd.get(place).copied().unwrap_or(0.0)))
-}
-
-/// Returns the width of a line, pixels.
-fn width(mark: Mark) -> u32 {
+/// Returns the width of the line of [`Mark::Line`] or [`Mark::ThinLine`], pixels.
+pub(crate) fn width(mark: Mark) -> u32 {
     if mark == Mark::ThinLine { 1 } else { 3 }
 }
 
-/// Draws the entry of a series in the legend.
-fn draw_entry(area: &Area, at: (i32, i32), series: &Series) -> Drawn {
+/// Draws the entry of a series in the legend: its mark, and to the right its label.
+pub(crate) fn draw_entry(area: &Area, at: (i32, i32), series: &Series) -> Drawn {
     let centre = (at.0 + 13, at.1);
     match series.mark {
         Mark::Line | Mark::ThinLine => {
@@ -207,13 +220,8 @@ mod tests {
     use crate::canvas::{RESULT, SOURCE};
 
     fn series(label: &str, mark: Mark, points: &[(f64, f64)]) -> Series {
-        Series {
-            label: label.to_owned(),
-            color: if mark == Mark::Line { SOURCE } else { RESULT },
-            mark,
-            points: points.to_vec(),
-            sd: Vec::new(),
-        }
+        let color = if mark == Mark::Line { SOURCE } else { RESULT };
+        Series::new(label, color, mark, points.to_vec())
     }
 
     fn drawn(series: Vec<Series>) -> String {

@@ -1,5 +1,5 @@
-//! The page of a report: pictures with captions, tables and text as one HTML file that needs no
-//! other but the pictures. Its values go to files of comma-separated fields.
+//! The page of a report: an HTML file with text, tables and links to pictures, and the quoting of
+//! the CSV files that it links to.
 
 use std::fmt::Write as _;
 
@@ -16,7 +16,7 @@ pub struct Page {
 }
 
 impl Page {
-    /// Creates a page with a title, in plain text, which is its heading.
+    /// Creates a page; `title` is plain text, and also the heading.
     pub fn new(title: &str) -> Self {
         let title = escaped(title);
         Self {
@@ -57,7 +57,7 @@ impl Page {
         self.body.push_str("</figcaption></figure>\n");
     }
 
-    /// Appends a table of plain text; the first row is its head.
+    /// Appends a table of rows of plain text; the first row is the head.
     pub fn push_table(&mut self, rows: &[Vec<String>]) {
         self.body.push_str("<table>\n");
         for (at, row) in rows.iter().enumerate() {
@@ -91,13 +91,13 @@ pub fn image(path: &str, description: &str) -> String {
     )
 }
 
-/// Returns a relative path as an attribute of HTML.
+/// Returns a relative path as the value of an HTML attribute, with reserved characters encoded.
 pub fn href(path: &str) -> String {
     let codes = [("%", "%25"), ("#", "%23"), ("?", "%3F"), (" ", "%20")];
     escaped(&replaced(path, &codes))
 }
 
-/// Replaces the characters that have a meaning in HTML.
+/// Returns a text in which the characters with a meaning in HTML are replaced by entities.
 pub fn escaped(text: &str) -> String {
     let entities = [
         ("&", "&amp;"),
@@ -114,8 +114,8 @@ fn replaced(text: &str, pairs: &[(&str, &str)]) -> String {
         .fold(text.to_owned(), |text, (from, to)| text.replace(from, to))
 }
 
-/// Returns a text as a field (RFC 4180): in quotation marks if it holds one, a comma, a semicolon
-/// or a line break.
+/// Returns a text as a field of a CSV file (RFC 4180): in quotation marks if it holds a quotation
+/// mark, a comma, a semicolon or a line break.
 pub fn csv_field(text: &str) -> String {
     if text.contains(['"', ',', ';', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))

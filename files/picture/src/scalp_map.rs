@@ -12,23 +12,23 @@ use crate::canvas::{self, Area, Drawn, FAINT, INK, PictureError};
 pub struct Place {
     /// Name of the electrode, such as "Cz".
     pub label: String,
-    /// Distance from the vertex towards the right ear and towards the nose; the circle of the map
-    /// has radius 1.
+    /// Place on the map: distance from the vertex towards the right ear, and towards the nose, in
+    /// radii of the head's circle. [`on_map`] computes it.
     pub at: [f64; 2],
     /// Value at the electrode.
     pub value: f64,
-    /// Whether the electrode was measured; the others are drawn hollow.
+    /// Whether the electrode was measured; an interpolated electrode is drawn hollow.
     pub is_measured: bool,
 }
 
-/// Values of all electrodes, interpolated over the head.
+/// Values >= 0 of all electrodes, interpolated over the head.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScalpMap {
     /// Electrodes with a finite value; at least one.
     pub places: Vec<Place>,
-    /// Line of the title.
+    /// Title of the picture, in one line.
     pub title: String,
-    /// Line below the title.
+    /// Line below the title, such as the mean of all electrodes.
     pub subtitle: String,
     /// Unit of the values, such as "%".
     pub unit: String,
@@ -45,7 +45,7 @@ const STEP: usize = SQUARE.unsigned_abs() as usize;
 const REACH: f64 = 0.26;
 /// Number of colour levels.
 const LEVELS: u8 = 24;
-/// Colours of the smallest, a middle and the largest value.
+/// Colours of 0, of half the largest value, and of the largest value.
 const COLORS: [RGBColor; 3] = [
     RGBColor(0xf4, 0xf8, 0xfb),
     RGBColor(0xf2, 0xb1, 0x6d),
@@ -179,7 +179,7 @@ pub fn on_map([x, y, z]: [f64; 3]) -> [f64; 2] {
     [x, y].map(|part| 0.9 * distance * part / direction)
 }
 
-/// Returns the pixel of a place on the head.
+/// Converts a place on the map, in radii of the head's circle around `centre`, to a pixel.
 fn pixel(centre: (i32, i32), [x, y]: [f64; 2]) -> (i32, i32) {
     #[expect(
         clippy::cast_possible_truncation,
@@ -196,7 +196,7 @@ fn with_digits(value: f64, largest: f64) -> String {
     format!("{value:.places$}")
 }
 
-/// Returns the colour level of a part of the largest value.
+/// Returns the colour level, 0 to [`LEVELS`] - 1, of a value that is `part` of the largest one.
 fn level(part: f64) -> u8 {
     #[expect(
         clippy::cast_possible_truncation,

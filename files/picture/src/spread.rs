@@ -15,7 +15,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    /// Computes mean and SD of `values`; both are NaN for an empty slice.
+    /// Computes mean and SD of `values`; both are NaN if there are no values.
     pub fn from_values(values: &[f64]) -> Self {
         let count = real(values.len());
         let mean = values.iter().sum::<f64>() / count;

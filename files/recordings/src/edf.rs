@@ -11,8 +11,10 @@ use std::str::FromStr;
 use crate::{
     error::RecordingError,
     format::Format,
-    header::{HEADER_BLOCK, Header, SignalFields, sampling_rate, text},
-    ratio::Ratio,
+    header::{
+        HEADER_BLOCK, Header, SignalFields, field_error, record_count, record_duration,
+        sampling_rate, text,
+    },
     signal::{Calibration, SampleType, Signal, SignalKind, Unit},
     warning::Warning,
 };
@@ -27,7 +29,7 @@ const ANNOTATIONS: [&str; 2] = ["EDF Annotations", "BDF Annotations"];
 pub(crate) fn signal_count(fixed: &[u8; HEADER_BLOCK]) -> Result<usize, RecordingError> {
     let (field, bytes) = ("number of signals", &fixed[252..256]);
     match number(bytes, field, "the file")? {
-        0 => Err(field_error(field, "the file", bytes, "it is 0")),
+        0 => Err(field_error(field, "the file", "0", "it is 0")),
         count => Ok(count),
     }
 }
@@ -56,20 +58,9 @@ pub(crate) fn parse(
     }
     let format = variant(family, &text(&bytes[192..236]));
     let (field, found) = ("number of records", &bytes[236..244]);
-    let records = match number::<i64>(found, field, "the file")? {
-        -1 => None,
-        count => Some(
-            u64::try_from(count)
-                .map_err(|_| field_error(field, "the file", found, "it is negative"))?,
-        ),
-    };
+    let records = record_count(number(found, field, "the file")?)?;
     let (field, found) = ("duration of a record", &bytes[244..252]);
-    let seconds: f64 = number(found, field, "the file")?;
-    let record_duration = Ratio::from_f64(seconds);
-    if record_duration.is_none() && seconds != 0.0 {
-        let reason = "it must be 0 or between 1e-9 and 1e9 s";
-        return Err(field_error(field, "the file", found, reason));
-    }
+    let record_duration = record_duration(number(found, field, "the file")?)?;
 
     let mut fields = SignalFields::new(bytes, signals);
     let labels = fields.next_field(16);
@@ -126,21 +117,8 @@ fn variant(family: Format, reserved: &str) -> Format {
 }
 
 fn number<T: FromStr>(bytes: &[u8], field: &'static str, place: &str) -> Result<T, RecordingError> {
-    text(bytes)
-        .parse()
-        .map_err(|_| field_error(field, place, bytes, "a plain number is required"))
-}
-
-fn field_error(
-    field: &'static str,
-    place: &str,
-    bytes: &[u8],
-    reason: &'static str,
-) -> RecordingError {
-    RecordingError::HeaderField {
-        field,
-        place: place.to_owned(),
-        found: bytes.trim_ascii().escape_ascii().to_string(),
-        reason,
-    }
+    text(bytes).parse().map_err(|_| {
+        let found = bytes.trim_ascii().escape_ascii().to_string();
+        field_error(field, place, &found, "a plain number is required")
+    })
 }

@@ -9,14 +9,17 @@ pub(crate) mod writer;
 use crate::{
     error::RecordingError,
     format::Format,
-    header::{HEADER_BLOCK, Header, SignalFields, array_at, sampling_rate, text},
+    header::{
+        HEADER_BLOCK, Header, SignalFields, array_at, field_error, record_count, record_duration,
+        sampling_rate, text,
+    },
     ratio::Ratio,
     signal::{Calibration, SampleType, Signal, SignalKind, Unit},
 };
 
-/// Version limit of the record duration: GDF 2.21 and later store it as a float64, earlier versions
-/// as two u32. The limit is between 2.20 and 2.21, so that the rounding of a parsed version has no
-/// effect.
+/// Version from which the record duration is a float64: GDF 2.21 and later; earlier versions store
+/// it as two u32. The constant is between 2.20 and 2.21, so that the rounding of a parsed version
+/// has no effect.
 const FLOAT_DURATION: f64 = 2.205;
 
 /// Reads the number of signals, 1..=65535, from the fixed part of a header.
@@ -32,14 +35,11 @@ pub(crate) fn signal_count(
         _ => u32::from(u16::from_le_bytes(array_at(fixed, 252))),
     };
     // GDF 1 stores 32 bits; values of more than 16 bits only occur in damaged files.
-    match u16::try_from(count) {
-        Ok(count @ 1..) => Ok(usize::from(count)),
-        _ => Err(field_error(
-            "number of signals",
-            &count.to_string(),
-            "it must be 1..=65535",
-        )),
+    if let Ok(count @ 1..) = u16::try_from(count) {
+        return Ok(usize::from(count));
     }
+    let (found, reason) = (count.to_string(), "it must be 1..=65535");
+    Err(field_error("number of signals", "the file", &found, reason))
 }
 
 /// Parses the fixed part and the signals of a header, [`HEADER_BLOCK`] * (1 + signals) bytes.
@@ -57,20 +57,16 @@ pub(crate) fn parse(
         _ => u64::from(u16::from_le_bytes(array_at(bytes, 184))) * HEADER_BLOCK as u64,
     };
     if data_start < bytes.len() as u64 {
+        let found = data_start.to_string();
         let reason = "it is shorter than its signals need";
         return Err(field_error(
             "length of the header",
-            &data_start.to_string(),
+            "the file",
+            &found,
             reason,
         ));
     }
-    let records =
-        match i64::from_le_bytes(array_at(bytes, 236)) {
-            -1 => None,
-            count => Some(u64::try_from(count).map_err(|_| {
-                field_error("number of records", &count.to_string(), "it is negative")
-            })?),
-        };
+    let records = record_count(i64::from_le_bytes(array_at(bytes, 236)))?;
     let record_duration = duration(format, bytes)?;
     Header {
         format,
@@ -84,25 +80,21 @@ pub(crate) fn parse(
 }
 
 fn duration(format: Format, bytes: &[u8]) -> Result<Option<Ratio>, RecordingError> {
-    let error = |found: String, reason| Err(field_error("duration of a record", &found, reason));
     if let Format::Gdf2(version) = format
         && version >= FLOAT_DURATION
     {
-        let seconds = f64::from_le_bytes(array_at(bytes, 244));
-        let ratio = Ratio::from_f64(seconds);
-        return if ratio.is_none() && seconds != 0.0 {
-            error(
-                seconds.to_string(),
-                "it must be 0 or between 1e-9 and 1e9 s",
-            )
-        } else {
-            Ok(ratio)
-        };
+        return record_duration(f64::from_le_bytes(array_at(bytes, 244)));
     }
     let numerator = u32::from_le_bytes(array_at(bytes, 244));
     let denominator = u32::from_le_bytes(array_at(bytes, 248));
     if denominator == 0 {
-        return error(format!("{numerator}/0"), "its denominator is 0");
+        let (found, reason) = (format!("{numerator}/0"), "its denominator is 0");
+        return Err(field_error(
+            "duration of a record",
+            "the file",
+            &found,
+            reason,
+        ));
     }
     Ok(Ratio::new(numerator.into(), denominator.into()))
 }
@@ -169,13 +161,4 @@ fn parse_signals(
         })
     };
     (0..signals).map(parse_signal).collect()
-}
-
-fn field_error(field: &'static str, found: &str, reason: &'static str) -> RecordingError {
-    RecordingError::HeaderField {
-        field,
-        place: "the file".to_owned(),
-        found: found.to_owned(),
-        reason,
-    }
 }

@@ -10,7 +10,7 @@ use crate::{
     gdf,
     ratio::Ratio,
     signal::{Signal, SignalKind},
-    source::{Source, read_at},
+    source::{Source, in_memory, read_at},
     warning::Warning,
 };
 
@@ -32,12 +32,12 @@ pub(crate) struct Header {
 }
 
 impl Header {
-    /// Length of one record, bytes, < 2^51.
+    /// Returns the length of one record, bytes, < 2^51.
     pub(crate) fn record_bytes(&self) -> u64 {
         self.signals.iter().map(Signal::record_bytes).sum()
     }
 
-    /// Highest sampling rate of all signals, Hz, at least 1.
+    /// Returns the highest sampling rate of all signals, Hz, at least 1.
     pub(crate) fn fastest_rate_hz(&self) -> f64 {
         let rates = self.signals.iter().filter_map(|signal| signal.rate);
         rates.map(Ratio::value).fold(1.0, f64::max)
@@ -76,15 +76,15 @@ impl Header {
                 (line.physical_min, line.physical_max) = (line.digital_min, line.digital_max);
             }
             if signal.samples_per_record > 0 && signal.rate.is_none() {
-                return Err(RecordingError::HeaderField {
-                    field: "duration of a record",
-                    place: "the file".to_owned(),
-                    found: "0".to_owned(),
-                    reason: "signals with samples need a length > 0",
-                });
+                let reason = "signals with samples need a length > 0";
+                return Err(field_error("duration of a record", "the file", "0", reason));
             }
             if signal.unit.microvolts().is_none() {
-                unknown_units.push(format!("{} {}", signal.label, unit_in_brackets(signal)));
+                let unit = signal.unit.to_string();
+                // A missing unit is printed in brackets by itself.
+                let is_bare = !unit.starts_with('(');
+                let unit = if is_bare { format!("({unit})") } else { unit };
+                unknown_units.push(format!("{} {unit}", signal.label));
             }
         }
         if !unknown_units.is_empty() {
@@ -104,15 +104,6 @@ pub(crate) fn sampling_rate(samples_per_record: u32, duration: Option<Ratio>) ->
         u64::from(samples_per_record) * duration.denominator(),
         duration.numerator(),
     )
-}
-
-fn unit_in_brackets(signal: &Signal) -> String {
-    let text = signal.unit.to_string();
-    if text.starts_with('(') {
-        text
-    } else {
-        format!("({text})")
-    }
 }
 
 /// Reads the header fields of the signals. The header stores field by field: the first field of all
@@ -156,11 +147,8 @@ pub(crate) fn text(bytes: &[u8]) -> String {
         Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect(),
     };
     // GDF pads text with zeros. In some files the bytes after the first zero are not initialised.
-    text.split('\0')
-        .next()
-        .unwrap_or_default()
-        .trim()
-        .to_owned()
+    let (text, _) = text.split_once('\0').unwrap_or((&text, ""));
+    text.trim().to_owned()
 }
 
 /// Returns the `N` bytes at offset `at`. Callers must check the length: if `bytes` ends before all
@@ -171,6 +159,55 @@ pub(crate) fn array_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
         .and_then(|rest| rest.first_chunk())
         .copied()
         .unwrap_or([0; N])
+}
+
+/// Returns the error for a header field of `place` that holds `found`.
+pub(crate) fn field_error(
+    field: &'static str,
+    place: &str,
+    found: &str,
+    reason: &'static str,
+) -> RecordingError {
+    RecordingError::HeaderField {
+        field,
+        place: place.to_owned(),
+        found: found.to_owned(),
+        reason,
+    }
+}
+
+/// Interprets the number of records in a header; `None` if it is -1, which means unknown.
+///
+/// # Errors
+/// [`RecordingError::HeaderField`] for any other negative number.
+pub(crate) fn record_count(stated: i64) -> Result<Option<u64>, RecordingError> {
+    if stated == -1 {
+        return Ok(None);
+    }
+    let count = u64::try_from(stated).map_err(|_| {
+        let found = stated.to_string();
+        field_error("number of records", "the file", &found, "it is negative")
+    })?;
+    Ok(Some(count))
+}
+
+/// Interprets the duration of a record in a header, s; `None` if it is 0.
+///
+/// # Errors
+/// [`RecordingError::HeaderField`] if it is neither 0 nor between 1e-9 and 1e9 s.
+pub(crate) fn record_duration(seconds: f64) -> Result<Option<Ratio>, RecordingError> {
+    let duration = Ratio::from_f64(seconds);
+    if duration.is_none() && seconds != 0.0 {
+        let reason = "it must be 0 or between 1e-9 and 1e9 s";
+        let found = seconds.to_string();
+        return Err(field_error(
+            "duration of a record",
+            "the file",
+            &found,
+            reason,
+        ));
+    }
+    Ok(duration)
 }
 
 /// Recognises the format of a file of `file_bytes` bytes and reads its header.
@@ -192,10 +229,8 @@ pub(crate) fn read(source: &mut dyn Source, file_bytes: u64) -> Result<Header, R
         return Err(RecordingError::Empty);
     }
     let mut magic = [0; 8];
-    let magic_bytes = magic
-        .len()
-        .min(usize::try_from(file_bytes).unwrap_or(usize::MAX));
-    read_at(source, 0, &mut magic[..magic_bytes])?;
+    let length = in_memory(file_bytes).min(magic.len());
+    read_at(source, 0, &mut magic[..length])?;
     let format = Format::detect(magic)?;
 
     let mut fixed = [0; HEADER_BLOCK];
@@ -233,6 +268,13 @@ pub struct SignalToWrite {
     pub is_integer: bool,
     /// Smallest and largest possible value.
     pub range: [f64; 2],
+}
+
+impl SignalToWrite {
+    /// Returns the unit as text, empty without one.
+    pub(crate) fn unit(&self) -> &'static str {
+        if self.is_microvolt { "uV" } else { "" }
+    }
 }
 
 /// Content of the header of a file to write.

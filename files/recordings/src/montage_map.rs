@@ -37,39 +37,30 @@ pub enum Origin {
 
 /// Why a montage is invalid, or why a recording does not fit it.
 #[derive(Debug, Error, PartialEq)]
+#[expect(missing_docs, reason = "the messages say what each field means")]
 pub enum MontageMapError {
     /// A label of the montage is not an electrode of the 10-5 system.
     #[error(
         "the montage contains {label}, which is not an electrode of the 10-20, 10-10 or 10-5 system"
     )]
-    UnknownElectrode {
-        /// The rejected label, as written in the montage.
-        label: String,
-    },
-    /// Two labels of the montage denote the same electrode.
+    UnknownElectrode { label: String },
+    /// Two labels of the montage denote the same electrode; `label` is the second one.
     #[error("the montage contains {label} twice")]
-    DuplicateElectrode {
-        /// The second of the two labels.
-        label: String,
-    },
+    DuplicateElectrode { label: String },
     /// The recording has none of the montage's electrodes.
     #[error("the recording has none of the montage's electrodes; it has {}; needed are {}", found.join(" "), needed.join(" "))]
     NoCommonElectrode {
-        /// All labels of the recording.
         found: Vec<String>,
-        /// All labels of the montage.
         needed: Vec<String>,
     },
     /// Electrodes are missing and [`Missing::Refuse`] was chosen.
     #[error("the recording lacks {}; interpolate them, set them to zero, or use another recording", labels.join(" "))]
-    MissingElectrodes {
-        /// Labels of the missing electrodes in montage order.
-        labels: Vec<String>,
-    },
+    MissingElectrodes { labels: Vec<String> },
 }
 
 /// A problem of a recording that can still be played.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[expect(missing_docs, reason = "the messages say what each field means")]
 pub enum MontageWarning {
     /// The recording has fewer electrodes of the montage than an interpolation uses.
     #[error(
@@ -77,22 +68,14 @@ pub enum MontageWarning {
         real.len(),
         real.join(" ")
     )]
-    FewElectrodes {
-        /// Labels of the electrodes in the recording.
-        real: Vec<String>,
-        /// Number of electrodes of the montage.
-        needed: usize,
-    },
+    FewElectrodes { real: Vec<String>, needed: usize },
     /// Two signals of the recording have the same electrode.
     #[error(
         "electrode {electrode} is recorded twice: signal {used} is used, signal {ignored} is not"
     )]
     DuplicateSignal {
-        /// Name of the electrode.
         electrode: String,
-        /// Label of the signal that the map uses.
         used: String,
-        /// Label of the other signal.
         ignored: String,
     },
 }
@@ -120,10 +103,8 @@ impl MontageMap {
     ) -> Result<Self, MontageMapError> {
         let owned = |label: &str| label.to_owned();
         let signals: Vec<String> = labels.iter().map(|label| owned(label.as_ref())).collect();
-        let names: Vec<String> = electrodes
-            .iter()
-            .map(|label| owned(label.as_ref()))
-            .collect();
+        let names = electrodes.iter().map(|label| owned(label.as_ref()));
+        let names: Vec<String> = names.collect();
         let mut wanted = Vec::with_capacity(names.len());
         for label in &names {
             let electrode =
@@ -146,10 +127,8 @@ impl MontageMap {
             }
         }
         let real = |electrode: &Electrode| {
-            located
-                .iter()
-                .find(|(_, other)| other == electrode)
-                .map(|(signal, _)| *signal)
+            let found = located.iter().find(|(_, other)| other == electrode);
+            found.map(|(signal, _)| *signal)
         };
         if wanted.iter().all(|electrode| real(electrode).is_none()) {
             return Err(MontageMapError::NoCommonElectrode {
@@ -256,15 +235,11 @@ impl MontageMap {
 /// `located` holds pairs of signal index and electrode.
 fn nearest(electrode: &Electrode, located: &[(usize, Electrode)]) -> Vec<(usize, f64)> {
     let position = Position::from_electrode(electrode);
-    let mut mix: Vec<(usize, f64)> = located
+    let distance = |other| position.chord_squared(Position::from_electrode(other));
+    let mix = located
         .iter()
-        .map(|(signal, other)| {
-            (
-                *signal,
-                position.chord_squared(Position::from_electrode(other)),
-            )
-        })
-        .collect();
+        .map(|(signal, other)| (*signal, distance(other)));
+    let mut mix: Vec<(usize, f64)> = mix.collect();
     mix.sort_by(|(_, a), (_, b)| a.total_cmp(b));
     mix.truncate(NEIGHBOURS);
     // Two electrode names can denote the same position, so the distance can be 0; the minimum of
@@ -360,18 +335,10 @@ mod tests {
         );
 
         let twice = MontageMap::new(&["Cz"], &["FFC1", "FFC1h"], Missing::Zero);
-        assert_eq!(
-            twice,
-            Err(MontageMapError::DuplicateElectrode {
-                label: "FFC1h".to_owned()
-            })
-        );
+        let label = "FFC1h".to_owned();
+        assert_eq!(twice, Err(MontageMapError::DuplicateElectrode { label }));
         let unknown = MontageMap::new(&["Cz"], &["Cz", "Q1"], Missing::Zero);
-        assert_eq!(
-            unknown,
-            Err(MontageMapError::UnknownElectrode {
-                label: "Q1".to_owned()
-            })
-        );
+        let label = "Q1".to_owned();
+        assert_eq!(unknown, Err(MontageMapError::UnknownElectrode { label }));
     }
 }

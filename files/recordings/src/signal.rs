@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::ratio::Ratio;
+use crate::{header::array_at, ratio::Ratio};
 
 /// Kind of a signal. Files store annotations in the form of signals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -133,14 +133,11 @@ impl SampleType {
             Self::Signed(_) => out.extend(samples.map(|s| map(signed(s)))),
             Self::Unsigned(_) => out.extend(samples.map(|s| map(unsigned(s)))),
             Self::Float32 => {
-                let value = |s: &[u8]| {
-                    s.first_chunk()
-                        .map_or(f64::NAN, |&b| f32::from_le_bytes(b).into())
-                };
+                let value = |s| f64::from(f32::from_le_bytes(array_at(s, 0)));
                 out.extend(samples.map(|s| map(value(s))));
             }
             Self::Float64 => {
-                let value = |s: &[u8]| s.first_chunk().map_or(f64::NAN, |&b| f64::from_le_bytes(b));
+                let value = |s| f64::from_le_bytes(array_at(s, 0));
                 out.extend(samples.map(|s| map(value(s))));
             }
         }

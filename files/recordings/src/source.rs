@@ -38,11 +38,11 @@ pub(crate) fn in_memory(bytes: u64) -> usize {
     usize::try_from(bytes).unwrap_or(usize::MAX)
 }
 
-/// Number of bytes that are searched from the start of the file.
+/// Number of bytes at the start of a file that are searched for damage by a transfer in text mode.
 const SEARCHED: u64 = 4 << 20;
 
-/// Smallest number of line feeds that can prove damage. In an undamaged file, a carriage return
-/// precedes a line feed by chance once in 256 times, so four of four are damage.
+/// Smallest number of line feeds that can prove such damage. In an undamaged file, a carriage
+/// return precedes a line feed by chance once in 256 times, so four of four are damage.
 const LEAST_LINE_FEEDS: usize = 4;
 
 /// Returns whether a carriage return precedes every line feed of a file.

@@ -102,13 +102,13 @@ impl VirtualAdc {
     /// recording. A driver of real converters reports such samples as a frozen chip.
     #[must_use]
     pub fn without_dither(mut self) -> Self {
-        self.conversion.disable_dither();
+        self.conversion.dither = None;
         self
     }
 
     /// Rate and scale that were passed to [`VirtualAdc::new`].
     pub fn spec(&self) -> AdcSpec {
-        self.conversion.spec()
+        self.conversion.spec
     }
 
     /// Returns the recording being played. Its read position is ahead of the samples delivered.
@@ -123,7 +123,7 @@ impl VirtualAdc {
 
     /// Counts of saturated and non-finite values since the start of the recording.
     pub fn counters(&self) -> AdcCounters {
-        self.conversion.counters()
+        self.conversion.counters
     }
 
     fn fill_converters(&mut self) -> Result<(), RecordingError> {
@@ -174,34 +174,52 @@ fn sample_count(recording: &Recording, rate_hz: u32) -> u64 {
 }
 
 #[cfg(test)]
-#[allow(dead_code, reason = "the integration tests build all kinds of files")]
-#[path = "../tests/it/files.rs"]
-mod files;
-
-#[cfg(test)]
 mod tests {
     use std::io::Cursor;
 
-    use super::{
-        files::{EdfFile, EdfSignal},
-        *,
-    };
+    use super::*;
+    use crate::gdf::writer::GdfWriter;
+    use crate::header::{FileToWrite, SignalToWrite};
     use crate::montage_map::Missing;
+
+    /// Returns a GDF file of two signals with these rates: int16 samples of 1 uV.
+    fn file(rates: [u16; 2], seconds: u16) -> Vec<u8> {
+        let signal = |label: &str| SignalToWrite {
+            label: label.to_owned(),
+            is_microvolt: true,
+            is_integer: true,
+            range: [-32_768.0, 32_767.0],
+        };
+        let file = FileToWrite {
+            signals: ["C3", "C4"].map(signal).into(),
+            rate_hz: 1,
+            rows_per_record: 1,
+            start_ns: 0,
+            description: String::new(),
+        };
+        let writer = GdfWriter::new(Cursor::new(Vec::new()), &file).expect("a header");
+        let mut bytes = writer.finish(&[]).expect("memory").into_inner();
+        // The writer knows one rate and float32 only: samples per record and types are replaced,
+        // and the event table by the records.
+        bytes.truncate(3 * 256);
+        bytes[236..244].copy_from_slice(&i64::from(seconds).to_le_bytes());
+        let fields = rates.map(u32::from).into_iter().chain([3, 3]);
+        let fields: Vec<u8> = fields.flat_map(u32::to_le_bytes).collect();
+        bytes[688..704].copy_from_slice(&fields);
+        let per_record: usize = rates.map(usize::from).iter().sum();
+        bytes.extend([1, 0].repeat(per_record * usize::from(seconds)));
+        bytes
+    }
 
     #[test]
     fn a_rate_group_that_is_ahead_buffers_only_a_few_blocks() {
         // The file lasts 20 minutes. At most 32,768 (512 and 160 Hz) and 47,348 samples (160 and
         // 250 Hz) were measured in memory; the limit below is 65,536. One block read from the file
         // alone is 48 s (24,576 outputs) or 79 s (40,448).
-        const RECORDS: usize = 1200;
+        const SECONDS: u16 = 1200;
         for rates in [[512, 160], [160, 250]] {
-            let [c3, c4] = rates.map(|rate| vec![1; RECORDS * rate]);
-            let signals = vec![
-                EdfSignal::int16("C3", rates[0], &c3),
-                EdfSignal::int16("C4", rates[1], &c4),
-            ];
-            let bytes = EdfFile::edf("1200", signals).bytes();
-            let recording = Recording::from_source(Cursor::new(bytes)).expect("a sound file");
+            let file = Cursor::new(file(rates, SECONDS));
+            let recording = Recording::from_source(file).expect("a sound file");
             let map = MontageMap::new(&recording.labels(), &["C3", "C4"], Missing::Refuse);
             let map = map.expect("both are there");
             let adc = VirtualAdc::new(recording, &map, AdcSpec::ads1299(512));
@@ -213,7 +231,7 @@ mod tests {
                 most = most.max(adc.conversion.queued_samples());
                 delivered += 1;
             }
-            assert_eq!(delivered, RECORDS * 512);
+            assert_eq!(delivered, usize::from(SECONDS) * 512);
             assert!(
                 most < 65_536,
                 "{rates:?}: {most} of {delivered} samples in memory"

@@ -7,7 +7,8 @@ use fixed_dsp::{CascadeState, Filter};
 use model_gen::design::{butterworth_band_pass, notch};
 use num_complex::Complex64;
 use picture::canvas::{RESULT, SOURCE};
-use picture::curves::{Curve, Curves, Mark};
+use picture::curves::Curves;
+use picture::lines::{Mark, Series};
 use pipeline::Mains;
 
 /// Pass band of the filters, Hz.
@@ -116,22 +117,15 @@ impl Response {
     }
 }
 
-fn curves(compared: &[[f64; 3]]) -> Vec<Curve> {
+fn curves(compared: &[[f64; 3]]) -> Vec<Series> {
     let measured = compared.iter().map(|[hz, measured, _]| (*hz, *measured));
+    let measured = measured.filter(|(_, value)| !value.is_nan()).collect();
     let designed = compared.iter().map(|[hz, _, designed]| (*hz, *designed));
+    let designed = designed.step_by(CIRCLE_DISTANCE).collect();
+    let label = "measured: impulses through the integer filters";
     vec![
-        Curve {
-            label: "measured: impulses through the integer filters".to_owned(),
-            color: SOURCE,
-            mark: Mark::Line,
-            points: measured.filter(|(_, value)| !value.is_nan()).collect(),
-        },
-        Curve {
-            label: "float64 twin, not quantised".to_owned(),
-            color: RESULT,
-            mark: Mark::Circles,
-            points: designed.step_by(CIRCLE_DISTANCE).collect(),
-        },
+        Series::new(label, SOURCE, Mark::Line, measured),
+        Series::new("float64 twin, not quantised", RESULT, Mark::Rings, designed),
     ]
 }
 

@@ -1,13 +1,14 @@
 //! Progress on the terminal.
 
+use crate::crossval::Outcome;
+use crate::error::TrainerError;
+use crate::progress::ProgressObserver;
+use crate::training::EpochLosses;
 use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::SIGINT;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-use trainer::crossval::Outcome;
-use trainer::error::TrainerError;
-use trainer::progress::{EpochReport, ProgressObserver};
 
 /// Prints progress to standard error: lines, and a bar over all epochs or folds with the time left.
 pub(crate) struct Terminal {
@@ -21,7 +22,7 @@ pub(crate) struct Terminal {
 }
 
 impl Terminal {
-    /// Creates the display. Ctrl-C ends the program.
+    /// Creates the display; Ctrl-C ends the program, as without a display.
     pub(crate) fn new() -> Self {
         Self {
             bar: ProgressBar::hidden(),
@@ -32,8 +33,8 @@ impl Terminal {
         }
     }
 
-    /// Creates the display. The first Ctrl-C stops a training after its present batch, the second
-    /// ends the program.
+    /// Creates the display, and catches Ctrl-C: the first one stops a training run after its
+    /// present batch, the second one ends the program.
     ///
     /// # Errors
     /// If the system refuses to report Ctrl-C.
@@ -46,7 +47,6 @@ impl Terminal {
         Ok(terminal)
     }
 
-    #[expect(clippy::cast_precision_loss, reason = "for display")]
     fn windows_per_second(&self) -> f64 {
         let seconds = self
             .start
@@ -81,12 +81,7 @@ impl ProgressObserver for Terminal {
             .set_message(format!("{speed:.0} windows/s, loss {loss:.5}"));
     }
 
-    fn epoch_finished(&mut self, report: EpochReport) {
-        let EpochReport {
-            epoch,
-            loss,
-            validation,
-        } = report;
+    fn epoch_finished(&mut self, epoch: u32, EpochLosses { loss, validation }: EpochLosses) {
         if self.start.is_none() {
             // An epoch of a fold: the bar shows the folds.
             let text = format!("epoch {epoch}, validation MSE {validation:.5}");

@@ -3,19 +3,19 @@
 use super::outcome::{Outcome, Validation};
 use super::plan::{Block, Fold};
 use crate::calibrate::calibrated_artifact;
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, TrainingSet};
 use crate::error::TrainerError;
 use crate::evaluate::{ReconstructionError, evaluate};
 use crate::network::Network;
 use crate::parameters::Parameters;
-use crate::pca;
 use crate::progress::ProgressObserver;
 use crate::track::Track;
-use crate::training::{Settings, Training};
+use crate::training::{Settings, Training, validation_windows};
 use artifact::{Description, Geometry, Mode};
 use std::ops::ControlFlow;
 
-/// Returns the outcome of a fold, from the tracks of its subject.
+/// Trains a model on the blocks outside a fold, tests it on the fold, and returns the outcome.
+/// `tracks` are all recordings of the subject.
 pub(super) fn test_fold(
     tracks: &[Track],
     fold: &Fold,
@@ -26,53 +26,46 @@ pub(super) fn test_fold(
     let mut description = description.clone();
     let dimensions = description.dimensions();
     let training = parts(tracks, fold, dimensions.steps, false);
-    let mut split = Dataset::split(&training, dimensions)?;
-    let mut whole = Dataset::from_tracks(&training, dimensions)?;
+    let training_set = TrainingSet::new(&training, dimensions)?;
+    let TrainingSet {
+        split,
+        whole,
+        sd_uv,
+    } = &training_set;
     let mut test = Dataset::from_tracks(&parts(tracks, fold, dimensions.steps, true), dimensions)?;
-    let sd_uv = split.training.deviation();
-    if sd_uv <= 0.0 {
-        return Err(TrainerError::Silent);
-    }
-    for part in [
-        &mut split.training,
-        &mut split.validation,
-        &mut whole,
-        &mut test,
-    ] {
-        part.scale(1.0 / sd_uv);
-    }
-    description.input.sd_uv = sd_uv;
+    test.scale(1.0 / sd_uv);
+    description.input.sd_uv = *sd_uv;
     let geometry = Geometry::new(&description);
     let network = Network::new(&description);
-    let moment = pca::second_moment(&split.training);
-    let directions = pca::principal_directions(moment, dimensions.numbers);
-    let linear = Parameters::pca(geometry, &directions);
-    let validation = split.validation.aligned(dimensions.steps);
-    let pca_validation = network.mean_squared_error(&linear, &validation);
+    let directions = training_set.directions();
     let settings = Settings {
         seed: seed(settings.seed, fold),
         ..settings
     };
+    let initial = |mode| Parameters::initial(mode, geometry, &directions, settings.seed);
+    let linear = initial(Mode::Pca);
+    let pca_validation = network.mean_squared_error(&linear, &validation_windows(split));
     let (best, best_epoch, model_validation, curve) = match description.mode {
         Mode::Pca => (linear.clone(), 0, pca_validation, None),
         mode => {
-            let start = Parameters::initial(mode, geometry, &directions, settings.seed);
-            let mut training = Training::start(settings, start, &network, &split);
+            let start = initial(mode);
+            let mut training = Training::start(settings, start, &network, split);
             while !training.is_done() {
                 let go_on = |_| ControlFlow::Continue(());
-                observer.epoch_finished(training.run_epoch(&network, &split, go_on)?);
+                let losses = training.run_epoch(&network, split, go_on)?;
+                observer.epoch_finished(training.epoch, losses);
             }
-            let best = training.best();
-            let curve = Some(training.curve().clone());
-            (best.parameters.clone(), best.epoch, best.validation, curve)
+            let best = training.best;
+            let curve = Some(training.curve);
+            (best.parameters, best.epoch, best.validation, curve)
         }
     };
-    let pca = calibrated_artifact(description.clone(), &linear, &whole)?;
+    let pca = calibrated_artifact(description.clone(), &linear, whole)?;
     let pca = evaluate(&pca, &test)?;
     let windows = test.aligned(description.window.hop).len();
     let model = if description.mode == Mode::Paper {
-        // Its integer codes have no decoder, so the test is that of the float network with the
-        // pools' places.
+        // Integer codes of this mode have no decoder. The float network is tested instead, whose
+        // decoder gets the places of the pools' maxima.
         let [mse, signal] = network.errors(&best, &test.aligned(description.window.hop));
         let error = ReconstructionError {
             mse,
@@ -81,23 +74,21 @@ pub(super) fn test_fold(
         };
         [Some(error), None]
     } else {
-        let evaluation = evaluate(
-            &calibrated_artifact(description.clone(), &best, &whole)?,
-            &test,
-        )?;
+        let model = calibrated_artifact(description.clone(), &best, whole)?;
+        let evaluation = evaluate(&model, &test)?;
         [Some(evaluation.float), Some(evaluation.integer)]
     };
     Ok(Outcome {
         settings: String::new(),
         subject: fold.subject.clone(),
         repetition: fold.repetition,
-        fold: fold.fold,
+        fold: fold.number,
         mode: description.mode.to_string(),
         numbers: dimensions.numbers,
         is_decodable: description.mode != Mode::Paper,
         tested_on: fold.tested_on(),
         windows,
-        sd_uv,
+        sd_uv: *sd_uv,
         best_epoch,
         validation: Validation {
             model: model_validation,
@@ -111,17 +102,17 @@ pub(super) fn test_fold(
     })
 }
 
-/// Returns the seed of a fold, so that repetitions start with other parameters.
+/// Returns the seed of a fold's training run, which differs between folds and repetitions.
 fn seed(first: u64, fold: &Fold) -> u64 {
     first
         .wrapping_mul(1_000)
         .wrapping_add(100 * fold.repetition as u64)
-        .wrapping_add(fold.fold as u64)
+        .wrapping_add(fold.number as u64)
 }
 
-/// Returns the contiguous parts of the tracks that belong to the test, or those that do not. The
-/// first `gap` steps of a part that continues another are left out, so that no window of one
-/// overlaps one of the other.
+/// Returns the contiguous parts of the tracks that belong to the fold's test, or, if `is_test` is
+/// false, to its training. A part that does not start its recording lacks its first `gap` steps, so
+/// that no window of the training overlaps a window of the test.
 fn parts(tracks: &[Track], fold: &Fold, gap: usize, is_test: bool) -> Vec<Track> {
     let mut parts = Vec::new();
     for (recording, track) in tracks.iter().enumerate() {
@@ -160,7 +151,7 @@ mod tests {
         Fold {
             subject: "s".to_owned(),
             repetition: 1,
-            fold: 1,
+            number: 1,
             blocks,
             test: test
                 .iter()

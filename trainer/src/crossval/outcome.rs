@@ -3,7 +3,7 @@
 use super::plan::Fold;
 use crate::error::TrainerError;
 use crate::evaluate::ReconstructionError;
-use crate::learning_curve::LearningCurve;
+use crate::training::LearningCurve;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
@@ -12,72 +12,63 @@ use std::path::{Path, PathBuf};
 /// Folder of the outcomes, below that of the tables.
 const FOLDER: &str = "folds";
 
-/// ReconstructionError of a fold. All figures are over the windows of the test at every hop, and
+/// Errors of the models of one fold. All figures are over the windows of the test at every hop, and
 /// all electrodes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Outcome {
     /// All settings that determine the figures, as text.
     pub(super) settings: String,
-    /// Name of the subject.
-    pub subject: String,
+    pub(crate) subject: String,
     /// Number of the repetition, from 1.
-    pub repetition: usize,
+    pub(crate) repetition: usize,
     /// Number of the fold within the repetition, from 1.
-    pub fold: usize,
-    /// Mode of the model.
-    pub mode: String,
+    pub(crate) fold: usize,
+    pub(crate) mode: String,
     /// Number of numbers in a code.
-    pub numbers: usize,
+    pub(crate) numbers: usize,
     /// Whether the signal can be decoded from the code alone.
-    pub is_decodable: bool,
+    pub(crate) is_decodable: bool,
     /// Recordings of the test, or blocks of them.
-    pub tested_on: String,
+    pub(crate) tested_on: String,
     /// Number of windows of the test.
-    pub windows: usize,
+    pub(crate) windows: usize,
     /// Standard deviation of the training part, uV.
-    pub sd_uv: f64,
+    pub(crate) sd_uv: f64,
     /// Epoch with the smallest validation error; 0 for the initial parameters.
-    pub best_epoch: u32,
-    /// Validation errors.
-    pub validation: Validation,
-    /// ReconstructionError of all epochs; absent in mode `pca`, which has none, and in files of
-    /// earlier versions.
+    pub(crate) best_epoch: u32,
+    pub(crate) validation: Validation,
+    /// Errors of all epochs; absent in mode `pca`, which has none, and in files of earlier
+    /// versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub curve: Option<LearningCurve>,
-    /// ReconstructionError of the model with float codes.
-    pub model_float: Option<ReconstructionError>,
-    /// ReconstructionError of the model with integer codes; absent if they cannot be decoded.
-    pub model_integer: Option<ReconstructionError>,
-    /// ReconstructionError of PCA with float codes.
-    pub pca_float: ReconstructionError,
-    /// ReconstructionError of PCA with integer codes.
-    pub pca_integer: ReconstructionError,
+    pub(crate) curve: Option<LearningCurve>,
+    /// Error of the model with float codes.
+    pub(crate) model_float: Option<ReconstructionError>,
+    /// Error of the model with integer codes; absent if they cannot be decoded.
+    pub(crate) model_integer: Option<ReconstructionError>,
+    /// Error of PCA with float codes.
+    pub(crate) pca_float: ReconstructionError,
+    /// Error of PCA with integer codes.
+    pub(crate) pca_integer: ReconstructionError,
 }
 
 /// Mean squared errors on disjoint windows of the validation part, in units of the training
 /// variance.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Validation {
+pub(crate) struct Validation {
     /// Error of the model at its best epoch.
-    pub model: f64,
-    /// Error of PCA.
-    pub pca: f64,
+    pub(crate) model: f64,
+    pub(crate) pca: f64,
 }
 
 impl Outcome {
-    pub(super) fn with_settings(mut self, settings: String) -> Self {
-        self.settings = settings;
-        self
-    }
-
-    /// Returns the name of the fold.
-    pub fn name(&self) -> String {
+    /// Returns the name of the fold, as [`Fold::name`] does.
+    pub(crate) fn name(&self) -> String {
         format!("{}-r{}-f{}", self.subject, self.repetition, self.fold)
     }
 
-    /// Writes the outcome into a folder; a crash while writing leaves no half file under its name.
+    /// Writes the outcome into a folder; a crash while writing leaves no incomplete outcome.
     pub(super) fn write(&self, folder: &Path) -> Result<(), TrainerError> {
         let path = folder.join(FOLDER).join(format!("{}.json", self.name()));
         let text = serde_json::to_string_pretty(self)
@@ -88,7 +79,7 @@ impl Outcome {
     }
 }
 
-/// Creates the folders of outcomes and tables.
+/// Creates a folder for tables, and in it the folder of the outcomes.
 pub(super) fn prepare(folder: &Path) -> Result<(), TrainerError> {
     let path = folder.join(FOLDER);
     fs::create_dir_all(&path).map_err(TrainerError::file(&path))

@@ -13,18 +13,16 @@ use std::str::FromStr;
 
 /// A subject with its recordings.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Subject {
-    /// Name of the subject.
-    pub name: String,
-    /// Recordings, sorted by name.
-    pub recordings: Vec<PathBuf>,
+pub(crate) struct Subject {
+    pub(crate) name: String,
+    pub(crate) recordings: Vec<PathBuf>,
 }
 
 /// Groups recordings by subject. With a name, all belong to one subject; else the subject's name is
 /// that of the file without its ending, the number of the run and the word before the number:
 /// `S001R03.edf` and `S001R04.edf` belong to `S001`, `motorexecution_subject2_run1.gdf` to
 /// `motorexecution_subject2`. A file without a number is a subject of its own.
-pub fn group(recordings: &[PathBuf], name: Option<&str>) -> Vec<Subject> {
+pub(crate) fn group(recordings: &[PathBuf], name: Option<&str>) -> Vec<Subject> {
     let mut subjects: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
     for recording in recordings {
         let subject = name.map_or_else(|| subject_of(recording), str::to_owned);
@@ -39,16 +37,13 @@ pub fn group(recordings: &[PathBuf], name: Option<&str>) -> Vec<Subject> {
 }
 
 fn subject_of(recording: &Path) -> String {
-    let stem = recording
-        .file_stem()
-        .map(|stem| stem.to_string_lossy().into_owned());
-    let stem = stem.unwrap_or_else(|| file_name(recording));
+    let stem = recording.file_stem().unwrap_or_default();
+    let stem = stem.to_string_lossy().into_owned();
     let without_number = stem.trim_end_matches(|c: char| c.is_ascii_digit());
     if without_number.len() == stem.len() {
         return stem;
     }
-    let is_letter = |c: char| c.is_ascii_alphabetic();
-    let without_word = without_number.trim_end_matches(is_letter);
+    let without_word = without_number.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let subject = without_word.trim_end_matches(['_', '-', ' ']);
     // A name of one word and a number, such as run3, has no subject.
     if subject.is_empty() {
@@ -60,38 +55,37 @@ fn subject_of(recording: &Path) -> String {
 
 /// A fold: the blocks of its test. Its model is trained on all other blocks of the subject.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fold {
-    /// Name of the subject.
-    pub subject: String,
+pub(crate) struct Fold {
+    pub(crate) subject: String,
     /// Number of the repetition, from 1.
-    pub repetition: usize,
+    pub(crate) repetition: usize,
     /// Number of the fold within the repetition, from 1.
-    pub fold: usize,
+    pub(crate) number: usize,
     /// Number of blocks into which each recording is divided; 1 for whole runs.
-    pub blocks: usize,
+    pub(crate) blocks: usize,
     /// Blocks of the test, in their order.
-    pub test: Vec<Block>,
+    pub(crate) test: Vec<Block>,
     /// File names of the subject's recordings.
-    pub recordings: Vec<String>,
+    pub(crate) recordings: Vec<String>,
 }
 
 /// A contiguous part of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Block {
+pub(crate) struct Block {
     /// Index of the recording among those of the subject.
-    pub recording: usize,
+    pub(crate) recording: usize,
     /// Index of the block in its recording.
-    pub block: usize,
+    pub(crate) block: usize,
 }
 
 impl Fold {
     /// Returns the name of the fold, which is also that of its file.
-    pub fn name(&self) -> String {
-        format!("{}-r{}-f{}", self.subject, self.repetition, self.fold)
+    pub(crate) fn name(&self) -> String {
+        format!("{}-r{}-f{}", self.subject, self.repetition, self.number)
     }
 
-    /// Returns the kind of blocks, as text.
-    pub fn kind(&self) -> String {
+    /// Returns what is dealt to the folds, as text: whole runs, or blocks of runs.
+    pub(crate) fn kind(&self) -> String {
         if self.blocks == 1 {
             "whole runs".to_owned()
         } else {
@@ -99,8 +93,9 @@ impl Fold {
         }
     }
 
-    /// Returns the runs of the test, or the blocks of each run (from 1), as text.
-    pub fn tested_on(&self) -> String {
+    /// Returns the test as text: names of runs, each with the number of its block (from 1) if runs
+    /// are divided into blocks.
+    pub(crate) fn tested_on(&self) -> String {
         let mut text = String::new();
         for block in &self.test {
             let separator = if text.is_empty() { "" } else { " " };
@@ -115,8 +110,8 @@ impl Fold {
     }
 }
 
-/// Returns the folds of all repetitions of a subject. Each repetition deals the blocks in another
-/// random order, which depends on seed and repetition alone.
+/// Returns the folds of all repetitions of a subject. In each repetition the blocks are dealt to
+/// the folds in a random order, which depends on seed and repetition alone.
 ///
 /// # Errors
 /// If there are fewer blocks than folds, or a single fold.
@@ -138,6 +133,8 @@ pub(super) fn folds(
     let all: Vec<Block> = (0..runs)
         .flat_map(|recording| (0..blocks).map(move |block| Block { recording, block }))
         .collect();
+    let recordings = subject.recordings.iter();
+    let recordings: Vec<String> = recordings.map(|file| file_name(file)).collect();
     let mut folds = Vec::new();
     for repetition in 1..=options.repetitions {
         let mut rng = ChaCha8Rng::seed_from_u64(options.settings.seed);
@@ -145,49 +142,34 @@ pub(super) fn folds(
         let mut dealt = all.clone();
         dealt.shuffle(&mut rng);
         for fold in 0..options.folds {
-            let mut test: Vec<Block> = dealt
-                .iter()
-                .skip(fold)
-                .step_by(options.folds)
-                .copied()
-                .collect();
+            let test = dealt.iter().skip(fold).step_by(options.folds);
+            let mut test: Vec<Block> = test.copied().collect();
             test.sort_unstable();
             folds.push(Fold {
                 subject: subject.name.clone(),
                 repetition,
-                fold: fold + 1,
+                number: fold + 1,
                 blocks,
                 test,
-                recordings: subject
-                    .recordings
-                    .iter()
-                    .map(|file| file_name(file))
-                    .collect(),
+                recordings: recordings.clone(),
             });
         }
     }
     Ok(folds)
 }
 
-/// Shard K of N: every N-th fold, from the K-th on. The default is the whole.
+/// Shard K of N of a cross-validation: every N-th fold, from the K-th on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shard {
+pub(crate) struct Shard {
     /// Number of the shard, from 0.
     index: usize,
-    /// Number of shards.
     count: usize,
 }
 
 impl Shard {
     /// Returns whether the shard has the fold of this index, from 0.
-    pub fn contains(&self, fold: usize) -> bool {
+    pub(crate) fn contains(&self, fold: usize) -> bool {
         fold % self.count == self.index
-    }
-}
-
-impl Default for Shard {
-    fn default() -> Self {
-        Self { index: 0, count: 1 }
     }
 }
 
@@ -250,7 +232,6 @@ mod tests {
             let owners = shards.iter().filter(|shard| shard.contains(fold));
             assert_eq!(owners.count(), 1);
         }
-        assert!((0..20).all(|fold| Shard::default().contains(fold)));
     }
 
     #[test]

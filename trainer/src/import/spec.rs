@@ -12,63 +12,39 @@ use std::path::Path;
 #[serde(deny_unknown_fields)]
 pub(super) struct Spec {
     /// Path of the montage file, relative to the specification.
-    pub(super) montage: String,
+    montage: String,
     /// Layers of the network.
-    pub(super) mode: Mode,
+    mode: Mode,
     /// Standard deviation of the training data, uV; the network's input is in units of it.
-    pub(super) sd_uv: f64,
-    /// Number of numbers in a code.
-    #[serde(default = "default::numbers")]
-    pub(super) numbers: usize,
-    /// Number of time steps in a window.
-    #[serde(default = "default::steps")]
-    pub(super) steps: usize,
-    /// Time steps from the start of one window to the start of the next.
-    #[serde(default = "default::hop")]
-    pub(super) hop: usize,
-    /// Zero padding of both convolutions.
-    #[serde(default = "default::padding")]
-    pub(super) padding: Padding,
-    /// Steps, rows and columns of the max-pool.
-    #[serde(default = "default::pool")]
-    pub(super) pool: [usize; 3],
-    /// Integer format of the codes.
-    #[serde(default = "default::code_format")]
-    pub(super) code_format: CodeFormat,
+    sd_uv: f64,
+    /// Length of a code; 128 if not stated. This and the next five defaults are the paper's
+    /// dimensions, and the code format with the least loss for its bits.
+    numbers: Option<usize>,
+    /// Time steps of a window; 16 if not stated.
+    steps: Option<usize>,
+    /// Time steps from the start of one window to the start of the next; 8 if not stated.
+    hop: Option<usize>,
+    /// Zero padding of both convolutions; none if not stated.
+    padding: Option<Padding>,
+    /// Steps, rows and columns of the max-pool; 2 of each if not stated.
+    pool: Option<[usize; 3]>,
+    /// Integer format of the codes; `int8-exponent` if not stated.
+    code_format: Option<CodeFormat>,
     /// Mains frequency of the training data, Hz.
-    pub(super) mains_hz: u32,
+    mains_hz: u32,
     /// Origin and licence of the training data.
     #[serde(default)]
-    pub(super) dataset: String,
+    dataset: String,
     /// References to cite when the model is used.
     #[serde(default)]
-    pub(super) citation: String,
+    citation: String,
     /// Labels of electrodes that were interpolated in training.
     #[serde(default)]
-    pub(super) interpolated: Vec<String>,
+    interpolated: Vec<String>,
     /// Names in the file, by the names of this project: of tensors, or of layers with all their
     /// tensors.
     #[serde(default)]
     pub(super) names: BTreeMap<String, String>,
-}
-
-/// The paper's dimensions, and the code format with the least loss for its bits.
-mod default {
-    use artifact::{CodeFormat, Padding};
-
-    macro_rules! defaults {
-        ($($field:ident: $type:ty = $value:expr;)*) => {
-            $(pub(super) fn $field() -> $type { $value })*
-        };
-    }
-    defaults! {
-        numbers: usize = 128;
-        steps: usize = 16;
-        hop: usize = 8;
-        padding: Padding = Padding::None;
-        pool: [usize; 3] = [2, 2, 2];
-        code_format: CodeFormat = CodeFormat::Int8Exponent;
-    }
 }
 
 impl Spec {
@@ -92,14 +68,14 @@ impl Spec {
             let montage = MontageFile::read(&folder.join(&self.montage))?;
             let shape = Shape {
                 mode: self.mode,
-                numbers: self.numbers,
-                steps: self.steps,
-                hop: self.hop,
-                padding: self.padding,
-                format: self.code_format,
+                numbers: self.numbers.unwrap_or(128),
+                steps: self.steps.unwrap_or(16),
+                hop: self.hop.unwrap_or(8),
+                padding: self.padding.unwrap_or(Padding::None),
+                format: self.code_format.unwrap_or(CodeFormat::Int8Exponent),
             };
             let mut description = card::checked_description(&montage, shape)?;
-            description.network.pool = self.pool;
+            description.network.pool = self.pool.unwrap_or([2, 2, 2]);
             description.input.sd_uv = self.sd_uv;
             self.fill_card(&mut description);
             artifact::check_description(&description).map_err(TrainerError::Shape)?;
@@ -130,33 +106,6 @@ impl Spec {
         match entry.max_by_key(|(length, ..)| *length) {
             Some((_, theirs, rest)) => format!("{theirs}{rest}"),
             None => name.to_owned(),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_map_tensors_and_layers_and_the_longest_entry_wins() {
-        let text = r#"
-            montage = "m.toml"
-            mode = "shortcut"
-            sd_uv = 40.0
-            mains_hz = 50
-            [names]
-            "encoder.conv1" = "encoder.0"
-            "encoder.conv1.bias" = "b"
-            "encoder.conv" = "x"
-        "#;
-        let spec: Spec = toml::from_str(text).expect("a specification");
-        for (ours, theirs) in [
-            ("encoder.conv1.weight", "encoder.0.weight"),
-            ("encoder.conv1.bias", "b"),
-            ("encoder.conv2.weight", "encoder.conv2.weight"),
-        ] {
-            assert_eq!(spec.name_in_file(ours), theirs);
         }
     }
 }

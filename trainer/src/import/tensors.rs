@@ -25,10 +25,8 @@ const REFERENCE: [&str; 3] = [
 #[derive(Debug)]
 pub(super) struct StateDict(BTreeMap<String, Entry>);
 
-/// A tensor of the file.
 #[derive(Debug)]
 struct Entry {
-    /// Lengths of the dimensions.
     shape: Vec<usize>,
     /// Element type as in the file, for example `F32`.
     element_type: String,
@@ -39,7 +37,6 @@ struct Entry {
 /// The tensors of a model.
 #[derive(Debug)]
 pub(super) struct Collected {
-    /// Weights with the names of this project.
     pub(super) weights: Tensors,
     /// Ranges, or windows to measure them on.
     pub(super) calibration: Calibration,
@@ -50,7 +47,6 @@ pub(super) struct Collected {
 /// Source of the ranges from which the int8 scales are derived.
 #[derive(Debug)]
 pub(super) enum Calibration {
-    /// Measured ranges.
     Ranges(Tensors),
     /// Windows, each in the order step, electrode (the last fastest), in units of `sd_uv`.
     Windows(Vec<Vec<f32>>),
@@ -61,7 +57,6 @@ pub(super) enum Calibration {
 pub(super) struct Reference {
     /// Windows on the scalp grid, each in the order step, row, column.
     pub(super) windows: Vec<Vec<f32>>,
-    /// Code of each window.
     pub(super) codes: Vec<Vec<f32>>,
     /// Reconstruction of each window on the scalp grid, if the file has it.
     pub(super) reconstructions: Option<Vec<Vec<f32>>>,
@@ -153,8 +148,8 @@ impl Search<'_> {
         }
     }
 
-    /// Returns the elements of a required tensor. A length of 0 in `shape` matches any other
-    /// length.
+    /// Returns the elements of a required tensor, or notes what is wrong with it. A length of 0 in
+    /// `shape` stands for any length of at least 1.
     fn tensor(&mut self, name: &str, shape: &[usize]) -> Option<Vec<f32>> {
         self.used.insert(name.to_owned());
         let expected = in_words(shape);
@@ -186,7 +181,7 @@ impl Search<'_> {
         fits.then(|| values.clone())
     }
 
-    /// Returns the rows of a tensor whose first dimension is their number.
+    /// Returns the rows of a required tensor, whose first dimension is the number of rows.
     fn rows(&mut self, name: &str, row: &[usize]) -> Option<Vec<Vec<f32>>> {
         let values = self.tensor(name, &[&[0], row].concat())?;
         let length = row.iter().product();
@@ -324,7 +319,7 @@ impl Search<'_> {
     }
 }
 
-/// Returns whether a shape is the expected one, in which 0 matches any other length.
+/// Returns whether a shape is the expected one, in which 0 stands for any length of at least 1.
 fn fits(found: &[usize], expected: &[usize]) -> bool {
     let is_right = |(found, expected): (&usize, &usize)| match *expected {
         0 => *found > 0,

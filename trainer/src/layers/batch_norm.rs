@@ -47,7 +47,6 @@ impl Moments {
         self
     }
 
-    /// Returns the mean of each channel.
     #[expect(clippy::cast_possible_truncation, reason = "the statistics are f32")]
     pub(crate) fn mean(&self) -> Vec<f32> {
         self.mean.iter().map(|mean| *mean as f32).collect()
@@ -182,16 +181,13 @@ impl<'a> BatchNorm<'a> {
 impl NormGradient {
     /// Adds the gradients of another group of the batch.
     pub(crate) fn add(mut self, other: &Self) -> Self {
-        for (sum, value) in self.gain.iter_mut().zip(&other.gain) {
-            *sum += value;
-        }
-        for (sum, value) in self.offset.iter_mut().zip(&other.offset) {
+        let sums = self.gain.iter_mut().chain(&mut self.offset);
+        for (sum, value) in sums.zip(other.gain.iter().chain(&other.offset)) {
             *sum += value;
         }
         self
     }
 
-    /// Returns the gradients of gain and offset.
     #[expect(clippy::cast_possible_truncation, reason = "gradients are f32")]
     pub(crate) fn to_numbers(&self) -> [Vec<f32>; 2] {
         [&self.gain, &self.offset].map(|sums| sums.iter().map(|sum| *sum as f32).collect())
@@ -242,18 +238,6 @@ mod tests {
             assert!((variance - squares / count).abs() < 1e-4);
             let unbiased = f64::from(merged.unbiased_variance()[channel]);
             assert!((unbiased - squares / (count - 1.0)).abs() < 1e-4);
-        }
-    }
-
-    #[test]
-    fn a_normalised_batch_has_mean_0_and_variance_1() {
-        let x = volume(1.0);
-        let moments = Moments::new(&x, LANES);
-        let norm = BatchNorm::new([&[1.0; 2], &[0.0; 2]], moments.mean(), &moments.variance());
-        let y = Moments::new(&norm.apply(&x), LANES);
-        for channel in 0..2 {
-            assert!(y.mean()[channel].abs() < 1e-6);
-            assert!((y.variance()[channel] - 1.0).abs() < 1e-3);
         }
     }
 }

@@ -187,7 +187,6 @@ impl NullaryFnOnce for Correlate<'_> {
 struct Reach {
     /// First tap.
     first: usize,
-    /// Number of taps.
     count: usize,
     /// Place of the input that the first tap meets.
     input: usize,
@@ -355,8 +354,8 @@ impl WithSimd for WeightGradient<'_> {
     }
 }
 
-/// The vectors of a part of the windows, from the place that a step and row of the kernel meet
-/// first.
+/// The processor's vectors of both volumes for a part of the windows of a group. `large` starts at
+/// the first place that a step and a row of the kernel meet.
 struct Vectors<'a, V> {
     small: &'a [V],
     small_size: [usize; 3],

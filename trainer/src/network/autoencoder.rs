@@ -50,12 +50,10 @@ impl<'a> Autoencoder<'a> {
         }
     }
 
-    /// Returns the fully connected layer of the encoder.
     pub(super) fn encoder_fc(&self) -> Matrix<'a> {
         Matrix::new(&self.weights.encoder.fc.weight, self.layout.geometry.flat())
     }
 
-    /// Returns the fully connected layer of the decoder.
     pub(super) fn decoder_fc(&self) -> Matrix<'a> {
         Matrix::new(&self.weights.decoder.fc.weight, self.numbers())
     }

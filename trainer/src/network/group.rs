@@ -47,7 +47,6 @@ impl Layout {
 /// Up to [`LANES`] windows; the lanes without a window are 0.
 #[derive(Clone, Debug)]
 pub(super) struct Group {
-    /// Number of windows.
     pub(super) windows: usize,
     /// Values on the scalp grid, one channel; cells without an electrode are 0.
     pub(super) cells: Volume,

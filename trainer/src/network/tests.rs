@@ -21,7 +21,7 @@ fn parameters() -> Parameters {
     changed(testing::shortcut(3))
 }
 
-/// Returns parameters with a change of each value.
+/// Changes every value of the parameters, each by another amount.
 fn changed(mut parameters: Parameters) -> Parameters {
     for tensor in TENSORS {
         let values = tensor.of_mut(&mut parameters.weights);
@@ -67,20 +67,13 @@ fn worst_difference(
 }
 
 #[test]
-fn the_network_equals_the_artifacts_float_encoder_and_decoder() {
+fn network_and_trace_equal_the_artifacts_float_encoder_and_decoder() {
     let parameters = parameters();
-    let dataset = testing::dataset(5, 64);
+    let dataset = testing::dataset(5, 16 * 20);
     let artifact = testing::model(&parameters, &testing::dataset(1, 64));
     let worst = worst_difference(&network(), &parameters, &artifact, &dataset);
     // Each implementation adds at most 1152 products in f32, in its own order. Measured: 9e-6.
     assert!(worst < 1e-4, "{worst}");
-}
-
-#[test]
-fn the_trace_equals_that_of_the_artifacts_float_encoder() {
-    let parameters = parameters();
-    let dataset = testing::dataset(5, 16 * 20);
-    let artifact = testing::model(&parameters, &testing::dataset(1, 64));
     let encoder = FloatEncoder::new(&artifact).unwrap();
     let grid = ScalpGrid::new(&artifact.description);
     // More windows than a group has, and not a multiple of them.
@@ -134,7 +127,12 @@ fn compare_gradients(network: &Network, parameters: &Parameters, places: &[(&str
 fn gradients_of_index_unpooling_equal_finite_differences() {
     let mut description = testing::description();
     description.mode = Mode::Paper;
-    let parameters = changed(Parameters::random(Mode::Paper, testing::geometry(), 3));
+    let parameters = changed(Parameters::initial(
+        Mode::Paper,
+        testing::geometry(),
+        &[],
+        3,
+    ));
     // The loss jumps where the maximum of a pool moves, so layers before the pool are left out.
     let places = [
         ("encoder.fc.weight", 5000),
@@ -198,14 +196,10 @@ fn networks_of_other_shapes_equal_the_artifacts_float_encoder_and_decoder() {
         let description = card::description(&montage, shape);
         let geometry = Geometry::new(&description);
         let window = geometry.dimensions.window_electrodes();
-        let parameters = if mode.has_shortcut() {
-            let element = |index, at| f32::from(u8::from(at == index));
-            let direction = |index| (0..window).map(|at| element(index, at)).collect();
-            let directions: Vec<Vec<f32>> = (0..20).map(direction).collect();
-            changed(Parameters::from_directions(geometry, &directions, 3))
-        } else {
-            changed(Parameters::random(mode, geometry, 3))
-        };
+        let element = |index, at| f32::from(u8::from(at == index));
+        let direction = |index| (0..window).map(|at| element(index, at)).collect();
+        let directions: Vec<Vec<f32>> = (0..20).map(direction).collect();
+        let parameters = changed(Parameters::initial(mode, geometry, &directions, 3));
         let mut rng = ChaCha8Rng::seed_from_u64(8);
         let values = (0..3 * window).map(|_| rng.random_range(-2.0..2.0));
         let dataset = Dataset::from_segments(vec![values.collect()], description.dimensions());

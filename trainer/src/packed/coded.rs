@@ -24,7 +24,7 @@ pub(super) struct Coded {
 }
 
 /// Codes sequences of coefficients `[sequence][block][coefficient]` at a rate. The first block of
-/// each sequence has no prediction; so has every `reset`-th block.
+/// each sequence, and every `reset`-th block after it, is coded without prediction.
 pub(super) fn code(
     model: &PackedModel,
     coefficients: &[Vec<i16>],

@@ -30,13 +30,14 @@ pub struct RateFigures {
     pub bits: f64,
     /// Bytes of the longest block.
     pub longest: usize,
-    /// Mean squared error at once, in units of `input.sd_uv` squared.
+    /// Mean squared error of the signal decoded from each block when it arrives, in units of
+    /// `input.sd_uv` squared.
     pub mse: f64,
-    /// Mean squared error one block later.
+    /// Mean squared error of the signal smoothed by the next block, which arrives a hop later.
     pub mse_smoothed: f64,
     /// Correlation of the power of the alpha band (8 to 13 Hz) and of the beta band (13 to 30 Hz)
-    /// with that of the original, at once: Pearson's, of the logarithm in each second, mean over
-    /// the electrodes.
+    /// with that of the original, without smoothing: Pearson's, of the logarithm in each second,
+    /// mean over the electrodes.
     pub band_correlation: [f64; 2],
 }
 
@@ -54,7 +55,20 @@ impl RateFigures {
         })
     }
 
-    /// Returns the figures as rounded in `packed.toml`.
+    /// Returns rate, bits, bytes of the longest block, both errors and both correlations as text.
+    pub(crate) fn cells(&self) -> [String; 7] {
+        [
+            self.rate.to_string(),
+            format!("{:.1}", self.bits),
+            self.longest.to_string(),
+            format!("{:.5}", self.mse),
+            format!("{:.5}", self.mse_smoothed),
+            format!("{:.3}", self.band_correlation[0]),
+            format!("{:.3}", self.band_correlation[1]),
+        ]
+    }
+
+    /// Returns the figures, rounded as in `packed.toml`.
     pub(super) fn rounded(self) -> PackedFigures {
         let to = |digits: f64, value: f64| (value * digits).round() / digits;
         PackedFigures {
@@ -122,7 +136,7 @@ pub(super) fn evaluate_with_resets(
     Ok(figures.collect())
 }
 
-/// Returns the mean squared error of decoded sequences of blocks without their ends.
+/// Returns the mean squared error of decoded sequences, without the [`EDGE`] blocks at their ends.
 fn mean_squared_error(original: &[DMatrix<f32>], decoded: &[DMatrix<f32>]) -> f64 {
     let (mut error, mut values) = (0.0, 0.0_f64);
     for (original, decoded) in original.iter().zip(decoded) {
@@ -148,7 +162,7 @@ fn synthesis(model: &PackedModel) -> Result<DMatrix<f32>, TrainerError> {
 
 /// The figures of all rates as a table.
 #[derive(Clone, Copy, Debug)]
-pub struct RateTable<'f>(pub &'f [RateFigures]);
+pub(crate) struct RateTable<'f>(pub &'f [RateFigures]);
 
 impl fmt::Display for RateTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -161,11 +175,10 @@ impl fmt::Display for RateTable<'_> {
             "rate   bits of a block   longest   at once   block later   8-13 Hz   13-30 Hz"
         )?;
         for figures in self.0 {
-            let [alpha, beta] = figures.band_correlation;
+            let [rate, bits, longest, mse, later, alpha, beta] = figures.cells();
             writeln!(
                 f,
-                "{:>4} {:>17.1} {:>7} B {:>9.5} {:>13.5} {alpha:>9.3} {beta:>10.3}",
-                figures.rate, figures.bits, figures.longest, figures.mse, figures.mse_smoothed
+                "{rate:>4} {bits:>17} {longest:>7} B {mse:>9} {later:>13} {alpha:>9} {beta:>10}"
             )?;
         }
         Ok(())

@@ -18,25 +18,26 @@ use packed::{LEVELS, MAGNITUDES, MAX_COEFFICIENTS, RATES, Rate};
 /// Rate at which the probabilities are trained; the other rates follow from it.
 const BASE_RATE: Rate = Rate::MIDDLE;
 
-/// Part of the training data's variance above which a block's unrepresented part is a misfit; in
-/// the training data it is 0.002 on average.
+/// Threshold of a misfit, in units of the training data's variance: a block is a misfit if the mean
+/// square of what the coefficients do not represent is larger. In the training data this mean
+/// square is 0.002 on average.
 const MISFIT: f64 = 0.01;
 
 /// Number of coefficients that represents EEG of 61 electrodes within 0.3 % of its variance.
 const COEFFICIENTS: usize = 176;
 
-/// Rounds of coding the training blocks and counting magnitudes.
+/// Number of rounds, each of which codes the training blocks and counts the magnitudes.
 const ROUNDS: usize = 4;
 
 /// Figures of a trained packed model on the test recordings; without any, on the training
 /// recordings.
 #[derive(Clone, Debug)]
-pub struct PackedTrained {
+pub(crate) struct PackedTrained {
     /// Figures of the model at each rate, finest first.
-    pub figures: Vec<RateFigures>,
+    pub(crate) figures: Vec<RateFigures>,
     /// Figures of the Karhunen-Loeve transform of a block, coded in the same way but without
     /// prediction.
-    pub without_prediction: Vec<RateFigures>,
+    pub(crate) without_prediction: Vec<RateFigures>,
 }
 
 /// Returns the number of coefficients of a block of this description's montage and hop.

@@ -83,9 +83,9 @@ pub(super) fn analysed(model: &PackedModel, blocks: &Blocks, sd_uv: f64) -> Vec<
 /// Converts coefficients to the columns of a matrix, in units of `input.sd_uv`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
-    /// Coefficients of a block.
+    /// Number of coefficients of a block.
     pub(super) count: usize,
-    /// `input.sd_uv` in one unit of a coefficient.
+    /// Size of one unit of a coefficient, in units of `input.sd_uv`.
     unit: f64,
 }
 

@@ -32,43 +32,40 @@ pub(super) fn levels(means: &[f64]) -> Vec<u8> {
     means.iter().map(level).collect()
 }
 
-/// Returns the mean magnitude of each coefficient, without the first block of each sequence.
-pub(super) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
+/// Returns the mean of `size` of each of `count` coefficients, over all blocks of all sequences but
+/// the first block of each sequence.
+fn means<'s, T: 's>(
+    sequences: impl Iterator<Item = &'s [T]>,
+    count: usize,
+    size: impl Fn(&T) -> f64,
+) -> Vec<f64> {
     let mut means = vec![0.0; count];
     let mut blocks = 0.0_f64;
-    for sequence in coded {
-        for magnitudes in sequence.magnitudes.chunks_exact(count).skip(1) {
-            blocks += 1.0;
-            for (mean, &magnitude) in means.iter_mut().zip(magnitudes) {
-                *mean += f64::from(magnitude.unsigned_abs());
-            }
+    for block in sequences.flat_map(|sequence| sequence.chunks_exact(count).skip(1)) {
+        blocks += 1.0;
+        for (mean, value) in means.iter_mut().zip(block) {
+            *mean += size(value);
         }
     }
-    for mean in &mut means {
-        *mean /= blocks.max(1.0);
-    }
-    means
+    means.iter().map(|sum| sum / blocks.max(1.0)).collect()
+}
+
+/// Returns the mean magnitude of each coefficient, without the first block of each sequence.
+pub(super) fn mean_magnitudes(coded: &[Coded], count: usize) -> Vec<f64> {
+    let magnitudes = coded.iter().map(|coded| coded.magnitudes.as_slice());
+    means(magnitudes, count, |magnitude| {
+        magnitude.unsigned_abs().into()
+    })
 }
 
 /// Returns an estimate of the mean magnitude of each coefficient without prediction, without the
 /// first block of each sequence: its mean size in units of `two_steps`, which is a magnitude of 1,
 /// less the part that the quantiser's dead zone removes.
 pub(super) fn mean_sizes(coefficients: &[Vec<i16>], count: usize, two_steps: f64) -> Vec<f64> {
-    let mut means = vec![0.0; count];
-    let mut blocks = 0.0_f64;
-    for block in coefficients
-        .iter()
-        .flat_map(|sequence| sequence.chunks_exact(count).skip(1))
-    {
-        blocks += 1.0;
-        for (mean, &coefficient) in means.iter_mut().zip(block) {
-            *mean += (f64::from(coefficient).abs() / two_steps - 0.2).max(0.0);
-        }
-    }
-    means
-        .iter()
-        .map(|sum| sum / blocks.max(1.0) + 0.0005)
-        .collect()
+    let coefficients = coefficients.iter().map(Vec::as_slice);
+    let size = |coefficient: &i16| (f64::from(*coefficient).abs() / two_steps - 0.2).max(0.0);
+    let means = means(coefficients, count, size);
+    means.iter().map(|mean| mean + 0.0005).collect()
 }
 
 /// Returns the initial frequencies of the magnitudes: the counted ones, plus a geometric

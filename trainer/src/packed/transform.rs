@@ -13,7 +13,7 @@ const ROUNDS: usize = 2;
 /// `input.sd_uv`. With the rounding offset, its error is about that of rate 4.
 const STEP: f32 = 0.6;
 
-/// Part of a step that is added before rounding down.
+/// Part of a step of that quantiser that is added to a magnitude before rounding down.
 const ROUNDING: f32 = 0.35;
 
 /// Consecutive blocks of one or several recordings. A block is a hop of time steps.
@@ -50,9 +50,10 @@ impl Blocks {
 /// Orthonormal directions of a block, and the prediction of the next block.
 #[derive(Clone, Debug)]
 pub(super) struct Transform {
-    /// `[value, coefficient]`; the coefficient with the largest residual is the first.
+    /// Directions, `[value, coefficient]`; the first coefficient has the largest residual.
     pub(super) directions: DMatrix<f64>,
-    /// `[coefficient, coefficient before]`.
+    /// Prediction of a block's coefficients from those of the block before it, `[coefficient,
+    /// coefficient before]`.
     pub(super) prediction: DMatrix<f64>,
 }
 

@@ -1,6 +1,6 @@
 //! Errors of all folds of a cross-validation, and their learning curves.
 
-use super::learning::numbered;
+use super::learning::{CSV_HEAD, csv_lines, numbered};
 use super::{MSE, Report};
 use crate::crossval::{Outcome, Table, columns};
 use crate::error::TrainerError;
@@ -74,23 +74,17 @@ fn folds(table: &Table) -> Lines {
     let groups = subjects.len() + usize::from(subjects.len() > 1);
     let kinds = table.rows().len() / groups.max(1);
     let rows = table.rows()[..kinds].iter();
-    let series = rows.map(|row| Series {
-        label: format!("{}, {} codes", row.model, row.codes),
-        color: if row.model.starts_with("PCA") {
-            RESULT
-        } else {
-            SOURCE
-        },
-        mark: match row.codes {
-            "float" => Mark::Rings,
-            _ => Mark::Dots,
-        },
-        points: Vec::new(),
-        sd: Vec::new(),
+    let series = rows.map(|row| {
+        let label = format!("{}, {} codes", row.model, row.codes);
+        let is_pca = row.model.starts_with("PCA");
+        let color = if is_pca { RESULT } else { SOURCE };
+        let is_float = row.codes == "float";
+        let mark = if is_float { Mark::Rings } else { Mark::Dots };
+        Series::new(label, color, mark, Vec::new())
     });
     let mut series: Vec<Series> = series.collect();
     let mut add = |kind: usize, place: f64, mse: f64, sd: f64| {
-        // With three kinds, the points are -1, 0 and 1 distances from the place.
+        // With three kinds, the points are -1, 0 and 1 times `APART` from the place.
         let [kind_place, centre] =
             [kind, kinds - 1].map(|kind| f64::from(u32::try_from(kind).unwrap_or(0)));
         let x = place + APART * (kind_place - centre / 2.0);
@@ -147,7 +141,7 @@ fn folds(table: &Table) -> Lines {
     }
 }
 
-/// Returns one line for each fold, model and kind of codes.
+/// Returns the test errors as CSV: a line for each fold, model and kind of codes.
 fn folds_csv(table: &Table) -> String {
     let mut text = "subject,repetition,fold,model,codes,mse,mse_uv2,prd_percent\n".to_owned();
     for outcome in table.outcomes() {
@@ -171,13 +165,6 @@ fn folds_csv(table: &Table) -> String {
 }
 
 fn learning(table: &Table) -> Lines {
-    let series = |label: &str, color, mark, points| Series {
-        label: label.to_owned(),
-        color,
-        mark,
-        points,
-        sd: Vec::new(),
-    };
     let (mut curves, mut chosen, mut last) = (Vec::new(), Vec::new(), 0.0_f64);
     for outcome in table.outcomes() {
         let Some(curve) = &outcome.curve else {
@@ -193,11 +180,11 @@ fn learning(table: &Table) -> Lines {
         } else {
             ""
         };
-        curves.push(series(label, SOURCE, Mark::ThinLine, points));
+        curves.push(Series::new(label, SOURCE, Mark::ThinLine, points));
     }
     let pca = vec![(0.0, 1.0), (last, 1.0)];
-    curves.insert(0, series("PCA", RESULT, Mark::Line, pca));
-    curves.push(series("chosen epochs", INK, Mark::Rings, chosen));
+    curves.insert(0, Series::new("PCA", RESULT, Mark::Line, pca));
+    curves.push(Series::new("chosen epochs", INK, Mark::Rings, chosen));
     Lines {
         title: "Learning curves of all folds".to_owned(),
         subtitle: "mean squared error on the validation part of each fold, relative to PCA of the same fold".to_owned(),
@@ -207,24 +194,17 @@ fn learning(table: &Table) -> Lines {
     }
 }
 
-/// Returns one line for each fold and epoch; epoch 0 has no training loss.
+/// Returns the learning curves as CSV: a line for each fold and epoch.
 fn learning_csv(table: &Table) -> String {
-    let mut text =
-        "subject,repetition,fold,epoch,training_loss,validation_mse,validation_mse_pca\n"
-            .to_owned();
+    let mut text = format!("subject,repetition,fold,{CSV_HEAD}\n");
     for outcome in table.outcomes() {
         let Some(curve) = &outcome.curve else {
             continue;
         };
         let subject = csv_field(&outcome.subject);
-        let losses = curve.epochs.iter().map(|epoch| epoch.loss.to_string());
-        let losses = std::iter::once(String::new()).chain(losses);
-        for (epoch, (loss, validation)) in losses.zip(curve.validations()).enumerate() {
-            let _ = writeln!(
-                text,
-                "{subject},{},{},{epoch},{loss},{validation},{}",
-                outcome.repetition, outcome.fold, outcome.validation.pca
-            );
+        let (repetition, fold) = (outcome.repetition, outcome.fold);
+        for line in csv_lines(curve, outcome.validation.pca) {
+            let _ = writeln!(text, "{subject},{repetition},{fold},{line}");
         }
     }
     text

@@ -1,7 +1,7 @@
 //! Error of each electrode, and error of PCA with fewer numbers.
 
 use super::{MSE, Report};
-use crate::comparison::{CodeComparison, Comparison};
+use crate::comparison::{CodeComparison, CodeFigures, Comparison};
 use crate::electrode_error::ElectrodeError;
 use crate::error::TrainerError;
 use crate::truncation::TruncationError;
@@ -18,7 +18,7 @@ use std::fmt::Write as _;
 pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), TrainerError> {
     let (windows, prd) = match &comparison.codes {
         Some(codes) => (
-            format!("{} windows of ", codes.network.windows),
+            format!("{} windows of ", codes.network.errors.windows),
             "; PRD = 100 sqrt(sum of squared difference / sum of squared original)",
         ),
         None => (String::new(), ""),
@@ -42,7 +42,7 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
             &format!(
                 "Mean squared error of each electrode with {} codes. The mean over all electrodes is \
                  the error of the model.",
-                codes.network.format
+                codes.network.errors.format
             ),
             &electrodes_csv(codes, comparison.sd_uv),
         )?;
@@ -67,7 +67,7 @@ pub(super) fn add(report: &mut Report, comparison: &Comparison) -> Result<(), Tr
             "Error by bits per window: PCA with the first number of its code, the first two, up to \
              all {}. Float codes are drawn at the bits of {} codes with as many numbers: the distance \
              between the two is the error of rounding.",
-            codes.numbers, codes.network.format
+            codes.numbers, codes.network.errors.format
         ),
         &rate_csv(codes),
     )
@@ -85,31 +85,24 @@ fn figures(mode: Mode, codes: &CodeComparison) -> Vec<Vec<String>> {
         "13-30 Hz",
     ];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
-    let mut models = Vec::new();
-    if mode != Mode::Pca {
-        models.push((mode.to_string(), codes.network, codes.network_bands));
-    }
-    if let (Some(pca), Some(bands)) = (codes.pca, codes.pca_bands) {
-        models.push((format!("PCA-{}", codes.numbers), pca, bands));
-    }
-    for (name, evaluation, bands) in models {
+    for (name, CodeFigures { errors, bands }) in codes.models(&mode.to_string(), mode) {
         let bits = codes.bits_per_window().to_string();
-        let format = evaluation.format.to_string();
+        let format = errors.format.to_string();
         for (format, bits, error, bands) in [
-            ("float".to_owned(), String::new(), evaluation.float, None),
-            (format, bits, evaluation.integer, Some(bands)),
+            ("float".to_owned(), String::new(), errors.float, None),
+            (format, bits, errors.integer, Some(bands)),
         ] {
-            let mut row = vec![
+            let band = |at: usize| bands.map_or(String::new(), |bands| format!("{:.3}", bands[at]));
+            rows.push(vec![
                 name.clone(),
                 format,
                 bits,
                 format!("{:.5}", error.mse),
                 format!("{:.2}", error.mse_uv2),
                 format!("{:.2} %", error.prd_percent),
-            ];
-            let band = |at: usize| bands.map_or(String::new(), |bands| format!("{:.3}", bands[at]));
-            row.extend([band(0), band(1)]);
-            rows.push(row);
+                band(0),
+                band(1),
+            ]);
         }
     }
     rows
@@ -133,9 +126,9 @@ fn scalp_map(codes: &CodeComparison, sd_uv: f64) -> ScalpMap {
         title: "Error of each electrode".to_owned(),
         subtitle: format!(
             "mean squared error with {} codes; mean over {} electrodes: {:.2} µV²",
-            codes.network.format,
+            codes.network.errors.format,
             errors.len(),
-            codes.network.integer.mse_uv2
+            codes.network.errors.integer.mse_uv2
         ),
         unit: "µV²".to_owned(),
     }
@@ -201,27 +194,14 @@ fn electrodes_csv(codes: &CodeComparison, sd_uv: f64) -> String {
 }
 
 fn rate(comparison: &Comparison, codes: &CodeComparison) -> Lines {
-    let (format, model) = (codes.network.format, &codes.network);
-    let of_model = |mark, label: String, mse| Series {
-        label,
-        color: SOURCE,
-        mark,
-        points: vec![(bits(codes, codes.numbers), mse)],
-        sd: Vec::new(),
-    };
+    let (format, model) = (codes.network.errors.format, &codes.network.errors);
+    let at = |mse| vec![(bits(codes, codes.numbers), mse)];
+    let (integer, float) = (at(model.integer.mse), at(model.float.mse));
+    let label = format!("model, {format} codes");
     let mut series = pca_curves(codes);
-    let [float, integer] = ["float".to_owned(), format.to_string()];
     series.extend([
-        of_model(
-            Mark::Dots,
-            format!("model, {integer} codes"),
-            model.integer.mse,
-        ),
-        of_model(
-            Mark::Rings,
-            format!("model, {float} codes"),
-            model.float.mse,
-        ),
+        Series::new(label, SOURCE, Mark::Dots, integer),
+        Series::new("model, float codes", SOURCE, Mark::Rings, float),
     ]);
     Lines {
         title: "Rate and error".to_owned(),
@@ -238,7 +218,8 @@ fn rate(comparison: &Comparison, codes: &CodeComparison) -> Lines {
     }
 }
 
-/// Returns the curves of PCA with fewer numbers; none without PCA.
+/// Returns the errors of PCA over the bits of a code with the first number, the first two, up to
+/// all; no curves without PCA.
 pub(super) fn pca_curves(codes: &CodeComparison) -> Vec<Series> {
     if codes.pca_by_numbers.is_empty() {
         return Vec::new();
@@ -249,30 +230,24 @@ pub(super) fn pca_curves(codes: &CodeComparison) -> Vec<Series> {
             .map(|at| (bits(codes, at.numbers), error(at)))
             .collect()
     };
+    let label = format!("PCA, {} codes", codes.network.errors.format);
+    let (integer, float) = (
+        points(|error| error.mse_int8),
+        points(|error| error.mse_float),
+    );
     vec![
-        Series {
-            label: format!("PCA, {} codes", codes.network.format),
-            color: RESULT,
-            mark: Mark::Line,
-            points: points(|error| error.mse_int8),
-            sd: Vec::new(),
-        },
-        Series {
-            label: "PCA, float codes".to_owned(),
-            color: INK,
-            mark: Mark::ThinLine,
-            points: points(|error| error.mse_float),
-            sd: Vec::new(),
-        },
+        Series::new(label, RESULT, Mark::Line, integer),
+        Series::new("PCA, float codes", INK, Mark::ThinLine, float),
     ]
 }
 
-/// Returns the bits of a code with this number of numbers.
+/// Returns the bits of an integer code of `numbers` numbers, as a value on an axis.
 pub(super) fn bits(codes: &CodeComparison, numbers: usize) -> f64 {
     f64::from(u32::try_from(codes.bits_of(numbers)).unwrap_or(u32::MAX))
 }
 
-/// Returns one line for each number of numbers of PCA, and one for the model.
+/// Returns the values of the picture as CSV: a line for each number of numbers of PCA, and one for
+/// the model.
 fn rate_csv(codes: &CodeComparison) -> String {
     let mut text = "model,numbers,bits_per_window,mse_float,mse_int8\n".to_owned();
     for error in &codes.pca_by_numbers {
@@ -289,8 +264,8 @@ fn rate_csv(codes: &CodeComparison) -> String {
         "model,{},{},{},{}",
         codes.numbers,
         codes.bits_per_window(),
-        codes.network.float.mse,
-        codes.network.integer.mse
+        codes.network.errors.float.mse,
+        codes.network.errors.integer.mse
     );
     text
 }

@@ -2,7 +2,7 @@
 
 use super::{MSE, Report};
 use crate::error::TrainerError;
-use crate::learning_curve::{Learning, LearningCurve};
+use crate::training::{Learning, LearningCurve};
 use picture::axis::{Axis, Scale};
 use picture::canvas::{FAINT, INK, RESULT, SOURCE};
 use picture::lines::{Lines, Mark, Series};
@@ -19,7 +19,7 @@ pub(super) fn add(report: &mut Report, learning: &Learning) -> Result<(), Traine
              has the parameters of epoch {}, whose validation error is the smallest.",
             learning.best_epoch
         ),
-        &csv(&learning.curve, learning.pca_validation),
+        &csv(learning),
     )
 }
 
@@ -33,13 +33,7 @@ fn lines(learning: &Learning) -> Lines {
     let best = usize::try_from(*best_epoch).ok();
     let best = best.and_then(|epoch| validation.get(epoch)).copied();
     let last = validation.last().map_or(0.0, |(epoch, _)| *epoch);
-    let series = |label: String, color, mark, points| Series {
-        label,
-        color,
-        mark,
-        points,
-        sd: Vec::new(),
-    };
+    let losses = numbered(curve.epochs.iter().map(|epoch| epoch.loss), 1);
     let validation_mse = best.map_or(f64::NAN, |(_, mse)| mse);
     Lines {
         title: "Learning curves".to_owned(),
@@ -49,20 +43,15 @@ fn lines(learning: &Learning) -> Lines {
         x: Axis::new("epoch", Scale::Whole),
         y: Axis::new(MSE, Scale::Logarithmic),
         series: vec![
-            series(
-                "PCA, validation".to_owned(),
+            Series::new(
+                "PCA, validation",
                 RESULT,
                 Mark::Line,
                 vec![(0.0, *pca_validation), (last, *pca_validation)],
             ),
-            series(
-                "training loss".to_owned(),
-                FAINT,
-                Mark::Line,
-                numbered(curve.epochs.iter().map(|epoch| epoch.loss), 1),
-            ),
-            series("validation".to_owned(), SOURCE, Mark::Line, validation),
-            series(
+            Series::new("training loss", FAINT, Mark::Line, losses),
+            Series::new("validation", SOURCE, Mark::Line, validation),
+            Series::new(
                 format!("chosen epoch: {best_epoch}"),
                 INK,
                 Mark::Rings,
@@ -72,18 +61,28 @@ fn lines(learning: &Learning) -> Lines {
     }
 }
 
-/// Returns values with their epochs, the first of which is `first`.
+/// Returns points of a learning curve: the number of an epoch, from `first` on, and its value.
 pub(super) fn numbered(values: impl Iterator<Item = f64>, first: u32) -> Vec<(f64, f64)> {
     (first..).map(f64::from).zip(values).collect()
 }
 
-/// Returns one line for each epoch; epoch 0 has no training loss.
-fn csv(curve: &LearningCurve, pca_validation: f64) -> String {
-    let mut text = "epoch,training_loss,validation_mse,validation_mse_pca\n".to_owned();
-    let _ = writeln!(text, "0,,{},{pca_validation}", curve.initial_validation);
-    for (epoch, losses) in (1..).zip(&curve.epochs) {
-        let (loss, validation) = (losses.loss, losses.validation);
-        let _ = writeln!(text, "{epoch},{loss},{validation},{pca_validation}");
+/// Returns the values of the picture as CSV.
+fn csv(learning: &Learning) -> String {
+    let mut text = format!("{CSV_HEAD}\n");
+    for line in csv_lines(&learning.curve, learning.pca_validation) {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{line}");
     }
     text
+}
+
+/// Names of the fields of [`csv_lines`].
+pub(super) const CSV_HEAD: &str = "epoch,training_loss,validation_mse,validation_mse_pca";
+
+/// Returns a line of CSV for each epoch; epoch 0 has no training loss.
+pub(super) fn csv_lines(curve: &LearningCurve, pca: f64) -> impl Iterator<Item = String> {
+    let losses = curve.epochs.iter().map(|epoch| epoch.loss.to_string());
+    let losses = std::iter::once(String::new()).chain(losses);
+    let epochs = losses.zip(curve.validations()).enumerate();
+    epochs.map(move |(epoch, (loss, validation))| format!("{epoch},{loss},{validation},{pca}"))
 }

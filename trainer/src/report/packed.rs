@@ -2,7 +2,7 @@
 
 use super::evaluation::{bits, pca_curves};
 use super::{MSE, Report};
-use crate::comparison::Comparison;
+use crate::comparison::{CodeFigures, Comparison};
 use crate::error::TrainerError;
 use crate::packed::RateFigures;
 use picture::axis::{Axis, Scale};
@@ -45,62 +45,37 @@ fn table(packed: &[RateFigures]) -> Vec<Vec<String>> {
         "correlation of power, 8-13 Hz",
         "13-30 Hz",
     ];
-    let rows = packed.iter().map(|figures| {
-        vec![
-            figures.rate.to_string(),
-            format!("{:.1}", figures.bits),
-            figures.longest.to_string(),
-            format!("{:.5}", figures.mse),
-            format!("{:.5}", figures.mse_smoothed),
-            format!("{:.3}", figures.band_correlation[0]),
-            format!("{:.3}", figures.band_correlation[1]),
-        ]
-    });
-    std::iter::once(head.map(str::to_owned).to_vec())
-        .chain(rows)
-        .collect()
+    let mut rows = vec![head.map(str::to_owned).to_vec()];
+    rows.extend(packed.iter().map(|figures| figures.cells().to_vec()));
+    rows
 }
 
 fn lines(comparison: &Comparison) -> Lines {
     let point = |figures: &RateFigures| (figures.bits, figures.mse);
-    let packed = |label: &str, mark| Series {
-        label: label.to_owned(),
-        color: SOURCE,
-        mark,
-        points: comparison.packed.iter().map(point).collect(),
-        sd: Vec::new(),
+    let packed = |label, mark| {
+        let points = comparison.packed.iter().map(point);
+        Series::new(label, SOURCE, mark, points.collect())
     };
     let codes = comparison.codes.as_ref();
     let mut series = codes.map_or_else(Vec::new, pca_curves);
     if !comparison.without_prediction.is_empty() {
-        let figures = comparison.without_prediction.iter();
-        series.push(Series {
-            label: "KLT, entropy-coded".to_owned(),
-            color: REFERENCE,
-            mark: Mark::ThinLine,
-            points: figures.map(|figures| (figures.bits, figures.mse)).collect(),
-            sd: Vec::new(),
-        });
+        let points = comparison.without_prediction.iter();
+        let points = points.map(|figures| (figures.bits, figures.mse)).collect();
+        let klt = Series::new("KLT, entropy-coded", REFERENCE, Mark::ThinLine, points);
+        series.push(klt);
     }
     series.push(packed("packed code", Mark::Line));
     series.push(packed("", Mark::Dots));
-    let own = |label, mark, points| Series {
-        label,
-        color: INK,
-        mark,
-        points,
-        sd: Vec::new(),
-    };
     if let Some(rate) = comparison.packed_rate {
         let label = format!("packed code at the model's rate, {rate}");
         let figures = comparison.packed.iter();
         let points = figures.filter(|figures| figures.rate == rate).map(point);
-        series.push(own(label, Mark::Rings, points.collect()));
+        series.push(Series::new(label, INK, Mark::Rings, points.collect()));
     }
     if let Some(codes) = codes {
-        let label = format!("network, {} codes", codes.network.format);
-        let point = (bits(codes, codes.numbers), codes.network.integer.mse);
-        series.push(own(label, Mark::Dots, vec![point]));
+        let label = format!("network, {} codes", codes.network.errors.format);
+        let point = (bits(codes, codes.numbers), codes.network.errors.integer.mse);
+        series.push(Series::new(label, INK, Mark::Dots, vec![point]));
     }
     Lines {
         title: "Packed code: rate and error".to_owned(),
@@ -115,8 +90,9 @@ fn lines(comparison: &Comparison) -> Lines {
     }
 }
 
-/// Returns one line for each rate, one for each number of numbers of PCA, and one for the network.
-/// A code has no second error; the band powers of PCA are those of all its numbers.
+/// Returns the values of the picture as CSV: a line for each rate, for each number of numbers of
+/// PCA, and for the network. Codes of network and PCA have no error a block later, and PCA has band
+/// powers with all its numbers only.
 fn csv(comparison: &Comparison) -> String {
     let mut text = "model,rate,numbers,bits_per_hop,mse,mse_a_block_later,\
                     band_correlation_8_13,band_correlation_13_30\n"
@@ -144,18 +120,15 @@ fn csv(comparison: &Comparison) -> String {
     };
     for at in &codes.pca_by_numbers {
         let bits = codes.bits_of(at.numbers);
-        let bands = match codes.pca_bands {
+        let bands = match codes.pca.map(|pca| pca.bands) {
             Some([alpha, beta]) if at.numbers == codes.numbers => format!("{alpha},{beta}"),
             _ => ",".to_owned(),
         };
         let _ = writeln!(text, "PCA,,{},{bits},{},,{bands}", at.numbers, at.mse_int8);
     }
-    let (bits, mse) = (codes.bits_per_window(), codes.network.integer.mse);
-    let [alpha, beta] = codes.network_bands;
-    let _ = writeln!(
-        text,
-        "network,,{},{bits},{mse},,{alpha},{beta}",
-        codes.numbers
-    );
+    let (numbers, bits) = (codes.numbers, codes.bits_per_window());
+    let CodeFigures { errors, bands } = codes.network;
+    let (mse, [alpha, beta]) = (errors.integer.mse, bands);
+    let _ = writeln!(text, "network,,{numbers},{bits},{mse},,{alpha},{beta}");
     text
 }

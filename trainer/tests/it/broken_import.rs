@@ -24,6 +24,12 @@ fn edited(edit: impl FnOnce(&mut File)) -> String {
     refusal(SPEC, edit, |_| {})
 }
 
+/// Replaces an element of a tensor of 32-bit floats.
+fn set(file: &mut File, name: &str, element: usize, value: f32) {
+    let bytes = &mut file.get_mut(name).expect("a tensor").bytes;
+    bytes[4 * element..][..4].copy_from_slice(&value.to_le_bytes());
+}
+
 #[test]
 fn a_truncated_file() {
     let message = refusal(SPEC, |_| {}, |bytes| bytes.truncate(bytes.len() / 2));
@@ -46,8 +52,7 @@ fn wrong_names_shapes_element_types_and_values_are_listed_at_once() {
         let half = file.get_mut("decoder.fc.bias").expect("a tensor");
         half.dtype = Dtype::F16;
         half.bytes.truncate(half.bytes.len() / 2);
-        let diverged = file.get_mut("encoder.norm2.bias").expect("a tensor");
-        diverged.bytes[12..16].copy_from_slice(&f32::NAN.to_le_bytes());
+        set(file, "encoder.norm2.bias", 3, f32::NAN);
         file.remove("reference.codes");
     });
     assert_eq!(
@@ -65,89 +70,85 @@ if it is the same tensor, add it to [names]
     );
 }
 
-#[test]
-fn a_file_without_calibration() {
-    let message = edited(|file| {
-        file.remove("calibration.windows");
-    });
-    assert!(
-        message.contains("calibration.windows is missing, expected with shape [N, 1, 16, 10, 9]: some hundred windows"),
-        "{message}"
-    );
-}
+/// A change of a file.
+type Edit<'a> = &'a dyn Fn(&mut File);
 
 #[test]
-fn a_batch_without_windows() {
-    let message = edited(|file| {
+fn a_file_that_cannot_be_calibrated_or_disagrees_with_its_reference() {
+    let without_calibration = |file: &mut File| {
+        file.remove("calibration.windows");
+    };
+    let without_windows = |file: &mut File| {
         for name in ["calibration.windows", "reference.windows"] {
             file.insert(name.to_owned(), Exported::f32(&[0, 1, 16, 10, 9], &[]));
         }
-    });
-    for name in ["calibration.windows", "reference.windows"] {
-        let words = format!("{name} has shape [0, 1, 16, 10, 9], expected [N, 1, 16, 10, 9]");
-        assert!(message.contains(&words), "{message}");
+    };
+    let with_a_value_in_an_empty_cell = |file: &mut File| {
+        // The second window's first cell.
+        set(file, "calibration.windows", 16 * 90, 1.0);
+    };
+    let of_another_network = |file: &mut File| {
+        // The third window's sixth number.
+        set(file, "reference.codes", 2 * 128 + 5, 1e6);
+    };
+    let cases: [(Edit, &[&str]); 4] = [
+        (
+            &without_calibration,
+            &[
+                "calibration.windows is missing, expected with shape [N, 1, 16, 10, 9]: some hundred windows",
+            ],
+        ),
+        (
+            &without_windows,
+            &[
+                "calibration.windows has shape [0, 1, 16, 10, 9], expected [N, 1, 16, 10, 9]",
+                "reference.windows has shape [0, 1, 16, 10, 9], expected [N, 1, 16, 10, 9]",
+            ],
+        ),
+        (
+            &with_a_value_in_an_empty_cell,
+            &[
+                "calibration.windows, window 1, has a value in row 0, column 0 (counted from 0), where the montage has no \
+                 electrode; expected 0",
+            ],
+        ),
+        (
+            &of_another_network,
+            &[
+                "trainer: code 2 of the reference differs by 1.0",
+                "in element 5, more than 2e-3 of the RMS of all codes",
+                "training mode instead of `eval()`",
+            ],
+        ),
+    ];
+    for (edit, expected) in cases {
+        let message = edited(edit);
+        for words in expected {
+            assert!(message.contains(words), "{words}: {message}");
+        }
     }
 }
 
 #[test]
-fn a_value_where_the_montage_has_no_electrode() {
-    let message = edited(|file| {
-        let windows = file.get_mut("calibration.windows").expect("a tensor");
-        // The second window's first cell, which is empty.
-        let at = 4 * 16 * 90;
-        windows.bytes[at..at + 4].copy_from_slice(&1.0_f32.to_le_bytes());
-    });
-    assert!(
-        message.contains(
-            "calibration.windows, window 1, has a value in row 0, column 0 (counted from 0), where the montage has no \
-             electrode; expected 0"
-        ),
-        "{message}"
-    );
-}
-
-#[test]
-fn a_reference_of_another_network() {
-    let message = edited(|file| {
-        let codes = file.get_mut("reference.codes").expect("a tensor");
-        // The third window's sixth number.
-        let at = 4 * (2 * 128 + 5);
-        codes.bytes[at..at + 4].copy_from_slice(&1e6_f32.to_le_bytes());
-    });
-    assert!(
-        message.starts_with("trainer: code 2 of the reference differs by 1.0"),
-        "{message}"
-    );
-    assert!(
-        message.contains("in element 5, more than 2e-3 of the RMS of all codes"),
-        "{message}"
-    );
-    assert!(
-        message.contains("training mode instead of `eval()`"),
-        "{message}"
-    );
-}
-
-#[test]
 fn specifications_with_a_wrong_field_montage_name_or_mode() {
-    let wrong = |spec: &str| refusal(spec, |_| {}, |_| {});
-    let field = wrong(&SPEC.replace("sd_uv", "sd"));
-    assert!(field.contains("unknown field `sd`"), "{field}");
-    assert!(
-        field.contains("docs/importing.md has an example"),
-        "{field}"
-    );
-    let montage = wrong(&SPEC.replace("ten-ten-61", "nowhere"));
-    assert!(montage.contains("cannot read the montage"), "{montage}");
-    let mode = wrong(&SPEC.replace("\"shortcut\"", "\"paper\""));
-    assert!(mode.contains("paper-code-only"), "{mode}");
-    let name = wrong(&format!("{SPEC}[names]\n\"encoder.conv9\" = \"x\"\n"));
-    assert!(
-        name.contains(
-            "[names] has encoder.conv9, which is no tensor or layer of a model of this mode"
+    for (spec, expected) in [
+        (SPEC.replace("sd_uv", "sd"), "unknown field `sd`"),
+        (
+            SPEC.replace("sd_uv", "sd"),
+            "docs/importing.md has an example",
         ),
-        "{name}"
-    );
-    let scale = wrong(&SPEC.replace("47.5", "-1.0"));
-    assert!(scale.contains("sd_uv"), "{scale}");
+        (
+            SPEC.replace("ten-ten-61", "nowhere"),
+            "cannot read the montage",
+        ),
+        (SPEC.replace("\"shortcut\"", "\"paper\""), "paper-code-only"),
+        (
+            format!("{SPEC}[names]\n\"encoder.conv9\" = \"x\"\n"),
+            "[names] has encoder.conv9, which is no tensor or layer of a model of this mode",
+        ),
+        (SPEC.replace("47.5", "-1.0"), "sd_uv"),
+    ] {
+        let message = refusal(&spec, |_| {}, |_| {});
+        assert!(message.contains(expected), "{expected}: {message}");
+    }
 }

@@ -1,7 +1,7 @@
 //! `trainer crossval` and `trainer merge`.
 
 use super::files::{Values, assert_near, elements, mean, points};
-use super::{Folder, SMALL};
+use super::{Folder, SMALL, assert_has};
 use std::fs;
 
 /// Returns the command of a cross-validation with two folds and two repetitions.
@@ -48,10 +48,7 @@ fn finished_folds_are_kept_and_other_settings_refused() {
     assert_eq!(log.matches("done before").count(), 3, "{log}");
     assert_eq!(folder.read(missing), before);
     let error = folder.fail(&crossval("shortcut", "--out=out --seed=2"), 2);
-    assert!(
-        error.contains("belongs to another cross-validation") && error.contains("seed 2"),
-        "{error}"
-    );
+    assert_has(&error, &["belongs to another cross-validation", "seed 2"]);
 }
 
 #[test]
@@ -60,12 +57,13 @@ fn one_recording_is_divided_into_blocks_and_too_few_runs_are_refused() {
     let error = folder.fail(&crossval("shortcut", "--out=out --blocks=1"), 2);
     assert!(error.contains("1 runs or blocks for 2 folds"), "{error}");
     let table = folder.succeed(&crossval("shortcut", "--out=out --subject=me"));
-    for words in [
-        "| me | 4 | shortcut | float | yes |",
-        "blocks, 4 in each run",
-    ] {
-        assert!(table.contains(words), "{table}");
-    }
+    assert_has(
+        &table,
+        &[
+            "| me | 4 | shortcut | float | yes |",
+            "blocks, 4 in each run",
+        ],
+    );
 }
 
 #[test]
@@ -126,8 +124,9 @@ fn index_unpooling_is_compared_but_not_called_decodable() {
     let folder = Folder::with_runs(2, 24);
     let crossval = "--mode=paper --folds=2 --repetitions=1 --epochs=1 --out=out";
     let table = folder.succeed(&format!("crossval {SMALL} {crossval}"));
-    for words in ["| all | 2 | paper | float | no |", "PCA-16 | integer | yes"] {
-        assert!(table.contains(words), "{table}");
-    }
+    assert_has(
+        &table,
+        &["| all | 2 | paper | float | no |", "PCA-16 | integer | yes"],
+    );
     assert!(!table.contains("paper | integer"), "{table}");
 }

@@ -1,10 +1,12 @@
-//! Files that can be imported.
+//! Files that can be imported, also those of the program in docs/importing.md where PyTorch is
+//! installed.
 
-use super::Folder;
 use super::export::{self, SPEC, WINDOWS, export, insert_all, write};
+use super::{Folder, assert_has, skip};
 use any_model::{any_artifact, quantised, windows};
 use artifact::{Artifact, FloatEncoder, Mode, Padding, Tensors};
 use safetensors::Dtype;
+use std::process::Command;
 
 /// Returns a random network of the built-in model's shape.
 pub(crate) fn network() -> Artifact {
@@ -66,14 +68,11 @@ fn an_exported_network_is_imported_with_its_weights_and_codes() {
     let network = network();
     let (model, printed) = import(&folder, &network, SPEC, |_| {});
     assert_eq!(model.weights, network.weights);
-    assert!(
-        printed.contains("The codes of 24 windows equal the exported network's within"),
-        "{printed}"
+    assert_has(
+        &printed,
+        &["The codes of 24 windows equal the exported network's within"],
     );
-    assert!(
-        printed.contains("their reconstructions within"),
-        "{printed}"
-    );
+    assert_has(&printed, &["their reconstructions within"]);
     let card = &model.description.training;
     assert!(
         card.note
@@ -95,12 +94,14 @@ fn tensors_of_other_names_and_of_64_bits_are_imported_by_the_table_of_names() {
     let folder = Folder::new();
     let network = network();
     let spec = format!(
-        "{SPEC}[names]\n\"encoder.conv1\" = \"features.0\"\n\"encoder.fc.bias\" = \"to_code.offset\"\n"
+        "{SPEC}[names]\n\"encoder.conv1\" = \"features.0\"\n\"encoder.conv1.bias\" = \"b\"\n\
+         \"encoder.fc.bias\" = \"to_code.offset\"\n"
     );
     let (model, _) = import(&folder, &network, &spec, |file| {
         for (from, to) in [
             ("encoder.conv1.weight", "features.0.weight"),
-            ("encoder.conv1.bias", "features.0.bias"),
+            // The longest entry that names a tensor or its layer counts.
+            ("encoder.conv1.bias", "b"),
             ("encoder.fc.bias", "to_code.offset"),
         ] {
             let tensor = file.remove(from).expect("a tensor");
@@ -156,9 +157,9 @@ fn a_silent_channel_is_held_constant_and_reported() {
         .weights
         .insert("encoder.conv2.bias", &[channels], bias);
     let (model, printed) = import(&folder, &network, SPEC, |_| {});
-    assert!(
-        printed.contains("warning: 1 channels of the convolutions never vary"),
-        "{printed}"
+    assert_has(
+        &printed,
+        &["warning: 1 channels of the convolutions never vary"],
     );
     let held = values(&model.weights, "encoder.norm2.weight")[17];
     assert!(held.abs() < f32::EPSILON, "{held}");
@@ -173,11 +174,62 @@ fn a_model_in_the_folder_is_replaced_by_force_only() {
     write(&folder, &file, &SPEC.replace("47.5", "50.0"));
     let out = folder.path("model");
     let error = folder.fail(IMPORT, 2);
-    assert!(
-        error.contains("holds a model already; choose another folder, or replace it with --force"),
-        "{error}"
+    assert_has(
+        &error,
+        &["holds a model already; choose another folder, or replace it with --force"],
     );
     assert_eq!(Artifact::read(&out).expect("a model"), before);
     folder.succeed(&format!("{IMPORT} --force"));
     assert_ne!(Artifact::read(&out).expect("a model").id, before.id);
+}
+
+/// The page with the program.
+const PAGE: &str = include_str!("../../../docs/importing.md");
+/// Python interpreters, tried in this order.
+const PYTHONS: [&str; 2] = ["python3", "/usr/bin/python3"];
+
+/// Returns the code block of the page that starts with a line.
+fn block(first_line: &str) -> &'static str {
+    let (_, rest) = PAGE
+        .split_once(&format!("{first_line}\n"))
+        .expect("a block of the page");
+    rest.split_once("\n```").expect("the end of the block").0
+}
+
+#[test]
+fn the_pages_program_exports_a_network_that_the_import_accepts() {
+    let imports = |python: &&&str| {
+        let mut command = Command::new(python);
+        let output = command
+            .args(["-c", "import torch, safetensors.torch"])
+            .output();
+        output.is_ok_and(|output| output.status.success())
+    };
+    let Some(python) = PYTHONS.iter().find(imports) else {
+        let why = format!(
+            "neither {} imports torch and safetensors",
+            PYTHONS.join(" nor ")
+        );
+        skip("docs/importing.md", &why);
+        return;
+    };
+    let folder = Folder::new();
+    folder.write("network.py", block("# network.py"));
+    let montages = format!("{}/", any_model::MONTAGES);
+    let spec = block("# network.toml").replace("files/montages/", &montages);
+    folder.write("network.toml", &spec);
+    let mut command = Command::new(python);
+    let output = command
+        .arg("network.py")
+        .current_dir(folder.path(""))
+        .output();
+    let output = output.expect("Python starts");
+    let log = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{log}");
+    let printed = folder.succeed(IMPORT);
+    let words = "The codes of 16 windows equal the exported network's within";
+    assert!(printed.contains(words), "{printed}");
+    folder.succeed("check model");
+    let model = Artifact::read(&folder.path("model")).expect("a model");
+    assert_eq!(model.description.training.dataset, "noise, for the example");
 }

@@ -3,15 +3,12 @@
 
 mod broken_import;
 mod crossval;
-mod evaluate;
 mod export;
 mod files;
 mod import;
 mod models;
 mod montage;
-mod montages;
 mod packed;
-mod pytorch;
 mod report;
 mod train;
 
@@ -154,6 +151,14 @@ fn write_gdf(
         writer.write_record(&rows).expect("a record");
     }
     writer.finish(&[]).expect("no events");
+}
+
+/// Asserts that a text contains all `words`.
+#[track_caller]
+fn assert_has(text: &str, words: &[&str]) {
+    for words in words {
+        assert!(text.contains(words), "{words} is not in\n{text}");
+    }
 }
 
 fn json(text: &str) -> Json {

@@ -1,7 +1,7 @@
 //! `trainer packed`.
 
-use super::Folder;
 use super::files::Values;
+use super::{Folder, assert_has};
 use artifact::{Artifact, Mode};
 
 /// Adds a packed model to the artifact `model`.
@@ -26,10 +26,7 @@ fn a_packed_model_joins_the_artifact_and_is_evaluated_beside_pca() {
     assert_eq!(folder.read("model/model.toml"), before);
     let toml = folder.read("model/packed.toml");
     // Eight electrodes and hops of eight steps have 64 values.
-    assert!(
-        toml.contains("coefficients = 64") && toml.contains("run2.gdf"),
-        "{toml}"
-    );
+    assert_has(&toml, &["coefficients = 64", "run2.gdf"]);
 
     let json = folder.json("evaluate --artifact=model --test=run2 --json --report=report");
     let rates = json["packed"].as_array().expect("the rates");
@@ -92,10 +89,8 @@ fn a_packed_model_alone_needs_no_network() {
     let values = Values::read(&folder.path("report/packed.csv"));
     assert_eq!(values.column("model").len(), 32);
     let table = folder.succeed("evaluate --artifact=alone");
-    assert!(
-        table.contains("no network; 8 of 8 electrodes") && !table.contains("PCA"),
-        "{table}"
-    );
+    assert_has(&table, &["no network; 8 of 8 electrodes"]);
+    assert!(!table.contains("PCA"), "{table}");
 
     let log = folder.fail(ALONE, 2);
     assert!(log.contains("--force"), "{log}");
@@ -119,10 +114,7 @@ fn a_wanted_error_chooses_the_coarsest_rate_that_has_it() {
     let toml = folder.read("model/packed.toml");
     assert!(toml.contains(&expected), "{expected}: {toml}");
     let log = folder.fail(&format!("{JOIN} --force --target-mse=0.0000001"), 2);
-    assert!(
-        log.contains("no rate has") && log.contains("--coefficients"),
-        "{log}"
-    );
+    assert_has(&log, &["no rate has", "--coefficients"]);
 }
 
 #[test]

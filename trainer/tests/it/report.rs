@@ -1,20 +1,37 @@
-//! `--report` of `trainer train` and `trainer evaluate`.
+//! `trainer evaluate`, and `--report` of it and of `trainer train`.
 
 use super::files::{Values, assert_near, elements, mean, points};
-use super::{Folder, LABELS, SMALL};
+use super::{Folder, LABELS, SMALL, assert_has};
+use std::fs;
 
 #[test]
-fn pictures_of_an_evaluation_have_its_figures() {
-    let folder = Folder::with_runs(1, 30);
-    folder.train(
-        "shortcut",
-        "--train=run1 --epochs=1 --code-format=int8-exponent",
-    );
-    // A recording without the last two electrodes.
+fn any_recording_is_evaluated_beside_pca_and_the_pictures_have_the_figures() {
+    let folder = Folder::with_runs(2, 30);
+    let train = "--train=run1 --test=run2 --epochs=1 --code-format=int8-exponent";
+    let trained = folder.train("shortcut", train);
+    fs::remove_file(folder.path("run1.gdf")).expect("the training file");
+    // The recordings of the training card, whose figures are the same.
+    let again = folder.succeed("evaluate --artifact=model --data=.");
+    assert_eq!(again, trained);
+    // A recording without the last two electrodes, by its path.
     folder.write_recording("other.gdf", &LABELS[..6], 30, 9);
     let evaluate = "evaluate --artifact=model --test=other.gdf --json --report=report";
     let json = folder.json(evaluate);
     let figure = |name: &str| json[name].as_f64().expect("a number");
+    // 16 numbers of 8 bits, and the exponent.
+    assert_eq!(json["bits_per_window"], 136);
+    assert_eq!(json["real_electrodes"], 6);
+    assert_eq!(json["recordings"][0], "other.gdf");
+    for name in ["mse_float", "mse_int8", "mse_pca", "mse_pca_int8"] {
+        assert!((1e-9..2.0).contains(&figure(name)), "{name}: {json}");
+    }
+    // Three sources in eight electrodes: codes of 16 numbers keep most of the power. Measured: 0.9
+    // and more.
+    for name in ["band_correlation_8_13", "band_correlation_13_30"] {
+        for name in [name.to_owned(), format!("{name}_pca")] {
+            assert!((0.7..1.0).contains(&figure(&name)), "{name}: {json}");
+        }
+    }
 
     let electrodes = Values::read(&folder.path("report/electrodes.csv"));
     assert_eq!(electrodes.column("electrode"), LABELS);
@@ -65,6 +82,19 @@ fn pictures_of_an_evaluation_have_its_figures() {
 }
 
 #[test]
+fn a_model_without_pca_is_evaluated_alone_and_a_training_file_is_named() {
+    let folder = Folder::with_runs(1, 30);
+    folder.train("shortcut", "--train=run1.gdf --epochs=1");
+    let log = folder.fail("evaluate --artifact=model", 2);
+    assert!(log.contains("--test"), "{log}");
+    fs::remove_file(folder.path("model/pca.safetensors")).expect("the stored PCA");
+    let [table, log] = folder.run("evaluate --artifact=model --test=run1.gdf", 0);
+    assert_has(&log, &["trained on run1.gdf", "no pca.safetensors"]);
+    assert_has(&table, &["autoencoder"]);
+    assert!(!table.contains("PCA"), "{table}");
+}
+
+#[test]
 fn learning_curves_have_all_epochs_also_those_before_a_checkpoint() {
     let folder = Folder::with_runs(2, 30);
     let train = "--train=run1 --test=run2 --checkpoint=state --learning-rate=1e-2 --report=report";
@@ -100,18 +130,24 @@ fn learning_curves_have_all_epochs_also_those_before_a_checkpoint() {
 }
 
 #[test]
-fn a_report_that_cannot_be_written_is_found_before_anything_is_read() {
+fn folders_that_cannot_be_written_are_found_before_anything_is_read() {
     let folder = Folder::new();
     // Neither a recording nor a model: reading one would fail with other words.
     folder.write("run1.gdf", "nothing");
     folder.write("file", "");
     let train = format!("train {SMALL} --train=run1 --out=model");
-    for report in ["file", "file/report"] {
-        for command in [&train, "evaluate --artifact=model --test=run1.gdf"] {
-            let log = folder.fail(&format!("{command} --report={report}"), 1);
-            let expected = format!("{report} cannot be written; name another folder");
-            assert!(log.contains(&expected), "{log}");
-        }
+    let evaluate = "evaluate --artifact=model --test=run1.gdf";
+    for (command, option, named) in [
+        (train.as_str(), "--report=file", "file"),
+        (&train, "--report=file/report", "file/report"),
+        (&train, "--checkpoint=file/state", "file"),
+        (evaluate, "--report=file", "file"),
+        (evaluate, "--report=file/report", "file/report"),
+        (&train.replace("=model", "=file/model"), "", "file/model"),
+    ] {
+        let log = folder.fail(&format!("{command} {option}"), 1);
+        let expected = format!("{named} cannot be written; name another folder");
+        assert!(log.contains(&expected), "{command} {option}: {log}");
     }
     // Mode pca has no epochs.
     let log = folder.fail(&format!("{train} --mode=pca --report=report"), 2);

@@ -1,6 +1,6 @@
 //! `trainer train`.
 
-use super::{Folder, SMALL};
+use super::{Folder, SMALL, assert_has};
 use rustix::process::{Pid, Signal, kill_process};
 use std::process::Stdio;
 use std::thread::sleep;
@@ -33,25 +33,6 @@ fn ctrl_c_leaves_a_checkpoint_with_which_the_training_goes_on() {
 }
 
 #[test]
-fn folders_that_cannot_be_written_are_found_before_recordings_are_read() {
-    let folder = Folder::new();
-    // No recording: reading it would fail with other words.
-    folder.write("run1.gdf", "nothing");
-    folder.write("file", "");
-    for options in [
-        "--out=file/model --checkpoint=state",
-        "--out=model --checkpoint=file/state",
-    ] {
-        let train = format!("train {SMALL} --mode=shortcut --train=run1.gdf {options}");
-        let log = folder.fail(&train, 1);
-        assert!(
-            log.contains("cannot be written; name another folder"),
-            "{log}"
-        );
-    }
-}
-
-#[test]
 fn an_artifact_is_refused_before_the_training_and_not_touched() {
     let folder = Folder::new();
     folder.write("model.toml", "mine");
@@ -65,18 +46,17 @@ fn an_artifact_is_refused_before_the_training_and_not_touched() {
 }
 
 #[test]
-fn other_mains_and_recordings_that_are_not_there_are_usage_errors() {
+fn recordings_that_cannot_be_used_are_usage_errors() {
     let folder = Folder::with_runs(1, 20);
-    let log = folder.fail("train --train=run1 --out=model --mains=55", 2);
-    assert!(log.contains("50 or 60"), "{log}");
-    for (recordings, words) in [
-        ("--train=x*.edf", "no recording matches x*.edf"),
-        ("--train=run7", "run1.gdf"),
-        ("--train=run1 --test=run1.gdf", "run1.gdf"),
+    for (options, words) in [
+        ("--train=run1 --mains=55", "50 or 60"),
+        ("--mains=50 --train=x*.edf", "no recording matches x*.edf"),
+        ("--mains=50 --train=run7", "run1.gdf"),
+        ("--mains=50 --train=run1 --test=run1.gdf", "run1.gdf"),
     ] {
-        let train = format!("train {SMALL} --mode=pca --out=model {recordings}");
-        let log = folder.fail(&train, 2);
-        assert!(log.contains(words), "{log}");
+        let shape = "--montage=cyton-8.toml --mode=pca --numbers=16";
+        let log = folder.fail(&format!("train {shape} --out=model {options}"), 2);
+        assert!(log.contains(words), "{options}: {log}");
     }
     assert!(!folder.path("model").exists());
 }
@@ -87,9 +67,10 @@ fn a_model_of_all_recordings_in_a_folder_has_no_test_figures() {
     assert_eq!(folder.train("pca", "--train=."), "");
     let card = folder.read("model/model.toml");
     // The last words: the device's flag `settling` is set for as long.
-    for words in ["run1.gdf", "run2.gdf", "in which the filters settle"] {
-        assert!(card.contains(words), "{card}");
-    }
+    assert_has(
+        &card,
+        &["run1.gdf", "run2.gdf", "in which the filters settle"],
+    );
     assert!(!card.contains("[training.mse]"), "{card}");
 }
 

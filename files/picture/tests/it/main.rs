@@ -5,10 +5,11 @@ use std::ops::RangeBounds;
 use std::path::Path;
 
 use picture::canvas::{PictureError, RESULT, SOURCE};
-use picture::curves::{Curve, Curves, Mark};
+use picture::curves::Curves;
 use picture::heat_map::HeatMap;
 use picture::histogram::Histogram;
 use picture::intervals::{Intervals, Series};
+use picture::lines::{self, Mark};
 use picture::scalp_map::{Place, ScalpMap};
 use picture::traces::{Trace, Traces};
 
@@ -100,13 +101,9 @@ fn intervals_are_drawn() {
 
 #[test]
 fn lines_and_circles_are_drawn_within_the_axes() {
-    let curve = |mark, color, label: &str| Curve {
-        label: label.to_owned(),
-        color,
-        mark,
-        points: (1..=60)
-            .map(|hz| (hz.into(), 1.0 / f64::from(hz)))
-            .collect(),
+    let curve = |mark, color, label: &str| {
+        let points = (1..=60).map(|hz| (hz.into(), 1.0 / f64::from(hz)));
+        lines::Series::new(label, color, mark, points.collect())
     };
     let curves = Curves {
         title: "a title",
@@ -118,7 +115,7 @@ fn lines_and_circles_are_drawn_within_the_axes() {
         mains_hz: 50.0,
         curves: vec![
             curve(Mark::Line, SOURCE, "a line"),
-            curve(Mark::Circles, RESULT, "some circles"),
+            curve(Mark::Rings, RESULT, "some circles"),
         ],
     };
     let words = [
@@ -129,8 +126,9 @@ fn lines_and_circles_are_drawn_within_the_axes() {
         "40 Hz",
         "50 Hz",
     ];
-    // One of the 60 points is not drawn: its value, 1, is above the y axis, which ends at 0.5.
-    assert_drawn(|path| curves.draw(path), &words, "<circle", 59..=59);
+    // One of the 60 points is not drawn: its value, 1, is above the y axis, which ends at 0.5. The
+    // legend has a circle too.
+    assert_drawn(|path| curves.draw(path), &words, "<circle", 60..=60);
 }
 
 #[test]

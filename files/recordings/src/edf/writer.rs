@@ -12,13 +12,14 @@ use crate::signal::Calibration;
 const RECORDS_AT: u64 = 236;
 /// Largest number of records that its field of 8 characters holds.
 const MAX_RECORDS: u64 = 99_999_999;
-/// Bytes of a record's own time stamp in its annotations: `+`, 16 digits with a point, 0x14 0x14 0.
+/// Bytes of the time stamp that starts the annotations of a record: `+`, 16 digits with a point,
+/// 0x14 0x14 0.
 const TIME_STAMP: usize = 20;
 
 /// An annotation to write: the index of its row, and its text.
 pub type RowAnnotation = (u64, String);
 
-/// What differs between the two formats.
+/// What differs between EDF+ and BDF+.
 #[derive(Debug, Clone, Copy)]
 struct Variant {
     /// Bytes of a sample.
@@ -50,6 +51,7 @@ const BDF: Variant = Variant {
 pub struct EdfWriter<W> {
     out: W,
     variant: Variant,
+    /// Calibration of each signal, except that of the annotations.
     lines: Vec<Calibration>,
     rows_per_record: usize,
     rate_hz: u32,
@@ -117,17 +119,17 @@ impl<W: Write + Seek> EdfWriter<W> {
         let annotation_bytes =
             (TIME_STAMP + in_record.max().unwrap_or(0)).next_multiple_of(variant.bytes);
         annotations.reverse();
-        let ranges: Vec<Range> = file
+        let lines = file
             .signals
             .iter()
-            .map(|signal| Range::new(signal, variant))
-            .collect();
+            .map(|signal| calibration(signal, variant));
+        let lines: Vec<Calibration> = lines.collect();
         let samples = annotation_bytes / variant.bytes;
-        out.write_all(&header(variant, file, &ranges, samples)?)?;
+        out.write_all(&header(variant, file, &lines, samples)?)?;
         Ok(EdfWriter {
             out,
             variant,
-            lines: ranges.iter().map(Range::calibration).collect(),
+            lines,
             rows_per_record: file.rows_per_record as usize,
             rate_hz: file.rate_hz,
             annotation_bytes,
@@ -190,41 +192,27 @@ impl<W: Write + Seek> EdfWriter<W> {
     }
 }
 
-/// Ranges of a signal as its header states them.
-struct Range {
-    /// Physical ends, as text of at most 8 characters.
-    physical: [String; 2],
-    digital: [f64; 2],
-}
-
-impl Range {
-    fn new(signal: &SignalToWrite, variant: Variant) -> Range {
-        let [least, most] = signal.range;
-        let [least, most] = if least < most {
-            [least, most]
-        } else {
-            [least - 1.0, least + 1.0]
-        };
-        Range {
-            physical: [least, most].map(number),
-            digital: if signal.is_integer {
-                [least, most]
-            } else {
-                variant.digital
-            },
-        }
-    }
-
-    /// Returns the calibration that a reader computes from the header.
-    fn calibration(&self) -> Calibration {
-        let [physical_min, physical_max] =
-            [0, 1].map(|end| self.physical[end].parse().unwrap_or(f64::NAN));
-        Calibration {
-            digital_min: self.digital[0],
-            digital_max: self.digital[1],
-            physical_min,
-            physical_max,
-        }
+/// Returns the calibration that a reader computes from the header of a signal, which states the
+/// physical ends in at most 8 characters.
+fn calibration(signal: &SignalToWrite, variant: Variant) -> Calibration {
+    let [least, most] = signal.range;
+    let [least, most] = if least < most {
+        [least, most]
+    } else {
+        [least - 1.0, least + 1.0]
+    };
+    let [physical_min, physical_max] =
+        [least, most].map(|end| number(end).parse().unwrap_or(f64::NAN));
+    let [digital_min, digital_max] = if signal.is_integer {
+        [least, most]
+    } else {
+        variant.digital
+    };
+    Calibration {
+        digital_min,
+        digital_max,
+        physical_min,
+        physical_max,
     }
 }
 
@@ -242,7 +230,7 @@ fn onset(row: u64, rate_hz: u32) -> String {
     format!("{whole}.{:07}", rest * 10_000_000 / rate_hz)
 }
 
-/// Returns the bytes of an annotation.
+/// Returns an annotation as a time-stamped list.
 fn list((row, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
     // The separators of the format cannot be part of a text.
     let text = text.replace(['\x14', '\x15', '\0'], " ");
@@ -252,7 +240,7 @@ fn list((row, text): &RowAnnotation, rate_hz: u32) -> Vec<u8> {
 fn header(
     variant: Variant,
     file: &FileToWrite,
-    ranges: &[Range],
+    lines: &[Calibration],
     annotation_samples: usize,
 ) -> io::Result<Vec<u8>> {
     file.check()?;
@@ -290,19 +278,12 @@ fn header(
         file.signals[signal].label.clone()
     });
     fields(80, "", &|_| String::new());
-    let unit = |signal: usize| {
-        if file.signals[signal].is_microvolt {
-            "uV"
-        } else {
-            ""
-        }
-    };
-    fields(8, "", &|signal| unit(signal).to_owned());
-    fields(8, "-1", &|signal| ranges[signal].physical[0].clone());
-    fields(8, "1", &|signal| ranges[signal].physical[1].clone());
+    fields(8, "", &|signal| file.signals[signal].unit().to_owned());
+    fields(8, "-1", &|signal| number(lines[signal].physical_min));
+    fields(8, "1", &|signal| number(lines[signal].physical_max));
     let [least, most] = variant.digital.map(|end| end.to_string());
-    fields(8, &least, &|signal| ranges[signal].digital[0].to_string());
-    fields(8, &most, &|signal| ranges[signal].digital[1].to_string());
+    fields(8, &least, &|signal| lines[signal].digital_min.to_string());
+    fields(8, &most, &|signal| lines[signal].digital_max.to_string());
     fields(80, "", &|_| String::new());
     fields(8, &annotation_samples.to_string(), &|_| {
         file.rows_per_record.to_string()

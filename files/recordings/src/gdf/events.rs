@@ -190,21 +190,22 @@ fn is_table(
 mod tests {
     use super::*;
 
+    /// Returns the columns of a table of mode 3 with two rows: positions; types, then channels;
+    /// durations.
+    fn columns(positions: [u32; 2], halves: [u16; 4], durations: [u32; 2]) -> Vec<u8> {
+        let positions = positions.map(u32::to_le_bytes).concat();
+        let durations = durations.map(u32::to_le_bytes).concat();
+        [positions, halves.map(u16::to_le_bytes).concat(), durations].concat()
+    }
+
     #[test]
-    fn mode_3_has_channels_and_durations() {
+    fn mode_3_has_channels_and_durations_and_mode_2_is_unknown() {
         let prefix = TablePrefix::parse(Format::Gdf2(2.1), [3, 2, 0, 0, 0, 0, 0x80, 0x43]);
         assert_eq!((prefix.count, prefix.rate_hz), (2, 256.0));
-        let mut columns = Vec::new();
-        for position in [1_u32, 257] {
-            columns.extend(position.to_le_bytes());
-        }
-        for half in [0x0300_u16, 0x8300, 0, 5] {
-            columns.extend(half.to_le_bytes());
-        }
-        for duration in [128_u32, 256] {
-            columns.extend(duration.to_le_bytes());
-        }
+        let columns = columns([1, 257], [0x0300, 0x8300, 0, 5], [128, 256]);
         assert_eq!(prefix.column_bytes(), Some(columns.len() as u64));
+        let unknown = TablePrefix { mode: 2, ..prefix };
+        assert_eq!(unknown.column_bytes(), None);
         let events = prefix.events(&columns, 1.0);
         let expected = |onset_s, duration, signal, label| Event {
             onset_s,
@@ -223,16 +224,7 @@ mod tests {
 
     #[test]
     fn a_sparse_sample_has_a_value_instead_of_a_duration() {
-        let mut columns = Vec::new();
-        for word in [3_u32, 4] {
-            columns.extend(word.to_le_bytes());
-        }
-        for half in [0x7fff_u16, 0x0300, 2, 0] {
-            columns.extend(half.to_le_bytes());
-        }
-        for word in [0xffff_fff6_u32, 2] {
-            columns.extend(word.to_le_bytes());
-        }
+        let columns = columns([3, 4], [0x7fff, 0x0300, 2, 0], [0xffff_fff6, 2]);
         let prefix = TablePrefix {
             mode: 3,
             count: 2,
@@ -257,19 +249,5 @@ mod tests {
         let events = prefix.events(&columns[..12], 1.0);
         assert_eq!(events[0].label, EventLabel::Type(0x7fff));
         assert_eq!(events[0].duration_s, None);
-    }
-
-    #[test]
-    fn version_1_has_the_rate_before_the_count() {
-        let prefix = TablePrefix::parse(Format::Gdf1(1.25), [1, 250, 0, 0, 7, 0, 0, 0]);
-        assert_eq!(
-            prefix,
-            TablePrefix {
-                mode: 1,
-                count: 7,
-                rate_hz: 250.0
-            }
-        );
-        assert_eq!(TablePrefix { mode: 2, ..prefix }.column_bytes(), None);
     }
 }

@@ -15,7 +15,7 @@ const FLOAT32: u32 = 16;
 /// GDF 2 physical dimension codes: microvolt, and a number without a unit.
 const MICROVOLT: u16 = 4275;
 const DIMENSIONLESS: u16 = 512;
-/// Number of rows in an event table: 24 bits.
+/// Largest number of rows in an event table, which states it in 24 bits.
 const MAX_EVENTS: usize = 0xff_ffff;
 
 /// Writes a GDF file record by record. The values are float32 and are stored unchanged.
@@ -97,11 +97,9 @@ impl<W: Write + Seek> GdfWriter<W> {
     }
 }
 
-/// Returns `text` in `width` bytes, cut off at a character or padded with zeros.
+/// Returns `text` in `width` bytes: padded with zeros, or without the characters that do not fit.
 fn padded(text: &str, width: usize) -> Vec<u8> {
-    let end = (0..=width.min(text.len())).rev();
-    let end = end.into_iter().find(|end| text.is_char_boundary(*end));
-    let mut bytes = text.as_bytes()[..end.unwrap_or(0)].to_vec();
+    let mut bytes = text.as_bytes()[..text.floor_char_boundary(width)].to_vec();
     bytes.resize(width, 0);
     bytes
 }
@@ -135,7 +133,7 @@ fn header(file: &FileToWrite) -> io::Result<Vec<u8>> {
     };
     field(&|signal| padded(&signal.label, 16));
     field(&|_| vec![0; 80]);
-    field(&|signal| padded(if signal.is_microvolt { "uV" } else { "" }, 6));
+    field(&|signal| padded(signal.unit(), 6));
     field(&|signal| {
         let code = if signal.is_microvolt {
             MICROVOLT

@@ -17,21 +17,22 @@ const LARGEST_UV: f64 = 1e100;
 /// Label and sampling rate of a signal.
 pub(super) struct SignalRate<'a> {
     pub(super) label: &'a str,
-    /// `None` if the signal has no samples.
+    /// Sampling rate, Hz; `None` if the signal has no samples.
     pub(super) rate: Option<Ratio>,
 }
 
 /// Converts signals in uV to samples of the ADC.
 pub(super) struct Conversion {
-    spec: AdcSpec,
+    pub(super) spec: AdcSpec,
     groups: Vec<RateGroup>,
     /// Terms of each electrode; the value of an electrode is the sum of its weighted signals.
     mixes: Vec<Vec<MixTerm>>,
-    /// Boxed, because it is large.
+    /// Samples that are converted to counts but not delivered yet. Boxed, because the block is
+    /// large.
     converted: Box<CountBlock>,
-    /// `None` for the exact conversion.
-    dither: Option<Dither>,
-    counters: AdcCounters,
+    /// Dither of repeated counts; `None` for the exact conversion.
+    pub(super) dither: Option<Dither>,
+    pub(super) counters: AdcCounters,
 }
 
 /// A weighted signal in the mix of an electrode.
@@ -94,8 +95,8 @@ impl Conversion {
         }
         let mut groups = Vec::with_capacity(rates.len());
         for (rate, members) in rates {
-            let converter = RateConverter::new(rate, spec.rate_hz, members.len())?
-                .map_err(|reason| rate_error(&signals[members[0]], spec, reason))?;
+            let label = signals[members[0]].label;
+            let converter = RateConverter::new(label, rate, spec.rate_hz, members.len())?;
             let held = vec![0.0; members.len()];
             groups.push(RateGroup {
                 signals: members,
@@ -103,28 +104,14 @@ impl Conversion {
                 held,
             });
         }
-        let counters = AdcCounters::default();
         Ok(Self {
             spec,
             groups,
             mixes,
             converted: Box::new(CountBlock::new()),
             dither: Some(Dither::new()),
-            counters,
+            counters: AdcCounters::default(),
         })
-    }
-
-    /// Leaves repeated samples as they are.
-    pub(super) fn disable_dither(&mut self) {
-        self.dither = None;
-    }
-
-    pub(super) fn spec(&self) -> AdcSpec {
-        self.spec
-    }
-
-    pub(super) fn counters(&self) -> AdcCounters {
-        self.counters
     }
 
     /// Returns whether more input is needed for the next sample.
@@ -160,25 +147,19 @@ impl Conversion {
     /// # Errors
     /// Those of [`RateConverter::convert`].
     pub(super) fn hold(&mut self, samples: usize) -> Result<(), RecordingError> {
-        for group in &mut self.groups {
-            for (member, &value) in group.held.iter().enumerate() {
-                let held = std::iter::repeat_n(value, samples);
-                group.converter.queue_mut(member).extend(held);
-            }
-            group.converter.convert()?;
-        }
-        Ok(())
+        self.groups
+            .iter_mut()
+            .try_for_each(|group| group.hold(samples))
     }
 
-    /// Converts one block in which every signal keeps its last finite sample.
+    /// Extends every signal by one block of its resampler, in which it keeps its last finite
+    /// sample, and converts that block. After the last record, this yields the remaining outputs.
     ///
     /// # Errors
     /// Those of [`RateConverter::convert`].
     pub(super) fn flush(&mut self) -> Result<(), RecordingError> {
-        for group in &mut self.groups {
-            group.converter.flush(&group.held)?;
-        }
-        Ok(())
+        let mut groups = self.groups.iter_mut();
+        groups.try_for_each(|group| group.hold(group.converter.block()))
     }
 
     /// Returns the next sample. Call it only if [`Self::is_starved`] is false.
@@ -244,6 +225,15 @@ impl RateGroup {
         }
         not_finite
     }
+
+    /// Appends `samples` repetitions of each signal's last finite sample, and converts them.
+    fn hold(&mut self, samples: usize) -> Result<(), RecordingError> {
+        for (member, &value) in self.held.iter().enumerate() {
+            let held = std::iter::repeat_n(value, samples);
+            self.converter.queue_mut(member).extend(held);
+        }
+        self.converter.convert()
+    }
 }
 
 /// Returns the index of the rate group of a signal, and the index of the signal within the group.
@@ -277,15 +267,4 @@ fn find_or_add(
             members.len() - 1
         });
     Ok((group, member))
-}
-
-fn rate_error(signal: &SignalRate, spec: AdcSpec, reason: &'static str) -> RecordingError {
-    RecordingError::Rate {
-        label: signal.label.to_owned(),
-        rate: signal
-            .rate
-            .map_or_else(|| "no".to_owned(), |rate| rate.to_string()),
-        rate_hz: spec.rate_hz,
-        reason,
-    }
 }

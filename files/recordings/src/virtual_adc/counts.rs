@@ -85,8 +85,8 @@ impl CountBlock {
 }
 
 /// Rounds to the nearest integer, ties away from zero, as `f64::round` does. `value` must be within
-/// [`RAILS`]. Without `f64::round` it vectorises, because many processors have no instruction for
-/// that.
+/// [`RAILS`]. Unlike `f64::round`, for which many processors have no vector instruction, this
+/// vectorises.
 #[inline]
 #[expect(clippy::cast_possible_truncation, reason = "within i24")]
 fn rounded(value: f64) -> i32 {
@@ -107,8 +107,8 @@ const CONVERTER_CHANNELS: usize = 8;
 /// at 512 Hz) on each channel that is neither 0 nor at a rail. All other samples stay as they are.
 #[derive(Debug)]
 pub(super) struct Dither {
-    /// Previous sample as delivered. Initially `i32::MIN`, which no ADC delivers, so that the first
-    /// sample never counts as a repetition.
+    /// Previous sample as delivered. It starts as `i32::MIN`, which is outside the range of 24
+    /// bits, so that the first sample never counts as a repetition.
     last: [i32; CHANNELS],
 }
 

@@ -86,6 +86,6 @@ impl LiveAdc {
 
     /// Counts of saturated and non-finite values since the first sample.
     pub fn counters(&self) -> AdcCounters {
-        self.conversion.counters()
+        self.conversion.counters
     }
 }

@@ -53,16 +53,24 @@ struct BlockResampler {
 }
 
 impl RateConverter {
-    /// Creates a converter from `rate` to `rate_hz` for `signals` signals.
+    /// Creates a converter from `rate` to `rate_hz` for `signals` signals, of which an error names
+    /// the one with this label.
     ///
     /// # Errors
-    /// [`RecordingError`] if the resampler cannot be built; an inner `Err(reason)` if the two rates
-    /// need a transform longer than [`BLOCK_MAX`].
+    /// [`RecordingError::Rate`] if the two rates need a transform longer than [`BLOCK_MAX`],
+    /// [`RecordingError::ResamplerConstruction`] if the resampler cannot be built.
     pub(crate) fn new(
+        label: &str,
         rate: Ratio,
         rate_hz: u32,
         signals: usize,
-    ) -> Result<Result<Self, &'static str>, RecordingError> {
+    ) -> Result<Self, RecordingError> {
+        let refused = |reason| RecordingError::Rate {
+            label: label.to_owned(),
+            rate: rate.to_string(),
+            rate_hz,
+            reason,
+        };
         let empty = || vec![Vec::new(); signals];
         let mut converter = Self {
             resampler: None,
@@ -71,10 +79,10 @@ impl RateConverter {
             consumed: 0,
         };
         let Some(wanted) = u64::from(rate_hz).checked_mul(rate.denominator()) else {
-            return Ok(Err("its rate is not a simple fraction"));
+            return Err(refused("its rate is not a simple fraction"));
         };
         if wanted == rate.numerator() {
-            return Ok(Ok(converter));
+            return Ok(converter);
         }
         let divisor = greatest_common_divisor(wanted, rate.numerator());
         let (unit_in, unit_out) = (rate.numerator() / divisor, wanted / divisor);
@@ -86,7 +94,9 @@ impl RateConverter {
             .next_multiple_of(2)
             .min(most);
         if units == 0 {
-            return Ok(Err("the ratio of the two rates needs too long a transform"));
+            return Err(refused(
+                "the ratio of the two rates needs too long a transform",
+            ));
         }
         let size = |unit: u64| usize::try_from(units * unit).unwrap_or(usize::MAX);
         let (block_in, block_out) = (size(unit_in), size(unit_out));
@@ -109,7 +119,7 @@ impl RateConverter {
             skip,
             primed: false,
         });
-        Ok(Ok(converter))
+        Ok(converter)
     }
 
     /// Returns the queue to which new samples of a signal, uV, are appended.
@@ -150,21 +160,6 @@ impl RateConverter {
             queue.drain(..at);
         }
         Ok(())
-    }
-
-    /// Extends each signal by one block in which it keeps its value in `held`, and converts that
-    /// block. After the last record, this yields the remaining outputs.
-    ///
-    /// # Errors
-    /// [`RecordingError::Resampler`] or [`RecordingError::ResamplerBuffer`], both of which are
-    /// defects of this crate.
-    pub(crate) fn flush(&mut self, held: &[f64]) -> Result<(), RecordingError> {
-        let block = self.block();
-        for (signal, &value) in held.iter().enumerate() {
-            self.queue_mut(signal)
-                .extend(std::iter::repeat_n(value, block));
-        }
-        self.convert()
     }
 
     /// Returns the number of input samples in a block of the resampler; 1 without one.

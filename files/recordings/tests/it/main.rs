@@ -13,7 +13,6 @@ macro_rules! assert_refused {
 }
 
 mod files;
-mod gdf_record_count;
 mod live_adc;
 mod mutated_files;
 mod real_files;
@@ -24,11 +23,23 @@ mod written;
 
 use std::io::Cursor;
 
-use recordings::{AdcSpec, Block, Missing, MontageMap, Recording, RecordingError, VirtualAdc};
+use recordings::{
+    AdcSpec, Block, Event, EventLabel, Missing, MontageMap, Recording, RecordingError, VirtualAdc,
+};
 
 /// Opens a recording in memory.
 fn open(bytes: Vec<u8>) -> Result<Recording, RecordingError> {
     Recording::from_source(Cursor::new(bytes))
+}
+
+/// Returns an event that concerns all signals.
+fn event(onset_s: f64, duration_s: Option<f64>, label: EventLabel) -> Event {
+    Event {
+        onset_s,
+        duration_s,
+        signal: None,
+        label,
+    }
 }
 
 /// Reads all samples of all signals, each in the signal's unit.

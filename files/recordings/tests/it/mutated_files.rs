@@ -21,6 +21,14 @@ fn gdf(version_1: bool, records: i64) -> Vec<u8> {
     file.bytes()
 }
 
+/// Returns a file of each format, and GDF files that do not state their number of records.
+fn valid_files() -> Vec<Vec<u8>> {
+    let bdf = EdfFile::bdf("2", 4, vec![7; 24]).bytes();
+    let gdf_files = [(false, 2), (true, 2), (false, -1), (true, -1)];
+    let gdf_files = gdf_files.map(|(version_1, records)| gdf(version_1, records));
+    [vec![edf(), bdf], gdf_files.into()].concat()
+}
+
 /// Reads a file completely and checks that it has no more samples and no more events than bytes.
 fn read_or_refuse(bytes: Vec<u8>) -> Result<(), TestCaseError> {
     let size = bytes.len();
@@ -79,31 +87,11 @@ fn mutated(valid: Vec<u8>) -> impl Strategy<Value = Vec<u8>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(300) })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1500) })]
 
     #[test]
-    fn a_mutated_edf_is_read_or_refused(bytes in mutated(edf())) {
-        read_or_refuse(bytes)?;
-    }
-
-    #[test]
-    fn a_mutated_bdf_is_read_or_refused(bytes in mutated(EdfFile::bdf("2", 4, vec![7; 24]).bytes())) {
-        read_or_refuse(bytes)?;
-    }
-
-    #[test]
-    fn a_mutated_gdf_2_is_read_or_refused(bytes in mutated(gdf(false, 2))) {
-        read_or_refuse(bytes)?;
-    }
-
-    #[test]
-    fn a_mutated_gdf_1_is_read_or_refused(bytes in mutated(gdf(true, 2))) {
-        read_or_refuse(bytes)?;
-    }
-
-    #[test]
-    fn a_mutated_gdf_of_unknown_length_is_read_or_refused(
-        bytes in any::<bool>().prop_flat_map(|version_1| mutated(gdf(version_1, -1))),
+    fn a_mutated_file_of_any_format_is_read_or_refused(
+        bytes in prop::sample::select(valid_files()).prop_flat_map(mutated),
     ) {
         read_or_refuse(bytes)?;
     }

@@ -6,11 +6,9 @@
 
 use std::{env, io::Write, path::PathBuf};
 
-use recordings::{
-    Event, EventLabel, Format, Missing, MontageMap, MontageMapError, Recording, Warning,
-};
+use recordings::{EventLabel, Format, Missing, MontageMap, MontageMapError, Recording, Warning};
 
-use crate::{played, read_all};
+use crate::{event, played, read_all};
 
 /// Returns the path of a file in the data folder; without the folder, reports that the test is
 /// skipped.
@@ -30,15 +28,6 @@ fn open(file: &str) -> Option<Recording> {
 
 fn close(found: f64, expected: f64) -> bool {
     (found - expected).abs() <= 1e-8 * expected.abs().max(1.0)
-}
-
-fn event(onset_s: f64, duration_s: Option<f64>, label: EventLabel) -> Event {
-    Event {
-        onset_s,
-        duration_s,
-        signal: None,
-        label,
-    }
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! Samples, events, warnings and errors from synthetic EDF, EDF+ and BDF files.
 
-use recordings::{Event, EventLabel, Format, Ratio, RecordingError, Warning};
+use recordings::{EventLabel, Format, Ratio, RecordingError, Warning};
 
 use crate::{
+    event,
     files::{EdfFile, EdfSignal},
     open, read_all,
 };
@@ -77,16 +78,12 @@ fn annotations_are_returned_as_events_and_not_as_samples() {
     let file = EdfFile::edf_plus("EDF+C", "2", (2, &[1, 2, 3, 4]), &lists);
     let mut recording = open(file.bytes()).expect("a valid file");
     assert_eq!(recording.format(), Format::EdfPlusContinuous);
-    let event = |onset_s, duration_s, text: &str| Event {
-        onset_s,
-        duration_s,
-        signal: None,
-        label: EventLabel::Text(text.to_owned()),
-    };
-    assert_eq!(
-        recording.events().expect("readable"),
-        [event(0.5, Some(0.25), "left hand"), event(1.5, None, "T2")]
-    );
+    let text = |text: &str| EventLabel::Text(text.to_owned());
+    let expected = [
+        event(0.5, Some(0.25), text("left hand")),
+        event(1.5, None, text("T2")),
+    ];
+    assert_eq!(recording.events().expect("readable"), expected);
     let samples = read_all(&mut recording);
     assert_eq!((samples[0].len(), samples[1].len()), (4, 0));
     assert_eq!(recording.warnings(), []);
@@ -113,33 +110,33 @@ fn gaps_and_damaged_annotations_cause_a_warning() {
 #[test]
 fn unusable_headers_are_refused_with_the_name_of_the_field() {
     let valid = || EdfFile::edf("1", vec![EdfSignal::int16("Cz", 2, &[1, 2])]);
-    let message = |file: EdfFile| open(file.bytes()).err().expect("refused").to_string();
-
-    let mut flat = valid();
-    flat.signals[0].ranges[3] = "-32768".to_owned();
-    assert!(message(flat).contains("signal Cz cannot be scaled: digital -32768..-32768"));
-
-    let no_duration = EdfFile {
-        duration: "0",
+    let with_range = |range: usize, value: &str| {
+        let mut file = valid();
+        file.signals[0].ranges[range] = value.to_owned();
+        file
+    };
+    let with_duration = |duration| EdfFile {
+        duration,
         ..valid()
     };
-    assert!(message(no_duration).contains("duration of a record"));
-    let negative = EdfFile {
-        records: "-7",
-        ..valid()
-    };
-    assert!(message(negative).contains("number of records"));
-    let with_unit = EdfFile {
-        duration: "1 s",
-        ..valid()
-    };
-    assert!(message(with_unit).contains("holds \"1 s\", which is not usable: a plain number"));
-
-    let empty = EdfFile::edf("0", Vec::new());
-    assert!(message(empty).contains("number of signals"));
-    let mut infinite = valid();
-    infinite.signals[0].ranges[1] = "inf".to_owned();
-    assert!(message(infinite).contains("cannot be scaled"));
+    let records = "-7";
+    for (file, expected) in [
+        (
+            with_range(3, "-32768"),
+            "signal Cz cannot be scaled: digital -32768..-32768",
+        ),
+        (with_range(1, "inf"), "cannot be scaled"),
+        (with_duration("0"), "duration of a record"),
+        (
+            with_duration("1 s"),
+            "holds \"1 s\", which is not usable: a plain number",
+        ),
+        (EdfFile { records, ..valid() }, "number of records"),
+        (EdfFile::edf("0", Vec::new()), "number of signals"),
+    ] {
+        let message = open(file.bytes()).err().expect("refused").to_string();
+        assert!(message.contains(expected), "{message}");
+    }
 
     let bytes = valid().bytes();
     assert_refused!(

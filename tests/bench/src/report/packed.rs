@@ -267,7 +267,7 @@ fn recorded_errors() -> anyhow::Result<Option<Errors>> {
         mse: own.mse,
         mse_smoothed: own.mse_smoothed,
         pca_int8_bits: codes.bits_per_window(),
-        pca_int8_mse: codes.pca.map(|pca| pca.integer.mse),
+        pca_int8_mse: codes.pca.map(|pca| pca.errors.integer.mse),
         rates: figures
             .iter()
             .map(|figures| RateFigures {

@@ -7,7 +7,8 @@ use fixed_dsp::{CascadeState, Filter};
 use idsp::iir::{DirectForm1Dither, DirectForm1Wide};
 use model::GUARD_BITS;
 use picture::canvas::{FAINT, REFERENCE, RESULT, SOURCE};
-use picture::curves::{Curve, Curves, Mark};
+use picture::curves::Curves;
+use picture::lines::{Mark, Series};
 use pipeline::Mains;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -72,23 +73,19 @@ impl Noise {
             ("idsp wide", REFERENCE, &self.idsp_wide),
             ("ours", SOURCE, &self.ours),
         ];
-        let line = |(label, color, measured): (&str, _, &Measured)| Curve {
-            label: format!("{label}: {:.1} nV rms", measured.eeg),
-            color,
-            mark: Mark::Line,
-            points: measured.density.iter().copied().skip(1).collect(),
+        let line = |(label, color, measured): (&str, _, &Measured)| {
+            let label = format!("{label}: {:.1} nV rms", measured.eeg);
+            let points = measured.density.iter().copied().skip(1);
+            Series::new(label, color, Mark::Line, points.collect())
         };
         let nyquist_hz = f64::from(model::ADC_RATE_HZ) / 2.0;
         // Rounding to whole counts in the ADC adds noise of power LSB^2 / 12, spread evenly from 0
         // to `nyquist_hz`.
         let adc = f64::from(model::LSB_NV) / (12.0 * nyquist_hz).sqrt();
         let adc_in_band = adc * (BAND_HZ[1] - BAND_HZ[0]).sqrt();
-        let rounding = Curve {
-            label: format!("rounding in the ADC: {adc_in_band:.1} nV rms"),
-            color: FAINT,
-            mark: Mark::Line,
-            points: vec![(0.25, adc), (nyquist_hz, adc)],
-        };
+        let label = format!("rounding in the ADC: {adc_in_band:.1} nV rms");
+        let points = vec![(0.25, adc), (nyquist_hz, adc)];
+        let rounding = Series::new(label, FAINT, Mark::Line, points);
         let densities = filters
             .iter()
             .flat_map(|(_, _, measured)| &measured.density);
