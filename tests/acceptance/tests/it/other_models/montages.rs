@@ -1,7 +1,8 @@
 //! Each file in `files/montages/` makes a model that streams: the codes of the pipeline equal those
-//! of the batch reference, these equal numpy's, and host-sim, built with the model, announces and
-//! streams it. corticode-node builds for a montage with few channels, and decodes its codes. The
-//! same holds for the trained model of the paper's montage, whose codes host-sim also decodes.
+//! of the batch reference, the reference's equal numpy's, and host-sim, built with the model,
+//! announces it and streams its codes. corticode-node builds for a montage with few channels, and
+//! decodes its codes. The trained model of the paper's montage also streams, and host-sim decodes
+//! its codes.
 
 use std::fs;
 use std::path::Path;
@@ -16,13 +17,13 @@ use link::{Decoder, MAX_FRAME, ToHost};
 const NUMBERS: usize = 48;
 /// Montage of the model with which corticode-node is built, which has another gain than the others.
 const NODE_MONTAGE: &str = "cyton-8";
-/// Gain of that model.
+/// Gain of the ADC in [`NODE_MONTAGE`].
 const NODE_GAIN: u32 = 6;
-/// Seconds that host-sim plays.
+/// Duration of the synthetic EEG that host-sim plays, in seconds.
 const SECONDS: u64 = 6;
 
-/// Builds what streams each model: the simulator, and the comparison of the pipeline with its batch
-/// reference.
+/// Cargo arguments that build, for each model, the simulator and the test that compares the
+/// pipeline with its batch reference.
 const BUILD: &str = "build --workspace --bin=host-sim --test=streaming_equals_batch";
 
 #[test]
