@@ -11,7 +11,8 @@ pub fn help() -> String {
     help_for(CHIPS, model::LABELS)
 }
 
-/// Returns the help for a board with this number of chips and these electrodes.
+/// Returns the help for a board with this number of chips, and electrodes whose `labels` are
+/// separated by blanks.
 fn help_for(chips: usize, labels: &str) -> String {
     let electrode = labels.split(' ').next().unwrap_or_default();
     let numbers = match chips {
@@ -50,10 +51,10 @@ enum Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
     kind: Kind,
-    /// Number of samples before the fault begins; 0 if it is present before the chain is
+    /// Number of ADC samples before the fault begins; 0 if it is present before the chain is
     /// initialised.
     from: u64,
-    /// Number of samples before the fault is repaired; `None` if it stays.
+    /// Number of ADC samples before the fault is repaired; `None` if it stays.
     to: Option<u64>,
 }
 
@@ -176,7 +177,7 @@ pub(crate) enum Change {
     Electrode { channel: usize, on: bool },
 }
 
-/// Schedule of the faults of a run.
+/// Schedule of the faults of a run; the default has none.
 #[derive(Clone, Debug, Default)]
 pub struct Faults {
     /// Pairs (samples before the change, change), in order of time. At equal times, the repair of a
@@ -187,12 +188,6 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// The schedule of a run without faults.
-    pub const NONE: Self = Self {
-        changes: Vec::new(),
-        applied: 0,
-    };
-
     /// Creates the schedule of these faults.
     ///
     /// # Errors
@@ -216,10 +211,8 @@ impl Faults {
             changes.extend(fault.to.map(|to| (to, repaired)));
         }
         changes.sort_by_key(|(time, change)| (*time, matches!(change, Change::Inject(..))));
-        Ok(Self {
-            changes,
-            applied: 0,
-        })
+        let applied = 0;
+        Ok(Self { changes, applied })
     }
 
     /// Returns the changes that are due after `samples` samples and were not returned before.
@@ -249,11 +242,6 @@ impl Fault {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn error(text: &str) -> String {
-        let error: FaultError = text.parse::<Fault>().expect_err("not a fault");
-        error.to_string()
-    }
 
     #[test]
     fn a_fault_is_parsed_with_its_times_and_place() {
@@ -285,15 +273,20 @@ mod tests {
 
     #[test]
     fn a_text_that_is_no_fault_is_refused_with_a_remedy() {
-        assert!(error("dead@3s").contains("dead@3s:chip0"));
-        assert!(error("smoke:chip1").contains("shifted-bit"));
-        let none = format!("chip{CHIPS}");
-        assert!(error(&format!("dead:{none}")).contains(&format!("below {none}")));
-        assert!(error("lead-off:Fp99").contains(model::LABELS));
-        assert!(error("dead@soon:chip1").contains("0.5s"));
-        assert!(error("dead@3s..2s:chip1").contains("before it begins"));
-        assert!(error("double-rate@1s:chip1").contains("only that of chip0"));
-        assert!(error("missed-drdy@1s..2s:chip0").contains("by itself"));
+        let beyond = format!("chip{CHIPS}");
+        for (text, part) in [
+            ("dead@3s", "dead@3s:chip0"),
+            ("smoke:chip1", "shifted-bit"),
+            (&format!("dead:{beyond}"), &format!("below {beyond}")),
+            ("lead-off:Fp99", model::LABELS),
+            ("dead@soon:chip1", "0.5s"),
+            ("dead@3s..2s:chip1", "before it begins"),
+            ("double-rate@1s:chip1", "only that of chip0"),
+            ("missed-drdy@1s..2s:chip0", "by itself"),
+        ] {
+            let error = text.parse::<Fault>().expect_err(text).to_string();
+            assert!(error.contains(part), "{text}: {error}");
+        }
     }
 
     #[test]
@@ -311,11 +304,8 @@ mod tests {
             fine.take_due(second),
             [Change::Inject(1, simulation::Fault::Dead)]
         );
-        let then = [
-            Change::Repair(1),
-            Change::Inject(1, simulation::Fault::StuckData),
-        ];
-        assert_eq!(fine.take_due(2 * second), then);
+        let stuck = Change::Inject(1, simulation::Fault::StuckData);
+        assert_eq!(fine.take_due(2 * second), [Change::Repair(1), stuck]);
         assert_eq!(fine.take_due(3 * second), []);
     }
 }

@@ -6,7 +6,6 @@ mod command_line;
 mod decode;
 mod encode;
 mod inspect;
-mod opened_input;
 mod run;
 
 use std::{error::Error, process::ExitCode};

@@ -89,7 +89,7 @@ impl VirtualBoard {
     /// Creates a board that has just started. `Hello`, `Capabilities` and `Converters` are in the
     /// outbox.
     pub fn new(identity: Identity, mains: Mains, outbox: Outbox) -> Self {
-        Self::with_faults(identity, mains, Faults::NONE, outbox)
+        Self::with_faults(identity, mains, Faults::default(), outbox)
     }
 
     /// Creates a board as [`Self::new`] does, with faults in its converters.

@@ -204,20 +204,3 @@ fn minutes(time: Duration) -> String {
     let seconds = time.as_secs();
     format!("{} min {:>2} s", seconds / 60, seconds % 60)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_table_has_a_line_with_the_time_of_each_stage() {
-        let table = table(&[
-            ("format", Duration::from_secs(7)),
-            ("all stages", Duration::from_secs(754)),
-        ]);
-        let lines: Vec<&str> = table.lines().collect();
-        assert!(lines[0].starts_with("format ") && lines[0].ends_with(" 0 min  7 s"));
-        assert!(lines[1].starts_with("all stages ") && lines[1].ends_with(" 12 min 34 s"));
-        assert_eq!(lines[0].len(), lines[1].len());
-    }
-}

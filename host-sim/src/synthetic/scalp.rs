@@ -27,9 +27,8 @@ impl Scalp {
     /// [`SyntheticError::UnknownElectrode`] for a label that is not in the 10-5 system.
     pub(super) fn new(labels: &[String]) -> Result<Self, SyntheticError> {
         let position = |label: &String| {
-            Position::from_label(label).ok_or_else(|| SyntheticError::UnknownElectrode {
-                label: label.clone(),
-            })
+            let unknown = || SyntheticError::UnknownElectrode(label.clone());
+            Position::from_label(label).ok_or_else(unknown)
         };
         Ok(Self {
             head: Head::new(CONDUCTIVITIES),

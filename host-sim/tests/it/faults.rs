@@ -1,8 +1,6 @@
 //! Each fault of the converters is flagged in the first code whose window contains the fault, and
 //! in no earlier code.
 
-use std::time::Duration;
-
 use ads1299::{Error, Finding, ID};
 use host_sim::{
     Fault, Faults, Identity, Outbox, VirtualBoard, WhenFull,
@@ -46,11 +44,7 @@ fn board(faults: &[&str]) -> (VirtualBoard, Outbox) {
     let faults: Vec<Fault> = faults.iter().map(|f| f.parse().expect("a fault")).collect();
     let faults = Faults::new(&faults).expect("one by one");
     let outbox = Outbox::new(WhenFull::Wait);
-    let identity = Identity {
-        session_id: 1,
-        chip_uid: [0; 12],
-        ..Identity::default()
-    };
+    let identity = Identity::default();
     let mut board = VirtualBoard::with_faults(identity, Mains::Hz50, faults, outbox.clone());
     let start = Start {
         streams: Streams::CODES,
@@ -68,15 +62,10 @@ fn observe(faults: &[&str]) -> Observed {
     for (index, counts) in (0..1024).zip(generator) {
         board.process_sample(&Sample { counts }, index * 1_000_000 / 512);
     }
-    let mut codes = Vec::new();
-    while !outbox.drain(Duration::ZERO) {
-        let frame = outbox.pop().expect("a frame waits");
-        outbox.mark_written();
-        codes.extend(frames(&frame, |frame| match frame.message {
-            ToHost::Code(code) => Some((code.window as usize, code.flags)),
-            _ => None,
-        }));
-    }
+    let codes = frames(&outbox.take_all().concat(), |frame| match frame.message {
+        ToHost::Code(code) => Some((code.window as usize, code.flags)),
+        _ => None,
+    });
     assert!(codes.iter().map(|(window, _)| *window).eq(0..codes.len()));
     let codes = codes.into_iter().map(|(_, flags)| flags).collect();
     let stats = board.stats();

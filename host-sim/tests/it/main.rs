@@ -10,5 +10,4 @@ mod host;
 mod json_lines;
 mod output_file;
 mod program;
-mod repeated_values;
 mod session;

@@ -116,7 +116,13 @@ fn an_output_that_cannot_be_is_wrong_usage_with_what_is_allowed() {
             "a port of 0 to 65535; write tcp:127.0.0.1:5555",
         ),
         ("tcp::5555", "write tcp:127.0.0.1:5555"),
+        ("tcp:5555", "write tcp:127.0.0.1:5555"),
         ("99999", "write pty:PATH, tcp:HOST:PORT or file:PATH"),
+        (
+            "udp:1.2.3.4:5",
+            "write pty:PATH, tcp:HOST:PORT or file:PATH",
+        ),
+        ("pty:", "write pty:PATH"),
         ("ndjson:", "ndjson:PATH for lines of JSON"),
         (
             "file:/tmp",

@@ -37,7 +37,7 @@ fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
             ..Identity::default()
         },
         limit: seconds.map(|seconds| 512 * seconds),
-        faults: Faults::NONE,
+        faults: Faults::default(),
         trigger: None,
         recorded_edges: RecordedEdges::default(),
     }
