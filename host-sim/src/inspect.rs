@@ -1,4 +1,4 @@
-//! The command `host-sim inspect`, which shows what a recording holds.
+//! The command `host-sim inspect`, which shows what a recording holds and how it fits the montage.
 
 use std::error::Error;
 

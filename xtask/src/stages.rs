@@ -18,7 +18,8 @@ const AFTER_A_LINT: &str =
 const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8-nn --package=packed --package=model \
     --package=pipeline --package=link --package=device --package=firmware --package=bench \
     --package=on-target --package=board-qemu";
-/// An image for models that are smaller than the default one, which does not fit.
+/// Cargo arguments for the NUCLEO-F446RE's image with the network and the packed code. Only models
+/// smaller than the default one fit its memory, so this image is linted but not built.
 const F446_WITH_BOTH_ENCODERS: &str =
     "--package=board-f446 --no-default-features --features=uart,network,packed";
 

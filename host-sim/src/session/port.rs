@@ -27,8 +27,8 @@ use crate::outbox::{Outbox, WhenFull};
 const POLL: Duration = Duration::from_millis(2);
 
 /// Number of unread bytes in a terminal above which no frame is written: about half a second of
-/// codes. Without this limit, the kernel would buffer 64 KB, about half a minute of codes, and a slow
-/// host would read codes of that age.
+/// codes. Without this limit, the kernel would buffer 64 KB, about half a minute of codes, and a
+/// slow host would read codes of that age.
 const MAX_UNREAD: u64 = 1_024;
 
 /// Destination of the frames.
@@ -46,7 +46,8 @@ pub enum Output {
 }
 
 impl Output {
-    /// Returns the path of an output that is a file; `None` for one with a host, which sends commands.
+    /// Returns the path of an output that is a file; `None` for one with a host, which sends
+    /// commands.
     pub fn file(&self) -> Option<&Path> {
         match self {
             Self::File(path) | Self::JsonLines(path) => Some(path),
@@ -197,16 +198,12 @@ impl Port {
                 };
                 let outbox = outbox.clone();
                 let mut write = to_file(handle);
-                writer = Some(if let Output::JsonLines(_) = output {
-                    let mut lines = JsonLines::default();
-                    let write = move |frame: &[u8]| match lines.line(frame)? {
-                        Some(line) => write(&line),
-                        None => Ok(()),
-                    };
-                    thread::spawn(move || write_all(write, || 0, &outbox))
-                } else {
-                    thread::spawn(move || write_all(write, || 0, &outbox))
-                });
+                let mut lines = matches!(output, Output::JsonLines(_)).then(JsonLines::default);
+                let write = move |frame: &[u8]| match &mut lines {
+                    None => write(frame),
+                    Some(lines) => lines.line(frame)?.map_or(Ok(()), |line| write(&line)),
+                };
+                writer = Some(thread::spawn(move || write_all(write, || 0, &outbox)));
                 None
             }
         };
@@ -226,8 +223,8 @@ impl Port {
         writer.is_none_or(|writer| writer.join().is_ok())
     }
 
-    /// Moves the complete file from its temporary name to that of the output; does nothing for other
-    /// outputs.
+    /// Moves the complete file from its temporary name to that of the output; does nothing for
+    /// other outputs.
     ///
     /// # Errors
     /// [`NewFileError`] if the file cannot be completed.
@@ -260,9 +257,10 @@ impl Port {
     /// Waits until the host has read everything, at most `timeout`, and returns the number of
     /// unread bytes. Closing a pseudo-terminal discards unread bytes.
     ///
-    /// For a TCP port in virtual time, waits until the host closes the connection or `stop` is set, at
-    /// most a minute, and returns 0: if this program ended earlier, a command that arrives later would
-    /// make the kernel discard what the host has not read. For other outputs, returns 0 at once.
+    /// For a TCP port in virtual time, waits until the host closes the connection or `stop` is set,
+    /// at most a minute, and returns 0: if this program ended earlier, a command that arrives later
+    /// would make the kernel discard what the host has not read. For other outputs, returns 0 at
+    /// once.
     pub fn wait_until_read(&self, timeout: Duration, stop: &AtomicBool) -> u64 {
         if let Some(host) = &self.waiting_host {
             wait_until_closed(host, stop);

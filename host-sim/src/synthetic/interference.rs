@@ -7,8 +7,8 @@ use super::{
 };
 
 /// Corner frequency of the drift's low-pass, Hz. The low-pass is of second order: of a drift of 100
-/// uV RMS, 0.5 uV are above 0.5 Hz. A low-pass of first order would leave 16 uV above 0.5 Hz, within
-/// the band of the EEG.
+/// uV RMS, 0.5 uV are above 0.5 Hz. A low-pass of first order would leave 16 uV above 0.5 Hz,
+/// within the band of the EEG.
 const DRIFT_HZ: f64 = 0.02;
 
 #[derive(Debug, Clone)]
@@ -62,8 +62,8 @@ impl Interference {
     }
 }
 
-/// Added voltage, uV: far beyond the ADC's +-187,500 uV, so the count is clipped whatever the other
-/// components are.
+/// Voltage that drives an electrode to the rail, uV: far beyond the ADC's +-187,500 uV, so the
+/// count is clipped whatever the other components are.
 const RAIL_UV: f64 = 1e6;
 
 /// Episodes with one electrode at the ADC's rail, as if it had come loose.

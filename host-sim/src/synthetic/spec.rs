@@ -61,7 +61,7 @@ impl SyntheticSpec {
     }
 }
 
-/// A parameter that the generator refuses.
+/// Why the generator refuses a spec.
 #[derive(Debug, Error, PartialEq)]
 pub enum SyntheticError {
     /// A label without a position in the 10-5 system; holds the label.

@@ -102,7 +102,7 @@ fn a_link_of_the_user_is_not_replaced_by_the_link_to_a_terminal() {
     );
     assert_eq!(fs::read(at("link")).expect("the data"), b"mine");
 
-    // What a killed run has left is replaced.
+    // A link to a terminal, such as a killed run leaves, is replaced.
     fs::remove_file(at("link")).expect("a link");
     symlink("/dev/pts/4711", at("link")).expect("a link");
     assert_eq!(run(&board).status, Some(0));

@@ -1,5 +1,5 @@
-//! Frames that a board has sent, decoded in order and sorted by kind, and those that host-sim sends for
-//! the same samples.
+//! Frames that a board has sent, decoded in order and sorted by kind, and those that host-sim sends
+//! for the same samples.
 
 use host_sim::{Identity, Outbox, VirtualBoard, WhenFull};
 use link::{
@@ -192,8 +192,8 @@ impl Boot {
         self.stats.last().copied().unwrap_or_default()
     }
 
-    /// Largest deviation of a code's device time from its due time, in microseconds. Codes are due
-    /// at whole numbers of hops after the first code.
+    /// Returns the largest deviation of a code's device time from its due time, in microseconds.
+    /// Codes are due at whole numbers of hops after the first code.
     pub fn jitter_us(&self) -> u64 {
         let Some((first, _)) = self.timed_codes.first() else {
             return 0;

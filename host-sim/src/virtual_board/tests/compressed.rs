@@ -24,7 +24,8 @@ fn decode(decoder: &mut lossless::Decoder<CHANNELS>, raw: &CompressedRaw) -> Vec
     counts.expect("a sound block").to_vec()
 }
 
-/// Bytes of the raw and of the compressed frames of a run, and the longest of the latter's blocks.
+/// Sizes of the frames of a run: bytes of all raw and of all compressed frames, bytes of the
+/// longest compressed block, and number of counts.
 #[derive(Debug, Default)]
 struct Bytes {
     raw: usize,

@@ -3,50 +3,32 @@
 use std::time::Duration;
 
 use link::{Event, EventKind, ResetInto, Streams};
-use pipeline::{Acquisition, Step};
+use pipeline::Acquisition;
 
 use super::*;
 
-/// Returns pseudo-random samples of 20 bits, the same at each call. One channel is at the rail in
-/// every hundredth sample.
-fn samples(count: usize) -> Vec<Sample> {
-    let mut state = 1_u32;
-    let mut next = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state.cast_signed() >> 12).clamp(-Sample::MAX, Sample::MAX)
-    };
-    let sample = |index| {
-        let mut sample = Sample {
-            counts: std::array::from_fn(|_| next()),
-        };
-        if index % 100 == 7 {
-            sample.counts[63] = -Sample::MAX - 1;
-        }
-        sample
-    };
-    (0..count).map(sample).collect()
-}
-
-/// Passes `samples` to a board that sends `streams`. Returns what `select` picks from the messages.
-fn streamed<T>(
-    streams: Streams,
-    samples: &[Sample],
-    select: impl Fn(ToHost<'_>) -> Option<T>,
-) -> Vec<T> {
-    let (mut board, outbox) = board();
-    send(&mut board, &mut Encoder::default(), start(streams));
-    let mut seen = Vec::new();
-    for (index, sample) in (1..).zip(samples) {
-        board.process_sample(sample, index * 1_000_000 / 512);
-        seen.extend(frames(&outbox, &select));
-    }
-    seen
-}
-
 #[test]
 fn filtered_frames_are_the_steps_that_the_encoder_reads() {
-    let samples = samples(1_024);
-    let seen = streamed(Streams::FILTERED, &samples, |message| match message {
+    let (mut board, outbox) = board();
+    send(
+        &mut board,
+        &mut Encoder::default(),
+        start(Streams::FILTERED),
+    );
+    let mut acquisition = Acquisition::new(Mains::Hz50);
+    let mut steps = Vec::new();
+    let mut state = 1_u32;
+    for index in 1..=1_024 {
+        // Pseudo-random counts of 20 bits.
+        let counts = std::array::from_fn(|_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            state.cast_signed() >> 12
+        });
+        let sample = Sample { counts };
+        board.process_sample(&sample, index * 1_000_000 / 512);
+        steps.extend(acquisition.process_sample(&sample));
+    }
+    let seen = frames(&outbox, |message| match message {
         ToHost::Filtered(filtered) => {
             assert_eq!((filtered.electrodes, filtered.fraction_bits), (61, 5));
             Some((filtered.first_step, filtered.values().collect::<Vec<_>>()))
@@ -55,11 +37,6 @@ fn filtered_frames_are_the_steps_that_the_encoder_reads() {
     });
     let firsts: Vec<u64> = seen.iter().map(|(first, _)| *first).collect();
     assert_eq!(firsts, (0..1_024 / 4).step_by(4).collect::<Vec<_>>());
-    let mut acquisition = Acquisition::new(Mains::Hz50);
-    let steps: Vec<Step> = samples
-        .iter()
-        .filter_map(|sample| acquisition.process_sample(sample))
-        .collect();
     let expected: Vec<i32> = steps.iter().flat_map(|step| step.electrodes).collect();
     let together: Vec<i32> = seen.into_iter().flat_map(|(_, values)| values).collect();
     assert_eq!(together, expected);

@@ -197,7 +197,7 @@ const _: () = assert!((WHOLE_SAMPLES * 1_000_000).is_multiple_of(ADC_RATE_HZ as 
 /// window.
 const GROUP_PERIOD: u64 = 13 * WHOLE_SAMPLES;
 
-/// Number of groups from one burst to the next.
+/// Number of groups of edges from one burst to the next.
 const BURST_PERIOD: u64 = 40;
 
 /// Edges of a burst: more than the 16 that the board can keep
@@ -262,9 +262,9 @@ impl Edges {
         events.collect()
     }
 
-    /// Returns whether the events of the edges `lost`, indices in `at_us`, may be missing. Each
-    /// burst must lose at least one event, but no more than the board's queue cannot hold; no other
-    /// event may be missing.
+    /// Returns whether a board may lack the events of the edges `lost`, which are indices in
+    /// `at_us`. Each burst must lose at least one event, and at most as many as do not fit the
+    /// board's queue. No other event may be missing.
     fn may_lack(&self, lost: &[usize]) -> bool {
         let in_burst = |first: &usize| {
             let burst = *first..first + BURST_EDGES;
