@@ -93,8 +93,8 @@ fn pass_on(
             if *byte != 0 {
                 continue;
             }
-            // A linear congruential generator with Knuth's multiplier. Its upper bits decide about the
-            // loss, because the lower bits have short periods.
+            // A linear congruential generator with Knuth's multiplier. Its upper bits decide about
+            // the loss, because the lower bits have short periods.
             random = random
                 .wrapping_mul(6_364_136_223_846_793_005)
                 .wrapping_add(1);

@@ -1,4 +1,5 @@
-//! The two boards that QEMU emulates for the tests and benchmarks, its command line, and a run with it.
+//! The two boards that QEMU emulates for the tests and benchmarks, its command line, and a run with
+//! it.
 
 use std::io::{self, BufRead, BufReader, ErrorKind};
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! What the host reports of a device that breaks a rule, and how it treats short packets. The images on
-//! virtual boards are devices that follow the rules.
+//! What the host reports of a device that breaks a rule, and how it treats short packets. The
+//! images on virtual boards are devices that follow the rules.
 
 use rigless::soc::Width;
 
@@ -24,7 +24,8 @@ const CONFIGURATION: [u8; 62] = [
     7, 5, 0x82, 2, 64, 0, 0,
 ];
 
-/// A core that a driver has configured and connected, with the bulk endpoint 2 IN, at virtual time 0.
+/// A core that a driver has configured and connected, with the bulk endpoint 2 IN, at virtual
+/// time 0.
 struct Device {
     core: Core,
     violations: Violations,
