@@ -38,8 +38,8 @@ pub struct Converters {
     faults: Faults,
     /// Number of sample periods started, which determines the faults that are due.
     periods: u64,
-    /// Due time of the first DRDY edge since start-up or the last self-test, ns of the chain's time,
-    /// and the number of its period; `None` before that period.
+    /// Due time of the first DRDY edge since start-up or the last self-test, ns of the chain's
+    /// time, and the number of its period; `None` before that period.
     first_edge: Option<(u64, u64)>,
     /// True if all samples of the current period have been read.
     is_done: bool,

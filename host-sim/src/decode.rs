@@ -6,9 +6,7 @@ use std::{
 };
 
 use new_file::Existing;
-use offline::{
-    CodeKind, Decoded, Decoding, Model, OfflineError, Progress, SignalFormat, report, settling_s,
-};
+use offline::{Decoded, Decoding, Model, OfflineError, Progress, SignalFormat, report, settling_s};
 
 use crate::batch::{self, Job};
 use crate::command_line::DecodeOptions;
@@ -19,11 +17,11 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
         Some(folder) => Model::read(folder)?,
         None => Model::embedded()?,
     };
-    let format = SignalFormat::from(options.to);
+    let format = options.to;
     let decoding = Decoding {
         model: &model,
         format,
-        kind: options.stream.map(CodeKind::from),
+        kind: options.stream,
         existing: Existing::from_force(options.batch.force),
     };
     let extension = format!("decoded.{}", format.extension());
@@ -141,8 +139,8 @@ fn decode_one(
     Ok((decoded, warnings))
 }
 
-/// Returns the recording from which the codes of a job were made; `None` if `original` is not given,
-/// or is a folder that has no recording with the name of the codes.
+/// Returns the recording from which the codes of a job were made; `None` if `original` is not
+/// given, or is a folder that has no recording with the name of the codes.
 fn recording_of(job: &Job, original: Option<&Path>) -> Option<PathBuf> {
     let original = original?;
     if !original.is_dir() {

@@ -39,18 +39,11 @@ TO it stays. {numbers} Kinds:
     )
 }
 
-/// Kind and place of a fault, without its time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    Chip(usize, simulation::Fault),
-    /// An electrode without contact; holds its ADC channel.
-    Electrode(usize),
-}
-
 /// A fault of a converter or an electrode, with its start and end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
-    kind: Kind,
+    /// Change of the simulated chain at the beginning, and the one that repairs it.
+    changes: (Change, Change),
     /// Number of ADC samples before the fault begins; 0 if it is present before the chain is
     /// initialised.
     from: u64,
@@ -106,7 +99,7 @@ impl FromStr for Fault {
             Some((name, times)) => (name, Some(times)),
             None => (what, None),
         };
-        let kind = kind(name, place)?;
+        let changes = changes(name, place)?;
         let (from, to) = match times {
             None => (0, None),
             Some(times) => match times.split_once("..") {
@@ -117,17 +110,18 @@ impl FromStr for Fault {
         if to.is_some_and(|to| to <= from) {
             return Err(FaultError::Backwards(text.to_owned()));
         }
-        let passes = kind == Kind::Chip(0, simulation::Fault::MissedReady);
+        let passes = changes.0 == Change::Inject(0, simulation::Fault::MissedReady);
         if passes && to.is_some() {
             return Err(FaultError::Passing);
         }
         // A missed edge affects one sample, so the fault is repaired at the next sample.
         let to = if passes { Some(from + 1) } else { to };
-        Ok(Self { kind, from, to })
+        Ok(Self { changes, from, to })
     }
 }
 
-fn kind(name: &str, place: &str) -> Result<Kind, FaultError> {
+/// Returns the change that a fault of this kind is, and the one that repairs it.
+fn changes(name: &str, place: &str) -> Result<(Change, Change), FaultError> {
     use simulation::Fault as Broken;
     let broken = match name {
         "dead" => Broken::Dead,
@@ -143,7 +137,9 @@ fn kind(name: &str, place: &str) -> Result<Kind, FaultError> {
             let mut labels = model::LABELS.split(' ');
             let electrode = labels.position(|label| label.eq_ignore_ascii_case(place));
             let none = || FaultError::NoElectrode(place.to_owned());
-            return electrode.map(Kind::Electrode).ok_or_else(none);
+            let channel = electrode.ok_or_else(none)?;
+            let [off, on] = [false, true].map(|on| Change::Electrode { channel, on });
+            return Ok((off, on));
         }
         _ => return Err(FaultError::NoKind(name.to_owned())),
     };
@@ -153,7 +149,7 @@ fn kind(name: &str, place: &str) -> Result<Kind, FaultError> {
     if chip > 0 && matches!(broken, Broken::DoubleRate | Broken::MissedReady) {
         return Err(FaultError::NotWired(name.to_owned()));
     }
-    Ok(Kind::Chip(chip, broken))
+    Ok((Change::Inject(chip, broken), Change::Repair(chip)))
 }
 
 /// Parses a time in seconds and returns the number of ADC samples before it.
@@ -195,18 +191,12 @@ impl Faults {
     pub fn new(faults: &[Fault]) -> Result<Self, FaultError> {
         let mut changes = Vec::new();
         for (index, fault) in faults.iter().enumerate() {
-            if let Kind::Chip(chip, _) = fault.kind
+            let (broken, repaired) = fault.changes;
+            if let Change::Repair(chip) = repaired
                 && faults[..index].iter().any(|other| fault.overlaps(other))
             {
                 return Err(FaultError::Twice(chip));
             }
-            let (broken, repaired) = match fault.kind {
-                Kind::Chip(chip, fault) => (Change::Inject(chip, fault), Change::Repair(chip)),
-                Kind::Electrode(channel) => (
-                    Change::Electrode { channel, on: false },
-                    Change::Electrode { channel, on: true },
-                ),
-            };
             changes.push((fault.from, broken));
             changes.extend(fault.to.map(|to| (to, repaired)));
         }
@@ -228,14 +218,11 @@ impl Faults {
 }
 
 impl Fault {
-    /// Returns true if both faults affect the same chip at the same time.
+    /// Returns true if both faults affect the same chip, or electrode, at the same time.
     fn overlaps(&self, other: &Self) -> bool {
-        let same = match (self.kind, other.kind) {
-            (Kind::Chip(one, _), Kind::Chip(two, _)) => one == two,
-            _ => false,
-        };
         let ends = |fault: &Self| fault.to.unwrap_or(u64::MAX);
-        same && self.from < ends(other) && other.from < ends(self)
+        let repaired = |fault: &Self| fault.changes.1;
+        repaired(self) == repaired(other) && self.from < ends(other) && other.from < ends(self)
     }
 }
 
@@ -248,11 +235,12 @@ mod tests {
         let rate = u64::from(model::ADC_RATE_HZ);
         let dead: Fault = "dead@3s..6.5s:chip2".parse().expect("a fault");
         assert_eq!((dead.from, dead.to), (3 * rate, Some(13 * rate / 2)));
-        assert_eq!(dead.kind, Kind::Chip(2, simulation::Fault::Dead));
+        assert_eq!(dead.changes.0, Change::Inject(2, simulation::Fault::Dead));
         let (_, second) = model::LABELS.split_once(' ').expect("many electrodes");
         let label = second.split(' ').next().expect("a label").to_lowercase();
         let off: Fault = format!("lead-off@2:{label}").parse().expect("a fault");
-        assert_eq!(off.kind, Kind::Electrode(1));
+        let (channel, on) = (1, false);
+        assert_eq!(off.changes.0, Change::Electrode { channel, on });
         let id: Fault = "wrong-id:chip7".parse().expect("a fault");
         assert_eq!((id.from, id.to), (0, None));
     }

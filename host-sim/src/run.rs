@@ -19,7 +19,7 @@ use recordings::Onsets;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::batch::progress_bar;
-use crate::command_line::{Input, RunOptions, Stream};
+use crate::command_line::{Input, RunOptions};
 
 pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
     if !options.streams.is_empty() && options.output.file().is_none() {
@@ -27,10 +27,10 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
             "--streams is for file: and ndjson:; of a port, the host selects the streams".into(),
         );
     }
-    if options.streams.contains(&Stream::Codes) && !model::HAS_NETWORK {
+    if options.streams.contains(&Streams::CODES) && !model::HAS_NETWORK {
         return Err("the built-in model has no network; write --streams packed".into());
     }
-    if options.streams.contains(&Stream::Packed) && model::PACKED.is_none() {
+    if options.streams.contains(&Streams::PACKED) && model::PACKED.is_none() {
         return Err("the built-in model has no packed code; write --streams codes".into());
     }
     let stop = Arc::new(AtomicBool::new(false));
@@ -69,8 +69,8 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Formats the numbers of codes and of packed blocks, each followed by `made`. Leaves out the stream
-/// that no host asked for, whose number is 0.
+/// Formats the numbers of codes and of packed blocks, each followed by `made`. Leaves out the
+/// stream that no host asked for, whose number is 0.
 fn hops(codes: u32, blocks: u64, made: &str) -> String {
     match (codes, blocks) {
         (0, 1..) => format!("{blocks} packed blocks{made}"),
@@ -89,8 +89,8 @@ fn session(
     substitutes: Substitutes,
     recorded_edges: RecordedEdges,
 ) -> Session {
-    let is_fast = options.output.file().is_some() && !options.pace.realtime;
-    let pace = if options.pace.fast || is_fast {
+    let is_fast = options.output.file().is_some() && !options.realtime;
+    let pace = if options.fast || is_fast {
         Pace::Fast
     } else {
         Pace::Realtime
@@ -137,7 +137,7 @@ fn session(
     }
 }
 
-fn streams(selected: &[Stream]) -> Streams {
+fn streams(selected: &[Streams]) -> Streams {
     if selected.is_empty() {
         return if model::HAS_NETWORK {
             Streams::CODES
@@ -145,12 +145,9 @@ fn streams(selected: &[Stream]) -> Streams {
             Streams::PACKED
         };
     }
-    let bits = selected.iter().map(|stream| match stream {
-        Stream::Codes => Streams::CODES,
-        Stream::Packed => Streams::PACKED,
-        Stream::Events => Streams::EVENTS,
-    });
-    bits.fold(Streams::empty(), |all, stream| all | stream)
+    selected
+        .iter()
+        .fold(Streams::empty(), |all, stream| all | *stream)
 }
 
 fn summary(report: &Report, source: &Source) -> String {
@@ -228,7 +225,7 @@ impl OpenedInput {
     }
 
     fn recording(path: &Path, options: &RunOptions) -> Result<Self, Box<dyn Error>> {
-        let played = Played::open(path, options.missing.into())?;
+        let played = Played::open(path, options.missing)?;
         if !options.quiet {
             eprintln!("{}", played.montage);
         }

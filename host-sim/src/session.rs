@@ -34,8 +34,8 @@ pub use recorded_edges::RecordedEdges;
 /// them.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Longest time in which a file may take no frame at the end of a run. A disk that must first spin up
-/// takes less.
+/// Longest time in which a file may take no frame at the end of a run. A disk that must first spin
+/// up takes less.
 const STALL_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Longest wait for a command or for room in the outbox before the stop flag is checked again.
@@ -278,8 +278,8 @@ impl Session {
         }
     }
 
-    /// Returns whether the time of the samples that are left up to the limit has passed since the last
-    /// sample.
+    /// Returns whether the time of the samples that are left up to the limit has passed since the
+    /// last sample.
     fn is_over(&self, samples: u64, last_sample: Instant) -> bool {
         self.limit.is_some_and(|limit| {
             let left = limit.saturating_sub(samples);

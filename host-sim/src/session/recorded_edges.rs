@@ -12,8 +12,8 @@ const LONGEST_PULSE_US: u64 = 10_000;
 /// pulse of the event before it.
 const SHORTEST_PERIOD_US: u64 = 2_000;
 
-/// Edges of a trigger input that has a pulse at the start of each event of a recording. A pulse lasts
-/// 10 ms, or half the time to the next pulse if that is shorter.
+/// Edges of a trigger input that has a pulse at the start of each event of a recording. A pulse
+/// lasts 10 ms, or half the time to the next pulse if that is shorter.
 #[derive(Clone, Debug, Default)]
 pub struct RecordedEdges {
     /// Edges that [`Self::take_due`] has not returned yet: time in the signal, microseconds, and

@@ -6,8 +6,7 @@ use std::{env, fs, io::Write as _, path::Path};
 use link::{Flags, ToHost};
 
 use crate::edf_file::{EdfFile, Signal};
-use crate::host::frames;
-use crate::program::{Finished, run};
+use crate::program::{Finished, frames, run};
 
 fn play(path: &Path) -> Finished {
     let input = format!("--input={}", path.display());

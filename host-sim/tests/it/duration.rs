@@ -7,8 +7,7 @@ use std::{
 
 use link::{Streams, ToDevice};
 
-use crate::host::{connect, free_address, send, start};
-use crate::program::{program, run, wait};
+use crate::program::{connect, free_address, program, run, send, start, wait};
 
 #[test]
 fn a_run_without_a_host_ends_after_its_duration() {

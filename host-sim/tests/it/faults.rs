@@ -9,7 +9,7 @@ use host_sim::{
 use link::{Flags, Start, Stats, Streams, ToHost};
 use pipeline::{Mains, Sample};
 
-use crate::host::frames;
+use crate::program::frames;
 
 const BAD: Flags = Flags::ADC_STATUS_BAD;
 

@@ -12,8 +12,7 @@ use link::{Flags, ToHost};
 use serde_json::{Value, json};
 
 use crate::edf_file::EdfFile;
-use crate::host::frames;
-use crate::program::{Finished, program, wait};
+use crate::program::{Finished, frames, program, wait};
 
 /// Runs the program at full speed and returns its standard output.
 fn run_to_stdout(input: &Path, more: &[&str]) -> (Finished, Vec<u8>) {

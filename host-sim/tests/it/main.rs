@@ -6,7 +6,6 @@ mod duration;
 mod edf_file;
 mod events;
 mod faults;
-mod host;
 mod json_lines;
 mod output_file;
 mod program;

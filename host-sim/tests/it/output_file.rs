@@ -5,8 +5,7 @@ use std::{fs, os::unix::fs::symlink, path::Path};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::edf_file::EdfFile;
-use crate::host::{eventually, frames};
-use crate::program::{Finished, program, run, wait};
+use crate::program::{Finished, eventually, frames, program, run, wait};
 
 fn play(input: &Path, output: &Path, more: &[&str]) -> Finished {
     let input = format!("--input={}", input.display());

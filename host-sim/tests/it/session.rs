@@ -22,7 +22,7 @@ use pipeline::Mains;
 use rustix::fs::{CWD, Mode, mkfifoat};
 use rustix::pipe::fcntl_setpipe_size;
 
-use crate::host::{TIMEOUT, connect, eventually, free_address, send, start};
+use crate::program::{TIMEOUT, connect, eventually, free_address, send, start};
 
 fn session(output: Output, pace: Pace, seconds: Option<u64>) -> Session {
     Session {
