@@ -30,7 +30,7 @@ pub(crate) enum BatchError {
     /// A folder cannot be read.
     #[error("{} cannot be read; name a file or a folder that exists", path.display())]
     Unreadable { path: PathBuf, source: io::Error },
-    /// A folder has none of the files.
+    /// A folder has no file with one of the extensions.
     #[error(
         "{} has no file with the extension {endings}; name another folder, or a file",
         path.display()
@@ -78,13 +78,13 @@ impl BatchError {
 pub(crate) struct Job {
     pub(crate) input: PathBuf,
     pub(crate) output: PathBuf,
-    /// Path of the input below the folder.
+    /// Path of the input relative to the folder of the batch; its file name without a folder.
     pub(crate) name: PathBuf,
 }
 
-/// Returns one job for a file, which becomes `output`, or one for each file of a folder and its
-/// subfolders that has one of the extensions. Those become files at the same places below the
-/// folder `output`, with names from `rename`.
+/// Returns the jobs for `input`. A file is one job, which writes `output`. A folder has a job for
+/// each file with one of the extensions in it and its subfolders; the jobs write files at the same
+/// places below the folder `output`, with names from `rename`.
 ///
 /// # Errors
 /// [`BatchError`] if there is nothing to do, or a folder cannot be read or created.
@@ -137,8 +137,8 @@ pub(crate) fn jobs(
     Ok(jobs)
 }
 
-/// Adds the files of a folder and its subfolders. `visited` has the folders that were read, so that
-/// links between folders form no circle.
+/// Adds the files of a folder and its subfolders that have one of the extensions. `visited` has the
+/// folders that were read already, so that a circle of links ends.
 fn collect(
     folder: &Path,
     extensions: &[&str],
@@ -175,7 +175,7 @@ pub(crate) fn has_extension(path: &Path, extensions: &[&str]) -> bool {
 
 /// Results of a batch, and the time that it took.
 pub(crate) struct Finished<'j, R> {
-    /// Jobs that succeeded with their results, in the order of the jobs.
+    /// Each job that succeeded, with its result, in the order of the jobs.
     pub(crate) results: Vec<(&'j Job, R)>,
     /// Error of the batch if some of several jobs failed.
     pub(crate) failure: Option<BatchError>,
@@ -184,10 +184,11 @@ pub(crate) struct Finished<'j, R> {
 }
 
 /// Runs `work` for all jobs in parallel. Prints the error of each job that fails while others go
-/// on. `seconds` is the length of all signals, if it is known.
+/// on. `seconds` is the duration of the signals of all jobs, if it is known.
 ///
 /// # Errors
-/// The error of a single job; that of an interruption.
+/// The error of the job if there is only one; [`OfflineError::Interrupted`] after SIGINT or
+/// SIGTERM.
 pub(crate) fn run<'j, R: Send>(
     jobs: &'j [Job],
     options: &BatchOptions,
@@ -250,7 +251,7 @@ pub(crate) fn run<'j, R: Send>(
     });
     let elapsed = start.elapsed();
     let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
-    // Interruptions last, after the results that are complete.
+    // Interrupted jobs come last, after all results that are complete.
     results
         .sort_by_key(|(index, result)| (matches!(result, Err(OfflineError::Interrupted)), *index));
     let mut finished = Vec::new();
@@ -282,8 +283,8 @@ pub(crate) fn run<'j, R: Send>(
     })
 }
 
-/// Returns a bar of `seconds` of signal, or a spinner if their number is not known. `end` is the
-/// template of the text after the number of seconds.
+/// Returns a progress bar over `seconds` of signal, or a spinner if their number is not known.
+/// `end` is indicatif's template of the text after the number of seconds.
 pub(crate) fn progress_bar(seconds: Option<u64>, end: &str, quiet: bool) -> ProgressBar {
     let (bar, place) = match seconds {
         _ if quiet => return ProgressBar::hidden(),

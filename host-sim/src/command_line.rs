@@ -2,10 +2,10 @@
 
 use std::{convert::Infallible, num::NonZero, path::PathBuf, str::FromStr, time::Duration};
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, Parser, Subcommand};
 use host_sim::{Fault, Output, Trigger, fault_help};
-use link::MAX_RATE;
+use link::{MAX_RATE, Streams};
 use offline::{CodeKind, SignalFormat};
 use pipeline::Mains;
 use recordings::Missing;
@@ -27,7 +27,10 @@ pub(crate) enum Command {
     /// Decode files of codes to files of signals, and report the error.
     Decode(DecodeOptions),
     /// Show what a recording holds and how it fits the model's montage.
-    Inspect(InspectOptions),
+    Inspect {
+        /// EDF, BDF or GDF file.
+        file: PathBuf,
+    },
 }
 
 /// Source of the EEG, parsed from `--input`.
@@ -51,6 +54,7 @@ impl FromStr for Input {
     }
 }
 
+#[expect(clippy::struct_excessive_bools, reason = "options without a value")]
 #[derive(Debug, Args)]
 pub(crate) struct RunOptions {
     /// EDF, BDF or GDF file, or the word `synthetic`: EEG from dipoles in a spherical head, against
@@ -62,13 +66,17 @@ pub(crate) struct RunOptions {
     #[arg(long, value_name = "OUTPUT")]
     pub(crate) output: Output,
     /// What file: and ndjson: hold: by default codes, or packed blocks if the model has no network.
-    #[arg(long, value_enum, value_delimiter = ',')]
-    pub(crate) streams: Vec<Stream>,
+    #[arg(long, value_parser = stream(), value_delimiter = ',')]
+    pub(crate) streams: Vec<Streams>,
     /// Replace the file of --output if it exists; the file of --input is never replaced.
     #[arg(long)]
     pub(crate) force: bool,
-    #[command(flatten)]
-    pub(crate) pace: PaceOptions,
+    /// Process samples when they are due, as on a board (default for pty and tcp).
+    #[arg(long, conflicts_with = "fast")]
+    pub(crate) realtime: bool,
+    /// Process samples as fast as the host reads the frames (default for file and ndjson).
+    #[arg(long)]
+    pub(crate) fast: bool,
     /// Mains frequency of the notch until a host selects another one, Hz.
     #[arg(long, value_parser = mains(), default_value = "50")]
     pub(crate) mains: Mains,
@@ -76,8 +84,8 @@ pub(crate) struct RunOptions {
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) duration: Option<f64>,
     /// Treatment of montage electrodes that the recording lacks.
-    #[arg(long, value_enum, default_value = "interpolate")]
-    pub(crate) missing: MissingElectrodes,
+    #[arg(long, value_parser = missing(), default_value = "interpolate")]
+    pub(crate) missing: Missing,
     /// Seed of the synthetic EEG: places of the dipoles, and every random stream.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
@@ -100,33 +108,6 @@ pub(crate) struct RunOptions {
     pub(crate) quiet: bool,
 }
 
-/// A stream that a file can hold.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Stream {
-    /// Codes of the network.
-    Codes,
-    /// Packed blocks.
-    Packed,
-    /// Edges of the trigger input.
-    Events,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct PaceOptions {
-    /// Process samples when they are due, as on a board (default for pty and tcp).
-    #[arg(long, conflicts_with = "fast")]
-    pub(crate) realtime: bool,
-    /// Process samples as fast as the host reads the frames (default for file and ndjson).
-    #[arg(long)]
-    pub(crate) fast: bool,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct InspectOptions {
-    /// EDF, BDF or GDF file.
-    pub(crate) file: PathBuf,
-}
-
 #[derive(Debug, Args)]
 pub(crate) struct EncodeOptions {
     /// EDF, BDF or GDF file, or a folder whose recordings are encoded.
@@ -138,11 +119,11 @@ pub(crate) struct EncodeOptions {
     #[arg(long, value_parser = mains(), default_value = "50")]
     pub(crate) mains: Mains,
     /// Treatment of montage electrodes that a recording lacks.
-    #[arg(long, value_enum, default_value = "interpolate")]
-    pub(crate) missing: MissingElectrodes,
+    #[arg(long, value_parser = missing(), default_value = "interpolate")]
+    pub(crate) missing: Missing,
     /// What to write: codes of the network, or packed blocks, which take a fifth of the bits.
-    #[arg(long, value_enum, default_value = CodeStream::DEFAULT)]
-    pub(crate) stream: CodeStream,
+    #[arg(long, value_parser = kind(), default_value = DEFAULT_KIND)]
+    pub(crate) stream: CodeKind,
     /// Rate of the packed blocks, 0 to 15: one more is 3 dB coarser; the model's by default.
     #[arg(long, value_parser = clap::value_parser!(u8).range(0..=i64::from(MAX_RATE)))]
     pub(crate) packed_rate: Option<u8>,
@@ -150,33 +131,13 @@ pub(crate) struct EncodeOptions {
     pub(crate) batch: BatchOptions,
 }
 
-/// Kind of codes.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum CodeStream {
-    /// Codes of the network.
-    Codes,
-    /// Packed blocks.
-    Packed,
-}
-
-impl CodeStream {
-    /// Name of what is written unless --stream states it: codes, if the built-in model has a
-    /// network.
-    const DEFAULT: &str = if model::HAS_NETWORK {
-        "codes"
-    } else {
-        "packed"
-    };
-}
-
-impl From<CodeStream> for CodeKind {
-    fn from(stream: CodeStream) -> Self {
-        match stream {
-            CodeStream::Codes => Self::Codes,
-            CodeStream::Packed => Self::Packed,
-        }
-    }
-}
+/// Word for what `encode` writes unless --stream states it: codes, if the built-in model has a
+/// network.
+const DEFAULT_KIND: &str = if model::HAS_NETWORK {
+    "codes"
+} else {
+    "packed"
+};
 
 #[derive(Debug, Args)]
 pub(crate) struct DecodeOptions {
@@ -186,11 +147,11 @@ pub(crate) struct DecodeOptions {
     /// NAME.codes.
     pub(crate) output: Option<PathBuf>,
     /// Format of the decoded signal.
-    #[arg(long, value_enum)]
-    pub(crate) to: FileFormat,
+    #[arg(long, value_parser = format())]
+    pub(crate) to: SignalFormat,
     /// What to decode of a file that holds codes and packed blocks; by default what comes first.
-    #[arg(long, value_enum)]
-    pub(crate) stream: Option<CodeStream>,
+    #[arg(long, value_parser = kind())]
+    pub(crate) stream: Option<CodeKind>,
     /// Folder of the model that decodes; by default the model with which this program was built.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
@@ -219,30 +180,54 @@ pub(crate) struct BatchOptions {
     pub(crate) quiet: bool,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum FileFormat {
-    /// EDF+: 16 bits, tenths of a microvolt, up to 3276.7 uV.
-    Edf,
-    /// BDF+: 24 bits over the ADC's full scale.
-    Bdf,
-    /// GDF 2.20: float32.
-    Gdf,
-    /// Arrays for numpy.load: float32.
-    Npz,
-    /// One line per step.
-    Csv,
+/// Returns a parser that accepts the words of `choices`. Each has its help and the value that it
+/// stands for.
+fn one_of<T: Clone + Send + Sync + 'static, const N: usize>(
+    choices: [(&'static str, &'static str, T); N],
+) -> impl TypedValueParser<Value = T> {
+    let values = choices.each_ref();
+    let values = values.map(|(word, help, _)| PossibleValue::new(*word).help(*help));
+    PossibleValuesParser::new(values).map(move |word| {
+        let mut chosen = choices.iter().filter(|(choice, ..)| *choice == word);
+        let (.., value) = chosen.next().expect("one of the possible values");
+        value.clone()
+    })
 }
 
-impl From<FileFormat> for SignalFormat {
-    fn from(format: FileFormat) -> Self {
-        match format {
-            FileFormat::Edf => Self::Edf,
-            FileFormat::Bdf => Self::Bdf,
-            FileFormat::Gdf => Self::Gdf,
-            FileFormat::Npz => Self::Npz,
-            FileFormat::Csv => Self::Csv,
-        }
-    }
+fn stream() -> impl TypedValueParser<Value = Streams> {
+    one_of([
+        ("codes", "Codes of the network", Streams::CODES),
+        ("packed", "Packed blocks", Streams::PACKED),
+        ("events", "Edges of the trigger input", Streams::EVENTS),
+    ])
+}
+
+fn kind() -> impl TypedValueParser<Value = CodeKind> {
+    one_of([
+        ("codes", "Codes of the network", CodeKind::Codes),
+        ("packed", "Packed blocks", CodeKind::Packed),
+    ])
+}
+
+fn format() -> impl TypedValueParser<Value = SignalFormat> {
+    let edf = "EDF+: 16 bits, tenths of a microvolt, up to 3276.7 uV";
+    let bdf = "BDF+: 24 bits over the ADC's full scale";
+    one_of([
+        ("edf", edf, SignalFormat::Edf),
+        ("bdf", bdf, SignalFormat::Bdf),
+        ("gdf", "GDF 2.20: float32", SignalFormat::Gdf),
+        ("npz", "Arrays for numpy.load: float32", SignalFormat::Npz),
+        ("csv", "One line per step", SignalFormat::Csv),
+    ])
+}
+
+fn missing() -> impl TypedValueParser<Value = Missing> {
+    let interpolate = "Interpolate missing electrodes from the four nearest ones";
+    one_of([
+        ("interpolate", interpolate, Missing::Interpolate),
+        ("zero", "Set missing electrodes to 0", Missing::Zero),
+        ("refuse", "Refuse the recording", Missing::Refuse),
+    ])
 }
 
 fn mains() -> impl TypedValueParser<Value = Mains> {
@@ -250,27 +235,6 @@ fn mains() -> impl TypedValueParser<Value = Mains> {
         "60" => Mains::Hz60,
         _ => Mains::Hz50,
     })
-}
-
-/// Treatment of montage electrodes that a recording lacks.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum MissingElectrodes {
-    /// Interpolate missing electrodes from the four nearest ones.
-    Interpolate,
-    /// Set missing electrodes to 0.
-    Zero,
-    /// Refuse the recording.
-    Refuse,
-}
-
-impl From<MissingElectrodes> for Missing {
-    fn from(choice: MissingElectrodes) -> Self {
-        match choice {
-            MissingElectrodes::Interpolate => Self::Interpolate,
-            MissingElectrodes::Zero => Self::Zero,
-            MissingElectrodes::Refuse => Self::Refuse,
-        }
-    }
 }
 
 fn parse_seconds(text: &str) -> Result<f64, String> {

@@ -26,7 +26,7 @@ type Simulated = Sampler<
 
 /// A chain of simulated converters with the driver that reads them.
 ///
-/// Counts are applied to the simulated electrodes and read back by the driver. The chain's time is
+/// Samples are applied to the simulated electrodes and read back by the driver. The chain's time is
 /// virtual: each applied sample advances it by one period, independently of device time.
 #[derive(Debug)]
 pub struct Converters {
@@ -36,50 +36,27 @@ pub struct Converters {
     /// Counts that the next conversion delivers.
     electrodes: Arc<Mutex<Counts>>,
     faults: Faults,
-    /// Number of sample periods started. This number determines which faults are due.
+    /// Number of sample periods started, which determines the faults that are due.
     periods: u64,
-    /// Due time of the current sample's DRDY edge; `None` before the first sample after start-up or
-    /// a self-test.
-    due: Option<Due>,
+    /// Due time of the first DRDY edge since start-up or the last self-test, ns of the chain's
+    /// time, and the number of its period; `None` before that period.
+    first_edge: Option<(u64, u64)>,
     /// True if all samples of the current period have been read.
     is_done: bool,
     /// True if a DRDY edge has occurred in the current period.
     edge_seen: bool,
     /// Consecutive periods without a DRDY edge; saturates at `SILENCE + 1`.
     silent: u32,
-    /// Fault found when the chain was initialised; `None` if there was none.
+    /// Fault that the driver found when it initialised the chain; `None` if there was none.
     failure: Option<Error>,
 }
 
-/// Due time of a DRDY edge, ns of the chain's time.
-#[derive(Clone, Copy, Debug)]
-struct Due {
-    /// Time of the first edge.
-    first_ns: u64,
-    /// Number of sample periods from the first edge to this one.
-    periods: u64,
-}
-
-impl Due {
-    /// Returns the duration of sample periods, rounded up.
-    fn periods_ns(periods: u64) -> u64 {
-        let settings = CONVERTER_SETTINGS;
-        let cycles = u128::from(periods) * u128::from(settings.rate.divider());
-        let ns = (cycles * 1_000_000_000).div_ceil(settings.clock.hz().into());
-        u64::try_from(ns).unwrap_or(u64::MAX)
-    }
-
-    fn ns(self) -> u64 {
-        self.first_ns + Self::periods_ns(self.periods)
-    }
-
-    /// Returns the due time of the next edge.
-    fn next(self) -> Self {
-        Self {
-            periods: self.periods + 1,
-            ..self
-        }
-    }
+/// Returns the duration of sample periods, ns, rounded up.
+fn periods_ns(periods: u64) -> u64 {
+    let settings = CONVERTER_SETTINGS;
+    let cycles = u128::from(periods) * u128::from(settings.rate.divider());
+    let ns = (cycles * 1_000_000_000).div_ceil(settings.clock.hz().into());
+    u64::try_from(ns).unwrap_or(u64::MAX)
 }
 
 /// A sample from the driver, or a repeated one that replaces missing samples.
@@ -116,7 +93,7 @@ impl Converters {
             electrodes,
             faults,
             periods: 0,
-            due: None,
+            first_edge: None,
             is_done: true,
             edge_seen: false,
             silent: 0,
@@ -157,17 +134,13 @@ impl Converters {
             .as_flattened_mut()
             .copy_from_slice(&sample.counts);
         drop(electrodes);
-        // The first DRDY edge is due when the chips' filter has settled. If the chips do not
-        // convert, the edge counts as due one period from now.
-        let first = || {
-            let now_ns = self.simulation.time_us() * 1_000;
+        self.first_edge.get_or_insert_with(|| {
+            // The first DRDY edge is due when the chips' filter has settled. If the chips do not
+            // convert, the edge counts as due one period from now.
             let edge_ns = self.simulation.next_edge_ns();
-            Due {
-                first_ns: edge_ns.unwrap_or(now_ns + Due::periods_ns(1)),
-                periods: 0,
-            }
-        };
-        self.due = Some(self.due.map_or_else(first, Due::next));
+            let one_period_on = || self.simulation.time_us() * 1_000 + periods_ns(1);
+            (edge_ns.unwrap_or_else(one_period_on), self.periods)
+        });
         self.is_done = false;
         self.edge_seen = false;
     }
@@ -176,7 +149,8 @@ impl Converters {
     /// sample, but none if a DRDY edge is missing and two if the chain runs twice as fast. From the
     /// [`SILENCE`]th consecutive period without an edge on, each period has one repeated sample.
     pub fn read(&mut self) -> Option<ConvertedSample> {
-        let due_ns = self.due.filter(|_| !self.is_done)?.ns();
+        let (first_ns, first_period) = self.first_edge.filter(|_| !self.is_done)?;
+        let due_ns = first_ns + periods_ns(self.periods - first_period);
         if let Some(edge_ns) = self.simulation.pass_to_edge(due_ns) {
             self.edge_seen = true;
             self.silent = 0;
@@ -213,7 +187,7 @@ impl Converters {
     pub fn run_self_test(&mut self) -> SelfTestReport<CHIPS> {
         let mut test = Box::new(SelfTest::new());
         finish(self.sampler.self_test(&mut test, &mut self.drdy, || ()));
-        self.due = None;
+        self.first_edge = None;
         self.silent = 0;
         test.report().clone()
     }

@@ -1,12 +1,12 @@
 //! The command `host-sim decode`.
 
-use std::{error::Error, path::PathBuf};
+use std::{
+    error::Error,
+    path::{Path, PathBuf},
+};
 
 use new_file::Existing;
-use offline::{
-    CodeKind, Decoded, Decoding, Model, OfflineError, Progress, SignalFormat, report, settling_s,
-};
-use thiserror::Error;
+use offline::{Decoded, Decoding, Model, OfflineError, Progress, SignalFormat, report, settling_s};
 
 use crate::batch::{self, Job};
 use crate::command_line::DecodeOptions;
@@ -17,11 +17,11 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
         Some(folder) => Model::read(folder)?,
         None => Model::embedded()?,
     };
-    let format = SignalFormat::from(options.to);
+    let format = options.to;
     let decoding = Decoding {
         model: &model,
         format,
-        kind: options.stream.map(CodeKind::from),
+        kind: options.stream,
         existing: Existing::from_force(options.batch.force),
     };
     let extension = format!("decoded.{}", format.extension());
@@ -35,7 +35,9 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
     if let (true, Some(original)) = (options.input.is_dir(), &options.original)
         && !original.is_dir()
     {
-        return Err(DecodeError::OriginalIsFile(original.clone()).into());
+        let why = "is one recording, and the codes are a folder; name the folder of their recordings \
+                   with --original";
+        return Err(format!("{} {why}", original.display()).into());
     }
     if let Some(folder) = &options.report {
         report::check(folder, decoding.existing)?;
@@ -43,9 +45,9 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
     let jobs = batch::jobs(&options.input, &output, &[CODES], |name| {
         name.with_extension(&extension)
     })?;
-    let originals = Originals::new(options);
+    let original = options.original.as_deref();
     let finished = batch::run(&jobs, &options.batch, None, |job, progress, bar| {
-        let (decoded, warnings) = decode_one(&decoding, &originals, job, progress)?;
+        let (decoded, warnings) = decode_one(&decoding, original, job, progress)?;
         for warning in warnings {
             bar.suspend(|| eprintln!("warning: {}: {warning}", job.input.display()));
         }
@@ -84,20 +86,20 @@ pub(crate) fn decode(options: &DecodeOptions) -> Result<(), Box<dyn Error>> {
         .map_or(Ok(()), |failure| Err(failure.into()))
 }
 
-/// Decodes one file. Returns the result, and what is wrong with the input.
+/// Decodes the codes of one job. Returns the result, and the warnings about the input.
 fn decode_one(
     decoding: &Decoding,
-    originals: &Originals,
+    original: Option<&Path>,
     job: &Job,
     progress: &Progress,
 ) -> Result<(Decoded, Vec<String>), OfflineError> {
-    let original = originals.of(job);
+    let recording = recording_of(job, original);
     let mut warnings = Vec::new();
-    if originals.are_named() && original.is_none() {
+    if original.is_some() && recording.is_none() {
         warnings
             .push("no recording of this name; decoded without events and comparison".to_owned());
     }
-    let decoded = decoding.decode(&job.input, &job.output, original.as_deref(), progress)?;
+    let decoded = decoding.decode(&job.input, &job.output, recording.as_deref(), progress)?;
     warnings.extend(decoded.warnings.iter().cloned());
     if decoded.missing > 0 || decoded.damaged > 0 {
         let rows = if decoded.is_packed() {
@@ -137,59 +139,22 @@ fn decode_one(
     Ok((decoded, warnings))
 }
 
-/// Why the options of `decode` cannot be used.
-#[derive(Debug, Error)]
-enum DecodeError {
-    /// One recording for a folder of codes.
-    #[error(
-        "{} is one recording, and the codes are a folder; name the folder of their recordings with --original",
-        .0.display()
-    )]
-    OriginalIsFile(PathBuf),
+/// Returns the recording from which the codes of a job were made; `None` if `original` is not
+/// given, or is a folder that has no recording with the name of the codes.
+fn recording_of(job: &Job, original: Option<&Path>) -> Option<PathBuf> {
+    let original = original?;
+    if !original.is_dir() {
+        return Some(original.to_owned());
+    }
+    // `encode` writes the codes of FILE.edf to FILE.edf.codes. A file FILE.codes can be of any
+    // recording FILE.
+    let place = original.join(&job.name).with_extension("");
+    let others = RECORDINGS.map(|extension| place.with_added_extension(extension));
+    let mut files = std::iter::once(place).chain(others);
+    files.find(|file| file.is_file())
 }
 
-/// Recordings from which the codes were made.
-enum Originals {
-    None,
-    File(PathBuf),
-    /// A folder that has them under the names of the codes.
-    Folder(PathBuf),
-}
-
-impl Originals {
-    fn new(options: &DecodeOptions) -> Self {
-        match &options.original {
-            None => Self::None,
-            Some(path) if path.is_dir() => Self::Folder(path.clone()),
-            Some(path) => Self::File(path.clone()),
-        }
-    }
-
-    fn are_named(&self) -> bool {
-        !matches!(self, Self::None)
-    }
-
-    fn of(&self, job: &Job) -> Option<PathBuf> {
-        match self {
-            Self::None => None,
-            Self::File(path) => Some(path.clone()),
-            // `encode` names the codes of FILE.edf FILE.edf.codes.
-            Self::Folder(folder) => {
-                let place = folder.join(&job.name).with_extension("");
-                if place.is_file() {
-                    return Some(place);
-                }
-                let mut files = RECORDINGS.map(|extension| place.with_added_extension(extension));
-                files
-                    .iter_mut()
-                    .find(|file| file.is_file())
-                    .map(std::mem::take)
-            }
-        }
-    }
-}
-
-/// Names what a file of codes holds.
+/// Returns the name of what a file holds: codes of the network or packed blocks.
 fn codes_of(decoded: &Decoded) -> &'static str {
     if decoded.is_packed() {
         "packed blocks"

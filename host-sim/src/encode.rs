@@ -3,11 +3,11 @@
 use std::error::Error;
 
 use new_file::Existing;
-use offline::{Encoded, EncodedStream, Encoding, PackedCounts};
+use offline::{CodeKind, Encoded, EncodedStream, Encoding, PackedCounts};
 use recordings::Recording;
 
 use crate::batch::{self, Job};
-use crate::command_line::{CodeStream, EncodeOptions};
+use crate::command_line::EncodeOptions;
 
 /// Extensions of recordings in a folder.
 pub(crate) const RECORDINGS: [&str; 3] = ["edf", "bdf", "gdf"];
@@ -15,16 +15,16 @@ pub(crate) const RECORDINGS: [&str; 3] = ["edf", "bdf", "gdf"];
 pub(crate) const CODES: &str = "codes";
 
 pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
-    if options.packed_rate.is_some() && matches!(options.stream, CodeStream::Codes) {
+    if options.packed_rate.is_some() && options.stream == CodeKind::Codes {
         return Err("--packed-rate is the rate of packed blocks; add --stream packed".into());
     }
     let encoding = Encoding {
         mains: options.mains,
-        missing: options.missing.into(),
+        missing: options.missing,
         existing: Existing::from_force(options.batch.force),
         stream: match options.stream {
-            CodeStream::Codes => EncodedStream::Codes,
-            CodeStream::Packed => EncodedStream::Packed(options.packed_rate),
+            CodeKind::Codes => EncodedStream::Codes,
+            CodeKind::Packed => EncodedStream::Packed(options.packed_rate),
         },
     };
     let jobs = batch::jobs(&options.input, &options.output, &RECORDINGS, |name| {

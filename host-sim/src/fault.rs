@@ -11,7 +11,8 @@ pub fn help() -> String {
     help_for(CHIPS, model::LABELS)
 }
 
-/// Returns the help for a board with this number of chips and these electrodes.
+/// Returns the help for a board with this number of chips, and electrodes whose `labels` are
+/// separated by blanks.
 fn help_for(chips: usize, labels: &str) -> String {
     let electrode = labels.split(' ').next().unwrap_or_default();
     let numbers = match chips {
@@ -38,22 +39,15 @@ TO it stays. {numbers} Kinds:
     )
 }
 
-/// Kind and place of a fault, without its time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    Chip(usize, simulation::Fault),
-    /// An electrode without contact; holds its ADC channel.
-    Electrode(usize),
-}
-
 /// A fault of a converter or an electrode, with its start and end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
-    kind: Kind,
-    /// Number of samples before the fault begins; 0 if it is present before the chain is
+    /// Change of the simulated chain at the beginning, and the one that repairs it.
+    changes: (Change, Change),
+    /// Number of ADC samples before the fault begins; 0 if it is present before the chain is
     /// initialised.
     from: u64,
-    /// Number of samples before the fault is repaired; `None` if it stays.
+    /// Number of ADC samples before the fault is repaired; `None` if it stays.
     to: Option<u64>,
 }
 
@@ -105,7 +99,7 @@ impl FromStr for Fault {
             Some((name, times)) => (name, Some(times)),
             None => (what, None),
         };
-        let kind = kind(name, place)?;
+        let changes = changes(name, place)?;
         let (from, to) = match times {
             None => (0, None),
             Some(times) => match times.split_once("..") {
@@ -116,17 +110,18 @@ impl FromStr for Fault {
         if to.is_some_and(|to| to <= from) {
             return Err(FaultError::Backwards(text.to_owned()));
         }
-        let passes = kind == Kind::Chip(0, simulation::Fault::MissedReady);
+        let passes = changes.0 == Change::Inject(0, simulation::Fault::MissedReady);
         if passes && to.is_some() {
             return Err(FaultError::Passing);
         }
         // A missed edge affects one sample, so the fault is repaired at the next sample.
         let to = if passes { Some(from + 1) } else { to };
-        Ok(Self { kind, from, to })
+        Ok(Self { changes, from, to })
     }
 }
 
-fn kind(name: &str, place: &str) -> Result<Kind, FaultError> {
+/// Returns the change that a fault of this kind is, and the one that repairs it.
+fn changes(name: &str, place: &str) -> Result<(Change, Change), FaultError> {
     use simulation::Fault as Broken;
     let broken = match name {
         "dead" => Broken::Dead,
@@ -142,7 +137,9 @@ fn kind(name: &str, place: &str) -> Result<Kind, FaultError> {
             let mut labels = model::LABELS.split(' ');
             let electrode = labels.position(|label| label.eq_ignore_ascii_case(place));
             let none = || FaultError::NoElectrode(place.to_owned());
-            return electrode.map(Kind::Electrode).ok_or_else(none);
+            let channel = electrode.ok_or_else(none)?;
+            let [off, on] = [false, true].map(|on| Change::Electrode { channel, on });
+            return Ok((off, on));
         }
         _ => return Err(FaultError::NoKind(name.to_owned())),
     };
@@ -152,7 +149,7 @@ fn kind(name: &str, place: &str) -> Result<Kind, FaultError> {
     if chip > 0 && matches!(broken, Broken::DoubleRate | Broken::MissedReady) {
         return Err(FaultError::NotWired(name.to_owned()));
     }
-    Ok(Kind::Chip(chip, broken))
+    Ok((Change::Inject(chip, broken), Change::Repair(chip)))
 }
 
 /// Parses a time in seconds and returns the number of ADC samples before it.
@@ -176,7 +173,7 @@ pub(crate) enum Change {
     Electrode { channel: usize, on: bool },
 }
 
-/// Schedule of the faults of a run.
+/// Schedule of the faults of a run; the default has none.
 #[derive(Clone, Debug, Default)]
 pub struct Faults {
     /// Pairs (samples before the change, change), in order of time. At equal times, the repair of a
@@ -187,12 +184,6 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// The schedule of a run without faults.
-    pub const NONE: Self = Self {
-        changes: Vec::new(),
-        applied: 0,
-    };
-
     /// Creates the schedule of these faults.
     ///
     /// # Errors
@@ -200,26 +191,18 @@ impl Faults {
     pub fn new(faults: &[Fault]) -> Result<Self, FaultError> {
         let mut changes = Vec::new();
         for (index, fault) in faults.iter().enumerate() {
-            if let Kind::Chip(chip, _) = fault.kind
+            let (broken, repaired) = fault.changes;
+            if let Change::Repair(chip) = repaired
                 && faults[..index].iter().any(|other| fault.overlaps(other))
             {
                 return Err(FaultError::Twice(chip));
             }
-            let (broken, repaired) = match fault.kind {
-                Kind::Chip(chip, fault) => (Change::Inject(chip, fault), Change::Repair(chip)),
-                Kind::Electrode(channel) => (
-                    Change::Electrode { channel, on: false },
-                    Change::Electrode { channel, on: true },
-                ),
-            };
             changes.push((fault.from, broken));
             changes.extend(fault.to.map(|to| (to, repaired)));
         }
         changes.sort_by_key(|(time, change)| (*time, matches!(change, Change::Inject(..))));
-        Ok(Self {
-            changes,
-            applied: 0,
-        })
+        let applied = 0;
+        Ok(Self { changes, applied })
     }
 
     /// Returns the changes that are due after `samples` samples and were not returned before.
@@ -235,14 +218,11 @@ impl Faults {
 }
 
 impl Fault {
-    /// Returns true if both faults affect the same chip at the same time.
+    /// Returns true if both faults affect the same chip, or electrode, at the same time.
     fn overlaps(&self, other: &Self) -> bool {
-        let same = match (self.kind, other.kind) {
-            (Kind::Chip(one, _), Kind::Chip(two, _)) => one == two,
-            _ => false,
-        };
         let ends = |fault: &Self| fault.to.unwrap_or(u64::MAX);
-        same && self.from < ends(other) && other.from < ends(self)
+        let repaired = |fault: &Self| fault.changes.1;
+        repaired(self) == repaired(other) && self.from < ends(other) && other.from < ends(self)
     }
 }
 
@@ -250,21 +230,17 @@ impl Fault {
 mod tests {
     use super::*;
 
-    fn error(text: &str) -> String {
-        let error: FaultError = text.parse::<Fault>().expect_err("not a fault");
-        error.to_string()
-    }
-
     #[test]
     fn a_fault_is_parsed_with_its_times_and_place() {
         let rate = u64::from(model::ADC_RATE_HZ);
         let dead: Fault = "dead@3s..6.5s:chip2".parse().expect("a fault");
         assert_eq!((dead.from, dead.to), (3 * rate, Some(13 * rate / 2)));
-        assert_eq!(dead.kind, Kind::Chip(2, simulation::Fault::Dead));
+        assert_eq!(dead.changes.0, Change::Inject(2, simulation::Fault::Dead));
         let (_, second) = model::LABELS.split_once(' ').expect("many electrodes");
         let label = second.split(' ').next().expect("a label").to_lowercase();
         let off: Fault = format!("lead-off@2:{label}").parse().expect("a fault");
-        assert_eq!(off.kind, Kind::Electrode(1));
+        let (channel, on) = (1, false);
+        assert_eq!(off.changes.0, Change::Electrode { channel, on });
         let id: Fault = "wrong-id:chip7".parse().expect("a fault");
         assert_eq!((id.from, id.to), (0, None));
     }
@@ -285,15 +261,20 @@ mod tests {
 
     #[test]
     fn a_text_that_is_no_fault_is_refused_with_a_remedy() {
-        assert!(error("dead@3s").contains("dead@3s:chip0"));
-        assert!(error("smoke:chip1").contains("shifted-bit"));
-        let none = format!("chip{CHIPS}");
-        assert!(error(&format!("dead:{none}")).contains(&format!("below {none}")));
-        assert!(error("lead-off:Fp99").contains(model::LABELS));
-        assert!(error("dead@soon:chip1").contains("0.5s"));
-        assert!(error("dead@3s..2s:chip1").contains("before it begins"));
-        assert!(error("double-rate@1s:chip1").contains("only that of chip0"));
-        assert!(error("missed-drdy@1s..2s:chip0").contains("by itself"));
+        let beyond = format!("chip{CHIPS}");
+        for (text, part) in [
+            ("dead@3s", "dead@3s:chip0"),
+            ("smoke:chip1", "shifted-bit"),
+            (&format!("dead:{beyond}"), &format!("below {beyond}")),
+            ("lead-off:Fp99", model::LABELS),
+            ("dead@soon:chip1", "0.5s"),
+            ("dead@3s..2s:chip1", "before it begins"),
+            ("double-rate@1s:chip1", "only that of chip0"),
+            ("missed-drdy@1s..2s:chip0", "by itself"),
+        ] {
+            let error = text.parse::<Fault>().expect_err(text).to_string();
+            assert!(error.contains(part), "{text}: {error}");
+        }
     }
 
     #[test]
@@ -311,11 +292,8 @@ mod tests {
             fine.take_due(second),
             [Change::Inject(1, simulation::Fault::Dead)]
         );
-        let then = [
-            Change::Repair(1),
-            Change::Inject(1, simulation::Fault::StuckData),
-        ];
-        assert_eq!(fine.take_due(2 * second), then);
+        let stuck = Change::Inject(1, simulation::Fault::StuckData);
+        assert_eq!(fine.take_due(2 * second), [Change::Repair(1), stuck]);
         assert_eq!(fine.take_due(3 * second), []);
     }
 }

@@ -1,14 +1,12 @@
-//! The command `host-sim inspect`, which shows what a recording holds.
+//! The command `host-sim inspect`, which shows what a recording holds and how it fits the montage.
 
-use std::error::Error;
+use std::{error::Error, path::Path};
 
 use recordings::{Missing, MontageMap, Recording};
 
-use crate::command_line::InspectOptions;
-
-pub(crate) fn inspect(options: &InspectOptions) -> Result<(), Box<dyn Error>> {
-    let mut recording = Recording::open(&options.file)?;
-    println!("{}: {}", options.file.display(), recording.format());
+pub(crate) fn inspect(file: &Path) -> Result<(), Box<dyn Error>> {
+    let mut recording = Recording::open(file)?;
+    println!("{}: {}", file.display(), recording.format());
     println!(
         "{:.3} s in {} records",
         recording.duration_s(),

@@ -46,27 +46,12 @@ pub use trigger::{Trigger, TriggerError};
 pub use virtual_board::{Identity, VirtualBoard};
 
 #[cfg(feature = "program")]
-mod device_clock;
-#[cfg(feature = "program")]
-mod json_lines;
-#[cfg(feature = "program")]
-mod port;
-#[cfg(feature = "program")]
-mod recorded_edges;
-#[cfg(feature = "program")]
 mod session;
 #[cfg(feature = "program")]
-mod source;
-#[cfg(feature = "program")]
 pub mod synthetic;
-#[cfg(feature = "program")]
-mod tcp;
 
 #[cfg(feature = "program")]
-pub use {
-    device_clock::{DeviceClock, Pace},
-    port::{FileRules, Output, Port, PortError},
-    recorded_edges::RecordedEdges,
-    session::{Report, Session, SessionError},
-    source::Source,
+pub use session::{
+    DeviceClock, FileRules, Output, Pace, Port, PortError, RecordedEdges, Report, Session,
+    SessionError, Source,
 };

@@ -6,7 +6,6 @@ mod command_line;
 mod decode;
 mod encode;
 mod inspect;
-mod opened_input;
 mod run;
 
 use std::{error::Error, process::ExitCode};
@@ -26,7 +25,7 @@ fn main() -> ExitCode {
         Command::Run(options) => run::run(&options),
         Command::Encode(options) => encode::encode(&options),
         Command::Decode(options) => decode::decode(&options),
-        Command::Inspect(options) => inspect::inspect(&options),
+        Command::Inspect { file } => inspect::inspect(&file),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

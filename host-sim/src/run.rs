@@ -2,18 +2,24 @@
 
 use std::{
     error::Error,
+    path::Path,
     sync::{Arc, atomic::AtomicBool},
     time::{SystemTime, UNIX_EPOCH},
 };
 
-use host_sim::{Faults, FileRules, Identity, Pace, RecordedEdges, Report, Session, Source};
+use host_sim::{
+    Faults, FileRules, Identity, Pace, RecordedEdges, Report, Session, Source,
+    synthetic::{Generator, SyntheticSpec},
+};
 use link::{Streams, Substitutes};
 use new_file::Existing;
+use offline::Played;
+use pipeline::Mains;
+use recordings::Onsets;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::batch::progress_bar;
-use crate::command_line::{Input, RunOptions, Stream};
-use crate::opened_input::OpenedInput;
+use crate::command_line::{Input, RunOptions};
 
 pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
     if !options.streams.is_empty() && options.output.file().is_none() {
@@ -21,10 +27,10 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
             "--streams is for file: and ndjson:; of a port, the host selects the streams".into(),
         );
     }
-    if options.streams.contains(&Stream::Codes) && !model::HAS_NETWORK {
+    if options.streams.contains(&Streams::CODES) && !model::HAS_NETWORK {
         return Err("the built-in model has no network; write --streams packed".into());
     }
-    if options.streams.contains(&Stream::Packed) && model::PACKED.is_none() {
+    if options.streams.contains(&Streams::PACKED) && model::PACKED.is_none() {
         return Err("the built-in model has no packed code; write --streams codes".into());
     }
     let stop = Arc::new(AtomicBool::new(false));
@@ -36,10 +42,8 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
         substitutes,
         recorded_edges,
     } = OpenedInput::new(options)?;
-    let session = Session {
-        recorded_edges,
-        ..session(options, Faults::new(&options.fault)?, substitutes)
-    };
+    let faults = Faults::new(&options.fault)?;
+    let session = session(options, faults, substitutes, recorded_edges);
     let total = match (source.samples(), session.limit) {
         (Some(samples), Some(limit)) => Some(samples.min(limit)),
         (samples, limit) => samples.or(limit),
@@ -65,8 +69,8 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Returns the numbers of codes and of packed blocks that were made, each followed by `made`; those
-/// of the streams that a host asked for.
+/// Formats the numbers of codes and of packed blocks, each followed by `made`. Leaves out the
+/// stream that no host asked for, whose number is 0.
 fn hops(codes: u32, blocks: u64, made: &str) -> String {
     match (codes, blocks) {
         (0, 1..) => format!("{blocks} packed blocks{made}"),
@@ -79,9 +83,14 @@ fn rate() -> u64 {
     model::ADC_RATE_HZ.into()
 }
 
-fn session(options: &RunOptions, faults: Faults, substitutes: Substitutes) -> Session {
-    let is_fast = options.output.file().is_some() && !options.pace.realtime;
-    let pace = if options.pace.fast || is_fast {
+fn session(
+    options: &RunOptions,
+    faults: Faults,
+    substitutes: Substitutes,
+    recorded_edges: RecordedEdges,
+) -> Session {
+    let is_fast = options.output.file().is_some() && !options.realtime;
+    let pace = if options.fast || is_fast {
         Pace::Fast
     } else {
         Pace::Realtime
@@ -124,11 +133,11 @@ fn session(options: &RunOptions, faults: Faults, substitutes: Substitutes) -> Se
         limit,
         faults,
         trigger: options.trigger_every,
-        recorded_edges: RecordedEdges::default(),
+        recorded_edges,
     }
 }
 
-fn streams(selected: &[Stream]) -> Streams {
+fn streams(selected: &[Streams]) -> Streams {
     if selected.is_empty() {
         return if model::HAS_NETWORK {
             Streams::CODES
@@ -136,12 +145,9 @@ fn streams(selected: &[Stream]) -> Streams {
             Streams::PACKED
         };
     }
-    let bits = selected.iter().map(|stream| match stream {
-        Stream::Codes => Streams::CODES,
-        Stream::Packed => Streams::PACKED,
-        Stream::Events => Streams::EVENTS,
-    });
-    bits.fold(Streams::empty(), |all, stream| all | stream)
+    selected
+        .iter()
+        .fold(Streams::empty(), |all, stream| all | *stream)
 }
 
 fn summary(report: &Report, source: &Source) -> String {
@@ -184,4 +190,76 @@ fn summary(report: &Report, source: &Source) -> String {
         );
     }
     text
+}
+
+/// Signal to play, with what its recording says about it.
+struct OpenedInput {
+    source: Source,
+    /// Electrodes that the recording lacks.
+    substitutes: Substitutes,
+    /// Trigger edges at the events of the recording.
+    recorded_edges: RecordedEdges,
+}
+
+impl OpenedInput {
+    /// Opens the input that the options name, and prints what is wrong with it. Prints how a
+    /// recording fits the montage unless the options forbid it.
+    fn new(options: &RunOptions) -> Result<Self, Box<dyn Error>> {
+        match &options.input {
+            Input::Synthetic => {
+                let mut spec = SyntheticSpec::new(options.seed, model::LABELS.split(' '));
+                spec.mains_hz = match options.mains {
+                    Mains::Hz50 => 50,
+                    Mains::Hz60 => 60,
+                };
+                spec.rate_hz = model::ADC_RATE_HZ.into();
+                spec.rails = options.rails;
+                Ok(Self {
+                    source: Source::Synthetic(Box::new(Generator::new(&spec)?)),
+                    substitutes: Substitutes::NONE,
+                    recorded_edges: RecordedEdges::default(),
+                })
+            }
+            Input::Recording(path) => Self::recording(path, options),
+        }
+    }
+
+    fn recording(path: &Path, options: &RunOptions) -> Result<Self, Box<dyn Error>> {
+        let played = Played::open(path, options.missing)?;
+        if !options.quiet {
+            eprintln!("{}", played.montage);
+        }
+        let recorded_edges = if options.trigger_every.is_none() {
+            edges(&played.onsets, options.quiet)
+        } else {
+            RecordedEdges::default()
+        };
+        for warning in &played.warnings {
+            eprintln!("warning: {warning}");
+        }
+        Ok(Self {
+            source: Source::Recording(Box::new(played.adc)),
+            substitutes: played.substitutes,
+            recorded_edges,
+        })
+    }
+}
+
+/// Returns the trigger edges at the events of a recording.
+fn edges(onsets: &Onsets, quiet: bool) -> RecordedEdges {
+    let edges = RecordedEdges::new(onsets);
+    if onsets.outside > 0 {
+        eprintln!(
+            "warning: {} events are outside the signal and are not played",
+            onsets.outside
+        );
+    }
+    if !quiet && edges.pulses() > 0 {
+        eprintln!(
+            "events: {} trigger pulses for {} events; host-sim inspect lists them",
+            edges.pulses(),
+            onsets.seconds.len()
+        );
+    }
+    edges
 }

@@ -11,24 +11,31 @@ use ads1299::SamplerCounters;
 use device::CHIPS;
 use link::{Start, Stats, Streams};
 use new_file::NewFileError;
-use pipeline::Mains;
-use recordings::RecordingError;
+use pipeline::{Mains, Sample};
+use recordings::{RecordingError, VirtualAdc, virtual_adc};
 
-use crate::device_clock::{DeviceClock, Pace};
 use crate::fault::Faults;
 use crate::outbox::{Outbox, WhenFull};
-use crate::port::{FileRules, Output, Port, PortError};
-use crate::recorded_edges::RecordedEdges;
-use crate::source::Source;
+use crate::synthetic::Generator;
 use crate::trigger::Trigger;
 use crate::virtual_board::{Identity, VirtualBoard};
+
+mod device_clock;
+mod json_lines;
+mod port;
+mod recorded_edges;
+mod tcp;
+
+pub use device_clock::{DeviceClock, Pace};
+pub use port::{FileRules, Output, Port, PortError};
+pub use recorded_edges::RecordedEdges;
 
 /// Time limit at the end of a run for writing the queued frames, and again for the host to read
 /// them.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Longest time in which a file takes no frame at the end of a run: a disk that spins up takes
-/// less.
+/// Longest time in which a file may take no frame at the end of a run. A disk that must first spin
+/// up takes less.
 const STALL_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Longest wait for a command or for room in the outbox before the stop flag is checked again.
@@ -49,9 +56,8 @@ pub struct Session {
     pub mains: Mains,
     /// Session id and chip id that the board reports in `Hello`.
     pub identity: Identity,
-    /// Number of ADC samples after which the run ends; `None` for no limit. Time in which no host
-    /// lets the board stream counts too, from the last sample on: a run without a host ends after
-    /// this time.
+    /// Number of ADC samples after which the run ends; `None` for no limit. While no host lets the
+    /// board stream, the run ends after the time that the remaining samples would take.
     pub limit: Option<u64>,
     /// Schedule of the faults of converters and electrodes.
     pub faults: Faults,
@@ -65,14 +71,8 @@ pub struct Session {
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     /// The output could not be opened.
-    #[error("cannot open the output {output}")]
-    Port {
-        /// Output as in [`Session::output`].
-        output: Output,
-        /// Error from opening the port.
-        #[source]
-        source: PortError,
-    },
+    #[error("cannot open the output {0}")]
+    Port(Output, #[source] PortError),
     /// At least one frame could not be written to a file.
     #[error(
         "{frames} frames could not be written to {output}; make room on the disk and run again"
@@ -108,8 +108,8 @@ impl SessionError {
         match self {
             Self::Write { .. } | Self::Finish(_) => 1,
             Self::Source { .. } => 2,
-            Self::Port { source, .. } if source.is_wrong_name() => 2,
-            Self::Port { .. } => 3,
+            Self::Port(_, error) if error.is_wrong_name() => 2,
+            Self::Port(..) => 3,
         }
     }
 }
@@ -158,10 +158,7 @@ impl Session {
         mut on_second: impl FnMut(&Stats, u64),
     ) -> Result<Report, SessionError> {
         let outbox = Outbox::new(self.when_full());
-        let cannot_open = |source| SessionError::Port {
-            output: self.output.clone(),
-            source,
-        };
+        let cannot_open = |error| SessionError::Port(self.output.clone(), error);
         let port = Port::open(&self.output, &self.file_rules, &outbox);
         let mut port = port.map_err(cannot_open)?;
         let faults = self.faults.clone();
@@ -240,7 +237,7 @@ impl Session {
             0
         };
         outbox.close();
-        // The end of a damaged recording, too, leaves a file of whole frames.
+        // The file is completed before an error of the source is returned: it has whole frames.
         let finished = port.finish_file();
         outcome?;
         finished?;
@@ -258,7 +255,7 @@ impl Session {
     fn complete_writing(&self, outbox: &Outbox, port: &mut Port) -> Result<(), SessionError> {
         let is_drained = outbox.drain_slowly(STALL_TIMEOUT);
         outbox.close();
-        // The thread of a file that takes no frames may never end.
+        // The thread may never end if its file takes no frames, so it is joined only after a drain.
         let has_ended = is_drained && port.join_writer();
         let unknown = || {
             if is_drained {
@@ -281,7 +278,8 @@ impl Session {
         }
     }
 
-    /// Returns whether the rest of the limit has passed since the last sample.
+    /// Returns whether the time of the samples that are left up to the limit has passed since the
+    /// last sample.
     fn is_over(&self, samples: u64, last_sample: Instant) -> bool {
         self.limit.is_some_and(|limit| {
             let left = limit.saturating_sub(samples);
@@ -295,5 +293,47 @@ impl Session {
             (Pace::Realtime, Output::Pty(_) | Output::Tcp(_)) => WhenFull::DropOldest,
             _ => WhenFull::Wait,
         }
+    }
+}
+
+const _: () = assert!(model::CHANNELS <= virtual_adc::CHANNELS);
+
+/// A stream of samples at the ADC's rate.
+pub enum Source {
+    /// A recording, converted to samples by the virtual ADC; finite.
+    Recording(Box<VirtualAdc>),
+    /// Synthetic EEG; endless.
+    Synthetic(Box<Generator>),
+}
+
+impl Source {
+    /// Returns the next sample; `None` at the end of a recording.
+    ///
+    /// # Errors
+    /// [`RecordingError`] if the rest of the recording cannot be read.
+    pub fn next_sample(&mut self) -> Result<Option<Sample>, RecordingError> {
+        match self {
+            Self::Recording(adc) => adc
+                .next()
+                .transpose()
+                .map(|counts| counts.map(first_channels)),
+            Self::Synthetic(generator) => Ok(Some(first_channels(generator.next_sample()))),
+        }
+    }
+
+    /// Returns the total number of samples; `None` for an endless source.
+    pub fn samples(&self) -> Option<u64> {
+        match self {
+            Self::Recording(adc) => Some(adc.samples()),
+            Self::Synthetic(_) => None,
+        }
+    }
+}
+
+/// Returns the sample of the model's ADC. Sources have the channels of the longest chain of
+/// converters; those beyond the model's channels carry no electrode.
+fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
+    Sample {
+        counts: std::array::from_fn(|channel| counts[channel]),
     }
 }

@@ -2,10 +2,10 @@
 //!
 //! Each sample is the sum of several components: a 1/f^1.7 background from dipoles in the cortex
 //! (`background`), alpha bursts from the occipital cortex (`alpha`) and blinks (`blink`); white
-//! noise of the sensors; mains, an electrode offset and its slow drift (`interference`); and, on
-//! request, episodes at the ADC's rail (`rail`). Each component has a separate random stream, so
-//! switching blinks or rails off does not change the others. The dipoles are drawn from the seed,
-//! and the potentials at an electrode do not depend on the other electrodes.
+//! noise of the sensors; mains, an electrode offset and its slow drift; and, on request, episodes
+//! at the ADC's rail (`interference`). Each component has a separate random stream, so switching
+//! blinks or rails off does not change the others. The dipoles are drawn from the seed, and the
+//! potentials at an electrode do not depend on the other electrodes.
 //!
 //! A dipole's potential is that on a sphere of brain, skull and scalp (`head`), against the mean of
 //! both ear lobes. Compared with a recording of the same 61 electrodes
@@ -38,7 +38,6 @@ mod head;
 mod interference;
 mod noise;
 mod phasor;
-mod rail;
 mod scalp;
 mod spec;
 #[cfg(test)]
@@ -46,10 +45,12 @@ mod tests;
 
 use recordings::virtual_adc::CHANNELS;
 
-use self::{
-    alpha::Alpha, background::Background, blink::Blinks, interference::Interference, noise::Noise,
-    rail::Rails, scalp::Scalp,
-};
+use self::alpha::Alpha;
+use self::background::Background;
+use self::blink::Blinks;
+use self::interference::{Interference, Rails};
+use self::noise::Noise;
+use self::scalp::Scalp;
 
 pub use spec::{SyntheticError, SyntheticSpec};
 
@@ -92,7 +93,7 @@ impl Generator {
             return Err(SyntheticError::Rate { rate_hz, mains_hz });
         }
         if !lsb_uv.is_finite() || lsb_uv <= 0.0 {
-            return Err(SyntheticError::Scale { lsb_uv });
+            return Err(SyntheticError::Scale(lsb_uv));
         }
         for (name, value) in [
             ("background_uv", spec.background_uv),
@@ -107,7 +108,7 @@ impl Generator {
         }
         let electrodes = spec.electrodes.len();
         if electrodes > CHANNELS {
-            return Err(SyntheticError::TooManyElectrodes { electrodes });
+            return Err(SyntheticError::TooManyElectrodes(electrodes));
         }
         let scalp = Scalp::new(&spec.electrodes)?;
         let rate = f64::from(rate_hz);

@@ -15,7 +15,7 @@ use crate::fault::Faults;
 use crate::outbox::Outbox;
 use crate::trigger::Trigger;
 
-/// What the virtual board says about itself, as far as its user chooses.
+/// What the virtual board reports about itself and its user can choose.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Identity {
     /// Session id, which should be different at each start of the board. A `Reset` increments it.
@@ -65,7 +65,7 @@ pub struct VirtualBoard {
     sender: Sender<Outbox>,
     converters: Converters,
     trigger: Option<Trigger>,
-    /// Edges that precede the next sample.
+    /// Edges since the last sample, which are sent with the next sample.
     captured: VecDeque<CapturedEvent>,
     /// Number of captured edges since boot; wraps.
     edges: u32,
@@ -73,7 +73,7 @@ pub struct VirtualBoard {
     producer: Box<Producer<BothEncoders>>,
     /// Parameters of a run that starts with the next sample; otherwise `None`.
     new_run: Option<Run>,
-    /// Samples since boot. `overruns` and `adc_status_bad` also count since boot.
+    /// Number of samples since boot, as for the next two counters.
     samples: u64,
     overruns: u32,
     adc_status_bad: u32,
@@ -89,7 +89,7 @@ impl VirtualBoard {
     /// Creates a board that has just started. `Hello`, `Capabilities` and `Converters` are in the
     /// outbox.
     pub fn new(identity: Identity, mains: Mains, outbox: Outbox) -> Self {
-        Self::with_faults(identity, mains, Faults::NONE, outbox)
+        Self::with_faults(identity, mains, Faults::default(), outbox)
     }
 
     /// Creates a board as [`Self::new`] does, with faults in its converters.

@@ -11,9 +11,9 @@ use crate::figures::{self, Figures, Row};
 use crate::images::{self, Board};
 use crate::install;
 
-/// Yes-or-no figures of a board: name of the figure, common start of the names of the figures that
-/// it requires, and the rest of those names, separated by blanks. True if all required figures were
-/// measured.
+/// Figures of a board that are true if all figures that they require were measured: the name of the
+/// figure, the common start of the required figures' names, and the rest of each of these names,
+/// separated by blanks.
 #[rustfmt::skip]
 const VERDICTS: [[&str; 3]; 3] = [
     ["reset_cause_ok", "reset_cause_", "hang panic fault overflow wild_stack"],

@@ -9,7 +9,7 @@ use crate::command::{
     AFTER_A_BUILD, AFTER_A_TEST, Failure, OrFail, cargo, root, run, target_folder, typed,
 };
 
-/// Programs of the package.
+/// Programs that the package installs.
 const PROGRAMS: [&str; 2] = ["corticode-bridge", "corticode-node"];
 
 const NEXT: &str = "`apt-get install dpkg-dev binutils gzip`; then free space on the disk";
@@ -118,8 +118,7 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     let mut gzip = Command::new("gzip");
     run(gzip.args(["-9nr"]).args([&pages, &changelog]), NEXT)?;
 
-    // dpkg-shlibdeps reads the control file of a source package, of which it needs no more than
-    // this.
+    // dpkg-shlibdeps reads the control file of a source package; these fields are enough for it.
     let source = "Source: corticode-bridge\n\nPackage: corticode-bridge\nArchitecture: any\n";
     write("debian/control", source)?;
     let mut libraries = Command::new("dpkg-shlibdeps");
@@ -145,7 +144,7 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     write("DEBIAN/control", &control)?;
     let name = format!("corticode-bridge_{version}_{}.deb", architecture.trim());
     let package = folder.join(name);
-    // Independent of the umask.
+    // Set the permissions, because those of the written files depend on the umask.
     run(
         Command::new("chmod").args(["-R", "u=rwX,go=rX"]).arg(&tree),
         NEXT,
@@ -181,16 +180,9 @@ mod tests {
         let complete = refuse_missing(&bridge);
         fs::remove_dir_all(&folder).expect("the folder");
         assert_eq!(refused.status, 2);
-        assert!(
-            refused.message.contains("corticode-node is missing"),
-            "{}",
-            refused.message
-        );
-        assert!(
-            refused.message.contains("--package node"),
-            "{}",
-            refused.message
-        );
+        for part in ["corticode-node is missing", "--package node"] {
+            assert!(refused.message.contains(part), "{}", refused.message);
+        }
         assert!(complete.is_ok());
     }
 }

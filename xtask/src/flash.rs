@@ -10,10 +10,10 @@ use crate::command::{BOARD_TARGET, Failure, OrFail, cargo, replace, root};
 use crate::images::Board;
 use crate::{install, programs};
 
-/// Variable with the folder of another model than the default one.
+/// Environment variable with the folder of a model that replaces the default one.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
-/// Channels of an ADS1299.
+/// Number of channels of an ADS1299.
 const CHANNELS_PER_CHIP: u32 = 8;
 
 /// The fields of `model.toml` that a board's wiring depends on.

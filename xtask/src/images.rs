@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use crate::command::{AFTER_A_BUILD, BOARD_TARGET, Failure, OrFail, cargo, run, target_folder};
 use crate::install;
 
-/// Real board, with an STM32 microcontroller, for which images are built.
+/// NUCLEO board for which images are built.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Board {
     /// NUCLEO-H743ZI2.

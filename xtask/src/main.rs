@@ -6,7 +6,6 @@ mod command;
 mod deb;
 mod docs;
 mod figures;
-mod figures_page;
 mod flash;
 mod images;
 mod install;

@@ -29,15 +29,15 @@ pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
         Some("host" | "offline" | "training") => {
             replace(cargo("run --release --package bench --bin report --").args(words))
         }
-        Some("bridge") => {
+        Some(benchmark @ ("bridge" | "node")) => {
+            let board = if benchmark == "bridge" {
+                " --package host-sim"
+            } else {
+                ""
+            };
             let build =
-                "build --release --package bench --package host-sim --package bridge --bins";
-            run(&mut cargo(build), AFTER_A_BUILD)?;
-            replace(Command::new(target_folder().join("release/report")).args(words))
-        }
-        Some("node") => {
-            let build = "build --release --package bench --package node --bins";
-            run(&mut cargo(build), AFTER_A_BUILD)?;
+                format!("build --release --package bench --package {benchmark}{board} --bins");
+            run(&mut cargo(&build), AFTER_A_BUILD)?;
             replace(Command::new(target_folder().join("release/report")).args(words))
         }
         _ => replace(cargo("run --package bench --bin report --").args(words)),

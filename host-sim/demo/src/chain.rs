@@ -9,7 +9,7 @@ use neuro_ros::{NeuroFrame, RosMessage, Wire};
 use ros1::{Master, Node, NodeOptions, Subscriber};
 use tokio::time::{sleep, sleep_until};
 
-use crate::failure::Failure;
+use crate::Failure;
 use crate::program::Program;
 use crate::progress;
 use crate::run::{Received, Run};

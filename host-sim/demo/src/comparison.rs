@@ -7,7 +7,7 @@ use host_sim::synthetic::{Generator, SyntheticSpec};
 use link::Flags;
 use pipeline::{ELECTRODES, Electrodes, FrontEnd, Mains, Sample};
 
-use crate::failure::Failure;
+use crate::Failure;
 use crate::run::Run;
 
 /// Values of all electrodes at one step, uV; there are 128 steps per second.

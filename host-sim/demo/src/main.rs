@@ -9,19 +9,18 @@
 
 mod chain;
 mod comparison;
-mod failure;
 mod pictures;
 mod program;
 mod progress;
 mod run;
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use picture::spread::Spread;
 
 use crate::comparison::Comparison;
-use crate::failure::Failure;
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -95,4 +94,41 @@ fn programs_folder() -> Result<PathBuf, Failure> {
         }
     }
     Ok(folder.to_owned())
+}
+
+/// Failure with which the demo ends.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    /// Exit status: 1 if a check failed, 2 if a file is missing, 3 if a part of the path did not
+    /// start or did not answer, 130 after Ctrl-C.
+    pub(crate) status: u8,
+    /// What failed, why, and what the user can do next.
+    pub(crate) message: String,
+}
+
+impl Failure {
+    pub(crate) fn check(what: &str, why: impl Display, next: &str) -> Self {
+        Self::new(1, what, "failed", why, next)
+    }
+
+    pub(crate) fn missing(what: &str, why: impl Display, next: &str) -> Self {
+        Self::new(2, what, "is missing", why, next)
+    }
+
+    pub(crate) fn unreachable(what: &str, why: impl Display, next: &str) -> Self {
+        Self::new(3, what, "is not reachable", why, next)
+    }
+
+    fn new(status: u8, what: &str, problem: &str, why: impl Display, next: &str) -> Self {
+        let message = format!("{what} {problem}: {why}\n  next: {next}");
+        Self { status, message }
+    }
+
+    pub(crate) fn interrupted() -> Self {
+        let message = "interrupted; everything that was started is stopped".to_owned();
+        Self {
+            status: 130,
+            message,
+        }
+    }
 }

@@ -10,8 +10,8 @@ use picture::heat_map::HeatMap;
 use picture::intervals::{Intervals, Series};
 use picture::traces::{Trace, Traces};
 
+use crate::Failure;
 use crate::comparison::{Comparison, seconds};
-use crate::failure::Failure;
 use crate::run::{Received, Run};
 
 /// Largest number of electrodes in the picture of traces.
@@ -135,23 +135,5 @@ mod tests {
         assert_eq!(shown(61), [0, 10, 20, 30, 40, 50, 60]);
         assert_eq!(shown(8), [0, 1, 2, 3, 4, 5, 7]);
         assert_eq!(shown(4), [0, 1, 2, 3]);
-    }
-
-    #[test]
-    fn the_traces_are_labelled_and_the_picture_states_what_its_error_is_over() {
-        let steps = 10 * usize::from(model::STEP_RATE_HZ);
-        let comparison = Comparison {
-            first_step: 0,
-            source_uv: vec![[1.0; pipeline::ELECTRODES]; steps],
-            result_uv: vec![[1.0; pipeline::ELECTRODES]; steps],
-            prd_percent: 12.0,
-        };
-        let traces = traces(&comparison);
-        let labels: Vec<&str> = model::LABELS.split(' ').collect();
-        assert_eq!(traces.rows.len(), SHOWN.min(labels.len()));
-        assert_eq!(traces.rows[0].label, labels[0]);
-        assert!(traces.rows.iter().all(|row| labels.contains(&&*row.label)));
-        let error = comparison.to_string();
-        assert!(traces.subtitle.contains(&error), "{}", traces.subtitle);
     }
 }

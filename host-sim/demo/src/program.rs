@@ -10,7 +10,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use tokio::process::{Child, Command};
 use tokio::time::timeout;
 
-use crate::failure::Failure;
+use crate::Failure;
 
 /// A running child process; killed when dropped.
 pub(crate) struct Program {
@@ -31,8 +31,8 @@ impl Program {
                 .stdin(Stdio::null())
                 .stdout(file.try_clone()?)
                 .stderr(file)
-                // In a process group of its own, so that Ctrl-C in the terminal reaches only the
-                // demo, which stops its children.
+                // The child gets its own process group, so that Ctrl-C in the terminal reaches only
+                // the demo, which stops its children.
                 .process_group(0)
                 .kill_on_drop(true)
                 .spawn()

@@ -243,7 +243,7 @@ impl Twin {
         }
     }
 
-    /// Filters one sample.
+    /// Filters one sample: advances the states and returns the output.
     pub fn apply(&mut self, x: f64) -> f64 {
         let sections = self.sections.iter().zip(&mut self.states);
         sections.fold(x, |x, ([b0, b1, b2, a1, a2], state)| {

@@ -13,13 +13,13 @@ pub(crate) struct Received {
 }
 
 impl Received {
-    /// Index of the code's window since the device started the stream.
+    /// Returns the index of the code's window, 0 for the first of the stream.
     pub(crate) fn window(&self) -> usize {
         let window = self.word("seq_lo") | self.word("seq_hi") << 16;
         usize::try_from(window).unwrap_or(usize::MAX)
     }
 
-    /// Device time of the code's last sample.
+    /// Returns the device time of the code's last sample.
     fn device_time(&self) -> Duration {
         let us = self.word("t_us_0") | self.word("t_us_1") << 16 | self.word("t_us_2") << 32;
         Duration::from_micros(us)
@@ -58,17 +58,18 @@ impl Run {
         self.codes.iter().filter(|code| !code.has(Flags::FILLER))
     }
 
-    /// Number of codes that arrived at the subscriber; fillers are not counted.
+    /// Returns the number of codes that arrived at the subscriber; fillers are not counted.
     pub(crate) fn received(&self) -> usize {
         self.without_fillers().count()
     }
 
-    /// Number of codes that were made but did not arrive.
+    /// Returns the number of codes that the board made but that did not arrive.
     pub(crate) fn lost(&self) -> usize {
         self.made.saturating_sub(self.received())
     }
 
-    /// Times between the arrivals of successive messages on `/encoded`, fillers included, ms.
+    /// Returns the times between the arrivals of successive messages on `/encoded`, fillers
+    /// included, ms.
     pub(crate) fn arrival_intervals_ms(&self) -> Vec<f64> {
         let intervals = self
             .codes
@@ -77,7 +78,8 @@ impl Run {
         intervals.map(milliseconds).collect()
     }
 
-    /// Differences between the device times of successive received codes, ms; fillers are left out.
+    /// Returns the differences between the device times of successive received codes, ms; fillers
+    /// are left out.
     pub(crate) fn device_intervals_ms(&self) -> Vec<f64> {
         let times: Vec<Duration> = self.without_fillers().map(Received::device_time).collect();
         let intervals = times.windows(2).map(|pair| pair[1].saturating_sub(pair[0]));

@@ -19,7 +19,7 @@ const DIPOLES: [([f64; 3], [f64; 3]); 3] = [
     ([0.2, -0.6, 0.15], [0.2, -1.0, 0.3]),
     ([0.0, -0.55, 0.35], [0.0, -1.0, 0.6]),
 ];
-/// Electrodes near the largest amplitude, which the spec states.
+/// Electrodes at one of which the rhythm is largest: the spec states the amplitude there.
 const SITES: &str = "Pz PO3 POz PO4 O1 Oz O2";
 /// Amplitude between bursts, relative to the amplitude in a burst.
 const REST: f64 = 0.15;

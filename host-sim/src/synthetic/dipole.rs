@@ -96,7 +96,6 @@ fn scaled(vector: Position, factor: f64) -> Position {
     }
 }
 
-/// Returns the scalar product.
 pub(super) fn dot(a: Position, b: Position) -> f64 {
     a.x * b.x + a.y * b.y + a.z * b.z
 }

@@ -27,9 +27,8 @@ impl Scalp {
     /// [`SyntheticError::UnknownElectrode`] for a label that is not in the 10-5 system.
     pub(super) fn new(labels: &[String]) -> Result<Self, SyntheticError> {
         let position = |label: &String| {
-            Position::from_label(label).ok_or_else(|| SyntheticError::UnknownElectrode {
-                label: label.clone(),
-            })
+            let unknown = || SyntheticError::UnknownElectrode(label.clone());
+            Position::from_label(label).ok_or_else(unknown)
         };
         Ok(Self {
             head: Head::new(CONDUCTIVITIES),
@@ -51,15 +50,17 @@ impl Scalp {
         self.electrodes.len()
     }
 
-    /// Returns the potential of a dipole at another place of the same head.
+    /// Returns the potential of a dipole at the electrode `label`, which need not be one of the
+    /// spec.
     pub(super) fn potential_at(&self, dipole: &Dipole, label: &str) -> f64 {
         let place = Position::from_label(label);
         let potentials = self.against_reference(dipole, place.as_slice());
         potentials.into_iter().sum()
     }
 
-    /// Returns the power of independent dipoles of RMS 1 at each of some places of the same head. A
-    /// scale that is computed from it does not depend on the electrodes of the spec.
+    /// Returns the power of independent dipoles of RMS 1 at each of the electrodes `labels`,
+    /// separated by blanks. A scale that is computed from these powers does not depend on the
+    /// spec's electrodes.
     pub(super) fn powers_at(&self, dipoles: &[Dipole], labels: &str) -> Vec<f64> {
         let places = labels.split(' ').filter_map(Position::from_label);
         let mut powers: Vec<(Position, f64)> = places.map(|place| (place, 0.0)).collect();

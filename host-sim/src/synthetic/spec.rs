@@ -61,23 +61,17 @@ impl SyntheticSpec {
     }
 }
 
-/// A parameter that the generator refuses.
+/// Why the generator refuses a spec.
 #[derive(Debug, Error, PartialEq)]
 pub enum SyntheticError {
-    /// A label without a position in the 10-5 system.
+    /// A label without a position in the 10-5 system; holds the label.
     #[error(
-        "{label} is no electrode of the 10-20, 10-10 or 10-5 system, so it has no place on the scalp"
+        "{0} is no electrode of the 10-20, 10-10 or 10-5 system, so it has no place on the scalp"
     )]
-    UnknownElectrode {
-        /// Label in [`SyntheticSpec::electrodes`].
-        label: String,
-    },
-    /// More electrodes than the ADC has channels (64).
-    #[error("{electrodes} electrodes do not fit the ADC's {CHANNELS} channels")]
-    TooManyElectrodes {
-        /// Number of labels in the spec.
-        electrodes: usize,
-    },
+    UnknownElectrode(String),
+    /// More electrodes than the ADC has channels (64); holds the number of electrodes.
+    #[error("{0} electrodes do not fit the ADC's {CHANNELS} channels")]
+    TooManyElectrodes(usize),
     /// Rate or mains frequency outside the generator's range.
     #[error(
         "{rate_hz} Hz with {mains_hz} Hz mains cannot be synthesised; give 128..=16000 Hz and a mains frequency below half of it"
@@ -88,12 +82,9 @@ pub enum SyntheticError {
         /// Mains frequency in the spec, Hz.
         mains_hz: u32,
     },
-    /// A size of a count that is not above 0.
-    #[error("a count of {lsb_uv} uV is no scale; write a number above 0")]
-    Scale {
-        /// Size of a count in the spec, uV.
-        lsb_uv: f64,
-    },
+    /// A size of a count that is not above 0; holds the size, uV.
+    #[error("a count of {0} uV is no scale; write a number above 0")]
+    Scale(f64),
     /// An amplitude that is negative, infinite or not a number.
     #[error("{name} is {value}; write an amplitude of 0 or more")]
     Amplitude {

@@ -1,9 +1,8 @@
 //! Tests of the answers and codes of a virtual board.
 
-use link::{Decoder, Encoder, Flags, MAX_FRAME, Streams, ToDevice, ToHost};
+use link::{Decoder, Encoder, Flags, MAX_FRAME, ResetInto, Streams, ToDevice, ToHost};
 
 mod compressed;
-mod packed;
 mod streams;
 
 use super::*;
@@ -32,9 +31,7 @@ fn send(board: &mut VirtualBoard, host: &mut Encoder, command: ToDevice) {
 fn frames<T>(outbox: &Outbox, select: impl Fn(ToHost<'_>) -> Option<T>) -> Vec<T> {
     let mut decoder = Decoder::<MAX_FRAME>::new();
     let mut seen = Vec::new();
-    while !outbox.drain(std::time::Duration::ZERO) {
-        let frame = outbox.pop().expect("a frame waits");
-        outbox.mark_written();
+    for frame in outbox.take_all() {
         let mut bytes = &frame[..];
         while let Some(outcome) = decoder.next::<ToHost<'_>>(&mut bytes) {
             let frame = outcome.expect("the board sends intact frames");
@@ -52,54 +49,6 @@ const fn start(streams: Streams) -> ToDevice {
 }
 
 const START: ToDevice = start(Streams::CODES);
-
-#[test]
-fn a_board_introduces_itself_when_it_starts_and_when_asked() {
-    let (mut board, outbox) = board();
-    send(&mut board, &mut Encoder::default(), ToDevice::Identify);
-    let labels = frames(&outbox, |message| match message {
-        ToHost::Capabilities(about) => Some(about.labels.split(' ').count()),
-        _ => None,
-    });
-    assert_eq!(labels, [pipeline::ELECTRODES; 2]);
-}
-
-#[test]
-fn every_command_is_acknowledged_with_its_seq() {
-    let (mut board, outbox) = board();
-    let mut host = Encoder::starting_at(40);
-    let bad_mains = ToDevice::Start(Start {
-        streams: Streams::CODES,
-        mains_hz: 55,
-    });
-    let bad_stream = start(Streams::from_bits(512));
-    for command in [
-        START,
-        START,
-        ToDevice::Ping,
-        bad_mains,
-        bad_stream,
-        ToDevice::Stop,
-    ] {
-        send(&mut board, &mut host, command);
-    }
-    let acks = frames(&outbox, |message| match message {
-        ToHost::Ack(ack) => Some((ack.of, ack.result)),
-        _ => None,
-    });
-    let (done, bad) = (AckResult::Done, AckResult::BadArgument);
-    assert_eq!(
-        acks,
-        [
-            (40, done),
-            (41, done),
-            (42, done),
-            (43, bad),
-            (44, bad),
-            (45, done)
-        ]
-    );
-}
 
 #[test]
 fn codes_are_sent_only_between_start_and_stop_and_start_at_window_0() {
@@ -205,31 +154,44 @@ fn every_second_of_a_stream_the_quality_of_each_electrode_is_sent() {
     }
 }
 
-#[test]
-fn echoed_answers_are_not_answered() {
-    let (mut board, outbox) = board();
-    send(&mut board, &mut Encoder::default(), ToDevice::Ping);
-    let mut echoes = Vec::new();
-    while !outbox.drain(std::time::Duration::ZERO) {
-        echoes.push(outbox.pop().expect("a frame waits"));
-        outbox.mark_written();
+const START_PACKED: ToDevice = start(Streams::PACKED);
+
+/// Returns the rates of the packed blocks of one second.
+fn rates(board: &mut VirtualBoard, outbox: &Outbox) -> Vec<u8> {
+    for _ in 0..model::ADC_RATE_HZ {
+        board.process_sample(&Sample::default(), 0);
     }
-    for echo in &echoes {
-        board.receive(echo, 0);
-    }
-    assert!(outbox.drain(std::time::Duration::ZERO), "one was answered");
-    assert_eq!(board.stats().input_bad as usize, echoes.len());
-    assert!(!echoes.is_empty());
+    frames(outbox, |message| match message {
+        ToHost::PackedCode(block) => Some(block.rate),
+        _ => None,
+    })
 }
 
 #[test]
-fn damaged_commands_are_counted_and_the_next_one_is_executed() {
+fn every_command_of_one_read_is_executed() {
     let (mut board, outbox) = board();
-    board.receive(b"\0noise on the line\0", 0);
-    send(&mut board, &mut Encoder::default(), ToDevice::Stop);
-    let bad = frames(&outbox, |message| match message {
-        ToHost::Stats(stats) => Some((stats.input_bad, stats.commands)),
-        _ => None,
-    });
-    assert_eq!(bad, [(1, 1)]);
+    let mut host = Encoder::default();
+    let mut bytes = Vec::new();
+    for command in [START_PACKED, ToDevice::SetRate { rate: 9 }] {
+        let mut buffer = [0; MAX_FRAME];
+        bytes.extend_from_slice(host.encode(0, &command, &mut buffer).expect("a frame"));
+    }
+    board.receive(&bytes, 1_000);
+    assert_eq!(rates(&mut board, &outbox), [9; 16]);
+}
+
+#[test]
+fn the_rate_outlives_a_run_and_not_a_reset() {
+    let (mut board, outbox) = board();
+    let mut host = Encoder::default();
+    send(&mut board, &mut host, ToDevice::SetRate { rate: 9 });
+    for expected in [9, 9] {
+        send(&mut board, &mut host, START_PACKED);
+        assert_eq!(rates(&mut board, &outbox)[0], expected);
+        send(&mut board, &mut host, ToDevice::Stop);
+    }
+    send(&mut board, &mut host, ToDevice::Reset(ResetInto::Firmware));
+    send(&mut board, &mut Encoder::default(), START_PACKED);
+    let of_model = <pipeline::PackedEncoder>::DEFAULT_RATE.index();
+    assert_eq!(rates(&mut board, &outbox)[0], of_model);
 }

@@ -7,8 +7,7 @@ use std::{
 
 use link::{Streams, ToDevice};
 
-use crate::host::{connect, free_address, send, start};
-use crate::program::{program, run, wait};
+use crate::program::{connect, free_address, program, run, send, start, wait};
 
 #[test]
 fn a_run_without_a_host_ends_after_its_duration() {
@@ -43,7 +42,7 @@ fn the_last_line_counts_what_the_host_asked_for() {
         let mut port = connect(&address);
         send(&mut port, 0, start(streams));
         port.read_to_end(&mut Vec::new()).expect("all frames");
-        // The program waits for it.
+        // The program ends only after its host has closed the connection.
         drop(port);
         let finished = wait(child);
         assert!(finished.log.contains(expected), "{finished:?}");
@@ -61,7 +60,7 @@ fn a_run_whose_host_has_left_ends_too() {
         let commands = [Some(start(Streams::ALL)), command];
         for (number, command) in (0..).zip(commands.into_iter().flatten()) {
             send(&mut port, number, command);
-            // Some bytes of the answer.
+            // Read a part of the answer, so that the board has executed the command.
             port.read_exact(&mut [0; 100]).expect("frames");
         }
         drop(port);

@@ -1,6 +1,6 @@
 //! Builds EDF and EDF+ files whose signals are ramps.
 
-/// Samples of a signal in a record of 1 s.
+/// Number of samples of a signal in a record of 1 s.
 pub(crate) const RATE: usize = 128;
 
 /// One signal of 16-bit samples.
@@ -33,7 +33,7 @@ pub(crate) struct EdfFile {
     pub(crate) is_flat: bool,
 }
 
-/// Bytes of annotations in a record.
+/// Size of a record's annotations, in bytes.
 const ANNOTATION_BYTES: usize = 80;
 
 impl EdfFile {

@@ -10,8 +10,7 @@ use link::{Event, EventKind, Streams, ToHost};
 use recordings::{FileToWrite, GdfWriter, SignalToWrite};
 
 use crate::edf_file::EdfFile;
-use crate::host::{connect, frames, free_address, send, start};
-use crate::program::{program, run, wait};
+use crate::program::{connect, frames, free_address, program, run, send, start, wait};
 
 /// Plays a recording to a host that wants events. Returns each event with its time, us after the
 /// run's first sample.

@@ -1,7 +1,5 @@
-//! Each fault of the converters is flagged in the first code whose window contains the fault, and
-//! in no earlier code.
-
-use std::time::Duration;
+//! A fault of the converters is flagged in exactly the codes whose windows contain samples with the
+//! fault.
 
 use ads1299::{Error, Finding, ID};
 use host_sim::{
@@ -11,11 +9,9 @@ use host_sim::{
 use link::{Flags, Start, Stats, Streams, ToHost};
 use pipeline::{Mains, Sample};
 
-use crate::host::frames;
+use crate::program::frames;
 
 const BAD: Flags = Flags::ADC_STATUS_BAD;
-
-const NO_WINDOW: [usize; 0] = [];
 
 /// Samples per hop at 512 Hz.
 const HOP: usize = 32;
@@ -31,26 +27,20 @@ struct Observed {
     stats: Stats,
 }
 
-impl Observed {
-    /// Returns the indices of the windows whose codes have `flag`.
-    fn windows_with(&self, flag: Flags) -> Vec<usize> {
-        let codes = self.codes.iter().enumerate();
-        codes
-            .filter(|(_, flags)| flags.contains(flag))
-            .map(|(window, _)| window)
-            .collect()
-    }
+/// Returns the indices of the windows whose codes have `flag`.
+fn windows_with(codes: &[Flags], flag: Flags) -> Vec<usize> {
+    let flagged = codes
+        .iter()
+        .enumerate()
+        .filter(|(_, flags)| flags.contains(flag));
+    flagged.map(|(window, _)| window).collect()
 }
 
 fn board(faults: &[&str]) -> (VirtualBoard, Outbox) {
     let faults: Vec<Fault> = faults.iter().map(|f| f.parse().expect("a fault")).collect();
     let faults = Faults::new(&faults).expect("one by one");
     let outbox = Outbox::new(WhenFull::Wait);
-    let identity = Identity {
-        session_id: 1,
-        chip_uid: [0; 12],
-        ..Identity::default()
-    };
+    let identity = Identity::default();
     let mut board = VirtualBoard::with_faults(identity, Mains::Hz50, faults, outbox.clone());
     let start = Start {
         streams: Streams::CODES,
@@ -68,15 +58,10 @@ fn observe(faults: &[&str]) -> Observed {
     for (index, counts) in (0..1024).zip(generator) {
         board.process_sample(&Sample { counts }, index * 1_000_000 / 512);
     }
-    let mut codes = Vec::new();
-    while !outbox.drain(Duration::ZERO) {
-        let frame = outbox.pop().expect("a frame waits");
-        outbox.mark_written();
-        codes.extend(frames(&frame, |frame| match frame.message {
-            ToHost::Code(code) => Some((code.window as usize, code.flags)),
-            _ => None,
-        }));
-    }
+    let codes = frames(&outbox.take_all().concat(), |frame| match frame.message {
+        ToHost::Code(code) => Some((code.window as usize, code.flags)),
+        _ => None,
+    });
     assert!(codes.iter().map(|(window, _)| *window).eq(0..codes.len()));
     let codes = codes.into_iter().map(|(_, flags)| flags).collect();
     let stats = board.stats();
@@ -85,6 +70,9 @@ fn observe(faults: &[&str]) -> Observed {
 
 /// Returns the indices of the windows (0 to 30) whose steps include the flags of any of `samples`.
 fn windows_of(samples: std::ops::Range<u64>) -> Vec<usize> {
+    if samples.is_empty() {
+        return Vec::new();
+    }
     let windows = (0..31).zip((0..).step_by(HOP));
     windows
         .filter(|(_, start)| {
@@ -100,88 +88,60 @@ const AT: &str = "0.9765625s";
 const FROM: u64 = 500;
 
 #[test]
-fn without_a_fault_nothing_is_flagged() {
-    let observed = observe(&[]);
-    assert_eq!(observed.codes.len(), 31);
-    for flag in [BAD, Flags::OVERRUN, Flags::LEAD_OFF] {
-        assert_eq!(observed.windows_with(flag), NO_WINDOW);
-    }
-    assert_eq!(
-        (observed.stats.adc_status_bad, observed.stats.overruns),
-        (0, 0)
-    );
-    assert_eq!(observed.stats.samples, 1024);
-}
-
-#[test]
-fn a_lasting_fault_is_flagged_from_the_first_window_that_contains_it() {
+fn a_fault_is_flagged_in_exactly_the_windows_that_contain_it() {
+    let (none, first) = (0..0, FROM..FROM + 1);
+    let mut cases = vec![
+        // Each case: the fault, the samples with a bad status, the samples that follow missed ones,
+        // and the number of samples.
+        (String::new(), none.clone(), none.clone(), 1024),
+        // 1.0703125 s is the time of sample 548, at which the chip is repaired.
+        (
+            format!("dead@{AT}..1.0703125s:chip3"),
+            FROM..FROM + 48,
+            none.clone(),
+            1024,
+        ),
+        // The driver misses three samples before it detects that DRDY is silent.
+        (
+            format!("dead@{AT}:chip0"),
+            FROM..1024 - 3,
+            first.clone(),
+            1024 - 3,
+        ),
+        (
+            format!("missed-drdy@{AT}:chip0"),
+            none.clone(),
+            first,
+            1024 - 1,
+        ),
+    ];
     for kind in ["dead", "stuck", "wrong-status", "shifted-bit"] {
         for chip in [1, 4, 7] {
-            let observed = observe(&[&format!("{kind}@{AT}:chip{chip}")]);
-            assert_eq!(
-                observed.windows_with(BAD),
-                windows_of(FROM..1024),
-                "{kind} {chip}"
-            );
-            assert_eq!(
-                observed.windows_with(Flags::OVERRUN),
-                NO_WINDOW,
-                "{kind} {chip}"
-            );
-            assert_eq!(
-                u64::from(observed.stats.adc_status_bad),
-                1024 - FROM,
-                "{kind} {chip}"
-            );
+            let fault = format!("{kind}@{AT}:chip{chip}");
+            cases.push((fault, FROM..1024, none.clone(), 1024));
         }
     }
-}
-
-#[test]
-fn a_fault_of_one_sample_is_flagged_in_exactly_the_windows_that_contain_it() {
-    for at in 508..=516_u32 {
-        let times = [at, at + 1].map(|sample| f64::from(sample) / 512.0);
-        let observed = observe(&[&format!("wrong-status@{}s..{}s:chip2", times[0], times[1])]);
-        let at = at.into();
-        assert_eq!(
-            observed.windows_with(BAD),
-            windows_of(at..at + 1),
-            "sample {at}"
-        );
-        assert_eq!(observed.stats.adc_status_bad, 1);
+    for sample in 508..=516_u32 {
+        let [from, to] = [sample, sample + 1].map(|sample| f64::from(sample) / 512.0);
+        let fault = format!("wrong-status@{from}s..{to}s:chip2");
+        let sample = u64::from(sample);
+        cases.push((fault, sample..sample + 1, none.clone(), 1024));
     }
-}
-
-#[test]
-fn a_repaired_chip_is_flagged_up_to_the_last_window_that_contains_the_fault() {
-    // 1.0703125 s is the time of sample 548, so the fault lasts 48 samples.
-    let observed = observe(&[&format!("dead@{AT}..1.0703125s:chip3")]);
-    assert_eq!(observed.windows_with(BAD), windows_of(FROM..FROM + 48));
-    assert_eq!(observed.stats.adc_status_bad, 48);
-}
-
-#[test]
-fn without_chip_0_and_its_drdy_the_samples_continue_with_flags() {
-    let observed = observe(&[&format!("dead@{AT}:chip0")]);
-    // The driver misses three samples before it detects that DRDY is silent.
-    assert_eq!(observed.stats.overruns, 3);
-    assert_eq!(observed.stats.samples, 1024 - 3);
-    assert_eq!(observed.windows_with(BAD), windows_of(FROM..1021));
-    assert_eq!(
-        observed.windows_with(Flags::OVERRUN),
-        windows_of(FROM..FROM + 1)
-    );
-}
-
-#[test]
-fn a_missed_edge_is_an_overrun_and_nothing_else() {
-    let observed = observe(&[&format!("missed-drdy@{AT}:chip0")]);
-    assert_eq!(
-        observed.windows_with(Flags::OVERRUN),
-        windows_of(FROM..FROM + 1)
-    );
-    assert_eq!(observed.windows_with(BAD), NO_WINDOW);
-    assert_eq!((observed.stats.overruns, observed.stats.samples), (1, 1023));
+    for (fault, bad, overrun, samples) in cases {
+        let faults = Some(&fault[..]).filter(|fault| !fault.is_empty());
+        let Observed { codes, stats } = &observe(faults.as_slice());
+        for (flag, flagged) in [
+            (BAD, bad.clone()),
+            (Flags::OVERRUN, overrun),
+            (Flags::LEAD_OFF, none.clone()),
+        ] {
+            assert_eq!(windows_with(codes, flag), windows_of(flagged), "{fault}");
+        }
+        let counts = (stats.samples, stats.overruns, stats.adc_status_bad);
+        let missed = u32::try_from(1024 - samples).expect("few");
+        let bad = u32::try_from(bad.count()).expect("few");
+        assert_eq!(counts, (samples, missed, bad), "{fault}");
+    }
 }
 
 #[test]
@@ -191,7 +151,7 @@ fn a_doubled_rate_is_flagged_with_its_first_early_sample() {
     // there on, twice as many samples make twice as many windows.
     let first = windows_of(FROM + 1..FROM + 2)[0];
     let expected: Vec<usize> = (first..observed.codes.len()).collect();
-    assert_eq!(observed.windows_with(BAD), expected);
+    assert_eq!(windows_with(&observed.codes, BAD), expected);
     assert_eq!(observed.stats.samples, 1024 + (1024 - FROM - 1));
     assert_eq!(
         u64::from(observed.stats.adc_status_bad),
@@ -204,13 +164,13 @@ fn an_electrode_that_is_off_is_flagged_and_saturates() {
     let label = model::LABELS.split(' ').next_back().expect("a label");
     let observed = observe(&[&format!("lead-off@{AT}..1.0703125s:{label}")]);
     assert_eq!(
-        observed.windows_with(Flags::LEAD_OFF),
+        windows_with(&observed.codes, Flags::LEAD_OFF),
         windows_of(FROM..FROM + 48)
     );
-    assert_eq!(observed.windows_with(BAD), NO_WINDOW);
+    assert_eq!(windows_with(&observed.codes, BAD), [0; 0]);
     // The lead-off current has no path through the electrode, so the input goes to the rail.
     assert_eq!(
-        observed.windows_with(Flags::SATURATED),
+        windows_with(&observed.codes, Flags::SATURATED),
         windows_of(FROM..FROM + 48)
     );
 }
@@ -220,7 +180,7 @@ fn a_chip_with_a_fault_from_power_on_is_flagged_in_every_code() {
     for kind in ["wrong-id", "forgets", "dead"] {
         let observed = observe(&[&format!("{kind}:chip5")]);
         assert_eq!(
-            observed.windows_with(BAD),
+            windows_with(&observed.codes, BAD),
             (0..31).collect::<Vec<_>>(),
             "{kind}"
         );

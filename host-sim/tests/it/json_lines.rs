@@ -12,8 +12,7 @@ use link::{Flags, ToHost};
 use serde_json::{Value, json};
 
 use crate::edf_file::EdfFile;
-use crate::host::frames;
-use crate::program::{Finished, program, wait};
+use crate::program::{Finished, frames, program, wait};
 
 /// Runs the program at full speed and returns its standard output.
 fn run_to_stdout(input: &Path, more: &[&str]) -> (Finished, Vec<u8>) {
@@ -56,7 +55,7 @@ fn codes_are_lines_of_json_with_the_fields_of_the_bridge() {
     let codes = of_topic(&lines, "/encoded");
     assert_eq!(codes.len(), (2 * 128 - 16) / 8 + 1);
 
-    // The numbers are those on the wire, dequantised.
+    // The lines have the codes on the wire, dequantised.
     let (finished, wire) = run_to_stdout(&input, &["-q", "--output=file:-"]);
     assert_eq!((finished.status, &*finished.log), (Some(0), ""));
     let mut scales = Vec::new();
@@ -212,10 +211,8 @@ fn what_cannot_be_written_or_read_to_its_end_has_a_status_and_a_reason() {
         .expect("a device");
     let finished = wait(program.stdout(full).spawn().expect("the program starts"));
     assert_eq!(finished.status, Some(1), "{finished:?}");
-    assert!(
-        finished.log.contains("could not be written to ndjson:-"),
-        "{finished:?}"
-    );
+    let reason = " frames could not be written to ndjson:-";
+    assert!(finished.log.contains(reason), "{finished:?}");
 
     let absent = run_to_stdout(&folder.path().join("absent.edf"), &["--output=ndjson:-"]);
     assert_eq!(

@@ -5,8 +5,7 @@ use std::{fs, os::unix::fs::symlink, path::Path};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::edf_file::EdfFile;
-use crate::host::{eventually, frames};
-use crate::program::{Finished, program, run, wait};
+use crate::program::{Finished, eventually, frames, program, run, wait};
 
 fn play(input: &Path, output: &Path, more: &[&str]) -> Finished {
     let input = format!("--input={}", input.display());
@@ -102,7 +101,7 @@ fn a_link_of_the_user_is_not_replaced_by_the_link_to_a_terminal() {
     );
     assert_eq!(fs::read(at("link")).expect("the data"), b"mine");
 
-    // What a killed run has left is replaced.
+    // A link to a terminal, such as a killed run leaves, is replaced.
     fs::remove_file(at("link")).expect("a link");
     symlink("/dev/pts/4711", at("link")).expect("a link");
     assert_eq!(run(&board).status, Some(0));
@@ -116,7 +115,13 @@ fn an_output_that_cannot_be_is_wrong_usage_with_what_is_allowed() {
             "a port of 0 to 65535; write tcp:127.0.0.1:5555",
         ),
         ("tcp::5555", "write tcp:127.0.0.1:5555"),
+        ("tcp:5555", "write tcp:127.0.0.1:5555"),
         ("99999", "write pty:PATH, tcp:HOST:PORT or file:PATH"),
+        (
+            "udp:1.2.3.4:5",
+            "write pty:PATH, tcp:HOST:PORT or file:PATH",
+        ),
+        ("pty:", "write pty:PATH"),
         ("ndjson:", "ndjson:PATH for lines of JSON"),
         (
             "file:/tmp",

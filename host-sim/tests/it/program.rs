@@ -1,12 +1,69 @@
-//! Runs of the program, and their output.
+//! Runs of the program, their output, and a host at the board's port.
 
 use std::{
     ffi::OsStr,
+    io::Write,
+    net::{TcpListener, TcpStream},
     process::{Child, Command, Stdio},
+    thread,
     time::{Duration, Instant},
 };
 
-use crate::host::TIMEOUT;
+use link::{Decoder, Encoder, Frame, MAX_FRAME, Start, Streams, ToDevice, ToHost};
+
+/// Time limit of each wait: far longer than any operation takes, even on a busy machine.
+pub(crate) const TIMEOUT: Duration = Duration::from_mins(1);
+
+/// Returns an address that no program listens at.
+pub(crate) fn free_address() -> String {
+    let free = TcpListener::bind("127.0.0.1:0").expect("a free port");
+    free.local_addr().expect("its address").to_string()
+}
+
+/// Repeats `attempt` until it returns a value; fails after [`TIMEOUT`].
+pub(crate) fn eventually<T>(mut attempt: impl FnMut() -> Option<T>) -> T {
+    let deadline = Instant::now() + TIMEOUT;
+    loop {
+        if let Some(value) = attempt() {
+            return value;
+        }
+        assert!(Instant::now() < deadline, "no success within {TIMEOUT:?}");
+        thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Connects to the board at `address`, which may not listen yet.
+pub(crate) fn connect(address: &str) -> TcpStream {
+    eventually(|| TcpStream::connect(address).ok())
+}
+
+pub(crate) const fn start(streams: Streams) -> ToDevice {
+    ToDevice::Start(Start {
+        streams,
+        mains_hz: 0,
+    })
+}
+
+/// Sends a command in the frame with this number.
+pub(crate) fn send(port: &mut impl Write, number: u32, command: ToDevice) {
+    let mut buffer = [0; MAX_FRAME];
+    let frame = Encoder::starting_at(number).encode(0, &command, &mut buffer);
+    let sent = port.write_all(frame.expect("a command fits"));
+    sent.expect("the board's port is open");
+}
+
+/// Returns what `select` picks from frames, all of which must be whole.
+pub(crate) fn frames<T>(
+    mut bytes: &[u8],
+    mut select: impl FnMut(Frame<ToHost<'_>>) -> Option<T>,
+) -> Vec<T> {
+    let mut decoder = Decoder::<MAX_FRAME>::new();
+    let mut seen = Vec::new();
+    while let Some(frame) = decoder.next::<ToHost<'_>>(&mut bytes) {
+        seen.extend(select(frame.expect("a whole frame")));
+    }
+    seen
+}
 
 /// A finished run.
 #[derive(Debug)]
@@ -42,7 +99,7 @@ pub(crate) fn wait(mut child: Child) -> Finished {
             let log = child.wait_with_output().expect("a child").stderr;
             panic!("no end: {}", String::from_utf8_lossy(&log));
         }
-        std::thread::sleep(Duration::from_millis(10));
+        thread::sleep(Duration::from_millis(10));
     }
     let output = child.wait_with_output().expect("a child");
     Finished {

@@ -10,7 +10,8 @@ use emulator::skip::skip_unless_required;
 use crate::ros::{self, Ros};
 use crate::workspace;
 
-/// Files of the Debian packages that building the catkin packages takes, each with its package.
+/// Files that must exist to build the catkin packages, each with the Debian package that installs
+/// it.
 const NEEDED: [(&str, &str); 5] = [
     ("/usr/bin/catkin_make", "catkin"),
     ("/usr/bin/rosrun", "rosbash"),
@@ -73,7 +74,8 @@ impl CatkinWorkspace {
         Self { folder }
     }
 
-    /// Runs `catkin_make ARGUMENTS` on top of another workspace, or on Debian's packages alone.
+    /// Runs `catkin_make ARGUMENTS` in the environment of the workspace `below`, whose packages it
+    /// finds, or with Debian's packages alone.
     ///
     /// # Panics
     /// When catkin_make does not start.

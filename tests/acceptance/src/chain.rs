@@ -22,7 +22,7 @@ const HOP_US: u64 = 62_500;
 /// (docs/wire-format.md).
 const BAD_FLAGS: u64 = 1 << 0 | 1 << 5 | 1 << 15;
 
-/// Time between two looks at the output of the subscriber.
+/// Interval at which the output of the subscriber is checked for new messages.
 const POLL: Duration = Duration::from_millis(20);
 
 /// Longest time that a program may take to end after a signal.
@@ -46,7 +46,8 @@ pub struct Message {
     pub seq: u32,
     /// `sr`, samples per second.
     pub sr: u16,
-    /// Origin of the block `eeg`, with the electrodes that were not recorded.
+    /// `transducter` of the block `eeg`: what made its values, and the electrodes that were not
+    /// recorded.
     pub transducter: String,
     /// Shape of the block with the code, or with the EEG samples.
     pub eeg: Block,
@@ -94,7 +95,7 @@ pub struct Status {
 }
 
 impl Status {
-    /// Returns the index of the code's window since the start of the stream.
+    /// Returns the index of the code's window, 0 for the first of the stream.
     pub fn window(&self) -> u64 {
         self.seq_lo | self.seq_hi << 16
     }

@@ -12,7 +12,8 @@ const RETRY: Duration = Duration::from_millis(20);
 /// Longest time in which the board opens its port.
 const START: Duration = Duration::from_secs(30);
 
-/// A TCP port for a host, whose bytes go to a board and back. Ends with the board's connection.
+/// A TCP port whose bytes are passed on between its host and a board. It closes when the board
+/// closes its own port.
 #[derive(Debug)]
 pub struct LossyCable {
     /// Address for the host, in the format of the bridge's `--port`.
@@ -39,7 +40,7 @@ impl LossyCable {
         })
     }
 
-    /// Closes the host's connection. What the board sends until [`Self::plug`] is lost.
+    /// Closes the host's connection, and loses what the board sends until [`Self::plug`].
     pub fn unplug(&self) {
         self.unplugged.store(true, Ordering::Relaxed);
     }
@@ -92,7 +93,8 @@ fn pass_on(
             if *byte != 0 {
                 continue;
             }
-            // Knuth's multiplier; the upper bits are random enough for losses.
+            // A linear congruential generator with Knuth's multiplier. Its upper bits decide about
+            // the loss, because the lower bits have short periods.
             random = random
                 .wrapping_mul(6_364_136_223_846_793_005)
                 .wrapping_add(1);

@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 static MACHINE: Mutex<()> = Mutex::new(());
 
-/// Waits until no other test holds the value, and keeps others waiting while it lives.
+/// Waits until no other test holds the returned guard; later callers wait until it is dropped.
 pub fn exclusive() -> MutexGuard<'static, ()> {
     MACHINE.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -52,7 +52,7 @@ pub fn available(test: &str) -> bool {
 /// When Python fails, or an exchanged file cannot be written or read.
 ///
 /// # Panics
-/// When a window does not have the length of the model's, or an exponent is out of range.
+/// When a window's length is not that of the model's windows, or an exponent is out of range.
 pub fn integer_codes<'w>(
     model: &IntegerModel,
     windows: impl IntoIterator<Item = &'w [i8]>,

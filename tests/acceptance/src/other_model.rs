@@ -11,7 +11,8 @@ use tempfile::TempDir;
 use crate::machine_load::exclusive;
 use crate::workspace;
 
-/// Crates that contain the model, or depend on one that does.
+/// Crates that contain the model or depend on it, which each build with another model compiles
+/// again.
 const DEPENDENTS: [&str; 9] = [
     "model",
     "pipeline",

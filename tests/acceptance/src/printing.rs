@@ -46,7 +46,7 @@ pub fn print(folder: &Path, port: &str, options: &[&str]) -> Process {
     bridge(folder, PRINTING, &arguments)
 }
 
-/// Ends the bridge of [`print`]. Returns its standard output and its standard error.
+/// Ends a bridge that [`print`] has started. Returns its standard output and its standard error.
 ///
 /// # Panics
 /// When it does not end cleanly.
@@ -88,7 +88,7 @@ pub fn record_and_replay(
     let recording = bridge(folder, "recording", &arguments);
     let ended = board(folder, seconds, &format!("pty:{port}")).wait(SLACK);
     assert!(ended.success());
-    // The last bytes are on their way.
+    // Give the recorder a second to receive the last bytes.
     std::thread::sleep(Duration::from_secs(1));
     assert!(recording.stop(Signal::INT, SLACK).success());
     let log = fs::read_to_string(folder.join("recording.err")).expect("a log");

@@ -67,7 +67,8 @@ impl Process {
     /// closes the bag.
     ///
     /// # Panics
-    /// When the program still runs after `timeout`: a clean exit is part of what is tested.
+    /// When the program still runs after `timeout`: a test fails if a program does not exit
+    /// cleanly.
     pub fn stop(mut self, signal: Signal, timeout: Duration) -> ExitStatus {
         self.signal(signal);
         let status = self.wait(timeout);

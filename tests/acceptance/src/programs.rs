@@ -40,7 +40,7 @@ pub fn programs() -> &'static Programs {
                 xtask: folder.join("xtask"),
             };
         }
-        // Build all default members, as `cargo test` does. With another choice of packages,
+        // Build all default members, as `cargo test` does. For another choice of packages,
         // dependencies can have other features, and everything would be compiled a second time.
         let mut arguments = vec!["build", "--bins", "--message-format=json"];
         if !cfg!(debug_assertions) {

@@ -15,8 +15,9 @@ use crate::ros_messages;
 /// Search path with only Debian's programs: another Python can lack rospy.
 const PATH: &str = "/usr/bin:/bin:/usr/sbin:/sbin";
 
-/// Longest time for an action such as a start or a run of 20 s, which guards against a hang. Other
-/// tests build programs at the same time, so an action can take many times as long as it does alone.
+/// Longest time for an action such as a start or a run of 20 s, after which it counts as hung.
+/// Other tests build programs at the same time, so an action can take many times as long as it does
+/// alone.
 pub const TIMEOUT: Duration = Duration::from_mins(3);
 
 /// Returns whether ROS is installed; reports `test` as skipped if it is not.

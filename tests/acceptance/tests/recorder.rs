@@ -3,7 +3,8 @@
 //! lost, and every status word as it was published. `CORTICODE_RECORDER_SECONDS` sets the length of
 //! each run; 12 s in CI.
 //!
-//! A binary of its own: its times are judged by the wall clock, so nothing else may run meanwhile.
+//! These tests are a binary of their own: they judge times by the wall clock, so no other test may
+//! run at the same time.
 #![forbid(unsafe_code)]
 #![expect(
     clippy::cast_possible_truncation,
@@ -28,8 +29,8 @@ use rustix::process::Signal;
 
 /// Sampling rate of the recording, Hz.
 const RATE: f64 = 512.0;
-/// Largest error of an event's place, seconds. It is that of the arrival of the first frame at the
-/// recorder, on a busy machine.
+/// Largest permitted error of an event's time in the recording, seconds. On a busy machine, the
+/// first frame reaches the recorder late by up to this time.
 const TOLERANCE_S: f64 = 0.03;
 /// Longest time for a program to end.
 const EXIT_TIMEOUT: Duration = Duration::from_secs(20);
@@ -133,7 +134,7 @@ fn board(folder: &Path, output: &str, number: u32) -> Process {
     Process::start(&format!("board{number}"), &mut board, folder).expect("host-sim starts")
 }
 
-/// What a recording shows.
+/// Contents of a recording that the tests check.
 struct Recorded {
     /// Status words by label, one per sample.
     flags: Vec<u16>,

@@ -99,7 +99,7 @@ impl Board {
     /// When the file cannot be written.
     pub fn write(&self, name: &str, bytes: &[u8]) {
         let path = self.folder.join(name);
-        // A named pipe of an earlier run must go: writing to it would block.
+        // Remove a named pipe that an earlier run has left: writing to it would block.
         let _ = fs::remove_file(&path);
         or_panic(fs::write(&path, bytes).map_err(EmulatorError::file(&path)));
     }
@@ -165,8 +165,8 @@ impl Run {
         number.unwrap_or_else(|| panic!("the image printed no `{name}`: {:?}", self.lines))
     }
 
-    /// Number of overruns: the larger of the number printed at the end and the number in the last
-    /// `Stats`.
+    /// Returns the number of overruns: the larger of the number that the image printed at its end
+    /// and the number in the last `Stats`.
     pub fn overruns(&self, boot: &Boot) -> u64 {
         let reported = u64::from(boot.last_stats().overruns);
         self.printed("overruns").max(reported)

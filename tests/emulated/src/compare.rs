@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-/// Number of indices at which the items differ, or at which only one slice has an item.
+/// Returns the number of indices at which the items differ or only one slice has an item.
 pub fn count_differences<T: PartialEq>(expected: &[T], found: &[T]) -> usize {
     let pairs = expected.iter().zip(found);
     pairs.filter(|(expected, found)| expected != found).count()

@@ -1,10 +1,13 @@
-//! Frames that a board has sent, decoded in order and sorted by kind.
+//! Frames that a board has sent, decoded in order and sorted by kind, and those that host-sim sends
+//! for the same samples.
 
+use host_sim::{Identity, Outbox, VirtualBoard, WhenFull};
 use link::{
-    Ack, ClockReading, Decoder, FrameError, Header, MAX_FRAME, Message, Quality, ResetCause, Stats,
-    Timing, ToHost, VERSION,
+    Ack, ClockReading, Decoder, FrameError, Header, MAX_FRAME, Message, Quality, ResetCause, Start,
+    Stats, Streams, Timing, ToHost, VERSION,
 };
-use model::{HOP, STEP_RATE_HZ};
+use model::{ADC_RATE_HZ, HOP, STEP_RATE_HZ};
+use pipeline::{Mains, Sample};
 
 use crate::compare::first_difference;
 
@@ -46,6 +49,24 @@ pub fn frame<'m>(seq: u32, version: u8, message: &impl Message<'m>) -> Vec<u8> {
 /// When the message is longer than a frame.
 pub fn encoded<'m>(message: &impl Message<'m>) -> Vec<u8> {
     frame(0, VERSION, message)
+}
+
+/// Returns the bytes that host-sim's virtual board sends when it streams these samples. The board
+/// starts at device time 0 with the default mains frequency, as the image does with the argument
+/// `start`.
+pub fn simulated(streams: Streams, samples: &[Sample]) -> Vec<u8> {
+    // This outbox grows, so the board drops no frame.
+    let outbox = Outbox::new(WhenFull::Wait);
+    let mut board = VirtualBoard::new(Identity::default(), Mains::default(), outbox.clone());
+    let start = Start {
+        streams,
+        mains_hz: 0,
+    };
+    board.start(start, 0);
+    for (index, sample) in (0..).zip(samples) {
+        board.process_sample(sample, index * 1_000_000 / u64::from(ADC_RATE_HZ));
+    }
+    outbox.take_all().concat()
 }
 
 /// A code that a board has sent.
@@ -171,8 +192,8 @@ impl Boot {
         self.stats.last().copied().unwrap_or_default()
     }
 
-    /// Largest deviation of a code's device time from its due time, in microseconds. Codes are due
-    /// at whole numbers of hops after the first code.
+    /// Returns the largest deviation of a code's device time from its due time, in microseconds.
+    /// Codes are due at whole numbers of hops after the first code.
     pub fn jitter_us(&self) -> u64 {
         let Some((first, _)) = self.timed_codes.first() else {
             return 0;
@@ -199,11 +220,7 @@ impl Boot {
 
 #[cfg(test)]
 mod tests {
-    use link::Streams;
-    use pipeline::Sample;
-
     use super::*;
-    use crate::host;
 
     /// Returns `count` frames with counters, with sequence numbers from 0.
     fn stats(count: u32) -> Vec<Vec<u8>> {
@@ -234,7 +251,7 @@ mod tests {
 
     #[test]
     fn a_code_that_is_late_by_a_microsecond_shows() {
-        let sent = host::sent(Streams::CODES, &vec![Sample::default(); 512]);
+        let sent = simulated(Streams::CODES, &vec![Sample::default(); 512]);
         let mut boot = Boot::only(&sent);
         // 512 samples are 128 steps: a window of 16 steps and 14 hops of 8 steps.
         assert_eq!(boot.timed_codes.len(), 15);

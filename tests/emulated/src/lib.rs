@@ -11,12 +11,12 @@
 //! ```
 //!
 //! ```
-//! use emulated::frames::Boot;
-//! use emulated::{host, input::Input};
+//! use emulated::frames::{Boot, simulated};
+//! use emulated::input::Input;
 //! use link::Streams;
 //!
 //! let input = Input::new(3);
-//! let boot = Boot::only(&host::sent(Streams::CODES, &input.samples));
+//! let boot = Boot::only(&simulated(Streams::CODES, &input.samples));
 //! assert_eq!(boot.codes().len(), 3);
 //! ```
 #![forbid(unsafe_code)]
@@ -24,9 +24,6 @@
 pub mod board;
 pub mod compare;
 pub mod frames;
-pub mod host;
 pub mod input;
 pub mod script;
 pub mod stages;
-pub mod storm;
-pub mod trigger;

@@ -19,8 +19,8 @@ pub const LIMIT_BUSY: f64 = 0.9;
 /// Largest permitted part of the stack that is in use at any time.
 const STACK_LIMIT: f64 = 0.75;
 
-/// Figures of a boot's last `Timing`: for each stage its worst time, in nanoseconds and in
-/// instructions, its deadline, and how often it was late; bytes of the stack.
+/// Returns the figures of a boot's last `Timing`: for each stage its worst time, in nanoseconds and
+/// in instructions, its deadline, and how often it was late; bytes of the stack.
 ///
 /// A worst time includes other tasks and interrupts. The worst time of `send` also includes idle
 /// time, because this stage waits for the UART. The board's clock ticks every 2.5 instructions.
@@ -42,7 +42,7 @@ pub fn figures(timing: &Timing) -> Value {
     })
 }
 
-/// Number of times that a stage missed its deadline.
+/// Returns the number of times that a stage missed its deadline: the last class of its histogram.
 fn late(stage: &StageTiming) -> u32 {
     stage.histogram[stage.histogram.len() - 1]
 }

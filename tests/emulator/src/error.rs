@@ -16,7 +16,7 @@ pub enum EmulatorError {
     #[error(
         "the standard library for {target} is missing: `rustc --print=target-libdir` names no folder\n  \
          next: `rustup target add {target}`",
-        target = crate::machine::TARGET
+        target = crate::qemu::TARGET
     )]
     TargetMissing,
     /// Cargo failed; its own messages went to the standard error.

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use crate::error::EmulatorError;
 use crate::installed::check_target;
-use crate::machine::TARGET;
+use crate::qemu::TARGET;
 
 /// Locked during a build: cargo writes the images of all feature sets to the same path, and tests
 /// run in parallel.

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use crate::error::EmulatorError;
-use crate::machine::{QEMU, TARGET};
+use crate::qemu::{QEMU, TARGET};
 use crate::skip::skip_unless_required;
 
 /// Returns whether QEMU and the standard library of [`TARGET`] are installed; reports `test` as

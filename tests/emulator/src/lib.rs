@@ -28,12 +28,10 @@ pub mod error;
 pub mod figures;
 pub mod image;
 pub mod installed;
-pub mod machine;
 pub mod pipes;
 pub mod qemu;
 pub mod skip;
 
 pub use error::EmulatorError;
 pub use image::{Image, OtherModel};
-pub use machine::{MACHINES, Machine};
-pub use qemu::{Qemu, Uart};
+pub use qemu::{MACHINES, Machine, Qemu, Uart};

@@ -67,7 +67,7 @@ pub(crate) struct Nucleo {
     /// Name of the image that the board runs.
     image: String,
     observer: Observer,
-    cleared: Vec<ClearedBits>,
+    cleared: Option<ClearedBits>,
 }
 
 impl Nucleo {
@@ -94,7 +94,7 @@ impl Nucleo {
             model,
             image: image.path().display().to_string(),
             observer,
-            cleared: cleared.into_iter().collect(),
+            cleared,
         }
     }
 }
@@ -111,22 +111,22 @@ impl Store for Nucleo {}
 
 impl Board for Nucleo {
     fn name(&self) -> &'static str {
-        self.model.name()
+        self.model.facts().name
     }
 
     fn targets(&mut self) -> Vec<Target<'_>> {
         let differences = Differences {
             redirects: self.chip.redirects(),
-            cleared: self.cleared.clone(),
+            cleared: self.cleared,
         };
         let mut core = wrap_core(self.chip.core(), &self.image, &self.observer, differences);
         core.factory_images.extend(image::loader(self.model));
         let mcu: &mut dyn Mcu = &mut *self.chip;
-        vec![Target::new(self.model.key(), mcu, core)]
+        vec![Target::new(self.model.facts().key, mcu, core)]
     }
 
     fn target_names(&self) -> Vec<&'static str> {
-        vec![self.model.key()]
+        vec![self.model.facts().key]
     }
 
     fn mcu(&mut self, target: usize) -> Option<&mut dyn Mcu> {

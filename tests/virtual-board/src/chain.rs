@@ -49,7 +49,7 @@ pub(crate) struct DrdyState {
 impl Chain {
     pub(crate) fn new(setup: &Setup) -> Self {
         let options = Options {
-            // The quartz that docs/hardware.md demands for the rate of the model.
+            // Frequency of the quartz that docs/hardware.md demands for the model's sampling rate.
             clock_hz: device::CONVERTER_SETTINGS.clock.hz(),
             alignment: setup.alignment,
             ..Options::default()

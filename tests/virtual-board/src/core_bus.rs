@@ -30,7 +30,7 @@ pub(crate) struct ClearedBits {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Differences {
     pub(crate) redirects: Vec<Redirect>,
-    pub(crate) cleared: Vec<ClearedBits>,
+    pub(crate) cleared: Option<ClearedBits>,
 }
 
 /// First address above the code and SRAM regions of the address map (ARM DDI 0403, B3.1). An access
@@ -82,8 +82,8 @@ impl CoreBus for Bus<'_> {
             return None;
         }
         let value = self.inner.access(self.redirected(access), from_code)?;
-        let mut cleared = self.differences.cleared.iter();
-        let bits = cleared.find(|cleared| cleared.address == access.address & !3);
+        let cleared = self.differences.cleared.as_ref();
+        let bits = cleared.filter(|cleared| cleared.address == access.address & !3);
         let shift = 8 * (access.address & 3);
         Some(bits.map_or(value, |cleared| value & !(cleared.bits >> shift)))
     }

@@ -1,5 +1,5 @@
-//! Problems that the emulator detects in a session, those that are allowed, each with the reason,
-//! and the error of a board.
+//! Problems that the emulator detects in a session, the list of those that are allowed, each with
+//! its reason, and the error that a board returns.
 
 use std::fmt;
 
@@ -31,40 +31,25 @@ pub struct Findings {
 
 impl Findings {
     pub(crate) fn from_session(session: &Session<Nucleo>) -> Self {
-        let unmapped = session.unmapped().into_iter();
         Self {
-            unmapped: unmapped
-                .map(|gap| format!("{:#010x} from {:#010x}", gap.address, gap.program_counter))
-                .collect(),
-            refused: session
-                .refused()
-                .iter()
-                .map(|(address, fault)| format!("{address:#010x}: {fault:?}"))
-                .collect(),
-            unimplemented: session
-                .unimplemented()
-                .values()
-                .map(|register| format!("{}.{}", register.instance, register.register))
-                .collect(),
-            undefined: session
-                .undefined()
-                .iter()
-                .map(|(address, gap)| format!("{}+{address:#010x}", gap.instance))
-                .collect(),
-            unrouted: session
-                .unrouted()
-                .iter()
-                .map(|(instance, line)| format!("{instance} {line}"))
-                .collect(),
-            manual_violations: session
-                .told()
-                .map(|violation| {
-                    format!(
-                        "{}.{}: {}",
-                        violation.instance, violation.register, violation.reason
-                    )
-                })
-                .collect(),
+            unmapped: texts(session.unmapped(), |gap| {
+                format!("{:#010x} from {:#010x}", gap.address, gap.program_counter)
+            }),
+            refused: texts(session.refused(), |(address, fault)| {
+                format!("{address:#010x}: {fault:?}")
+            }),
+            unimplemented: texts(session.unimplemented().values(), |register| {
+                format!("{}.{}", register.instance, register.register)
+            }),
+            undefined: texts(session.undefined(), |(address, gap)| {
+                format!("{}+{address:#010x}", gap.instance)
+            }),
+            unrouted: texts(session.unrouted(), |(instance, line)| {
+                format!("{instance} {line}")
+            }),
+            manual_violations: texts(session.told(), |told| {
+                format!("{}.{}: {}", told.instance, told.register, told.reason)
+            }),
             resets: session
                 .resets()
                 .iter()
@@ -92,6 +77,11 @@ impl Findings {
             .cloned()
             .collect()
     }
+}
+
+/// Returns the text of each item.
+fn texts<T>(items: impl IntoIterator<Item = T>, text: impl Fn(T) -> String) -> Vec<String> {
+    items.into_iter().map(text).collect()
 }
 
 /// Prefix of an allowed finding, and why it is allowed.

@@ -16,7 +16,7 @@ pub struct Frame {
     pub kind: Kind,
 }
 
-/// A code of the device, of the network or packed.
+/// A code of the network or a packed code, as the device has sent it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReceivedCode {
     /// Faults and conditions of the window.

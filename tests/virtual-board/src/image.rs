@@ -31,7 +31,7 @@ pub(crate) const LOOP: u16 = 0xE7FE;
 fn build_command(model: Model) -> String {
     format!(
         "cargo build --package board-{} --profile firmware --target thumbv7em-none-eabihf",
-        model.key()
+        model.facts().key
     )
 }
 
@@ -70,7 +70,7 @@ impl Image {
             let fits = |&(_, origin, length): &(&str, u64, u64)| {
                 address >= origin && address + bytes <= origin + length
             };
-            if bytes > 0 && !model.memories().iter().any(fits) {
+            if bytes > 0 && !model.facts().memories.iter().any(fits) {
                 return Err(ImageError(format!(
                     "{name} is not for the {model}: it places {bytes} bytes at {address:#010x}, where \
                      the chip has no memory; build the board's own image with `{build}`"
@@ -189,17 +189,9 @@ const ARM: u16 = 40;
 /// Size of an ELF header and one program header, in bytes.
 const HEADERS: u32 = 84;
 
-/// Returns the address of the boot loader's vector table (AN2606).
-pub(crate) const fn loader_vectors(model: Model) -> u32 {
-    match model {
-        Model::H743 => 0x1FF0_9800,
-        Model::F446 => 0x1FFF_0000,
-    }
-}
-
 /// Returns the replacement loader as an image for the emulator.
 pub(crate) fn loader(model: Model) -> Option<rigless::image::Image> {
-    let base = loader_vectors(model);
+    let base = model.facts().loader_vectors;
     // Initial stack pointer, entry point, and [`LOOP`] twice.
     let contents = [0x2000_1000, base + 9, 0xE7FE_E7FE]
         .map(u32::to_le_bytes)

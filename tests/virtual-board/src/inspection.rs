@@ -5,7 +5,6 @@ use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
 use crate::findings::BoardError;
-use crate::image::loader_vectors;
 use crate::machine::VirtualBoard;
 
 /// Word that cortex-m-rt fills the stack with.
@@ -37,9 +36,9 @@ impl VirtualBoard {
         self.inspect(|session, _| session.board().chip.core_hz())
     }
 
-    /// Returns whether the core is running the boot loader (here: its replacement).
+    /// Returns whether the core is running the replacement of the boot loader.
     pub fn is_in_loader(&self) -> bool {
-        let vectors = u64::from(loader_vectors(self.model()));
+        let vectors = u64::from(self.model().facts().loader_vectors);
         let last = self.observer().recent_program_counters().pop();
         last.is_some_and(|place| (vectors..vectors + 16).contains(&place))
     }
@@ -90,7 +89,7 @@ impl VirtualBoard {
     /// # Errors
     /// The emulator has ended.
     pub fn dma_memory(&mut self) -> Result<Vec<(u64, u64)>, BoardError> {
-        let dma = self.model().dma();
+        let dma = self.model().facts().dma;
         let now = VirtualNanos(self.now_us() * 1000);
         self.inspect(move |session, _| {
             let mcu = session.mcu();

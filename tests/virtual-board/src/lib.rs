@@ -37,7 +37,7 @@
 //! a model, violations of the reference manual.
 //!
 //! Not modelled: cycle counts, the effects of caches and of the MPU, analogue settling, electrical
-//! levels. Every instruction takes the same time ([`Model::instructions_per_second`]).
+//! levels. Every instruction takes the same time ([`Facts::instructions_per_second`]).
 #![deny(unsafe_code)]
 
 mod board;
@@ -64,5 +64,5 @@ pub use image::{Image, ImageError, elf};
 pub use injection::Injection;
 pub use live::TcpPort;
 pub use machine::VirtualBoard;
-pub use model::Model;
+pub use model::{Facts, Model};
 pub use port::Port;

@@ -9,8 +9,7 @@ use rigless::emulator::{self, Host, Start};
 use rigless::session::Session;
 use rigless::time::VirtualNanos;
 
-use crate::board::Nucleo;
-use crate::board::{Cable, Setup};
+use crate::board::{Cable, Nucleo, Setup};
 use crate::chain::{CHIPS, Chain};
 use crate::findings::{BoardError, Findings, section};
 use crate::frames::{Frame, Inbox};
@@ -18,8 +17,7 @@ use crate::image::Image;
 use crate::injection::Injection;
 use crate::machine::driver::{BoardDriver, Progress, Request};
 use crate::model::Model;
-use crate::port::Port;
-use crate::port::Serial;
+use crate::port::{Port, Serial};
 use crate::processor::Observer;
 use crate::usb::host::{Command, UsbHost};
 
@@ -83,7 +81,7 @@ impl VirtualBoard {
         let (requests, received) = channel();
         let (sender, progress) = channel();
         let driver = BoardDriver::new(
-            model.pins(),
+            &model.facts().pins,
             chain.clone(),
             observer.clone(),
             received,

@@ -61,7 +61,7 @@ fn main() -> ExitCode {
     );
     println!("  corticode-bridge --port tcp:127.0.0.1:{number} --sink ndjson");
     let setup = Setup {
-        cable: options.cable.unwrap_or(model.default_cable()),
+        cable: options.cable.unwrap_or(model.facts().default_cable),
         ..Setup::default()
     };
     let mut board = VirtualBoard::power_on(model, &image, &setup);

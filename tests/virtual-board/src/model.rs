@@ -1,7 +1,6 @@
 //! The two boards: names, memories, clocks, pins, and which signal is on each pin.
 
 use std::fmt;
-use std::num::NonZeroU64;
 
 use clap::ValueEnum;
 
@@ -17,111 +16,105 @@ pub enum Model {
 }
 
 impl Model {
-    /// Returns the name of the board on the command line.
-    pub const fn key(self) -> &'static str {
+    /// Returns the facts about the board.
+    pub const fn facts(self) -> &'static Facts {
         match self {
-            Self::H743 => "h743",
-            Self::F446 => "f446",
-        }
-    }
-
-    /// Returns the cable that the default image of the board uses.
-    pub const fn default_cable(self) -> Cable {
-        match self {
-            Self::H743 => Cable::Usb,
-            Self::F446 => Cable::Uart,
-        }
-    }
-
-    /// Returns the name of the board as the device reports it in `Hello`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::H743 => "NUCLEO-H743ZI2",
-            Self::F446 => "NUCLEO-F446RE",
-        }
-    }
-
-    /// Returns name, first address and size in bytes of each memory of the chip (DS12110 and
-    /// DS10693, memory mapping). The STM32F446 is emulated as an STM32F427, which has more flash
-    /// and RAM.
-    pub(crate) const fn memories(self) -> &'static [(&'static str, u64, u64)] {
-        match self {
-            Self::H743 => &[
-                ("flash", 0x0800_0000, 2048 << 10),
-                ("ITCM", 0x0000_0000, 64 << 10),
-                ("DTCM", 0x2000_0000, 128 << 10),
-                ("AXI SRAM", 0x2400_0000, 512 << 10),
-                ("SRAM1 to 3", 0x3000_0000, 288 << 10),
-            ],
-            Self::F446 => &[
-                ("flash", 0x0800_0000, 512 << 10),
-                ("SRAM", 0x2000_0000, 128 << 10),
-            ],
+            Self::H743 => &H743,
+            Self::F446 => &F446,
         }
     }
 
     /// Returns whether DMA1 can access an address (RM0433, 2.1; RM0390, 2.1). On the STM32H743 DMA1
     /// cannot access the tightly coupled memories (TCM).
     pub fn dma_reaches(self, address: u64) -> bool {
-        let srams = self
-            .memories()
-            .iter()
-            .filter(|(name, ..)| name.contains("SRAM"));
-        srams
-            .map(|&(_, start, size)| start..start + size)
-            .any(|sram| sram.contains(&address))
-    }
-
-    /// Returns the address of DMA1's registers.
-    pub(crate) const fn dma(self) -> u64 {
-        match self {
-            Self::H743 => 0x4002_0000,
-            Self::F446 => 0x4002_6000,
-        }
-    }
-
-    /// Returns the core clock that the firmware must configure, in Hz.
-    pub const fn core_hz(self) -> u64 {
-        match self {
-            Self::H743 => 480_000_000,
-            Self::F446 => 168_000_000,
-        }
-    }
-
-    /// Returns the core clock after a reset, in Hz: the frequency of the internal oscillator
-    /// (RM0433, 8.5.2; RM0390, 6.2.2).
-    pub const fn reset_hz(self) -> u64 {
-        match self {
-            Self::H743 => 64_000_000,
-            Self::F446 => 16_000_000,
-        }
-    }
-
-    /// Returns how many instructions the emulated core retires per second of virtual time. The rate
-    /// is an assumption, not a measurement: about half an instruction per cycle, from flash with
-    /// caches enabled. The rate affects how late the firmware is, not what it computes.
-    ///
-    /// # Panics
-    /// Never: the rates are not 0.
-    pub const fn instructions_per_second(self) -> NonZeroU64 {
-        let rate = match self {
-            Self::H743 => 250_000_000,
-            Self::F446 => 103_000_000,
-        };
-        NonZeroU64::new(rate).expect("a rate above 0")
-    }
-
-    pub(crate) const fn pins(self) -> &'static Pins {
-        match self {
-            Self::H743 => &H743_PINS,
-            Self::F446 => &F446_PINS,
-        }
+        let srams = self.facts().memories.iter();
+        let mut srams = srams.filter(|(name, ..)| name.contains("SRAM"));
+        srams.any(|&(_, start, size)| (start..start + size).contains(&address))
     }
 }
 
+/// Facts about a board and its microcontroller.
+#[derive(Debug)]
+pub struct Facts {
+    /// Name of the board on the command line.
+    pub key: &'static str,
+    /// Name of the board as the device reports it in `Hello`.
+    pub name: &'static str,
+    /// Cable that the default image of the board uses.
+    pub default_cable: Cable,
+    /// Core clock that the firmware must configure, in Hz.
+    pub core_hz: u64,
+    /// Core clock after a reset, in Hz: the frequency of the internal oscillator (RM0433, 8.5.2;
+    /// RM0390, 6.2.2).
+    pub reset_hz: u64,
+    /// Number of instructions that the emulated core retires per second of virtual time, above 0.
+    /// The rate is an assumption, not a measurement: about half an instruction per cycle, from
+    /// flash with caches enabled. The rate affects how late the firmware is, not what it computes.
+    pub instructions_per_second: u64,
+    /// Name, first address and size in bytes of each memory of the chip (DS12110 and DS10693,
+    /// memory mapping). The STM32F446 is emulated as an STM32F427, which has more flash and RAM.
+    pub(crate) memories: &'static [(&'static str, u64, u64)],
+    /// Address of the boot loader's vector table (AN2606).
+    pub(crate) loader_vectors: u32,
+    /// Address of DMA1's registers.
+    pub(crate) dma: u64,
+    pub(crate) pins: Pins,
+}
+
+const H743: Facts = Facts {
+    key: "h743",
+    name: "NUCLEO-H743ZI2",
+    default_cable: Cable::Usb,
+    core_hz: 480_000_000,
+    reset_hz: 64_000_000,
+    instructions_per_second: 250_000_000,
+    memories: &[
+        ("flash", 0x0800_0000, 2048 << 10),
+        ("ITCM", 0x0000_0000, 64 << 10),
+        ("DTCM", 0x2000_0000, 128 << 10),
+        ("AXI SRAM", 0x2400_0000, 512 << 10),
+        ("SRAM1 to 3", 0x3000_0000, 288 << 10),
+    ],
+    loader_vectors: 0x1FF0_9800,
+    dma: 0x4002_0000,
+    pins: Pins {
+        selects: pins(E, [2, 4, 5, 6, 9, 11, 13, 14]),
+        start: Pin(E, 10),
+        reset: Pin(E, 12),
+        drdy: Pin(E, 7),
+        trigger: Pin(B, 10),
+        select_port: 0x5802_1000,
+        spi: 0x4001_3000,
+    },
+};
+
+const F446: Facts = Facts {
+    key: "f446",
+    name: "NUCLEO-F446RE",
+    default_cable: Cable::Uart,
+    core_hz: 168_000_000,
+    reset_hz: 16_000_000,
+    instructions_per_second: 103_000_000,
+    memories: &[
+        ("flash", 0x0800_0000, 512 << 10),
+        ("SRAM", 0x2000_0000, 128 << 10),
+    ],
+    loader_vectors: 0x1FFF_0000,
+    dma: 0x4002_6000,
+    pins: Pins {
+        selects: pins(C, [0, 1, 2, 3, 8, 9, 10, 11]),
+        start: Pin(C, 6),
+        reset: Pin(C, 12),
+        drdy: Pin(C, 7),
+        trigger: Pin(B, 10),
+        select_port: 0x4002_0800,
+        spi: 0x4000_3800,
+    },
+};
+
 impl fmt::Display for Model {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(self.name())
+        formatter.write_str(self.facts().name)
     }
 }
 
@@ -135,7 +128,7 @@ impl Pin {
     }
 }
 
-/// Returns pins of the same port.
+/// Returns the pins with these numbers of one port.
 const fn pins(port: u8, numbers: [u8; 8]) -> [Pin; 8] {
     let mut pins = [Pin(port, 0); 8];
     let mut index = 0;
@@ -168,29 +161,10 @@ pub(crate) struct Pins {
     pub(crate) spi: u64,
 }
 
-const E: u8 = 4;
-const C: u8 = 2;
+/// Indices of the GPIO ports that the converters and the trigger use.
 const B: u8 = 1;
-
-const H743_PINS: Pins = Pins {
-    selects: pins(E, [2, 4, 5, 6, 9, 11, 13, 14]),
-    start: Pin(E, 10),
-    reset: Pin(E, 12),
-    drdy: Pin(E, 7),
-    trigger: Pin(B, 10),
-    select_port: 0x5802_1000,
-    spi: 0x4001_3000,
-};
-
-const F446_PINS: Pins = Pins {
-    selects: pins(C, [0, 1, 2, 3, 8, 9, 10, 11]),
-    start: Pin(C, 6),
-    reset: Pin(C, 12),
-    drdy: Pin(C, 7),
-    trigger: Pin(B, 10),
-    select_port: 0x4002_0800,
-    spi: 0x4000_3800,
-};
+const C: u8 = 2;
+const E: u8 = 4;
 
 #[cfg(test)]
 mod tests {
@@ -218,19 +192,14 @@ mod tests {
     #[test]
     fn the_pins_are_those_of_the_documentation() {
         for model in [Model::H743, Model::F446] {
-            let pins = model.pins();
+            let pins = model.facts().pins;
             let mut wires: Vec<(String, Pin)> = (0..)
                 .zip(pins.selects)
                 .map(|(chip, pin)| (format!("CS {chip}"), pin))
                 .collect();
-            for (signal, pin) in [
-                ("START", pins.start),
-                ("RESET", pins.reset),
-                ("DRDY", pins.drdy),
-                ("TRIGGER", pins.trigger),
-            ] {
-                wires.push((signal.to_owned(), pin));
-            }
+            let others = [pins.start, pins.reset, pins.drdy, pins.trigger];
+            let names = ["START", "RESET", "DRDY", "TRIGGER"].map(str::to_owned);
+            wires.extend(names.into_iter().zip(others));
             let documented = documented(model);
             for (signal, pin) in wires {
                 let row = documented.iter().find(|(name, _)| *name == signal);

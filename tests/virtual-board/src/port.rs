@@ -36,13 +36,6 @@ impl Port {
         }
     }
 
-    /// Opens the port. This has no effect on a UART.
-    pub fn open(&self) {
-        if let Self::Usb(host) = self {
-            host.command(Command::Open(true));
-        }
-    }
-
     /// Opens a closed USB port if the device is configured, like a program that waits for the
     /// device.
     pub(crate) fn keep_open(&self) {

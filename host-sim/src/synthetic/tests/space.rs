@@ -68,7 +68,8 @@ fn correlations<const N: usize>(
     })
 }
 
-/// Keeps the slow part of each trace (means of `samples` samples) or what is left without it.
+/// Splits each trace into its slow part, the means of `samples` samples, and what is left without
+/// it.
 fn split(traces: &[Vec<f64>], samples: usize) -> [Vec<Vec<f64>>; 2] {
     let slow = |trace: &Vec<f64>| trace.chunks_exact(samples).map(mean).collect();
     let fast = |trace: &Vec<f64>| {
@@ -90,13 +91,14 @@ fn split(traces: &[Vec<f64>], samples: usize) -> [Vec<Vec<f64>>; 2] {
 fn components_and_correlations_are_close_to_a_recording() {
     let labels = montage();
     let traces = background(&labels);
-    // EEGMMIDB S001R03: 0.980, 0.994, 0.998. Measured here: 0.994, 0.9988, 0.9994.
+    // The recording EEGMMIDB S001R03 has 0.980, 0.994, 0.998; the generator has 0.994, 0.9988,
+    // 0.9994 (measured).
     let found = shares(&traces);
     for (share, low) in found.into_iter().zip([0.96, 0.985, 0.995]) {
         assert!((low..0.9995).contains(&share), "{found:?}");
     }
-    // EEGMMIDB S001R03: 0.94, 0.67, 0.42. Limits: 0.1 for the dipoles of one seed. Measured here:
-    // 0.96, 0.64, 0.40.
+    // The recording EEGMMIDB S001R03 has 0.94, 0.67, 0.42; the generator has 0.96, 0.64, 0.40
+    // (measured). The dipoles of another seed change a correlation by up to 0.1.
     let found = correlations(&labels, &traces, [0.3, 1.1, 1.7]);
     for (correlation, expected) in found.into_iter().zip([0.94, 0.67, 0.42]) {
         assert!((correlation - expected).abs() < 0.1, "{found:?}");
@@ -108,7 +110,7 @@ fn slow_activity_is_wider_than_fast_activity() {
     let traces = background(&montage());
     // Means over a quarter of a second have 0-2 Hz; what is left has 4 Hz and more.
     let [slow, fast] = split(&traces, 128).map(|part| 1.0 - shares(&part)[0]);
-    // Measured: 0.0037 and 0.0091.
+    // Measured: 0.0037 for the slow part, 0.0091 for the fast one.
     assert!(
         slow < 0.5 * fast,
         "outside of ten components: slow {slow}, fast {fast}"
@@ -121,7 +123,8 @@ fn the_eeg_at_an_electrode_does_not_depend_on_the_other_electrodes() {
     let few = background(&["O1", "Cz"]);
     for (few, all) in few.iter().zip([&all[2], &all[0]]) {
         let differences: Vec<f64> = few.iter().zip(all).map(|(a, b)| a - b).collect();
-        // The sensors' noise differs: 1 uV RMS at each, so 1.4 uV for the difference.
+        // Only the sensors' noise differs: it is 1 uV RMS in each trace, so 1.4 uV in the
+        // difference.
         let square = mean(&differences.iter().map(|x| x * x).collect::<Vec<_>>());
         assert!(square.sqrt() < 1.6, "{} uV RMS", square.sqrt());
     }

@@ -14,8 +14,8 @@ const MAX_FOLDERS: usize = 16;
 /// A row of the tables in "Crates and arrows".
 #[derive(Debug, PartialEq, Eq)]
 struct Row {
-    /// Position of the row's group on the page. A dependency has the same position or a smaller
-    /// one.
+    /// Position of the row's group on the page, from the top. A crate may depend only on crates at
+    /// the same or a smaller position.
     position: usize,
     /// First folder of the crate's path.
     group: String,
@@ -117,7 +117,8 @@ fn only_the_files_that_architecture_md_lists_contain_unsafe_code() {
     );
 }
 
-/// Every `.rs` file is a target of its crate, or some file declares it with `mod` or `#[path]`.
+/// Checks that every `.rs` file is a target of its crate, or is declared by another file with `mod`
+/// or `#[path]`.
 #[test]
 fn every_source_file_is_declared_by_a_module() {
     let packages = packages();
@@ -145,7 +146,8 @@ fn every_source_file_is_declared_by_a_module() {
     );
 }
 
-/// Returns the file's path relative to the root folder if the file permits unsafe code.
+/// Returns the path of `file` relative to the root folder if the file permits unsafe code;
+/// otherwise `None`.
 fn unsafe_place(file: &Path) -> Option<String> {
     let text = fs::read_to_string(file).expect("a source file");
     let expects = ["expect(", "allow("].iter().any(|attribute| {
@@ -210,7 +212,7 @@ fn section(heading: &str) -> String {
     section.split("\n## ").next().unwrap_or(section).to_owned()
 }
 
-/// Returns the words in backticks.
+/// Returns the words that are in backticks in a cell of a table.
 fn names_in(cell: &str) -> Names {
     cell.split('`')
         .skip(1)

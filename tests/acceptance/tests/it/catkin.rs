@@ -16,8 +16,8 @@ use rustix::process::Signal;
 
 /// Longest time that roslaunch may take to end its nodes.
 const EXIT_TIMEOUT: Duration = Duration::from_secs(30);
-/// Options of the bridge that corticode.launch sets in another way: roslaunch shows no lines of
-/// JSON, and the namespace is the argument `ns`.
+/// Options of the bridge that are no arguments of corticode.launch: `sink`, because roslaunch shows
+/// no lines of JSON, and `topic_prefix`, which the argument `ns` replaces.
 const NOT_ARGUMENTS: [&str; 2] = ["sink", "topic_prefix"];
 
 #[test]
@@ -30,8 +30,8 @@ fn built_messages_have_the_md5_sums_that_the_bridge_publishes() {
     let packages = ["corticode", "rosneuro_msgs"].map(catkin::package);
     let workspace = CatkinWorkspace::new(folder.path().join("alone"), &packages);
     text_of(&workspace.make(&ros, None, &[&bridge_option()]));
-    // A user's second build, with the workspace's own environment: its own messages must not count
-    // as those of another workspace.
+    // Build again in the workspace's own environment, as a user does: the workspace's messages must
+    // not be taken for those of another workspace.
     text_of(&workspace.make(&ros, Some(&workspace), &["install"]));
 
     for space in ["devel", "install"] {

@@ -16,9 +16,10 @@ use acceptance::process::Process;
 use acceptance::programs::programs;
 use emulator::skip::{skip_unless_required, skipped};
 
-/// Package to check; without it the test packs the program of the tests.
+/// Environment variable with the path of the package to check. Without it, the test packs the
+/// program that the other tests start.
 const PACKAGE: &str = "CORTICODE_DEB";
-/// Log of a bridge that has neither board nor ROS master.
+/// Lines in the log of a bridge that waits for a board and a ROS master.
 const WAITING: [&str; 3] = [
     "options from /etc/corticode/bridge.toml",
     "no Corticode board is on USB",
@@ -36,8 +37,8 @@ const INSTALLED: [&str; 8] = [
     "/usr/share/doc/corticode-bridge/copyright",
 ];
 
-/// Unit of the container: looks at the service after 8 s, then with a wrong option, and ends the
-/// container.
+/// Systemd unit in the container that reports the service's state after 8 s, and again after a
+/// start with a wrong option, and then ends the container.
 const OBSERVER: &str = "[Unit]
 After=corticode-bridge.service
 [Service]
@@ -50,8 +51,8 @@ ExecStopPost=systemctl poweroff
 [Install]
 WantedBy=multi-user.target
 ";
-/// What the observer must report: streaming in the group dialout, which has the number 20 in every
-/// Debian, and no new start after status 2.
+/// Lines that [`OBSERVER`] must report: the service streams, its group is dialout, which has the
+/// number 20 in every Debian, and systemd does not start it again after status 2.
 const OBSERVED: [&str; 5] = [
     "streaming codes",
     "registered with the ROS master",
@@ -172,11 +173,11 @@ fn the_service_streams_under_systemd_and_stays_failed_after_wrong_usage() {
     }
     let user = result.lines().find_map(|line| line.strip_prefix("user="));
     let user: u32 = user.and_then(|user| user.parse().ok()).expect(&result);
-    // systemd.exec(5): the users of DynamicUser.
+    // systemd.exec(5): range of the user ids that DynamicUser assigns.
     assert!((61_184..=65_519).contains(&user), "{result}");
 }
 
-/// Packs the program of the tests and returns the path of the package.
+/// Packs the program that the tests start, and returns the path of the package.
 fn pack() -> PathBuf {
     let mut xtask = Command::new(&programs().xtask);
     xtask.args(["deb", "--program"]).arg(&programs().bridge);
@@ -259,7 +260,7 @@ impl CleanDebian {
         String::from_utf8_lossy(&done.stdout).into_owned()
     }
 
-    /// Returns the paths of all files but those in which dpkg keeps its records.
+    /// Returns the paths of all files except those in which dpkg keeps its records.
     fn files(&self) -> BTreeSet<String> {
         let all = self.succeed("find / -xdev ! -path '/var/lib/dpkg/*' ! -path '/var/log/*'");
         all.lines().map(str::to_owned).collect()

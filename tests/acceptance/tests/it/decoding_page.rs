@@ -9,8 +9,8 @@ use any_model::{Size, any_artifact_with, every_variant};
 use artifact::reconstruction::WindowDecoder;
 use artifact::{Artifact, Mode, NetworkShape, Padding};
 
-/// Reads codes `z.f32` next to the model in the folder that is the argument, and writes their
-/// windows.
+/// Main program, appended to that of the page: reads the codes `z.f32` from the model's folder,
+/// which is its argument, decodes them, and writes the windows.
 const MAIN: &str = r#"
 folder = Path(sys.argv[1])
 decoder = Decoder(folder)
@@ -18,7 +18,8 @@ codes = np.fromfile(folder / "z.f32", "<f4").reshape(-1, decoder.model["code"]["
 np.array([decoder.window(z) for z in codes.astype(float)]).tofile(folder / "windows.f64")
 "#;
 
-/// Only every fifth variant is decoded, to save time; they include each padding and each mode.
+/// Distance between the variants that are decoded: to save time, only every fifth is. These have
+/// each padding and each mode.
 const EVERY: usize = 5;
 
 /// Number of codes of each network.

@@ -62,7 +62,7 @@ fn numpy_computes_the_codes_of_the_reference_for_every_variant() {
         let quiet = windows
             .iter()
             .map(|window| any_model::quantised(&artifact, &model, window));
-        // A window at the rails drives activations and codes to their rails.
+        // A window of extreme planes drives activations and codes to the ends of their ranges.
         let dimensions = &model.geometry.dimensions;
         let step = |cell: usize| cell / dimensions.cells();
         let rail = |cell| if step(cell) % 5 < 3 { 127 } else { -128 };

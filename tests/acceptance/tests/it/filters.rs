@@ -12,10 +12,10 @@ const HALF_COUNT_UV: f64 = 0.5 * model::LSB_NV as f64 / 1000.0;
 /// Number of levels of a filtered sample per count.
 const LEVELS_PER_COUNT: f64 = (1_u32 << model::GUARD_BITS) as f64;
 
-/// The reference is the output of scipy's `sosfilt`, from zero states, with `iirnotch(50, 30, 512)`
-/// followed by `butter(5, [0.5, 60], 'bandpass', fs=512, output='sos')`: every fourth sample,
-/// float32. The archive contains scipy's coefficients, too. Its electrodes and its grid are the
-/// paper's.
+/// Compares the filters with the output of scipy's `sosfilt`, from zero states, with `iirnotch(50,
+/// 30, 512)` followed by `butter(5, [0.5, 60], 'bandpass', fs=512, output='sos')`: every fourth
+/// sample, float32. The archive with this output also contains scipy's coefficients. Its electrodes
+/// and grid are the paper's.
 #[test]
 fn filtered_eeg_equals_scipys_within_the_adcs_rounding() {
     let test = "filters against scipy";

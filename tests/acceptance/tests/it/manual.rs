@@ -27,7 +27,7 @@ fn groff_formats_every_page_without_a_warning() {
         assert!(output.status.success(), "{page:?}: {warnings}");
         assert!(warnings.is_empty(), "{page:?}: {warnings}");
         let text = String::from_utf8_lossy(&output.stdout);
-        // The name of the manual, in the footer.
+        // The footer of each page has the name of the manual.
         assert!(text.contains("Corticode"), "{page:?}: {text}");
         count += 1;
     }

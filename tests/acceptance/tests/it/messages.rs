@@ -52,9 +52,9 @@ fn no_message_to_the_user_has_debug_output() {
         collect(&package.folder.join("src"), &mut files);
         for file in files {
             let text = fs::read_to_string(&file).expect("a source file");
-            // Unit tests stand at the end of a file.
+            // Leave out the unit tests, which are at the end of a file.
             let text = text.split("#[cfg(test)]").next().unwrap_or_default();
-            // What an emulated microcontroller prints is read by a program.
+            // Leave out what an emulated microcontroller prints: only programs read it.
             let text = text.replace("hprintln!(", "");
             for (start, end) in MESSAGES {
                 for rest in text.split(start).skip(1) {

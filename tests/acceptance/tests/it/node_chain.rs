@@ -21,7 +21,7 @@ use rustix::process::Signal;
 
 /// Duration of the EEG in each test, in seconds.
 const SECONDS: usize = 12;
-/// Samples per frame, as in the paper: 62.5 ms.
+/// Samples per frame of the acquisition, as in the paper: 62.5 ms.
 const SAMPLES: usize = 32;
 /// Longest time for a program to end.
 const EXIT_TIMEOUT: Duration = Duration::from_secs(20);
@@ -57,7 +57,7 @@ impl Eeg {
         }
     }
 
-    /// Reads the first [`SECONDS`] of a recording.
+    /// Reads the samples of the first [`SECONDS`] of a recording.
     fn read(path: &Path) -> Eeg {
         let mut recording = Recording::open(path).expect("a recording");
         let rate = recording.signals()[0].rate.expect("samples").value();

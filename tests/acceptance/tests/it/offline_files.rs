@@ -48,7 +48,7 @@ fn for_each_code(path: &Path, mut each: impl FnMut(u64, &Code)) {
     }
 }
 
-/// Returns times and codes of a file as text, which two files can be compared by.
+/// Returns a text for each code of a file, with its time and levels, to compare two files.
 fn codes(path: &Path) -> Vec<String> {
     let mut codes = Vec::new();
     for_each_code(path, |time_us, code| {
@@ -351,8 +351,8 @@ fn real_recordings_of_three_formats_are_encoded_and_decoded() {
     ];
     let text = printed(folder, &arguments);
     let _ = std::io::stdout().write_all(text.as_bytes());
-    // Largest PRD over the measured electrodes, relative to the figure in the model's card, which
-    // is that of recordings like the first.
+    // Largest permitted PRD over the measured electrodes, relative to the figure in the model's
+    // card. That figure was measured on recordings like the first of these.
     let artifact =
         Artifact::read(&workspace::root().join("signal/model/artifact")).expect("the artifact");
     let card = artifact.description.training.prd_percent.expect("figures");

@@ -35,7 +35,7 @@ fn rospy_rosbag_and_rostopic_receive_every_code_at_the_programs_own_master() {
 
     let ended = board.wait(SLACK);
     assert!(ended.success(), "{}", board.log());
-    // The first window takes two hops, so there is one code less than hops.
+    // The first window takes two hops, so n hops make n - 1 codes.
     let codes = SECONDS * RATE - 1;
     chain.wait_for(codes);
     assert_eq!(chain.messages().len(), codes);

@@ -23,9 +23,9 @@ use serde_json::Value;
 const SECONDS: usize = 8;
 /// Longest wait for a program on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
-/// Rate of the blocks, another one than the model's.
+/// Rate of the blocks, which differs from the model's default.
 const RATE: u8 = 3;
-/// Blocks of the run.
+/// Number of blocks in a run.
 const BLOCKS: usize = SECONDS * STEP_RATE_HZ as usize / HOP;
 
 /// A frame of `/neurodata_reconstructed`: its values, and the flags of its block.
@@ -69,8 +69,8 @@ fn decode(blocks: &[Option<&Vec<u8>>]) -> Vec<PackedBlock> {
     decoded.collect()
 }
 
-/// Returns the frames of a bridge without low latency: each block corrected by the next one, and
-/// the last one as it is.
+/// Returns the frames that a bridge without the option for low latency publishes: each block is
+/// corrected by the next one, the last block is left as it is.
 fn expected(decoded: &[PackedBlock]) -> Vec<Vec<f32>> {
     let pairs = decoded.windows(2);
     let smoothed = pairs.map(|pair| pair[1].smoothed.as_ref().unwrap_or(&pair[0].microvolts));
@@ -108,7 +108,7 @@ fn counts(blocks: &[Vec<u8>]) -> String {
     )
 }
 
-/// Value of a key in a report of the bridge.
+/// Returns the value of a key in a report of the bridge; `None` without that key.
 fn value(status: &Value, key: &str) -> Option<f64> {
     let values = status["values"].as_array()?;
     let found = values.iter().find(|value| value["key"] == key)?;
@@ -129,7 +129,7 @@ fn packed_blocks_alone_reach_rospy_as_the_library_decodes_them() {
     let duration = SECONDS.to_string();
     let mut board = chain.board(&["--input=synthetic", "--seed=7", "--duration", &duration]);
     assert!(board.wait(SLACK).success(), "{}", board.log());
-    // The newest block waits for the one after it.
+    // The last block is published only once another block or the end of the run comes.
     let due = BLOCKS - 1;
     subscriber.wait_until("all frames", SLACK, |subscriber| {
         subscriber.output().lines().count() > due
@@ -185,7 +185,7 @@ fn blocks_are_decoded_at_once_or_corrected_and_take_few_bits_on_the_wire() {
         let ended = board(folder, SECONDS, &format!("pty:{port}")).wait(SLACK);
         assert!(ended.success());
         printing.wait_until("all frames", SLACK, |bridge| {
-            // The last block's frame waits for another block until the end.
+            // The frame of the last block is printed only when the run ends.
             printed(&bridge.output()).len() + 1 >= expected.len()
         });
         let [lines, log] = printing::stop(printing, folder);

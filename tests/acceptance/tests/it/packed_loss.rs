@@ -9,7 +9,7 @@ use model::{ELECTRODES, GUARD_BITS, HOP, LABELS, LSB_NV};
 use packed::Rate;
 use pipeline::{Acquisition, Mains, PackedEncoder, PackedMemory, Step};
 
-/// Blocks from one without prediction to the next.
+/// Number of blocks from one without prediction to the next.
 const RESET_BLOCKS: usize = 64;
 
 /// Steps at the start in which the filters settle: 10 s.
@@ -35,14 +35,15 @@ fn lost_blocks_cost_little_and_the_decoder_says_until_when() {
     let Some(coded) = coded("packed code with loss") else {
         return;
     };
-    // Measured: one block, with a jump of one electrode.
+    // Measured: one misfit, a block in which one electrode jumps.
     assert!(coded.misfits <= 2, "{} misfits", coded.misfits);
     let model = model();
     let (whole, sound) = error(&model, &coded, |_| false);
     println!("no loss: error {whole:.5} of the power");
     assert_eq!(sound, BLOCKS);
     assert!((0.005..0.012).contains(&whole), "{whole}");
-    // Limits: measured 0.0167 with 14 blocks lost and 0.0923 with 168, and a quarter more.
+    // The limits are a quarter above the measured values: 0.0167 with 14 blocks lost, 0.0923 with
+    // 168.
     for (percent, most) in [(1, 0.021), (10, 0.115)] {
         let mut state = 3_u32;
         let lost: Vec<bool> = (0..BLOCKS)
@@ -65,7 +66,7 @@ fn a_lost_block_heals_and_the_next_block_without_prediction_is_exact() {
         return;
     };
     let model = model();
-    // Mean squared error after a loss, by the number of blocks since, over many places.
+    // Mean squared error by the number of blocks since a loss, over losses at many places.
     let mut after = [0.0; 20];
     let mut places = 0.0;
     for lost in (70..BLOCKS - 70)
@@ -89,7 +90,7 @@ fn a_lost_block_heals_and_the_next_block_without_prediction_is_exact() {
                 *place += mean_square(&microvolts, &coded.microvolts[block]) / coded.power;
             }
         }
-        // The last one had no prediction.
+        // The last block had no prediction, so the decoder is exact after it.
         assert_eq!(decoder.state(), coded.states[start + RESET_BLOCKS]);
     }
     let after = after.map(|sum| sum / places);

@@ -16,7 +16,8 @@ use model::{ADC_RATE_HZ, CHANNELS, LSB_NV};
 const SECONDS: usize = 6;
 /// Longest wait for a program on a busy machine.
 const SLACK: Duration = Duration::from_mins(1);
-/// The flag of a row that replaces a lost one.
+/// Value of the status word `flags` from which on its highest bit is set, which marks a row that
+/// replaces a lost sample.
 const FILLER: f64 = 32_768.0;
 
 /// A sample as a user gets it: its values, those of the spare channels last, and whether it is a

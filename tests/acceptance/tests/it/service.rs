@@ -20,7 +20,7 @@ fn systemd_accepts_the_unit_and_finds_it_confined() {
     }
     let unit = workspace::root().join("packaging/corticode-bridge.service");
     let unit = fs::read_to_string(unit).expect("the unit");
-    // systemd-analyze checks that the program exists, which is installed nowhere here.
+    // systemd-analyze checks that the program exists. It is not installed on this machine.
     let installed = "ExecStart=/usr/bin/corticode-bridge\n";
     assert!(unit.contains(installed), "{unit}");
     let built = format!("ExecStart={}\n", programs().bridge.display());

@@ -6,9 +6,9 @@ use artifact::reconstruction::WindowDecoder;
 use host_sim::synthetic::{Generator, SyntheticSpec};
 use pipeline::{FrontEnd, Mains, Plane, Sample, quantise};
 
-/// Time until the filters have settled on offsets of 20 mV, steps: 9.5 s.
+/// Number of steps until the filters have settled on offsets of 20 mV: 9.5 s.
 const SETTLING: usize = 19 * model::STEP_RATE_HZ as usize / 2;
-/// Steps after that which are compared: 20 s.
+/// Number of steps that are compared, from [`SETTLING`] on: 20 s.
 const STEPS: usize = 20 * model::STEP_RATE_HZ as usize;
 /// Number of windows that contain a step.
 #[expect(clippy::cast_precision_loss, reason = "at most 32 steps")]
@@ -36,7 +36,7 @@ fn synthetic_eeg_is_decoded_almost_as_well_as_a_recording() {
 
         let levels_per_count = f64::from(1_u16 << model::GUARD_BITS);
         let uv_per_level = f64::from(model::LSB_NV) / 1_000.0 / levels_per_count;
-        // As in the bridge: a step is the mean of all windows that contain it.
+        // A step is the mean of all windows that contain it, as the bridge decodes.
         let mut decoded = vec![[0.0; model::ELECTRODES]; filtered.len()];
         for start in (0..=filtered.len() - model::STEPS).step_by(model::HOP) {
             let window = planes[start..start + model::STEPS].as_flattened();

@@ -169,9 +169,9 @@ fn a_board_gets_a_name_with_its_serial_number_access_and_no_modem_manager() {
     let id = dialout.split(':').nth(2).expect("a group id");
     assert!(log.contains(&format!("GROUP {id}")), "{log}");
     assert!(log.contains("MODE 0660"), "{log}");
-    // The rule that runs this sorts after ours only while our number is below 73.
+    // The rule of systemd that runs `uaccess` has the number 73, so ours must have a smaller one.
     assert!(port.has("run: 'uaccess'"), "{}", port.properties);
-    // ModemManager looks at the USB device too.
+    // ModemManager probes a port also if only its USB device is not excluded.
     let usb = decide(&board, USB_DEVICE);
     assert!(usb.has("ID_MM_DEVICE_IGNORE=1"), "{}", usb.properties);
 }
@@ -187,7 +187,7 @@ fn a_device_with_another_product_is_left_alone() {
     ] {
         for device in [TTY, USB_DEVICE] {
             let decision = decide(&description(ids, product), device);
-            // udev has read the device.
+            // This property shows that udev has read the simulated device.
             assert_eq!(decision.value("ID_MODEL"), product, "{}", decision.log);
             let ours = decision.assignments_of_our_rules();
             assert!(ours.is_empty(), "{ours:?}");

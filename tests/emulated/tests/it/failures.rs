@@ -3,8 +3,7 @@
 
 use emulated::board::boards;
 use emulated::compare::first_difference;
-use emulated::frames::Boot;
-use emulated::host;
+use emulated::frames::{self, Boot};
 use emulated::input::Input;
 use link::{ResetCause, Streams};
 use model::{HOP, STEP_RATE_HZ, STEPS};
@@ -28,7 +27,7 @@ const CODES: usize = 1 + (SECONDS * STEP_RATE_HZ as usize - STEPS) / HOP;
 fn a_board_that_fails_resets_itself_reports_why_and_streams_again() {
     let input = Input::from_environment();
     let samples = input.first_seconds(SECONDS);
-    let expected = Boot::only(&host::sent(Streams::CODES, samples)).codes();
+    let expected = Boot::only(&frames::simulated(Streams::CODES, samples)).codes();
     assert_eq!(expected.len(), CODES);
     for board in boards("failures", samples) {
         let runs = FAILURES.map(|(asked, cause, fault)| {

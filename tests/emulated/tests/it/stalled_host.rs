@@ -9,8 +9,7 @@ use std::thread;
 use std::time::Duration;
 
 use emulated::board::{Board, boards, or_panic};
-use emulated::frames::{Boot, SentCode};
-use emulated::host;
+use emulated::frames::{self, Boot, SentCode};
 use emulated::input::{self, Input};
 use emulator::{Uart, pipes};
 use link::Streams;
@@ -31,7 +30,7 @@ const CAPACITY: usize = 4096;
 #[test]
 fn a_board_drops_whole_frames_and_counts_them_while_its_host_does_not_read() {
     let input = Input::from_environment();
-    let expected = Boot::only(&host::sent(Streams::CODES, &input.samples)).codes();
+    let expected = Boot::only(&frames::simulated(Streams::CODES, &input.samples)).codes();
     for board in boards("stalled-host", &input.samples) {
         // The samples arrive through a pipe, so the number of samples that the board has read shows
         // how far its virtual time is.

@@ -3,7 +3,6 @@
 use emulated::board::boards;
 use emulated::compare::{count_differences, first_difference};
 use emulated::frames::{self, Boot};
-use emulated::host;
 use emulated::input::Input;
 use emulated::stages;
 use emulator::{figures, skip};
@@ -19,7 +18,7 @@ fn codes_are_host_sims_and_a_second_run_repeats_them() {
     let sources = json!({"inputs": input.names, "skipped": input.skipped});
     figures::record(None, &sources);
     let samples = input.samples.len();
-    let expected = Boot::only(&host::sent(Streams::CODES, &input.samples));
+    let expected = Boot::only(&frames::simulated(Streams::CODES, &input.samples));
     for board in boards("undisturbed", &input.samples) {
         let [first, second] = board.run_twice(&["start"]);
         let boot = Boot::only(&first.sent);

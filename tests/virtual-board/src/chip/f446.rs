@@ -23,8 +23,7 @@ use rigless::time::VirtualNanos;
 use crate::chain::Chain;
 use crate::chip::Chip;
 use crate::core_bus::{ClearedBits, Redirect};
-use crate::model::Model;
-use crate::model::Pin;
+use crate::model::{Model, Pin};
 use crate::usb::host::UsbHost;
 use crate::usb::instance::F446_OTG_FS;
 use crate::usb::otg::Otg;
@@ -133,14 +132,16 @@ impl Mcu for F446 {
 impl Chip for F446 {
     /// Configures a Cortex-M4F (DS10693, 3.1) that boots from flash, aliased to 0 (RM0390, 2.4).
     fn core(&self) -> CoreSpec {
+        let facts = Model::F446.facts();
         let lines = u32::from(self.cpu().interrupt_lines);
         let core = Core {
             variant: Variant::M4,
-            clock_hz: NonZeroU64::new(Model::F446.core_hz()).expect("a core clock above 0"),
+            clock_hz: NonZeroU64::new(facts.core_hz).expect("a core clock above 0"),
             interrupt_lines: NonZeroU32::new(lines).expect("at least one interrupt"),
             priority_bits: 4,
             refclk_divider: NonZeroU32::new(8).expect("a divider above 0"),
-            instructions_per_second: Model::F446.instructions_per_second(),
+            instructions_per_second: NonZeroU64::new(facts.instructions_per_second)
+                .expect("a rate above 0"),
             boot: "flash",
         };
         let mut config = Config::new(core, &windows(self.bus()));

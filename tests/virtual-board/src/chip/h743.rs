@@ -21,8 +21,7 @@ use rigless::time::VirtualNanos;
 use crate::chain::Chain;
 use crate::chip::Chip;
 use crate::core_bus::{ClearedBits, Redirect};
-use crate::model::Model;
-use crate::model::Pin;
+use crate::model::{Model, Pin};
 use crate::usb::host::UsbHost;
 use crate::usb::instance::H743_USB2;
 use crate::usb::otg::Otg;
@@ -133,14 +132,16 @@ impl Chip for H743 {
     /// Configures a Cortex-M7 r1p1 with 16 KiB each of instruction and data cache (DS12110, 3.1;
     /// PM0253, tables 52, 77 and 81) that boots from flash (RM0433, 2.6).
     fn core(&self) -> CoreSpec {
+        let facts = Model::H743.facts();
         let lines = u32::from(self.cpu().interrupt_lines);
         let core = Core {
             variant: Variant::M7,
-            clock_hz: NonZeroU64::new(Model::H743.core_hz()).expect("a core clock above 0"),
+            clock_hz: NonZeroU64::new(facts.core_hz).expect("a core clock above 0"),
             interrupt_lines: NonZeroU32::new(lines).expect("at least one interrupt"),
             priority_bits: 4,
             refclk_divider: NonZeroU32::new(8).expect("a divider above 0"),
-            instructions_per_second: Model::H743.instructions_per_second(),
+            instructions_per_second: NonZeroU64::new(facts.instructions_per_second)
+                .expect("a rate above 0"),
             boot: "flash",
         };
         let mut config = Config::new(core, &windows(self.bus()));

@@ -100,6 +100,11 @@ struct BusState {
     in_setup_stage: bool,
 }
 
+/// Returns `bit` if it is `on`, otherwise 0.
+const fn flag(bit: u32, on: bool) -> u32 {
+    if on { bit } else { 0 }
+}
+
 /// USB core: registers, endpoints, receive FIFO and state of the bus.
 #[derive(Debug)]
 pub(super) struct Core {
@@ -232,12 +237,7 @@ impl Core {
             Register::Diepempmsk => held.diepempmsk,
             Register::Diepctl(n) => self.inputs[n].registers.control,
             Register::Diepint(n) => {
-                let txfe = if self.tx_fifo_has_room(n) {
-                    epint::TXFE
-                } else {
-                    0
-                };
-                self.inputs[n].registers.flags | txfe
+                self.inputs[n].registers.flags | flag(epint::TXFE, self.tx_fifo_has_room(n))
             }
             Register::Dieptsiz(n) => self.inputs[n].registers.size,
             Register::Dtxfsts(n) => self.dtxfsts(n),
@@ -250,24 +250,20 @@ impl Core {
     }
 
     fn gotgctl(&self) -> u32 {
-        let session = if self.session_valid() { bit::BSVLD } else { 0 };
-        self.registers.gotgctl | bit::CIDSTS | session
+        self.registers.gotgctl | bit::CIDSTS | flag(bit::BSVLD, self.session_valid())
     }
 
     fn grstctl(&self) -> u32 {
-        let mut value = self.registers.grstctl | grstctl::AHBIDL;
-        if self.now < self.soft_reset_until {
-            value |= grstctl::CSRST;
-        }
-        if self.now >= self.flush_until {
-            value &= !(grstctl::RXFFLSH | grstctl::TXFFLSH);
-        }
-        value
+        let flushed = flag(
+            grstctl::RXFFLSH | grstctl::TXFFLSH,
+            self.now >= self.flush_until,
+        );
+        let in_reset = flag(grstctl::CSRST, self.now < self.soft_reset_until);
+        self.registers.grstctl & !flushed | grstctl::AHBIDL | in_reset
     }
 
     fn dsts(&self) -> u32 {
-        let suspended = if self.bus.suspended { bit::SUSPSTS } else { 0 };
-        bit::FULL_SPEED | suspended | self.frame() << 8
+        bit::FULL_SPEED | flag(bit::SUSPSTS, self.bus.suspended) | self.frame() << 8
     }
 
     /// Returns the depth of the transmit FIFO of IN endpoint `n`, in words.
@@ -335,61 +331,58 @@ impl Core {
 
     /// Returns the number of the current frame: 11 bits at full speed.
     pub(super) fn frame(&self) -> u32 {
-        let passed = self
-            .bus
-            .frames_from
-            .map_or(0, |from| self.now.saturating_sub(from) / FRAME_NS);
+        let started = self.bus.frames_from.unwrap_or(self.now);
+        let passed = self.now.saturating_sub(started) / FRAME_NS;
         u32::try_from((self.bus.first_frame + passed) & 0x7FF).unwrap_or_default()
+    }
+
+    /// Returns the number of frames that have reached the point `offset` ns after their start by
+    /// the time `at`, in ns.
+    fn frames_at(&self, at: u64, offset: u64) -> u64 {
+        let first = self.bus.frames_from.map(|from| from + offset);
+        let since = first.and_then(|first| at.checked_sub(first));
+        since.map_or(0, |since| since / FRAME_NS + 1)
     }
 
     /// Returns whether, since the time `cleared` in ns, any frame has reached the point `offset` ns
     /// after its start.
     fn frame_instant_since(&self, cleared: u64, offset: u64) -> bool {
-        self.bus.frames_from.is_some_and(|from| {
-            let count = |at: u64| {
-                at.checked_sub(from + offset)
-                    .map_or(0, |d| d / FRAME_NS + 1)
-            };
-            count(self.now) > count(cleared)
-        })
+        self.frames_at(self.now, offset) > self.frames_at(cleared, offset)
     }
 
-    /// Returns the next time at which one of the frame flags `wanted` is set, in ns.
-    pub(super) fn next_frame_event(&self, wanted: u32) -> Option<u64> {
+    /// Returns the next time at which a frame sets an unmasked interrupt flag, in ns.
+    pub(super) fn next_frame_interrupt(&self) -> Option<u64> {
         let from = self.bus.frames_from?;
-        let next = |offset: u64| {
-            let first = from + offset;
-            let passed = self.now.checked_sub(first).map_or(0, |d| d / FRAME_NS + 1);
-            first + passed * FRAME_NS
-        };
-        let sof = (wanted & gintsts::SOF != 0).then(|| next(0));
-        let eopf = (wanted & gintsts::EOPF != 0).then(|| next(EOPF_NS));
-        sof.into_iter().chain(eopf).min()
+        let flags = [(gintsts::SOF, 0), (gintsts::EOPF, EOPF_NS)];
+        let unmasked = flags
+            .iter()
+            .filter(|(flag, _)| self.registers.gintmsk & flag != 0);
+        let times = unmasked
+            .map(|(_, offset)| from + offset + self.frames_at(self.now, *offset) * FRAME_NS);
+        times.min()
     }
 
     /// Returns the value of `OTG_GINTSTS`: the latched flags and those derived from the current
     /// state.
     pub(super) fn gintsts(&self) -> u32 {
-        let mut flags = self.registers.gintsts;
-        let mut set = |bit: u32, on: bool| {
-            if on {
-                flags |= bit;
-            }
-        };
-        set(gintsts::OTGINT, self.registers.gotgint != 0);
-        set(gintsts::SOF, self.frame_instant_since(self.sof_cleared, 0));
-        set(
-            gintsts::EOPF,
-            self.frame_instant_since(self.eopf_cleared, EOPF_NS),
-        );
-        set(gintsts::RXFLVL, !self.rx.is_empty());
-        set(gintsts::NPTXFE, self.tx_fifo_has_room(0));
-        set(gintsts::GINAKEFF, self.registers.dctl & dctl::GINSTS != 0);
-        set(gintsts::GONAKEFF, self.registers.dctl & dctl::GONSTS != 0);
         let endpoints = self.daint() & self.registers.daintmsk;
-        set(gintsts::IEPINT, endpoints & 0xFFFF != 0);
-        set(gintsts::OEPINT, endpoints >> 16 != 0);
-        flags
+        let (sof, eopf) = (self.sof_cleared, self.eopf_cleared);
+        let derived = [
+            (gintsts::OTGINT, self.registers.gotgint != 0),
+            (gintsts::SOF, self.frame_instant_since(sof, 0)),
+            (gintsts::EOPF, self.frame_instant_since(eopf, EOPF_NS)),
+            (gintsts::RXFLVL, !self.rx.is_empty()),
+            (gintsts::NPTXFE, self.tx_fifo_has_room(0)),
+            (gintsts::GINAKEFF, self.registers.dctl & dctl::GINSTS != 0),
+            (gintsts::GONAKEFF, self.registers.dctl & dctl::GONSTS != 0),
+            (gintsts::IEPINT, endpoints & 0xFFFF != 0),
+            (gintsts::OEPINT, endpoints >> 16 != 0),
+        ];
+        derived
+            .into_iter()
+            .fold(self.registers.gintsts, |flags, (bit, on)| {
+                flags | flag(bit, on)
+            })
     }
 
     /// Returns the value of `OTG_DAINT`: endpoints with an unmasked flag, IN in bits 15:0, OUT in
@@ -411,12 +404,6 @@ impl Core {
         self.supply.clocked
             && self.registers.gahbcfg & bit::GINT != 0
             && self.gintsts() & self.registers.gintmsk != 0
-    }
-
-    /// Returns the next time at which a frame sets an unmasked interrupt flag, in ns.
-    pub(super) fn next_frame_interrupt(&self) -> Option<u64> {
-        let wanted = self.registers.gintmsk & (gintsts::SOF | gintsts::EOPF);
-        (wanted != 0).then(|| self.next_frame_event(wanted))?
     }
 }
 

@@ -96,15 +96,15 @@ impl Endpoint {
         self.number == 0 || self.control & epctl::EPTYP == 0
     }
 
-    /// Applies a write to the control register, except to `EPENA` and `EPDIS`, which the caller
-    /// handles.
-    ///
-    /// `writable` is the mask of the fields that are writable for this direction.
-    fn write(&mut self, value: u32, writable: u32) {
-        let writable = if self.number == 0 {
-            writable & !(epctl::USBAEP | epctl::EPTYP) & !(epctl::MPSIZ & !3)
+    /// Applies a write to the control register, whose fields in the mask `writable` can be written
+    /// in this direction. Returns whether the write has enabled the endpoint. The caller has
+    /// checked whether the endpoint may be enabled or disabled.
+    fn write(&mut self, value: u32, writable: u32) -> bool {
+        let (value, writable) = if self.number == 0 {
+            let fixed = epctl::USBAEP | epctl::EPTYP | epctl::MPSIZ & !3;
+            (value & !epctl::SD1PID, writable & !fixed)
         } else {
-            writable
+            (value, writable)
         };
         // Only the next SETUP clears STALL of a control endpoint.
         let stall = epctl::STALL & self.control;
@@ -112,18 +112,23 @@ impl Endpoint {
         if self.is_control() {
             self.control |= stall;
         }
-        if value & epctl::SD0PID != 0 {
-            self.set(epctl::DPID, false);
+        let enables = value & epctl::EPENA != 0 && !self.has(epctl::EPENA);
+        for (bit, field, on) in [
+            (epctl::SD0PID, epctl::DPID, false),
+            (epctl::SD1PID, epctl::DPID, true),
+            (epctl::CNAK, epctl::NAKSTS, false),
+            (epctl::SNAK, epctl::NAKSTS, true),
+            (epctl::EPENA, epctl::EPENA, true),
+        ] {
+            if value & bit != 0 {
+                self.set(field, on);
+            }
         }
-        if value & epctl::SD1PID != 0 && self.number != 0 {
-            self.set(epctl::DPID, true);
+        if value & epctl::EPDIS != 0 && self.has(epctl::EPENA) {
+            self.set(epctl::EPENA, false);
+            self.flags |= epint::EPDISD;
         }
-        if value & epctl::CNAK != 0 {
-            self.set(epctl::NAKSTS, false);
-        }
-        if value & epctl::SNAK != 0 {
-            self.set(epctl::NAKSTS, true);
-        }
+        enables
     }
 
     /// Applies a USB reset, which deactivates every endpoint but 0. `EPENA` keeps its value, as
@@ -170,25 +175,18 @@ impl InEndpoint {
         self.words.clear();
     }
 
-    /// Writes the control register; the caller has checked whether the endpoint may be enabled or
-    /// disabled.
+    /// Writes the control register, and notes the length of the transfer that the write enables.
     pub(super) fn write_control(&mut self, value: u32) {
         let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::TXFNUM;
-        self.registers.write(value, fields);
+        if self.registers.write(value, fields) {
+            self.written = 0;
+            self.needed = self.registers.transfer_size().div_ceil(4);
+        }
         if value & epctl::SNAK != 0 {
             self.registers.flags |= epint::INEPNE;
         }
         if value & epctl::CNAK != 0 {
             self.registers.flags &= !epint::INEPNE;
-        }
-        if value & epctl::EPENA != 0 && !self.registers.has(epctl::EPENA) {
-            self.registers.set(epctl::EPENA, true);
-            self.written = 0;
-            self.needed = self.registers.transfer_size().div_ceil(4);
-        }
-        if value & epctl::EPDIS != 0 && self.registers.has(epctl::EPENA) {
-            self.registers.set(epctl::EPENA, false);
-            self.registers.flags |= epint::EPDISD;
         }
     }
 
@@ -244,20 +242,11 @@ impl InEndpoint {
     }
 }
 
-/// An OUT endpoint consists of its registers; its data is stored in the receive FIFO.
+/// Methods of an OUT endpoint. It has no FIFO: its data is in the receive FIFO, which all share.
 impl Endpoint {
-    /// Writes the control register; the caller has checked whether the endpoint may be enabled or
-    /// disabled.
     pub(super) fn write_control(&mut self, value: u32) {
         let fields = epctl::MPSIZ | epctl::USBAEP | epctl::EPTYP | epctl::STALL | epctl::SNPM;
         self.write(value, fields);
-        if value & epctl::EPENA != 0 {
-            self.set(epctl::EPENA, true);
-        }
-        if value & epctl::EPDIS != 0 && self.has(epctl::EPENA) {
-            self.set(epctl::EPENA, false);
-            self.flags |= epint::EPDISD;
-        }
     }
 
     /// Returns whether the endpoint would accept a packet, provided that the receive FIFO has room.

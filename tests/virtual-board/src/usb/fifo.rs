@@ -85,12 +85,11 @@ impl RxFifo {
     /// Removes the data word at the front; `None` if the FIFO is empty or a status word is at the
     /// front.
     pub(super) fn pop_data(&mut self) -> Option<u32> {
-        match self.0.front() {
-            Some(&Entry::Data(word)) => {
-                self.0.pop_front();
-                Some(word)
-            }
-            _ => None,
+        match self
+            .0
+            .pop_front_if(|entry| matches!(entry, Entry::Data(_)))?
+        {
+            Entry::Status(word) | Entry::Data(word) => Some(word),
         }
     }
 }

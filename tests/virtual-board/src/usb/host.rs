@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use self::control::Transfer;
 use self::descriptor::Descriptors;
 use self::enumeration::Enumeration;
-use self::serial::{Request, Serial};
+use self::serial::Serial;
 use super::core::Core;
 use super::violation::{Violation, Violations};
 
@@ -57,7 +57,7 @@ impl UsbHost {
 
     /// Returns the bytes received since the last call, in order.
     pub fn take_received(&self) -> Vec<u8> {
-        self.host().take_received()
+        std::mem::take(&mut self.host().serial.received)
     }
 
     /// Returns how far enumeration and opening of the port have progressed.
@@ -67,12 +67,12 @@ impl UsbHost {
 
     /// Returns the parsed descriptors of the device; `None` until it is configured.
     pub fn device(&self) -> Option<Descriptors> {
-        self.host().device()
+        self.host().device.clone()
     }
 
     /// Returns all violations of the reference manual and of the USB specification so far.
     pub fn violations(&self) -> Vec<Violation> {
-        self.host().violations().to_vec()
+        self.host().violations.to_vec()
     }
 
     /// Performs the work that is due at `now`, and returns the time at which work is due next; both
@@ -144,24 +144,18 @@ enum Power {
     Recovering(u64),
 }
 
-/// Purpose of a control transfer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Purpose {
-    Enumerate,
-    Serial(Request),
-}
-
 /// USB host: state of its bus, of the enumeration and of the serial port.
 #[derive(Debug, Default)]
-pub(super) struct Host {
-    pub(super) commands: VecDeque<Command>,
+struct Host {
+    commands: VecDeque<Command>,
     phase: Phase,
     power: Power,
     wants_suspend: bool,
     idle_since: Option<u64>,
     enumeration: Option<Enumeration>,
     attempts: u32,
-    transfer: Option<(Purpose, Transfer)>,
+    /// Control transfer in progress: of the enumeration if there is one, else of the serial port.
+    transfer: Option<Transfer>,
     address: u8,
     serial: Serial,
     device: Option<Descriptors>,
@@ -173,7 +167,7 @@ pub(super) struct Host {
 }
 
 impl Host {
-    pub(super) fn state(&self) -> State {
+    fn state(&self) -> State {
         match self.phase {
             Phase::Unplugged | Phase::Empty => State::Detached,
             _ if self.serial.is_open => State::Open,
@@ -183,21 +177,7 @@ impl Host {
         }
     }
 
-    pub(super) fn device(&self) -> Option<Descriptors> {
-        self.device.clone()
-    }
-
-    pub(super) fn violations(&self) -> &Violations {
-        &self.violations
-    }
-
-    pub(super) fn take_received(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.serial.received)
-    }
-
-    /// Performs the work that is due at `now`, and returns the time at which work is due next; both
-    /// times are in ns.
-    pub(super) fn step(&mut self, now: u64, core: &mut Core) -> Option<u64> {
+    fn step(&mut self, now: u64, core: &mut Core) -> Option<u64> {
         for _ in 0..MAX_ACTIONS {
             self.violations.take_from(&mut core.violations);
             while let Some(command) = self.commands.pop_front() {

@@ -26,8 +26,8 @@ pub(crate) struct Instance {
     pub(crate) fifo_words: u32,
     /// Value of `OTG_CID`.
     pub(crate) core_id: u32,
-    /// Returns whether the bus clock of the core is on, and why the transceiver cannot use the
-    /// cable, for lack of its supply or its pins; `None` if it can.
+    /// Returns whether the bus clock of the core is on, and why the transceiver is not connected to
+    /// the cable: it lacks its supply or its pins. `None` if it is connected.
     pub(crate) supply: fn(&Bus, &Slots) -> (bool, Option<&'static str>),
 }
 
@@ -123,19 +123,4 @@ fn f446_supply(bus: &Bus, slots: &Slots) -> (bool, Option<&'static str>) {
     let moder = register_value(bus, slots.gpioa, gpioa::Register::Moder);
     let afrh = register_value(bus, slots.gpioa, gpioa::Register::Afrh);
     (is_clocked, (!pins_are_usb(moder, afrh)).then_some(PINS))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn both_pins_must_have_the_alternate_function() {
-        assert!(pins_are_usb(0b1010 << 22, 0xAA << 12));
-        assert!(!pins_are_usb(0b1011 << 22, 0xAA << 12), "PA11 is analogue");
-        assert!(
-            !pins_are_usb(0b1010 << 22, 0x0A << 12),
-            "PA12 is function 0"
-        );
-    }
 }

@@ -72,7 +72,9 @@ impl Register {
             0x38 => Self::Gccfg,
             0x3C => Self::Cid,
             0x40 | 0x44 | 0x48 | 0x4C | 0x50 => Self::Undocumented(u32::try_from(offset).ok()?),
-            0x104..=0x120 => Self::Dieptxf(index(offset, 0x104, 4)? + 1),
+            0x104..=0x120 if offset.is_multiple_of(4) => {
+                Self::Dieptxf(usize::try_from((offset - 0x100) / 4).ok()?)
+            }
             0x800 => Self::Dcfg,
             0x804 => Self::Dctl,
             0x808 => Self::Dsts,
@@ -81,22 +83,18 @@ impl Register {
             0x818 => Self::Daint,
             0x81C => Self::Daintmsk,
             0x834 => Self::Diepempmsk,
-            0x900..=0xAFF => {
-                let endpoint = usize::try_from((offset - 0x900) / ENDPOINT_STRIDE).ok()?;
-                match (offset - 0x900) % ENDPOINT_STRIDE {
-                    0x00 => Self::Diepctl(endpoint),
-                    0x08 => Self::Diepint(endpoint),
-                    0x10 => Self::Dieptsiz(endpoint),
-                    0x18 => Self::Dtxfsts(endpoint),
-                    _ => return None,
-                }
-            }
-            0xB00..=0xCFF => {
-                let endpoint = usize::try_from((offset - 0xB00) / ENDPOINT_STRIDE).ok()?;
-                match (offset - 0xB00) % ENDPOINT_STRIDE {
-                    0x00 => Self::Doepctl(endpoint),
-                    0x08 => Self::Doepint(endpoint),
-                    0x10 => Self::Doeptsiz(endpoint),
+            0x900..=0xCFF => {
+                let is_in = offset < 0xB00;
+                let place = offset - if is_in { 0x900 } else { 0xB00 };
+                let endpoint = usize::try_from(place / ENDPOINT_STRIDE).ok()?;
+                match (is_in, place % ENDPOINT_STRIDE) {
+                    (true, 0x00) => Self::Diepctl(endpoint),
+                    (true, 0x08) => Self::Diepint(endpoint),
+                    (true, 0x10) => Self::Dieptsiz(endpoint),
+                    (true, 0x18) => Self::Dtxfsts(endpoint),
+                    (false, 0x00) => Self::Doepctl(endpoint),
+                    (false, 0x08) => Self::Doepint(endpoint),
+                    (false, 0x10) => Self::Doeptsiz(endpoint),
                     _ => return None,
                 }
             }
@@ -118,15 +116,6 @@ impl Register {
         };
         exists.then_some(register)
     }
-}
-
-/// Returns the index of `offset` in an array of registers that starts at `first`, `stride` bytes
-/// apart.
-fn index(offset: u64, first: u64, stride: u64) -> Option<usize> {
-    let from_first = offset - first;
-    from_first
-        .is_multiple_of(stride)
-        .then(|| usize::try_from(from_first / stride).ok())?
 }
 
 impl fmt::Display for Register {

@@ -42,6 +42,18 @@ impl Violations {
         }
     }
 
+    /// Records each of the `rules` that does not hold, with the section that states it.
+    pub(super) fn expect<const N: usize>(
+        &mut self,
+        at_ns: u64,
+        section: &str,
+        rules: [(bool, &str); N],
+    ) {
+        for (_, what) in rules.into_iter().filter(|(holds, _)| !holds) {
+            self.record(at_ns, format!("{what} ({section})"));
+        }
+    }
+
     /// Moves the violations of `other` into this list, and adds up the counts of equal texts.
     pub(super) fn take_from(&mut self, other: &mut Self) {
         for violation in other.0.drain(..) {

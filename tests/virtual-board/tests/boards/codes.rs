@@ -6,7 +6,7 @@ use link::Streams;
 use virtual_board::{BoardError, Cable, Frame, Kind, Model, ReceivedCode, VirtualBoard};
 
 use crate::images::Subject;
-use crate::session::{assert_sound, in_time, run_codes, running, worst_path};
+use crate::session::{assert_sound, in_time, pick, run_codes, running, worst_path};
 use crate::simulation::{HOP, Repeatable};
 
 /// Returns the number of codes to compare: 256 (16 s) for the default image of a board, 48 (3 s)
@@ -72,11 +72,11 @@ pub(crate) fn codes_equal_those_of_host_sim(subject: Subject) -> Result<(), Boar
 }
 
 fn received(frames: &[Frame]) -> Vec<ReceivedCode> {
-    let code = |frame: &Frame| match &frame.kind {
+    let code = |kind: &Kind| match kind {
         Kind::Code(code) => Some(code.clone()),
         _ => None,
     };
-    frames.iter().filter_map(code).collect()
+    pick(frames, code).collect()
 }
 
 /// Asserts that all buffers of DMA streams are in memory that DMA1 can access. On the chip, DMA1

@@ -1,11 +1,12 @@
 //! Commands to a streaming and to an idle board.
 
-use link::{Streams, ToDevice};
+use std::collections::HashSet;
 
-use virtual_board::{BoardError, Cable, Frame, Kind, VirtualBoard};
+use link::{Streams, ToDevice};
+use virtual_board::{BoardError, Cable, Kind, VirtualBoard};
 
 use crate::images::Subject;
-use crate::session::{acks, assert_sound, converters, run_codes, running, stats, streaming};
+use crate::session::{acks, assert_sound, converters, pick, run_codes, running, stats, streaming};
 
 /// Number of codes after which the device has reported its counts again, which it does each second.
 const A_REPORT: usize = 20;
@@ -66,17 +67,17 @@ pub(crate) fn damaged_bytes_destroy_only_their_commands(
     let counted = *stats(board.inbox().frames()).expect("a report each second");
     assert!(counted.input_bad > 0, "nothing was damaged: {counted:?}");
     assert!(counted.commands < COMMANDS + 2, "{counted:?}");
-    let mut answered: Vec<u32> = board.inbox().frames()[before..]
-        .iter()
-        .filter_map(|frame| match frame.kind {
-            Kind::Ack(ack) => Some(ack.of),
-            _ => None,
-        })
-        .collect();
-    let all = answered.len();
-    answered.sort_unstable();
-    answered.dedup();
-    assert_eq!(answered.len(), all, "a command was answered twice");
+    let of = |kind: &Kind| match kind {
+        Kind::Ack(ack) => Some(ack.of),
+        _ => None,
+    };
+    let answered: Vec<u32> = pick(&board.inbox().frames()[before..], of).collect();
+    let different: HashSet<_> = answered.iter().collect();
+    assert_eq!(
+        answered.len(),
+        different.len(),
+        "a command was answered twice"
+    );
 
     let before = acks(board.inbox().frames());
     for _ in 0..20 {
@@ -126,20 +127,16 @@ const SELF_TEST_US: u64 = 6_000_000;
 pub(crate) fn self_test_passes(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     board.send(&ToDevice::SelfTest);
-    let is_result = |frame: &Frame| matches!(frame.kind, Kind::SelfTest(_));
+    let mut found = None;
     board.run_until("the result of a self-test", SELF_TEST_US, |frames| {
-        frames.iter().any(is_result)
-    })?;
-    let results = board
-        .inbox()
-        .frames()
-        .iter()
-        .filter_map(|frame| match &frame.kind {
+        let mut results = pick(frames, |kind| match kind {
             Kind::SelfTest(result) => Some(result),
             _ => None,
         });
-    let results: Vec<_> = results.collect();
-    let result = results[0];
+        found = results.next().cloned();
+        found.is_some()
+    })?;
+    let result = found.expect("a result");
     assert_eq!(result.fault, "", "{result:?}");
     assert_eq!((result.chips.len(), result.channels.len()), (8, 64));
     assert_eq!((result.drdy_early, result.drdy_missed), (0, 0));

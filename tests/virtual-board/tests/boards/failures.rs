@@ -113,6 +113,6 @@ pub(crate) fn restarts_into_the_loader(subject: Subject) -> Result<(), BoardErro
     assert_eq!(acks(board.inbox().frames()), before + 1);
     assert!(board.is_in_loader(), "{}", board.diagnosis());
     let hz = board.core_hz()?;
-    assert_eq!(hz, subject.model.reset_hz());
+    assert_eq!(hz, subject.model.facts().reset_hz);
     assert_sound(&mut board)
 }

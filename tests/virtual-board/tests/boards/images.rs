@@ -41,7 +41,7 @@ impl Subject {
         let path = env::var_os(&variable).unwrap_or_else(|| {
             panic!(
                 "{variable} is not set; `cargo xtask board {}` builds the images and runs these tests",
-                self.model.key()
+                self.model.facts().key
             )
         });
         Image::read(Path::new(&path), self.model).unwrap_or_else(|error| panic!("{error}"))

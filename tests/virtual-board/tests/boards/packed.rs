@@ -4,16 +4,17 @@ use link::{AckResult, Streams, ToDevice};
 use virtual_board::{BoardError, Frame, Kind, ReceivedCode};
 
 use crate::images::Subject;
-use crate::session::{acks, assert_sound, in_time, run_frames, running, start, worst_path};
+use crate::session::{acks, assert_sound, in_time, pick, run_frames, running, start, worst_path};
 use crate::simulation::{HOP, Repeatable};
 
 /// Number of blocks to compare: more than from one block without prediction to the next.
 const BLOCKS: usize = 70;
 
-/// Time for which an image without the network streams all else at once, in seconds.
+/// Time for which an image without the network streams everything but codes and raw samples, in
+/// seconds.
 const SECONDS: usize = 3;
 
-/// Rate that the host asks for; the model has another one.
+/// Command for a rate that is not the model's default.
 const RATE: ToDevice = ToDevice::SetRate { rate: 6 };
 
 /// Packed blocks at a rate that the host chooses, and the planes of an audit, equal those of
@@ -53,14 +54,14 @@ pub(crate) fn codes_are_refused(subject: Subject) -> Result<(), BoardError> {
     let mut board = running(subject)?;
     for streams in [Streams::CODES, Streams::PACKED | Streams::CODES] {
         start(&mut board, streams)?;
-        let acks = board.inbox().frames().iter().rev();
-        let mut results = acks.filter_map(|frame| match frame.kind {
+        let result = |kind: &Kind| match kind {
             Kind::Ack(ack) => Some(ack.result),
             _ => None,
-        });
-        assert_eq!(results.next(), Some(AckResult::BadArgument));
+        };
+        let newest = pick(board.inbox().frames(), result).next_back();
+        assert_eq!(newest, Some(AckResult::BadArgument));
     }
-    // All else that its port carries, at once.
+    // All other streams that the UART can carry, at once.
     start(
         &mut board,
         Streams::ALL.without(Streams::CODES | Streams::RAW),
@@ -76,7 +77,7 @@ pub(crate) fn codes_are_refused(subject: Subject) -> Result<(), BoardError> {
 
 /// Returns index and planes of each audited window.
 fn audits(frames: &[Frame]) -> Vec<(u32, &[u8])> {
-    let audits = frames.iter().filter_map(|frame| match &frame.kind {
+    let audits = pick(frames, |kind| match kind {
         Kind::Audit { window, planes, .. } => Some((*window, &planes[..])),
         _ => None,
     });
@@ -84,11 +85,11 @@ fn audits(frames: &[Frame]) -> Vec<(u32, &[u8])> {
 }
 
 fn blocks(frames: &[Frame]) -> Vec<ReceivedCode> {
-    let block = |frame: &Frame| match &frame.kind {
+    let block = |kind: &Kind| match kind {
         Kind::PackedCode(code) => Some(code.clone()),
         _ => None,
     };
-    frames.iter().filter_map(block).collect()
+    pick(frames, block).collect()
 }
 
 /// Compressed samples, streamed together with codes, equal those of host-sim bit for bit, and
@@ -108,9 +109,9 @@ pub(crate) fn compressed_samples_equal_those_of_host_sim(
 }
 
 fn samples(frames: &[Frame]) -> Vec<Vec<u8>> {
-    let samples = |frame: &Frame| match &frame.kind {
+    let samples = |kind: &Kind| match kind {
         Kind::CompressedRaw(bytes) => Some(bytes.clone()),
         _ => None,
     };
-    frames.iter().filter_map(samples).collect()
+    pick(frames, samples).collect()
 }

@@ -1,4 +1,5 @@
-//! Common start and end of the scenarios.
+//! What the scenarios share: starting a board and its streams, picking messages from its frames,
+//! and the assertions at the end.
 
 use link::{Start, Streams, ToDevice};
 use virtual_board::{BoardError, Frame, Kind, Setup, VirtualBoard};
@@ -54,8 +55,8 @@ pub(crate) fn start(board: &mut VirtualBoard, streams: Streams) -> Result<(), Bo
     Ok(())
 }
 
-/// Asserts that the board has lost nothing and missed no deadline, and returns its newest
-/// durations.
+/// Asserts that the board has lost nothing and that no stage missed its deadline; returns the
+/// newest report of the stages' times.
 pub(crate) fn in_time(board: &VirtualBoard) -> link::Timing {
     let mut newest = None;
     for frame in board.inbox().frames() {
@@ -91,18 +92,24 @@ pub(crate) fn worst_path(timing: &link::Timing) -> f64 {
     worst.fold(0.0, f64::max)
 }
 
+/// Returns what `select` picks from the messages of frames.
+pub(crate) fn pick<'f, T>(
+    frames: &'f [Frame],
+    select: fn(&'f Kind) -> Option<T>,
+) -> impl DoubleEndedIterator<Item = T> {
+    frames.iter().filter_map(move |frame| select(&frame.kind))
+}
+
 /// Returns the number of acknowledgements received so far.
 pub(crate) fn acks(frames: &[Frame]) -> usize {
-    let is_ack = |frame: &&Frame| matches!(frame.kind, Kind::Ack(_));
-    frames.iter().filter(is_ack).count()
+    let is_ack = |kind: &Kind| matches!(kind, Kind::Ack(_)).then_some(());
+    pick(frames, is_ack).count()
 }
 
 /// Runs until `codes` more codes have been received.
 pub(crate) fn run_codes(board: &mut VirtualBoard, codes: usize) -> Result<(), BoardError> {
-    let count = |frames: &[Frame]| {
-        let is_code = |frame: &&Frame| matches!(frame.kind, Kind::Code(_));
-        frames.iter().filter(is_code).count()
-    };
+    let is_code = |kind: &Kind| matches!(kind, Kind::Code(_)).then_some(());
+    let count = |frames: &[Frame]| pick(frames, is_code).count();
     let before = count(board.inbox().frames());
     run_frames(board, codes, 62_500, |frames| count(frames) - before)
 }
@@ -122,32 +129,33 @@ pub(crate) fn run_frames(
 /// Returns the fault in the newest status of the converters since the device has started, empty if
 /// they run; `None` before the first status.
 pub(crate) fn converters(frames: &[Frame]) -> Option<&str> {
-    let is_hello = |frame: &&Frame| matches!(frame.kind, Kind::Hello { .. });
-    let since_hello = frames.iter().rev().take_while(|frame| !is_hello(frame));
-    let mut faults = since_hello.filter_map(|frame| match &frame.kind {
+    let is_hello = |frame: &Frame| matches!(frame.kind, Kind::Hello { .. });
+    let started = frames.iter().rposition(is_hello).unwrap_or(0);
+    let mut faults = pick(&frames[started..], |kind| match kind {
         Kind::Converters(converters) => Some(converters.fault.as_str()),
         _ => None,
     });
-    faults.next()
+    faults.next_back()
 }
 
 /// Returns the newest statistics of the device.
 pub(crate) fn stats(frames: &[Frame]) -> Option<&link::Stats> {
-    frames.iter().rev().find_map(|frame| match &frame.kind {
+    let mut stats = pick(frames, |kind| match kind {
         Kind::Stats(stats) => Some(&**stats),
         _ => None,
-    })
+    });
+    stats.next_back()
 }
 
 /// Returns the reset cause and the previous fault of each `Hello` received so far.
 pub(crate) fn greetings(frames: &[Frame]) -> Vec<(link::ResetCause, String)> {
-    let hello = |frame: &Frame| match &frame.kind {
+    let hello = |kind: &Kind| match kind {
         Kind::Hello {
             reset_cause, fault, ..
         } => Some((*reset_cause, fault.clone())),
         _ => None,
     };
-    frames.iter().filter_map(hello).collect()
+    pick(frames, hello).collect()
 }
 
 /// Asserts that there are no unexpected findings, as [`assert_no_findings`] does, and that every

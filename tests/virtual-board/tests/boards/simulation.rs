@@ -2,8 +2,6 @@
 
 use std::fmt::Debug;
 use std::ops::RangeInclusive;
-use std::thread;
-use std::time::Duration;
 
 use host_sim::{Identity, Outbox, VirtualBoard as Simulator, WhenFull};
 use link::{Encoder, MAX_FRAME, Start, Streams, ToDevice};
@@ -15,7 +13,7 @@ use crate::session::start;
 /// Number of samples between the starts of two windows or packed blocks.
 pub(crate) const HOP: u64 = 32;
 
-/// Run of a board, to be repeated by host-sim.
+/// A run of a board that host-sim repeats, to compare the frames of both.
 #[derive(Clone, Debug)]
 pub(crate) struct Repeatable {
     streams: Streams,
@@ -27,7 +25,8 @@ pub(crate) struct Repeatable {
 }
 
 impl Repeatable {
-    /// Sends `Start` to a board, after whose command `command` the run is to be repeated.
+    /// Sends `Start` to a board. `command` is the command that the board has received before and
+    /// that host-sim must execute too.
     pub(crate) fn start(
         board: &mut VirtualBoard,
         streams: Streams,
@@ -73,43 +72,24 @@ impl Repeatable {
 /// starting with sample `first`.
 fn simulated(streams: Streams, command: Option<ToDevice>, first: u64, samples: u64) -> Inbox {
     let outbox = Outbox::new(WhenFull::Wait);
-    let identity = Identity {
-        session_id: 0,
-        chip_uid: [0; 12],
-        ..Identity::default()
+    let mut board = Simulator::new(Identity::default(), Mains::default(), outbox.clone());
+    if let Some(command) = command {
+        let mut buffer = [0; MAX_FRAME];
+        let frame = Encoder::default().encode(0, &command, &mut buffer);
+        board.receive(frame.expect("a command fits a frame"), 0);
+    }
+    let start = Start {
+        streams,
+        mains_hz: 0,
     };
-    let mut board = Simulator::new(identity, Mains::default(), outbox.clone());
-    let bytes = thread::scope(|scope| {
-        let reader = scope.spawn(|| {
-            let mut bytes = Vec::new();
-            while let Some(frame) = outbox.pop() {
-                bytes.extend(frame);
-                outbox.mark_written();
-            }
-            bytes
-        });
-        if let Some(command) = command {
-            let mut buffer = [0; MAX_FRAME];
-            let frame = Encoder::default().encode(0, &command, &mut buffer);
-            board.receive(frame.expect("a command fits a frame"), 0);
-        }
-        let start = Start {
-            streams,
-            mains_hz: 0,
+    board.start(start, 0);
+    for number in 0..samples {
+        let sample = Sample {
+            counts: std::array::from_fn(|channel| electrode_count(first + number, channel)),
         };
-        board.start(start, 0);
-        for number in 0..samples {
-            let mut sample = Sample::default();
-            for (channel, count) in sample.counts.iter_mut().enumerate() {
-                *count = electrode_count(first + number, channel);
-            }
-            board.process_sample(&sample, number * 1_000_000 / 512);
-        }
-        outbox.drain(Duration::from_secs(20));
-        outbox.close();
-        reader.join().expect("the reader ends")
-    });
+        board.process_sample(&sample, number * 1_000_000 / 512);
+    }
     let mut inbox = Inbox::default();
-    inbox.decode(&bytes);
+    inbox.decode(&outbox.take_all().concat());
     inbox
 }

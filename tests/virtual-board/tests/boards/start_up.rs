@@ -1,4 +1,4 @@
-//! The start: from power-on until the converters run.
+//! The start of a board, from power-on until the converters run.
 
 use firmware::deadlines::priority;
 use link::ResetCause;
@@ -36,7 +36,7 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     };
     assert_eq!(
         (name.as_str(), *reset_cause, fault.as_str()),
-        (subject.model.name(), ResetCause::PowerOn, "")
+        (subject.model.facts().name, ResetCause::PowerOn, "")
     );
     assert!(
         hello.device_us < HELLO_US,
@@ -54,7 +54,7 @@ pub(crate) fn starts_up(subject: Subject) -> Result<(), BoardError> {
     for (number, frame) in (0..).zip(frames) {
         assert_eq!(frame.seq, number, "a frame is missing");
     }
-    assert_eq!(board.core_hz()?, subject.model.core_hz());
+    assert_eq!(board.core_hz()?, subject.model.facts().core_hz);
     // SCLK is 100 kHz for registers and 12.8 MHz for samples on the STM32H743, 82 kHz and 10.5 MHz
     // on the STM32F446 (docs/hardware.md). The converters run, so SCLK is that for samples.
     let burst_hz = board.sclk_hz();
@@ -92,7 +92,7 @@ pub(crate) fn starts_up_without_the_clock(subject: Subject) -> Result<(), BoardE
         fault.contains("8 MHz from the ST-LINK"),
         "Hello reports {fault:?}"
     );
-    assert_eq!(board.core_hz()?, subject.model.core_hz());
+    assert_eq!(board.core_hz()?, subject.model.facts().core_hz);
     assert_no_findings(&mut board)
 }
 
@@ -106,7 +106,7 @@ const COMMON: [Wanted; 6] = [
     ("SAI1, encode", 87, priority::ENCODE),
 ];
 
-/// Expected interrupt: source, line and priority.
+/// Source, line and priority of an interrupt that must be enabled.
 type Wanted = (&'static str, u16, u8);
 
 /// Returns the DMA interrupts of the converters' SPI (RM0433 rev 9, table 147; RM0390, table 38).

@@ -100,30 +100,30 @@ pub(crate) fn reconnects_after_unplugging(subject: Subject) -> Result<(), BoardE
     let mut board = streaming(subject, Streams::CODES)?;
     run_codes(&mut board, 4)?;
     let host = host(&board);
+    let answers = |board: &mut VirtualBoard| {
+        reach(board, State::Open)?;
+        ping(board, ANSWER_US)
+    };
+    let pull = |board: &mut VirtualBoard, us: u64| {
+        host.command(Command::Unplug);
+        board.run_for_us(us)?;
+        host.command(Command::Plug);
+        Ok::<_, BoardError>(())
+    };
     host.command(Command::PauseReading(true));
     board.run_for_us(200_000)?;
-    host.command(Command::Unplug);
-    board.run_for_us(500_000)?;
+    pull(&mut board, 500_000)?;
     host.command(Command::PauseReading(false));
-    host.command(Command::Plug);
-    reach(&mut board, State::Open)?;
-    ping(&mut board, ANSWER_US)?;
-
+    answers(&mut board)?;
     for early_us in EARLY_US.step_by(EARLY_STEP_US) {
-        host.command(Command::Unplug);
-        board.run_for_us(50_000)?;
-        host.command(Command::Plug);
+        pull(&mut board, 50_000)?;
         board.run_for_us(early_us)?;
-        host.command(Command::Unplug);
-        board.run_for_us(50_000)?;
-        host.command(Command::Plug);
-        reach(&mut board, State::Open)?;
-        ping(&mut board, ANSWER_US)?;
+        pull(&mut board, 50_000)?;
+        answers(&mut board)?;
     }
     host.command(Command::ResetBus);
     board.run_for_us(50_000)?;
-    reach(&mut board, State::Open)?;
-    ping(&mut board, ANSWER_US)?;
+    answers(&mut board)?;
     assert_eq!(converters(board.inbox().frames()), Some(""));
     assert_sound_but_cut_frames(&mut board)?;
     subject.record("usb_replugged", true);

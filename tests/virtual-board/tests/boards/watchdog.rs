@@ -36,7 +36,7 @@ pub(crate) fn watchdog_works_over_the_oscillator_range(subject: Subject) -> Resu
         };
         let mut board = running_with(subject, &setup)?;
         start(&mut board, Streams::CODES)?;
-        // Several times the watchdog's timeout, after a start that takes as long.
+        // One second is several times the watchdog's timeout. The start before it takes as long.
         board.run_for_us(1_000_000)?;
         assert_eq!(
             greetings(board.inbox().frames()).len(),

@@ -1,8 +1,8 @@
 //! Each file in `files/montages/` makes a model that streams: the codes of the pipeline equal those
-//! of the batch reference, these equal numpy's, and host-sim, built with the model, announces and
-//! streams it. The paper's montage has its trained model, whose codes host-sim also decodes; the
-//! others have random weights. corticode-node builds for a montage with few channels, and decodes
-//! its codes.
+//! of the batch reference, the reference's equal numpy's, and host-sim, built with the model,
+//! announces it and streams its codes. The paper's montage has its trained model, whose codes
+//! host-sim also decodes; the others have random weights. corticode-node builds for a montage with
+//! few channels, and decodes its codes.
 
 use std::fs;
 use std::path::Path;
@@ -17,17 +17,18 @@ use link::{Decoder, MAX_FRAME, ToHost};
 const NUMBERS: usize = 48;
 /// Montage of the model with which corticode-node is built, which has another gain than the others.
 const NODE_MONTAGE: &str = "cyton-8";
-/// Gain of that model.
+/// Gain of the ADC in [`NODE_MONTAGE`].
 const NODE_GAIN: u32 = 6;
-/// Seconds that host-sim plays.
+/// Duration of the synthetic EEG that host-sim plays, in seconds.
 const SECONDS: u64 = 6;
 
 /// Montage of the trained model in `signal/model/paper`.
 const TRAINED_MONTAGE: &str = "paper-61";
 
-/// Builds what streams each model: the simulator, and the comparison of the pipeline with its batch
-/// reference.
+/// Cargo arguments that build, for each model, the simulator and the test that compares the
+/// pipeline with its batch reference.
 const BUILD: &str = "build --workspace --bin=host-sim --test=streaming_equals_batch";
+/// Name of that test.
 const COMPARISON: &str = "streaming_equals_batch";
 /// Tests of corticode-node, in the same call of cargo: a selection of its own package alone would
 /// compile most crates again with other features.

@@ -13,8 +13,8 @@ use acceptance::programs::{programs, trainer};
 use acceptance::{other_model, workspace};
 use artifact::Artifact;
 
-/// Starts of the commands that other tests cover, because they take minutes or need a board: the
-/// cost of a model (`bench`), virtual boards (`cargo xtask board`).
+/// Beginnings of the page's commands that are left out, because they take minutes or need a board.
+/// Other tests cover them: the cost of a model (`bench`), virtual boards (`cargo xtask board`).
 const ELSEWHERE: [&str; 3] = [
     "cargo build --release --package trainer",
     "cargo xtask",
@@ -69,13 +69,13 @@ fn the_commands_of_the_page_decode_the_codes_of_a_cap_with_eight_electrodes() {
         }
     }
     script += "wait\n";
-    // Another test, or a program of this machine's user, can have the page's port.
+    // Replace the page's port, which another test or program may be using.
     let port = free_port().expect("a free port");
     let free = format!("127.0.0.1:{port}");
     assert!(script.contains(PORT), "{script}");
     let script = script.replace(PORT, &free);
     println!("{script}");
-    // Another build would replace the page's host-sim.
+    // No other test may build meanwhile: its build would replace the host-sim that the page starts.
     let _builds = exclusive();
     let output = Command::new("sh")
         .args(["-c", &script])
@@ -152,7 +152,7 @@ fn commands() -> Vec<String> {
 }
 
 /// Writes a recording of low-pass-filtered sources, mixed with the same weights in every recording.
-/// The content decides the format, not the file's name.
+/// It is a GDF file whatever its name: readers go by the content.
 fn write_recording(path: &Path, seed: u32) {
     let mut noise = noise(seed);
     let mut sources = [0.0_f32; 3];

@@ -64,9 +64,9 @@ const FORMATS: [CodeFormat; 3] = [
     CodeFormat::Int8,
 ];
 
-/// Builds the tests that compare the pipeline with its batch references.
+/// Cargo arguments that build the test of the network's codes for a model.
 const BUILD: &str = "build --workspace --test=streaming_equals_batch";
-/// Test of the packed code.
+/// Argument in addition to [`BUILD`] that also builds the test of the packed code.
 const PACKED: &str = " --test=packed_equals_batch";
 
 #[test]

@@ -1,5 +1,5 @@
 use super::*;
-use crate::usb::endpoint::{Handshake, Input};
+use crate::usb::endpoint::Handshake;
 use crate::usb::instance::H743_USB2;
 use crate::usb::register::epctl;
 
@@ -13,8 +13,6 @@ const GRXFSIZ: u64 = 0x24;
 const GCCFG: u64 = 0x38;
 const DCFG: u64 = 0x800;
 const DCTL: u64 = 0x804;
-const DAINTMSK: u64 = 0x81C;
-const DOEPMSK: u64 = 0x814;
 const FIFO_2: u64 = 0x3000;
 
 const fn dieptxf(n: u64) -> u64 {
@@ -146,26 +144,6 @@ fn a_core_soft_reset_takes_time() {
 }
 
 #[test]
-fn the_end_of_the_setup_stage_is_reported_at_the_next_token() {
-    let mut core = configured();
-    let setup = [0x80, 6, 0, 1, 0, 0, 64, 0];
-    assert_eq!(core.setup(0, setup), Handshake::Ack);
-    assert!(core.interrupt());
-    assert_eq!(core.get(GRXSTSP), 8 << 4 | 6 << 17);
-    assert_eq!(core.get(0x1000), 0x0100_0680);
-    assert_eq!(core.get(0x1000), 0x0040_0000);
-    assert_eq!(core.get(GINTSTS) & gintsts::RXFLVL, 0);
-    core.put(DOEPMSK, epint::STUP);
-    core.put(DAINTMSK, 1 << 16);
-    assert_eq!(core.input(0, 0), Input::Nak);
-    assert_eq!(core.get(GRXSTSP), 4 << 17);
-    assert_ne!(core.get(GINTSTS) & gintsts::OEPINT, 0);
-    core.put(0xB08, epint::STUP);
-    assert_eq!(core.get(GINTSTS) & gintsts::OEPINT, 0);
-    assert_eq!(core.violation_texts(), [] as [String; 0]);
-}
-
-#[test]
 fn reading_an_empty_receive_fifo_is_reported() {
     let mut core = configured();
     core.get(GRXSTSP);
@@ -205,30 +183,6 @@ fn an_out_packet_is_accepted_once_and_its_transfer_is_reported() {
         "repeated"
     );
     assert_eq!(core.get(GINTSTS) & gintsts::RXFLVL, 0, "and dropped");
-}
-
-#[test]
-fn an_in_transfer_is_enabled_loaded_and_sent() {
-    let mut core = configured();
-    enable(&mut core, diepctl(2), 5);
-    core.put(FIFO_2, 0x0403_0201);
-    assert!(!core.answers_in(2));
-    assert_eq!(core.input(0, 2), Input::Nak);
-    core.put(FIFO_2, 5);
-    assert!(core.answers_in(2));
-    let bytes = vec![1, 2, 3, 4, 5];
-    let data1 = false;
-    assert_eq!(core.input(0, 2), Input::Packet { bytes, data1 });
-    assert_eq!(core.input(0, 2), Input::Nak);
-    let flags = core.peek(Register::Diepint(2));
-    assert_eq!(flags, epint::ITTXFE | epint::XFRC | epint::TXFE);
-    assert_eq!(core.peek(Register::Diepctl(2)) & epctl::EPENA, 0);
-    for data1 in [true, false] {
-        enable(&mut core, diepctl(2), 0);
-        let bytes = Vec::new();
-        assert_eq!(core.input(0, 2), Input::Packet { bytes, data1 });
-    }
-    assert_eq!(core.violation_texts(), [] as [String; 0]);
 }
 
 #[test]
@@ -311,20 +265,6 @@ fn an_out_endpoint_can_be_disabled_only_after_the_global_nak() {
 }
 
 #[test]
-fn an_address_takes_effect_after_the_status_stage() {
-    let mut core = configured();
-    core.setup(0, [0, 5, 9, 0, 0, 0, 0, 0]);
-    core.input(0, 0);
-    core.put(DCFG, 3 | 9 << 4);
-    core.put(0x910, 1 << 19);
-    core.put(diepctl(0), epctl::CNAK | epctl::EPENA);
-    assert_eq!(core.input(9, 0), Input::Silent);
-    assert!(matches!(core.input(0, 0), Input::Packet { .. }));
-    assert_eq!(core.input(0, 0), Input::Silent);
-    assert_eq!(core.input(9, 0), Input::Nak);
-}
-
-#[test]
 fn frame_numbers_and_flags_follow_virtual_time() {
     let mut core = configured();
     core.set_now(700_000);
@@ -342,23 +282,6 @@ fn frame_numbers_and_flags_follow_virtual_time() {
     assert_eq!(core.next_frame_interrupt(), None, "masked");
     core.put(GINTMSK, gintsts::SOF);
     assert_eq!(core.next_frame_interrupt(), Some(2_000_000));
-}
-
-#[test]
-fn suspend_resume_and_reset_are_reported() {
-    let mut core = configured();
-    enable(&mut core, diepctl(2), 4);
-    core.set_frames(false);
-    core.suspend();
-    assert_eq!(core.get(GINTSTS) & gintsts::USBSUSP, gintsts::USBSUSP);
-    assert_eq!(core.get(0x808) & 1, 1);
-    core.resume();
-    assert_eq!(core.get(GINTSTS) & gintsts::WKUPINT, gintsts::WKUPINT);
-    core.start_reset();
-    assert_eq!(core.get(GINTSTS) & gintsts::USBRST, gintsts::USBRST);
-    assert!(core.interrupt());
-    let control = core.peek(Register::Diepctl(2));
-    assert_eq!(control & (epctl::USBAEP | epctl::EPENA), epctl::EPENA);
 }
 
 #[test]

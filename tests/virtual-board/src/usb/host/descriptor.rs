@@ -79,22 +79,6 @@ pub(super) struct SerialPort {
     pub(super) notification: EndpointDescriptor,
 }
 
-/// Records the rules of the specification that a descriptor violates.
-struct Checker<'a> {
-    now: u64,
-    violations: &'a mut Violations,
-}
-
-impl Checker<'_> {
-    /// Records each rule that does not hold, with the section that states it.
-    fn expect<const N: usize>(&mut self, section: &str, rules: [(bool, &str); N]) {
-        for (_, what) in rules.into_iter().filter(|(holds, _)| !holds) {
-            let text = format!("{what} ({section})");
-            self.violations.record(self.now, text);
-        }
-    }
-}
-
 fn word(bytes: &[u8], at: usize) -> u16 {
     u16::from_le_bytes([byte(bytes, at), byte(bytes, at + 1)])
 }
@@ -130,7 +114,7 @@ impl Descriptors {
             ),
             (self.vendor != 0, "idVendor is 0"),
         ];
-        Checker { now, violations }.expect("device descriptor, USB 2.0, 9.6.1", rules);
+        violations.expect(now, "device descriptor, USB 2.0, 9.6.1", rules);
     }
 
     /// Parses and checks the configuration descriptor and the descriptors that it contains.
@@ -140,7 +124,6 @@ impl Descriptors {
         now: u64,
         violations: &mut Violations,
     ) {
-        let mut checker = Checker { now, violations };
         let section = "configuration descriptor, USB 2.0, 9.6.3";
         self.configuration = byte(bytes, 5);
         let is_whole = usize::from(word(bytes, 2)) == bytes.len();
@@ -154,18 +137,22 @@ impl Descriptors {
             (self.configuration != 0, "bConfigurationValue is 0"),
             (byte(bytes, 8) <= 250, "more than 500 mA"),
         ];
-        checker.expect(section, rules);
+        violations.expect(now, section, rules);
         self.interfaces.clear();
         let mut rest = bytes.get(9..).unwrap_or_default();
         let mut expected = 0;
         while !rest.is_empty() {
             let length = usize::from(byte(rest, 0));
             if length < 2 || length > rest.len() {
-                checker.expect(section, [(false, "a descriptor in it has a wrong length")]);
+                violations.expect(
+                    now,
+                    section,
+                    [(false, "a descriptor in it has a wrong length")],
+                );
                 break;
             }
             let (one, after) = rest.split_at(length);
-            expected += self.add(one, &mut checker);
+            expected += self.add(one, now, violations);
             rest = after;
         }
         let interfaces = &self.interfaces;
@@ -181,7 +168,7 @@ impl Descriptors {
                 "bNumInterfaces is not the number of interfaces",
             ),
         ];
-        checker.expect(section, rules);
+        violations.expect(now, section, rules);
     }
 
     /// Parses and checks the BOS descriptor, which lists the device's capabilities.
@@ -206,7 +193,7 @@ impl Descriptors {
                 "bNumDeviceCaps is not their number",
             ),
         ];
-        Checker { now, violations }.expect("BOS descriptor, USB 3.2, 9.6.2", rules);
+        violations.expect(now, "BOS descriptor, USB 3.2, 9.6.2", rules);
     }
 
     /// Finds the control interface and the endpoints of the serial port; `None` if the device has
@@ -235,7 +222,7 @@ impl Descriptors {
                 "the header is not the first functional descriptor",
             ),
         ];
-        Checker { now, violations }.expect("CDC 1.2, 3.4 and 5.2", rules);
+        violations.expect(now, "CDC 1.2, 3.4 and 5.2", rules);
         let find = |interface: &Interface, attributes: u8, is_in: bool| {
             let fits = |e: &&EndpointDescriptor| {
                 e.attributes & 3 == attributes && (e.address & 0x80 != 0) == is_in
@@ -252,7 +239,7 @@ impl Descriptors {
 
     /// Adds a descriptor within the configuration. If it is an interface descriptor, returns the
     /// number of endpoints that it declares, otherwise 0.
-    fn add(&mut self, bytes: &[u8], checker: &mut Checker<'_>) -> usize {
+    fn add(&mut self, bytes: &[u8], now: u64, violations: &mut Violations) -> usize {
         match byte(bytes, 1) {
             kind::INTERFACE => {
                 let (number, is_alternate) = (byte(bytes, 2), byte(bytes, 3) != 0);
@@ -261,7 +248,7 @@ impl Descriptors {
                     (bytes.len() == 9, "its length is not 9"),
                     (is_next || is_alternate, "its number is not the next one"),
                 ];
-                checker.expect("interface descriptor, USB 2.0, 9.6.5", rules);
+                violations.expect(now, "interface descriptor, USB 2.0, 9.6.5", rules);
                 if !is_alternate {
                     self.interfaces.push(Interface {
                         number,
@@ -292,7 +279,7 @@ impl Descriptors {
                     (is_new, "its address is taken"),
                     (!self.interfaces.is_empty(), "it comes before any interface"),
                 ];
-                checker.expect("endpoint descriptor, USB 2.0, 9.6.6", rules);
+                violations.expect(now, "endpoint descriptor, USB 2.0, 9.6.6", rules);
                 if let Some(interface) = self.interfaces.last_mut() {
                     interface.endpoints.push(endpoint);
                 }
@@ -317,7 +304,7 @@ pub(super) fn parse_string(bytes: &[u8], now: u64, violations: &mut Violations) 
         (length.is_multiple_of(2), "its length is odd"),
         (byte(bytes, 1) == kind::STRING, "its type is not 3"),
     ];
-    Checker { now, violations }.expect("string descriptor, USB 2.0, 9.6.7", rules);
+    violations.expect(now, "string descriptor, USB 2.0, 9.6.7", rules);
     let (units, _) = bytes.get(2..).unwrap_or_default().as_chunks::<2>();
     let units: Vec<u16> = units.iter().map(|unit| word(unit, 0)).collect();
     String::from_utf16_lossy(&units)

@@ -68,9 +68,6 @@ pub(super) struct Serial {
     pub(super) received: Vec<u8>,
     pub(super) outgoing: VecDeque<u8>,
     requests: VecDeque<Request>,
-    /// Numbers of packets received on bulk IN, of all and of the empty ones.
-    pub(super) packets_in: u64,
-    pub(super) empty_packets_in: u64,
 }
 
 impl Serial {
@@ -193,8 +190,6 @@ impl Serial {
                 let Some(bytes) = received else {
                     return;
                 };
-                self.packets_in += 1;
-                self.empty_packets_in += u64::from(bytes.is_empty());
                 let ends = bytes.len() < ports.input.max_packet.into();
                 self.read.extend(bytes);
                 if ends || self.read.len() >= READ_BYTES {

@@ -1,162 +1,174 @@
-//! Tests of the host with a device, which consists of a small driver and the model of the core.
+//! What the host reports of a device that breaks a rule, and how it treats short packets. The
+//! images on virtual boards are devices that follow the rules.
 
-mod gadget;
+use rigless::soc::Width;
 
-use self::gadget::{Fault, Gadget};
+use super::control::{Outcome, Setup, Wire};
+use super::enumeration::Next;
+use super::serial::Pipe;
 use super::*;
 use crate::usb::core::Supply;
 use crate::usb::instance::H743_USB2;
+use crate::usb::register::epctl::{CNAK, EPENA, SD0PID, USBAEP};
 
-const MS: u64 = 1_000_000;
+const DEVICE: [u8; 18] = [
+    18, 1, 0x10, 2, 0xEF, 2, 1, 64, 9, 0x12, 1, 0, 0, 1, 0, 1, 0, 1,
+];
+const CONFIGURATION: [u8; 62] = [
+    9, 2, 62, 0, 2, 1, 0, 0x80, 50, //
+    9, 4, 0, 0, 1, 2, 2, 0, 0, //
+    5, 0x24, 0, 0x10, 1, 4, 0x24, 2, 2, 5, 0x24, 6, 0, 1, //
+    7, 5, 0x81, 3, 8, 0, 255, //
+    9, 4, 1, 0, 2, 0x0A, 0, 0, 0, //
+    7, 5, 1, 2, 64, 0, 0, //
+    7, 5, 0x82, 2, 64, 0, 0,
+];
 
-/// A host and a device with a common virtual time; the device consists of the core and its driver.
-struct Bench {
-    host: Host,
+/// A core that a driver has configured and connected, with the bulk endpoint 2 IN, at virtual
+/// time 0.
+struct Device {
     core: Core,
-    gadget: Gadget,
-    now: u64,
+    violations: Violations,
 }
 
-impl Bench {
-    fn new(fault: Fault) -> Self {
+impl Device {
+    fn new() -> Self {
         let mut core = Core::new(&H743_USB2);
         core.supply = Supply {
             clocked: true,
             ..Supply::default()
         };
-        let gadget = Gadget::start(&mut core, fault);
-        let mut host = Host::default();
-        host.commands.push_back(Command::Plug);
-        let now = 0;
-        Self {
-            host,
-            core,
-            gadget,
-            now,
+        core.set_vbus(true);
+        for (offset, value) in [
+            // Device mode, transceiver, session, full speed, connection; then the FIFOs' layout.
+            (0x0C, 1 << 30 | 6 << 10),
+            (0x38, 1 << 16),
+            (0x00, 3 << 6),
+            (0x800, 3),
+            (0x804, 0),
+            (0x24, 64),
+            (0x28, 16 << 16 | 64),
+            (0x108, 0x0010_0060),
+            (0x940, USBAEP | 2 << 18 | 2 << 22 | SD0PID | 64),
+        ] {
+            core.write(offset, Width::W32, value);
+        }
+        let violations = Violations::default();
+        Self { core, violations }
+    }
+
+    fn wire(&mut self) -> Wire<'_> {
+        Wire {
+            core: &mut self.core,
+            address: 0,
+            now: 0,
+            violations: &mut self.violations,
         }
     }
 
-    fn command(&mut self, command: Command) {
-        self.host.commands.push_back(command);
-    }
-
-    /// Runs for `ns` of virtual time.
-    fn run(&mut self, ns: u64) {
-        let end = self.now + ns;
-        loop {
-            self.core.set_now(self.now);
-            self.host.step(self.now, &mut self.core);
-            self.gadget.service(&mut self.core);
-            let next = self.host.step(self.now, &mut self.core);
-            match next.filter(|&at| at < end) {
-                Some(at) => self.now = at.max(self.now + 1),
-                None => break,
-            }
+    /// Enables an IN endpoint, with other bits of its control register, and writes a packet to its
+    /// FIFO.
+    fn load(&mut self, endpoint: u64, bits: u32, packet: &[u8]) {
+        let (control, size) = (0x900 + 0x20 * endpoint, packet.len());
+        let size = u32::try_from(size).expect("a short packet");
+        let core = &mut self.core;
+        core.write(control + 0x10, Width::W32, 1 << 19 | size);
+        let before = core.read(control, Width::W32);
+        core.write(control, Width::W32, before | bits | CNAK | EPENA);
+        for chunk in packet.chunks(4) {
+            let mut word = [0; 4];
+            word[..chunk.len()].copy_from_slice(chunk);
+            let fifo = 0x1000 * (endpoint + 1);
+            core.write(fifo, Width::W32, u32::from_le_bytes(word));
         }
-        self.now = end;
-    }
-
-    fn violations(&self) -> Vec<String> {
-        let all = self.host.violations().to_vec();
-        all.into_iter().map(|violation| violation.text).collect()
-    }
-
-    /// Returns a bench whose device is configured and whose port is open.
-    fn opened() -> Self {
-        let mut bench = Self::new(Fault::None);
-        bench.run(400 * MS);
-        bench.command(Command::Open(true));
-        bench.run(50 * MS);
-        assert_eq!(bench.host.state(), State::Open);
-        bench
     }
 }
 
-const NONE: [String; 0] = [];
-
-#[test]
-fn the_port_opens_with_its_line_coding_and_dtr_and_closes() {
-    let mut bench = Bench::opened();
-    assert!(bench.gadget.dtr);
-    assert_eq!(bench.gadget.line_coding, [0, 0xC2, 1, 0, 0, 0, 8]);
-    bench.command(Command::Open(false));
-    bench.run(10 * MS);
-    assert!(!bench.gadget.dtr);
-    assert_eq!(bench.host.state(), State::Configured);
-    assert_eq!(bench.violations(), NONE);
-}
-
-#[test]
-fn bytes_pass_once_and_in_order_in_both_directions() {
-    let mut bench = Bench::opened();
-    let bytes: Vec<u8> = (0..1_000_u32).map(|n| n.to_le_bytes()[0]).collect();
-    bench.command(Command::Send(bytes.clone()));
-    bench.gadget.send(&bytes);
-    bench.run(100 * MS);
-    assert_eq!(bench.gadget.received, bytes);
-    assert_eq!(bench.host.take_received(), bytes);
-    assert_eq!(bench.host.take_received(), []);
-    assert_eq!(bench.host.serial.packets_in, 16);
-    assert_eq!(bench.violations(), NONE);
+#[track_caller]
+fn assert_reports(violations: &Violations, part: &str) {
+    let found = violations.to_vec();
+    assert!(found.iter().any(|v| v.text.contains(part)), "{found:?}");
 }
 
 #[test]
 fn a_program_receives_a_full_packet_only_after_a_short_one() {
-    let mut bench = Bench::opened();
-    bench.gadget.ends_transfers = false;
-    bench.gadget.send(&[7; 64]);
-    bench.run(10 * MS);
-    assert_eq!(bench.host.take_received(), []);
-    bench.gadget.ends_transfers = true;
-    bench.gadget.send(&[8; 64]);
-    bench.run(10 * MS);
-    let received = bench.host.take_received();
-    assert_eq!(
-        (received[..64].to_vec(), received.len()),
-        (vec![7; 64], 128)
-    );
-    assert_eq!(bench.host.serial.empty_packets_in, 1);
-}
-
-#[test]
-fn an_idle_bus_needs_no_events() {
-    let mut bench = Bench::opened();
-    assert_eq!(bench.host.step(bench.now, &mut bench.core), None);
+    let mut device = Device::new();
+    let mut descriptors = Descriptors::default();
+    descriptors.parse_configuration(&CONFIGURATION, 0, &mut device.violations);
+    let port = descriptors.find_serial_port(0, &mut device.violations);
+    assert!(device.violations.to_vec().is_empty(), "of the descriptors");
+    let mut serial = Serial::default();
+    serial.connect(port.expect("a serial port"));
+    serial.wanted = true;
+    while serial.next_request().is_some() {
+        serial.complete_request(&[], 0, &mut device.violations);
+    }
+    for (packet, received) in [(&[7; 64][..], 0), (&[], 64)] {
+        device.load(2, 0, packet);
+        serial.perform(Pipe::Input, &mut device.wire());
+        assert_eq!(serial.received.len(), received);
+    }
 }
 
 #[test]
 fn a_device_that_does_not_respond_is_enumerated_three_times() {
-    let mut bench = Bench::new(Fault::Mute);
-    bench.run(20_000 * MS);
-    let violations = bench.host.violations().to_vec();
-    let [violation] = &violations[..] else {
-        panic!("{violations:?}");
-    };
-    assert_eq!(violation.count, 3);
-    let named = violation.text.contains("timeout: request 80 06 value 0100");
-    assert!(named, "{violation}");
+    let (mut core, mut host, mut now) = (Device::new().core, Host::default(), 0);
+    host.commands.push_back(Command::Plug);
+    while let Some(next) = host.step(now, &mut core) {
+        now = next.max(now + 1);
+        core.set_now(now);
+    }
+    let enumeration = host.violations.to_vec();
+    let mut timeouts = enumeration.iter();
+    let timeout = timeouts.find(|v| v.text.contains("timeout: request 80 06 value 0100"));
+    assert_eq!(timeout.map(|v| v.count), Some(3), "{enumeration:?}");
+    assert_eq!(host.state(), State::Attached);
 }
 
 #[test]
-fn faults_of_descriptors_and_protocol_are_reported() {
-    for (fault, named) in [
+fn faults_of_descriptors_are_reported() {
+    for (place, value, named) in [
         (
-            Fault::TotalLength,
+            2,
+            70,
             "wTotalLength is not its length (configuration descriptor",
         ),
-        (Fault::NoBos, "the BOS descriptor has 0 bytes"),
-        (
-            Fault::PacketSize,
-            "its packet size or interval at full speed",
-        ),
-        (Fault::Toggle, "wrong data toggle (USB 2.0, 8.5.3)"),
+        (59, 65, "its packet size or interval at full speed"),
     ] {
-        let mut bench = Bench::new(fault);
-        bench.run(7_000 * MS);
-        let violations = bench.violations();
-        assert!(
-            violations.iter().any(|v| v.contains(named)),
-            "{fault:?}: {violations:?}"
-        );
+        let (mut bytes, mut violations) = (CONFIGURATION, Violations::default());
+        bytes[place] = value;
+        Descriptors::default().parse_configuration(&bytes, 0, &mut violations);
+        assert_reports(&violations, named);
     }
+}
+
+#[test]
+fn a_device_that_states_usb_2_1_without_a_bos_descriptor_is_reported() {
+    let (mut enumeration, mut violations) = (Enumeration::new(), Violations::default());
+    for answer in [&DEVICE[..], &[], &DEVICE[..8], &DEVICE] {
+        enumeration.on_response(answer, 0, &mut violations);
+    }
+    assert_eq!(enumeration.on_stall(), Next::Request, "to the qualifier");
+    assert_eq!(
+        enumeration.on_response(&[], 0, &mut violations),
+        Next::Request
+    );
+    assert_reports(&violations, "the BOS descriptor has 0 bytes");
+}
+
+#[test]
+fn a_data_stage_that_starts_with_data0_is_reported() {
+    let mut device = Device::new();
+    let setup = Setup {
+        request_type: 0x80,
+        request: 6,
+        value: 0x0100,
+        index: 0,
+        length: 18,
+    };
+    let mut transfer = Transfer::new(setup, 64, Vec::new(), 0);
+    assert_eq!(transfer.perform(&mut device.wire()), Outcome::Pending);
+    device.load(0, SD0PID, &DEVICE);
+    assert_eq!(transfer.perform(&mut device.wire()), Outcome::Pending);
+    assert_reports(&device.violations, "wrong data toggle (USB 2.0, 8.5.3)");
 }

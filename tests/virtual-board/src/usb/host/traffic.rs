@@ -1,8 +1,8 @@
 //! Scheduling of the host's transactions, one at a time.
 
-use super::control::{Outcome, Setup, Transfer, Wire};
+use super::control::{Outcome, Transfer, Wire};
 use super::enumeration::Next;
-use super::{Host, Phase, Purpose};
+use super::{Host, Phase};
 use crate::usb::core::Core;
 
 /// Duration of one byte at 12 Mbit/s, in ns.
@@ -29,10 +29,7 @@ impl Host {
         if transaction.is_none() {
             self.busy_until = None;
         }
-        let deadline = self
-            .transfer
-            .as_ref()
-            .map(|(_, transfer)| transfer.deadline());
+        let deadline = self.transfer.as_ref().map(Transfer::deadline);
         transaction.into_iter().chain(deadline).min()
     }
 
@@ -45,7 +42,7 @@ impl Host {
     fn next_transaction_len(&self, core: &Core) -> Option<usize> {
         let control = self.transfer.as_ref();
         control
-            .and_then(|(_, transfer)| transfer.next_len(core))
+            .and_then(|transfer| transfer.next_len(core))
             .or_else(|| self.serial.next_transaction(core).map(|(_, len)| len))
     }
 
@@ -60,73 +57,58 @@ impl Host {
             self.busy_until = None;
             self.free_at = now;
             self.transact(now, core);
-        } else if let Some((purpose, transfer)) = self.transfer.take() {
+        } else if let Some(transfer) = self.transfer.take() {
             let why = format!("timeout: {}", transfer.describe());
-            self.transfer_failed(purpose, &why, now, core);
+            self.transfer_failed(&why, now, core);
         }
     }
 
     fn start_transfer(&mut self, now: u64) {
-        let (purpose, setup, data): (Purpose, Setup, Vec<u8>) =
-            if let Some(enumeration) = &self.enumeration {
-                (Purpose::Enumerate, enumeration.request(), Vec::new())
-            } else if let Some(request) = self.serial.next_request() {
-                let (setup, data) = self.serial.setup(request);
-                (Purpose::Serial(request), setup, data)
-            } else {
-                return;
-            };
-        let device = self
-            .enumeration
-            .as_ref()
-            .map(|e| &e.device)
-            .or(self.device.as_ref());
+        let (setup, data) = if let Some(enumeration) = &self.enumeration {
+            (enumeration.request(), Vec::new())
+        } else if let Some(request) = self.serial.next_request() {
+            self.serial.setup(request)
+        } else {
+            return;
+        };
+        let enumerated = self.enumeration.as_ref().map(|e| &e.device);
+        let device = enumerated.or(self.device.as_ref());
         let max_packet = device.map_or(64, |device| device.max_packet_0).into();
-        let transfer = Transfer::new(setup, max_packet, data, now);
-        self.transfer = Some((purpose, transfer));
+        self.transfer = Some(Transfer::new(setup, max_packet, data, now));
     }
 
     fn transact(&mut self, now: u64, core: &mut Core) {
-        let Some((purpose, mut transfer)) =
-            self.transfer.take_if(|(_, t)| t.next_len(core).is_some())
-        else {
-            if let Some((pipe, _)) = self.serial.next_transaction(core) {
-                let mut wire = Wire {
-                    core,
-                    address: self.address,
-                    now,
-                    violations: &mut self.violations,
-                };
-                self.serial.perform(pipe, &mut wire);
-            }
-            return;
-        };
-        match transfer.perform(&mut Wire {
+        let transfer = self
+            .transfer
+            .take_if(|transfer| transfer.next_len(core).is_some());
+        let mut wire = Wire {
             core,
             address: self.address,
             now,
             violations: &mut self.violations,
-        }) {
-            Outcome::Pending => self.transfer = Some((purpose, transfer)),
-            Outcome::Done(data) => self.transfer_done(purpose, &data, now, core),
-            Outcome::Failed(why) => self.transfer_failed(purpose, &why, now, core),
-            Outcome::Stalled => match (purpose, &mut self.enumeration) {
-                (Purpose::Enumerate, Some(enumeration)) => {
-                    let next = enumeration.on_stall();
-                    self.continue_enumeration(next, now, core);
-                }
-                _ => self.transfer_failed(purpose, "rejected with STALL", now, core),
-            },
-        }
-    }
-
-    fn transfer_done(&mut self, purpose: Purpose, data: &[u8], now: u64, core: &mut Core) {
-        if let Purpose::Serial(_) = purpose {
-            self.serial
-                .complete_request(data, now, &mut self.violations);
-        } else if let Some(enumeration) = &mut self.enumeration {
-            let next = enumeration.on_response(data, now, &mut self.violations);
-            self.continue_enumeration(next, now, core);
+        };
+        let Some(mut transfer) = transfer else {
+            if let Some((pipe, _)) = self.serial.next_transaction(wire.core) {
+                self.serial.perform(pipe, &mut wire);
+            }
+            return;
+        };
+        match (transfer.perform(&mut wire), &mut self.enumeration) {
+            (Outcome::Pending, _) => self.transfer = Some(transfer),
+            (Outcome::Failed(why), _) => self.transfer_failed(&why, now, core),
+            (Outcome::Done(data), Some(enumeration)) => {
+                let next = enumeration.on_response(&data, now, &mut self.violations);
+                self.continue_enumeration(next, now, core);
+            }
+            (Outcome::Done(data), None) => {
+                self.serial
+                    .complete_request(&data, now, &mut self.violations);
+            }
+            (Outcome::Stalled, Some(enumeration)) => {
+                let next = enumeration.on_stall();
+                self.continue_enumeration(next, now, core);
+            }
+            (Outcome::Stalled, None) => self.transfer_failed("rejected with STALL", now, core),
         }
     }
 
@@ -148,8 +130,8 @@ impl Host {
         }
     }
 
-    fn transfer_failed(&mut self, purpose: Purpose, why: &str, now: u64, core: &mut Core) {
-        if purpose == Purpose::Enumerate {
+    fn transfer_failed(&mut self, why: &str, now: u64, core: &mut Core) {
+        if self.enumeration.is_some() {
             self.enumeration_failed(why, now, core);
         } else {
             self.violations.record(now, format!("serial port: {why}"));

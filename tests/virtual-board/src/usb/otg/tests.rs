@@ -1,9 +1,7 @@
-use rigless::device::ResetCause;
-use rigless::mcu::{Mcu, Operate};
+use rigless::mcu::Operate;
 
 use super::*;
 use crate::chip::h743::H743;
-use crate::usb::host::{Command, State};
 use crate::usb::instance::H743_USB2;
 
 const AHB1ENR: u64 = 0x5802_44D8;
@@ -92,19 +90,4 @@ fn an_idle_bus_raises_the_interrupt_after_3_ms() {
         violations.iter().all(|v| v.text.contains("kernel clock")),
         "{violations:?}"
     );
-}
-
-#[test]
-fn a_system_reset_takes_the_device_off_the_bus() {
-    let (mut part, host) = h743();
-    connect(&mut part, 0);
-    host.command(Command::Plug);
-    part.poll(VirtualNanos(10));
-    assert_eq!(host.state(), State::Attached);
-    part.reset(VirtualNanos(20), ResetCause::Core);
-    part.poll(VirtualNanos(30));
-    assert_eq!(host.state(), State::Detached);
-    connect(&mut part, 40);
-    part.poll(VirtualNanos(50));
-    assert_eq!(host.state(), State::Attached);
 }

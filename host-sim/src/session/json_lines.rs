@@ -10,9 +10,9 @@ use serde::Serialize;
 /// Turns the frames of a device into lines of JSON: codes, packed blocks, trigger edges and signal
 /// quality. Other messages have no line.
 ///
-/// Codes and edges are the messages of the bridge without `header.stamp`: the device has no time of
-/// day. Every line has the device time instead. Packed blocks and quality are the messages on the
-/// wire.
+/// Lines of codes and edges have the fields of the bridge's messages, except `header.stamp`: the
+/// device has no time of day, so every line has the device time instead. Lines of packed blocks and
+/// quality have the fields of the messages on the wire.
 #[derive(Default)]
 pub(crate) struct JsonLines {
     decoder: Decoder,
@@ -23,7 +23,7 @@ pub(crate) struct JsonLines {
     trigger: u16,
 }
 
-/// The newest code as a message, and what dequantises the next one.
+/// The message of the newest code, and the scales and zero points that dequantise codes.
 struct CodeFrames {
     frame: NeuroFrame,
     scale: Vec<f32>,
@@ -89,7 +89,8 @@ impl JsonLines {
 }
 
 impl CodeFrames {
-    /// Returns `None` if the device's codes have a format that is newer than this program.
+    /// Creates a message without values yet; `None` if the device's codes have a format that is
+    /// newer than this program.
     fn new(about: &Capabilities<'_>, substitutes: Substitutes) -> Option<Self> {
         let (scale, zero_point) = (about.code_scale.to_vec(), about.code_zero_point.to_vec());
         let range = code_range(about.code_format.range()?, &scale, &zero_point);

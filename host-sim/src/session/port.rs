@@ -19,18 +19,16 @@ use rustix::{
     termios::{OptionalActions, tcgetattr, tcsetattr},
 };
 
-use crate::{
-    json_lines::JsonLines,
-    outbox::{Outbox, WhenFull},
-    tcp::{CurrentHost, RETRY, forward, is_absent, serve, wait_until_closed},
-};
+use super::json_lines::JsonLines;
+use super::tcp::{CurrentHost, RETRY, forward, is_absent, serve, wait_until_closed};
+use crate::outbox::{Outbox, WhenFull};
 
 /// Interval between checks of how many bytes a slow host has not read.
 const POLL: Duration = Duration::from_millis(2);
 
 /// Number of unread bytes in a terminal above which no frame is written: about half a second of
 /// codes. Without this limit, the kernel would buffer 64 KB, about half a minute of codes, and a
-/// slow host would read old codes.
+/// slow host would read codes of that age.
 const MAX_UNREAD: u64 = 1_024;
 
 /// Destination of the frames.
@@ -48,7 +46,8 @@ pub enum Output {
 }
 
 impl Output {
-    /// Path of a file; `None` for an output with a host, which sends commands.
+    /// Returns the path of an output that is a file; `None` for one with a host, which sends
+    /// commands.
     pub fn file(&self) -> Option<&Path> {
         match self {
             Self::File(path) | Self::JsonLines(path) => Some(path),
@@ -105,30 +104,18 @@ pub enum PortError {
     /// The system provides no pseudo-terminal.
     #[error("cannot open a pseudo-terminal; is /dev/pts mounted?")]
     Pty(#[source] io::Error),
-    /// The symbolic link to the pseudo-terminal could not be created.
-    #[error("cannot make the link {path}; choose a path in a writable folder")]
-    Link {
-        /// Path in [`Output::Pty`].
-        path: PathBuf,
-        /// Error from the `symlink` system call.
-        #[source]
-        source: io::Error,
-    },
-    /// Something other than a symbolic link to a terminal exists at the path of the link.
-    #[error("{path} exists and is no link to a pseudoterminal; remove it or choose another path")]
-    Occupied {
-        /// Path in [`Output::Pty`].
-        path: PathBuf,
-    },
-    /// The TCP port could not be opened.
-    #[error("cannot listen on {address}; is another program using the port?")]
-    Listen {
-        /// Address in [`Output::Tcp`].
-        address: String,
-        /// Error from resolving the address or from listening.
-        #[source]
-        source: io::Error,
-    },
+    /// The symbolic link to the pseudo-terminal could not be created; holds its path, and the error
+    /// from the `symlink` system call.
+    #[error("cannot make the link {0}; choose a path in a writable folder")]
+    Link(PathBuf, #[source] io::Error),
+    /// Something other than a symbolic link to a terminal exists at the path of the link; holds the
+    /// path.
+    #[error("{0} exists and is no link to a pseudoterminal; remove it or choose another path")]
+    Occupied(PathBuf),
+    /// The TCP port could not be opened; holds the address, and the error from resolving it or from
+    /// listening.
+    #[error("cannot listen on {0}; is another program using the port?")]
+    Listen(String, #[source] io::Error),
     /// The file could not be created, or it must not be replaced.
     #[error(transparent)]
     File(#[from] NewFileError),
@@ -137,10 +124,7 @@ pub enum PortError {
 impl PortError {
     /// Returns whether the user has to choose another name, as opposed to a failure of the system.
     pub(crate) fn is_wrong_name(&self) -> bool {
-        matches!(
-            self,
-            Self::Occupied { .. } | Self::Link { .. } | Self::File(_)
-        )
+        matches!(self, Self::Occupied(_) | Self::Link(..) | Self::File(_))
     }
 }
 
@@ -157,7 +141,7 @@ pub struct Port {
     writer: Option<JoinHandle<()>>,
 }
 
-/// What may happen to files that exist when an output that is a file is opened.
+/// Which files may be replaced when an output that is a file is opened.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct FileRules {
     /// Whether a file with the name of the output is replaced.
@@ -194,10 +178,7 @@ impl Port {
                 Some(pty)
             }
             Output::Tcp(address) => {
-                let listen = |source| PortError::Listen {
-                    address: address.clone(),
-                    source,
-                };
+                let listen = |error| PortError::Listen(address.clone(), error);
                 let listener = TcpListener::bind(address).map_err(listen)?;
                 let host = serve(listener, outbox, &sender);
                 waiting_host = (outbox.when_full() == WhenFull::Wait).then_some(host);
@@ -217,16 +198,12 @@ impl Port {
                 };
                 let outbox = outbox.clone();
                 let mut write = to_file(handle);
-                writer = Some(if let Output::JsonLines(_) = output {
-                    let mut lines = JsonLines::default();
-                    let write = move |frame: &[u8]| match lines.line(frame)? {
-                        Some(line) => write(&line),
-                        None => Ok(()),
-                    };
-                    thread::spawn(move || write_all(write, || 0, &outbox))
-                } else {
-                    thread::spawn(move || write_all(write, || 0, &outbox))
-                });
+                let mut lines = matches!(output, Output::JsonLines(_)).then(JsonLines::default);
+                let write = move |frame: &[u8]| match &mut lines {
+                    None => write(frame),
+                    Some(lines) => lines.line(frame)?.map_or(Ok(()), |line| write(&line)),
+                };
+                writer = Some(thread::spawn(move || write_all(write, || 0, &outbox)));
                 None
             }
         };
@@ -239,14 +216,15 @@ impl Port {
         })
     }
 
-    /// Waits until the thread that writes a file has ended, after the outbox was drained and
-    /// closed. Returns false if the thread failed.
+    /// Waits until the thread that writes a file has ended; the outbox must be drained and closed
+    /// before. Returns false if the thread has panicked.
     pub fn join_writer(&mut self) -> bool {
         let writer = self.writer.take();
         writer.is_none_or(|writer| writer.join().is_ok())
     }
 
-    /// Moves a file to its name; other outputs stay as they are.
+    /// Moves the complete file from its temporary name to that of the output; does nothing for
+    /// other outputs.
     ///
     /// # Errors
     /// [`NewFileError`] if the file cannot be completed.
@@ -279,9 +257,10 @@ impl Port {
     /// Waits until the host has read everything, at most `timeout`, and returns the number of
     /// unread bytes. Closing a pseudo-terminal discards unread bytes.
     ///
-    /// A TCP port in virtual time waits until the host closes the connection, `stop` is set, or at
-    /// most a minute: a command that arrives after this program has ended would discard what the
-    /// host has not read. Returns 0 then, and for other outputs at once.
+    /// For a TCP port in virtual time, waits until the host closes the connection or `stop` is set,
+    /// at most a minute, and returns 0: if this program ended earlier, a command that arrives later
+    /// would make the kernel discard what the host has not read. For other outputs, returns 0 at
+    /// once.
     pub fn wait_until_read(&self, timeout: Duration, stop: &AtomicBool) -> u64 {
         if let Some(host) = &self.waiting_host {
             wait_until_closed(host, stop);
@@ -341,16 +320,12 @@ fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
     match fs::read_link(link) {
         Ok(target) if target.starts_with("/dev/pts") => drop(fs::remove_file(link)),
         _ if fs::symlink_metadata(link).is_ok() => {
-            return Err(PortError::Occupied {
-                path: link.to_owned(),
-            });
+            return Err(PortError::Occupied(link.to_owned()));
         }
         _ => {}
     }
-    std::os::unix::fs::symlink(&name, link).map_err(|source| PortError::Link {
-        path: link.to_owned(),
-        source,
-    })?;
+    let linked = std::os::unix::fs::symlink(&name, link);
+    linked.map_err(|error| PortError::Link(link.to_owned(), error))?;
     Ok((
         File::from(controller),
         Pty {
@@ -369,7 +344,7 @@ fn to_file(mut file: File) -> impl FnMut(&[u8]) -> io::Result<()> {
 ///
 /// Before each frame, waits until the host has at most [`MAX_UNREAD`] bytes to read; `unread`
 /// returns their number.
-fn write_all(
+pub(super) fn write_all(
     mut write: impl FnMut(&[u8]) -> io::Result<()>,
     unread: impl Fn() -> u64,
     outbox: &Outbox,
@@ -381,41 +356,6 @@ fn write_all(
         match write(&frame) {
             Ok(()) => outbox.mark_written(),
             Err(error) => outbox.mark_lost(error),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_output_is_parsed_from_its_text() {
-        assert_eq!(
-            "pty:/tmp/board".parse(),
-            Ok(Output::Pty("/tmp/board".into()))
-        );
-        assert_eq!(
-            "tcp:[::1]:7000".parse(),
-            Ok(Output::Tcp("[::1]:7000".into()))
-        );
-        assert_eq!(
-            "file:codes.bin".parse(),
-            Ok(Output::File("codes.bin".into()))
-        );
-        let json: Output = "ndjson:-".parse().expect("an output");
-        assert!(json == Output::JsonLines("-".into()) && json.is_stdout());
-        let wrong = [
-            "pty:",
-            "ndjson:",
-            "tcp:7000",
-            "tcp::7000",
-            "tcp:host:99999",
-            "tcp:host:x",
-        ];
-        for wrong in wrong.into_iter().chain(["/dev/ttyACM0", "udp:1.2.3.4:5"]) {
-            let error = wrong.parse::<Output>().expect_err(wrong);
-            assert!(error.contains("write"), "{wrong}: {error}");
         }
     }
 }

@@ -12,6 +12,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use super::port::write_all;
 use crate::outbox::{Outbox, WhenFull};
 
 /// Pause before a failed operation is tried again.
@@ -82,14 +83,7 @@ pub(crate) fn serve(
     let (current, commands) = (host.clone(), commands.clone());
     thread::spawn(move || accept(&listener, &current, &commands));
     let outbox = outbox.clone();
-    thread::spawn(move || {
-        while let Some(frame) = outbox.pop() {
-            match send(&frame, &host, &outbox) {
-                Ok(()) => outbox.mark_written(),
-                Err(error) => outbox.mark_lost(error),
-            }
-        }
-    });
+    thread::spawn(move || write_all(|frame| send(frame, &host, &outbox), || 0, &outbox));
     served
 }
 

@@ -12,11 +12,12 @@ const LONGEST_PULSE_US: u64 = 10_000;
 /// pulse of the event before it.
 const SHORTEST_PERIOD_US: u64 = 2_000;
 
-/// Edges of a trigger input that has a pulse at the start of each event of a recording: of 10 ms,
-/// or of half the time to the next pulse.
+/// Edges of a trigger input that has a pulse at the start of each event of a recording. A pulse
+/// lasts 10 ms, or half the time to the next pulse if that is shorter.
 #[derive(Clone, Debug, Default)]
 pub struct RecordedEdges {
-    /// Edges that are left, as pairs (time in the signal, microseconds; direction).
+    /// Edges that [`Self::take_due`] has not returned yet: time in the signal, microseconds, and
+    /// direction.
     edges: VecDeque<(u64, EventKind)>,
 }
 
@@ -56,7 +57,7 @@ impl RecordedEdges {
         Self { edges }
     }
 
-    /// Number of pulses that are left.
+    /// Returns the number of pulses that are left.
     pub fn pulses(&self) -> usize {
         self.edges.len().div_ceil(2)
     }
