@@ -69,6 +69,7 @@ fn the_trained_model_of_the_papers_montage_streams_and_decodes() {
     let paper = paper.expect("the montage");
     assert_eq!(artifact.description.montage, paper.montage());
     assert_eq!(artifact.description.grid, paper.grid());
+    compare_with_numpy(1, &artifact);
     let built = OtherModel::build(&model, &[BUILD]);
     built.test(COMPARISON, "");
     let output = tempfile::tempdir().expect("a folder");
