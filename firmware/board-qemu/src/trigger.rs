@@ -7,7 +7,7 @@ use critical_section::Mutex;
 use link::EventKind;
 
 use crate::{
-    host_file::HostFile,
+    semihosting::HostFile,
     registers::{DUAL_TIMER_SECOND, dual_timer},
     time_driver::{TICKS_PER_US, ticks_since_boot},
 };

@@ -33,16 +33,12 @@ extern crate std;
 mod application;
 #[cfg(target_os = "none")]
 mod bus;
-#[cfg(target_os = "none")]
-mod chip;
 #[cfg(any(test, target_os = "none"))]
 mod clock_source;
 #[cfg(target_os = "none")]
 mod converter;
 #[cfg(target_os = "none")]
 mod drdy;
-#[cfg(target_os = "none")]
-mod exti;
 #[cfg(target_os = "none")]
 mod failure;
 #[cfg(target_os = "none")]
@@ -65,9 +61,8 @@ pub use port::{PortMemory, Uart, UartInterrupt};
 pub use {
     application::{Board, feed_watchdog, sleep, start_tasks},
     bus::{Bus, FRAME_BYTES},
-    chip::init,
     converter::Wires,
-    interrupts::nvic_priority,
+    interrupts::{init_chip, nvic_priority},
     loader::Loader,
     port::Port,
     trigger::Trigger,

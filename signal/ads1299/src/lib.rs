@@ -48,13 +48,10 @@ mod bus;
 mod chain;
 mod channel_tests;
 mod clock;
-mod command;
-mod decimal;
 mod decoder;
 mod error;
 mod image;
 mod limits;
-mod rate_watch;
 mod reading;
 mod ready;
 mod register;
@@ -85,7 +82,4 @@ pub use retrying_sampler::RetryingSampler;
 pub use sampler::{SILENCE, Sampler, SamplerCounters};
 pub use self_test::SelfTest;
 pub use self_test_report::{ChannelReport, ChipReport, Finding, ReadyReport, SelfTestReport};
-pub use settings::{
-    Bias, Channel, ChipSettings, Gain, Input, LeadOff, LeadOffCurrent, LeadOffFrequency,
-    LeadOffThreshold, Rate, Settings, TestAmplitude, TestFrequency, TestSignal,
-};
+pub use settings::{Gain, Input, Rate, Settings};

@@ -51,7 +51,6 @@ mod converters;
 mod encoders;
 mod frame_ring;
 mod message;
-mod output;
 mod producer;
 mod sender;
 mod session;
@@ -66,7 +65,6 @@ pub use converters::{
 pub use encoders::{BothEncoders, Encoders, streams_with};
 pub use frame_ring::FrameRing;
 pub use message::CODE_FORMAT;
-pub use output::{Output, Payload};
-pub use producer::{CapturedEvent, Producer};
+pub use producer::{CapturedEvent, Output, Payload, Producer};
 pub use sender::{FrameQueue, MAX_FRAME, Sender};
 pub use session::Session;

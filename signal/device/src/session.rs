@@ -9,7 +9,7 @@ use pipeline::{Code, Mains, Rate};
 use crate::acquired_sample::Counts;
 use crate::board::{Abilities, Identity, Order, Run};
 use crate::message;
-use crate::output::{Output, Payload};
+use crate::producer::{Output, Payload};
 use crate::sender::{FrameQueue, MAX_FRAME, Sender};
 
 /// Answers the host's commands and sends the producer's outputs as messages.
@@ -75,7 +75,7 @@ impl<'i> Session<'i> {
 
     /// Sends `Hello`, `Substitutes` if there are any, `Capabilities` and, if known, `Converters`.
     pub fn introduce(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
-        self.send_hello(now_us, sender);
+        sender.send(now_us, &ToHost::Hello(self.identity.hello()));
         if self.substitutes != Substitutes::NONE {
             sender.send(now_us, &ToHost::Substitutes(self.substitutes));
         }
@@ -318,10 +318,6 @@ impl<'i> Session<'i> {
             input_bad: input_bad(self.decoder.counters()),
             ..self.stats
         }
-    }
-
-    fn send_hello(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
-        sender.send(now_us, &ToHost::Hello(self.identity.hello()));
     }
 
     fn send_capabilities(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {

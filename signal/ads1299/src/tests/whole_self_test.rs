@@ -85,7 +85,7 @@ fn the_previous_settings_are_restored() {
     let mut chain = bench.simulation.chain();
     finish(chain.halt()).unwrap().unwrap();
     for chip in 0..CHIPS {
-        let image = Settings::<CHIPS>::EEG.image(chip);
+        let image = Settings::EEG.image(chip);
         let mut read = Image([0; Register::COUNT]);
         finish(chain.read_part(chip, &mut read, 0..Register::COUNT))
             .unwrap()

@@ -193,7 +193,7 @@ fn a_rate_applies_from_the_next_block_on_and_outlives_the_run() {
         }
     }
     let rates: Vec<u8> = blocks(&made).iter().map(|(code, ..)| code.rate).collect();
-    let first = <PackedEncoder>::DEFAULT_RATE.index();
+    let first = PackedEncoder::DEFAULT_RATE.index();
     assert_eq!(rates, [first, 9, 9, 9, 9, 9]);
     assert_ne!(first, 9);
 }
@@ -216,7 +216,7 @@ fn an_encoder_alone_makes_its_own_stream_and_no_other() {
     assert_eq!(kinds(BothEncoders::EMPTY), (true, true));
     assert_eq!(EncoderMemory::STREAMS, Streams::CODES | Streams::AUDIT);
     assert_eq!(
-        <pipeline::PackedMemory as Encoders>::STREAMS,
+        pipeline::PackedMemory::STREAMS,
         Streams::PACKED | Streams::AUDIT
     );
     assert!(BothEncoders::model_is_sound());
