@@ -1,7 +1,8 @@
 //! Start of the board: pins, clocks and memory, then the tasks.
 
 use board_stm32::{
-    Board, Bus, ClockSource, FRAME_BYTES, Loader, Port, Trigger, Wires, init_chip, sleep, start_tasks,
+    Board, Bus, ClockSource, FRAME_BYTES, Loader, Port, Trigger, Wires, init_chip, sleep,
+    start_tasks,
 };
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;

@@ -15,7 +15,7 @@ use firmware::{
 use link::{ResetCause, Start, Streams};
 use pipeline::{Acquisition, Mains};
 
-use crate::failure::{self, Failure};
+use crate::failure::{self, FAILURES};
 use crate::interrupts::{self, ACQUIRE, CONVERSE, ENCODE, Interrupt, SHARED};
 use crate::sample_source::{FILE_ENDED, SampleSource};
 use crate::semihosting::{Arguments, HostFile};
@@ -111,9 +111,9 @@ async fn feed_watchdog() {
 
 /// Causes the requested failure, one second after the start.
 #[embassy_executor::task]
-async fn fail(failure: Failure) {
+async fn fail(cause: fn()) {
     Timer::after_secs(1).await;
-    failure.happen();
+    cause();
 }
 
 #[entry]
@@ -166,11 +166,11 @@ fn start() -> Result<(), SpawnError> {
     }
     let encoding = ENCODE.start(Interrupt::Encode);
     if previous.is_none()
-        && let Some(failure) = Failure::ALL
+        && let Some((_, cause)) = FAILURES
             .into_iter()
-            .find(|failure| arguments.has(failure.argument()))
+            .find(|(argument, _)| arguments.has(argument))
     {
-        encoding.spawn(fail(failure)?);
+        encoding.spawn(fail(cause)?);
     }
     encoding.spawn(encode(memory.encode)?);
     let acquisition = ACQUIRE.start(Interrupt::Acquire);

@@ -1,5 +1,5 @@
-//! Interrupts from the chip's initialisation on: their handlers, their priorities, and the executors,
-//! which run in interrupts of unused peripherals.
+//! Interrupts from the chip's initialisation on: their handlers, their priorities, and the
+//! executors, which run in interrupts of unused peripherals.
 #![expect(
     unsafe_code,
     reason = "interrupts are enabled, and an executor is run by its own interrupt alone"
@@ -69,8 +69,8 @@ pub(crate) fn init() {
 /// embassy's feature `exti`, which [`ExtiInput`](embassy_stm32::exti::ExtiInput) needs, enables all
 /// these interrupts when it initialises the chip: at the highest priority, and even those that have
 /// no handler. Until this call, only EXTI's mask register (IMR) blocks them; after a reset it is
-/// zero for all pins. Later, [`init`] enables DRDY's
-/// interrupt, and [`enable_trigger`] the trigger's.
+/// zero for all pins. Later, [`init`] enables DRDY's interrupt, and [`enable_trigger`] the
+/// trigger's.
 fn disable_pins() {
     for line in [
         interrupt::EXTI0,
@@ -96,8 +96,8 @@ pub(crate) fn clear_pending(lines: u32) {
 
 /// Enables the trigger's interrupt. If an edge is pending, the handler runs at once.
 pub(crate) fn enable_trigger() {
-    // SAFETY: this file has the trigger's handler, and no critical section relies on
-    // this interrupt being disabled.
+    // SAFETY: this file has the trigger's handler, and no critical section relies on this interrupt
+    // being disabled.
     unsafe { interrupt::EXTI15_10.enable() };
 }
 

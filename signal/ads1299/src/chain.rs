@@ -85,9 +85,6 @@ pub(crate) const REFERENCE_US: u32 = 150_000;
 /// watchdog period, 136 ms.
 const SLICE_US: u32 = 20_000;
 
-/// Consecutive registers to write: the first register, and the value of each.
-type Run<'a> = (Register, &'a [u8]);
-
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
     /// Waits 2^18 clock cycles for the supplies, resets the chips and sends SDATAC; calls
     /// `progress` every 20 ms.
@@ -125,7 +122,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         self.read_registers(chip, Register::CONFIG3, &mut old)
             .await?;
         let own = &image.0[Register::CONFIG3.index()..=Register::CONFIG3.index()];
-        self.write_registers(chip, (Register::CONFIG3, own)).await?;
+        self.write_registers(chip, Register::CONFIG3, own).await?;
         Ok(old[0] & 0x80 != 0)
     }
 
@@ -140,7 +137,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         let Some(first) = register(&part) else {
             return Ok(());
         };
-        self.write_registers(chip, (first, &image.0[part])).await
+        self.write_registers(chip, first, &image.0[part]).await
     }
 
     /// Reads the registers with the indices in `part` into `image`.
@@ -202,7 +199,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     async fn write_registers(
         &mut self,
         chip: usize,
-        (first, values): Run<'_>,
+        first: Register,
+        values: &[u8],
     ) -> Result<(), Error> {
         let mut bytes = [0; Register::COUNT + 2];
         bytes[0] = opcode::WREG | first.address();

@@ -1,6 +1,6 @@
 //! Tests of a channel with the internal signals of its chip: a square wave, and shorted inputs.
 
-use crate::limits::{Limits, SelfTestFault};
+use crate::limits::{SelfTestFault, check_gain, check_noise, check_offset, check_samples};
 use crate::settings::{Gain, Rate, TEST_AMPLITUDE_UV};
 
 /// Number of samples ignored on either side of a transition; the sinc filter settles in three
@@ -8,8 +8,8 @@ use crate::settings::{Gain, Rate, TEST_AMPLITUDE_UV};
 const GUARD: usize = 4;
 
 /// Measures gain, offset and noise of one channel from the chip's internal square wave. It needs at
-/// least two periods, about 2 s; samples after the first 2^16 are ignored. It is
-/// small enough to measure 64 channels at once.
+/// least two periods, about 2 s; samples after the first 2^16 are ignored. One test takes 80
+/// bytes on a microcontroller, so that 64 channels can be measured at once.
 #[derive(Clone, Debug)]
 pub struct SquareWaveTest {
     gain: Gain,
@@ -101,16 +101,15 @@ impl SquareWaveTest {
 }
 
 impl SquareWaveResult {
-    /// Checks the result against the [`Limits`] of this gain and rate.
+    /// Checks the result against the limits of a working channel at this gain and rate.
     ///
     /// # Errors
     /// The first limit that is exceeded.
     pub fn check(&self, gain: Gain, rate: Rate) -> Result<(), SelfTestFault> {
-        let limits = Limits::new(gain, rate);
-        limits.samples(self.samples)?;
-        limits.gain(self.gain_error)?;
-        limits.offset(self.offset_uv)?;
-        limits.noise(self.noise_uv)
+        check_samples(self.samples)?;
+        check_gain(self.gain_error)?;
+        check_offset(self.offset_uv)?;
+        check_noise(self.noise_uv, gain, rate)
     }
 }
 
@@ -164,15 +163,14 @@ impl ShortedTest {
 }
 
 impl ShortedResult {
-    /// Checks the result against the [`Limits`] of this gain and rate.
+    /// Checks the result against the limits of a working channel at this gain and rate.
     ///
     /// # Errors
     /// The first limit that is exceeded.
     pub fn check(&self, gain: Gain, rate: Rate) -> Result<(), SelfTestFault> {
-        let limits = Limits::new(gain, rate);
-        limits.samples(self.samples)?;
-        limits.offset(self.offset_uv)?;
-        limits.noise(self.noise_uv)
+        check_samples(self.samples)?;
+        check_offset(self.offset_uv)?;
+        check_noise(self.noise_uv, gain, rate)
     }
 }
 

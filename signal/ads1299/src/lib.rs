@@ -69,12 +69,10 @@ pub use bus::{Bus, Drdy, DrdyEdge, Speed, TooFast};
 pub use chain::Chain;
 pub use channel_tests::{ShortedResult, ShortedTest, SquareWaveResult, SquareWaveTest};
 pub use clock::Clock;
-pub use decoder::{
-    Alignment, CHANNELS, CHIP_BYTES, Counters, Decoder, FrameStatus, MAX_CHIPS, frame_bytes,
-};
+pub use decoder::{Alignment, CHANNELS, CHIP_BYTES, Decoder, FrameStatus, MAX_CHIPS, frame_bytes};
 pub use error::{Error, Pin};
 pub use image::{Image, ReadBack};
-pub use limits::{Limits, SelfTestFault, typical_noise_uv};
+pub use limits::{SelfTestFault, typical_noise_uv};
 pub use reading::{ChipFault, Reading, StatusWord};
 pub use ready::{Edge, RateError, ReadyMeter};
 pub use register::{ID, Register};

@@ -38,18 +38,11 @@ pub struct Sampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
 /// Counters of a sampler since its creation; each wraps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SamplerCounters<const CHIPS: usize> {
-    /// Number of readings returned.
-    pub readings: u32,
     /// Number of readings in which a chip was bad, per chip. A reading with a wrong rate counts for
     /// chip 0, a reading without a frame for all chips.
     pub errors: [u32; CHIPS],
     /// Number of samples that were not read.
     pub missed: u32,
-    /// Number of readings with a wrong sample rate.
-    pub wrong_rate: u32,
-    /// Number of readings without a frame, because DRDY was silent, the bus failed, or the chain
-    /// was stopped.
-    pub without_frame: u32,
 }
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES: usize>
@@ -69,11 +62,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             is_running: false,
             unfit: Reading::<CHIPS>::ALL,
             counters: SamplerCounters {
-                readings: 0,
                 errors: [0; CHIPS],
                 missed: 0,
-                wrong_rate: 0,
-                without_frame: 0,
             },
             last: None,
         }
@@ -228,12 +218,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     fn count(&mut self, reading: &Reading<CHIPS>) {
         self.last = Some(*reading);
         let counters = &mut self.counters;
-        counters.readings = counters.readings.wrapping_add(1);
         counters.missed = counters.missed.wrapping_add(reading.missed);
-        let wrong_rate = u32::from(reading.rate.is_some());
-        counters.wrong_rate = counters.wrong_rate.wrapping_add(wrong_rate);
-        let without_frame = u32::from(reading.status.is_none());
-        counters.without_frame = counters.without_frame.wrapping_add(without_frame);
         let of_rate = reading.rate.map_or(0, |error| 1 << (error.chip() & 7));
         let bad = u32::from(reading.bad | of_rate);
         for (chip, errors) in (0..).zip(&mut counters.errors) {

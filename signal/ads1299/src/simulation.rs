@@ -6,8 +6,8 @@
 //! sample overwrites even while it is read. `analogue.rs` models electrodes, gains, test signal,
 //! lead-off and noise.
 //!
-//! Not modelled are commands and settings that the driver never sends, such as a lead-off current at
-//! the negative inputs, SRB1, the bias amplifier, the sinc filter on other signals than the test
+//! Not modelled are commands and settings that the driver never sends, such as a lead-off current
+//! at the negative inputs, SRB1, the bias amplifier, the sinc filter on other signals than the test
 //! signal, and the circuits of a board.
 
 mod analogue;
@@ -44,7 +44,8 @@ pub type SimulatedChain<const CHIPS: usize> =
 impl<const CHIPS: usize> Simulation<CHIPS> {
     /// Creates a chain whose supplies have just come on.
     pub fn new(options: Options, electrodes: Electrodes<CHIPS>) -> Self {
-        Self(SharedBoard::new(Board::new(options, electrodes)))
+        let board = Board::new(options, electrodes);
+        Self(SharedBoard(Arc::new(Mutex::new(board))))
     }
 
     /// Returns the chain for the driver.
@@ -184,10 +185,6 @@ pub fn finish<T>(future: impl Future<Output = T>) -> Option<T> {
 struct SharedBoard<const CHIPS: usize>(Arc<Mutex<Board<CHIPS>>>);
 
 impl<const CHIPS: usize> SharedBoard<CHIPS> {
-    fn new(board: Board<CHIPS>) -> Self {
-        Self(Arc::new(Mutex::new(board)))
-    }
-
     fn lock(&self) -> MutexGuard<'_, Board<CHIPS>> {
         // After a panic in another thread the board can still be inspected.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
@@ -202,5 +199,6 @@ impl<const CHIPS: usize> core::fmt::Debug for SharedBoard<CHIPS> {
     }
 }
 
-/// Fastest SCLK for reading registers through the resistors of decision 0011, in Hz.
+/// Fastest SCLK for reading registers through the resistors with which the chips share MISO, in Hz
+/// (`docs/decisions/0011-daisy-chain-with-read-back.md`).
 const FASTEST_REGISTERS_HZ: u32 = 105_000;

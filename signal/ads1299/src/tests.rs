@@ -61,3 +61,8 @@ impl<const CHIPS: usize, const BYTES: usize> Bench<CHIPS, BYTES> {
         finish(self.sampler.read(edge_us)).unwrap()
     }
 }
+
+/// Runs a future of the driver to its end; it must succeed.
+fn run<T, E: core::fmt::Debug>(future: impl Future<Output = Result<T, E>>) -> T {
+    finish(future).expect("it ends").expect("it succeeds")
+}

@@ -49,7 +49,6 @@ mod board;
 mod chunk;
 mod converters;
 mod encoders;
-mod frame_ring;
 mod message;
 mod producer;
 mod sender;
@@ -63,8 +62,7 @@ pub use converters::{
     CHIPS, CONVERTER_SETTINGS, converters_message, fault_text, self_test_message,
 };
 pub use encoders::{BothEncoders, Encoders, streams_with};
-pub use frame_ring::FrameRing;
 pub use message::CODE_FORMAT;
 pub use producer::{CapturedEvent, Output, Payload, Producer};
-pub use sender::{FrameQueue, MAX_FRAME, Sender};
+pub use sender::{FrameQueue, FrameRing, MAX_FRAME, Sender};
 pub use session::Session;

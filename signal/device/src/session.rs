@@ -1,8 +1,8 @@
 //! The device's side of the protocol with the host.
 
 use link::{
-    Ack, AckResult, ClockReading, Converters, Counters, Decoder, FrameError, ResetInto, SelfTest,
-    Start, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
+    Ack, AckResult, ClockReading, Converters, Counters, Decoder, FrameError, Hello, ResetInto,
+    SelfTest, Start, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
 };
 use pipeline::{Code, Mains, Rate};
 
@@ -75,7 +75,16 @@ impl<'i> Session<'i> {
 
     /// Sends `Hello`, `Substitutes` if there are any, `Capabilities` and, if known, `Converters`.
     pub fn introduce(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
-        sender.send(now_us, &ToHost::Hello(self.identity.hello()));
+        let hello = Hello {
+            firmware: self.identity.firmware,
+            board: self.identity.board,
+            chip_uid: self.identity.chip_uid,
+            model_id: model::MODEL_ID,
+            session_id: self.identity.session_id,
+            reset_cause: self.identity.reset_cause,
+            fault: self.identity.fault,
+        };
+        sender.send(now_us, &ToHost::Hello(hello));
         if self.substitutes != Substitutes::NONE {
             sender.send(now_us, &ToHost::Substitutes(self.substitutes));
         }

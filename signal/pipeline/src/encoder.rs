@@ -63,8 +63,8 @@ impl<'w> Encoder<'w> {
     }
 }
 
-/// State and scratch memory of an [`Encoder`], about 16 KB: place it in a static, not on a stack. All
-/// of it is initially zero, so that it takes no flash. On its own it encodes with the built-in
+/// State and scratch memory of an [`Encoder`], about 16 KB: place it in a static, not on a stack.
+/// All of it is initially zero, so that it takes no flash. On its own it encodes with the built-in
 /// network.
 #[derive(Clone, Debug)]
 pub struct EncoderMemory {

@@ -123,12 +123,12 @@ const RESET_BLOCKS: u8 = 64;
 /// necessary on average. With 26 in place of 22, four were too long.
 const BYTES_PER_RATE: usize = 22;
 
-/// A block's unrepresented part may have this part of its energy (a sixty-fourth), because the
-/// directions are rounded.
+/// Part of a block's energy that the coefficients may lack before the block counts as a misfit, as
+/// a right shift: a sixty-fourth. The analysis loses some energy because its weights are rounded.
 const MISFIT_SHIFT: u32 = 6;
 
-/// State and scratch memory of a [`PackedEncoder`], about 6 KB: place it in a static, not on a stack.
-/// All of it is initially zero, so that it takes no flash.
+/// State and scratch memory of a [`PackedEncoder`], about 6 KB: place it in a static, not on a
+/// stack. All of it is initially zero, so that it takes no flash.
 #[derive(Clone, Debug)]
 pub struct PackedMemory {
     /// Input values of the block, in the order step, electrode; zeros at the end.
@@ -297,8 +297,8 @@ impl PackedMemory {
         }
     }
 
-    /// Computes coefficients minus prediction, and returns the energy that the coefficients do not
-    /// have.
+    /// Computes coefficients minus prediction, and returns the part of the inputs' energy that the
+    /// coefficients do not represent.
     #[inline(never)]
     fn take_residual(&mut self, packed: &Packed<'_>) -> i64 {
         let mut energy = self.energy;

@@ -145,8 +145,8 @@ const MAX_POLLS: usize = 1_000;
 /// unless it waits for the rest of a control transfer.
 const POLL_PERIOD: Duration = Duration::from_millis(5);
 
-/// Disables the IN endpoints when the host resets the bus, which embassy-usb-synopsys-otg 0.3.3 does
-/// not.
+/// Disables the IN endpoints when the host resets the bus, which embassy-usb-synopsys-otg 0.3.3
+/// does not.
 ///
 /// A bus reset leaves an endpoint enabled if the host has not read the endpoint's packet. The
 /// driver then waits without a limit until the endpoint is disabled, so a device that was unplugged

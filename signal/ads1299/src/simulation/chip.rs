@@ -125,8 +125,8 @@ impl Chip {
         self.registers[register.index()]
     }
 
-    /// Sets the lead-off status: the disconnected inputs in `off` that have a lead-off current, or 0
-    /// while the comparators are off.
+    /// Sets the lead-off status: the disconnected inputs in `off` that have a lead-off current, or
+    /// 0 while the comparators are off.
     pub(super) fn set_lead_off(&mut self, off: u8) {
         let has_comparators = self.register(Register::CONFIG4) & 2 != 0;
         let status = off & self.register(Register::LOFF_SENSP);

@@ -2,7 +2,7 @@
 
 use std::vec::Vec;
 
-use super::Bench;
+use super::{Bench, run};
 use crate::decoder::{CHANNELS, frame_bytes};
 use crate::ready::RateError;
 use crate::register::Register;
@@ -76,7 +76,6 @@ fn every_fault_of_a_frame_names_its_chip_and_holds_its_counts() {
             assert_eq!(number(&bench.sampler.counts()[chip]), 23);
             let counters = bench.sampler.counters();
             assert_eq!((counters.errors[chip], counters.errors[0]), (3, 0));
-            assert_eq!((counters.readings, counters.without_frame), (24, 0));
         }
     }
 }
@@ -98,8 +97,7 @@ fn a_doubled_rate_is_flagged_at_the_first_early_edge_and_counted_for_chip_0() {
     bench.simulation.repair(0);
     assert!(bench.next().rate.is_some());
     assert!((0..200).all(|_| bench.next().is_sound()));
-    let counters = bench.sampler.counters();
-    assert_eq!((counters.wrong_rate, counters.errors[0]), (201, 201));
+    assert_eq!(bench.sampler.counters().errors[0], 201);
 }
 
 #[test]
@@ -224,17 +222,15 @@ fn a_chain_is_started_stopped_and_set_up_again_at_the_right_speeds() {
         let before_us = bench.simulation.time_us();
         bench.edge_us();
         let chain = &mut bench.sampler.chain;
-        finish(chain.read_frame(&mut [0; frame_bytes(2)]))
-            .unwrap()
-            .unwrap();
+        run(chain.read_frame(&mut [0; frame_bytes(2)]));
         let burst_us = bench.simulation.time_us() - before_us;
         assert!(burst_us < 8_500, "a burst is fast");
-        finish(chain.halt()).unwrap().unwrap();
-        finish(chain.set_up(settings, &mut || ())).unwrap().unwrap();
-        finish(chain.run()).unwrap().unwrap();
+        run(chain.halt());
+        run(chain.set_up(settings, &mut || ()));
+        run(chain.run());
         // The chips are set up while they convert, as when a self-test is requested.
-        finish(chain.set_up(settings, &mut || ())).unwrap().unwrap();
-        finish(chain.run()).unwrap().unwrap();
+        run(chain.set_up(settings, &mut || ()));
+        run(chain.run());
     }
     assert_eq!(bench.simulation.violations(), 0);
 }
@@ -248,12 +244,12 @@ fn reading_registers_at_burst_speed_is_a_violation() {
 
     let simulation = Simulation::<1>::new(Options::default(), Electrodes::silent());
     let mut chain = simulation.chain();
-    finish(chain.reset(&mut || ())).unwrap().unwrap();
+    run(chain.reset(&mut || ()));
     for (speed, violations) in [(Speed::Registers, 0), (Speed::Bursts, 1)] {
         chain.spi.set_speed(speed).unwrap();
         chain.selects[0].set_low().unwrap();
         for byte in [0x20, 0x00, 0x00] {
-            finish(chain.spi.write(&[byte])).unwrap().unwrap();
+            run(chain.spi.write(&[byte]));
             finish(chain.delay.delay_us(3)).unwrap();
         }
         chain.selects[0].set_high().unwrap();

@@ -104,10 +104,9 @@ fn each_limit_can_be_exceeded_and_is_named() {
     // 300 uV of offset (13,422 counts), and 0.10 to 0.42 uV of noise (4.7 to 18.8 counts).
     assert_eq!(judged(83_886, 0, 9), Ok(()));
     assert_eq!(judged(83_886, 5000, 9), Ok(()));
-    let low = judged(80_000, 0, 9).expect_err("4.6 % too low");
+    let low = judged(80_000, 0, 9).expect_err("4.6 % too low").to_string();
     assert!(
-        low.to_string()
-            .starts_with("gain off by -4.63 %, 3.0 % allowed"),
+        low.starts_with("gain off by -4.63 %, 3.0 % allowed"),
         "{low}"
     );
     let offset = judged(83_886, -20_000, 9).expect_err("447 uV");
@@ -150,32 +149,4 @@ fn long_streams_at_the_rails_do_not_overflow() {
     assert!(test.result().gain_error > 1000.0);
     assert!(shorted.result().noise_uv > 1e6);
     assert_eq!(shorted.result().samples, 1 << 16);
-}
-
-#[test]
-fn a_square_wave_of_100_uv_at_the_electrodes_arrives_within_one_percent() {
-    let electrodes = Electrodes::volts(|sample, volts| {
-        let up = (sample / 256).is_multiple_of(2);
-        *volts = [[if up { 1e-4 } else { -1e-4 }; CHANNELS]; CHIPS];
-    });
-    let mut bench =
-        Bench::<CHIPS, { frame_bytes(CHIPS) }>::new(Options::default(), electrodes, Settings::EEG);
-    bench.start().unwrap();
-    let mut sums = [[0_i32; CHANNELS]; CHIPS];
-    for sample in 0..1024 {
-        bench.next();
-        let sign = if sample / 256 % 2 == 0 { 1 } else { -1 };
-        for (sum, count) in sums
-            .as_flattened_mut()
-            .iter_mut()
-            .zip(bench.sampler.counts().as_flattened())
-        {
-            *sum += sign * count;
-        }
-    }
-    for sum in sums.as_flattened() {
-        let uv = f64::from(*sum) / 1024.0 * Gain::X24.lsb_uv();
-        // Tolerance 0.05 uV: averaged over 1024 samples, the noise is 0.007 uV.
-        assert!((uv - 100.0).abs() < 0.05, "{uv}");
-    }
 }
