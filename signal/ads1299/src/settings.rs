@@ -4,9 +4,9 @@ use crate::clock::Clock;
 
 /// Settings of a chain; all of its chips and channels have the same.
 ///
-/// While the channels convert their electrodes, SRB1 is the reference of all channels, so that one
-/// electrode is enough as a reference. The bias amplifier of chip 0 drives the subject to
-/// mid-supply and so reduces mains interference.
+/// While the channels convert their electrodes, SRB1 connects one reference electrode to the
+/// negative inputs of all channels. The bias amplifier of chip 0 drives the subject to mid-supply
+/// and so reduces mains interference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     /// Master clock.

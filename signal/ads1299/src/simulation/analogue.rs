@@ -92,7 +92,7 @@ fn clip(counts: f64) -> i32 {
 }
 
 /// Returns the internal square wave after the third-order sinc filter, as a fraction of VREF; 0 if
-/// the test signal is external.
+/// the chip does not generate it.
 #[expect(clippy::cast_precision_loss, reason = "less than 2^21")]
 fn test_signal(chip: &Chip, conversion: Conversion) -> f64 {
     if chip.register(Register::CONFIG2) & 0x10 == 0 {
