@@ -2,6 +2,7 @@
 
 use device::{Encoders, FrameRing, Producer, Sender};
 use embassy_sync::zerocopy_channel::Channel;
+use heapless::Vec;
 use pipeline::{Acquisition, Mains};
 use static_cell::{ConstStaticCell, StaticCell};
 
@@ -26,7 +27,7 @@ pub struct Memory<E: 'static> {
     acquisition: StaticCell<Acquisition>,
     encoders: ConstStaticCell<E>,
     producer: StaticCell<Producer<&'static mut E>>,
-    samples: StaticCell<[SampleSlot; deadlines::SAMPLES_WAITING]>,
+    samples: ConstStaticCell<Vec<SampleSlot, { deadlines::SAMPLES_WAITING }>>,
     sample_channel: StaticCell<Channel<'static, RawMutex, SampleSlot>>,
     outputs: StaticCell<[OutputSlot; deadlines::OUTPUTS_WAITING]>,
     output_channel: StaticCell<Channel<'static, RawMutex, OutputSlot>>,
@@ -59,7 +60,7 @@ impl<E: Encoders + 'static> Memory<E> {
             acquisition: StaticCell::new(),
             encoders: ConstStaticCell::new(encoders),
             producer: StaticCell::new(),
-            samples: StaticCell::new(),
+            samples: ConstStaticCell::new(Vec::new()),
             sample_channel: StaticCell::new(),
             outputs: StaticCell::new(),
             output_channel: StaticCell::new(),
@@ -77,7 +78,9 @@ impl<E: Encoders + 'static> Memory<E> {
     /// On the second call.
     #[inline(never)]
     pub fn init(&'static self) -> TaskMemory<E> {
-        let samples = (self.samples).init_with(|| core::array::from_fn(|_| SampleSlot::default()));
+        // One slot at a time: an array of all slots, 10 KB, would be built on the stack.
+        let samples = self.samples.take();
+        while samples.push(SampleSlot::default()).is_ok() {}
         let samples = self.sample_channel.init(Channel::new(samples));
         let (sample_sender, sample_receiver) = samples.split();
         let outputs = Channel::new(self.outputs.init_with(|| [OutputSlot::EMPTY; _]));

@@ -17,8 +17,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Creates the counters, all at zero.
-    pub const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         Self {
             acquired: AtomicU32::new(0),
             handed_over: AtomicU32::new(0),
@@ -52,12 +51,6 @@ impl Progress {
             encoded: self.encoded.load(Relaxed),
             conversed: self.conversed.load(Relaxed),
         }
-    }
-}
-
-impl Default for Progress {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

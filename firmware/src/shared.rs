@@ -14,7 +14,7 @@ use crate::{
     timing::{Clock, Timing},
 };
 
-const DEFAULT_RATE: Rate = <PackedEncoder>::DEFAULT_RATE;
+const DEFAULT_RATE: Rate = PackedEncoder::DEFAULT_RATE;
 
 /// Shared state of the tasks; a board declares one static of this type. Only the acquisition writes
 /// the counts that [`counts`](Self::counts) returns.

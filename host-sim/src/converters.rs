@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ads1299::{
-    CHANNELS, Error, Reading, SILENCE, Sampler, SelfTest, SelfTestReport, frame_bytes,
+    CHANNELS, Error, Reading, SILENCE, Sampler, SelfTest, SelfTestReport, Settings, frame_bytes,
     simulation::{
         Electrodes, Options, SimulatedBus, SimulatedDelay, SimulatedLine, SimulatedReady,
         Simulation, finish,
@@ -84,7 +84,11 @@ impl Converters {
             ..Options::default()
         };
         let simulation = Simulation::new(options, deliver);
-        let sampler = Sampler::new(simulation.chain(), CONVERTER_SETTINGS.with_lead_off());
+        let settings = Settings {
+            lead_off: true,
+            ..CONVERTER_SETTINGS
+        };
+        let sampler = Sampler::new(simulation.chain(), settings);
         let drdy = simulation.drdy();
         let mut converters = Self {
             simulation,
@@ -204,7 +208,7 @@ impl Converters {
                 Change::Repair(chip) => self.simulation.repair(chip),
                 Change::Electrode { channel, on } => {
                     let (chip, channel) = (channel / CHANNELS, channel % CHANNELS);
-                    self.simulation.set_electrode(chip, channel, true, on);
+                    self.simulation.set_electrode(chip, channel, on);
                 }
             }
         }

@@ -1,7 +1,8 @@
 //! Start of the board: pins, clocks and memory, then the tasks.
 
 use board_stm32::{
-    Board, Bus, ClockSource, FRAME_BYTES, Loader, Port, Trigger, Wires, init, sleep, start_tasks,
+    Board, Bus, ClockSource, FRAME_BYTES, Loader, Port, Trigger, Wires, init_chip, sleep,
+    start_tasks,
 };
 use cortex_m_rt::entry;
 use embassy_executor::SpawnError;
@@ -43,7 +44,7 @@ fn main() -> ! {
     // it.
     Loader::Stm32F446.run_if_requested(reset::map_system_memory);
     let clock = ClockSource::find(clocks::AFTER_RESET_HZ);
-    let parts = Parts::new(init(clocks::config(clock)));
+    let parts = Parts::new(init_chip(clocks::config(clock)));
     // Spawning a task twice is an error in the image. It panics, because no task runs yet that
     // could report the error.
     start(parts, clock).expect("every task is spawned once");

@@ -15,11 +15,10 @@ use firmware::{
 use link::{ResetCause, Start, Streams};
 use pipeline::{Acquisition, Mains};
 
-use crate::arguments::Arguments;
-use crate::failure::{self, Failure};
-use crate::host_file::HostFile;
+use crate::failure::{self, FAILURES};
 use crate::interrupts::{self, ACQUIRE, CONVERSE, ENCODE, Interrupt, SHARED};
 use crate::sample_source::{FILE_ENDED, SampleSource};
+use crate::semihosting::{Arguments, HostFile};
 use crate::uart::{self, Receiver, Transmitter};
 use crate::{commands, drdy, time_driver, trigger};
 
@@ -61,7 +60,15 @@ async fn converse(
 ) {
     let is_sound = BothEncoders::model_is_sound();
     let fault = firmware::start_fault(is_sound, "", previous.as_ref());
-    let identity = identity(previous.as_ref(), &fault);
+    let previous = previous.as_ref();
+    let identity = Identity {
+        firmware: env!("CARGO_PKG_VERSION"),
+        board: "qemu-mps2",
+        chip_uid: *b"qemu-mps2\0\0\0",
+        session_id: if previous.is_some() { 2 } else { 1 },
+        reset_cause: previous.map_or(ResetCause::PowerOn, FaultRecord::reset_cause),
+        fault: &fault,
+    };
     let mut session = Session::new(identity, ABILITIES, Mains::default());
     if !is_sound {
         session.refuse_starts();
@@ -104,20 +111,9 @@ async fn feed_watchdog() {
 
 /// Causes the requested failure, one second after the start.
 #[embassy_executor::task]
-async fn fail(failure: Failure) {
+async fn fail(cause: fn()) {
     Timer::after_secs(1).await;
-    failure.happen();
-}
-
-fn identity<'f>(previous: Option<&FaultRecord>, fault: &'f str) -> Identity<'f> {
-    Identity {
-        firmware: env!("CARGO_PKG_VERSION"),
-        board: "qemu-mps2",
-        chip_uid: *b"qemu-mps2\0\0\0",
-        session_id: if previous.is_some() { 2 } else { 1 },
-        reset_cause: previous.map_or(ResetCause::PowerOn, FaultRecord::reset_cause),
-        fault,
-    }
+    cause();
 }
 
 #[entry]
@@ -170,11 +166,11 @@ fn start() -> Result<(), SpawnError> {
     }
     let encoding = ENCODE.start(Interrupt::Encode);
     if previous.is_none()
-        && let Some(failure) = Failure::ALL
+        && let Some((_, cause)) = FAILURES
             .into_iter()
-            .find(|failure| arguments.has(failure.argument()))
+            .find(|(argument, _)| arguments.has(argument))
     {
-        encoding.spawn(fail(failure)?);
+        encoding.spawn(fail(cause)?);
     }
     encoding.spawn(encode(memory.encode)?);
     let acquisition = ACQUIRE.start(Interrupt::Acquire);

@@ -3,7 +3,7 @@
 
 use embassy_time::{Instant, Timer};
 
-use crate::{host_file::HostFile, uart};
+use crate::{semihosting::HostFile, uart};
 
 /// Name of the file of commands. For each command it holds a header of [`HEAD`] bytes, little
 /// endian, followed by the command's bytes.

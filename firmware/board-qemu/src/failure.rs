@@ -57,37 +57,14 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     )))
 }
 
-/// Failure that a test can request.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Failure {
-    /// A task of the encoder's executor loops forever.
-    Hang,
-    /// A task of the encoder's executor panics.
-    Panic,
-    /// A task of the encoder's executor executes an undefined instruction.
-    Fault,
-}
-
-impl Failure {
-    pub(crate) const ALL: [Self; 3] = [Self::Hang, Self::Panic, Self::Fault];
-
-    /// Argument of the emulator that requests the failure.
-    pub(crate) const fn argument(self) -> &'static str {
-        match self {
-            Self::Hang => "hang",
-            Self::Panic => "panic",
-            Self::Fault => "fault",
+/// Failures that a test can request: the argument of the emulator that requests each, and the
+/// function that causes it in the calling task.
+pub(crate) const FAILURES: [(&str, fn()); 3] = [
+    ("hang", || {
+        loop {
+            cortex_m::asm::nop();
         }
-    }
-
-    /// Causes the failure in the calling task.
-    pub(crate) fn happen(self) {
-        match self {
-            Self::Hang => loop {
-                cortex_m::asm::nop();
-            },
-            Self::Panic => panic!("asked to panic"),
-            Self::Fault => cortex_m::asm::udf(),
-        }
-    }
-}
+    }),
+    ("panic", || panic!("asked to panic")),
+    ("fault", || cortex_m::asm::udf()),
+];

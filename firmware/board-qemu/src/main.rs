@@ -30,21 +30,19 @@ fn main() {
 #[cfg(target_os = "none")]
 mod application;
 #[cfg(target_os = "none")]
-mod arguments;
-#[cfg(target_os = "none")]
 mod commands;
 #[cfg(target_os = "none")]
 mod drdy;
 #[cfg(target_os = "none")]
 mod failure;
 #[cfg(target_os = "none")]
-mod host_file;
-#[cfg(target_os = "none")]
 mod interrupts;
 #[cfg(target_os = "none")]
 mod registers;
 #[cfg(target_os = "none")]
 mod sample_source;
+#[cfg(target_os = "none")]
+mod semihosting;
 #[cfg(target_os = "none")]
 mod time_driver;
 #[cfg(target_os = "none")]

@@ -9,7 +9,7 @@ use model::CHANNELS;
 use pipeline::Sample;
 
 use crate::drdy;
-use crate::host_file::HostFile;
+use crate::semihosting::HostFile;
 
 /// Name of the file of samples: for each sample the counts of all channels, 32 bits each, little
 /// endian.

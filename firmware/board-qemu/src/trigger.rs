@@ -7,8 +7,8 @@ use critical_section::Mutex;
 use link::EventKind;
 
 use crate::{
-    host_file::HostFile,
     registers::{DUAL_TIMER_SECOND, dual_timer},
+    semihosting::HostFile,
     time_driver::{TICKS_PER_US, ticks_since_boot},
 };
 

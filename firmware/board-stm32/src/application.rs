@@ -71,15 +71,6 @@ pub struct Board {
     pub port: Port,
 }
 
-/// Contents of `Hello` that the board knows before its tasks run.
-struct Greeting {
-    firmware: &'static str,
-    board: &'static str,
-    session_id: u32,
-    reset_cause: ResetCause,
-    clock: ClockSource,
-}
-
 /// Starts the tasks. Returns a spawner for further tasks at the conversation's priority.
 ///
 /// Not inlined into `main`, whose stack frame stays in use while the tasks run and should be small.
@@ -97,14 +88,15 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
     if !clock_fault.is_empty() {
         warn!("{=str}", clock_fault);
     }
-    let greeting = Greeting {
+    let identity = Identity {
         firmware: board.firmware,
         board: board.name,
+        chip_uid: uid::uid(),
         session_id: board.session_id,
         reset_cause: previous
             .as_ref()
             .map_or(board.reset_cause, FaultRecord::reset_cause),
-        clock: board.clock,
+        fault: clock_fault,
     };
     // After any other reset the converters' supply has been on for long enough, so they need no
     // wait.
@@ -118,7 +110,7 @@ pub fn start_tasks(board: Board) -> Result<SendSpawner, SpawnError> {
     let memory = MEMORY.init();
     let adc = converters(board.wires);
     let conversation = CONVERSE.start(interrupt::UART5);
-    conversation.spawn(converse(board.port, greeting, previous, memory.converse)?);
+    conversation.spawn(converse(board.port, identity, previous, memory.converse)?);
     let encoding = ENCODE.start(interrupt::SAI1);
     encoding.spawn(encode(memory.encode)?);
     let acquisition = ACQUIRE.start(interrupt::UART4);
@@ -184,19 +176,15 @@ async fn encode(
 #[embassy_executor::task]
 async fn converse(
     port: Port,
-    greeting: Greeting,
+    identity: Identity<'static>,
     previous: Option<FaultRecord>,
     memory: (&'static mut Frames, OutputReceiver),
 ) {
     let is_sound = ImageEncoders::model_is_sound();
-    let fault = firmware::start_fault(is_sound, greeting.clock.fault(), previous.as_ref());
+    let fault = firmware::start_fault(is_sound, identity.fault, previous.as_ref());
     let identity = Identity {
-        firmware: greeting.firmware,
-        board: greeting.board,
-        chip_uid: uid::uid(),
-        session_id: greeting.session_id,
-        reset_cause: greeting.reset_cause,
         fault: &fault,
+        ..identity
     };
     let mut session = Session::new(identity, ABILITIES, Mains::default());
     if !is_sound {

@@ -7,7 +7,7 @@ use critical_section::{CriticalSection, Mutex};
 use embassy_sync::waitqueue::AtomicWaker;
 use embassy_time::{Instant, Timer, with_deadline};
 
-use crate::exti;
+use crate::interrupts;
 
 /// Bit mask of EXTI lines 5 to 9, which share the interrupt `EXTI9_5`. Only DRDY's line is
 /// unmasked.
@@ -38,7 +38,7 @@ static WAKER: AtomicWaker = AtomicWaker::new();
 /// active, and by the time driver's interrupt, some 100 instructions.
 pub(crate) fn on_edge() {
     let us = Instant::now().as_micros();
-    exti::clear_pending(LINES);
+    interrupts::clear_pending(LINES);
     critical_section::with(|section| {
         let edges = EDGES.borrow(section);
         let before = edges.get();

@@ -1,9 +1,16 @@
-//! Interrupt handlers, their priorities, and the executors, which run in interrupts of unused
-//! peripherals.
-#![expect(unsafe_code, reason = "an executor is run by its own interrupt alone")]
+//! Interrupts from the chip's initialisation on: their handlers, their priorities, and the
+//! executors, which run in interrupts of unused peripherals.
+#![expect(
+    unsafe_code,
+    reason = "interrupts are enabled, and an executor is run by its own interrupt alone"
+)]
 
 use embassy_executor::InterruptExecutor;
-use embassy_stm32::interrupt::{self, InterruptExt, Priority};
+use embassy_stm32::{
+    Config, Peripherals,
+    interrupt::{self, InterruptExt, Priority},
+    pac::{EXTI, TIM2, exti::regs::Lines},
+};
 use firmware::deadlines::priority;
 
 use crate::{drdy, trigger};
@@ -15,6 +22,32 @@ pub(crate) static ENCODE: InterruptExecutor = InterruptExecutor::new();
 /// Returns a level of [`priority`] in the form in which the NVIC stores it: in the upper 4 bits.
 pub fn nvic_priority(level: u8) -> Priority {
     Priority::from(level << 4)
+}
+
+/// Initialises the chip: clocks, DMA, GPIO, time driver. The interrupts of all pins are disabled
+/// afterwards ([`disable_pins`]).
+///
+/// The time driver (embassy-stm32 0.6.0, `time_driver/gp16.rs`) generates an update while the
+/// timer's counter and its compare register 1 are both 0. The update sets the flag CC1IF, and the
+/// driver enables the interrupt of this flag without clearing the flag. The driver would therefore
+/// count half a period that has not passed. From then on, `now()` would be ahead by 65,536 us, and
+/// for a moment at each half period it would jump back by as much. This function therefore clears
+/// the flags before the interrupt first runs. By then the counter has been running for some
+/// microseconds, far less than its half period of 32.768 ms.
+///
+/// # Panics
+/// On the second call.
+pub fn init_chip(config: Config) -> Peripherals {
+    // Embassy's `init` has critical sections of its own. Nested in this one, they do not enable
+    // interrupts when they end.
+    critical_section::with(|_| {
+        let peripherals = embassy_stm32::init(config);
+        // Writing 0 clears the flags of this register (RM0433 and RM0390, TIMx_SR).
+        TIM2.sr().write(|flags| flags.0 = 0);
+        interrupt::TIM2.unpend();
+        disable_pins();
+        peripherals
+    })
 }
 
 /// Sets the priorities and enables DRDY's interrupt. A board itself sets the priorities of
@@ -29,6 +62,48 @@ pub(crate) fn init() {
     interrupt::SAI1.set_priority(nvic_priority(priority::ENCODE));
     // SAFETY: no critical section is open, and this file has the interrupt's handler.
     unsafe { interrupt::EXTI9_5.enable() };
+}
+
+/// Disables the interrupts of all pins.
+///
+/// embassy's feature `exti`, which [`ExtiInput`](embassy_stm32::exti::ExtiInput) needs, enables all
+/// these interrupts when it initialises the chip: at the highest priority, and even those that have
+/// no handler. Until this call, only EXTI's mask register (IMR) blocks them; after a reset it is
+/// zero for all pins. Later, [`init`] enables DRDY's interrupt, and [`enable_trigger`] the
+/// trigger's.
+fn disable_pins() {
+    for line in [
+        interrupt::EXTI0,
+        interrupt::EXTI1,
+        interrupt::EXTI2,
+        interrupt::EXTI3,
+        interrupt::EXTI4,
+        interrupt::EXTI9_5,
+        interrupt::EXTI15_10,
+    ] {
+        line.disable();
+    }
+}
+
+/// Clears the pending bits of `lines`, so that an edge runs the handler only once.
+pub(crate) fn clear_pending(lines: u32) {
+    EXTI.pr(0).write_value(Lines(lines));
+    // The write is posted: if the handler returned before the write takes effect, it would run
+    // again and count an edge that did not happen. A read from the same peripheral waits for the
+    // write.
+    let _ = EXTI.pr(0).read();
+}
+
+/// Enables the trigger's interrupt. If an edge is pending, the handler runs at once.
+pub(crate) fn enable_trigger() {
+    // SAFETY: this file has the trigger's handler, and no critical section relies on this interrupt
+    // being disabled.
+    unsafe { interrupt::EXTI15_10.enable() };
+}
+
+/// Disables the trigger's interrupt. An edge that occurs while it is disabled stays pending.
+pub(crate) fn disable_trigger() {
+    interrupt::EXTI15_10.disable();
 }
 
 #[embassy_stm32::interrupt]

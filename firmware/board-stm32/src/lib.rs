@@ -10,19 +10,6 @@
 //! The crate of a board defines pins, clocks and memory, and passes them to `start_tasks` as a
 //! `Board`. For the microcontroller this crate compiles only as part of a board, which selects the
 //! chip. On a PC it contains the table of pins and the logic that needs no chip.
-//!
-//! # Example
-//! A board's test compares its pins with the documentation:
-//!
-//! ```
-//! use board_stm32::parts::{Pin, are_documented};
-//!
-//! let pins = [Pin { signal: "SCLK", name: "PA5", to: "all chips" }];
-//! let page = "## Pins\n| Signal | Pin | To |\n| --- | --- | --- |\n| SCLK | PA5 | all chips |\n";
-//! assert_eq!(pins[0].to_string(), "| SCLK | PA5 | all chips |");
-//! assert!(are_documented(&pins, page, "## Pins"));
-//! assert!(!are_documented(&pins, &page.replace("PA5", "PA6"), "## Pins"));
-//! ```
 #![no_std]
 #![deny(unsafe_code)]
 
@@ -33,16 +20,12 @@ extern crate std;
 mod application;
 #[cfg(target_os = "none")]
 mod bus;
-#[cfg(target_os = "none")]
-mod chip;
 #[cfg(any(test, target_os = "none"))]
 mod clock_source;
 #[cfg(target_os = "none")]
 mod converter;
 #[cfg(target_os = "none")]
 mod drdy;
-#[cfg(target_os = "none")]
-mod exti;
 #[cfg(target_os = "none")]
 mod failure;
 #[cfg(target_os = "none")]
@@ -65,9 +48,8 @@ pub use port::{PortMemory, Uart, UartInterrupt};
 pub use {
     application::{Board, feed_watchdog, sleep, start_tasks},
     bus::{Bus, FRAME_BYTES},
-    chip::init,
     converter::Wires,
-    interrupts::nvic_priority,
+    interrupts::{init_chip, nvic_priority},
     loader::Loader,
     port::Port,
     trigger::Trigger,

@@ -8,8 +8,6 @@ mod uart;
 mod uart_stream;
 #[cfg(all(target_os = "none", not(feature = "uart")))]
 mod usb;
-#[cfg(all(target_os = "none", not(feature = "uart")))]
-mod usb_recovery;
 #[cfg(any(test, not(feature = "uart")))]
 mod usb_stream;
 

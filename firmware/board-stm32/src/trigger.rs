@@ -27,7 +27,7 @@ use firmware::deadlines;
 use link::EventKind;
 
 use crate::application::SHARED;
-use crate::exti;
+use crate::interrupts;
 use crate::trigger_line::TriggerLine;
 
 /// Pin of the trigger input. It is pulled down, so an open input is low.
@@ -86,7 +86,7 @@ pub(crate) fn refill_budget() {
         line.refill_budget(deadlines::TRIGGER_EDGES)
     });
     if was_exhausted {
-        exti::enable_trigger();
+        interrupts::enable_trigger();
     }
 }
 
@@ -97,7 +97,7 @@ pub(crate) fn refill_budget() {
 /// the latest one. If no samples are read for a time, this edge's time can be wrong by multiples of
 /// 65.536 ms; no run is active then.
 pub(crate) fn on_edge() {
-    exti::clear_pending(1 << PIN);
+    interrupts::clear_pending(1 << PIN);
     let edge = critical_section::with(|section| {
         let mut line = LINE.borrow_ref_mut(section);
         // Read the level before the stamp: an edge after the level was read raises the interrupt
@@ -105,7 +105,7 @@ pub(crate) fn on_edge() {
         let (is_high, stamp) = (is_high(), stamp());
         let edge = line.observe(is_high, stamp, Instant::now().as_micros());
         if line.budget_exhausted() {
-            exti::disable_trigger();
+            interrupts::disable_trigger();
         }
         edge
     });

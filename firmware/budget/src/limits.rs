@@ -25,7 +25,8 @@ pub(crate) const BOARDS: [Limits; 3] = [
         is_default: true,
         memory_map: "firmware/board-h743/stm32h743.x",
         // Limits above the sizes measured with USB: 9 % above 662 KB of flash, 7 % above 90 KB of
-        // RAM. The DMA may use half of SRAM1. The ITCM stays empty (decision 0015).
+        // RAM. The DMA may use half of SRAM1. The ITCM stays empty, because the kernels run
+        // from flash (docs/decisions/0015-kernels-run-from-flash.md).
         regions: &[
             ("FLASH", 704 << 10),
             ("ITCM", 0),

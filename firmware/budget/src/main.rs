@@ -42,15 +42,6 @@ struct Row {
     limit: Option<u64>,
 }
 
-/// Options of the command line.
-#[derive(Debug, Clone, Copy)]
-struct Options {
-    /// Print one JSON object instead of a table.
-    json: bool,
-    /// Leave out all images but the default ones.
-    default_images: bool,
-}
-
 fn main() -> ExitCode {
     let mut words: Vec<String> = env::args().skip(1).collect();
     let mut option = |name: &str| {
@@ -58,10 +49,7 @@ fn main() -> ExitCode {
         words.retain(|word| word != name);
         words.len() < before
     };
-    let options = Options {
-        json: option("--json"),
-        default_images: option("--default-images"),
-    };
+    let (json, default_images) = (option("--json"), option("--default-images"));
     let [folder] = &words[..] else {
         eprintln!(
             "usage: budget FOLDER_OF_IMAGES [--json] [--default-images]; `cargo xtask budget` builds the images, \
@@ -69,7 +57,7 @@ fn main() -> ExitCode {
         );
         return ExitCode::from(2);
     };
-    let error = match budget(Path::new(folder), options) {
+    let error = match budget(Path::new(folder), json, default_images) {
         Ok(faults) if faults.is_empty() => return ExitCode::SUCCESS,
         Ok(faults) => format!(
             "the budget failed: {}\n  next: find what has grown with `nm --size-sort`, or argue for a limit in \
@@ -82,16 +70,17 @@ fn main() -> ExitCode {
     ExitCode::FAILURE
 }
 
-/// Prints the figures of every board's first image, and returns one sentence for each fault of any
-/// image in `folder`.
-fn budget(folder: &Path, options: Options) -> Result<Vec<String>, String> {
+/// Prints the figures of every board's first image as a table, or as one JSON object if `json` is
+/// true. Returns one sentence for each fault of any image in `folder`; with `default_images`,
+/// leaves out all images but the default ones.
+fn budget(folder: &Path, json: bool, default_images: bool) -> Result<Vec<String>, String> {
     let (mut boards, mut faults) = (Vec::new(), Vec::new());
-    let wanted = |limits: &&Limits| limits.is_default || !options.default_images;
+    let wanted = |limits: &&Limits| limits.is_default || !default_images;
     for limits in BOARDS.iter().filter(wanted) {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let map = read(&root.join(limits.memory_map))?;
         let regions = memory_map::regions(&String::from_utf8_lossy(&map));
-        let count = if options.default_images {
+        let count = if default_images {
             1
         } else {
             limits.images.len()
@@ -117,7 +106,7 @@ fn budget(folder: &Path, options: Options) -> Result<Vec<String>, String> {
         let written = fs::write(&file, object.to_string());
         written.map_err(|error| format!("writing {} failed: {error}", file.display()))?;
     }
-    if options.json {
+    if json {
         println!("{object}");
     } else {
         print_table(&boards);

@@ -192,6 +192,6 @@ fn the_rate_outlives_a_run_and_not_a_reset() {
     }
     send(&mut board, &mut host, ToDevice::Reset(ResetInto::Firmware));
     send(&mut board, &mut Encoder::default(), START_PACKED);
-    let of_model = <pipeline::PackedEncoder>::DEFAULT_RATE.index();
+    let of_model = pipeline::PackedEncoder::DEFAULT_RATE.index();
     assert_eq!(rates(&mut board, &outbox)[0], of_model);
 }

@@ -6,8 +6,7 @@ use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 
 use crate::bus::Bus;
-use crate::chain::{Chain, number};
-use crate::command::REFERENCE_US;
+use crate::chain::{Chain, REFERENCE_US};
 use crate::error::Error;
 use crate::image::ReadBack;
 use crate::register::Register;
@@ -105,7 +104,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     /// least every 20 ms.
     pub(crate) async fn set_up(
         &mut self,
-        settings: &Settings<CHIPS>,
+        settings: Settings,
         progress: &mut impl FnMut(),
     ) -> Result<[ReadBack; CHIPS], Error> {
         let mut bring_up = BringUp::from_reset();
@@ -117,7 +116,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     /// after the last one.
     pub(crate) async fn run_stage(
         &mut self,
-        settings: &Settings<CHIPS>,
+        settings: Settings,
         bring_up: &mut BringUp<CHIPS>,
     ) -> Result<Option<u32>, Error> {
         let mut wait_us = 0;
@@ -178,7 +177,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     /// ms.
     pub(crate) async fn finish(
         &mut self,
-        settings: &Settings<CHIPS>,
+        settings: Settings,
         bring_up: &mut BringUp<CHIPS>,
         progress: &mut impl FnMut(),
     ) -> Result<(), Error> {
@@ -188,16 +187,4 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
         }
         Ok(())
     }
-}
-
-/// Checks that every chip is an eight-channel ADS1299 that kept all register values.
-///
-/// # Errors
-/// The first wrong ID or register.
-pub(crate) fn check<const CHIPS: usize>(
-    read_backs: &[ReadBack; CHIPS],
-    settings: &Settings<CHIPS>,
-) -> Result<(), Error> {
-    let mut chips = read_backs.iter().enumerate();
-    chips.try_for_each(|(chip, read_back)| read_back.check(number(chip), &settings.image(chip)))
 }

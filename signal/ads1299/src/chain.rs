@@ -1,4 +1,4 @@
-//! Wires of a chain, and the commands sent over them.
+//! Wires of a chain, the commands sent over them, and the times that the commands need.
 
 use core::ops::Range;
 
@@ -8,7 +8,6 @@ use embedded_hal_async::spi::Error as _;
 
 use crate::bus::{Bus, Speed};
 use crate::clock::Clock;
-use crate::command::{AFTER_RESET, DECODE, DESELECTED, POWER_ON_US, RESET_LOW, opcode};
 use crate::error::{Error, Pin};
 use crate::image::Image;
 use crate::register::Register;
@@ -33,12 +32,58 @@ pub struct Chain<Spi, Line, Delay, const CHIPS: usize> {
     pub delay: Delay,
 }
 
+/// Opcodes (data sheet section 9.5.3). START and RESET are driven by pins; RDATA and STANDBY are
+/// not used.
+pub(crate) mod opcode {
+    /// Read data continuously: the chip sends data at every DRDY and accepts no opcode but
+    /// [`SDATAC`]. This is the state after a reset.
+    pub(crate) const RDATAC: u8 = 0x10;
+    /// Stop reading data continuously: registers can be read and written.
+    pub(crate) const SDATAC: u8 = 0x11;
+    /// Read registers: ORed with the first address; a byte with the number of registers less one
+    /// follows.
+    pub(crate) const RREG: u8 = 0x20;
+    /// Write registers: ORed with the first address; a byte with the number of registers less one
+    /// and the values follow.
+    pub(crate) const WREG: u8 = 0x40;
+    /// Mask of the opcode's bits in a byte that also holds an address.
+    #[cfg(any(test, feature = "simulation"))]
+    pub(crate) const MASK: u8 = 0xE0;
+}
+
+/// Clock cycles to decode a byte, and to execute a command before the chip is deselected (data
+/// sheet section 9.5.3, tSDECODE; 7.6, tSCCS).
+pub(crate) const DECODE: u32 = 4;
+
+/// Clock cycles for which a chip must stay deselected between two commands (data sheet section 7.6,
+/// tCSH).
+pub(crate) const DESELECTED: u32 = 2;
+
+/// Clock cycles from power-up to the reset (data sheet section 11.1, tPOR). By then, VCAP1 must
+/// also have reached 1.1 V.
+pub(crate) const POWER_ON: u32 = 1 << 18;
+
+/// [`POWER_ON`] at the slowest clock, in microseconds: 175 ms.
+pub(crate) const POWER_ON_US: u32 = Clock::SLOWEST.microseconds(POWER_ON);
+
+/// Delay from power-up to the reset on boards that do not measure VCAP1, in microseconds. The data
+/// sheet states no charging time for VCAP1's capacitor; its power-up flow waits 1 s (figure 67).
+pub(crate) const COLD_US: u32 = 1_000_000;
+
+const _: () = assert!(POWER_ON_US < COLD_US);
+
+/// Clock cycles for which RESET must stay low (data sheet section 11.1, tRST).
+pub(crate) const RESET_LOW: u32 = 2;
+
+/// Clock cycles from the end of the reset to the first command (data sheet section 9.4.2).
+pub(crate) const AFTER_RESET: u32 = 18;
+
+/// Settling time of the internal reference, in microseconds (data sheet section 7.5).
+pub(crate) const REFERENCE_US: u32 = 150_000;
+
 /// Longest delay between two calls of `progress`, in microseconds. It must stay below the shortest
 /// watchdog period, 136 ms.
 const SLICE_US: u32 = 20_000;
-
-/// Consecutive registers to write: the first register, and the value of each.
-type Run<'a> = (Register, &'a [u8]);
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, Line, Delay, CHIPS> {
     /// Waits 2^18 clock cycles for the supplies, resets the chips and sends SDATAC; calls
@@ -70,14 +115,14 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     pub(crate) async fn switch_reference_on(
         &mut self,
         chip: usize,
-        settings: &Settings<CHIPS>,
+        settings: Settings,
     ) -> Result<bool, Error> {
         let image = settings.image(chip);
         let mut old = [0];
         self.read_registers(chip, Register::CONFIG3, &mut old)
             .await?;
         let own = &image.0[Register::CONFIG3.index()..=Register::CONFIG3.index()];
-        self.write_registers(chip, (Register::CONFIG3, own)).await?;
+        self.write_registers(chip, Register::CONFIG3, own).await?;
         Ok(old[0] & 0x80 != 0)
     }
 
@@ -85,14 +130,14 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     pub(crate) async fn write_part(
         &mut self,
         chip: usize,
-        settings: &Settings<CHIPS>,
+        settings: Settings,
         part: Range<usize>,
     ) -> Result<(), Error> {
         let image = settings.image(chip);
         let Some(first) = register(&part) else {
             return Ok(());
         };
-        self.write_registers(chip, (first, &image.0[part])).await
+        self.write_registers(chip, first, &image.0[part]).await
     }
 
     /// Reads the registers with the indices in `part` into `image`.
@@ -154,7 +199,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize> Chain<Spi, L
     async fn write_registers(
         &mut self,
         chip: usize,
-        (first, values): Run<'_>,
+        first: Register,
+        values: &[u8],
     ) -> Result<(), Error> {
         let mut bytes = [0; Register::COUNT + 2];
         bytes[0] = opcode::WREG | first.address();

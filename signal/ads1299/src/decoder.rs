@@ -29,8 +29,8 @@ const SPAN: usize = CHIP_BYTES + 1;
 /// The first frame with a valid chip after chip 0 decides the [`Alignment`]: the one in which more
 /// chips have a status that starts with 1100. Chip 1 alone is sufficient: read with the wrong
 /// alignment, its first four bits are 100x or x110. In later frames a chip whose status does not
-/// start with 1100 is only counted as bad. The alignment changes only after four consecutive frames
-/// in which every chip fits the other alignment, which no fault of a single chip can cause.
+/// start with 1100 is only reported as bad. The alignment changes only after four consecutive
+/// frames in which every chip fits the other alignment, which no fault of a single chip can cause.
 #[derive(Clone, Debug)]
 pub struct Decoder<const CHIPS: usize> {
     /// Alignment of the stream; `None` until a frame has a valid chip after chip 0.
@@ -42,20 +42,6 @@ pub struct Decoder<const CHIPS: usize> {
     /// Repeated counts of each chip, as [`FROZEN`] defines them; at most 13: `FROZEN` and eight
     /// channels more.
     repeats: [u8; CHIPS],
-    counters: Counters<CHIPS>,
-}
-
-/// Counters of a decoder since its creation; each wraps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Counters<const CHIPS: usize> {
-    /// Number of frames decoded.
-    pub frames: u32,
-    /// Number of frames in which a chip's status did not start with 1100, per chip.
-    pub bad_status: [u32; CHIPS],
-    /// Number of frames in which a chip was frozen, per chip.
-    pub repeated: [u32; CHIPS],
-    /// Number of changes of the alignment after the first frame decided it.
-    pub realigned: u32,
 }
 
 /// Result of decoding a frame: alignment, status words, and bad or frozen chips.
@@ -69,19 +55,6 @@ pub struct FrameStatus<const CHIPS: usize> {
     pub bad: u8,
     /// Frozen chips, one bit each: they repeat their counts.
     pub repeated: u8,
-}
-
-impl<const CHIPS: usize> Counters<CHIPS> {
-    /// Counts a frame with these bad and repeated chips, one bit each.
-    #[inline]
-    fn count(&mut self, bad: u32, repeated: u32) {
-        self.frames = self.frames.wrapping_add(1);
-        for (bits, counters) in [(bad, &mut self.bad_status), (repeated, &mut self.repeated)] {
-            for (chip, counter) in (0..).zip(counters) {
-                *counter = counter.wrapping_add(bits >> chip & 1);
-            }
-        }
-    }
 }
 
 impl<const CHIPS: usize> FrameStatus<CHIPS> {
@@ -121,18 +94,7 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
             against: 0,
             last: [Part::NEVER_SENT; CHIPS],
             repeats: [0; CHIPS],
-            counters: Counters {
-                frames: 0,
-                bad_status: [0; CHIPS],
-                repeated: [0; CHIPS],
-                realigned: 0,
-            },
         }
-    }
-
-    /// Returns the counters since creation.
-    pub const fn counters(&self) -> &Counters<CHIPS> {
-        &self.counters
     }
 
     /// Returns the alignment; `None` until a frame has a valid chip after chip 0.
@@ -182,7 +144,6 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
             *word = last.word;
         }
         let [bad, repeated] = bits;
-        self.counters.count(bad, repeated);
         status.bad = (bad & 0xFF) as u8;
         status.repeated = (repeated & 0xFF) as u8;
         status
@@ -217,7 +178,6 @@ impl<const CHIPS: usize> Decoder<CHIPS> {
         }
         self.against = 0;
         self.alignment = Some(locked.other());
-        self.counters.realigned = self.counters.realigned.wrapping_add(1);
         locked.other()
     }
 }

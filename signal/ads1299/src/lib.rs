@@ -48,13 +48,10 @@ mod bus;
 mod chain;
 mod channel_tests;
 mod clock;
-mod command;
-mod decimal;
 mod decoder;
 mod error;
 mod image;
 mod limits;
-mod rate_watch;
 mod reading;
 mod ready;
 mod register;
@@ -72,12 +69,10 @@ pub use bus::{Bus, Drdy, DrdyEdge, Speed, TooFast};
 pub use chain::Chain;
 pub use channel_tests::{ShortedResult, ShortedTest, SquareWaveResult, SquareWaveTest};
 pub use clock::Clock;
-pub use decoder::{
-    Alignment, CHANNELS, CHIP_BYTES, Counters, Decoder, FrameStatus, MAX_CHIPS, frame_bytes,
-};
+pub use decoder::{Alignment, CHANNELS, CHIP_BYTES, Decoder, FrameStatus, MAX_CHIPS, frame_bytes};
 pub use error::{Error, Pin};
 pub use image::{Image, ReadBack};
-pub use limits::{Limits, SelfTestFault, typical_noise_uv};
+pub use limits::{SelfTestFault, typical_noise_uv};
 pub use reading::{ChipFault, Reading, StatusWord};
 pub use ready::{Edge, RateError, ReadyMeter};
 pub use register::{ID, Register};
@@ -85,7 +80,4 @@ pub use retrying_sampler::RetryingSampler;
 pub use sampler::{SILENCE, Sampler, SamplerCounters};
 pub use self_test::SelfTest;
 pub use self_test_report::{ChannelReport, ChipReport, Finding, ReadyReport, SelfTestReport};
-pub use settings::{
-    Bias, Channel, ChipSettings, Gain, Input, LeadOff, LeadOffCurrent, LeadOffFrequency,
-    LeadOffThreshold, Rate, Settings, TestAmplitude, TestFrequency, TestSignal,
-};
+pub use settings::{Gain, Input, Rate, Settings};

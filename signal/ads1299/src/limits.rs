@@ -2,25 +2,19 @@
 
 use core::fmt;
 
-use crate::decimal::Decimal;
 use crate::settings::{Gain, Rate};
 
-/// Limits that a working channel keeps in the self-test.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// Largest |gain error|, as a fraction. The default of 0.03 is the sum of 2 % for the amplitude
-    /// of the test signal (assumed, not verified against the data sheet) and 1 % for the amplifier
-    /// (typical gain error 0.1 % of full scale, data sheet section 7.5).
-    pub gain_error: f32,
-    /// Largest |offset|, in microvolts at the input. The default of 300 is five times a typical
-    /// offset of 60 uV (assumed, not verified against the data sheet).
-    pub offset_uv: f32,
-    /// Least and largest noise, in microvolts rms at the input: half and twice
-    /// [`typical_noise_uv`]. A channel without noise is dead.
-    pub noise_uv: [f32; 2],
-    /// Least number of samples for a valid result.
-    pub samples: u32,
-}
+/// Largest |gain error|, as a fraction: the sum of 2 % for the amplitude of the test signal
+/// (assumed, not verified against the data sheet) and 1 % for the amplifier (typical gain error 0.1
+/// % of full scale, data sheet section 7.5).
+const GAIN_ERROR: f32 = 0.03;
+
+/// Largest |offset|, in microvolts at the input: five times a typical offset of 60 uV (assumed, not
+/// verified against the data sheet).
+const OFFSET_UV: f32 = 300.0;
+
+/// Least number of samples for a valid result.
+const SAMPLES: u32 = 100;
 
 /// Limit of the self-test that a channel does not keep.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,55 +69,41 @@ pub const fn typical_noise_uv(gain: Gain, rate: Rate) -> f32 {
     at_gain_one * of_gain
 }
 
-impl Limits {
-    /// Returns the limits for this gain and rate.
-    pub const fn new(gain: Gain, rate: Rate) -> Self {
-        let typical = typical_noise_uv(gain, rate);
-        Self {
-            gain_error: 0.03,
-            offset_uv: 300.0,
-            noise_uv: [typical / 2.0, typical * 2.0],
-            samples: 100,
-        }
-    }
+/// Checks that there are enough samples for a valid result.
+pub(crate) fn check_samples(measured: u32) -> Result<(), SelfTestFault> {
+    let limit = SAMPLES;
+    within(
+        measured >= limit,
+        SelfTestFault::Samples { measured, limit },
+    )
+}
 
-    pub(crate) fn samples(&self, measured: u32) -> Result<(), SelfTestFault> {
-        let limit = self.samples;
-        within(
-            measured >= limit,
-            SelfTestFault::Samples { measured, limit },
-        )
-    }
+/// Checks a gain error, as a fraction.
+pub(crate) fn check_gain(measured: f32) -> Result<(), SelfTestFault> {
+    let limit = GAIN_ERROR;
+    within(
+        measured.abs() <= limit,
+        SelfTestFault::Gain { measured, limit },
+    )
+}
 
-    pub(crate) fn gain(&self, measured: f32) -> Result<(), SelfTestFault> {
-        let limit = self.gain_error;
-        within(
-            measured.abs() <= limit,
-            SelfTestFault::Gain { measured, limit },
-        )
-    }
+/// Checks an offset, in microvolts at the input.
+pub(crate) fn check_offset(measured: f32) -> Result<(), SelfTestFault> {
+    let limit = OFFSET_UV;
+    within(
+        measured.abs() <= limit,
+        SelfTestFault::Offset { measured, limit },
+    )
+}
 
-    pub(crate) fn offset(&self, measured: f32) -> Result<(), SelfTestFault> {
-        let limit = self.offset_uv;
-        within(
-            measured.abs() <= limit,
-            SelfTestFault::Offset { measured, limit },
-        )
-    }
-
-    pub(crate) fn noise(&self, measured: f32) -> Result<(), SelfTestFault> {
-        let [least, most] = self.noise_uv;
-        let silent = SelfTestFault::Silent {
-            measured,
-            limit: least,
-        };
-        within(measured >= least, silent)?;
-        let noisy = SelfTestFault::Noisy {
-            measured,
-            limit: most,
-        };
-        within(measured <= most, noisy)
-    }
+/// Checks a channel's noise, in microvolts rms at the input: it must be half to twice
+/// [`typical_noise_uv`]. A channel without noise is dead.
+pub(crate) fn check_noise(measured: f32, gain: Gain, rate: Rate) -> Result<(), SelfTestFault> {
+    let typical = typical_noise_uv(gain, rate);
+    let limit = typical / 2.0;
+    within(measured >= limit, SelfTestFault::Silent { measured, limit })?;
+    let limit = typical * 2.0;
+    within(measured <= limit, SelfTestFault::Noisy { measured, limit })
 }
 
 /// Returns `fault` as the error unless `holds` is true.
@@ -169,3 +149,50 @@ impl fmt::Display for SelfTestFault {
 }
 
 impl core::error::Error for SelfTestFault {}
+
+/// Formats the number `.0` with `.1` decimal places, rounded. Uses integer formatting only, because
+/// the standard library's float formatting takes 15 KB of a microcontroller's flash.
+struct Decimal(f32, u32);
+
+impl fmt::Display for Decimal {
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_precision_loss,
+        clippy::cast_sign_loss,
+        reason = "it saturates; a few digits are shown"
+    )]
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(value, places) = *self;
+        let unit = 10_u32.pow(places);
+        let units = (value.abs() * unit as f32 + 0.5) as u32;
+        if value < 0.0 && units > 0 {
+            formatter.write_str("-")?;
+        }
+        write!(formatter, "{}", units / unit)?;
+        if places > 0 {
+            let width = places as usize;
+            write!(formatter, ".{:0width$}", units % unit)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::format;
+
+    use super::*;
+
+    #[test]
+    fn a_number_looks_as_the_standard_library_shows_it() {
+        for value in [
+            0.0, 0.04, 0.05, 0.27, -0.04, -0.06, -1.0, 9.96, 59.94, -312.5, 187_500.0,
+        ] {
+            assert_eq!(format!("{}", Decimal(value, 3)), format!("{value:.3}"));
+        }
+        assert_eq!(format!("{}", Decimal(-100.0, 2)), "-100.00");
+        assert_eq!(format!("{}", Decimal(299.6, 0)), "300");
+        assert_eq!(format!("{}", Decimal(-0.01, 1)), "0.0");
+        assert_eq!(format!("{}", Decimal(f32::NAN, 1)), "0.0");
+    }
+}

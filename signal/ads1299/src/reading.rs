@@ -108,11 +108,6 @@ impl StatusWord {
         (self.0 >> 4 & 0xFF) as u8
     }
 
-    /// Returns the levels of GPIO4 to GPIO1, one bit each.
-    pub const fn gpio(self) -> u8 {
-        (self.0 & 0xF) as u8
-    }
-
     /// Returns the fault that the first bits of the word show; `None` if the first four are 1100.
     pub const fn fault(self) -> Option<ChipFault> {
         let nibble = self.nibble();

@@ -5,7 +5,7 @@ use embedded_hal_async::delay::DelayNs;
 
 use crate::bring_up::BringUp;
 use crate::bus::{Bus, Drdy, DrdyEdge};
-use crate::command::COLD_US;
+use crate::chain::COLD_US;
 use crate::error::Error;
 use crate::reading::Reading;
 use crate::sampler::{SILENCE, Sampler};

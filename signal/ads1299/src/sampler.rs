@@ -3,14 +3,13 @@
 use embedded_hal::digital::OutputPin;
 use embedded_hal_async::delay::DelayNs;
 
-use crate::bring_up::{BringUp, check};
+use crate::bring_up::BringUp;
 use crate::bus::Bus;
-use crate::chain::{Chain, number};
-use crate::command::{COLD_US, POWER_ON_US};
+use crate::chain::{COLD_US, Chain, POWER_ON_US, number};
 use crate::decoder::{CHANNELS, Decoder, MAX_CHIPS};
 use crate::error::Error;
-use crate::rate_watch::RateWatch;
 use crate::reading::Reading;
+use crate::ready::RateWatch;
 use crate::settings::Settings;
 
 /// Number of sample periods without an edge of DRDY after which a chain counts as silent.
@@ -23,7 +22,7 @@ pub const SILENCE: u32 = 4;
 #[derive(Debug)]
 pub struct Sampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
     pub(crate) chain: Chain<Spi, Line, Delay, CHIPS>,
-    pub(crate) settings: Settings<CHIPS>,
+    pub(crate) settings: Settings,
     pub(crate) decoder: Decoder<CHIPS>,
     pub(crate) frame: [u8; BYTES],
     pub(crate) decoded: [[i32; CHANNELS]; CHIPS],
@@ -39,25 +38,18 @@ pub struct Sampler<Spi, Line, Delay, const CHIPS: usize, const BYTES: usize> {
 /// Counters of a sampler since its creation; each wraps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SamplerCounters<const CHIPS: usize> {
-    /// Number of readings returned.
-    pub readings: u32,
     /// Number of readings in which a chip was bad, per chip. A reading with a wrong rate counts for
     /// chip 0, a reading without a frame for all chips.
     pub errors: [u32; CHIPS],
     /// Number of samples that were not read.
     pub missed: u32,
-    /// Number of readings with a wrong sample rate.
-    pub wrong_rate: u32,
-    /// Number of readings without a frame, because DRDY was silent, the bus failed, or the chain
-    /// was stopped.
-    pub without_frame: u32,
 }
 
 impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES: usize>
     Sampler<Spi, Line, Delay, CHIPS, BYTES>
 {
     /// Creates a sampler for a stopped chain with these settings.
-    pub const fn new(chain: Chain<Spi, Line, Delay, CHIPS>, settings: Settings<CHIPS>) -> Self {
+    pub const fn new(chain: Chain<Spi, Line, Delay, CHIPS>, settings: Settings) -> Self {
         const { assert!(CHIPS >= 1 && CHIPS <= MAX_CHIPS, "1 to 8 chips") };
         Self {
             chain,
@@ -70,11 +62,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             is_running: false,
             unfit: Reading::<CHIPS>::ALL,
             counters: SamplerCounters {
-                readings: 0,
                 errors: [0; CHIPS],
                 missed: 0,
-                wrong_rate: 0,
-                without_frame: 0,
             },
             last: None,
         }
@@ -115,9 +104,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         progress: &mut impl FnMut(),
     ) -> Result<(), Error> {
         self.is_running = false;
-        self.chain
-            .finish(&self.settings, bring_up, progress)
-            .await?;
+        self.chain.finish(self.settings, bring_up, progress).await?;
         self.run_checked(bring_up).await
     }
 
@@ -128,7 +115,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         bring_up: &mut BringUp<CHIPS>,
     ) -> Result<Option<u32>, Error> {
         self.is_running = false;
-        let wait_us = self.chain.run_stage(&self.settings, bring_up).await?;
+        let wait_us = self.chain.run_stage(self.settings, bring_up).await?;
         if wait_us.is_none() {
             self.run_checked(bring_up).await?;
         }
@@ -138,16 +125,18 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     /// Checks the registers that were read back, and starts the chain unless every chip is unfit.
     async fn run_checked(&mut self, bring_up: &BringUp<CHIPS>) -> Result<(), Error> {
         self.unfit = 0;
+        let mut checked = Ok(());
         for (chip, read_back) in bring_up.read_backs.iter().enumerate() {
             let fits = read_back.check(number(chip), &self.settings.image(chip));
             self.unfit |= u8::from(fits.is_err()) << chip;
+            checked = checked.and(fits);
         }
         if self.unfit != Reading::<CHIPS>::ALL {
             self.chain.run().await?;
             self.is_running = true;
         }
         self.watch = RateWatch::new(self.settings.clock, self.settings.rate);
-        check(&bring_up.read_backs, &self.settings)
+        checked
     }
 
     /// Returns whether the chips convert.
@@ -156,8 +145,8 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     }
 
     /// Returns the settings with which the chain is brought up.
-    pub const fn settings(&self) -> &Settings<CHIPS> {
-        &self.settings
+    pub const fn settings(&self) -> Settings {
+        self.settings
     }
 
     /// Returns the newest valid counts of each channel, |count| <= 2^23.
@@ -229,12 +218,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
     fn count(&mut self, reading: &Reading<CHIPS>) {
         self.last = Some(*reading);
         let counters = &mut self.counters;
-        counters.readings = counters.readings.wrapping_add(1);
         counters.missed = counters.missed.wrapping_add(reading.missed);
-        let wrong_rate = u32::from(reading.rate.is_some());
-        counters.wrong_rate = counters.wrong_rate.wrapping_add(wrong_rate);
-        let without_frame = u32::from(reading.status.is_none());
-        counters.without_frame = counters.without_frame.wrapping_add(without_frame);
         let of_rate = reading.rate.map_or(0, |error| 1 << (error.chip() & 7));
         let bad = u32::from(reading.bad | of_rate);
         for (chip, errors) in (0..).zip(&mut counters.errors) {

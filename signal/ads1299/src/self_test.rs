@@ -14,7 +14,7 @@ use crate::ready::ReadyMeter;
 use crate::register::Register;
 use crate::sampler::Sampler;
 use crate::self_test_report::{ReadyReport, SelfTestReport};
-use crate::settings::{Channel, Gain, Input, Settings, TestSignal};
+use crate::settings::{Gain, Input, Settings, TEST_HALF_PERIOD};
 
 /// Number of periods of the test signal that are measured.
 const PERIODS: u32 = 2;
@@ -43,7 +43,7 @@ enum Measurement {
 impl Measurement {
     const fn new(input: Input, gain: Gain) -> Self {
         match input {
-            Input::TestSignal => Self::SquareWave(SquareWaveTest::new(gain, TestSignal::SELF_TEST)),
+            Input::TestSignal => Self::SquareWave(SquareWaveTest::new(gain)),
             _ => Self::Shorted(ShortedTest::new(gain)),
         }
     }
@@ -78,7 +78,7 @@ impl<const CHIPS: usize> SelfTest<CHIPS> {
     }
 
     /// Records the register check of all chips.
-    fn record_registers(&mut self, read_backs: &[ReadBack; CHIPS], settings: &Settings<CHIPS>) {
+    fn record_registers(&mut self, read_backs: &[ReadBack; CHIPS], settings: Settings) {
         for (chip, (report, back)) in self.report.chips.iter_mut().zip(read_backs).enumerate() {
             let fault = back.check(number(chip), &settings.image(chip)).err();
             report.id = back.read.0[Register::ID.index()];
@@ -89,24 +89,22 @@ impl<const CHIPS: usize> SelfTest<CHIPS> {
     }
 
     /// Records the results of all channels at the current input.
-    fn record_channels(&mut self, settings: &Settings<CHIPS>) {
-        let channels = settings.chips.iter().flat_map(|chip| &chip.channels);
+    fn record_channels(&mut self, settings: Settings) {
+        let Settings { gain, rate, .. } = settings;
         let reports = self.report.channels.as_flattened_mut().iter_mut();
-        let measurements = self.measurements.as_flattened().iter();
-        for ((report, measurement), Channel { gain, .. }) in reports.zip(measurements).zip(channels)
-        {
+        for (report, measurement) in reports.zip(self.measurements.as_flattened()) {
             let checked: Result<(), SelfTestFault> = match measurement {
                 Measurement::SquareWave(test) => {
                     let result = test.result();
                     report.gain_error = result.gain_error;
                     report.offset_uv = result.offset_uv;
                     report.noise_uv = result.noise_uv;
-                    result.check(*gain, settings.rate)
+                    result.check(gain, rate)
                 }
                 Measurement::Shorted(test) => {
                     let result = test.result();
                     report.shorted_noise_uv = result.noise_uv;
-                    result.check(*gain, settings.rate)
+                    result.check(gain, rate)
                 }
             };
             report.fault = report.fault.or(checked.err());
@@ -152,8 +150,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         let Settings { clock, rate, .. } = self.settings;
         self.chain.reset(progress).await?;
         let mut meter = ReadyMeter::new(0, clock, rate);
-        let half = TestSignal::SELF_TEST.frequency.half_period();
-        let period = 2 * half.unwrap_or(0) / rate.divider();
+        let period = 2 * TEST_HALF_PERIOD / rate.divider();
         let streamed = self
             .stream(
                 test,
@@ -186,13 +183,14 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
         (input, samples): (Input, u32),
         mut edge: impl FnMut(u64),
     ) -> Result<(), Error> {
-        let settings = self.settings.with_input(input);
-        let read_backs = self.chain.set_up(&settings, progress).await?;
-        test.record_registers(&read_backs, &settings);
-        for (measurements, chip) in test.measurements.iter_mut().zip(&settings.chips) {
-            for (measurement, channel) in measurements.iter_mut().zip(&chip.channels) {
-                *measurement = Measurement::new(input, channel.gain);
-            }
+        let settings = Settings {
+            input,
+            ..self.settings
+        };
+        let read_backs = self.chain.set_up(settings, progress).await?;
+        test.record_registers(&read_backs, settings);
+        for measurement in test.measurements.as_flattened_mut() {
+            *measurement = Measurement::new(input, settings.gain);
         }
         self.chain.run().await?;
         // Long enough for the first sample too.
@@ -222,7 +220,7 @@ impl<Spi: Bus, Line: OutputPin, Delay: DelayNs, const CHIPS: usize, const BYTES:
             }
         }
         self.chain.halt().await?;
-        test.record_channels(&settings);
+        test.record_channels(settings);
         Ok(())
     }
 }

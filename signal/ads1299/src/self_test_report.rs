@@ -150,11 +150,6 @@ impl<const CHIPS: usize> SelfTestReport<CHIPS> {
         none(first)?;
         none(self.not_restored.map(Finding::NotRestored))
     }
-
-    /// Returns whether [`Self::check`] finds nothing.
-    pub fn is_passed(&self) -> bool {
-        self.check().is_ok()
-    }
 }
 
 impl ChipReport {

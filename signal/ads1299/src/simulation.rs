@@ -6,8 +6,9 @@
 //! sample overwrites even while it is read. `analogue.rs` models electrodes, gains, test signal,
 //! lead-off and noise.
 //!
-//! Not modelled are commands that the driver never sends, SRB1 and SRB2, the bias amplifier, the
-//! sinc filter on other signals than the test signal, and the circuits of a board.
+//! Not modelled are commands and settings that the driver never sends, such as a lead-off current
+//! at the negative inputs, SRB1, the bias amplifier, the sinc filter on other signals than the test
+//! signal, and the circuits of a board.
 
 mod analogue;
 mod board;
@@ -22,6 +23,7 @@ use std::task::{Context, Poll, Waker};
 use std::vec::Vec;
 
 use board::Board;
+use wires::Role;
 
 use crate::bus::Speed;
 use crate::chain::Chain;
@@ -42,16 +44,17 @@ pub type SimulatedChain<const CHIPS: usize> =
 impl<const CHIPS: usize> Simulation<CHIPS> {
     /// Creates a chain whose supplies have just come on.
     pub fn new(options: Options, electrodes: Electrodes<CHIPS>) -> Self {
-        Self(SharedBoard::new(Board::new(options, electrodes)))
+        let board = Board::new(options, electrodes);
+        Self(SharedBoard(Arc::new(Mutex::new(board))))
     }
 
     /// Returns the chain for the driver.
     pub fn chain(&self) -> SimulatedChain<CHIPS> {
         Chain {
             spi: SimulatedBus(self.0.clone()),
-            selects: core::array::from_fn(|chip| SimulatedLine::select(&self.0, chip)),
-            start: SimulatedLine::start(&self.0),
-            reset: SimulatedLine::reset(&self.0),
+            selects: core::array::from_fn(|chip| SimulatedLine::new(&self.0, Role::Select(chip))),
+            start: SimulatedLine::new(&self.0, Role::Start),
+            reset: SimulatedLine::new(&self.0, Role::Reset),
             delay: SimulatedDelay(self.0.clone()),
         }
     }
@@ -63,7 +66,7 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
 
     /// Returns the virtual time since this chain was created, in microseconds.
     pub fn time_us(&self) -> u64 {
-        self.board().now_ns() / 1000
+        self.board().now_ns / 1000
     }
 
     /// Advances time to the next edge of DRDY and returns the edge's time in nanoseconds. Advances
@@ -71,7 +74,7 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
     pub fn pass_to_edge(&self, limit_ns: u64) -> Option<u64> {
         let mut board = self.board();
         let came = board.advance_to_edge_until(limit_ns);
-        came.then(|| board.now_ns())
+        came.then(|| board.now_ns)
     }
 
     /// Returns the time at which the next conversion ends and DRDY falls, in nanoseconds since this
@@ -83,7 +86,7 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
     /// Advances time by `us` microseconds.
     pub fn pass_us(&self, us: u64) {
         let mut board = self.board();
-        let then = board.now_ns() + us * 1000;
+        let then = board.now_ns + us * 1000;
         board.advance(then);
     }
 
@@ -108,23 +111,52 @@ impl<const CHIPS: usize> Simulation<CHIPS> {
         self.board().power_on();
     }
 
-    /// Connects or disconnects the electrode at the positive or negative input of a channel; `chip`
-    /// and `channel` count from 0.
-    pub fn set_electrode(&self, chip: usize, channel: usize, positive: bool, on: bool) {
-        self.board().set_electrode(chip, channel, positive, on);
+    /// Connects or disconnects the electrode at the positive input of a channel; `chip` and
+    /// `channel` count from 0.
+    pub fn set_electrode(&self, chip: usize, channel: usize, on: bool) {
+        self.board().set_electrode(chip, channel, on);
     }
 
     /// Returns how often the driver violated a timing rule: a reset or command too early, a byte
     /// before the previous one was decoded, deselection too early, or registers read at the burst
     /// speed.
     pub fn violations(&self) -> u32 {
-        self.board().violations()
+        self.board().violations
     }
 
     /// Returns the log of the wires, with times in nanoseconds: resets, levels of START, and
     /// opcodes.
     pub fn events(&self) -> Vec<(u64, Event)> {
-        self.board().events().to_vec()
+        self.board().events.clone()
+    }
+
+    /// Advances time to `now_ns`, in nanoseconds since creation; no effect for a time in the past.
+    pub fn advance_to(&self, now_ns: u64) {
+        self.board().advance(now_ns);
+    }
+
+    /// Transfers a byte that ends at `end_ns`, with an SCLK of `sclk_hz`, and returns the byte on
+    /// MISO.
+    ///
+    /// Reading a register with an SCLK above 105 kHz is a [violation](Self::violations): the
+    /// resistors through which the chips share MISO are too slow for more (decision 0011).
+    pub fn transfer_at(&self, end_ns: u64, sclk_hz: u32, mosi: u8) -> u8 {
+        let speed = if sclk_hz <= FASTEST_REGISTERS_HZ {
+            Speed::Registers
+        } else {
+            Speed::Bursts
+        };
+        self.board().clock_byte(mosi, end_ns, speed)
+    }
+
+    /// Returns the number of falling edges of DRDY.
+    pub fn ready_edges(&self) -> u64 {
+        self.board().edges
+    }
+
+    /// Returns the number of samples that the electrodes have delivered.
+    pub fn samples_delivered(&self) -> u64 {
+        self.board().delivered
     }
 
     fn board(&self) -> MutexGuard<'_, Board<CHIPS>> {
@@ -153,10 +185,6 @@ pub fn finish<T>(future: impl Future<Output = T>) -> Option<T> {
 struct SharedBoard<const CHIPS: usize>(Arc<Mutex<Board<CHIPS>>>);
 
 impl<const CHIPS: usize> SharedBoard<CHIPS> {
-    fn new(board: Board<CHIPS>) -> Self {
-        Self(Arc::new(Mutex::new(board)))
-    }
-
     fn lock(&self) -> MutexGuard<'_, Board<CHIPS>> {
         // After a panic in another thread the board can still be inspected.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
@@ -171,36 +199,6 @@ impl<const CHIPS: usize> core::fmt::Debug for SharedBoard<CHIPS> {
     }
 }
 
-/// Fastest SCLK for reading registers through the resistors of decision 0011, in Hz.
+/// Fastest SCLK for reading registers through the resistors with which the chips share MISO, in Hz
+/// (`docs/decisions/0011-daisy-chain-with-read-back.md`).
 const FASTEST_REGISTERS_HZ: u32 = 105_000;
-
-impl<const CHIPS: usize> Simulation<CHIPS> {
-    /// Advances time to `now_ns`, in nanoseconds since creation; no effect for a time in the past.
-    pub fn advance_to(&self, now_ns: u64) {
-        self.board().advance(now_ns);
-    }
-
-    /// Transfers a byte that ends at `end_ns`, with an SCLK of `sclk_hz`, and returns the byte on
-    /// MISO.
-    ///
-    /// Reading a register with an SCLK above 105 kHz is a [violation](Self::violations): the
-    /// resistors through which the chips share MISO are too slow for more (decision 0011).
-    pub fn transfer_at(&self, end_ns: u64, sclk_hz: u32, mosi: u8) -> u8 {
-        let speed = if sclk_hz <= FASTEST_REGISTERS_HZ {
-            Speed::Registers
-        } else {
-            Speed::Bursts
-        };
-        self.board().clock_byte(mosi, end_ns, speed)
-    }
-
-    /// Returns the number of falling edges of DRDY.
-    pub fn ready_edges(&self) -> u64 {
-        self.board().edges()
-    }
-
-    /// Returns the number of samples that the electrodes have delivered.
-    pub fn samples_delivered(&self) -> u64 {
-        self.board().delivered()
-    }
-}

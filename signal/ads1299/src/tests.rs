@@ -29,7 +29,7 @@ struct Bench<const CHIPS: usize, const BYTES: usize> {
 
 impl<const CHIPS: usize, const BYTES: usize> Bench<CHIPS, BYTES> {
     /// Creates a chain with power that has not been brought up.
-    fn new(options: Options, electrodes: Electrodes<CHIPS>, settings: Settings<CHIPS>) -> Self {
+    fn new(options: Options, electrodes: Electrodes<CHIPS>, settings: Settings) -> Self {
         let simulation = Simulation::new(options, electrodes);
         Self {
             sampler: Sampler::new(simulation.chain(), settings),
@@ -60,4 +60,9 @@ impl<const CHIPS: usize, const BYTES: usize> Bench<CHIPS, BYTES> {
         let edge_us = self.edge_us();
         finish(self.sampler.read(edge_us)).unwrap()
     }
+}
+
+/// Runs a future of the driver to its end; it must succeed.
+fn run<T, E: core::fmt::Debug>(future: impl Future<Output = Result<T, E>>) -> T {
+    finish(future).expect("it ends").expect("it succeeds")
 }

@@ -1,6 +1,6 @@
 //! A board as its session knows it: identity, abilities, and orders to the acquisition.
 
-use link::{Hello, ResetCause, ResetInto, Streams};
+use link::{ResetCause, ResetInto, Streams};
 use pipeline::{Mains, Rate};
 
 /// Identity of the device, constant from its start to its next reset.
@@ -20,21 +20,6 @@ pub struct Identity<'i> {
     /// Description of a fault that was found at this start, or that caused the last reset; at most
     /// [`link::MAX_TEXT_BYTES`] bytes, empty without a fault.
     pub fault: &'i str,
-}
-
-impl Identity<'_> {
-    /// Builds the `Hello` message, with the id of the model that this program contains.
-    pub(crate) const fn hello(&self) -> Hello<'_> {
-        Hello {
-            firmware: self.firmware,
-            board: self.board,
-            chip_uid: self.chip_uid,
-            model_id: model::MODEL_ID,
-            session_id: self.session_id,
-            reset_cause: self.reset_cause,
-            fault: self.fault,
-        }
-    }
 }
 
 /// Commands and streams that a board supports; the session refuses all others.

@@ -79,7 +79,7 @@ pub const CHIPS: usize = model::CHANNELS / CHANNELS;
 
 /// Settings of the chain: the model's rate and gain. The driver reads every register back before
 /// the chain runs, so the samples of a running chain have this rate, and their counts this scale.
-pub const CONVERTER_SETTINGS: Settings<CHIPS> = {
+pub const CONVERTER_SETTINGS: Settings = {
     let (clock, rate) = Rate::of_hz(model::ADC_RATE_HZ as u32)
         .expect("reading the artifact has refused a rate that the converters lack");
     Settings::eeg(clock, rate, GAIN)

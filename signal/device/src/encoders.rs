@@ -4,7 +4,7 @@ use core::hint::black_box;
 
 use link::Streams;
 use model::{HAS_NETWORK, NETWORK, NETWORK_CHECKSUM, PACKED, PACKED_CHECKSUM};
-use pipeline::{Code, Encoder, EncoderMemory, PackedCode, PackedEncoder, PackedMemory, Rate, Step};
+use pipeline::{Code, EncoderMemory, PackedCode, PackedMemory, Rate, Step};
 
 /// The encoders that a device has. An image contains the weights of these encoders only.
 ///
@@ -45,11 +45,11 @@ impl Encoders for EncoderMemory {
     };
 
     fn restart(&mut self) {
-        Encoder::with_memory(self).restart();
+        Self::restart(self);
     }
 
     fn encode_window(&mut self, step: &Step) -> Option<Code> {
-        Encoder::with_memory(self).encode_step(step)
+        self.encode_step(step)
     }
 
     fn encode_block(&mut self, _: &Step, _: Rate) -> Option<PackedCode> {
@@ -70,7 +70,7 @@ impl Encoders for PackedMemory {
     };
 
     fn restart(&mut self) {
-        PackedEncoder::with_memory(self).restart();
+        Self::restart(self);
     }
 
     fn encode_window(&mut self, _: &Step) -> Option<Code> {
@@ -78,9 +78,7 @@ impl Encoders for PackedMemory {
     }
 
     fn encode_block(&mut self, step: &Step, rate: Rate) -> Option<PackedCode> {
-        let mut encoder = PackedEncoder::with_memory(self);
-        encoder.set_rate(rate);
-        encoder.encode_step(step)
+        self.encode_step(step, rate)
     }
 
     fn model_is_sound() -> bool {
@@ -105,13 +103,12 @@ impl BothEncoders {
 }
 
 impl Encoders for BothEncoders {
-    const STREAMS: Streams = Streams::from_bits(
-        EncoderMemory::STREAMS.bits() | <PackedMemory as Encoders>::STREAMS.bits(),
-    );
+    const STREAMS: Streams =
+        Streams::from_bits(EncoderMemory::STREAMS.bits() | PackedMemory::STREAMS.bits());
 
     fn restart(&mut self) {
-        Encoders::restart(&mut self.network);
-        Encoders::restart(&mut self.packed);
+        self.network.restart();
+        self.packed.restart();
     }
 
     fn encode_window(&mut self, step: &Step) -> Option<Code> {

@@ -49,9 +49,7 @@ mod board;
 mod chunk;
 mod converters;
 mod encoders;
-mod frame_ring;
 mod message;
-mod output;
 mod producer;
 mod sender;
 mod session;
@@ -64,9 +62,7 @@ pub use converters::{
     CHIPS, CONVERTER_SETTINGS, converters_message, fault_text, self_test_message,
 };
 pub use encoders::{BothEncoders, Encoders, streams_with};
-pub use frame_ring::FrameRing;
 pub use message::CODE_FORMAT;
-pub use output::{Output, Payload};
-pub use producer::{CapturedEvent, Producer};
-pub use sender::{FrameQueue, MAX_FRAME, Sender};
+pub use producer::{CapturedEvent, Output, Payload, Producer};
+pub use sender::{FrameQueue, FrameRing, MAX_FRAME, Sender};
 pub use session::Session;

@@ -1,4 +1,5 @@
-//! Numbers the frames to the host and queues them; the length of the longest one.
+//! Numbers the frames to the host and queues them, in a ring buffer on a board; the length of the
+//! longest frame.
 
 use link::{Encoder, ToHost, frame_bytes};
 use model::{CELLS, CODE, LABELS, STEPS};
@@ -109,3 +110,197 @@ pub const MAX_FRAME: usize = {
 };
 
 const _: () = assert!(MAX_FRAME <= link::MAX_FRAME);
+
+/// Bytes of the length field in front of each frame.
+const LENGTH: usize = 2;
+
+/// Queue of whole frames in a ring buffer of `BYTES` bytes, for the port to the host.
+///
+/// A full ring drops and counts its oldest frames, because a closed loop needs the newest ones.
+#[derive(Clone, Debug)]
+pub struct FrameRing<const BYTES: usize> {
+    bytes: [u8; BYTES],
+    /// Offset of the oldest frame in `bytes`.
+    first: usize,
+    /// Bytes in use, length fields included.
+    used: usize,
+    dropped: u32,
+}
+
+impl<const BYTES: usize> FrameRing<BYTES> {
+    /// Creates an empty ring; usable in a `static`.
+    pub const fn new() -> Self {
+        Self {
+            bytes: [0; BYTES],
+            first: 0,
+            used: 0,
+            dropped: 0,
+        }
+    }
+
+    /// Returns true if no frame waits.
+    pub const fn is_empty(&self) -> bool {
+        self.used == 0
+    }
+
+    /// Moves the oldest frame to the start of `frame` and returns that part of `frame`; `None` if
+    /// no frame waits. A frame longer than `frame` is dropped and counted.
+    pub fn pop<'f>(&mut self, frame: &'f mut [u8]) -> Option<&'f [u8]> {
+        while self.used > 0 && self.length() > frame.len() {
+            self.discard_oldest();
+            self.count_dropped();
+        }
+        if self.used == 0 {
+            return None;
+        }
+        let frame = &mut frame[..self.length()];
+        let (wrapped, up_to_end) = self.bytes.split_at((self.first + LENGTH) % BYTES);
+        // A frame can wrap around the end of the ring: `head` is its part before the end, `rest`
+        // its part from the start of the ring.
+        let (head, rest) = frame.split_at_mut(frame.len().min(up_to_end.len()));
+        head.copy_from_slice(&up_to_end[..head.len()]);
+        rest.copy_from_slice(&wrapped[..rest.len()]);
+        self.discard_oldest();
+        Some(frame)
+    }
+
+    /// Returns the length of the oldest frame, bytes, without its length field.
+    fn length(&self) -> usize {
+        let bytes = [self.first, self.first + 1].map(|at| self.bytes[at % BYTES]);
+        u16::from_le_bytes(bytes).into()
+    }
+
+    fn discard_oldest(&mut self) {
+        let bytes = LENGTH + self.length();
+        self.first = (self.first + bytes) % BYTES;
+        self.used -= bytes;
+    }
+
+    fn append(&mut self, bytes: &[u8]) {
+        let (wrapped, up_to_end) = self.bytes.split_at_mut((self.first + self.used) % BYTES);
+        let (head, rest) = bytes.split_at(bytes.len().min(up_to_end.len()));
+        up_to_end[..head.len()].copy_from_slice(head);
+        wrapped[..rest.len()].copy_from_slice(rest);
+        self.used += bytes.len();
+    }
+}
+
+impl<const BYTES: usize> Default for FrameRing<BYTES> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const BYTES: usize> FrameQueue for FrameRing<BYTES> {
+    fn push(&mut self, frame: &[u8]) {
+        let length = u16::try_from(frame.len()).ok();
+        let Some(length) = length.filter(|_| LENGTH + frame.len() <= BYTES) else {
+            self.count_dropped();
+            return;
+        };
+        while self.used + LENGTH + frame.len() > BYTES {
+            self.discard_oldest();
+            self.count_dropped();
+        }
+        self.append(&length.to_le_bytes());
+        self.append(frame);
+    }
+
+    /// Bulk frames can fill three quarters of the ring; the last quarter is reserved for codes and
+    /// answers.
+    fn push_bulk(&mut self, frame: &[u8]) {
+        if self.used + LENGTH + frame.len() > BYTES / 4 * 3 {
+            self.count_dropped();
+        } else {
+            self.push(frame);
+        }
+    }
+
+    fn count_dropped(&mut self) {
+        self.dropped = self.dropped.wrapping_add(1);
+    }
+
+    fn dropped(&self) -> u32 {
+        self.dropped
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{collections::VecDeque, vec::Vec};
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[derive(Clone, Debug)]
+    enum Operation {
+        Push(Vec<u8>),
+        Pop,
+    }
+
+    fn operations() -> impl Strategy<Value = Vec<Operation>> {
+        let push = prop::collection::vec(any::<u8>(), 0..30).prop_map(Operation::Push);
+        prop::collection::vec(prop_oneof![2 => push, 1 => Just(Operation::Pop)], 0..200)
+    }
+
+    proptest! {
+        #[test]
+        fn frames_come_out_in_order_except_the_oldest_which_are_counted(operations in operations()) {
+            let mut ring = FrameRing::<64>::new();
+            let mut expected: VecDeque<Vec<u8>> = VecDeque::new();
+            let mut dropped = 0;
+            for operation in operations {
+                match operation {
+                    Operation::Push(frame) => {
+                        ring.push(&frame);
+                        expected.push_back(frame);
+                        while expected.iter().map(|frame| LENGTH + frame.len()).sum::<usize>() > 64 {
+                            expected.pop_front();
+                            dropped += 1;
+                        }
+                    }
+                    Operation::Pop => {
+                        let mut buffer = [0; 32];
+                        let found = ring.pop(&mut buffer).map(<[u8]>::to_vec);
+                        prop_assert_eq!(found, expected.pop_front());
+                    }
+                }
+                prop_assert_eq!(ring.dropped(), dropped);
+                prop_assert_eq!(ring.is_empty(), expected.is_empty());
+            }
+        }
+    }
+
+    #[test]
+    fn bulk_frames_displace_none_and_others_displace_the_oldest() {
+        let mut ring = FrameRing::<64>::new();
+        for number in 0..9 {
+            ring.push_bulk(&[number; 10]);
+        }
+        // Three quarters of the ring are 48 bytes, enough for four of the nine frames: each takes
+        // 12 bytes with its length field.
+        assert_eq!(ring.dropped(), 5);
+        ring.push(&[100; 10]);
+        assert_eq!(ring.dropped(), 5);
+        ring.push(&[101; 10]);
+        assert_eq!(ring.dropped(), 6);
+        let mut buffer = [0; 16];
+        let mut firsts = Vec::new();
+        while let Some(frame) = ring.pop(&mut buffer) {
+            firsts.push(frame[0]);
+        }
+        assert_eq!(firsts, [1, 2, 3, 100, 101]);
+    }
+
+    #[test]
+    fn a_frame_longer_than_the_ring_is_counted_and_displaces_none() {
+        let mut ring = FrameRing::<16>::new();
+        ring.push(&[1; 10]);
+        ring.push(&[2; 15]);
+        assert_eq!(ring.dropped(), 1);
+        assert_eq!(ring.pop(&mut [0; 16]), Some(&[1; 10][..]));
+        ring.push(&[3; 10]);
+        assert_eq!((ring.pop(&mut [0; 4]), ring.dropped()), (None, 2));
+    }
+}

@@ -1,15 +1,15 @@
 //! The device's side of the protocol with the host.
 
 use link::{
-    Ack, AckResult, ClockReading, Converters, Counters, Decoder, FrameError, ResetInto, SelfTest,
-    Start, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
+    Ack, AckResult, ClockReading, Converters, Counters, Decoder, FrameError, Hello, ResetInto,
+    SelfTest, Start, Stats, Streams, Substitutes, Timing, ToDevice, ToHost,
 };
 use pipeline::{Code, Mains, Rate};
 
 use crate::acquired_sample::Counts;
 use crate::board::{Abilities, Identity, Order, Run};
 use crate::message;
-use crate::output::{Output, Payload};
+use crate::producer::{Output, Payload};
 use crate::sender::{FrameQueue, MAX_FRAME, Sender};
 
 /// Answers the host's commands and sends the producer's outputs as messages.
@@ -75,7 +75,16 @@ impl<'i> Session<'i> {
 
     /// Sends `Hello`, `Substitutes` if there are any, `Capabilities` and, if known, `Converters`.
     pub fn introduce(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
-        self.send_hello(now_us, sender);
+        let hello = Hello {
+            firmware: self.identity.firmware,
+            board: self.identity.board,
+            chip_uid: self.identity.chip_uid,
+            model_id: model::MODEL_ID,
+            session_id: self.identity.session_id,
+            reset_cause: self.identity.reset_cause,
+            fault: self.identity.fault,
+        };
+        sender.send(now_us, &ToHost::Hello(hello));
         if self.substitutes != Substitutes::NONE {
             sender.send(now_us, &ToHost::Substitutes(self.substitutes));
         }
@@ -318,10 +327,6 @@ impl<'i> Session<'i> {
             input_bad: input_bad(self.decoder.counters()),
             ..self.stats
         }
-    }
-
-    fn send_hello(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {
-        sender.send(now_us, &ToHost::Hello(self.identity.hello()));
     }
 
     fn send_capabilities(&self, now_us: u64, sender: &mut Sender<impl FrameQueue>) {

@@ -17,7 +17,6 @@ pub struct Acquisition {
     /// ADC channels that were at the rail in a sample since the last step; bit n is channel n.
     saturated: u64,
     clipped_total: u32,
-    saturated_total: u32,
 }
 
 impl Acquisition {
@@ -29,7 +28,6 @@ impl Acquisition {
             samples: 0,
             saturated: 0,
             clipped_total: 0,
-            saturated_total: 0,
         }
     }
 
@@ -41,16 +39,13 @@ impl Acquisition {
         self.samples = 0;
         self.saturated = 0;
         self.clipped_total = 0;
-        self.saturated_total = 0;
     }
 
     /// Processes one sample. Returns a step if one is due with this sample: at 512 Hz, with the
     /// first sample and with every fourth sample after it.
     #[inline]
     pub fn process_sample(&mut self, sample: &Sample) -> Option<Step> {
-        let rails = sample.channels_at_rail();
-        self.saturated |= rails;
-        self.saturated_total = self.saturated_total.wrapping_add(rails.count_ones());
+        self.saturated |= sample.channels_at_rail();
         let index = self.samples;
         self.samples += 1;
         let (electrodes, phase) = self.front_end.filter_sample(sample)?;
@@ -75,11 +70,6 @@ impl Acquisition {
     /// Returns the number of electrode values that were clipped to int8 in the run; wraps.
     pub const fn clipped(&self) -> u32 {
         self.clipped_total
-    }
-
-    /// Returns the number of counts at the ADC's rail in the run, over all channels; wraps.
-    pub const fn saturated(&self) -> u32 {
-        self.saturated_total
     }
 }
 
@@ -203,7 +193,6 @@ mod tests {
             );
         }
         assert_eq!(seen, [0, 0, 1 << 4, 1 << (CHANNELS - 1), 0]);
-        assert_eq!(acquisition.saturated(), 5);
     }
 
     #[test]

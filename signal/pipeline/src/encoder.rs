@@ -4,8 +4,6 @@ mod convolutions;
 mod edges;
 mod window;
 
-use core::borrow::BorrowMut;
-
 use convolutions::Convolutions;
 use int8_nn::Pair;
 use model::{
@@ -26,42 +24,10 @@ use crate::sample::{Plane, Step};
 /// Where a pooled plane belongs to several windows, its products for all but the oldest window are
 /// deferred to the next step. With at most two windows and without padded steps, all steps then
 /// take about the same work. With padded steps, each window also has planes of its own at its ends.
-///
-/// `M` is an [`EncoderMemory`], or a mutable reference to one.
 #[derive(Clone, Debug)]
-pub struct Encoder<'w, M = EncoderMemory> {
+pub struct Encoder<'w> {
     network: &'w Network<'w>,
-    memory: M,
-}
-
-/// State and scratch memory of an encoder, about 16 KB: place it in a static, not on a stack. All
-/// of it is initially zero, so that it takes no flash.
-#[derive(Clone, Debug)]
-pub struct EncoderMemory {
-    /// The convolutional layers, if the network has them.
-    convolutions: [Convolutions; HAS_CONVOLUTIONS as usize],
-    windows: [OpenWindow; OPEN_WINDOWS],
-    /// Number of steps encoded so far; at 128 Hz it wraps after four billion years.
-    steps: u64,
-}
-
-impl EncoderMemory {
-    /// Memory of an encoder before its first step, all zeros.
-    pub const EMPTY: Self = Self {
-        convolutions: [Convolutions::EMPTY; HAS_CONVOLUTIONS as usize],
-        windows: [OpenWindow::EMPTY; OPEN_WINDOWS],
-        steps: 0,
-    };
-}
-
-impl<M: BorrowMut<EncoderMemory>> Encoder<'static, M> {
-    /// Creates an encoder with the built-in network and the given memory.
-    pub const fn with_memory(memory: M) -> Self {
-        Self {
-            network: &NETWORK,
-            memory,
-        }
-    }
+    memory: EncoderMemory,
 }
 
 impl Encoder<'static> {
@@ -85,22 +51,40 @@ impl<'w> Encoder<'w> {
             memory: EncoderMemory::EMPTY,
         }
     }
-}
 
-impl<M: BorrowMut<EncoderMemory>> Encoder<'_, M> {
     /// Resets the encoder in place: the next step is the first of a stream.
     pub fn restart(&mut self) {
-        self.memory.borrow_mut().restart();
+        self.memory.restart();
     }
 
     /// Encodes the next step; returns a code if the step completes a window.
     pub fn encode_step(&mut self, step: &Step) -> Option<Code> {
-        self.memory.borrow_mut().encode_step(step, self.network)
+        self.memory.encode_with(step, self.network)
     }
 }
 
+/// State and scratch memory of an [`Encoder`], about 16 KB: place it in a static, not on a stack.
+/// All of it is initially zero, so that it takes no flash. On its own it encodes with the built-in
+/// network.
+#[derive(Clone, Debug)]
+pub struct EncoderMemory {
+    /// The convolutional layers, if the network has them.
+    convolutions: [Convolutions; HAS_CONVOLUTIONS as usize],
+    windows: [OpenWindow; OPEN_WINDOWS],
+    /// Number of steps encoded so far; at 128 Hz it wraps after four billion years.
+    steps: u64,
+}
+
 impl EncoderMemory {
-    fn restart(&mut self) {
+    /// Memory of an encoder before its first step, all zeros.
+    pub const EMPTY: Self = Self {
+        convolutions: [Convolutions::EMPTY; HAS_CONVOLUTIONS as usize],
+        windows: [OpenWindow::EMPTY; OPEN_WINDOWS],
+        steps: 0,
+    };
+
+    /// Resets the memory in place: the next step is the first of a stream.
+    pub fn restart(&mut self) {
         // The rings need no clearing: old planes are overwritten before they are read.
         for convolutions in &mut self.convolutions {
             convolutions.restart();
@@ -109,7 +93,13 @@ impl EncoderMemory {
         self.steps = 0;
     }
 
-    fn encode_step(&mut self, step: &Step, network: &Network<'_>) -> Option<Code> {
+    /// Encodes the next step with the built-in network; returns a code if the step completes a
+    /// window.
+    pub fn encode_step(&mut self, step: &Step) -> Option<Code> {
+        self.encode_with(step, &NETWORK)
+    }
+
+    fn encode_with(&mut self, step: &Step, network: &Network<'_>) -> Option<Code> {
         let index = self.steps;
         self.steps += 1;
         self.add_to_windows(index, step, network);

@@ -163,14 +163,6 @@ mod tests {
     }
 
     #[test]
-    fn an_output_is_due_with_the_first_and_every_fourth_sample() {
-        let resampler = Resampler::every(4);
-        let mut front_end = FrontEnd::new(Mains::Hz50, &resampler);
-        let due = core::array::from_fn(|_| front_end.filter_sample(&Sample::default()).is_some());
-        assert_eq!(due, [true, false, false, false, true, false, false, false]);
-    }
-
-    #[test]
     fn buffering_samples_changes_no_bit_of_an_output() {
         let samples = noise(1_000);
         let every = Resampler::every(1);

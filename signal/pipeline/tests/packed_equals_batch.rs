@@ -25,7 +25,7 @@ fn is_built_in() -> bool {
     option_env!("CORTICODE_ARTIFACT").is_none()
 }
 
-/// The reference: a block at a time.
+/// The reference encoder, which processes a whole block at a time.
 struct Reference {
     model: PackedModel,
     state: Vec<i16>,
@@ -106,7 +106,7 @@ impl Reference {
         let description = &self.model.description;
         #[expect(clippy::cast_precision_loss, reason = "a few hundred values")]
         let permitted = description.misfit_uv2 / description.unit_uv.powi(2) * values.len() as f64;
-        // The limits are integers: a block at the very limit is none.
+        // The limits are integers: a block exactly at the limit is no misfit.
         let permitted = permitted.floor() + (energy(values) / 64.0).floor();
         energy(values) - energy(coefficients) > permitted
     }
@@ -158,7 +158,7 @@ impl Reference {
     }
 }
 
-/// Numbers of blocks of a stream that took another path than most.
+/// Numbers of blocks of a stream that are blank, misfits, or coarser than the announced rate.
 #[derive(Clone, Copy, Debug, Default)]
 struct Seen {
     blank: usize,
@@ -167,8 +167,8 @@ struct Seen {
     coarser: usize,
 }
 
-/// Asserts that every block of a stream is that of the reference, and every state. Returns the
-/// numbers of unusual ones.
+/// Asserts that every block of a stream, and the state after it, equals that of the reference.
+/// Returns the numbers of unusual blocks.
 fn assert_equal_on(steps: &[Step], rate: Rate) -> Seen {
     let artifact = Artifact::read(&artifact_folder()).expect("the artifact is readable");
     let mut encoder = PackedEncoder::new();

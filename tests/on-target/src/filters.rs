@@ -21,7 +21,7 @@ pub(crate) struct Filtered<const N: usize, const PHASES: usize, const TAPS: usiz
 }
 
 /// Largest permitted difference from scipy's outputs, in units of 22.35 nV x 2^-5 (Q27.5): 0.08 uV,
-/// as in `signal/pipeline/tests/it/front_end/rates.rs`. It covers the rounding of counts and
+/// as in `signal/pipeline/tests/it/front_end.rs`. It covers the rounding of counts and
 /// coefficients. The largest difference measured in that test is 0.040 uV.
 const SCIPY_TOLERANCE: u64 = 114;
 

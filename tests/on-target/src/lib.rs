@@ -29,16 +29,27 @@ extern crate std;
 mod chain;
 mod filters;
 mod frames;
-mod golden;
 mod kernels;
 mod mismatch;
-mod network;
-#[cfg(not(feature = "f446"))]
-mod packed;
 mod path;
 #[cfg(not(target_os = "none"))]
 pub mod results;
 mod signal;
+
+/// Expected outputs of the vectors, written by `build.rs`.
+#[allow(
+    clippy::unreadable_literal,
+    reason = "generated numbers in the format of the model"
+)]
+mod golden {
+    use fixed_dsp::{Cascade, Coefficient, Resampler, Section};
+    use model::{CELLS, CODE, STEPS};
+    use pipeline::{Code, CodeValues};
+
+    use crate::filters::Filtered;
+
+    include!(concat!(env!("OUT_DIR"), "/golden.rs"));
+}
 
 pub use mismatch::Mismatch;
 pub use path::Device;
@@ -76,11 +87,11 @@ pub const VECTORS: &[Vector] = &[
     },
     Vector {
         name: "network's sum",
-        check: |_| network::check_sum(),
+        check: |_| path::check_network_sum(),
     },
     Vector {
         name: "network's codes",
-        check: |device| network::check_codes(&mut device.encoder),
+        check: |device| path::check_windows(&mut device.encoder),
     },
     Vector {
         name: "samples to codes, 50 Hz mains",
@@ -93,12 +104,12 @@ pub const VECTORS: &[Vector] = &[
     #[cfg(not(feature = "f446"))]
     Vector {
         name: "packed code's sum",
-        check: |_| packed::check_sum(),
+        check: |_| path::check_packed_sum(),
     },
     #[cfg(not(feature = "f446"))]
     Vector {
         name: "samples to packed blocks",
-        check: packed::check_blocks,
+        check: path::check_blocks,
     },
     Vector {
         name: "frame of a code",

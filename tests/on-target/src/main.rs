@@ -16,18 +16,15 @@ fn main() -> std::process::ExitCode {
 }
 
 #[cfg(target_os = "none")]
-mod clock;
-
-#[cfg(target_os = "none")]
 mod image {
     use core::panic::PanicInfo;
+    use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-    use cortex_m_rt::entry;
+    use cortex_m::peripheral::{SYST, syst::SystClkSource};
+    use cortex_m_rt::{entry, exception};
     use cortex_m_semihosting::{debug, hprintln};
     use on_target::{Device, VECTORS};
     use static_cell::StaticCell;
-
-    use crate::clock;
 
     /// State of the pipeline, initialised at run time. A static initial value would take 22 KB of
     /// flash, which a NUCLEO-F446RE does not have in addition to the model.
@@ -40,13 +37,13 @@ mod image {
         let Some(mut core) = cortex_m::Peripherals::take() else {
             end(false)
         };
-        clock::start(&mut core.SYST);
+        start_clock(&mut core.SYST);
         let device = device();
         let mut failed = 0;
         for vector in VECTORS {
-            let start = clock::ticks();
+            let start = ticks();
             let outcome = (vector.check)(device);
-            let ticks = clock::ticks() - start;
+            let ticks = ticks() - start;
             match outcome {
                 Ok(()) => hprintln!("passed {} {}", ticks, vector.name),
                 Err(mismatch) => {
@@ -63,6 +60,40 @@ mod image {
     #[inline(never)]
     fn device() -> &'static mut Device {
         DEVICE.init_with(Device::new)
+    }
+
+    /// Value from which SysTick, a timer of 24 bits, counts down to 0 (ARMv7-M Architecture
+    /// Reference Manual, B3.3).
+    const RELOAD: u32 = 0x00ff_ffff;
+
+    /// Number of times that SysTick has reached 0.
+    static ENDS: AtomicU32 = AtomicU32::new(0);
+
+    /// Starts SysTick. The cycle counter of the DWT has 32 bits, but QEMU does not emulate it.
+    fn start_clock(timer: &mut SYST) {
+        timer.set_clock_source(SystClkSource::Core);
+        timer.set_reload(RELOAD);
+        timer.clear_current();
+        timer.enable_interrupt();
+        timer.enable_counter();
+    }
+
+    /// Returns the ticks since [`start_clock`], of the processor's clock: cycles on a board,
+    /// periods of a 25 MHz clock on QEMU's MPS2 boards.
+    fn ticks() -> u64 {
+        loop {
+            let ends = ENDS.load(Relaxed);
+            let left = SYST::get_current();
+            if ends == ENDS.load(Relaxed) {
+                let period = u64::from(RELOAD) + 1;
+                return u64::from(ends) * period + u64::from(RELOAD - left);
+            }
+        }
+    }
+
+    #[exception]
+    fn SysTick() {
+        ENDS.fetch_add(1, Relaxed);
     }
 
     /// Ends the emulation or `probe-rs run`, with status 0 on success.

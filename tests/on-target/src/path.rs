@@ -1,11 +1,17 @@
-//! The whole pipeline, from samples to codes, with the model's filters.
+//! The pipeline with the built-in model: checksums of the model in flash, codes, packed blocks.
 
-use model::CODE;
+use core::hint::black_box;
+
+use model::{CODE, NETWORK, NETWORK_CHECKSUM};
+use pipeline::{Acquisition, Code, Encoder, Mains, Step};
 #[cfg(not(feature = "f446"))]
-use pipeline::PackedEncoder;
-use pipeline::{Acquisition, Code, Encoder, Mains};
+use {
+    model::{PACKED, PACKED_CHECKSUM},
+    pipeline::{PackedEncoder, Rate},
+};
 
 use crate::{
+    golden,
     mismatch::{Mismatch, expect_equal},
     signal,
 };
@@ -35,6 +41,40 @@ impl Default for Device {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// Compares the checksum that was computed at compile time with the checksum of the network in
+/// flash.
+pub(crate) fn check_network_sum() -> Result<(), Mismatch> {
+    // `black_box` hides the network's contents from the compiler, so that the flash is read.
+    expect_equal(
+        "sum",
+        &[NETWORK_CHECKSUM],
+        &[black_box(&NETWORK).checksum()],
+    )
+}
+
+/// Encodes each golden window with a restarted encoder and compares the code with that of
+/// model-gen's batch reference. The index of a mismatch counts the values of all codes.
+pub(crate) fn check_windows(encoder: &mut Encoder<'static>) -> Result<(), Mismatch> {
+    let mut made = 0;
+    for (window, expected) in golden::WINDOWS.iter().zip(&golden::WINDOW_CODES) {
+        encoder.restart();
+        let mut code = None;
+        for &plane in window {
+            code = encoder.encode_step(&Step {
+                plane,
+                ..Step::default()
+            });
+        }
+        if let Some(code) = code {
+            expect_equal("values", expected, &code.values.levels())
+                .map_err(|mismatch| mismatch.offset_by(CODE * made))?;
+            made += 1;
+        }
+    }
+    let made = u32::try_from(made).unwrap_or(u32::MAX);
+    expect_equal("codes", &[golden::WINDOWS_IN_ALL], &[made])
 }
 
 /// Number of integers that [`numbers`] returns for a code.
@@ -77,4 +117,38 @@ fn numbers(code: &Code) -> [i64; NUMBERS] {
         half(0),
         half(32),
     ]
+}
+
+/// Compares the checksum that was computed at compile time with the checksum of the packed model in
+/// flash.
+#[cfg(not(feature = "f446"))]
+pub(crate) fn check_packed_sum() -> Result<(), Mismatch> {
+    let read = black_box(&PACKED).as_ref().map(model::Packed::checksum);
+    let [expected, read] = [PACKED_CHECKSUM, read].map(Option::unwrap_or_default);
+    expect_equal("sum", &[expected], &[read])
+}
+
+/// Restarts the device and compares its blocks for [`signal::samples`] with the golden ones, and
+/// then its state. The rates 0 to 15 follow each other, one for each block. The index of a mismatch
+/// counts the bytes of all blocks.
+#[cfg(not(feature = "f446"))]
+pub(crate) fn check_blocks(device: &mut Device) -> Result<(), Mismatch> {
+    device.acquisition.restart(Mains::Hz50);
+    device.packed.restart();
+    let mut samples = signal::samples();
+    let mut bytes = 0;
+    for (index, expected) in (0_u8..).zip(&golden::BLOCKS) {
+        device
+            .packed
+            .set_rate(Rate::new(index % 16).unwrap_or(Rate::MIDDLE));
+        let block = samples.find_map(|sample| {
+            let step = device.acquisition.process_sample(&sample)?;
+            device.packed.encode_step(&step)
+        });
+        // Always made: the samples are endless.
+        let made = block.as_ref().map_or(&[][..], |block| block.bytes());
+        expect_equal("bytes", expected, made).map_err(|mismatch| mismatch.offset_by(bytes))?;
+        bytes += made.len();
+    }
+    expect_equal("state", &golden::PACKED_STATE, device.packed.state())
 }

@@ -3,7 +3,7 @@
 use crate::decoder::CHANNELS;
 use crate::limits::typical_noise_uv;
 use crate::register::Register;
-use crate::settings::{Gain, Input, Rate, TestAmplitude, VREF};
+use crate::settings::{Gain, Input, Rate, TEST_AMPLITUDE_UV, TEST_HALF_PERIOD, VREF};
 use crate::simulation::chip::Chip;
 
 /// Signal at the electrodes of a channel.
@@ -14,9 +14,6 @@ pub(super) enum Electrode {
     /// Counts that the channel must return, whatever its gain.
     Counts(i32),
 }
-
-/// Disconnected electrodes of a chip: positive and negative, one bit per channel.
-pub(super) type Off = [u8; 2];
 
 /// Time and rate of a conversion.
 #[derive(Clone, Copy, Debug)]
@@ -38,24 +35,16 @@ pub(super) fn converts_electrodes(chip: &Chip, channel: usize) -> bool {
     channel_set(chip, channel) & 0x87 == Input::Electrodes as u8
 }
 
-/// Returns the lead-off status: disconnected electrodes with a lead-off current; 0 while the
-/// comparators are off.
-pub(super) fn lead_off(chip: &Chip, off: Off) -> [u8; 2] {
-    let comparators = chip.register(Register::CONFIG4) & 2 != 0;
-    let lost = without_contact(chip, off);
-    lost.map(|bits| if comparators { bits } else { 0 })
-}
-
-/// Returns the counts of a sample, clipped to 24 bits.
+/// Returns the counts of a sample, clipped to 24 bits. `off` has one bit for each positive input
+/// whose electrode is disconnected.
 pub(super) fn convert(
     chip: &Chip,
     electrodes: &[Electrode; CHANNELS],
-    off: Off,
+    off: u8,
     conversion: Conversion,
     noise: &mut Noise,
 ) -> [i32; CHANNELS] {
-    let [positive, negative] = without_contact(chip, off);
-    let flipped = chip.register(Register::LOFF_FLIP);
+    let off = off & chip.register(Register::LOFF_SENSP);
     let reference = chip.reference(conversion.now_ns);
     core::array::from_fn(|channel| {
         let set = channel_set(chip, channel);
@@ -65,37 +54,29 @@ pub(super) fn convert(
         // Gain code 7 is reserved; it is treated as gain 24.
         let gain = Gain::ALL.get(usize::from(set >> 4 & 7));
         let gain = gain.copied().unwrap_or(Gain::X24);
-        let mut volts = match Input::ALL[usize::from(set & 7)] {
-            // The lead-off current drives an open input to one rail, a reversed current to the
-            // other rail.
-            Input::Electrodes if (positive | negative) >> channel & 1 != 0 => {
-                let up = flipped >> channel & 1 == 0;
-                if up { VREF } else { -VREF }
-            }
-            Input::Electrodes => match electrodes[channel] {
+        let input = set & 7;
+        let mut volts = if input == Input::TestSignal as u8 {
+            test_signal(chip, conversion) * VREF * reference
+        } else if input != Input::Electrodes as u8 {
+            // Other inputs are treated as shorted.
+            0.0
+        } else if off >> channel & 1 != 0 {
+            // The lead-off current drives an open input to the rail.
+            VREF
+        } else {
+            match electrodes[channel] {
                 Electrode::Volts(volts) => volts,
                 // The counts are exact once the reference has settled, because `reference` is then
                 // 1.
                 Electrode::Counts(counts) => return clip(f64::from(counts) / reference),
-            },
-            Input::TestSignal => test_signal(chip, conversion) * VREF * reference,
-            Input::Temperature => 0.1453,
-            // Other inputs are not modelled; they are treated as shorted.
-            _ => 0.0,
+            }
         };
         volts += noise.next() * 1e-6 * f64::from(typical_noise_uv(gain, conversion.rate));
         clip(volts * f64::from(gain.factor()) / (VREF * reference) * f64::from(1 << 23))
     })
 }
 
-/// Returns the disconnected electrodes that have a lead-off current.
-fn without_contact(chip: &Chip, [positive, negative]: Off) -> [u8; 2] {
-    [
-        positive & chip.register(Register::LOFF_SENSP),
-        negative & chip.register(Register::LOFF_SENSN),
-    ]
-}
-
+/// Returns the value of a channel's register CHnSET.
 fn channel_set(chip: &Chip, channel: usize) -> u8 {
     let first = Register::CH1SET.address();
     let address = u8::try_from(channel).map(|channel| first + channel);
@@ -111,25 +92,14 @@ fn clip(counts: f64) -> i32 {
 }
 
 /// Returns the internal square wave after the third-order sinc filter, as a fraction of VREF; 0 if
-/// the test signal is external.
+/// the chip does not generate it.
 #[expect(clippy::cast_precision_loss, reason = "less than 2^21")]
 fn test_signal(chip: &Chip, conversion: Conversion) -> f64 {
-    let config2 = chip.register(Register::CONFIG2);
-    if config2 & 0x10 == 0 {
+    if chip.register(Register::CONFIG2) & 0x10 == 0 {
         return 0.0;
     }
-    let double = config2 & 4 != 0;
-    let amplitude = if double {
-        TestAmplitude::Double
-    } else {
-        TestAmplitude::Single
-    };
-    let amplitude = amplitude.uv() * 1e-6 / VREF;
-    let half = match config2 & 3 {
-        0 => 1_u64 << 20,
-        1 => 1 << 19,
-        _ => return amplitude,
-    };
+    let amplitude = TEST_AMPLITUDE_UV * 1e-6 / VREF;
+    let half = u64::from(TEST_HALF_PERIOD);
     let since = (conversion.cycles % half) as f64 / f64::from(conversion.rate.divider());
     let up = (conversion.cycles / half).is_multiple_of(2);
     let swing = 2.0 * step_response(since) - 1.0;

@@ -3,12 +3,12 @@
 use std::vec::Vec;
 
 use crate::bus::Speed;
-use crate::command::{AFTER_RESET, DECODE, POWER_ON, RESET_LOW};
+use crate::chain::{AFTER_RESET, DECODE, POWER_ON, RESET_LOW};
 use crate::decoder::CHANNELS;
 use crate::register::Register;
 use crate::settings::Rate;
-use crate::simulation::analogue::{self, Conversion, Electrode, Noise, Off};
-use crate::simulation::chip::{Burst, Chip, Moment, Received, Supply};
+use crate::simulation::analogue::{self, Conversion, Electrode, Noise};
+use crate::simulation::chip::{Burst, Chip, Moment, Received};
 use crate::simulation::options::{Electrodes, Fault, Options};
 
 /// Entry in the log of the wires between the driver and the chips.
@@ -30,19 +30,22 @@ pub enum Event {
 /// Chips, levels of the wires, virtual time, and the log of the wires.
 pub(super) struct Board<const CHIPS: usize> {
     options: Options,
-    supply: Supply,
-    speed: Speed,
+    /// Time at which the supplies came on, in nanoseconds; `None` while they are off: then no chip
+    /// answers, whatever the levels of the pins.
+    powered_ns: Option<u64>,
+    pub(super) speed: Speed,
     /// Duration of a byte at the SCLK for registers, in nanoseconds. `burst_byte_ns` is the
     /// duration at the SCLK for bursts, and `decode_ns` is tSDECODE.
     register_byte_ns: u64,
     burst_byte_ns: u64,
     decode_ns: u64,
-    now_ns: u64,
+    pub(super) now_ns: u64,
     chips: [Chip; CHIPS],
     electrodes: Electrodes<CHIPS>,
     /// Number of samples that the electrodes have delivered.
-    delivered: u64,
-    off: [Off; CHIPS],
+    pub(super) delivered: u64,
+    /// Positive inputs whose electrode is disconnected, one bit each.
+    off: [u8; CHIPS],
     noise: Noise,
     start: bool,
     /// Time at which RESET went low, in nanoseconds; `None` while it is high.
@@ -58,9 +61,9 @@ pub(super) struct Board<const CHIPS: usize> {
     /// Cached result of [`Self::ignores_null_bytes`]; `None` if it must be computed again.
     is_deaf: Option<bool>,
     /// Number of falling edges of DRDY, without those that a fault suppressed.
-    edges: u64,
-    violations: u32,
-    events: Vec<(u64, Event)>,
+    pub(super) edges: u64,
+    pub(super) violations: u32,
+    pub(super) events: Vec<(u64, Event)>,
 }
 
 impl<const CHIPS: usize> Board<CHIPS> {
@@ -68,7 +71,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         let byte_ns = |hz: u32| 8_000_000_000 / u64::from(hz);
         let mut board = Self {
             options,
-            supply: Supply::On(0),
+            powered_ns: Some(0),
             speed: Speed::Registers,
             register_byte_ns: byte_ns(options.register_hz),
             burst_byte_ns: byte_ns(options.burst_hz),
@@ -78,7 +81,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             chips: core::array::from_fn(|_| Chip::new(u64::MAX)),
             electrodes,
             delivered: 0,
-            off: [[0; 2]; CHIPS],
+            off: [0; CHIPS],
             noise: Noise::new(options.seed),
             start: false,
             reset_low_ns: None,
@@ -95,30 +98,6 @@ impl<const CHIPS: usize> Board<CHIPS> {
         board
     }
 
-    pub(super) const fn now_ns(&self) -> u64 {
-        self.now_ns
-    }
-
-    pub(super) const fn violations(&self) -> u32 {
-        self.violations
-    }
-
-    pub(super) const fn edges(&self) -> u64 {
-        self.edges
-    }
-
-    pub(super) const fn delivered(&self) -> u64 {
-        self.delivered
-    }
-
-    pub(super) fn events(&self) -> &[(u64, Event)] {
-        &self.events
-    }
-
-    pub(super) fn set_speed(&mut self, speed: Speed) {
-        self.speed = speed;
-    }
-
     pub(super) fn set_fault(&mut self, chip: usize, fault: Option<Fault>) {
         self.burst = None;
         self.is_deaf = None;
@@ -127,12 +106,11 @@ impl<const CHIPS: usize> Board<CHIPS> {
         }
     }
 
-    pub(super) fn set_electrode(&mut self, chip: usize, channel: usize, positive: bool, on: bool) {
+    pub(super) fn set_electrode(&mut self, chip: usize, channel: usize, on: bool) {
         if channel < CHANNELS
             && let Some(off) = self.off.get_mut(chip)
         {
-            let bits = &mut off[usize::from(!positive)];
-            *bits = *bits & !(1 << channel) | u8::from(!on) << channel;
+            *off = *off & !(1 << channel) | u8::from(!on) << channel;
         }
     }
 
@@ -165,7 +143,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             self.start = high;
             self.note(Event::Start(high));
             let settled = self.cycles() + u64::from(self.rate().settling());
-            self.convert_at((high && self.supply.is_on()).then_some(settled));
+            self.convert_at((high && self.powered_ns.is_some()).then_some(settled));
         }
     }
 
@@ -176,12 +154,11 @@ impl<const CHIPS: usize> Board<CHIPS> {
             (true, Some(since)) => {
                 self.reset_low_ns = None;
                 self.note(Event::Reset);
-                let power_on_ns = self.nanoseconds(u64::from(POWER_ON));
-                let Some(in_time) = self.may_reset_at(since, power_on_ns) else {
+                let Some(powered_ns) = self.powered_ns else {
                     return;
                 };
-                let in_time =
-                    in_time && self.now_ns - since >= self.nanoseconds(u64::from(RESET_LOW));
+                let in_time = since >= powered_ns + self.nanoseconds(u64::from(POWER_ON))
+                    && self.now_ns - since >= self.nanoseconds(u64::from(RESET_LOW));
                 self.violations += u32::from(!in_time);
                 let awake_ns = self.now_ns + self.nanoseconds(u64::from(AFTER_RESET));
                 if in_time {
@@ -206,7 +183,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         let answer = self.output();
         self.clocked += 1;
         self.advance(end_ns);
-        if !self.supply.is_on() {
+        if self.powered_ns.is_none() {
             return answer;
         }
         let moment = self.moment();
@@ -248,7 +225,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
             return 0xFF;
         }
         let chip = &self.chips[first];
-        if chip.is_dead() || !self.supply.is_on() {
+        if chip.is_dead() || self.powered_ns.is_none() {
             return 0;
         }
         if !chip.is_continuous() {
@@ -310,7 +287,7 @@ impl<const CHIPS: usize> Board<CHIPS> {
         };
         let electrodes = self.deliver();
         for (index, chip) in self.chips.iter_mut().enumerate() {
-            chip.set_lead_off(analogue::lead_off(chip, self.off[index]));
+            chip.set_lead_off(self.off[index]);
             let counts = analogue::convert(
                 chip,
                 &electrodes[index],
@@ -379,12 +356,10 @@ impl<const CHIPS: usize> Board<CHIPS> {
     fn note(&mut self, event: Event) {
         self.events.push((self.now_ns, event));
     }
-}
 
-impl<const CHIPS: usize> Board<CHIPS> {
     /// Switches the supplies off: registers are lost, and DRDY stays high.
-    pub(in crate::simulation) fn power_off(&mut self) {
-        self.supply = Supply::Off;
+    pub(super) fn power_off(&mut self) {
+        self.powered_ns = None;
         for chip in &mut self.chips {
             // The chip accepts no command until the next reset.
             chip.reset(u64::MAX);
@@ -396,23 +371,14 @@ impl<const CHIPS: usize> Board<CHIPS> {
 
     /// Switches the supplies of all chips on. The chips accept commands only after a reset, which
     /// must not start before the power-on time has passed.
-    pub(in crate::simulation) fn power_on(&mut self) {
-        if self.supply.is_on() {
+    pub(super) fn power_on(&mut self) {
+        if self.powered_ns.is_some() {
             return;
         }
-        self.supply = Supply::On(self.now_ns);
+        self.powered_ns = Some(self.now_ns);
         if self.start {
             let settled = self.cycles() + u64::from(self.rate().settling());
             self.convert_at(Some(settled));
-        }
-    }
-
-    /// Returns whether a reset that starts at `since_ns` is at least `power_on_ns` after power-on;
-    /// `None` without power.
-    pub(super) fn may_reset_at(&self, since_ns: u64, power_on_ns: u64) -> Option<bool> {
-        match self.supply {
-            Supply::Off => None,
-            Supply::On(on_ns) => Some(since_ns >= on_ns + power_on_ns),
         }
     }
 }

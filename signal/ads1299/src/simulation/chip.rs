@@ -1,6 +1,6 @@
 //! Digital part of a simulated chip: command decoder and registers.
 
-use crate::command::opcode;
+use crate::chain::opcode;
 use crate::decoder::{CHANNELS, CHIP_BYTES, MAX_CHIPS};
 use crate::register::Register;
 use crate::simulation::options::Fault;
@@ -125,10 +125,12 @@ impl Chip {
         self.registers[register.index()]
     }
 
-    /// Sets the lead-off status registers.
-    pub(super) fn set_lead_off(&mut self, [positive, negative]: [u8; 2]) {
-        self.registers[Register::LOFF_STATP.index()] = positive;
-        self.registers[Register::LOFF_STATN.index()] = negative;
+    /// Sets the lead-off status: the disconnected inputs in `off` that have a lead-off current, or
+    /// 0 while the comparators are off.
+    pub(super) fn set_lead_off(&mut self, off: u8) {
+        let has_comparators = self.register(Register::CONFIG4) & 2 != 0;
+        let status = off & self.register(Register::LOFF_SENSP);
+        self.registers[Register::LOFF_STATP.index()] = if has_comparators { status } else { 0 };
     }
 
     /// Returns the reference voltage as a fraction of 4.5 V. The model is a ramp of 150 ms, because
@@ -320,20 +322,5 @@ impl Burst {
     /// Returns byte `n`; 0 after the end.
     pub(super) fn byte(&self, n: usize) -> u8 {
         self.0.get(n).copied().unwrap_or(0)
-    }
-}
-
-/// Whether the chips' supplies are on, and since when.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Supply {
-    /// Without power: the pins may be driven, no chip answers.
-    Off,
-    /// With power since this time, in nanoseconds.
-    On(u64),
-}
-
-impl Supply {
-    pub(super) const fn is_on(self) -> bool {
-        matches!(self, Self::On(_))
     }
 }

@@ -23,7 +23,7 @@ pub struct SimulatedLine<const CHIPS: usize> {
 
 /// Function of a pin.
 #[derive(Debug)]
-enum Role {
+pub(super) enum Role {
     Select(usize),
     Start,
     Reset,
@@ -38,19 +38,7 @@ pub struct SimulatedReady<const CHIPS: usize>(pub(super) SharedBoard<CHIPS>);
 pub struct SimulatedDelay<const CHIPS: usize>(pub(super) SharedBoard<CHIPS>);
 
 impl<const CHIPS: usize> SimulatedLine<CHIPS> {
-    pub(super) fn select(board: &SharedBoard<CHIPS>, chip: usize) -> Self {
-        Self::new(board, Role::Select(chip))
-    }
-
-    pub(super) fn start(board: &SharedBoard<CHIPS>) -> Self {
-        Self::new(board, Role::Start)
-    }
-
-    pub(super) fn reset(board: &SharedBoard<CHIPS>) -> Self {
-        Self::new(board, Role::Reset)
-    }
-
-    fn new(board: &SharedBoard<CHIPS>, role: Role) -> Self {
+    pub(super) fn new(board: &SharedBoard<CHIPS>, role: Role) -> Self {
         let board = board.clone();
         Self { board, role }
     }
@@ -125,7 +113,7 @@ impl<const CHIPS: usize> SpiBus for SimulatedBus<CHIPS> {
 
 impl<const CHIPS: usize> Bus for SimulatedBus<CHIPS> {
     fn set_speed(&mut self, speed: Speed) -> Result<(), TooFast> {
-        self.0.lock().set_speed(speed);
+        self.0.lock().speed = speed;
         Ok(())
     }
 }
@@ -133,21 +121,21 @@ impl<const CHIPS: usize> Bus for SimulatedBus<CHIPS> {
 impl<const CHIPS: usize> DelayNs for SimulatedDelay<CHIPS> {
     async fn delay_ns(&mut self, ns: u32) {
         let mut board = self.0.lock();
-        let then = board.now_ns() + u64::from(ns);
+        let then = board.now_ns + u64::from(ns);
         board.advance(then);
     }
 }
 
 impl<const CHIPS: usize> Drdy for SimulatedReady<CHIPS> {
     fn now_us(&self) -> u64 {
-        self.0.lock().now_ns() / 1000
+        self.0.lock().now_ns / 1000
     }
 
     async fn next_until(&mut self, us: u64) -> Option<DrdyEdge> {
         let mut board = self.0.lock();
         let edge_ns = board
             .advance_to_edge_until(us * 1000)
-            .then(|| board.now_ns())?;
+            .then(|| board.now_ns)?;
         Some(DrdyEdge {
             us: edge_ns / 1000,
             missed: 0,

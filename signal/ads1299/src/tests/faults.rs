@@ -1,7 +1,7 @@
 //! Each fault of a chip is flagged within one frame, with the index of the chip.
 
-use std::string::ToString;
-use std::vec::Vec;
+use std::format;
+use std::string::{String, ToString};
 
 use super::Bench;
 use crate::bus::Drdy as _;
@@ -14,48 +14,50 @@ use crate::simulation::{Electrodes, Fault, Options, finish};
 
 const CHIPS: usize = 8;
 
-/// Streams 20 valid frames and then injects `fault` into `chip`. Returns the status and the DRDY
-/// edge of each of the next `after` frames, and the meter of all edges.
-fn next_frames(
-    alignment: Alignment,
-    chip: usize,
-    fault: Fault,
-    after: usize,
-) -> (Vec<FrameStatus<CHIPS>>, Vec<Edge>, ReadyMeter) {
+/// Streams 20 valid frames and then injects `fault` into `chip`. Returns the status of each of the
+/// next two frames.
+fn next_frames(alignment: Alignment, chip: usize, fault: Fault) -> [FrameStatus<CHIPS>; 2] {
     let options = Options {
         alignment,
         ..Options::default()
     };
     let mut bench = Bench::<CHIPS, { frame_bytes(CHIPS) }>::silent(options);
-    let mut meter = ReadyMeter::new(0, Clock::EEG, Rate::Div4096);
-    let (mut statuses, mut edges) = (Vec::new(), Vec::new());
-    for n in 0..20 + after {
-        if n == 20 {
-            bench.simulation.inject(chip, fault);
-        }
-        let edge_us = bench.edge_us();
-        edges.push(meter.edge(edge_us));
-        let reading = finish(bench.sampler.read(edge_us)).unwrap();
-        statuses.push(reading.status.unwrap());
+    for _ in 0..20 {
+        assert!(bench.next().is_sound());
     }
-    assert!(statuses[..20].iter().all(FrameStatus::is_sound));
-    assert!(edges[1..20].iter().all(|edge| *edge == Edge::OnTime));
-    (statuses.split_off(20), edges.split_off(20), meter)
-}
-
-fn first_fault(status: &FrameStatus<CHIPS>) -> Option<(usize, ChipFault)> {
-    status.faults().next()
+    bench.simulation.inject(chip, fault);
+    [(); 2].map(|()| bench.next().status.expect("a frame"))
 }
 
 #[test]
-fn a_chip_that_dies_is_the_first_of_those_without_a_signal() {
-    for alignment in [Alignment::Packed, Alignment::Spaced] {
-        for chip in 1..CHIPS {
-            let (statuses, _, _) = next_frames(alignment, chip, Fault::Dead, 3);
-            for status in statuses {
-                assert_eq!(first_fault(&status), Some((chip, ChipFault::OnlyZeros)));
-                // A dead chip blocks the data of the chips after it, not of those before it.
-                assert_eq!(status.bad, (0xFF_u8 >> chip) << chip);
+fn every_fault_is_named_from_its_first_frame_on() {
+    let wrong = (0..16).filter(|nibble| *nibble != 0b1100);
+    let wrong = wrong.map(|nibble| (Fault::WrongNibble(nibble), None, false));
+    let faults = [
+        (Fault::Dead, Some(ChipFault::OnlyZeros), true),
+        (Fault::ShiftedBit, Some(ChipFault::Late(1)), true),
+        (Fault::StuckData, Some(ChipFault::Repeated), false),
+    ];
+    for (fault, found, blocks) in faults.into_iter().chain(wrong) {
+        for alignment in [Alignment::Packed, Alignment::Spaced] {
+            // DRDY of a dead chip 0 stays high.
+            for chip in usize::from(fault == Fault::Dead)..CHIPS {
+                for status in next_frames(alignment, chip, fault) {
+                    let (first, named) = status.faults().next().expect("a fault");
+                    assert_eq!(first, chip, "{fault:?} {alignment:?}");
+                    assert!(
+                        found.is_none_or(|found| found == named),
+                        "{fault:?} {named:?}"
+                    );
+                    // A dead or shifted chip damages the data of the chips after it, not of those
+                    // before it.
+                    let after = (0xFF_u8 >> chip) << chip;
+                    let expected = if blocks { after } else { 1 << chip };
+                    assert_eq!(status.bad | status.repeated, expected, "{fault:?} {chip}");
+                    if let Fault::WrongNibble(nibble) = fault {
+                        assert_eq!(status.words[chip].nibble(), nibble);
+                    }
+                }
             }
         }
     }
@@ -69,113 +71,51 @@ fn chip_0_dies_and_drdy_with_it() {
     let status = finish(bench.sampler.read(bench.simulation.time_us()))
         .unwrap()
         .status;
-    let fault = first_fault(&status.unwrap());
+    let fault = status.unwrap().faults().next();
     assert_eq!(fault, Some((0, ChipFault::OnlyZeros)));
 }
 
-#[test]
-fn stuck_data_are_detected_at_the_first_repetition() {
-    for chip in 0..CHIPS {
-        let (statuses, _, _) = next_frames(Alignment::Spaced, chip, Fault::StuckData, 3);
-        for status in statuses {
-            let faults: Vec<_> = status.faults().collect();
-            assert_eq!(faults, [(chip, ChipFault::Repeated)]);
-        }
+/// Measures the rate of a chain over 64 edges of DRDY. Returns the text of its error.
+fn wrong_rate(options: Options, fault: Option<Fault>) -> String {
+    let silent = Electrodes::silent();
+    let mut bench = Bench::<2, { frame_bytes(2) }>::new(options, silent, Settings::EEG);
+    if let Some(fault) = fault {
+        bench.simulation.inject(0, fault);
     }
-}
-
-#[test]
-fn a_wrong_status_is_detected_in_its_frame() {
-    for chip in 0..CHIPS {
-        for nibble in (0..16).filter(|nibble| *nibble != 0b1100) {
-            let fault = Fault::WrongNibble(nibble);
-            let (statuses, _, _) = next_frames(Alignment::Packed, chip, fault, 2);
-            for status in statuses {
-                assert_eq!(status.bad, 1 << chip);
-                assert_eq!(status.words[chip].nibble(), nibble);
-            }
-        }
-    }
-}
-
-#[test]
-fn the_first_chip_with_shifted_data_is_the_cause() {
-    for alignment in [Alignment::Packed, Alignment::Spaced] {
-        for chip in 0..CHIPS {
-            let (statuses, _, _) = next_frames(alignment, chip, Fault::ShiftedBit, 2);
-            for status in statuses {
-                assert_eq!(first_fault(&status), Some((chip, ChipFault::Late(1))));
-                assert_eq!(status.bad, (0xFF_u8 >> chip) << chip);
-            }
-        }
-    }
-}
-
-#[test]
-fn a_doubled_rate_is_detected_at_the_next_edge_and_measured() {
-    let (_, edges, meter) = next_frames(Alignment::Spaced, 0, Fault::DoubleRate, 3);
-    // The fault came during a conversion at the old rate, so the first edge is on time.
-    assert_eq!(edges[1..], [Edge::Early; 2]);
-    let error = meter.check().expect_err("too fast");
-    assert!(
-        matches!(
-            error,
-            RateError::Off {
-                chip: 0,
-                early: 2,
-                ..
-            }
-        ),
-        "{error:?}"
-    );
-}
-
-#[test]
-fn a_chip_that_starts_at_twice_the_rate_is_named_with_the_factor() {
-    let mut bench = Bench::<2, { frame_bytes(2) }>::new(
-        Options::default(),
-        Electrodes::silent(),
-        Settings::EEG,
-    );
-    bench.simulation.inject(0, Fault::DoubleRate);
     bench.start().unwrap();
     let mut meter = ReadyMeter::new(0, Clock::EEG, Rate::Div4096);
     assert_eq!(meter.check(), Err(RateError::NotMeasured { chip: 0 }));
     for _ in 0..64 {
         meter.edge(bench.edge_us());
     }
-    let text = meter.check().expect_err("twice as fast").to_string();
-    // 63 periods of 1024 Hz, rounded to whole microseconds, measure as 1023.990 or 1024.007 Hz. The
-    // test compares the digits that both have in common.
-    let begin = "DRDY of ADS1299 0 comes at 102";
-    let end = " Hz, and 512.000 Hz is set, 2 times as fast: ";
-    assert!(text.starts_with(begin) && text.contains(end), "{text}");
+    meter.check().expect_err("a wrong rate").to_string()
 }
 
 #[test]
-fn a_wrong_clock_is_measured() {
-    let options = Options {
+fn a_wrong_rate_is_stated_with_its_likely_cause() {
+    let slow = Options {
         clock_hz: 2_048_000,
         ..Options::default()
     };
-    let mut bench = Bench::<1, { frame_bytes(1) }>::silent(options);
-    let mut meter = ReadyMeter::new(0, Clock::EEG, Rate::Div4096);
-    for _ in 0..64 {
-        meter.edge(bench.edge_us());
+    // 63 periods of 1024 Hz, rounded to whole microseconds, measure as 1023.990 or 1024.007 Hz. The
+    // test compares the digits that both have in common.
+    let doubled = (Options::default(), Some(Fault::DoubleRate));
+    for ((options, fault), hz, cause) in [
+        (
+            doubled,
+            "102",
+            " Hz, and 512.000 Hz is set, 2 times as fast: ",
+        ),
+        (
+            (slow, None),
+            "500.0",
+            " Hz, and 512.000 Hz is set: the clock",
+        ),
+    ] {
+        let text = wrong_rate(options, fault);
+        let begin = format!("DRDY of ADS1299 0 comes at {hz}");
+        assert!(text.starts_with(&begin) && text.contains(cause), "{text}");
     }
-    let text = meter.check().expect_err("500 Hz").to_string();
-    assert!(
-        text.starts_with("DRDY of ADS1299 0 comes at 500.0"),
-        "{text}"
-    );
-    assert!(text.contains("and 512.000 Hz is set: the clock"), "{text}");
-}
-
-#[test]
-fn a_missed_drdy_is_counted_at_the_next_edge() {
-    let (_, edges, meter) = next_frames(Alignment::Spaced, 0, Fault::MissedReady, 2);
-    assert_eq!(edges, [Edge::Missed(1), Edge::OnTime]);
-    assert_eq!(meter.missed(), 1);
 }
 
 #[test]

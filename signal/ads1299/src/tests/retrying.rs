@@ -166,7 +166,7 @@ fn a_loss_of_supply_clears_the_registers_and_restarts_the_wait_for_a_reset() {
     simulation.pass_us(50_000);
     // 2^18 tCLK at 2^21 Hz are 125 ms, so a reset after 50 ms is too early.
     let mut lines = simulation.chain();
-    finish(lines.pulse_reset()).unwrap().unwrap();
+    super::run(lines.pulse_reset());
     assert!(simulation.violations() > 0);
     assert_eq!(bench.start(), Ok(()));
 }

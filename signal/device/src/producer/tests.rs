@@ -130,6 +130,15 @@ fn raw_frames(outputs: &[Output<'_>]) -> Vec<(u64, usize, Flags)> {
     .collect()
 }
 
+/// Returns code, time and faults of every code output.
+fn codes<'o>(outputs: &[Output<'o>]) -> Vec<(&'o Code, u64, Marks)> {
+    let codes = outputs.iter().filter_map(|output| match output.payload {
+        Payload::Code(code, marks) => Some((code, output.at_us, marks)),
+        _ => None,
+    });
+    codes.collect()
+}
+
 #[test]
 fn a_run_produces_exactly_the_requested_streams() {
     let kinds = |streams| {
@@ -239,12 +248,10 @@ fn lost_steps_shift_no_window_and_mark_the_codes_that_contain_them() {
     // Steps 20 and 21 are lost.
     let lost = [20, 21].map(sample_of);
     let count = (STEPS + 4 * HOP) as u64 * PER_STEP;
-    let codes: Vec<(u32, u64, bool)> = outputs_of(samples(Streams::CODES, count, &lost))
-        .iter()
-        .filter_map(|output| match &output.payload {
-            Payload::Code(code, marks) => Some((code.window, output.at_us, marks.overrun)),
-            _ => None,
-        })
+    let outputs = outputs_of(samples(Streams::CODES, count, &lost));
+    let codes = codes(&outputs).into_iter();
+    let codes: Vec<(u32, u64, bool)> = codes
+        .map(|(code, at_us, marks)| (code.window, at_us, marks.overrun))
         .collect();
     let end = |window: u64| step_us(window * HOP as u64 + STEPS as u64 - 1);
     let steps = |window: u64| window * HOP as u64..window * HOP as u64 + STEPS as u64;
@@ -301,27 +308,12 @@ fn a_new_run_keeps_nothing_of_the_previous_one() {
         acquired
     }));
     let outputs = outputs_of(input);
-    let of_run = |number| {
-        let outputs: Vec<Output<'_>> = outputs
-            .iter()
-            .filter(|output| output.run == number)
-            .copied()
-            .collect();
-        raw_frames(&outputs)
-    };
-    assert_eq!(of_run(1), [(0, 8, Flags::empty())]);
-    assert_eq!(of_run(2)[0], (0, 8, Flags::empty()));
+    let (second, first): (Vec<_>, Vec<_>) = outputs.into_iter().partition(|out| out.run == 2);
+    assert_eq!(raw_frames(&first), [(0, 8, Flags::empty())]);
     let fresh = outputs_of(samples(streams, 70, &[]));
-    let codes = |outputs: &[Output<'_>], run| {
-        let outputs = outputs.iter().filter(|output| output.run == run);
-        let codes = outputs.filter_map(|output| match &output.payload {
-            Payload::Code(code, _) => Some(**code),
-            _ => None,
-        });
-        codes.collect::<Vec<_>>()
-    };
-    assert_eq!(codes(&outputs, 2), codes(&fresh, 1));
-    assert_eq!(codes(&fresh, 1).len(), 1);
+    assert_eq!(raw_frames(&second), raw_frames(&fresh));
+    assert_eq!(codes(&second), codes(&fresh));
+    assert_eq!(codes(&fresh).len(), 1);
 }
 
 /// Returns time and sample index of the emitted events, of samples every 1,000 us. `captured` holds

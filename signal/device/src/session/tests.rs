@@ -1,14 +1,12 @@
 //! Orders and messages that a session returns for commands from a host.
 
-use std::{vec, vec::Vec};
+use std::vec::Vec;
 
-use link::{EventKind, Header, MAX_FRAME, ResetCause, Stage, StageTiming};
+use link::{EventKind, Header, MAX_FRAME, ResetCause};
 
 use super::*;
 use crate::acquired_sample::Marks;
-use crate::frame_ring::FrameRing;
-
-type Ring = Sender<FrameRing<16_384>>;
+use crate::sender::FrameRing;
 
 /// Abilities of a board that supports every command and stream.
 const EVERYTHING: Abilities = Abilities {
@@ -18,20 +16,110 @@ const EVERYTHING: Abilities = Abilities {
     clock: true,
 };
 
-fn identity() -> Identity<'static> {
-    Identity {
-        firmware: "0.1.0",
-        board: "test",
-        chip_uid: [0; 12],
-        session_id: 1,
-        reset_cause: ResetCause::PowerOn,
-        fault: "",
-    }
+/// A device of these tests: its session, and the frames that it has sent.
+struct Device {
+    session: Session<'static>,
+    sender: Sender<FrameRing<16_384>>,
 }
 
-fn board(abilities: Abilities) -> (Session<'static>, Ring) {
-    let session = Session::new(identity(), abilities, Mains::default());
-    (session, Sender::new(FrameRing::new()))
+impl Device {
+    fn new(abilities: Abilities) -> Self {
+        let identity = Identity {
+            firmware: "0.1.0",
+            board: "test",
+            chip_uid: [0; 12],
+            session_id: 1,
+            reset_cause: ResetCause::PowerOn,
+            fault: "",
+        };
+        Self {
+            session: Session::new(identity, abilities, Mains::default()),
+            sender: Sender::new(FrameRing::new()),
+        }
+    }
+
+    /// Delivers a command with the `seq` 70 at 1,000 us; returns the order to the board.
+    fn deliver(&mut self, command: ToDevice) -> Option<Order> {
+        let mut buffer = [0; MAX_FRAME];
+        let mut host = link::Encoder::starting_at(70);
+        let bytes = host.encode(0, &command, &mut buffer).unwrap();
+        let (mut orders, counts) = (Vec::new(), Counts::default());
+        let Self { session, sender } = self;
+        session.receive(bytes, 1_000, counts, sender, |order| orders.push(order));
+        assert!(orders.len() < 2, "{orders:?}");
+        orders.pop()
+    }
+
+    /// Delivers a command; returns the order to the board and the result in the `Ack`.
+    fn execute(&mut self, command: ToDevice) -> (Option<Order>, AckResult) {
+        let order = self.deliver(command);
+        let acks = self.sent(|_, message| match message {
+            ToHost::Ack(ack) => Some(*ack),
+            _ => None,
+        });
+        let [Ack { of: 70, result }] = acks[..] else {
+            panic!("one answer: {acks:?}");
+        };
+        (order, result)
+    }
+
+    /// Starts a run with these streams.
+    fn run(&mut self, streams: Streams) -> Run {
+        match self.execute(start(streams)) {
+            (Some(Order::Start(run)), AckResult::Done) => run,
+            answer => panic!("{answer:?}"),
+        }
+    }
+
+    /// Delivers a command and returns the kinds of the messages that the session sends for it.
+    fn kinds_after(&mut self, command: ToDevice) -> Vec<&'static str> {
+        self.deliver(command);
+        self.kinds()
+    }
+
+    /// Removes all queued frames and returns the values that `select` extracts from them.
+    fn sent<T>(&mut self, select: impl Fn(&Header, &ToHost<'_>) -> Option<T>) -> Vec<T> {
+        let mut host = Decoder::<MAX_FRAME>::new();
+        let mut found = Vec::new();
+        let mut buffer = [0; MAX_FRAME];
+        while let Some(mut bytes) = self.sender.queue().pop(&mut buffer) {
+            while let Some(frame) = host.next::<ToHost<'_>>(&mut bytes) {
+                let frame = frame.expect("a sound frame");
+                found.extend(select(&frame.header, &frame.message));
+            }
+        }
+        found
+    }
+
+    /// Removes all queued messages and returns the names of their kinds.
+    fn kinds(&mut self) -> Vec<&'static str> {
+        self.sent(|_, message| {
+            Some(match message {
+                ToHost::Hello(_) => "hello",
+                ToHost::Capabilities(_) => "capabilities",
+                ToHost::Substitutes(_) => "substitutes",
+                ToHost::Converters(_) => "converters",
+                ToHost::Stats(_) => "stats",
+                ToHost::ClockReading(_) => "clock",
+                ToHost::SelfTest(_) => "self-test",
+                ToHost::Event(_) => "event",
+                ToHost::Code(_) => "code",
+                ToHost::Ack(_) => "ack",
+                _ => "other",
+            })
+        })
+    }
+
+    /// Sends an output and returns the kinds of the messages that the host receives for it.
+    fn kinds_of(&mut self, run: u32, payload: Payload<'_>) -> Vec<&'static str> {
+        let output = Output {
+            run,
+            at_us: 5,
+            payload,
+        };
+        self.session.send(&output, &mut self.sender);
+        self.kinds()
+    }
 }
 
 const fn start(streams: Streams) -> ToDevice {
@@ -41,85 +129,11 @@ const fn start(streams: Streams) -> ToDevice {
     })
 }
 
-/// Delivers a command at 1,000 us; returns the order to the board and the result in the `Ack`.
-fn execute(
-    session: &mut Session<'_>,
-    sender: &mut Ring,
-    command: ToDevice,
-) -> (Option<Order>, AckResult) {
-    let mut buffer = [0; MAX_FRAME];
-    let mut host = link::Encoder::starting_at(70);
-    let bytes = host.encode(0, &command, &mut buffer).unwrap();
-    let mut orders = Vec::new();
-    session.receive(bytes, 1_000, Counts::default(), sender, |order| {
-        orders.push(order);
-    });
-    let acks = sent(sender, |_, message| match message {
-        ToHost::Ack(ack) => Some(*ack),
-        _ => None,
-    });
-    assert_eq!(acks.len(), 1, "one answer");
-    assert_eq!(acks[0].of, 70);
-    assert!(orders.len() < 2, "{orders:?}");
-    (orders.pop(), acks[0].result)
-}
-
-/// Removes all queued frames and returns the values that `select` extracts from them.
-fn sent<T>(sender: &mut Ring, select: impl Fn(&Header, &ToHost<'_>) -> Option<T>) -> Vec<T> {
-    let mut host = Decoder::<MAX_FRAME>::new();
-    let mut found = Vec::new();
-    let mut buffer = [0; MAX_FRAME];
-    while let Some(mut bytes) = sender.queue().pop(&mut buffer) {
-        while let Some(frame) = host.next::<ToHost<'_>>(&mut bytes) {
-            let frame = frame.expect("a sound frame");
-            found.extend(select(&frame.header, &frame.message));
-        }
-    }
-    found
-}
-
-/// Removes all queued messages and returns the names of their kinds.
-fn kinds(sender: &mut Ring) -> Vec<&'static str> {
-    sent(sender, |_, message| {
-        Some(match message {
-            ToHost::Hello(_) => "hello",
-            ToHost::Capabilities(_) => "capabilities",
-            ToHost::Substitutes(_) => "substitutes",
-            ToHost::Converters(_) => "converters",
-            ToHost::Stats(_) => "stats",
-            ToHost::ClockReading(_) => "clock",
-            ToHost::SelfTest(_) => "self-test",
-            ToHost::Event(_) => "event",
-            ToHost::Code(_) => "code",
-            ToHost::Ack(_) => "ack",
-            _ => "other",
-        })
-    })
-}
-
-/// Executes a command and returns the kinds of the messages that the session sends for it.
-fn kinds_after(
-    session: &mut Session<'_>,
-    sender: &mut Ring,
-    command: ToDevice,
-) -> Vec<&'static str> {
-    let mut buffer = [0; MAX_FRAME];
-    let bytes = link::Encoder::default().encode(0, &command, &mut buffer);
-    session.receive(bytes.unwrap(), 1_000, Counts::default(), sender, |_| ());
-    kinds(sender)
-}
-
-fn event(run: u32) -> Output<'static> {
-    Output {
-        run,
-        at_us: 5,
-        payload: Payload::Event(link::Event {
-            kind: EventKind::TriggerRise,
-            number: 0,
-            sample: 0,
-        }),
-    }
-}
+const EVENT: Payload<'_> = Payload::Event(link::Event {
+    kind: EventKind::TriggerRise,
+    number: 0,
+    sample: 0,
+});
 
 fn code(window: u32, clipped_values: u8) -> Code {
     Code {
@@ -135,280 +149,220 @@ fn code(window: u32, clipped_values: u8) -> Code {
 }
 
 #[test]
-fn a_device_with_a_damaged_model_answers_and_refuses_starts() {
-    let (mut session, mut sender) = board(EVERYTHING);
-    session.refuse_starts();
-    let answer = execute(&mut session, &mut sender, start(Streams::CODES));
-    assert_eq!(answer, (None, AckResult::NotSupported));
-    assert!(!session.is_streaming());
+fn a_command_is_refused_if_the_board_cannot_do_it_or_an_argument_is_out_of_range() {
+    let rate = |rate| ToDevice::SetRate { rate };
+    let mains = |mains_hz| {
+        ToDevice::Start(Start {
+            streams: Streams::CODES,
+            mains_hz,
+        })
+    };
+    let unknown = Streams::from_bits(1 | 1 << 12);
+    for (abilities, command, result) in [
+        (EVERYTHING, start(Streams::empty()), AckResult::BadArgument),
+        (EVERYTHING, start(unknown), AckResult::BadArgument),
+        (EVERYTHING, mains(55), AckResult::BadArgument),
+        (
+            EVERYTHING,
+            ToDevice::Reset(ResetInto::Newer(2)),
+            AckResult::BadArgument,
+        ),
+        (EVERYTHING, rate(16), AckResult::BadArgument),
+        (
+            Abilities::CODES,
+            start(Streams::RAW),
+            AckResult::BadArgument,
+        ),
+        (
+            Abilities::CODES,
+            start(Streams::CODES | Streams::EVENTS),
+            AckResult::BadArgument,
+        ),
+        (
+            Abilities::CODES,
+            ToDevice::SelfTest,
+            AckResult::NotSupported,
+        ),
+        (
+            Abilities::CODES,
+            ToDevice::Reset(ResetInto::Bootloader),
+            AckResult::NotSupported,
+        ),
+        (
+            Abilities::CODES,
+            ToDevice::SyncTime { host_time_us: 77 },
+            AckResult::NotSupported,
+        ),
+        (Abilities::CODES, rate(4), AckResult::NotSupported),
+    ] {
+        let mut device = Device::new(abilities);
+        assert_eq!(device.execute(command), (None, result), "{command:?}");
+        assert!(!device.session.is_streaming(), "{command:?}");
+    }
+    let mut device = Device::new(EVERYTHING);
+    device.session.refuse_starts();
+    let refused = (None, AckResult::NotSupported);
+    assert_eq!(
+        device.execute(start(Streams::CODES)),
+        refused,
+        "a damaged model"
+    );
+}
+
+#[test]
+fn resets_and_rates_are_ordered_also_during_a_run() {
+    let mut device = Device::new(EVERYTHING);
+    for _ in 0..2 {
+        for into in [ResetInto::Firmware, ResetInto::Bootloader] {
+            let answer = device.execute(ToDevice::Reset(into));
+            assert_eq!(answer, (Some(Order::Reset(into)), AckResult::Done));
+        }
+        for rate in [0, 15] {
+            let answer = device.execute(ToDevice::SetRate { rate });
+            let order = Rate::new(rate).map(Order::SetRate);
+            assert_eq!(answer, (order, AckResult::Done));
+        }
+        device.deliver(start(Streams::PACKED));
+        device.kinds();
+    }
 }
 
 #[test]
 fn substitutes_come_before_the_capabilities_that_they_concern() {
-    let (mut session, mut sender) = board(EVERYTHING);
-    let introduced = kinds_after(&mut session, &mut sender, ToDevice::Identify);
+    let mut device = Device::new(EVERYTHING);
+    let introduced = device.kinds_after(ToDevice::Identify);
     assert_eq!(introduced, ["hello", "capabilities", "ack"]);
-    let substitutes = link::Substitutes {
+    device.session = device.session.with_substitutes(Substitutes {
         interpolated: 1,
         zero: 0,
-    };
-    let mut session = session.with_substitutes(substitutes);
-    let introduced = kinds_after(&mut session, &mut sender, ToDevice::Identify);
+    });
+    let introduced = device.kinds_after(ToDevice::Identify);
     assert_eq!(introduced, ["hello", "substitutes", "capabilities", "ack"]);
 }
 
 #[test]
 fn outputs_of_an_earlier_run_are_dropped_also_when_run_numbers_wrap() {
-    let (mut session, mut sender) = board(EVERYTHING);
-    session.run.number = u32::MAX - 1;
-    let mut runs = Vec::new();
-    for streams in [Streams::EVENTS, Streams::ALL] {
-        let (order, _) = execute(&mut session, &mut sender, start(streams));
-        let Some(Order::Start(run)) = order else {
-            panic!("{order:?}");
-        };
-        runs.push(run.number);
-        session.send(&event(run.number), &mut sender);
-        assert_eq!(kinds(&mut sender), ["event"]);
+    let mut device = Device::new(EVERYTHING);
+    device.session.run.number = u32::MAX - 1;
+    for (streams, number) in [(Streams::EVENTS, u32::MAX), (Streams::ALL, 0)] {
+        assert_eq!(device.run(streams).number, number);
+        assert_eq!(device.kinds_of(number, EVENT), ["event"]);
     }
-    assert_eq!(runs, [u32::MAX, 0]);
-    session.send(&event(u32::MAX), &mut sender);
-    assert_eq!(kinds(&mut sender), [""; 0], "of the previous run");
-    execute(&mut session, &mut sender, ToDevice::Stop);
-    session.send(&event(0), &mut sender);
-    assert_eq!(kinds(&mut sender), [""; 0], "no run is active");
+    assert_eq!(
+        device.kinds_of(u32::MAX, EVENT),
+        [""; 0],
+        "of the previous run"
+    );
+    device.execute(ToDevice::Stop);
+    assert_eq!(device.kinds_of(0, EVENT), [""; 0], "no run is active");
 }
 
 #[test]
 fn a_start_with_other_streams_is_a_new_run_and_a_repeated_one_is_not() {
-    let (mut session, mut sender) = board(EVERYTHING);
-    let mut numbers = Vec::new();
-    for streams in [
-        Streams::CODES,
-        Streams::CODES,
-        Streams::CODES | Streams::RAW,
-        Streams::CODES | Streams::RAW,
-        Streams::RAW,
-    ] {
-        let (order, result) = execute(&mut session, &mut sender, start(streams));
-        assert_eq!(result, AckResult::Done);
-        numbers.push(match order {
-            Some(Order::Start(run)) => {
-                assert_eq!(run.streams, streams);
-                Some(run.number)
-            }
-            _ => None,
-        });
+    let mut device = Device::new(EVERYTHING);
+    let both = Streams::CODES | Streams::RAW;
+    for (number, streams) in [(1, Streams::CODES), (2, both), (3, Streams::RAW)] {
+        let run = device.run(streams);
+        assert_eq!((run.number, run.streams), (number, streams));
+        assert_eq!(device.execute(start(streams)), (None, AckResult::Done));
     }
-    assert_eq!(numbers, [Some(1), None, Some(2), None, Some(3)]);
     // A `Start` with another mains frequency starts a new run, because the filters change.
     let mains = ToDevice::Start(Start {
         streams: Streams::RAW,
         mains_hz: 60,
     });
-    let kinds = kinds_after(&mut session, &mut sender, mains);
-    assert_eq!(kinds, ["capabilities", "ack"]);
-    assert_eq!(session.run.number, 4);
-}
-
-#[test]
-fn missing_empty_and_unknown_streams_are_refused() {
-    let (mut session, mut sender) = board(Abilities::CODES);
-    for streams in [
-        Streams::empty(),
-        Streams::RAW,
-        Streams::CODES | Streams::EVENTS,
-        Streams::from_bits(1 | 1 << 12),
-    ] {
-        let answer = execute(&mut session, &mut sender, start(streams));
-        assert_eq!(answer, (None, AckResult::BadArgument), "{streams:?}");
-    }
-    assert!(!session.is_streaming());
+    assert_eq!(device.kinds_after(mains), ["capabilities", "ack"]);
+    assert_eq!(device.session.run.number, 4);
 }
 
 #[test]
 fn during_a_self_test_starts_are_refused_and_a_stop_does_not_end_it() {
-    let (mut session, mut sender) = board(EVERYTHING);
-    let ordered = execute(&mut session, &mut sender, ToDevice::SelfTest);
+    let mut device = Device::new(EVERYTHING);
+    let ordered = device.execute(ToDevice::SelfTest);
     assert_eq!(ordered, (Some(Order::SelfTest), AckResult::Done));
     let busy = (None, AckResult::Busy);
     for command in [ToDevice::SelfTest, start(Streams::CODES)] {
-        assert_eq!(execute(&mut session, &mut sender, command), busy);
+        assert_eq!(device.execute(command), busy);
     }
-    let stopped = execute(&mut session, &mut sender, ToDevice::Stop);
-    assert_eq!(stopped, (None, AckResult::Done));
-    assert_eq!(
-        execute(&mut session, &mut sender, start(Streams::CODES)),
-        busy
-    );
+    assert_eq!(device.execute(ToDevice::Stop), (None, AckResult::Done));
+    assert_eq!(device.execute(start(Streams::CODES)), busy);
 
-    session.send_self_test(SelfTest::default(), 9, &mut sender);
-    assert_eq!(kinds(&mut sender), ["self-test"]);
-    let (order, result) = execute(&mut session, &mut sender, start(Streams::CODES));
-    assert!(matches!(order, Some(Order::Start(_))), "{order:?}");
-    assert_eq!(result, AckResult::Done);
-    assert_eq!(execute(&mut session, &mut sender, ToDevice::SelfTest), busy);
+    let Device { session, sender } = &mut device;
+    session.send_self_test(SelfTest::default(), 9, sender);
+    assert_eq!(device.kinds(), ["self-test"]);
+    device.run(Streams::CODES);
+    assert_eq!(device.execute(ToDevice::SelfTest), busy);
 }
 
 #[test]
-fn commands_beyond_a_boards_abilities_are_not_supported() {
-    let (mut session, mut sender) = board(Abilities::CODES);
-    for command in [ToDevice::SelfTest, ToDevice::Reset(ResetInto::Bootloader)] {
-        let answer = execute(&mut session, &mut sender, command);
-        assert_eq!(answer, (None, AckResult::NotSupported));
-    }
-}
-
-#[test]
-fn only_resets_into_known_programs_are_ordered() {
-    let (mut session, mut sender) = board(EVERYTHING);
-    for into in [ResetInto::Firmware, ResetInto::Bootloader] {
-        let answer = execute(&mut session, &mut sender, ToDevice::Reset(into));
-        assert_eq!(answer, (Some(Order::Reset(into)), AckResult::Done));
-    }
-    let newer = ToDevice::Reset(ResetInto::Newer(2));
-    let answer = execute(&mut session, &mut sender, newer);
-    assert_eq!(answer, (None, AckResult::BadArgument));
-}
-
-#[test]
-fn a_device_without_a_clock_refuses_to_read_it() {
-    let (mut session, mut sender) = board(Abilities::CODES);
+fn a_clock_reading_has_the_time_of_the_command_and_precedes_its_ack() {
+    let mut device = Device::new(EVERYTHING);
     let command = ToDevice::SyncTime { host_time_us: 77 };
-    let answer = execute(&mut session, &mut sender, command);
-    assert_eq!(answer, (None, AckResult::NotSupported));
-}
-
-#[test]
-fn a_clock_reading_precedes_its_ack() {
-    let (mut session, mut sender) = board(EVERYTHING);
-    let command = ToDevice::SyncTime { host_time_us: 77 };
-    assert_eq!(
-        kinds_after(&mut session, &mut sender, command),
-        ["clock", "ack"]
-    );
-    let mut buffer = [0; MAX_FRAME];
-    let bytes = link::Encoder::default().encode(0, &command, &mut buffer);
-    session.receive(
-        bytes.unwrap(),
-        1_234,
-        Counts::default(),
-        &mut sender,
-        |_| (),
-    );
-    let readings = sent(&mut sender, |header, message| match message {
-        ToHost::ClockReading(reading) => Some((
-            reading.host_time_us,
-            reading.received_us,
-            header.device_time_us,
-        )),
+    assert_eq!(device.kinds_after(command), ["clock", "ack"]);
+    device.deliver(command);
+    let readings = device.sent(|header, message| match message {
+        ToHost::ClockReading(reading) => Some((*reading, header.device_time_us)),
         _ => None,
     });
-    assert_eq!(readings, [(77, 1_234, 1_234)]);
+    let reading = ClockReading {
+        host_time_us: 77,
+        received_us: 1_000,
+    };
+    assert_eq!(readings, [(reading, 1_000)]);
 }
 
 #[test]
 fn the_converters_status_is_sent_on_introduction_on_a_new_fault_and_while_streaming() {
-    let (mut session, mut sender) = board(EVERYTHING);
-    let introduced = |session: &mut Session<'_>, sender: &mut Ring| {
-        kinds_after(session, sender, ToDevice::Identify)
-    };
-    let none = introduced(&mut session, &mut sender);
+    let mut device = Device::new(EVERYTHING);
+    let none = device.kinds_after(ToDevice::Identify);
     assert_eq!(none, ["hello", "capabilities", "ack"]);
-    let update = |session: &mut Session<'_>, sender: &mut Ring, fault: &str| {
+    let update = |device: &mut Device, fault: &str| {
         let converters = Converters {
             fault: crate::converters::fault_text(fault),
             ..Converters::default()
         };
+        let Device { session, sender } = &mut *device;
         session.update_converters(converters, 5, sender);
-        kinds(sender).len()
+        device.kinds().len()
     };
-    let sent_counts =
-        ["", "", "chip 3", "chip 3", ""].map(|fault| update(&mut session, &mut sender, fault));
+    let sent_counts = ["", "", "chip 3", "chip 3", ""].map(|fault| update(&mut device, fault));
     assert_eq!(sent_counts, [1, 0, 1, 0, 1]);
-    let known = introduced(&mut session, &mut sender);
+    let known = device.kinds_after(ToDevice::Identify);
     assert_eq!(known, ["hello", "capabilities", "converters", "ack"]);
-    execute(&mut session, &mut sender, start(Streams::CODES));
-    assert_eq!(update(&mut session, &mut sender, ""), 1);
+    device.run(Streams::CODES);
+    assert_eq!(update(&mut device, ""), 1);
 }
 
 #[test]
 fn counters_wrap_and_windows_are_still_counted() {
-    let (mut session, mut sender) = board(EVERYTHING);
-    session.stats.codes_made = u32::MAX;
-    session.stats.clipped_values = u32::MAX - 1;
-    session.stats.commands = u32::MAX;
-    let (order, _) = execute(&mut session, &mut sender, start(Streams::CODES));
-    let Some(Order::Start(run)) = order else {
-        panic!("{order:?}");
+    let mut device = Device::new(EVERYTHING);
+    device.session.stats.codes_made = u32::MAX;
+    device.session.stats.clipped_values = u32::MAX - 1;
+    device.session.stats.commands = u32::MAX;
+    let run = device.run(Streams::CODES).number;
+    let payload = &code(u32::MAX, 3);
+    assert_eq!(
+        device.kinds_of(run, Payload::Code(payload, Marks::NONE)),
+        ["code"]
+    );
+    let stats = device.session.stats(Counts::default(), u32::MAX);
+    let expected = Stats {
+        streams: Streams::CODES,
+        clipped_values: 1,
+        frames_dropped: u32::MAX,
+        ..Stats::default()
     };
-    let output = Output {
-        run: run.number,
-        at_us: u64::MAX,
-        payload: Payload::Code(&code(u32::MAX, 3), Marks::NONE),
-    };
-    session.send(&output, &mut sender);
-    let stats = session.stats(Counts::default(), u32::MAX);
-    assert_eq!(stats.codes_made, 0);
-    assert_eq!(stats.clipped_values, 1);
-    assert_eq!(stats.commands, 0);
-    assert_eq!(stats.next_window, 0);
-    assert_eq!(stats.frames_dropped, u32::MAX);
-    assert_eq!(kinds(&mut sender), ["code"]);
+    assert_eq!(stats, expected);
 }
 
 #[test]
 fn a_start_resets_the_next_window_and_a_stop_keeps_it() {
-    let (mut session, mut sender) = board(EVERYTHING);
-    let next = |session: &Session<'_>| session.stats(Counts::default(), 0).next_window;
-    execute(&mut session, &mut sender, start(Streams::CODES));
-    let output = Output {
-        run: session.run.number,
-        at_us: 0,
-        payload: Payload::Code(&code(41, 0), Marks::NONE),
-    };
-    session.send(&output, &mut sender);
-    let stopped = kinds_after(&mut session, &mut sender, ToDevice::Stop);
-    assert_eq!(stopped, ["code", "stats", "ack"]);
-    assert_eq!(next(&session), 42);
-    execute(&mut session, &mut sender, start(Streams::CODES));
-    assert_eq!(next(&session), 0);
-}
-
-#[test]
-fn timing_is_sent_unchanged() {
-    let (session, mut sender) = board(EVERYTHING);
-    let send = StageTiming {
-        stage: Stage::Send,
-        deadline_ns: 62_500_000,
-        worst_ns: 40_000,
-        histogram: [16, 0, 0, 0, 0, 0, 0, 0, 0],
-    };
-    let timing = Timing {
-        stages: [send].into_iter().collect(),
-        stack_used: 1_024,
-        stack_size: 4_096,
-    };
-    session.send_timing(timing.clone(), 5, &mut sender);
-    let found = sent(&mut sender, |header, message| match message {
-        ToHost::Timing(timing) => Some((header.device_time_us, timing.clone())),
-        _ => None,
-    });
-    assert_eq!(found, vec![(5, timing)]);
-}
-
-#[test]
-fn a_rate_is_ordered_at_any_time_if_it_exists_and_the_device_has_packed_codes() {
-    let (mut session, mut sender) = board(EVERYTHING);
-    let mut answer = |rate| execute(&mut session, &mut sender, ToDevice::SetRate { rate });
-    let order = |rate| Rate::new(rate).map(Order::SetRate);
-    assert_eq!(answer(0), (order(0), AckResult::Done));
-    assert_eq!(answer(15), (order(15), AckResult::Done));
-    assert_eq!(answer(16), (None, AckResult::BadArgument));
-    execute(&mut session, &mut sender, start(Streams::PACKED));
-    let running = execute(&mut session, &mut sender, ToDevice::SetRate { rate: 2 });
-    assert_eq!(running, (order(2), AckResult::Done));
-    let (mut session, mut sender) = board(Abilities::CODES);
-    let answer = execute(&mut session, &mut sender, ToDevice::SetRate { rate: 4 });
-    assert_eq!(answer, (None, AckResult::NotSupported));
+    let mut device = Device::new(EVERYTHING);
+    let next = |device: &Device| device.session.stats(Counts::default(), 0).next_window;
+    let run = device.run(Streams::CODES).number;
+    device.kinds_of(run, Payload::Code(&code(41, 0), Marks::NONE));
+    assert_eq!(device.kinds_after(ToDevice::Stop), ["stats", "ack"]);
+    assert_eq!(next(&device), 42);
+    device.run(Streams::CODES);
+    assert_eq!(next(&device), 0);
 }

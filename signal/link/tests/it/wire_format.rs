@@ -41,13 +41,12 @@ fn frame<'m, M: Message<'m>>(seq: u32, device_time_us: u64, message: &M) -> Vec<
         .to_vec()
 }
 
+/// Checks that the dump `name` is the frame of `message`, and that the frame is decoded to it.
 fn check<'d, M: Message<'d> + PartialEq + core::fmt::Debug>(
-    name: &str,
     decoder: &'d mut Decoder,
-    (seq, device_time_us): (u32, u64),
-    message: &M,
+    (name, (seq, device_time_us), message): (&str, (u32, u64), M),
 ) {
-    let made = frame(seq, device_time_us, message);
+    let made = frame(seq, device_time_us, &message);
     let hex: Vec<String> = made.iter().map(|byte| format!("{byte:02x}")).collect();
     let hex: Vec<String> = hex.chunks(16).map(|row| row.join(" ")).collect();
     let hex = hex.join("\n");
@@ -67,7 +66,7 @@ fn check<'d, M: Message<'d> + PartialEq + core::fmt::Debug>(
         (decoded.header.seq, decoded.header.device_time_us),
         (seq, device_time_us)
     );
-    assert_eq!(&decoded.message, message);
+    assert_eq!(decoded.message, message);
 }
 
 #[test]
@@ -76,52 +75,35 @@ fn every_dump_equals_the_encoders_output() {
         streams: Streams::CODES,
         mains_hz: 50,
     });
+    let sync_time = ToDevice::SyncTime {
+        host_time_us: 1_700_000_000_000_000,
+    };
     let ack = ToHost::Ack(Ack {
         of: 1,
         result: AckResult::Done,
     });
-    check("identify", &mut Decoder::new(), (0, 0), &ToDevice::Identify);
-    check("hello", &mut Decoder::new(), (0, 1_000_000), &hello());
-    check(
-        "capabilities",
-        &mut Decoder::new(),
-        (1, 1_000_100),
-        &capabilities(),
-    );
-    check("start", &mut Decoder::new(), (1, 0), &start);
-    check("ack", &mut Decoder::new(), (3, 1_002_000), &ack);
-    check("code", &mut Decoder::new(), (304, 19_871_093), &code());
-    for (name, message) in [
-        ("code-int8-exponent", code_with_exponent()),
-        ("code-int16", code_of_16_bits()),
-    ] {
-        check(name, &mut Decoder::new(), (304, 19_871_093), &message);
-    }
-    check("stats", &mut Decoder::new(), (305, 19_900_000), &stats());
-    check(
-        "quality",
-        &mut Decoder::new(),
-        (306, 19_900_100),
-        &quality(),
-    );
-    check("timing", &mut Decoder::new(), (307, 19_900_200), &timing());
-    check("stop", &mut Decoder::new(), (2, 0), &ToDevice::Stop);
-    check("ping", &mut Decoder::new(), (3, 0), &ToDevice::Ping);
-    for (name, seq, command) in [
-        ("self-test-command", 4, ToDevice::SelfTest),
-        (
-            "sync-time",
-            5,
-            ToDevice::SyncTime {
-                host_time_us: 1_700_000_000_000_000,
-            },
-        ),
-        ("reset", 6, ToDevice::Reset(ResetInto::Bootloader)),
-        ("set-rate", 7, ToDevice::SetRate { rate: 6 }),
-    ] {
-        check(name, &mut Decoder::new(), (seq, 0), &command);
-    }
-    for (name, at, message) in vec![
+    let commands = [
+        ("identify", (0, 0), ToDevice::Identify),
+        ("start", (1, 0), start),
+        ("stop", (2, 0), ToDevice::Stop),
+        ("ping", (3, 0), ToDevice::Ping),
+        ("self-test-command", (4, 0), ToDevice::SelfTest),
+        ("sync-time", (5, 0), sync_time),
+        ("reset", (6, 0), ToDevice::Reset(ResetInto::Bootloader)),
+        ("set-rate", (7, 0), ToDevice::SetRate { rate: 6 }),
+    ];
+    let code_at = (304, 19_871_093);
+    let second = (316, 19_916_015);
+    let messages = vec![
+        ("hello", (0, 1_000_000), hello()),
+        ("capabilities", (1, 1_000_100), capabilities()),
+        ("ack", (3, 1_002_000), ack),
+        ("code", code_at, code()),
+        ("code-int8-exponent", code_at, code_with_exponent()),
+        ("code-int16", code_at, code_of_16_bits()),
+        ("stats", (305, 19_900_000), stats()),
+        ("quality", (306, 19_900_100), quality()),
+        ("timing", (307, 19_900_200), timing()),
         ("raw", (308, 19_900_390), raw()),
         ("filtered", (309, 19_906_250), filtered()),
         ("audit", (310, 19_871_093), audit()),
@@ -131,16 +113,22 @@ fn every_dump_equals_the_encoders_output() {
         ("clock-reading", (314, 24_600_000), clock_reading()),
         ("substitutes", (1, 1_000), substitutes()),
         ("compressed-raw-key", (315, 19_900_390), compressed_key()),
-        (
-            "compressed-raw-continuing",
-            (316, 19_916_015),
-            compressed_continuing(),
-        ),
+        ("compressed-raw-continuing", second, compressed_continuing()),
         ("packed-code", (317, 19_929_687), packed_code()),
-    ] {
-        check(name, &mut Decoder::new(), at, &message);
+    ];
+    let compared = commands.len() + messages.len();
+    for command in commands {
+        check(&mut Decoder::new(), command);
     }
-    assert_eq!(dumps().len(), 28, "a dump that no test compares");
+    for message in messages {
+        check(&mut Decoder::new(), message);
+    }
+    assert_eq!(dumps().len(), compared, "a dump that no test compares");
+}
+
+/// Asserts that docs/wire-format.md contains `words`.
+fn assert_documented(words: &str) {
+    assert!(DOCUMENT.contains(words), "{words}");
 }
 
 #[test]
@@ -163,7 +151,7 @@ fn the_document_states_the_size_of_a_code_frame() {
         length(code_with_exponent()),
         length(code_of_16_bits())
     );
-    assert!(DOCUMENT.contains(&words), "{words}");
+    assert_documented(&words);
 }
 
 #[test]
@@ -188,7 +176,7 @@ fn the_document_states_the_size_of_a_packed_code_frame() {
         bytes - block.len(),
         (16 * bytes).div_ceil(10)
     );
-    assert!(DOCUMENT.contains(&words), "{words}");
+    assert_documented(&words);
 }
 
 #[test]
@@ -209,7 +197,7 @@ fn the_document_states_the_size_of_a_quality_frame() {
         length(0),
         length(1)
     );
-    assert!(DOCUMENT.contains(&words), "{words}");
+    assert_documented(&words);
 }
 
 #[test]
@@ -234,7 +222,7 @@ fn the_document_states_the_size_of_a_timing_frame() {
     };
     let bytes = frame(16 * 86_400, 86_400_000_000, &ToHost::Timing(timing)).len();
     let words = format!("A timing frame takes at most {bytes} bytes for four stages after a day");
-    assert!(DOCUMENT.contains(&words), "{words}");
+    assert_documented(&words);
 }
 
 #[test]
@@ -296,5 +284,5 @@ fn the_document_states_the_sizes_of_raw_and_filtered_frames() {
         per_second(mean, 64),
         per_second(filtered, 32)
     );
-    assert!(DOCUMENT.contains(&words), "{words}");
+    assert_documented(&words);
 }

@@ -87,28 +87,28 @@ proptest! {
 }
 
 #[test]
-fn the_exponent_accounts_for_rounding_beyond_eight_bits() {
-    assert_eq!(with_exponent(0), (0, 0, 0));
-    assert_eq!(with_exponent(127), (0, 127, 0));
-    assert_eq!(with_exponent(128), (1, 64, 0));
-    assert_eq!(with_exponent(254), (1, 127, 0));
-    // 255 / 2 = 127.5 rounds up to 128, which does not fit 8 bits.
-    assert_eq!(with_exponent(255), (2, 64, 0));
-    assert_eq!(with_exponent(-128), (0, -128, 0));
-    assert_eq!(with_exponent(-129), (1, -64, 0));
-    // -257 / 2 = -128.5 rounds up to -128, which fits 8 bits.
-    assert_eq!(with_exponent(-257), (1, -128, 0));
-    assert_eq!(with_exponent(-258), (2, -64, 0));
-}
-
-#[test]
-fn beyond_the_largest_exponent_values_are_clipped_and_counted() {
-    assert_eq!(with_exponent(32_639), (8, 127, 0));
-    assert_eq!(with_exponent(32_640), (8, 127, 1));
-    assert_eq!(with_exponent(-32_896), (8, -128, 0));
-    assert_eq!(with_exponent(-32_897), (8, -128, 1));
-    assert_eq!(with_exponent(i32::MAX), (8, 127, 1));
-    assert_eq!(with_exponent(i32::MIN), (8, -128, 1));
+fn the_exponent_accounts_for_rounding_and_values_beyond_the_largest_one_are_clipped() {
+    for (level, expected) in [
+        (0, (0, 0, 0)),
+        (127, (0, 127, 0)),
+        (128, (1, 64, 0)),
+        (254, (1, 127, 0)),
+        // 255 / 2 = 127.5 rounds up to 128, which does not fit 8 bits.
+        (255, (2, 64, 0)),
+        (-128, (0, -128, 0)),
+        (-129, (1, -64, 0)),
+        // -257 / 2 = -128.5 rounds up to -128, which fits 8 bits.
+        (-257, (1, -128, 0)),
+        (-258, (2, -64, 0)),
+        (32_639, (8, 127, 0)),
+        (32_640, (8, 127, 1)),
+        (-32_896, (8, -128, 0)),
+        (-32_897, (8, -128, 1)),
+        (i32::MAX, (8, 127, 1)),
+        (i32::MIN, (8, -128, 1)),
+    ] {
+        assert_eq!(with_exponent(level), expected, "{level}");
+    }
 }
 
 #[test]
@@ -125,16 +125,6 @@ fn values_beyond_sixteen_bits_are_clipped_and_counted() {
             "all of them"
         );
     }
-}
-
-#[test]
-fn a_small_code_keeps_levels_that_a_large_one_rounds() {
-    let small = levels(&[-100, 37, 127]);
-    assert_eq!(encoded(CodeFormat::Int8Exponent, &small).0.levels(), small);
-    let large = levels(&[-100, 37, 20_000]);
-    let (values, clipped) = encoded(CodeFormat::Int8Exponent, &large);
-    assert_eq!((values.exponent(), clipped), (8, 0));
-    assert_eq!(values.levels()[CODE - 3..], [0, 0, 19_968]);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use artifact::reconstruction::{HEALING_BLOCKS, PackedDecoder};
 use artifact::{Artifact, PackedModel};
 use model::{ELECTRODES, GUARD_BITS, HOP, LABELS, LSB_NV};
 use packed::Rate;
-use pipeline::{Acquisition, Mains, PackedEncoder, PackedMemory, Step};
+use pipeline::{Acquisition, Mains, PackedEncoder, Step};
 
 /// Number of blocks from one without prediction to the next.
 const RESET_BLOCKS: usize = 64;
@@ -18,7 +18,7 @@ const SETTLING_STEPS: usize = 1_280;
 /// Blocks of a recording of 115 s.
 const BLOCKS: usize = 1_800;
 
-const RATE: Rate = PackedEncoder::<PackedMemory>::DEFAULT_RATE;
+const RATE: Rate = PackedEncoder::DEFAULT_RATE;
 
 /// A recording as it was coded: signals and bytes of each block, and the encoder's state after it.
 struct Coded {

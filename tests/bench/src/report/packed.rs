@@ -126,7 +126,7 @@ fn coded(steps: &[Step]) -> anyhow::Result<Coded> {
     let model = artifact.packed.as_ref();
     let model = model.context("the built-in model has no packed model")?;
     let (mut encoder, mut decoder) = (PackedEncoder::new(), PackedDecoder::new(model));
-    let rate = PackedEncoder::<pipeline::PackedMemory>::DEFAULT_RATE;
+    let rate = PackedEncoder::DEFAULT_RATE;
     let mut coded = Coded {
         decoder_equal: true,
         ..Coded::default()

@@ -101,12 +101,16 @@ struct Device {
 }
 
 impl Device {
-    fn new(cable: &Cable) -> Self {
-        Self {
+    /// Returns a device, and the cable to its host, which `prepare` has changed.
+    fn plugged(prepare: impl FnOnce(&mut Host)) -> (Self, Cable) {
+        let cable = Cable::default();
+        prepare(&mut cable.0.borrow_mut());
+        let device = Self {
             transmitter: Transmitter::new(cable.clone()),
             encoder: Encoder::starting_at(0),
             dropped: 0,
-        }
+        };
+        (device, cable)
     }
 
     /// Sends a frame of three packets.
@@ -139,17 +143,15 @@ fn act(what: impl FnOnce(&mut Host) + 'static) -> Act {
 
 #[test]
 fn a_frame_cut_by_a_close_is_dropped_and_counted_and_the_next_one_is_whole() {
-    let cable = Cable::default();
-    let mut device = Device::new(&cable);
-    let mut host = cable.0.borrow_mut();
-    host.acts = VecDeque::from([
-        act(|host| host.open(1)),
-        // At this tick, the second packet is in the endpoint's buffer, and the third one waits.
-        act(|host| host.is_open = false),
-        act(|_| {}),
-        act(|host| host.open(ALL)),
-    ]);
-    drop(host);
+    let (mut device, cable) = Device::plugged(|host| {
+        host.acts = VecDeque::from([
+            act(|host| host.open(1)),
+            // At this tick, the second packet is in the endpoint's buffer, and the third one waits.
+            act(|host| host.is_open = false),
+            act(|_| {}),
+            act(|host| host.open(ALL)),
+        ]);
+    });
     device.send();
     assert_eq!(device.dropped, 1);
     device.send();
@@ -160,9 +162,7 @@ fn a_frame_cut_by_a_close_is_dropped_and_counted_and_the_next_one_is_whole() {
 
 #[test]
 fn the_rest_of_a_frame_is_not_sent_after_the_port_opens_again() {
-    let cable = Cable::default();
-    let mut device = Device::new(&cable);
-    cable.0.borrow_mut().open(ALL);
+    let (mut device, cable) = Device::plugged(|host| host.open(ALL));
     block_on(device.transmitter.write_all(&[0, 1, 2])).expect("open");
     cable.0.borrow_mut().is_open = false;
     assert_eq!(
@@ -178,13 +178,11 @@ fn the_rest_of_a_frame_is_not_sent_after_the_port_opens_again() {
 
 #[test]
 fn a_host_that_stalls_receives_everything_when_it_reads_again() {
-    let cable = Cable::default();
-    let mut device = Device::new(&cable);
-    let mut host = cable.0.borrow_mut();
-    host.open(0);
-    host.acts.extend((0..500).map(|_| act(|_| {})));
-    host.acts.push_back(act(|host| host.open(ALL)));
-    drop(host);
+    let (mut device, cable) = Device::plugged(|host| {
+        host.open(0);
+        host.acts.extend((0..500).map(|_| act(|_| {})));
+        host.acts.push_back(act(|host| host.open(ALL)));
+    });
     device.send();
     device.send();
     assert_eq!(cable.0.borrow().decode(), (Vec::from([0, 1]), 0));
@@ -193,15 +191,13 @@ fn a_host_that_stalls_receives_everything_when_it_reads_again() {
 
 #[test]
 fn a_port_that_closes_and_opens_between_two_checks_loses_nothing() {
-    let cable = Cable::default();
-    let mut device = Device::new(&cable);
-    let mut host = cable.0.borrow_mut();
-    host.open(1);
-    host.acts.push_back(act(|host| {
-        host.is_open = false;
-        host.open(ALL);
-    }));
-    drop(host);
+    let (mut device, cable) = Device::plugged(|host| {
+        host.open(1);
+        host.acts.push_back(act(|host| {
+            host.is_open = false;
+            host.open(ALL);
+        }));
+    });
     device.send();
     assert_eq!(cable.0.borrow().decode(), (Vec::from([0]), 0));
     assert_eq!(device.dropped, 0);
@@ -209,18 +205,16 @@ fn a_port_that_closes_and_opens_between_two_checks_loses_nothing() {
 
 #[test]
 fn every_frame_is_received_or_counted_over_a_thousand_openings() {
-    let cable = Cable::default();
-    let mut device = Device::new(&cable);
-    let mut host = cable.0.borrow_mut();
-    for opening in 0..1_000_usize {
-        // 0 to 7 packets per opening, in the order 0, 7, 6, ... 1. A frame has three packets, so
-        // the port closes at different places within the frames.
-        let reads = opening * 7919 % 8;
-        host.acts.push_back(act(move |host| host.open(reads)));
-        host.acts.push_back(act(|host| host.is_open = false));
-    }
-    host.acts.push_back(act(|host| host.open(ALL)));
-    drop(host);
+    let (mut device, cable) = Device::plugged(|host| {
+        for opening in 0..1_000_usize {
+            // 0 to 7 packets per opening, in the order 0, 7, 6, ... 1. A frame has three packets,
+            // so the port closes at different places within the frames.
+            let reads = opening * 7919 % 8;
+            host.acts.push_back(act(move |host| host.open(reads)));
+            host.acts.push_back(act(|host| host.is_open = false));
+        }
+        host.acts.push_back(act(|host| host.open(ALL)));
+    });
     let mut sent = 0;
     while !cable.0.borrow().acts.is_empty() {
         device.send();
@@ -241,12 +235,10 @@ fn every_frame_is_received_or_counted_over_a_thousand_openings() {
 #[test]
 fn a_flush_sends_an_empty_packet_only_after_a_full_one() {
     let lengths = |frame: &[u8]| {
-        let cable = Cable::default();
-        cable.0.borrow_mut().open(ALL);
-        let mut transmitter = Transmitter::new(cable.clone());
-        block_on(transmitter.write_all(frame)).expect("open");
+        let (mut device, cable) = Device::plugged(|host| host.open(ALL));
+        block_on(device.transmitter.write_all(frame)).expect("open");
         for _ in 0..2 {
-            block_on(transmitter.flush()).expect("open");
+            block_on(device.transmitter.flush()).expect("open");
         }
         let host = cable.0.borrow();
         host.packets.iter().map(Vec::len).collect::<Vec<_>>()
