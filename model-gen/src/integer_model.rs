@@ -2,8 +2,6 @@
 
 use artifact::{CONV1_CHANNELS, CodeFormat, Geometry, IntegerCode, KERNEL, Mode};
 
-use crate::integer_code::integer_code;
-
 /// Integer weights of one convolution, PyTorch order `[out][in][time][row][column]`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct IntegerConv {
@@ -132,6 +130,36 @@ impl IntegerModel {
             .map_channels(|channel, sum| scale(sum, self.conv1.multipliers[channel]).clamp(0, 255));
         let sums = convolve(&self.conv2, &hidden.padded(pads, &self.hidden_padding));
         pool(&sums, &self.geometry, &self.conv2.multipliers)
+    }
+}
+
+/// Returns the code of the given levels, which are in units of the code's scale. The plain loops
+/// are the reference to which the device's encoder is compared, in every format.
+///
+/// The exponent is the smallest with which every `round(level / 2^exponent)`, half up, is within
+/// the format's range; if no exponent is large enough, it is the largest, and values out of range
+/// saturate.
+pub fn integer_code(format: CodeFormat, levels: &[i64]) -> IntegerCode {
+    let [least, greatest] = format.range().map(i64::from);
+    let rounded = |level: i64, exponent: u8| {
+        let power = 2_i64.pow(exponent.into());
+        (level + power / 2).div_euclid(power)
+    };
+    let largest = format.largest_exponent();
+    let fits = |exponent: &u8| {
+        levels
+            .iter()
+            .all(|&level| (least..=greatest).contains(&rounded(level, *exponent)))
+    };
+    let exponent = (0..=largest).find(fits).unwrap_or(largest);
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "clamped to 16 bits or less"
+    )]
+    let value = |&level: &i64| rounded(level, exponent).clamp(least, greatest) as i16;
+    IntegerCode {
+        exponent,
+        values: levels.iter().map(value).collect(),
     }
 }
 

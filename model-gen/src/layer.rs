@@ -35,22 +35,13 @@ impl Layer {
             let unit = input.scale * scale;
             let sum: f64 = weights.iter().map(|&w| f64::from(w).abs()).sum();
             let worst = sum * input.largest + (bias / unit).abs();
-            let overflow = ModelGenError::Accumulator {
-                layer: name,
-                output,
-                worst,
-            };
+            let overflow = ModelGenError::Accumulator(name, output, worst);
             let bias = to_i32(bias / unit).filter(|_| worst < f64::from(i32::MAX));
             integers.bias.push(bias.ok_or(overflow)?);
             let factor = gain * unit;
             let multiplier = to_i32(factor * 4_294_967_296.0);
-            integers
-                .multipliers
-                .push(multiplier.ok_or(ModelGenError::Multiplier {
-                    layer: name,
-                    output,
-                    factor,
-                })?);
+            let too_large = ModelGenError::Multiplier(name, output, factor);
+            integers.multipliers.push(multiplier.ok_or(too_large)?);
             integers.weights.extend(weights);
         }
         Ok(integers)

@@ -209,7 +209,7 @@ fn range(artifact: &Artifact, what: &'static str) -> Result<f64, ModelGenError> 
     if value.is_finite() && value > 0.0 {
         Ok(value * HEAD_ROOM)
     } else {
-        Err(ModelGenError::Calibration { what, value })
+        Err(ModelGenError::Calibration(what, value))
     }
 }
 

@@ -38,7 +38,7 @@ impl Golden {
     /// `[n, numbers]`.
     pub fn read(folder: &Path) -> Result<Self, ArtifactError> {
         let path = folder.join(GOLDEN);
-        let bytes = std::fs::read(&path).map_err(|source| ArtifactError::File { path, source })?;
+        let bytes = std::fs::read(&path).map_err(ArtifactError::file(&path))?;
         Self::from_bytes(&bytes)
     }
 
@@ -102,8 +102,7 @@ impl Golden {
     /// If the numbers of codes and windows differ.
     pub fn write(&self, folder: &Path) -> Result<(), ArtifactError> {
         let path = folder.join(GOLDEN);
-        std::fs::write(&path, self.to_bytes()?)
-            .map_err(|source| ArtifactError::File { path, source })
+        std::fs::write(&path, self.to_bytes()?).map_err(ArtifactError::file(&path))
     }
 
     fn to_bytes(&self) -> Result<Vec<u8>, ArtifactError> {

@@ -1,6 +1,6 @@
 //! Proofs that no sum of the integer encoder leaves its range.
 
-use super::file::TENSORS;
+use super::file::{DESCRIPTION, TENSORS};
 use super::model::PackedModel;
 use crate::description::Description;
 use crate::error::{ArtifactError, TensorProblem};
@@ -85,7 +85,8 @@ pub(crate) fn check(model: &PackedModel, description: &Description) -> Result<()
 fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactError> {
     let description = &model.description;
     let field = |field, found: &dyn std::fmt::Display, expected: String| {
-        Err(ArtifactError::PackedField {
+        Err(ArtifactError::Field {
+            file: DESCRIPTION,
             field,
             found: found.to_string(),
             expected,
