@@ -87,7 +87,8 @@ pub(crate) fn measure(hops: usize) -> anyhow::Result<Report> {
     let mut machines = Vec::new();
     let (mut flash_bytes, mut ram_bytes) = (0, 0);
     for machine in MACHINES {
-        let bare = Image::build("bench", "packed_size", machine.features)?;
+        let features = [machine.features, &["--features=packed"]].concat();
+        let bare = Image::build("bench", "size", &features)?;
         flash_bytes = images::loaded(bare.path())?.len().max(flash_bytes);
         let image = Image::build("bench", "packed", machine.features)?;
         let (printed, output) = run(&image, machine, &inputs, expected.len())?;
