@@ -1,5 +1,5 @@
-//! Designs the sections of a filter specification: band-pass and notches in zeros, poles and gain, then
-//! quantised sections.
+//! Designs the sections of a filter specification: band-pass and notches in zeros, poles and gain,
+//! then quantised sections.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -84,8 +84,8 @@ pub enum FilterError {
          model.toml must be at least {1}"
     )]
     BelowStepRate(u32, u32),
-    /// Literal decimation was requested at a sampling rate (first number, Hz) that is not a multiple
-    /// of the step rate (second number, Hz).
+    /// Literal decimation was requested at a sampling rate (first number, Hz) that is not a
+    /// multiple of the step rate (second number, Hz).
     #[error(
         "literal decimation keeps every n-th sample, but {} Hz is not a multiple of \
          {} Hz: write [filters] decimation = \"fir\" in model.toml, which takes any \
@@ -146,8 +146,8 @@ pub enum ModelGenError {
     /// The resampler cannot be realised.
     #[error("the decimation cannot be realised")]
     Resampler(#[source] FilterError),
-    /// The requantisation factor of an output of a layer does not fit Q0.32: name of the layer, index
-    /// of the output, factor.
+    /// The requantisation factor of an output of a layer does not fit Q0.32: name of the layer,
+    /// index of the output, factor.
     #[error(
         "output {1} of {0} needs a factor of {2}, outside of [-0.5, 0.5): the \
          calibrated range is far smaller than the weights can produce; calibrate again on data \

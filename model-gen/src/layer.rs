@@ -1,6 +1,6 @@
 //! Quantisation of a layer, with proofs of its ranges, and rounding of f64 to integers.
 
-use crate::{error::ModelGenError, integer_model::IntegerConv};
+use crate::{error::ModelGenError, integer_model::IntegerLayer};
 
 /// Quantisation of a layer's input: `value = integer * scale`, |integer| <= `largest`.
 #[derive(Clone, Copy, Debug)]
@@ -26,8 +26,8 @@ impl Layer {
         name: &'static str,
         gain: &[f64],
         input: LayerInput,
-    ) -> Result<IntegerConv, ModelGenError> {
-        let mut integers = IntegerConv::default();
+    ) -> Result<IntegerLayer, ModelGenError> {
+        let mut integers = IntegerLayer::default();
         let inputs = self.weights.len() / self.bias.len();
         for (output, row) in self.weights.chunks_exact(inputs).enumerate() {
             let (bias, gain) = (self.bias[output], gain[output]);
@@ -94,7 +94,7 @@ mod tests {
         largest: 128.0,
     };
 
-    fn quantise(weights: &[f64], bias: f64, gain: f64) -> Result<IntegerConv, ModelGenError> {
+    fn quantise(weights: &[f64], bias: f64, gain: f64) -> Result<IntegerLayer, ModelGenError> {
         let layer = Layer {
             weights: weights.to_vec(),
             bias: vec![bias],

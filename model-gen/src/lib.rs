@@ -50,7 +50,7 @@ pub use chain::Chain;
 pub use device_model::{DeviceModel, MAINS_HZ, MainsFilter, filter_cascade, settling_samples};
 pub use emit::rust_files;
 pub use error::{FilterError, ModelGenError};
-pub use integer_model::{IntegerConv, IntegerLinear, IntegerModel, integer_code};
+pub use integer_model::{IntegerLayer, IntegerModel, integer_code};
 pub use manifest::manifest;
 pub use packed::PackedIntegers;
 pub use quantise::quantise;

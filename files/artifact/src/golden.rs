@@ -138,8 +138,8 @@ fn element_type(format: CodeFormat) -> Dtype {
     }
 }
 
-/// Returns the shape of a tensor with `N` dimensions; 0 for a dimension that the tensor lacks,
-/// which no contents have.
+/// Returns the shape of a tensor with `N` dimensions. A dimension that the tensor lacks is returned
+/// as 0, which the check of its elements then refuses.
 fn shape<const N: usize>(file: &TensorFile, name: &str) -> Result<[usize; N], ArtifactError> {
     let view = file.tensor(name)?;
     let lengths = view.shape();

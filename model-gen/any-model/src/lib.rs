@@ -54,7 +54,8 @@ const CALIBRATION: usize = 16;
 /// Largest magnitude in the training data of a model without a network, uV.
 const LARGEST_UV: f32 = 500.0;
 
-/// Numbers of the code of the network whose description a model without a network takes.
+/// Length of the codes of the network from whose description [`any_packed_alone`] derives that of a
+/// model without a network.
 const NUMBERS: usize = 16;
 
 /// Returns every tested combination of mode, padding and pool. Mode `paper` occurs once per

@@ -39,8 +39,8 @@ pub struct PackedTraining {
     /// Figures on the test recordings, one entry for each measured rate.
     pub figures: Vec<PackedFigures>,
     /// Figures of the Karhunen-Loeve transform of a block with the same number of coefficients,
-    /// trained and coded alike but without prediction; empty without test recordings. Its second
-    /// error equals the first.
+    /// trained and coded alike but without prediction; empty without test recordings. Their
+    /// `mse_smoothed` equals `mse`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub without_prediction: Vec<PackedFigures>,
 }
@@ -53,9 +53,11 @@ pub struct PackedFigures {
     pub rate: u8,
     /// Bits of a block, mean.
     pub bits: f64,
-    /// Mean squared error in the unit of the network's input, at once.
+    /// Mean squared error of each block as decoded without the next one, in units of the network's
+    /// input squared.
     pub mse: f64,
-    /// Mean squared error after the smoother, one block later.
+    /// Mean squared error after the smoother has corrected each block by the next one, in the same
+    /// unit.
     pub mse_smoothed: f64,
 }
 
@@ -65,9 +67,9 @@ pub struct PackedFigures {
 pub struct PackedModel {
     /// Dimensions and units, and the figures of the training.
     pub description: PackedDescription,
-    /// From the values of a block, in the order step, electrode, to its coefficients.
+    /// Matrix from the values of a block, in the order step, electrode, to its coefficients.
     pub analysis: IntegerMatrix,
-    /// From the coefficients of the previous state to the prediction of the next block's.
+    /// Matrix from the coefficients of the previous state to the prediction of the next block's.
     pub prediction: IntegerMatrix,
     /// Level of each coefficient's mean magnitude at rate 4, 0..64, in a predicted block.
     pub predicted_levels: Vec<u8>,
@@ -80,7 +82,7 @@ pub struct PackedModel {
 }
 
 impl PackedModel {
-    /// Number of coefficients of a block.
+    /// Returns the number of coefficients of a block.
     pub fn coefficients(&self) -> usize {
         self.description.coefficients
     }
@@ -125,8 +127,7 @@ impl PackedModel {
     }
 }
 
-/// Returns a coefficient of the state as the prediction reads it: rounded to multiples of 8, in
-/// eighths;
+/// Returns a coefficient of the state as the prediction reads it: divided by 8 and rounded half up,
 /// |x| <= 4096.
 pub fn rounded_state(coefficient: i16) -> i16 {
     let half = 1 << (STATE_BITS - 1);
@@ -171,7 +172,7 @@ impl IntegerMatrix {
         quantised
     }
 
-    /// Number of inputs.
+    /// Returns the number of inputs of the matrix.
     pub fn inputs(&self) -> usize {
         self.weights.len() / self.factors.len().max(1)
     }

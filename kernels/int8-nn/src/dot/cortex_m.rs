@@ -9,12 +9,13 @@
     reason = "LLVM does not generate SMLAD from Rust, and the loop needs every register"
 )]
 
-/// Defines the kernel `$name` for a number of segments, a width and a stride; `$shared` says whether
-/// all blocks use the same weights. One iteration computes `$blocks` blocks, and updates the pointers
-/// on the stack once.
+/// Defines the kernel `$name` for a number of segments, a width and a stride; `$shared` says
+/// whether all blocks use the same weights. One iteration computes `$blocks` blocks, and updates
+/// the pointers on the stack once.
 ///
-/// The lists hold the instructions of a schedule: at the start of a block, at the start of a segment,
-/// of each round, and at the end of a block, where lr moves to the weights of the next block.
+/// The lists hold the instructions of a schedule: at the start of a block, at the start of a
+/// segment, of each round, and at the end of a block, where lr moves to the weights of the next
+/// block.
 ///
 /// r0-r5: sums; r6-r9: weights of a round (two words of the first output, two of the second);
 /// r10-r11: inputs of a position; r12: next position of a segment; lr: weights. The other arguments
