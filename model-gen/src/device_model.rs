@@ -77,19 +77,15 @@ impl DeviceModel {
     /// feature of the artifact.
     pub fn new(artifact: &Artifact) -> Result<Self, ModelGenError> {
         let description = artifact.description.clone();
-        refuse_unsupported(&description)?;
+        let mains_hz = &description.filters.mains_hz;
+        if !MAINS_HZ.iter().all(|hz| mains_hz.contains(hz)) {
+            return Err(ModelGenError::MainsFrequencies(List(mains_hz).to_string()));
+        }
         let integers = quantise(artifact)?;
         let resampler = resampler_table(&description)?;
         let filters = MAINS_HZ
             .into_iter()
-            .map(|mains_hz| {
-                mains_filter(&description, &resampler, mains_hz).map_err(|source| {
-                    ModelGenError::Filter {
-                        mains_hz: mains_hz.into(),
-                        source,
-                    }
-                })
-            })
+            .map(|mains_hz| mains_filter(&description, &resampler, mains_hz))
             .collect::<Result<_, _>>()?;
         let unit_uv = description.adc.lsb_uv() / f64::from(1_u32 << GUARD_BITS);
         let factor = unit_uv / f64::from(integers.input_scale_uv);
@@ -123,19 +119,6 @@ impl DeviceModel {
     }
 }
 
-/// Returns an error if this version does not support a number of the description.
-fn refuse_unsupported(description: &Description) -> Result<(), ModelGenError> {
-    let mains_hz = &description.filters.mains_hz;
-    if MAINS_HZ.iter().all(|hz| mains_hz.contains(hz)) {
-        return Ok(());
-    }
-    Err(ModelGenError::Unsupported {
-        what: "[filters] mains_hz",
-        found: List(mains_hz).to_string(),
-        expected: "[50, 60]",
-    })
-}
-
 /// Designs the cascade of an artifact's filters for one mains frequency at the ADC's rate.
 ///
 /// # Errors
@@ -162,11 +145,7 @@ pub fn filter_cascade(
 /// If the filters cannot be realised.
 pub fn settling_samples(description: &Description, mains_hz: u32) -> Result<usize, ModelGenError> {
     let resampler = resampler_table(description)?;
-    let filter = mains_filter(description, &resampler, mains_hz);
-    let filter = filter.map_err(|source| ModelGenError::Filter {
-        mains_hz: mains_hz.into(),
-        source,
-    })?;
+    let filter = mains_filter(description, &resampler, mains_hz)?;
     Ok(filter.settling_samples as usize)
 }
 
@@ -181,6 +160,15 @@ fn resampler_table(description: &Description) -> Result<ResamplerTable, ModelGen
 }
 
 fn mains_filter(
+    description: &Description,
+    resampler: &ResamplerTable,
+    mains_hz: u32,
+) -> Result<MainsFilter, ModelGenError> {
+    realised_filter(description, resampler, mains_hz)
+        .map_err(|source| ModelGenError::Filter(mains_hz, source))
+}
+
+fn realised_filter(
     description: &Description,
     resampler: &ResamplerTable,
     mains_hz: u32,

@@ -2,8 +2,12 @@
 
 use fixed_dsp::MAX_SECTIONS;
 
-use crate::cascade::{FilterSpec, MAX_ORDER};
-use crate::resampler::LARGEST_BYTES;
+use crate::{
+    cascade::{FilterSpec, MAX_ORDER},
+    headroom::NodeGain,
+    resampler::LARGEST_BYTES,
+    response::MAX_SAMPLES,
+};
 
 /// Why filters or a resampler cannot be realised.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -59,20 +63,14 @@ pub enum FilterError {
          the unit circle than 2^-33; raise the lower band edge or lower notch_q in model.toml"
     )]
     Unstable(usize),
-    /// A pole is so close to the unit circle that the response decays too slowly.
+    /// A pole is so close to the unit circle that the response decays too slowly: its distance from
+    /// the origin, and the number of samples until the response has decayed.
     #[error(
-        "the response of the filters decays over {samples:.0} samples (pole radius {radius}), more than \
-         {longest:.0}: \
+        "the response of the filters decays over {1:.0} samples (pole radius {0}), more than \
+         {MAX_SAMPLES:.0}: \
          raise the lower edge of [filters] band_hz in model.toml"
     )]
-    SlowDecay {
-        /// Distance of the slowest pole from the origin.
-        radius: f64,
-        /// Samples until the response has decayed.
-        samples: f64,
-        /// Longest supported response in samples.
-        longest: f64,
-    },
+    SlowDecay(f64, f64),
     /// The poles cannot be paired into sections.
     #[error(
         "a band from {} to {} Hz has poles too close to the real axis to be \
@@ -80,28 +78,28 @@ pub enum FilterError {
         .0.band_hz[0], .0.band_hz[1]
     )]
     Poles(FilterSpec),
-    /// The step rate is higher than the sampling rate.
+    /// The step rate (second number, Hz) is higher than the sampling rate (first number, Hz).
     #[error(
-        "{adc} samples a second cannot be resampled to {step} steps a second: [adc] rate_hz of \
-         model.toml must be at least {step}",
-        adc = .0.adc, step = .0.step
+        "{0} samples a second cannot be resampled to {1} steps a second: [adc] rate_hz of \
+         model.toml must be at least {1}"
     )]
-    BelowStepRate(RatesHz),
-    /// Literal decimation was requested at a sampling rate that is not a multiple of the step rate.
+    BelowStepRate(u32, u32),
+    /// Literal decimation was requested at a sampling rate (first number, Hz) that is not a
+    /// multiple of the step rate (second number, Hz).
     #[error(
         "literal decimation keeps every n-th sample, but {} Hz is not a multiple of \
          {} Hz: write [filters] decimation = \"fir\" in model.toml, which takes any \
          rate, or sample at {} Hz",
-        .0.adc, .0.step, .0.nearest_multiple()
+        .0, .1, (.0 + .1 / 2) / .1 * .1
     )]
-    LiteralRate(RatesHz),
-    /// The numerator of sampling rate / step rate, in lowest terms, does not fit 16 bits.
+    LiteralRate(u32, u32),
+    /// The numerator of sampling rate / step rate (both in Hz), in lowest terms, does not fit 16
+    /// bits.
     #[error(
-        "the ratio of {} Hz to {} Hz in lowest terms is not below 65536: lower [adc] rate_hz \
-         in model.toml",
-        .0.adc, .0.step
+        "the ratio of {0} Hz to {1} Hz in lowest terms is not below 65536: lower [adc] rate_hz \
+         in model.toml"
     )]
-    RateTerms(RatesHz),
+    RateTerms(u32, u32),
     /// The delay line or the table of taps of the resampler takes more memory than permitted.
     #[error(
         "at {rate_hz} Hz the resampler has {phases} phases of {taps} taps, and {what} takes \
@@ -120,44 +118,20 @@ pub enum FilterError {
         /// Size of the part in bytes.
         bytes: usize,
     },
-    /// The taps could overflow the resampler's accumulator.
+    /// The taps of the resampler from a sampling rate in Hz could overflow its accumulator: the
+    /// largest sum of the tap magnitudes of a phase, Q2.30.
     #[error(
-        "the magnitudes of the taps of the resampler from {rate_hz} Hz add up to {magnitude} / 2^30, which \
+        "the magnitudes of the taps of the resampler from {0} Hz add up to {1} / 2^30, which \
          can overflow its 64-bit accumulator: raise [adc] rate_hz in model.toml"
     )]
-    ResamplerAccumulator {
-        /// Sampling rate of the ADC, Hz.
-        rate_hz: u32,
-        /// Largest sum of the tap magnitudes of a phase, Q2.30.
-        magnitude: u64,
-    },
-    /// A node of the cascade could overflow 32 bits.
+    ResamplerAccumulator(u32, u64),
+    /// A node of the cascade could overflow 32 bits: the node, and the upper limit of its gain.
     #[error(
-        "{node} can reach {gain:.2} times the input: full-scale ADC counts allow less \
-         than {limit:.2}; lower [filters] order or raise the lower band edge in model.toml"
+        "{} can reach {:.2} times the input: full-scale ADC counts allow less \
+         than {:.2}; lower [filters] order or raise the lower band edge in model.toml",
+        .0.node, .0.gain, .1
     )]
-    Overflow {
-        /// Name of the signal, for example "output of section 3".
-        node: String,
-        /// L1 norm of the impulse response from the input to the node: its worst-case gain.
-        gain: f64,
-        /// Upper limit of the gain.
-        limit: f64,
-    },
-}
-
-/// Sampling rate of the ADC and rate of the encoder's time steps, Hz.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RatesHz {
-    pub(crate) adc: u32,
-    pub(crate) step: u32,
-}
-
-impl RatesHz {
-    /// Returns the multiple of the step rate that is nearest to the sampling rate.
-    fn nearest_multiple(self) -> u32 {
-        (self.adc + self.step / 2) / self.step * self.step
-    }
+    Overflow(NodeGain, f64),
 }
 
 /// Why an artifact cannot be turned into integers.
@@ -166,32 +140,20 @@ pub enum ModelGenError {
     /// The artifact is unreadable or invalid.
     #[error(transparent)]
     Artifact(#[from] artifact::ArtifactError),
-    /// The filters for a mains frequency cannot be realised.
-    #[error("the filters for {mains_hz} Hz mains cannot be realised")]
-    Filter {
-        /// Mains frequency of the cascade, Hz.
-        mains_hz: f64,
-        /// Error from the filter design.
-        #[source]
-        source: FilterError,
-    },
+    /// The filters for a mains frequency in Hz cannot be realised.
+    #[error("the filters for {0} Hz mains cannot be realised")]
+    Filter(u32, #[source] FilterError),
     /// The resampler cannot be realised.
     #[error("the decimation cannot be realised")]
     Resampler(#[source] FilterError),
-    /// A requantisation factor does not fit Q0.32.
+    /// The requantisation factor of an output of a layer does not fit Q0.32: name of the layer,
+    /// index of the output, factor.
     #[error(
-        "output {output} of {layer} needs a factor of {factor}, outside of [-0.5, 0.5): the \
+        "output {1} of {0} needs a factor of {2}, outside of [-0.5, 0.5): the \
          calibrated range is far smaller than the weights can produce; calibrate again on data \
          like the training set"
     )]
-    Multiplier {
-        /// Name of the layer, for example "conv1".
-        layer: &'static str,
-        /// Output channel, from 0.
-        output: usize,
-        /// Requantisation factor that this output needs.
-        factor: f64,
-    },
+    Multiplier(&'static str, usize, f64),
     /// The factor from filtered samples to levels of the int8 input is too small or too large for
     /// Q0.32.
     #[error(
@@ -200,19 +162,13 @@ pub enum ModelGenError {
          together"
     )]
     InputScale(f64),
-    /// An accumulator could overflow 32 bits.
+    /// The accumulator of an output of a layer could overflow 32 bits: name of the layer, index of
+    /// the output, largest possible magnitude.
     #[error(
-        "an accumulator of {layer} (output {output}) can reach {worst}, beyond 2^31: the bias is \
+        "an accumulator of {0} (output {1}) can reach {2}, beyond 2^31: the bias is \
          far larger than the weights; train with weight decay or drop the dead channel"
     )]
-    Accumulator {
-        /// Name of the layer, for example "conv1".
-        layer: &'static str,
-        /// Output channel, from 0.
-        output: usize,
-        /// Largest possible magnitude.
-        worst: f64,
-    },
+    Accumulator(&'static str, usize, f64),
     /// A padding value of the second convolution is beyond +-32512.
     #[error(
         "the padding of channel {channel} after conv1 would be {value:.0}, but at most +-32512 \
@@ -225,24 +181,12 @@ pub enum ModelGenError {
         /// Value of the padding, in levels of the quantised channel.
         value: f64,
     },
-    /// A calibrated range is not a positive, finite number.
-    #[error("the calibrated range of {what} is {value}: run the calibration again")]
-    Calibration {
-        /// Name of the tensor in the calibration.
-        what: &'static str,
-        /// Calibrated range, as read.
-        value: f64,
-    },
-    /// A number of the description is not supported by this version.
-    #[error("{what} is {found}, but this version supports only {expected}")]
-    Unsupported {
-        /// Name of the field in `model.toml`.
-        what: &'static str,
-        /// Value of the field.
-        found: String,
-        /// Supported values.
-        expected: &'static str,
-    },
+    /// A calibrated range is not a positive, finite number: name of the tensor, and its value.
+    #[error("the calibrated range of {0} is {1}: run the calibration again")]
+    Calibration(&'static str, f64),
+    /// The mains frequencies of the description are not those that this version supports.
+    #[error("[filters] mains_hz is {0}, but this version supports only [50, 60]")]
+    MainsFrequencies(String),
     /// A generated file could not be written.
     #[error("cannot write {path}")]
     Write {

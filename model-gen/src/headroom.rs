@@ -21,7 +21,7 @@ pub(crate) const GAIN_LIMIT: u32 = 1 << (32 - ADC_BITS - GUARD_BITS);
 const NOISE: f64 = 1.0 / 131_072.0;
 
 /// Worst-case gain from the input to one node of the filter chain.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct NodeGain {
     /// Name of the signal, for example "output of section 3".
     pub node: String,
@@ -65,10 +65,12 @@ pub fn prove_chain_output(chain: &Chain) -> Result<NodeGain, FilterError> {
 /// node.
 fn checked_gain(node: String, gain: f64) -> Result<NodeGain, FilterError> {
     let limit = f64::from(GAIN_LIMIT) - NOISE;
+    let node = NodeGain { node, gain };
     if gain < limit {
-        return Ok(NodeGain { node, gain });
+        Ok(node)
+    } else {
+        Err(FilterError::Overflow(node, limit))
     }
-    Err(FilterError::Overflow { node, gain, limit })
 }
 
 /// Returns the signals that must fit 32 bits in a section with this input and output.

@@ -2,38 +2,28 @@
 
 use artifact::{CONV1_CHANNELS, CodeFormat, Geometry, IntegerCode, KERNEL, Mode};
 
-use crate::integer_code::integer_code;
-
-/// Integer weights of one convolution, PyTorch order `[out][in][time][row][column]`.
+/// Integers of one layer. Weights are in PyTorch's order: `[out][in][time][row][column]` in a
+/// convolution, `[out][in]` in a fully connected layer.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct IntegerConv {
+pub struct IntegerLayer {
     /// Weights, -127..=127.
     pub weights: Vec<i8>,
-    /// Bias of each output channel, in units of the accumulator.
+    /// Bias of each output, in units of the accumulator.
     pub bias: Vec<i32>,
-    /// Requantisation factor of each output channel, Q0.32. The factor is negative where the
-    /// weights of the channel are negated, because its batch norm has a negative factor.
+    /// Requantisation factor of each output, Q0.32. In a convolution, the factor is negative where
+    /// the weights of the channel are negated, because its batch norm has a negative factor.
     pub multipliers: Vec<i32>,
 }
 
-/// Integer weights of a fully connected layer, PyTorch order `[out][in]`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct IntegerLinear {
-    /// Weights, -127..=127.
-    pub weights: Vec<i8>,
-    /// Requantisation factor of each output to the code, Q0.32.
-    pub multipliers: Vec<i32>,
-}
-
-impl IntegerLinear {
+impl IntegerLayer {
     /// Returns the contribution of this layer to an output of the code, Q32; 0 if the layer is
     /// empty.
-    fn contribution(&self, output: usize, features: &[i64], bias: i32) -> i64 {
+    fn contribution(&self, output: usize, features: &[i64]) -> i64 {
         let Some(&multiplier) = self.multipliers.get(output) else {
             return 0;
         };
         let weights = &self.weights[output * features.len()..];
-        (dot(weights, features) + i64::from(bias)) * i64::from(multiplier)
+        (dot(weights, features) + i64::from(self.bias[output])) * i64::from(multiplier)
     }
 }
 
@@ -55,18 +45,17 @@ pub struct IntegerModel {
     /// Grid cell of each electrode.
     pub cells: Vec<u8>,
     /// First convolution, padded with 0.
-    pub conv1: IntegerConv,
+    pub conv1: IntegerLayer,
     /// Padding of each input channel of the second convolution: the integer that the first batch
     /// norm turns into 0. All 0 if the model has no padding.
     pub hidden_padding: [i16; CONV1_CHANNELS],
     /// Second convolution, padded with `hidden_padding`.
-    pub conv2: IntegerConv,
+    pub conv2: IntegerLayer,
     /// Fully connected layer after the pool.
-    pub fc: IntegerLinear,
-    /// Bias of the fully connected layer, in units of its accumulator.
-    pub fc_bias: Vec<i32>,
-    /// Linear shortcut from window to code, feature = step * electrodes + electrode.
-    pub shortcut: IntegerLinear,
+    pub fc: IntegerLayer,
+    /// Linear shortcut from window to code, feature = step * electrodes + electrode; every bias
+    /// is 0.
+    pub shortcut: IntegerLayer,
 }
 
 impl IntegerModel {
@@ -99,8 +88,8 @@ impl IntegerModel {
             })
             .collect();
         let level = |j: usize| {
-            let product = self.fc.contribution(j, &features, self.fc_bias[j])
-                + self.shortcut.contribution(j, &linear, 0);
+            let product =
+                self.fc.contribution(j, &features) + self.shortcut.contribution(j, &linear);
             round_q32(product) + i64::from(self.code_zero_point[j])
         };
         let levels: Vec<i64> = (0..dimensions.numbers).map(level).collect();
@@ -132,6 +121,36 @@ impl IntegerModel {
             .map_channels(|channel, sum| scale(sum, self.conv1.multipliers[channel]).clamp(0, 255));
         let sums = convolve(&self.conv2, &hidden.padded(pads, &self.hidden_padding));
         pool(&sums, &self.geometry, &self.conv2.multipliers)
+    }
+}
+
+/// Returns the code of the given levels, which are in units of the code's scale. The plain loops
+/// are the reference to which the device's encoder is compared, in every format.
+///
+/// The exponent is the smallest with which every `round(level / 2^exponent)`, half up, is within
+/// the format's range; if no exponent is large enough, it is the largest, and values out of range
+/// saturate.
+pub fn integer_code(format: CodeFormat, levels: &[i64]) -> IntegerCode {
+    let [least, greatest] = format.range().map(i64::from);
+    let rounded = |level: i64, exponent: u8| {
+        let power = 2_i64.pow(exponent.into());
+        (level + power / 2).div_euclid(power)
+    };
+    let largest = format.largest_exponent();
+    let fits = |exponent: &u8| {
+        levels
+            .iter()
+            .all(|&level| (least..=greatest).contains(&rounded(level, *exponent)))
+    };
+    let exponent = (0..=largest).find(fits).unwrap_or(largest);
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "clamped to 16 bits or less"
+    )]
+    let value = |&level: &i64| rounded(level, exponent).clamp(least, greatest) as i16;
+    IntegerCode {
+        exponent,
+        values: levels.iter().map(value).collect(),
     }
 }
 
@@ -189,7 +208,7 @@ impl Volume {
 }
 
 /// Computes an unpadded 3x3x3 convolution.
-fn convolve(conv: &IntegerConv, input: &Volume) -> Volume {
+fn convolve(conv: &IntegerLayer, input: &Volume) -> Volume {
     /// Number of steps, rows or columns by which the convolution shrinks its input.
     const SHRINK: usize = KERNEL - 1;
     let outputs = conv.bias.len();

@@ -1,6 +1,6 @@
 //! Quantisation of a layer, with proofs of its ranges, and rounding of f64 to integers.
 
-use crate::{error::ModelGenError, integer_model::IntegerConv};
+use crate::{error::ModelGenError, integer_model::IntegerLayer};
 
 /// Quantisation of a layer's input: `value = integer * scale`, |integer| <= `largest`.
 #[derive(Clone, Copy, Debug)]
@@ -26,8 +26,8 @@ impl Layer {
         name: &'static str,
         gain: &[f64],
         input: LayerInput,
-    ) -> Result<IntegerConv, ModelGenError> {
-        let mut integers = IntegerConv::default();
+    ) -> Result<IntegerLayer, ModelGenError> {
+        let mut integers = IntegerLayer::default();
         let inputs = self.weights.len() / self.bias.len();
         for (output, row) in self.weights.chunks_exact(inputs).enumerate() {
             let (bias, gain) = (self.bias[output], gain[output]);
@@ -35,22 +35,13 @@ impl Layer {
             let unit = input.scale * scale;
             let sum: f64 = weights.iter().map(|&w| f64::from(w).abs()).sum();
             let worst = sum * input.largest + (bias / unit).abs();
-            let overflow = ModelGenError::Accumulator {
-                layer: name,
-                output,
-                worst,
-            };
+            let overflow = ModelGenError::Accumulator(name, output, worst);
             let bias = to_i32(bias / unit).filter(|_| worst < f64::from(i32::MAX));
             integers.bias.push(bias.ok_or(overflow)?);
             let factor = gain * unit;
             let multiplier = to_i32(factor * 4_294_967_296.0);
-            integers
-                .multipliers
-                .push(multiplier.ok_or(ModelGenError::Multiplier {
-                    layer: name,
-                    output,
-                    factor,
-                })?);
+            let too_large = ModelGenError::Multiplier(name, output, factor);
+            integers.multipliers.push(multiplier.ok_or(too_large)?);
             integers.weights.extend(weights);
         }
         Ok(integers)
@@ -103,7 +94,7 @@ mod tests {
         largest: 128.0,
     };
 
-    fn quantise(weights: &[f64], bias: f64, gain: f64) -> Result<IntegerConv, ModelGenError> {
+    fn quantise(weights: &[f64], bias: f64, gain: f64) -> Result<IntegerLayer, ModelGenError> {
         let layer = Layer {
             weights: weights.to_vec(),
             bias: vec![bias],

@@ -5,7 +5,7 @@
 //! and the int8 figures, and [`filter_cascade`] for the filters of its training data.
 //!
 //! ```text
-//!             [filters] --> design, fir --> cascade, ResamplerTable --> headroom: no overflow
+//!             [filters] --> cascade, ResamplerTable --> headroom: no overflow
 //! Artifact --<                                                                 |
 //!             weights, calibration --> quantise --> IntegerModel --> pack      |
 //!                                                                     |        |
@@ -29,13 +29,10 @@
 
 mod cascade;
 mod chain;
-pub mod design;
 mod device_model;
 mod emit;
 mod error;
-pub mod fir;
 pub mod headroom;
-mod integer_code;
 mod integer_model;
 mod layer;
 mod manifest;
@@ -48,13 +45,12 @@ pub mod response;
 
 use std::path::Path;
 
-pub use cascade::{FilterSpec, cascade};
+pub use cascade::{FilterSpec, butterworth_band_pass, cascade, notch};
 pub use chain::Chain;
 pub use device_model::{DeviceModel, MAINS_HZ, MainsFilter, filter_cascade, settling_samples};
 pub use emit::rust_files;
-pub use error::{FilterError, ModelGenError, RatesHz};
-pub use integer_code::integer_code;
-pub use integer_model::{IntegerConv, IntegerLinear, IntegerModel};
+pub use error::{FilterError, ModelGenError};
+pub use integer_model::{IntegerLayer, IntegerModel, integer_code};
 pub use manifest::manifest;
 pub use packed::PackedIntegers;
 pub use quantise::quantise;

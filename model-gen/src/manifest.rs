@@ -172,7 +172,7 @@ fn layers(out: &mut String, integers: &IntegerModel) -> std::fmt::Result {
         )?;
         writeln!(out, "  padding {padding:?}, max-pool {pool:?}")?;
         let name = format!("fc       {:>6} -> {numbers}", integers.geometry.flat());
-        layer(out, &name, &integers.fc.weights, &integers.fc_bias, 255)?;
+        layer(out, &name, &integers.fc.weights, &integers.fc.bias, 255)?;
     }
     if integers.mode.has_shortcut() {
         let weights = &integers.shortcut.weights;

@@ -3,7 +3,7 @@
 use artifact::{CONV1_CHANNELS, CONV2_CHANNELS, Dimensions, KERNEL};
 use int8_nn::{Direct, InputConv, Linear, Pair, Winograd};
 
-use crate::integer_model::{IntegerConv, IntegerModel};
+use crate::integer_model::{IntegerLayer, IntegerModel};
 
 /// Number of weights for each pair of input and output channel: steps x rows x columns of a kernel.
 const TAPS: usize = KERNEL.pow(3);
@@ -41,7 +41,7 @@ impl ConvKernel {
 }
 
 /// Packs the weights of the first convolution for [`InputConv`].
-pub fn input_convolution(conv: &IntegerConv) -> Vec<Pair> {
+pub fn input_convolution(conv: &IntegerLayer) -> Vec<Pair> {
     // The packed weights do not depend on the columns.
     type Conv = InputConv<'static, 0>;
     let outputs = conv.bias.len();
@@ -70,7 +70,7 @@ pub fn convolution(model: &IntegerModel) -> Vec<Pair> {
 }
 
 /// Reorders weights from PyTorch's `[out][in][tap]` to `[tap][in][out]`, tap = (time, row, column).
-fn by_tap(conv: &IntegerConv) -> Vec<i8> {
+fn by_tap(conv: &IntegerLayer) -> Vec<i8> {
     let outputs = conv.bias.len();
     let per_tap = conv.weights.len() / TAPS;
     (0..conv.weights.len())

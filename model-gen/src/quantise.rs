@@ -22,7 +22,7 @@ use artifact::{
 
 use crate::{
     error::ModelGenError,
-    integer_model::{IntegerConv, IntegerLinear, IntegerModel, largest_hidden},
+    integer_model::{IntegerLayer, IntegerModel, largest_hidden},
     layer::{Layer, LayerInput, saturating_i8, to_i32},
 };
 
@@ -79,7 +79,7 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
         };
         layer.quantise("shortcut", &code_gain, input)?
     } else {
-        IntegerConv::default()
+        IntegerLayer::default()
     };
 
     let grid = ScalpGrid::new(&artifact.description);
@@ -94,8 +94,6 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
         conv2,
         fc,
     } = convolutions;
-    let mut fc_bias = fc.bias;
-    fc_bias.resize(numbers, 0);
     #[expect(
         clippy::cast_possible_truncation,
         reason = "scales are published as f32"
@@ -111,15 +109,8 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
         conv1,
         hidden_padding,
         conv2,
-        fc: IntegerLinear {
-            weights: fc.weights,
-            multipliers: fc.multipliers,
-        },
-        fc_bias,
-        shortcut: IntegerLinear {
-            weights: shortcut.weights,
-            multipliers: shortcut.multipliers,
-        },
+        fc,
+        shortcut,
     })
 }
 
@@ -127,9 +118,9 @@ pub fn quantise(artifact: &Artifact) -> Result<IntegerModel, ModelGenError> {
 #[derive(Default)]
 struct Convolutions {
     hidden_padding: [i16; CONV1_CHANNELS],
-    conv1: IntegerConv,
-    conv2: IntegerConv,
-    fc: IntegerConv,
+    conv1: IntegerLayer,
+    conv2: IntegerLayer,
+    fc: IntegerLayer,
 }
 
 impl Convolutions {
@@ -209,7 +200,7 @@ fn range(artifact: &Artifact, what: &'static str) -> Result<f64, ModelGenError> 
     if value.is_finite() && value > 0.0 {
         Ok(value * HEAD_ROOM)
     } else {
-        Err(ModelGenError::Calibration { what, value })
+        Err(ModelGenError::Calibration(what, value))
     }
 }
 

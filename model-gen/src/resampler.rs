@@ -6,10 +6,7 @@ use artifact::Decimation;
 use fixed_dsp::Resampler;
 use num_complex::Complex64;
 
-use crate::{
-    error::{FilterError, RatesHz},
-    fir::kaiser_low_pass,
-};
+use crate::error::FilterError;
 
 /// Value of a tap of 1.0, Q2.30.
 pub const UNITY: i32 = Resampler::<1, 1>::UNITY;
@@ -57,23 +54,26 @@ impl ResamplerTable {
         electrodes: usize,
     ) -> Result<Self, FilterError> {
         let common = greatest_common_divisor(rate_hz, step_rate_hz);
-        let rates = RatesHz {
-            adc: rate_hz,
-            step: step_rate_hz,
-        };
         if step_rate_hz == 0 || rate_hz < step_rate_hz {
-            return Err(FilterError::BelowStepRate(rates));
+            return Err(FilterError::BelowStepRate(rate_hz, step_rate_hz));
         }
-        let down = u16::try_from(rate_hz / common).map_err(|_| FilterError::RateTerms(rates))?;
+        let down = u16::try_from(rate_hz / common)
+            .map_err(|_| FilterError::RateTerms(rate_hz, step_rate_hz))?;
         let phases = step_rate_hz / common;
         let taps = match decimation {
             Decimation::Literal if phases == 1 => vec![vec![UNITY]],
-            Decimation::Literal => return Err(FilterError::LiteralRate(rates)),
+            Decimation::Literal => {
+                return Err(FilterError::LiteralRate(rate_hz, step_rate_hz));
+            }
             Decimation::Fir => low_pass(rate_hz, phases as usize, electrodes)?,
         };
         let table = Self { down, taps };
-        table.prove_accumulator(rate_hz)?;
-        Ok(table)
+        let magnitude = table.largest_magnitude();
+        if magnitude < 1 << 31 {
+            Ok(table)
+        } else {
+            Err(FilterError::ResamplerAccumulator(rate_hz, magnitude))
+        }
     }
 
     /// Returns the number of outputs for every [`down`](Self::down) input samples.
@@ -133,15 +133,6 @@ impl ResamplerTable {
             .map(|(index, tap)| Complex64::from_polar(*tap, radians * real(index)))
             .sum()
     }
-
-    /// Returns an error if the sum of the tap magnitudes could overflow the accumulator.
-    fn prove_accumulator(&self, rate_hz: u32) -> Result<(), FilterError> {
-        let magnitude = self.largest_magnitude();
-        if magnitude < 1 << 31 {
-            return Ok(());
-        }
-        Err(FilterError::ResamplerAccumulator { rate_hz, magnitude })
-    }
 }
 
 /// Designs the anti-aliasing low-pass in polyphase form. Returns the taps of each phase, normalised
@@ -179,6 +170,50 @@ fn low_pass(rate_hz: u32, phases: usize, electrodes: usize) -> Result<Vec<Vec<i3
         .collect())
 }
 
+/// Returns the taps of a symmetric low-pass: a sinc times a Kaiser window of shape `beta`, -6 dB at
+/// `cutoff_hz`, gain exactly 1 at DC.
+///
+/// Equals `scipy.signal.firwin(taps, cutoff_hz, window=('kaiser', beta), fs=rate_hz)`.
+/// Expects `taps > 1` and `0 < cutoff_hz < rate_hz / 2`.
+pub fn kaiser_low_pass(taps: usize, cutoff_hz: f64, beta: f64, rate_hz: f64) -> Vec<f64> {
+    let centre = real(taps - 1) / 2.0;
+    let width = 2.0 * cutoff_hz / rate_hz;
+    let mut response: Vec<f64> = (0..taps)
+        .map(|n| {
+            let from_centre = real(n) - centre;
+            let rise = 1.0 - (from_centre / centre).powi(2);
+            sinc(width * from_centre) * bessel_i0(beta * rise.max(0.0).sqrt())
+        })
+        .collect();
+    let at_dc: f64 = response.iter().sum();
+    for tap in &mut response {
+        *tap /= at_dc;
+    }
+    response
+}
+
+/// Returns `sin(pi x) / (pi x)`.
+fn sinc(x: f64) -> f64 {
+    if x == 0.0 {
+        1.0
+    } else {
+        (PI * x).sin() / (PI * x)
+    }
+}
+
+/// Returns the modified Bessel function of the first kind, order 0: the sum of `((x / 2)^k / k!)^2`
+/// (Abramowitz and Stegun 9.6.12). All terms are positive, and the series converges quickly.
+fn bessel_i0(x: f64) -> f64 {
+    let quarter = x * x / 4.0;
+    let (mut sum, mut term, mut k) = (1.0, 1.0, 1.0);
+    while term > f64::EPSILON * sum {
+        term *= quarter / (k * k);
+        sum += term;
+        k += 1.0;
+    }
+    sum
+}
+
 /// Quantises the taps of a phase to Q2.30 with the sum [`UNITY`]; the rounding error of the sum is
 /// added to the largest tap.
 fn quantise<'a>(taps: impl Iterator<Item = &'a f64> + Clone) -> Vec<i32> {
@@ -207,4 +242,31 @@ fn greatest_common_divisor(a: u32, b: u32) -> u32 {
 #[expect(clippy::cast_precision_loss, reason = "a table has thousands of taps")]
 fn real(count: usize) -> f64 {
     count as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bessel_function_equals_scipy_s() {
+        // scipy 1.17: scipy.special.i0([0, 1, 5, 12]).
+        for (x, expected) in [
+            (0.0, 1.0),
+            (1.0, 1.266_065_877_752_008_2),
+            (5.0, 27.239_871_823_604_442),
+            (12.0, 18_948.925_349_296_31),
+        ] {
+            let error = bessel_i0(x) / expected - 1.0;
+            assert!(error.abs() < 1e-14, "I0({x}) is off by {error:e}");
+        }
+    }
+
+    #[test]
+    fn the_response_is_symmetric_and_passes_a_constant() {
+        let taps = kaiser_low_pass(64, 62.0, 5.0, 512.0);
+        let mirrored: Vec<f64> = taps.iter().rev().copied().collect();
+        assert_eq!(taps, mirrored);
+        assert!((taps.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+    }
 }

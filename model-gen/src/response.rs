@@ -49,7 +49,7 @@ pub fn filter(sections: &[Section], input: impl Iterator<Item = f64>) -> impl It
 }
 
 /// Longest impulse response that is computed, samples: 32 MiB as f64, 68 minutes at 1024 Hz.
-const MAX_SAMPLES: f64 = 4_194_304.0;
+pub(crate) const MAX_SAMPLES: f64 = 4_194_304.0;
 
 /// Returns the number of samples after which the impulse response has decayed: the n with `r^n`
 /// equal to 1e-15, where r is the radius of the slowest pole, plus a third for the products with
@@ -61,11 +61,7 @@ pub fn decay_samples(sections: &[Section]) -> Result<usize, FilterError> {
     let slowest = sections.iter().map(pole_radius).fold(0.0, f64::max);
     let samples = (4.0 / 3.0 * 1e-15_f64.ln() / slowest.ln()).ceil().max(16.0);
     if samples > MAX_SAMPLES || samples.is_nan() {
-        return Err(FilterError::SlowDecay {
-            radius: slowest,
-            samples,
-            longest: MAX_SAMPLES,
-        });
+        return Err(FilterError::SlowDecay(slowest, samples));
     }
     #[expect(
         clippy::cast_possible_truncation,

@@ -1,6 +1,7 @@
 //! Three-dimensional convolution, ReLU and batch norm in plain loops.
 
 use crate::error::ArtifactError;
+use crate::folder::Artifact;
 use crate::geometry::KERNEL;
 use crate::shapes::NORM_EPSILON;
 use crate::tensors::Tensors;
@@ -116,7 +117,8 @@ pub(crate) struct Convolution {
 }
 
 impl Convolution {
-    /// Reads `{name}.weight`, whose first two dimensions are `shape`, and `{name}.bias`.
+    /// Reads `{name}.weight`, whose first two dimensions are `shape`, and `{name}.bias`, which has
+    /// a number for each of the outputs.
     pub(crate) fn read(
         weights: &Tensors,
         name: &str,
@@ -125,14 +127,11 @@ impl Convolution {
     ) -> Result<Self, ArtifactError> {
         let [first, second] = shape;
         let kernel = [first, second, KERNEL, KERNEL, KERNEL];
-        let weight = weights.tensor(&format!("{name}.weight"), &kernel)?.to_vec();
-        let bias = weights
-            .tensor(&format!("{name}.bias"), &[outputs])?
-            .to_vec();
+        let tensor = |part: &str, shape: &[usize]| weights.tensor(&format!("{name}.{part}"), shape);
         Ok(Self {
             inputs: first * second / outputs,
-            weight,
-            bias,
+            weight: tensor("weight", &kernel)?.to_vec(),
+            bias: tensor("bias", &[outputs])?.to_vec(),
         })
     }
 
@@ -263,6 +262,49 @@ impl Norm {
         });
         channels.fold(0.0, f32::max)
     }
+}
+
+/// A fully connected layer.
+#[derive(Clone, Debug)]
+pub(crate) struct Dense {
+    /// Weights `[output][input]`.
+    weight: Vec<f32>,
+    bias: Vec<f32>,
+}
+
+impl Dense {
+    /// Reads `{name}.weight`, whose shape is `[outputs, inputs]`, and `{name}.bias`.
+    pub(crate) fn read(
+        weights: &Tensors,
+        name: &str,
+        shape: [usize; 2],
+    ) -> Result<Self, ArtifactError> {
+        let tensor = |part: &str, shape: &[usize]| weights.tensor(&format!("{name}.{part}"), shape);
+        Ok(Self {
+            weight: tensor("weight", &shape)?.to_vec(),
+            bias: tensor("bias", &shape[..1])?.to_vec(),
+        })
+    }
+
+    pub(crate) fn forward(&self, x: &[f32]) -> Vec<f32> {
+        let mut y = self.bias.clone();
+        add_product(&mut y, &self.weight, x);
+        y
+    }
+}
+
+/// Reads the weights of the linear shortcut `name`, whose shape is `[outputs, inputs]`. Returns
+/// `None` in a mode without shortcut.
+pub(crate) fn read_shortcut(
+    artifact: &Artifact,
+    name: &str,
+    shape: [usize; 2],
+) -> Result<Option<Vec<f32>>, ArtifactError> {
+    if !artifact.description.mode.has_shortcut() {
+        return Ok(None);
+    }
+    let weights = artifact.weights.tensor(name, &shape)?;
+    Ok(Some(weights.to_vec()))
 }
 
 /// Adds `matrix * x` to `y`; the matrix is stored row by row.

@@ -344,19 +344,3 @@ pub struct Figures {
     /// Error of PCA with integer encoder and float decoder.
     pub pca_int8: f64,
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_ads1299_at_gain_24_has_22_nanovolt_per_count() {
-        let adc = Adc {
-            rate_hz: 512,
-            vref_v: 4.5,
-            gain: 24,
-            channels: 64,
-        };
-        assert!((adc.lsb_uv() - 0.022_351_741_790_771_484).abs() < 1e-18);
-    }
-}

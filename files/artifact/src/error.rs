@@ -1,7 +1,7 @@
 //! Errors of reading, writing and using an artifact.
 
 use std::fmt::{self, Display, Formatter};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Reason why an artifact cannot be read, written or used.
 #[derive(Debug, thiserror::Error)]
@@ -14,11 +14,16 @@ pub enum ArtifactError {
         /// Error from the operating system.
         source: std::io::Error,
     },
-    /// `model.toml` is not TOML, or a field is missing, misspelt or of the wrong type.
+    /// A file is not TOML, or a field is missing, misspelt or of the wrong type.
     #[error(
-        "model.toml cannot be understood; correct what is named, or restore the file if it is cut short"
+        "{file} cannot be understood; correct what is named, or restore the file if it is cut short"
     )]
-    Toml(#[from] toml::de::Error),
+    Toml {
+        /// Name of the file in the artifact's folder.
+        file: &'static str,
+        /// Place and kind of the error.
+        source: Box<toml::de::Error>,
+    },
     /// The TOML library cannot serialise the description.
     #[error("the description cannot be written as TOML")]
     WriteToml(#[from] toml::ser::Error),
@@ -30,9 +35,11 @@ pub enum ArtifactError {
         /// Error from the safetensors library.
         source: safetensors::SafeTensorError,
     },
-    /// A field of `model.toml` has an invalid value.
-    #[error("model.toml: {field} is {found}, but must be {expected}")]
+    /// A field of `model.toml` or `packed.toml` has an invalid value.
+    #[error("{file}: {field} is {found}, but must be {expected}")]
     Field {
+        /// Name of the file in the artifact's folder.
+        file: &'static str,
         /// Name of the field, as `table.key`.
         field: &'static str,
         /// Value in the file.
@@ -51,21 +58,6 @@ pub enum ArtifactError {
         missing: PathBuf,
         /// Name of the file that is there.
         other: &'static str,
-    },
-    /// `packed.toml` is not TOML, or a field is missing, misspelt or of the wrong type.
-    #[error(
-        "packed.toml cannot be understood; correct what is named, or restore the file if it is cut short"
-    )]
-    PackedToml(#[source] toml::de::Error),
-    /// A field of `packed.toml` has an invalid value.
-    #[error("packed.toml: {field} is {found}, but must be {expected}")]
-    PackedField {
-        /// Name of the field.
-        field: &'static str,
-        /// Value in the file.
-        found: String,
-        /// Valid values, in words.
-        expected: String,
     },
     /// An electrode label is malformed, occurs twice, or is only on the grid or only in the
     /// montage.
@@ -125,6 +117,16 @@ pub enum TensorProblem {
     Range(usize, &'static str),
 }
 
+impl ArtifactError {
+    /// Returns the error of a file or folder from that of the operating system.
+    pub(crate) fn file(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        |source| Self::File {
+            path: path.to_owned(),
+            source,
+        }
+    }
+}
+
 impl TensorProblem {
     pub(crate) fn of(self, file: &'static str, name: &str) -> ArtifactError {
         ArtifactError::Tensor {
@@ -147,17 +149,5 @@ impl<T: Display> Display for List<'_, T> {
             write!(formatter, "{separator}{element}")?;
         }
         formatter.write_str("]")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::List;
-
-    #[test]
-    fn a_list_is_displayed_as_in_toml() {
-        assert_eq!(List(&[2, 12, 1]).to_string(), "[2, 12, 1]");
-        assert_eq!(List(&[0.5, 60.0]).to_string(), "[0.5, 60]");
-        assert_eq!(List::<u8>(&[]).to_string(), "[]");
     }
 }

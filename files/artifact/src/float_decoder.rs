@@ -1,11 +1,12 @@
 //! The decoder in f32, from a code to a window of electrodes.
 
-use crate::convolution::{Convolution, Norm, add_product};
+use crate::convolution::{Convolution, Dense, Norm, add_product, read_shortcut};
 use crate::description::Mode;
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
 use crate::geometry::{CONV1_CHANNELS, CONV2_CHANNELS, Geometry};
 use crate::scalp_grid::ScalpGrid;
+use crate::tensors::Tensors;
 use crate::unpooled_convolution::UnpooledConvolution;
 
 /// The decoder in f32: a fully connected layer, nearest-neighbour unpooling, a transposed
@@ -23,9 +24,7 @@ pub struct FloatDecoder {
 
 #[derive(Clone, Debug)]
 struct Convolutions {
-    /// Weights `[flat][number]`.
-    fc_weight: Vec<f32>,
-    fc_bias: Vec<f32>,
+    fc: Dense,
     conv1: UnpooledConvolution,
     norm1: Norm,
     conv2: Convolution,
@@ -38,46 +37,21 @@ impl FloatDecoder {
     /// If the mode is `paper`, whose codes alone cannot be decoded; or if the artifact's tensors do
     /// not fit its mode, which is impossible after [`Artifact::read`].
     pub fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
-        let (mode, weights) = (artifact.description.mode, &artifact.weights);
-        if mode == Mode::Paper {
+        let description = &artifact.description;
+        if description.mode == Mode::Paper {
             return Err(ArtifactError::NotDecodable);
         }
-        let geometry = Geometry::new(&artifact.description);
+        let geometry = Geometry::new(description);
         let numbers = geometry.dimensions.numbers;
         let window = geometry.dimensions.window_electrodes();
-        let flat = geometry.flat();
-        let convolutions = mode
-            .has_convolutions()
-            .then(|| {
-                Ok::<_, ArtifactError>(Convolutions {
-                    fc_weight: weights
-                        .tensor("decoder.fc.weight", &[flat, numbers])?
-                        .to_vec(),
-                    fc_bias: weights.tensor("decoder.fc.bias", &[flat])?.to_vec(),
-                    conv1: UnpooledConvolution::new(
-                        &Convolution::read(
-                            weights,
-                            "decoder.conv1",
-                            [CONV2_CHANNELS, CONV1_CHANNELS],
-                            CONV1_CHANNELS,
-                        )?,
-                        &geometry,
-                    ),
-                    norm1: Norm::read(weights, "decoder.norm1", CONV1_CHANNELS)?,
-                    conv2: Convolution::read(weights, "decoder.conv2", [CONV1_CHANNELS, 1], 1)?,
-                })
-            })
-            .transpose()?;
-        let shortcut = mode
-            .has_shortcut()
-            .then(|| weights.tensor("decoder.shortcut.weight", &[window, numbers]))
-            .transpose()?
-            .map(<[f32]>::to_vec);
+        let has_convolutions = description.mode.has_convolutions();
+        let convolutions =
+            has_convolutions.then(|| Convolutions::read(&artifact.weights, &geometry));
         Ok(Self {
             geometry,
-            grid: ScalpGrid::new(&artifact.description),
-            convolutions,
-            shortcut,
+            grid: ScalpGrid::new(description),
+            convolutions: convolutions.transpose()?,
+            shortcut: read_shortcut(artifact, "decoder.shortcut.weight", [window, numbers])?,
         })
     }
 
@@ -101,11 +75,24 @@ impl FloatDecoder {
 }
 
 impl Convolutions {
+    fn read(weights: &Tensors, geometry: &Geometry) -> Result<Self, ArtifactError> {
+        let [first, second] = [
+            ("decoder.conv1", [CONV2_CHANNELS, CONV1_CHANNELS]),
+            ("decoder.conv2", [CONV1_CHANNELS, 1]),
+        ]
+        .map(|(name, shape)| Convolution::read(weights, name, shape, shape[1]));
+        let fc_shape = [geometry.flat(), geometry.dimensions.numbers];
+        Ok(Self {
+            fc: Dense::read(weights, "decoder.fc", fc_shape)?,
+            conv1: UnpooledConvolution::new(&first?, geometry),
+            norm1: Norm::read(weights, "decoder.norm1", CONV1_CHANNELS)?,
+            conv2: second?,
+        })
+    }
+
     /// Decodes a code to a window on the grid, in the order step, row, column (the last fastest).
     fn decode(&self, code: &[f32], geometry: &Geometry) -> Vec<f32> {
-        let mut flat = self.fc_bias.clone();
-        add_product(&mut flat, &self.fc_weight, code);
-        let mut x = self.conv1.forward(&flat);
+        let mut x = self.conv1.forward(&self.fc.forward(code));
         x.relu();
         self.norm1.apply(&mut x);
         let y = self.conv2.forward_transposed(&x);

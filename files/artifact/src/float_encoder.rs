@@ -1,10 +1,11 @@
 //! The encoder in f32, from a window on the scalp grid to a code.
 
-use crate::convolution::{Convolution, Norm, Volume, add_product};
+use crate::convolution::{Convolution, Dense, Norm, Volume, add_product, read_shortcut};
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
 use crate::geometry::{CONV1_CHANNELS, CONV2_CHANNELS, Geometry};
 use crate::scalp_grid::ScalpGrid;
+use crate::tensors::Tensors;
 
 /// The encoder in f32: two convolutions, each with ReLU and batch norm, a max-pool and a fully
 /// connected layer. The linear shortcut is added to their output. In mode `packed`, which has
@@ -24,9 +25,7 @@ struct Convolutions {
     norm1: Norm,
     conv2: Convolution,
     norm2: Norm,
-    /// Weights `[number][flat]`.
-    fc_weight: Vec<f32>,
-    fc_bias: Vec<f32>,
+    fc: Dense,
 }
 
 /// A code with the largest activations of its computation, which calibration needs.
@@ -46,45 +45,18 @@ impl FloatEncoder {
     /// # Errors
     /// If the artifact's tensors do not fit its mode; impossible after [`Artifact::read`].
     pub fn new(artifact: &Artifact) -> Result<Self, ArtifactError> {
-        let (mode, weights) = (artifact.description.mode, &artifact.weights);
-        let geometry = Geometry::new(&artifact.description);
+        let description = &artifact.description;
+        let geometry = Geometry::new(description);
         let numbers = geometry.dimensions.numbers;
         let window = geometry.dimensions.window_electrodes();
-        let convolutions = mode
-            .has_convolutions()
-            .then(|| {
-                Ok::<_, ArtifactError>(Convolutions {
-                    conv1: Convolution::read(
-                        weights,
-                        "encoder.conv1",
-                        [CONV1_CHANNELS, 1],
-                        CONV1_CHANNELS,
-                    )?,
-                    norm1: Norm::read(weights, "encoder.norm1", CONV1_CHANNELS)?,
-                    conv2: Convolution::read(
-                        weights,
-                        "encoder.conv2",
-                        [CONV2_CHANNELS, CONV1_CHANNELS],
-                        CONV2_CHANNELS,
-                    )?,
-                    norm2: Norm::read(weights, "encoder.norm2", CONV2_CHANNELS)?,
-                    fc_weight: weights
-                        .tensor("encoder.fc.weight", &[numbers, geometry.flat()])?
-                        .to_vec(),
-                    fc_bias: weights.tensor("encoder.fc.bias", &[numbers])?.to_vec(),
-                })
-            })
-            .transpose()?;
-        let shortcut = mode
-            .has_shortcut()
-            .then(|| weights.tensor("encoder.shortcut.weight", &[numbers, window]))
-            .transpose()?
-            .map(<[f32]>::to_vec);
+        let has_convolutions = description.mode.has_convolutions();
+        let convolutions =
+            has_convolutions.then(|| Convolutions::read(&artifact.weights, &geometry));
         Ok(Self {
             geometry,
-            grid: ScalpGrid::new(&artifact.description),
-            convolutions,
-            shortcut,
+            grid: ScalpGrid::new(description),
+            convolutions: convolutions.transpose()?,
+            shortcut: read_shortcut(artifact, "encoder.shortcut.weight", [numbers, window])?,
         })
     }
 
@@ -120,6 +92,22 @@ impl FloatEncoder {
 }
 
 impl Convolutions {
+    fn read(weights: &Tensors, geometry: &Geometry) -> Result<Self, ArtifactError> {
+        let [first, second] = [
+            ("encoder.conv1", [CONV1_CHANNELS, 1]),
+            ("encoder.conv2", [CONV2_CHANNELS, CONV1_CHANNELS]),
+        ]
+        .map(|(name, shape)| Convolution::read(weights, name, shape, shape[0]));
+        let fc_shape = [geometry.dimensions.numbers, geometry.flat()];
+        Ok(Self {
+            conv1: first?,
+            norm1: Norm::read(weights, "encoder.norm1", CONV1_CHANNELS)?,
+            conv2: second?,
+            norm2: Norm::read(weights, "encoder.norm2", CONV2_CHANNELS)?,
+            fc: Dense::read(weights, "encoder.fc", fc_shape)?,
+        })
+    }
+
     fn encode(&self, window: &[f32], geometry: &Geometry, traced: &mut TracedCode) {
         let dimensions = &geometry.dimensions;
         let x = Volume {
@@ -136,8 +124,7 @@ impl Convolutions {
         x.relu();
         traced.activation2_max = self.norm2.largest_scaled(&x);
         self.norm2.apply(&mut x);
-        traced.code.copy_from_slice(&self.fc_bias);
-        add_product(&mut traced.code, &self.fc_weight, &max_pool(&x, geometry));
+        traced.code = self.fc.forward(&max_pool(&x, geometry));
     }
 }
 
@@ -174,48 +161,30 @@ mod tests {
 
     #[test]
     fn the_pool_returns_the_maximum_of_each_block_and_drops_the_last_column() {
-        let geometry = Geometry::new(&testing::description());
-        let [steps, rows, columns] = geometry.feature_map;
-        let mut values = vec![-1.0; CONV2_CHANNELS * steps * rows * columns];
-        let at = |channel, t, r, c| ((channel * steps + t) * rows + r) * columns + c;
-        values[at(3, 5, 2, 3)] = 7.0;
-        values[at(3, 5, 2, 4)] = 9.0;
-        let x = Volume {
-            channels: CONV2_CHANNELS,
-            size: geometry.feature_map,
-            values,
-        };
-        let pooled = max_pool(&x, &geometry);
-        assert_eq!(pooled.len(), geometry.flat());
-        let index = ((3 * 6 + 2) * 3 + 1) * 2 + 1;
-        assert_eq!(pooled[index], 7.0);
-        assert_eq!(
-            pooled.iter().filter(|value| **value == -1.0).count(),
-            geometry.flat() - 1
-        );
-    }
-
-    #[test]
-    fn a_pool_may_be_longer_along_one_axis_than_along_another() {
-        let mut description = testing::description();
-        description.network = NetworkShape {
-            padding: Padding::Space,
-            pool: [1, 3, 2],
-        };
-        let geometry = Geometry::new(&description);
-        let [steps, rows, columns] = geometry.feature_map;
-        let count = CONV2_CHANNELS * steps * rows * columns;
-        let x = Volume {
-            channels: CONV2_CHANNELS,
-            size: geometry.feature_map,
-            values: (0..count).map(|index| index as f32).collect(),
-        };
-        let pooled = max_pool(&x, &geometry);
-        assert_eq!(pooled.len(), CONV2_CHANNELS * 12 * 3 * 4);
-        // Channel 1, step 2, pool row 1, pool column 2: the values increase, so the maximum is in
-        // the last row and column of the pool.
-        let last = ((steps + 2) * rows + 5) * columns + 5;
-        assert_eq!(pooled[((12 + 2) * 3 + 1) * 4 + 2], last as f32);
+        // The values increase, so that the maximum of a pool is that of its last step, row and
+        // column. A pooled position and the position of its maximum, both in channel 1.
+        for (padding, pool, pooled_at, largest_at) in [
+            (Padding::None, [2, 2, 2], [2, 1, 1], [5, 3, 3]),
+            (Padding::Space, [1, 3, 2], [2, 1, 2], [2, 5, 5]),
+        ] {
+            let mut description = testing::description();
+            description.network = NetworkShape { padding, pool };
+            let geometry = Geometry::new(&description);
+            let index = |[steps, rows, columns]: [usize; 3], [t, r, c]: [usize; 3]| {
+                ((steps + t) * rows + r) * columns + c
+            };
+            let size = geometry.feature_map;
+            let count = CONV2_CHANNELS * size.iter().product::<usize>();
+            let x = Volume {
+                channels: CONV2_CHANNELS,
+                size,
+                values: (0..count).map(|index| index as f32).collect(),
+            };
+            let pooled = max_pool(&x, &geometry);
+            assert_eq!(pooled.len(), geometry.flat());
+            let largest = pooled[index(geometry.pooled, pooled_at)];
+            assert_eq!(largest, index(size, largest_at) as f32, "{pool:?}");
+        }
     }
 
     #[test]

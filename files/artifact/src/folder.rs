@@ -4,14 +4,14 @@ use crate::description::Description;
 use crate::error::ArtifactError;
 use crate::golden::GOLDEN;
 use crate::model_id::ModelId;
-use crate::packed::{PACKED_DESCRIPTION, PACKED_TENSORS, PackedFiles, PackedModel, check_packed};
+use crate::packed::{PACKED_DESCRIPTION, PACKED_TENSORS, PackedModel, check_packed};
 use crate::shapes::INPUT_RANGE;
 use crate::tensors::{CALIBRATION, PCA, Tensors, WEIGHTS};
 use crate::validation;
 use std::path::Path;
 
 /// Name of the file that holds the description.
-const DESCRIPTION: &str = "model.toml";
+pub(crate) const DESCRIPTION: &str = "model.toml";
 
 /// Factor by which the range of the quantised input and activations exceeds the range in
 /// calibration. Clipping costs far more accuracy than a coarser resolution.
@@ -36,29 +36,6 @@ pub struct Artifact {
     pub packed: Option<PackedModel>,
     /// Hash over the files of all these parts; identifies the model.
     pub id: ModelId,
-}
-
-/// Contents of the files that the model id covers.
-struct FileBytes {
-    description: String,
-    /// `None` in mode `packed`.
-    weights: Option<Vec<u8>>,
-    calibration: Vec<u8>,
-    packed: Option<PackedFiles>,
-}
-
-impl FileBytes {
-    /// Returns names and contents in the order in which the model id hashes them.
-    fn named(&self) -> Vec<(&str, &[u8])> {
-        let mut files: Vec<(&str, &[u8])> = vec![(DESCRIPTION, self.description.as_bytes())];
-        files.extend(self.weights.as_deref().map(|weights| (WEIGHTS, weights)));
-        files.push((CALIBRATION, &self.calibration));
-        if let Some(packed) = &self.packed {
-            files.push((PACKED_DESCRIPTION, packed.description.as_bytes()));
-            files.push((PACKED_TENSORS, &packed.tensors));
-        }
-        files
-    }
 }
 
 impl Artifact {
@@ -110,7 +87,7 @@ impl Artifact {
             id: ModelId([0; 8]),
         };
         artifact.check()?;
-        artifact.id = ModelId::from_files(&artifact.to_bytes()?.named());
+        artifact.id = ModelId::from_files(&artifact.to_files()?);
         Ok(artifact)
     }
 
@@ -130,25 +107,19 @@ impl Artifact {
     pub fn read(folder: &Path) -> Result<Self, ArtifactError> {
         let read = |name: &str| {
             let path = folder.join(name);
-            std::fs::read(&path).map_err(|source| ArtifactError::File { path, source })
+            std::fs::read(&path).map_err(ArtifactError::file(&path))
         };
         let path = folder.join(DESCRIPTION);
-        let description = std::fs::read_to_string(&path)
-            .map_err(|source| ArtifactError::File { path, source })?;
+        let description = std::fs::read_to_string(&path).map_err(ArtifactError::file(&path))?;
         let parsed = parse_description(&description)?;
         let weights = if parsed.mode.has_network() {
             read(WEIGHTS)?
         } else {
             Vec::new()
         };
-        let packed = PackedFiles::read(folder)?;
-        let packed = packed.as_ref();
-        Self::from_bytes(
-            &description,
-            &weights,
-            &read(CALIBRATION)?,
-            packed.map(|files| (files.description.as_str(), files.tensors.as_slice())),
-        )
+        let packed = PackedModel::read_files(folder)?;
+        let packed = packed.as_ref().map(|(toml, tensors)| (&**toml, &**tensors));
+        Self::from_bytes(&description, &weights, &read(CALIBRATION)?, packed)
     }
 
     /// Parses a model from the contents of its files, for programs that embed them. `weights` is
@@ -198,15 +169,11 @@ impl Artifact {
     /// If the parts are not a valid model or a file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<ModelId, ArtifactError> {
         self.check()?;
-        let bytes = self.to_bytes()?;
-        let error = |path: &Path, source| ArtifactError::File {
-            path: path.to_owned(),
-            source,
-        };
-        std::fs::create_dir_all(folder).map_err(|source| error(folder, source))?;
-        for (name, content) in bytes.named() {
+        let files = self.to_files()?;
+        std::fs::create_dir_all(folder).map_err(ArtifactError::file(folder))?;
+        for (name, content) in &files {
             let path = folder.join(name);
-            std::fs::write(&path, content).map_err(|source| error(&path, source))?;
+            std::fs::write(&path, content).map_err(ArtifactError::file(&path))?;
         }
         if self.packed.is_none() {
             remove(folder, &[PACKED_DESCRIPTION, PACKED_TENSORS])?;
@@ -214,7 +181,7 @@ impl Artifact {
         if !self.description.mode.has_network() {
             remove(folder, &[WEIGHTS, GOLDEN, PCA])?;
         }
-        Ok(ModelId::from_files(&bytes.named()))
+        Ok(ModelId::from_files(&files))
     }
 
     /// Returns the microvolts of one level of the encoder's int8 input; the input's zero point is
@@ -238,32 +205,32 @@ impl Artifact {
         }
     }
 
-    fn to_bytes(&self) -> Result<FileBytes, ArtifactError> {
-        let toml = toml::to_string(&self.description)?;
-        Ok(FileBytes {
-            // One grid row per line, for human readers.
-            description: toml
-                .replace("[[\"", "[\n    [\"")
-                .replace("], [", "],\n    [")
-                .replace("\"]]", "\"],\n]"),
-            weights: if self.description.mode.has_network() {
-                Some(self.weights.to_bytes()?)
-            } else {
-                None
-            },
-            calibration: self.calibration.to_bytes()?,
-            packed: self
-                .packed
-                .as_ref()
-                .map(PackedModel::to_files)
-                .transpose()?,
-        })
+    /// Returns names and contents of the files that the model id covers, in the order in which the
+    /// id hashes them.
+    fn to_files(&self) -> Result<Vec<(&'static str, Vec<u8>)>, ArtifactError> {
+        // One grid row per line, for human readers.
+        let description = toml::to_string(&self.description)?
+            .replace("[[\"", "[\n    [\"")
+            .replace("], [", "],\n    [")
+            .replace("\"]]", "\"],\n]");
+        let mut files = vec![(DESCRIPTION, description.into_bytes())];
+        if self.description.mode.has_network() {
+            files.push((WEIGHTS, self.weights.to_bytes()?));
+        }
+        files.push((CALIBRATION, self.calibration.to_bytes()?));
+        if let Some(packed) = &self.packed {
+            files.extend(packed.to_files()?);
+        }
+        Ok(files)
     }
 }
 
 /// Parses and checks the contents of `model.toml`.
 fn parse_description(model_toml: &str) -> Result<Description, ArtifactError> {
-    let description = toml::from_str(model_toml)?;
+    let description = toml::from_str(model_toml).map_err(|source| ArtifactError::Toml {
+        file: DESCRIPTION,
+        source: Box::new(source),
+    })?;
     validation::check_description(&description)?;
     Ok(description)
 }
@@ -274,7 +241,7 @@ fn remove(folder: &Path, names: &[&str]) -> Result<(), ArtifactError> {
         let path = folder.join(name);
         match std::fs::remove_file(&path) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-            removed => removed.map_err(|source| ArtifactError::File { path, source })?,
+            removed => removed.map_err(ArtifactError::file(&path))?,
         }
     }
     Ok(())

@@ -38,7 +38,7 @@ impl Golden {
     /// `[n, numbers]`.
     pub fn read(folder: &Path) -> Result<Self, ArtifactError> {
         let path = folder.join(GOLDEN);
-        let bytes = std::fs::read(&path).map_err(|source| ArtifactError::File { path, source })?;
+        let bytes = std::fs::read(&path).map_err(ArtifactError::file(&path))?;
         Self::from_bytes(&bytes)
     }
 
@@ -102,8 +102,7 @@ impl Golden {
     /// If the numbers of codes and windows differ.
     pub fn write(&self, folder: &Path) -> Result<(), ArtifactError> {
         let path = folder.join(GOLDEN);
-        std::fs::write(&path, self.to_bytes()?)
-            .map_err(|source| ArtifactError::File { path, source })
+        std::fs::write(&path, self.to_bytes()?).map_err(ArtifactError::file(&path))
     }
 
     fn to_bytes(&self) -> Result<Vec<u8>, ArtifactError> {
@@ -139,8 +138,8 @@ fn element_type(format: CodeFormat) -> Dtype {
     }
 }
 
-/// Returns the shape of a tensor with `N` dimensions; 0 for a dimension that the tensor lacks,
-/// which no contents have.
+/// Returns the shape of a tensor with `N` dimensions. A dimension that the tensor lacks is returned
+/// as 0, which the check of its elements then refuses.
 fn shape<const N: usize>(file: &TensorFile, name: &str) -> Result<[usize; N], ArtifactError> {
     let view = file.tensor(name)?;
     let lengths = view.shape();

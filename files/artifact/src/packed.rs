@@ -1,14 +1,15 @@
 //! The packed model: a predictive transform code of few bits.
 
-mod description;
 mod file;
 mod model;
 mod ranges;
 #[cfg(test)]
 mod tests;
 
-pub use description::{PackedDescription, PackedFigures, PackedTraining};
-pub(crate) use file::{DESCRIPTION as PACKED_DESCRIPTION, PackedFiles, TENSORS as PACKED_TENSORS};
-pub use model::{IntegerMatrix, PackedModel, Smoother, rounded_state};
+pub(crate) use file::{DESCRIPTION as PACKED_DESCRIPTION, TENSORS as PACKED_TENSORS};
+pub use model::{
+    IntegerMatrix, PackedDescription, PackedFigures, PackedModel, PackedTraining, Smoother,
+    rounded_state,
+};
 pub(crate) use ranges::check as check_packed;
 pub use ranges::{INPUTS_PER_ROUND, LARGEST_STATE, SUM_LIMIT, slice_ends};

@@ -3,6 +3,7 @@
 use crate::description::{Description, Mode};
 use crate::error::ArtifactError;
 use crate::folder::Artifact;
+use crate::shapes::calibration_shapes;
 use crate::tensors::{PCA, Tensors};
 use std::path::Path;
 
@@ -25,9 +26,9 @@ impl Pca {
             .tensor(DIRECTIONS_OF_MODEL, &[numbers, window])?;
         let mut tensors = Tensors::for_pca();
         tensors.insert("directions", &[numbers, window], directions.to_vec());
-        for (name, length) in ranges(numbers) {
-            let values = model.calibration.tensor(name, &[length])?;
-            tensors.insert(name, &[length], values.to_vec());
+        for (name, shape) in calibration_shapes(Mode::Pca, &dimensions) {
+            let values = model.calibration.tensor(name, &shape)?;
+            tensors.insert(name, &shape, values.to_vec());
         }
         Ok(Self(tensors))
     }
@@ -52,9 +53,9 @@ impl Pca {
         );
         weights.insert(DIRECTIONS_OF_MODEL, &[numbers, window], directions.to_vec());
         let mut calibration = Tensors::for_calibration();
-        for (name, length) in ranges(numbers) {
-            let values = self.0.tensor(name, &[length])?;
-            calibration.insert(name, &[length], values.to_vec());
+        for (name, shape) in calibration_shapes(Mode::Pca, &dimensions) {
+            let values = self.0.tensor(name, &shape)?;
+            calibration.insert(name, &shape, values.to_vec());
         }
         Artifact::new(description, weights, calibration)
     }
@@ -68,7 +69,7 @@ impl Pca {
         match std::fs::read(&path) {
             Ok(bytes) => Ok(Some(Self(Tensors::from_bytes(PCA, &bytes)?))),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-            Err(source) => Err(ArtifactError::File { path, source }),
+            Err(error) => Err(ArtifactError::file(&path)(error)),
         }
     }
 
@@ -79,21 +80,12 @@ impl Pca {
     pub fn write(&self, folder: &Path) -> Result<(), ArtifactError> {
         let path = folder.join(PCA);
         let bytes = self.0.to_bytes()?;
-        std::fs::write(&path, bytes).map_err(|source| ArtifactError::File { path, source })
+        std::fs::write(&path, bytes).map_err(ArtifactError::file(&path))
     }
 }
 
 /// Name of the directions among the weights of a model of mode `pca`.
 const DIRECTIONS_OF_MODEL: &str = "encoder.shortcut.weight";
-
-/// Returns name and length of the calibrated ranges.
-fn ranges(numbers: usize) -> [(&'static str, usize); 3] {
-    [
-        ("code.min", numbers),
-        ("code.max", numbers),
-        ("input.max_abs", 1),
-    ]
-}
 
 #[cfg(test)]
 mod tests {

@@ -25,15 +25,13 @@
 //! assert_eq!((second.source, hop), (Source::Average, [4.0, 5.0]));
 //! ```
 
-mod dequantise;
 mod overlap;
 mod packed_decoder;
 mod packed_overlap;
 mod synthesis;
 mod window_decoder;
 
-pub use dequantise::{code_range, dequantise};
 pub use overlap::{Hop, HopLayout, Overlap, Source, Window};
 pub use packed_decoder::{HEALING_BLOCKS, PackedBlock, PackedDecoder};
 pub use packed_overlap::{PackedHop, PackedOverlap, PackedSource};
-pub use window_decoder::WindowDecoder;
+pub use window_decoder::{WindowDecoder, code_range, dequantise};

@@ -1,67 +1,18 @@
 //! Small hand-made models for the tests of this crate.
 
-use crate::description::TrainingCard;
-use crate::description::{
-    CodeFormat, CodeQuantisation, Decimation, Description, Filters, Input, Mode, NetworkShape,
-    Padding, Window,
-};
+use crate::description::{Description, Mode};
 use crate::folder::Artifact;
 use crate::geometry::Geometry;
-use crate::montage_file::MontageFile;
 use crate::shapes::{NORM_EPSILON, calibration_shapes, weight_shapes};
 use crate::tensors::Tensors;
-use std::path::Path;
 
+/// Returns the description of the model of the paper's montage, in mode `pca`.
 pub(crate) fn description() -> Description {
-    let paper = include_str!("../../montages/paper-61.toml");
-    let paper = MontageFile::parse(Path::new("paper-61.toml"), paper).unwrap();
+    let paper = include_str!("../../../signal/model/paper/model.toml");
+    let paper: Description = toml::from_str(paper).unwrap();
     Description {
-        format: 1,
         mode: Mode::Pca,
-        window: Window {
-            steps: 16,
-            hop: 8,
-            rate_hz: 128,
-        },
-        network: NetworkShape {
-            padding: Padding::None,
-            pool: [2, 2, 2],
-        },
-        code: CodeQuantisation {
-            numbers: 128,
-            format: CodeFormat::Int8,
-        },
-        grid: paper.grid(),
-        montage: paper.montage(),
-        adc: paper.adc(),
-        filters: Filters {
-            mains_hz: vec![50, 60],
-            notch_q: 30.0,
-            harmonics: 0,
-            band_hz: [0.5, 60.0],
-            order: 5,
-            decimation: Decimation::Literal,
-        },
-        input: Input { sd_uv: 47.3 },
-        training: TrainingCard {
-            dataset: "none".to_owned(),
-            citation: "none".to_owned(),
-            real_electrodes: 60,
-            interpolated_electrodes: 1,
-            interpolated: vec!["FTT7".to_owned()],
-            note: "made by hand".to_owned(),
-            train_files: vec![],
-            test_files: vec![],
-            validation: "none".to_owned(),
-            mains_hz: 50,
-            seed: 0,
-            epochs: 0,
-            best_epoch: 0,
-            windows: 0,
-            optimiser: "none".to_owned(),
-            mse: None,
-            prd_percent: None,
-        },
+        ..paper
     }
 }
 

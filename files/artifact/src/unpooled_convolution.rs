@@ -177,18 +177,6 @@ mod tests {
     }
 
     #[test]
-    fn unpooling_repeats_the_nearest() {
-        let geometry = geometry(Padding::None, [2, 2, 2]);
-        let pooled: Vec<f32> = (0..geometry.flat()).map(|index| index as f32).collect();
-        let x = unpool(&pooled, &geometry);
-        // Channel 1, step 3, row 5 takes pooled step 1, pooled row 2.
-        let row = ((12 + 3) * 6 + 5) * 5;
-        let first = ((6 + 1) * 3 + 2) * 2;
-        let expected = [first, first, first, first + 1, first + 1].map(|index| index as f32);
-        assert_eq!(x.values[row..row + 5], expected);
-    }
-
-    #[test]
     fn the_result_is_that_of_unpooling_and_convolving_bit_for_bit() {
         let mut weights = Tensors::for_weights();
         let shape = [CONV2_CHANNELS, CONV1_CHANNELS, KERNEL, KERNEL, KERNEL];

@@ -1,8 +1,8 @@
 //! Checks that a description and its tensors are a model that the network code can run.
 
 use crate::description::{Decimation, Description, EMPTY, NetworkShape};
-use crate::error::ArtifactError;
-use crate::error::List;
+use crate::error::{ArtifactError, List};
+use crate::folder::DESCRIPTION;
 use crate::geometry::Geometry;
 use crate::shapes::{calibration_shapes, weight_shapes};
 use crate::tensors::Tensors;
@@ -52,6 +52,7 @@ impl Field<'_> {
             return Ok(());
         }
         Err(ArtifactError::Field {
+            file: DESCRIPTION,
             field: self.0,
             found: self.1.to_string(),
             expected: expected.into(),

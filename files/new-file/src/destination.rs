@@ -9,7 +9,7 @@ use std::{
 
 use crate::error::NewFileError;
 
-/// Number of links after which Linux, too, refuses a name.
+/// Number of symbolic links in a row after which a name is refused, as Linux refuses it.
 const MAX_LINKS: usize = 40;
 
 /// Treatment of a file that has the name already.

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use artifact::Filters;
 use fixed_dsp::{CascadeState, Filter};
-use model_gen::design::{butterworth_band_pass, notch};
+use model_gen::{butterworth_band_pass, notch};
 use num_complex::Complex64;
 use picture::canvas::{RESULT, SOURCE};
 use picture::curves::Curves;

@@ -30,12 +30,6 @@ impl<const N: usize> CascadeState<N> {
     };
 }
 
-impl<const N: usize> Default for CascadeState<N> {
-    fn default() -> Self {
-        Self::REST
-    }
-}
-
 /// Largest number of sections in a cascade; the code for them is unrolled by hand up to this
 /// number.
 pub const MAX_SECTIONS: usize = 12;
@@ -111,7 +105,7 @@ mod tests {
 
     #[test]
     fn a_constant_offset_decays_to_zero() {
-        let mut state = CascadeState::default();
+        let mut state = CascadeState::REST;
         let last = (0..2_000)
             .map(|_| cascade().apply(&mut state, 100_000_000))
             .last();
@@ -120,7 +114,7 @@ mod tests {
 
     #[test]
     fn zeros_after_a_signal_leave_no_limit_cycle_above_one_unit() {
-        let mut state = CascadeState::default();
+        let mut state = CascadeState::REST;
         for k in 0..100 {
             cascade().apply(&mut state, if k % 7 < 3 { 90_000_000 } else { -90_000_000 });
         }

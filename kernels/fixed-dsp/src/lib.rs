@@ -25,7 +25,7 @@
 //!     a2: Coefficient::nearest(-0.5625),
 //! };
 //! let cascade = Cascade { sections: [high_pass] };
-//! let mut state = CascadeState::default();
+//! let mut state = CascadeState::REST;
 //! assert_eq!(cascade.apply(&mut state, 1_000), 1_000);
 //! assert_eq!(cascade.apply(&mut state, 1_000), -1_000 + 1_500);
 //! ```
@@ -42,14 +42,12 @@ extern crate std;
 mod accumulator;
 mod cascade;
 mod coefficient;
-mod delay_line;
 mod filter;
 mod resampler;
 mod section;
 
 pub use cascade::{Cascade, CascadeState, MAX_SECTIONS};
 pub use coefficient::Coefficient;
-pub use delay_line::DelayLine;
 pub use filter::{BLOCK, Compiled, Design, Filter};
-pub use resampler::{Position, Resampler};
-pub use section::{Section, SectionState};
+pub use resampler::{DelayLine, Position, Resampler};
+pub use section::Section;

@@ -48,7 +48,7 @@ pub enum Section {
 /// Memory of one section for one channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(C)]
-pub struct SectionState {
+pub(crate) struct SectionState {
     /// Previous output.
     y1: i32,
     /// Output before the previous one.
@@ -62,17 +62,11 @@ impl SectionState {
     ///
     /// If the rounding error started at 0, it would step to its mean, and the high-pass sections
     /// would turn this step into a transient of up to 0.03 uV (computed for the checked-in model).
-    pub const REST: Self = Self {
+    pub(crate) const REST: Self = Self {
         y1: 0,
         y2: 0,
         error: 1 << 31,
     };
-}
-
-impl Default for SectionState {
-    fn default() -> Self {
-        Self::REST
-    }
 }
 
 /// Fractions of a section's coefficients, Q0.32, in the order of the fields of [`Section`]'s

@@ -71,141 +71,144 @@ fn convolved(
     sum
 }
 
+/// A convolution with its pool, and as many planes as the pool has steps, plus two.
 #[derive(Clone, Debug)]
-struct WinogradCase {
-    tile_rows: usize,
-    outputs: usize,
+struct Case {
+    /// Steps, rows and columns of the max-pool.
+    pool: [usize; 3],
+    pooled: PlaneShape,
     weights: Vec<i8>,
-    planes: [Vec<i16>; 4],
+    planes: Vec<Vec<i16>>,
 }
 
-fn winograd_case(columns: usize) -> impl Strategy<Value = WinogradCase> {
-    (1_usize..4, 1_usize..4).prop_flat_map(move |(tile_rows, pairs)| {
-        let outputs = 2 * pairs;
-        let plane = || {
-            let length = (2 * tile_rows + 2) * columns * 2 * PAIRS;
-            inputs(0, largest_input(), length)
+/// Draws a convolution with up to three rows and three pairs of pooled outputs; inputs are `low` to
+/// `high`.
+fn case(
+    pairs: usize,
+    columns: usize,
+    pool: impl Strategy<Value = [usize; 3]>,
+    [low, high]: [i16; 2],
+) -> impl Strategy<Value = Case> {
+    (pool, 1_usize..4, 1_usize..4).prop_flat_map(move |(pool, rows, outputs)| {
+        let pooled = PlaneShape {
+            rows,
+            columns: (columns - 2) / pool[2],
+            channels: 2 * outputs,
         };
-        let weights = weights(27 * 2 * PAIRS * outputs);
-        (weights, [plane(), plane(), plane(), plane()]).prop_map(move |(weights, planes)| {
-            WinogradCase {
-                tile_rows,
-                outputs,
-                weights,
-                planes,
-            }
+        let plane = inputs(low, high, (rows * pool[1] + 2) * columns * 2 * pairs);
+        let planes = prop::collection::vec(plane, pool[0] + 2);
+        let weights = weights(27 * 2 * pairs * pooled.channels);
+        (weights, planes).prop_map(move |(weights, planes)| Case {
+            pool,
+            pooled,
+            weights,
+            planes,
         })
     })
 }
 
-/// Compares Winograd's pooled sums with those of [`convolved`].
-fn compare<const COLUMNS: usize>(case: &WinogradCase) -> Result<(), TestCaseError> {
-    let mut conv = Winograd::<PAIRS, COLUMNS> {
-        tile_rows: case.tile_rows,
-        outputs: case.outputs,
-        weights: &[],
+fn winograd_case(columns: usize) -> impl Strategy<Value = Case> {
+    case(PAIRS, columns, Just([2, 2, 2]), [0, largest_input()])
+}
+
+/// Draws any pool of one step whose width divides the number of output columns, and inputs beyond 8
+/// bits.
+fn direct_case(pairs: usize, columns: usize) -> impl Strategy<Value = Case> {
+    let widths = (1..=columns - 2).filter(|width| (columns - 2).is_multiple_of(*width));
+    let width = prop::sample::select(widths.collect::<Vec<_>>());
+    let pool = (1_usize..4, width).prop_map(|(height, width)| [1, height, width]);
+    case(pairs, columns, pool, [-1_000, 1_000])
+}
+
+impl Case {
+    /// Transforms each plane to `length` pairs with the kernel's function `transform`.
+    fn transformed(
+        &self,
+        input: PlaneShape,
+        length: usize,
+        transform: impl Fn(&[Pair], &mut [Pair]),
+    ) -> Vec<Vec<Pair>> {
+        let planes = self.planes.iter().map(|plane| {
+            let mut transformed = vec![Pair::ZERO; length];
+            transform(&by_pair(plane, input.channels), &mut transformed);
+            transformed
+        });
+        planes.collect()
+    }
+
+    /// Returns the pooled sums, computed product by product, `[row][column][output]`.
+    fn pooled_sums(&self, input: PlaneShape) -> Vec<i32> {
+        let [steps, rows, columns] = self.pool;
+        let outputs = self.pooled.channels;
+        let sums = (0..self.pooled.len()).map(|index| {
+            let (position, output) = (index / outputs, index % outputs);
+            let first = [
+                position / self.pooled.columns * rows,
+                position % self.pooled.columns * columns,
+            ];
+            let window = (0..steps * rows * columns).map(|k| {
+                let planes = std::array::from_fn(|age| &self.planes[k / rows / columns + age][..]);
+                let place = [
+                    first[0] + k / columns % rows,
+                    first[1] + k % columns,
+                    output,
+                ];
+                convolved(input, planes, &self.weights, outputs, place)
+            });
+            window.max().expect("a pool has positions")
+        });
+        sums.collect()
+    }
+}
+
+/// Compares Winograd's pooled sums with those of plain loops.
+fn compare<const COLUMNS: usize>(case: &Case) -> Result<(), TestCaseError> {
+    let outputs = case.pooled.channels;
+    let mut weights = vec![Pair::ZERO; Winograd::<PAIRS, COLUMNS>::weights_len(outputs)];
+    Winograd::<PAIRS, COLUMNS>::transform_weights(outputs, &case.weights, &mut weights);
+    let conv = Winograd::<PAIRS, COLUMNS> {
+        tile_rows: case.pooled.rows,
+        outputs,
+        weights: &weights,
     };
-    let mut weights = vec![Pair::ZERO; Winograd::<PAIRS, COLUMNS>::weights_len(case.outputs)];
-    Winograd::<PAIRS, COLUMNS>::transform_weights(case.outputs, &case.weights, &mut weights);
-    conv.weights = &weights;
-    let (input, pooled) = (conv.input(), conv.pooled());
-    prop_assert!(conv.is_consistent(input, pooled));
-    let transformed = case.planes.each_ref().map(|plane| {
-        let mut transformed = vec![Pair::ZERO; conv.transformed_len()];
-        conv.transform(&by_pair(plane, 2 * PAIRS), &mut transformed);
-        transformed
+    let input = conv.input();
+    prop_assert!(conv.is_consistent(input, case.pooled));
+    let transformed = case.transformed(input, conv.transformed_len(), |plane, out| {
+        conv.transform(plane, out);
     });
-    let mut largest = vec![i32::MIN; pooled.len()];
+    let mut largest = vec![i32::MIN; case.pooled.len()];
     for later in 0..2 {
         let planes = std::array::from_fn(|age| &transformed[later + age][..]);
         conv.convolve_max_pool(planes, &mut largest);
     }
-    for row in 0..pooled.rows {
-        for column in 0..pooled.columns {
-            for output in 0..case.outputs {
-                let window = (0..8).map(|k| {
-                    let planes = std::array::from_fn(|age| &case.planes[k / 4 + age][..]);
-                    let place = [2 * row + k / 2 % 2, 2 * column + k % 2, output];
-                    convolved(input, planes, &case.weights, case.outputs, place)
-                });
-                let found =
-                    Winograd::<PAIRS, COLUMNS>::unscaled(largest[at(pooled, row, column) + output]);
-                prop_assert_eq!(Some(found), window.max());
-            }
-        }
-    }
+    let unscaled = largest
+        .into_iter()
+        .map(Winograd::<PAIRS, COLUMNS>::unscaled);
+    prop_assert_eq!(unscaled.collect::<Vec<_>>(), case.pooled_sums(input));
     Ok(())
 }
 
-#[derive(Clone, Debug)]
-struct DirectCase {
-    pool: [usize; 2],
-    pooled: PlaneShape,
-    weights: Vec<i8>,
-    planes: [Vec<i16>; 3],
-}
-
-/// Cases with any pool whose width divides the number of output columns, and with inputs beyond 8
-/// bits.
-fn direct_case(pairs: usize, columns: usize) -> impl Strategy<Value = DirectCase> {
-    let widths: Vec<usize> = (1..=columns - 2)
-        .filter(|width| (columns - 2).is_multiple_of(*width))
-        .collect();
-    let width = prop::sample::select(widths);
-    (1_usize..4, width, 1_usize..4, 1_usize..4).prop_flat_map(
-        move |(height, width, rows, outputs)| {
-            let pooled = PlaneShape {
-                rows,
-                columns: (columns - 2) / width,
-                channels: 2 * outputs,
-            };
-            let plane = || inputs(-1_000, 1_000, (rows * height + 2) * columns * 2 * pairs);
-            let weights = weights(27 * 2 * pairs * pooled.channels);
-            (weights, [plane(), plane(), plane()]).prop_map(move |(weights, planes)| DirectCase {
-                pool: [height, width],
-                pooled,
-                weights,
-                planes,
-            })
-        },
-    )
-}
-
-/// Compares the direct kernel's pooled sums with those of [`convolved`].
+/// Compares the direct kernel's pooled sums with those of plain loops.
 fn compare_direct<const PAIRS: usize, const COLUMNS: usize>(
-    case: &DirectCase,
+    case: &Case,
 ) -> Result<(), TestCaseError> {
     let outputs = case.pooled.channels;
     let mut weights = vec![Pair::ZERO; Direct::<PAIRS, COLUMNS>::weights_len(outputs)];
     Direct::<PAIRS, COLUMNS>::pack_weights(outputs, &case.weights, &mut weights);
     let conv = Direct::<PAIRS, COLUMNS> {
-        pool: case.pool,
+        pool: [case.pool[1], case.pool[2]],
         pooled: case.pooled,
         weights: &weights,
     };
     let input = conv.input();
     prop_assert!(conv.is_consistent(input, case.pooled));
-    let transformed = case.planes.each_ref().map(|plane| {
-        let mut transformed = vec![Pair::ZERO; conv.transformed_len()];
-        conv.transform(&by_pair(plane, 2 * PAIRS), &mut transformed);
-        transformed
+    let transformed = case.transformed(input, conv.transformed_len(), |plane, out| {
+        conv.transform(plane, out);
     });
     let mut largest = vec![i32::MIN; case.pooled.len()];
-    conv.convolve_max_pool(transformed.each_ref().map(|plane| &plane[..]), &mut largest);
-    let [height, width] = case.pool;
-    let planes = case.planes.each_ref().map(|plane| &plane[..]);
-    for row in 0..case.pooled.rows {
-        for column in 0..case.pooled.columns {
-            for output in 0..outputs {
-                let window = (0..height * width).map(|k| {
-                    let place = [row * height + k / width, column * width + k % width, output];
-                    convolved(input, planes, &case.weights, outputs, place)
-                });
-                let found = largest[at(case.pooled, row, column) + output];
-                prop_assert_eq!(Some(found), window.max());
-            }
-        }
-    }
+    let planes = std::array::from_fn(|age| &transformed[age][..]);
+    conv.convolve_max_pool(planes, &mut largest);
+    prop_assert_eq!(largest, case.pooled_sums(input));
     Ok(())
 }
 
@@ -312,11 +315,15 @@ proptest! {
 fn no_sum_overflows_with_all_weights_and_inputs_at_the_ends_of_their_ranges() {
     for weight in [127, -127] {
         for input in [0, 255, largest_input()] {
-            let case = WinogradCase {
-                tile_rows: 3,
-                outputs: 2,
+            let case = Case {
+                pool: [2, 2, 2],
+                pooled: PlaneShape {
+                    rows: 3,
+                    columns: 2,
+                    channels: 2,
+                },
                 weights: vec![weight; 27 * 2 * PAIRS * 2],
-                planes: std::array::from_fn(|_| vec![input; 8 * 6 * 2 * PAIRS]),
+                planes: vec![vec![input; 8 * 6 * 2 * PAIRS]; 4],
             };
             compare::<6>(&case).expect("the direct sum");
         }

@@ -41,11 +41,9 @@ impl<const CHANNELS: usize> Decoder<CHANNELS> {
     /// is forgotten then.
     pub fn decode(&mut self, channels: usize, block: &Block) -> Result<&[Count], DecodeError> {
         let known = core::mem::take(&mut self.known);
-        if !(1..=MAX_SAMPLES).contains(&block.samples) {
-            return Err(DecodeError::Samples(block.samples));
-        }
-        if !(1..=CHANNELS).contains(&channels) {
-            return Err(DecodeError::Channels(channels));
+        let is_sized = (1..=MAX_SAMPLES).contains(&block.samples);
+        if !is_sized || !(1..=CHANNELS).contains(&channels) {
+            return Err(DecodeError::Malformed);
         }
         let counts = self.counts.as_flattened_mut();
         let counts = &mut counts[..block.samples * channels];
@@ -66,11 +64,8 @@ impl<const CHANNELS: usize> Decoder<CHANNELS> {
 
 fn copy(bytes: &[u8], counts: &mut [Count]) -> Result<(), DecodeError> {
     let (from, rest) = bytes.as_chunks();
-    if from.len() < counts.len() {
-        return Err(DecodeError::TooShort);
-    }
-    if from.len() > counts.len() || !rest.is_empty() {
-        return Err(DecodeError::TooLong);
+    if from.len() != counts.len() || !rest.is_empty() {
+        return Err(DecodeError::Malformed);
     }
     counts.copy_from_slice(from);
     Ok(())
@@ -85,7 +80,7 @@ fn decompress(
 ) -> Result<(), DecodeError> {
     let (announced, bits) = bytes
         .split_first_chunk::<SUM_BYTES>()
-        .ok_or(DecodeError::TooShort)?;
+        .ok_or(DecodeError::Malformed)?;
     let mut reader = BitReader::new(bits);
     let channels = past.len();
     for (index, channel) in past.iter_mut().enumerate() {
@@ -99,7 +94,7 @@ fn decompress(
         decode_channel(channel, places, &mut reader)?;
     }
     if !reader.ends() {
-        return Err(DecodeError::TooLong);
+        return Err(DecodeError::Malformed);
     }
     if sum(past.iter().map(|channel| channel.past.x)) != *announced {
         return Err(DecodeError::Sum);
@@ -110,12 +105,12 @@ fn decompress(
 /// Reads the start of a channel in a key block: first count, order and parameter k. Returns the
 /// first count.
 fn start_key(channel: &mut Channel, reader: &mut BitReader) -> Result<Count, DecodeError> {
-    let mut take = |bits| reader.take(bits).ok_or(DecodeError::TooShort);
+    let mut take = |bits| reader.take(bits).ok_or(DecodeError::Malformed);
     let [low, middle, high, _] = take(rice::COUNT_BITS)?.to_le_bytes();
     let order = Order::from_bits(take(2)?);
     let k = take(5)?;
     if k > rice::MAX_K {
-        return Err(DecodeError::Parameter(k));
+        return Err(DecodeError::Malformed);
     }
     let first = [low, middle, high];
     channel.start_key(number(first), order, k);
@@ -133,10 +128,10 @@ fn decode_channel<'c>(
     for place in places {
         let zeros = reader
             .take_zeros(rice::ESCAPE)
-            .ok_or(DecodeError::TooShort)?;
+            .ok_or(DecodeError::Malformed)?;
         let is_escaped = zeros == rice::ESCAPE;
         let width = if is_escaped { rice::COUNT_BITS } else { k };
-        let bits = reader.take(width).ok_or(DecodeError::TooShort)?;
+        let bits = reader.take(width).ok_or(DecodeError::Malformed)?;
         let count = if is_escaped {
             let [low, middle, high, _] = bits.to_le_bytes();
             number([low, middle, high])
@@ -150,7 +145,7 @@ fn decode_channel<'c>(
         let [low, middle, high, _] = count.to_le_bytes();
         *place = [low, middle, high];
         if number(*place) != count {
-            return Err(DecodeError::Range(count));
+            return Err(DecodeError::Malformed);
         }
         let difference = channel.past.append(count)[channel.order as usize];
         sum = rice::fold(difference).wrapping_add(sum);
@@ -163,21 +158,12 @@ fn decode_channel<'c>(
 /// Reason why a block was refused. After any of them the decoder needs a block without a past.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DecodeError {
-    /// The block has no samples, or more than [`MAX_SAMPLES`].
-    Samples(usize),
-    /// The block has no channels, or more than the decoder.
-    Channels(usize),
     /// The block continues from blocks that were not decoded, or from blocks with another number of
     /// channels.
     NoKey,
-    /// The block ends too early.
-    TooShort,
-    /// The block goes on after its last count.
-    TooLong,
-    /// The parameter k of a channel is too large.
-    Parameter(u32),
-    /// A count has more than 24 bits.
-    Range(i32),
+    /// No encoder writes such a block: its number of samples or channels, its length, the parameter
+    /// of a channel's codes or a count is out of range.
+    Malformed,
     /// The counts do not add up to the block's sum: the block is damaged, or it does not continue
     /// from the previous one.
     Sum,
@@ -185,18 +171,11 @@ pub enum DecodeError {
 
 impl fmt::Display for DecodeError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Samples(samples) => {
-                write!(f, "{samples} samples; 1 to {MAX_SAMPLES} are allowed")
-            }
-            Self::Channels(channels) => write!(f, "unexpected number of channels, {channels}"),
-            Self::NoKey => f.write_str("the blocks that this one continues from are missing"),
-            Self::TooShort => f.write_str("the block ends before its last count"),
-            Self::TooLong => f.write_str("the block goes on after its last count"),
-            Self::Parameter(k) => write!(f, "the parameter of a channel's codes is {k}, above 24"),
-            Self::Range(count) => write!(f, "the count {count} has more than 24 bits"),
-            Self::Sum => f.write_str("the counts do not add up to the block's sum"),
-        }
+        f.write_str(match self {
+            Self::NoKey => "the blocks that this one continues from are missing",
+            Self::Malformed => "the bytes are no block of this number of samples and channels",
+            Self::Sum => "the counts do not add up to the block's sum",
+        })
     }
 }
 

@@ -14,7 +14,7 @@ const MAX_GAMMA_BITS: u32 = 15;
 /// not occur.
 const START_SYMBOLS: [u16; 4] = [0, 30_720, 32_256, 32_768];
 
-/// What a block is coded with, besides its contexts.
+/// Rate and kind of a block, which its first symbol states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
     /// Rate of this block.

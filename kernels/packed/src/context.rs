@@ -5,18 +5,18 @@ use crate::quantiser::{Magnitude, State};
 use crate::rate::Rate;
 use crate::tables::{ESCAPE, LEVELS};
 
-/// The last level.
+/// Largest level of an expected magnitude.
 const LAST_LEVEL: i32 = 63;
 
 /// A magnitude of 1 adds this to the activity.
 const ONE: u32 = 1024;
 
-/// The activity forgets 1 / 2^5 of itself at each coefficient.
+/// The activity loses 1 / 2^5 of itself at each coefficient.
 const DECAY_BITS: u32 = 5;
 
-/// What the magnitudes of a block's earlier coefficients sum to, with exponential forgetting; below
-/// 2^19. It compares with the sum that is expected, so that a loud block uses tables of larger
-/// magnitudes.
+/// Sum of the magnitudes of a block's earlier coefficients, in which each counts less the longer
+/// ago it is; below 2^19. Its ratio to the expected sum moves the level of the table, so that a
+/// loud block uses tables of larger magnitudes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Activity(u32);
 
@@ -153,7 +153,8 @@ pub fn symbols<'b>(
         })
 }
 
-/// What the coder of a block knows from the magnitudes so far.
+/// State of the quantiser and activity, which a coder of a block derives from the magnitudes so
+/// far; together with a context they select the table.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     state: State,
@@ -161,7 +162,7 @@ pub(crate) struct Place {
 }
 
 impl Place {
-    /// Before the first coefficient.
+    /// Place before the first coefficient of a block.
     pub(crate) const START: Self = Self {
         state: State::START,
         activity: Activity::START,
@@ -179,7 +180,7 @@ impl Place {
         context.table_level(self.activity)
     }
 
-    /// Passes a coefficient.
+    /// Moves on to the next coefficient, after one of this magnitude.
     #[inline(always)]
     pub(crate) fn advance(&mut self, magnitude: Magnitude) {
         self.activity = self.activity.after(magnitude.value.into());

@@ -20,7 +20,7 @@ pub(crate) struct RangeEncoder<'b> {
     length: usize,
     /// Number of bytes up to the last one that is not 0.
     significant: usize,
-    /// Number of bytes of 0xff since the last other one: a carry makes them 0.
+    /// Number of bytes of 0xff at the end of the number, which a carry turns into 0.
     trailing_ones: usize,
 }
 
@@ -59,9 +59,10 @@ impl<'b> RangeEncoder<'b> {
         self.put(Frequencies { start, count: 1 }, 1);
     }
 
-    /// Ends the number: of all numbers that mean the symbols, the smallest with the most zero bytes
-    /// at its end, which are not written. A decoder reads zeros there. So a block of likely zeros
-    /// has no byte at all.
+    /// Writes the rest of the number. Several numbers decode to the same symbols; the one with the
+    /// most zero bytes at its end is taken, the smallest of several. These zero bytes are not
+    /// written, because the decoder reads zeros after the last byte. A block of likely zeros
+    /// therefore has no bytes.
     ///
     /// Returns the number of bytes. It is larger than the buffer if they did not fit.
     pub(crate) fn finish(mut self) -> usize {
@@ -111,8 +112,9 @@ impl<'b> RangeEncoder<'b> {
         self.low <<= 8;
     }
 
-    /// Adds 1 to the bytes. No carry reaches the byte that this one ends in: the range stays within
-    /// what was left of it.
+    /// Adds 1 to the number in `bytes`: the trailing bytes of 0xff become 0, and the byte before
+    /// them grows by 1. No later carry reaches that byte again, because the number stays within the
+    /// range that the earlier symbols have left.
     fn carry(&mut self) {
         self.significant = self.length - self.trailing_ones;
         self.trailing_ones = 0;

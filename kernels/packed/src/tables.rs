@@ -12,7 +12,7 @@ pub(crate) const ESCAPE: u16 = 15;
 /// Bits of a probability: all frequencies of a table sum to 2^15.
 pub const FREQUENCY_BITS: u32 = 15;
 
-/// Cost of 1/16 bit in the trellis, 1/65536 of the squared step: the weight of a bit, 0.3 squared
+/// Cost of 1/16 bit in the trellis, in 1/65536 of the squared step. A whole bit costs 0.3 squared
 /// steps.
 pub(crate) const BIT_COST: i32 = 1229;
 
@@ -60,9 +60,9 @@ impl Tables<'_> {
 /// The frequencies of one symbol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Frequencies {
-    /// The first one.
+    /// First frequency.
     pub(crate) start: u32,
-    /// Their number, at least 1.
+    /// Number of frequencies, at least 1.
     pub(crate) count: u32,
 }
 

@@ -115,7 +115,8 @@ impl Candidates {
         }
     }
 
-    /// Returns the ways on from a state with this cost and activity.
+    /// Returns the continuations of a path with this cost and activity. `bits` are the costs of the
+    /// magnitudes in the table of the next coefficient, 1/16 bit.
     #[inline(always)]
     fn ways(&self, cost: i32, activity: Activity, bits: &[u8; MAGNITUDES]) -> Ways {
         let cost_of = |error: i32, symbol: u32| {
@@ -151,14 +152,15 @@ struct Paths {
     activities: [Activity; STATES],
 }
 
-/// The two ways on from a state.
+/// The two continuations of a path from a state: with the cheaper even magnitude, and with an odd
+/// one.
 #[derive(Clone, Copy, Debug)]
 struct Ways {
     even: Way,
     odd: Way,
 }
 
-/// One way on from a state.
+/// One continuation of a path by a coefficient.
 #[derive(Clone, Copy, Debug)]
 struct Way {
     cost: i32,

@@ -1,5 +1,7 @@
 //! What is written is read: every magnitude, at every rate, for every residual.
 
+use std::sync::LazyLock;
+
 use packed::{
     BlockReader, Context, Costs, Header, LEVELS, MAGNITUDES, Magnitude, Malformed, Rate, Starts,
     Tables,
@@ -7,7 +9,15 @@ use packed::{
 use proptest::prelude::*;
 
 /// Returns tables of geometric distributions: level 0 is nearly always 0, level 63 nearly flat.
-fn tables() -> (Box<Starts>, Box<Costs>) {
+fn tables() -> Tables<'static> {
+    static TABLES: LazyLock<(Box<Starts>, Box<Costs>)> = LazyLock::new(geometric);
+    Tables {
+        starts: &TABLES.0,
+        costs: &TABLES.1,
+    }
+}
+
+fn geometric() -> (Box<Starts>, Box<Costs>) {
     let mut starts = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
     let mut costs = Box::new([[[0; MAGNITUDES]; LEVELS]; 2]);
     let rows = starts.iter_mut().flatten();
@@ -58,8 +68,7 @@ proptest! {
         announced in rates(),
         is_reset in any::<bool>(),
     ) {
-        let (starts, costs) = tables();
-        let tables = Tables { starts: &starts, costs: &costs };
+        let tables = tables();
         prop_assert!(tables.is_consistent());
         let contexts = contexts(&levels, rate);
         let magnitudes: Vec<Magnitude> = values
@@ -91,8 +100,7 @@ proptest! {
         residual in prop::collection::vec(prop_oneof![3 => -300_i32..300, 1 => -32_768_i32..32_768], 1..256),
         rate in rates(),
     ) {
-        let (starts, costs) = tables();
-        let tables = Tables { starts: &starts, costs: &costs };
+        let tables = tables();
         let contexts = contexts(&vec![30; residual.len()], rate);
         let mut survivors = vec![0; residual.len()];
         let mut magnitudes = vec![Magnitude::default(); residual.len()];
@@ -110,8 +118,7 @@ proptest! {
         bytes in prop::collection::vec(any::<u8>(), 0..120),
         rate in rates(),
     ) {
-        let (starts, costs) = tables();
-        let tables = Tables { starts: &starts, costs: &costs };
+        let tables = tables();
         let read = || -> Result<(), Malformed> {
             let reader = BlockReader::new(&bytes, rate)?;
             let contexts = contexts(&[20; 192], reader.header().rate);
@@ -127,11 +134,7 @@ proptest! {
 
 #[test]
 fn a_block_of_zeros_has_no_bytes() {
-    let (starts, costs) = tables();
-    let tables = Tables {
-        starts: &starts,
-        costs: &costs,
-    };
+    let tables = tables();
     let rate = Rate::MIDDLE;
     let contexts = contexts(&[10; 192], rate);
     let zeros = [Magnitude::default(); 192];
@@ -155,11 +158,7 @@ fn a_block_of_zeros_has_no_bytes() {
 
 #[test]
 fn bytes_behind_a_block_are_refused() {
-    let (starts, costs) = tables();
-    let tables = Tables {
-        starts: &starts,
-        costs: &costs,
-    };
+    let tables = tables();
     let rate = Rate::MIDDLE;
     let contexts = contexts(&[10; 16], rate);
     let bytes = [1; 60];

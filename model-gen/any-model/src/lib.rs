@@ -22,12 +22,11 @@
 //! ```
 #![forbid(unsafe_code)]
 
-mod noise;
 mod packed;
 mod stress;
 
 use std::{
-    fmt, fs,
+    fs,
     path::{Path, PathBuf},
 };
 
@@ -37,7 +36,6 @@ use artifact::{
 };
 use model_gen::IntegerModel;
 
-use noise::Noise;
 pub use packed::any_packed;
 pub use stress::Stress;
 
@@ -56,7 +54,8 @@ const CALIBRATION: usize = 16;
 /// Largest magnitude in the training data of a model without a network, uV.
 const LARGEST_UV: f32 = 500.0;
 
-/// Numbers of the code of the network whose description a model without a network takes.
+/// Length of the codes of the network from whose description [`any_packed_alone`] derives that of a
+/// model without a network.
 const NUMBERS: usize = 16;
 
 /// Returns every tested combination of mode, padding and pool. Mode `paper` occurs once per
@@ -179,26 +178,6 @@ impl Size {
         let card = &mut description.training;
         (card.real_electrodes, card.interpolated_electrodes) = (self.electrodes, 0);
         card.interpolated.clear();
-    }
-}
-
-impl fmt::Display for Size {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (
-            [rows, columns],
-            Self {
-                electrodes,
-                steps,
-                hop,
-                numbers,
-                ..
-            },
-        ) = (self.grid, self);
-        write!(
-            formatter,
-            "{electrodes} electrodes on {rows} x {columns} cells, windows of {steps} steps, hop {hop}, \
-             {numbers} numbers"
-        )
     }
 }
 
@@ -361,4 +340,18 @@ fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -
     calibration.insert("code.min", &[numbers], low);
     calibration.insert("code.max", &[numbers], high);
     calibration
+}
+
+/// Pseudo-random numbers in [-1, 1) (a linear congruential generator, Numerical Recipes).
+pub(crate) struct Noise(pub(crate) u32);
+
+impl Noise {
+    pub(crate) fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f32::from(i16::try_from(self.0.cast_signed() >> 16).expect("16 bits")) / 32_768.0
+    }
+
+    pub(crate) fn fill(&mut self, length: usize, scale: f32) -> Vec<f32> {
+        (0..length).map(|_| self.next() * scale).collect()
+    }
 }

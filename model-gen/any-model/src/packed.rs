@@ -6,7 +6,7 @@ use artifact::{
     SUM_LIMIT, Smoother, slice_ends,
 };
 
-use crate::noise::Noise;
+use crate::Noise;
 
 /// Largest magnitude of an input value.
 const INPUT_LIMIT: i16 = 4095;

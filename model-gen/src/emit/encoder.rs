@@ -6,7 +6,7 @@ use int8_nn::Pair;
 use super::source::{Source, float, separated};
 use crate::{
     device_model::DeviceModel,
-    integer_model::{IntegerConv, IntegerModel},
+    integer_model::{IntegerLayer, IntegerModel},
     pack::{self, UnsignedInput},
 };
 
@@ -18,7 +18,7 @@ impl Source {
         self.convolution("CONV2", conv2, &bias, &pack::convolution(&model.integers));
     }
 
-    fn convolution(&mut self, name: &str, conv: &IntegerConv, bias: &[i32], weights: &[Pair]) {
+    fn convolution(&mut self, name: &str, conv: &IntegerLayer, bias: &[i32], weights: &[Pair]) {
         let outputs = bias.len();
         self.weights(&format!("Weights of {name}."), name, weights);
         self.array(
@@ -49,7 +49,7 @@ impl Source {
         self.array(
             "Bias of the fully connected layer, in units of the accumulator.",
             "static FC_BIAS: [i32; CODE]",
-            &integers.fc_bias,
+            &filled(&integers.fc.bias, model.description.code.numbers),
         );
     }
 
@@ -158,10 +158,10 @@ fn words(pairs: &[Pair]) -> Vec<String> {
         .collect()
 }
 
-/// Returns the factors of a layer, one for each number of a code, or zeros if the network does not
-/// have the layer.
-fn filled(multipliers: &[i32], numbers: usize) -> Vec<i32> {
-    let mut filled = multipliers.to_vec();
+/// Returns the factors or biases of a layer, one for each number of a code, or zeros if the network
+/// does not have the layer.
+fn filled(integers: &[i32], numbers: usize) -> Vec<i32> {
+    let mut filled = integers.to_vec();
     filled.resize(numbers, 0);
     filled
 }

@@ -4,8 +4,7 @@
 use artifact::Decimation;
 use model_gen::{
     FilterError, ResamplerTable,
-    fir::kaiser_low_pass,
-    resampler::{CUTOFF_HZ, KAISER_BETA, UNITY},
+    resampler::{CUTOFF_HZ, KAISER_BETA, UNITY, kaiser_low_pass},
 };
 
 const GOLDEN: &str = include_str!("scipy_firwin.csv");

@@ -1,7 +1,9 @@
 //! The quantised cascades compared with scipy's transfer functions. `scipy_response.py` in this
 //! folder printed the golden numbers.
 
-use model_gen::{FilterSpec, cascade, design, headroom, response::frequency_response};
+use model_gen::{
+    FilterSpec, butterworth_band_pass, cascade, headroom, notch, response::frequency_response,
+};
 use num_complex::Complex64;
 
 const GOLDEN: &str = include_str!("scipy_response.csv");
@@ -44,12 +46,12 @@ fn the_design_equals_scipy_s_to_1e_9() {
     for (spec, hz, expected) in golden() {
         let rate = spec.rate_hz;
         let z = Complex64::from_polar(1.0, 2.0 * std::f64::consts::PI * hz / rate);
-        let band = design::butterworth_band_pass(5, 0.5, 60.0, rate);
+        let band = butterworth_band_pass(5, 0.5, 60.0, rate);
         let zeros = ((z - 1.0) * (z + 1.0)).powi(5);
         let poles: Complex64 = band.poles.iter().map(|pole| z - pole).product();
         let notches: Complex64 = (1..=spec.harmonics + 1)
             .map(|multiple| {
-                let notch = design::notch(f64::from(multiple) * spec.mains_hz, 30.0, rate);
+                let notch = notch(f64::from(multiple) * spec.mains_hz, 30.0, rate);
                 let numerator = notch.gain * (z * z + notch.cosine * z + 1.0);
                 let denominator = z * z + notch.gain * notch.cosine * z + (2.0 * notch.gain - 1.0);
                 numerator / denominator

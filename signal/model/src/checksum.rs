@@ -1,6 +1,6 @@
 //! The checksum over constants in flash.
 
-use ::packed::{Costs, Starts};
+use ::packed::Starts;
 use int8_nn::Pair;
 
 /// FNV-1a checksum of the words added so far.
@@ -35,10 +35,6 @@ impl Checksum {
             self.add_word(bytes[index] as u32);
             index += 1;
         }
-    }
-
-    pub(crate) const fn add_costs(&mut self, costs: &Costs) {
-        self.add_bytes(costs.as_flattened().as_flattened());
     }
 
     pub(crate) const fn add_starts(&mut self, starts: &Starts) {

@@ -30,22 +30,19 @@ extern crate std;
 
 pub mod artifact_files;
 mod checksum;
-mod code_format;
 mod constants;
-mod mains_filter;
 mod network;
 mod packed;
 mod shapes;
 mod statics;
 
-pub use code_format::CodeFormat;
 pub use constants::{
-    ADC_RATE_HZ, CHANNELS, CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, ConvKernel, ELECTRODES,
-    FC_PIECES, GAIN, GUARD_BITS, HAS_CONVOLUTIONS, HAS_SHORTCUT, HOP, INPUT_MULTIPLIER,
-    INPUT_SCALE_UV, LABELS, LSB_NV, MODEL_ID, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS, PADS_SPACE,
-    PADS_TIME, PHASES, POOL, ROWS, SECTIONS, STEP_RATE_HZ, STEPS, TAPS, WINDOW_CENTRE_US,
+    ADC_RATE_HZ, CHANNELS, CODE, COLUMNS, CONV1_CHANNELS, CONV2_CHANNELS, CodeFormat, ConvKernel,
+    ELECTRODES, FC_PIECES, GAIN, GUARD_BITS, HAS_CONVOLUTIONS, HAS_SHORTCUT, HOP, INPUT_MULTIPLIER,
+    INPUT_SCALE_UV, LABELS, LSB_NV, MODEL_ID, MainsFilter, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS,
+    PADS_SPACE, PADS_TIME, PHASES, POOL, ROWS, SECTIONS, STEP_RATE_HZ, STEPS, TAPS,
+    WINDOW_CENTRE_US,
 };
-pub use mains_filter::MainsFilter;
 pub use network::{ConvWeights, Network};
 pub use packed::{Packed, Slice};
 pub use shapes::{

@@ -9,17 +9,18 @@ use crate::constants::{HOP, PACKED_COEFFICIENTS, PACKED_INPUT_PAIRS};
 /// The integers of a packed model that the encoder needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Packed<'w> {
-    /// The analysis in slices: what is added to the coefficients after each step of a block.
+    /// Matrices of the analysis, one for each step of a block: each is applied to the inputs that
+    /// are complete after its step.
     pub analysis: [Slice<'w>; HOP],
     /// Factor from the sum of each coefficient to the coefficient, Q0.32.
     pub analysis_factors: &'w [i32; PACKED_COEFFICIENTS],
-    /// From the rounded state to the prediction of the next block.
+    /// Matrix from the rounded state to the prediction of the next block.
     pub prediction: Linear<'w>,
     /// Factor from the sum of each prediction to the prediction, Q0.32.
     pub prediction_factors: &'w [i32; PACKED_COEFFICIENTS],
     /// Level of each coefficient's mean magnitude at rate 4, in a predicted block.
     pub predicted_levels: &'w [u8; PACKED_COEFFICIENTS],
-    /// The same in a block without prediction.
+    /// Level of each coefficient's mean magnitude at rate 4, in a block without prediction.
     pub reset_levels: &'w [u8; PACKED_COEFFICIENTS],
     /// Frequencies of the magnitudes, and their costs in the trellis.
     pub tables: Tables<'w>,
@@ -39,7 +40,7 @@ pub struct Packed<'w> {
 pub struct Slice<'w> {
     /// Index of the first pair of inputs in the block.
     pub first: usize,
-    /// From these inputs to all coefficients.
+    /// Matrix from these inputs to all coefficients.
     pub matrix: Linear<'w>,
 }
 
@@ -68,8 +69,8 @@ impl Packed<'_> {
             && self.rate < 16
     }
 
-    /// Returns a checksum over matrices, factors, levels and tables. A board compares it with that
-    /// of the compiler to detect damaged flash.
+    /// Returns the checksum of matrices, factors, levels and tables. A board compares it with
+    /// [`PACKED_CHECKSUM`](crate::PACKED_CHECKSUM) to detect damaged flash.
     pub const fn checksum(&self) -> u32 {
         let mut sum = Checksum::EMPTY;
         let mut step = 0;
@@ -83,7 +84,7 @@ impl Packed<'_> {
         sum.add_bytes(self.predicted_levels);
         sum.add_bytes(self.reset_levels);
         sum.add_starts(self.tables.starts);
-        sum.add_costs(self.tables.costs);
+        sum.add_bytes(self.tables.costs.as_flattened().as_flattened());
         sum.value()
     }
 }

@@ -4,9 +4,7 @@ use fixed_dsp::{Cascade, Coefficient, Design, Resampler, Section};
 use int8_nn::Pair;
 
 use crate::{
-    code_format::CodeFormat,
-    constants::{CODE, ELECTRODES, HOP, PHASES, SECTIONS, TAPS},
-    mains_filter::MainsFilter,
+    constants::{CODE, CodeFormat, ELECTRODES, HOP, MainsFilter, PHASES, SECTIONS, TAPS},
     network::{ConvWeights, Network},
     packed::Packed,
 };

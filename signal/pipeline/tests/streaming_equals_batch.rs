@@ -9,7 +9,7 @@ use model::{
     POOLED_STEPS, STEPS,
 };
 use model_gen::{
-    IntegerConv, IntegerLinear, IntegerModel,
+    IntegerLayer, IntegerModel,
     memory::parts,
     pack::{self, UnsignedInput},
 };
@@ -133,17 +133,18 @@ fn dense_model(seed: u32) -> IntegerModel {
     let mut noise = Noise(seed);
     let mut model = BUILT_IN.clone();
     let positive = |words: Vec<i32>| words.into_iter().map(|w| w.abs() + 1_000_000).collect();
-    let linear = |noise: &mut Noise, inputs: usize, shift| IntegerLinear {
+    let linear = |noise: &mut Noise, inputs: usize, shift| IntegerLayer {
         weights: noise.bytes(inputs * CODE),
+        bias: vec![0; CODE],
         multipliers: noise.words(CODE, shift),
     };
     if HAS_CONVOLUTIONS {
-        model.conv1 = IntegerConv {
+        model.conv1 = IntegerLayer {
             weights: noise.bytes(27 * HIDDEN.channels),
             bias: noise.words(HIDDEN.channels, 17),
             multipliers: positive(noise.words(HIDDEN.channels, 6)),
         };
-        model.conv2 = IntegerConv {
+        model.conv2 = IntegerLayer {
             weights: noise.bytes(27 * HIDDEN.channels * POOLED.channels),
             bias: noise.words(POOLED.channels, 16),
             multipliers: noise.words(POOLED.channels, 9),
@@ -152,7 +153,7 @@ fn dense_model(seed: u32) -> IntegerModel {
             model.hidden_padding = std::array::from_fn(|_| noise.bytes(1)[0].into());
         }
         model.fc = linear(&mut noise, POOLED_STEPS * POOLED.len(), 11);
-        model.fc_bias = noise.words(CODE, 12);
+        model.fc.bias = noise.words(CODE, 12);
     }
     if HAS_SHORTCUT {
         model.shortcut = linear(&mut noise, STEPS * ELECTRODES, 13);
@@ -209,7 +210,7 @@ impl Packed {
             fc: std::array::from_fn(|plane| {
                 std::array::from_fn(|piece| exactly(&self.fc[plane][piece]))
             }),
-            fc_bias: exactly(&model.fc_bias),
+            fc_bias: words(&model.fc.bias),
             fc_multipliers: words(&model.fc.multipliers),
             shortcut: std::array::from_fn(|step| exactly(&self.shortcut[step])),
             shortcut_multipliers: words(&model.shortcut.multipliers),

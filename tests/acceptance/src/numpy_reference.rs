@@ -126,7 +126,7 @@ fn write_model(folder: &Path, model: &IntegerModel) -> io::Result<()> {
         let multipliers = linear.multipliers.clone();
         write(folder, &format!("{name}.multipliers"), multipliers)?;
     }
-    write(folder, "fc.bias", model.fc_bias.clone())?;
+    write(folder, "fc.bias", model.fc.bias.clone())?;
     write(folder, "cells", model.cells.clone())?;
     write(folder, "zero_point", model.code_zero_point.clone())?;
     let [least, greatest] = model.code_format.range();

@@ -95,23 +95,3 @@ fn each_of_convolutions(count: &mut impl FnMut(&'static str, usize, &mut dyn FnM
         black_box(&code);
     });
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_kernel_runs_and_the_shortcut_once_for_each_time_step_of_a_window() {
-        let expected = 4 * usize::from(HAS_CONVOLUTIONS) + usize::from(HAS_SHORTCUT);
-        let mut runs = 0;
-        let mut shortcut = 0;
-        each(|kernel, run| {
-            run();
-            runs += 1;
-            if kernel.name == SHORTCUT {
-                shortcut = kernel.per_code;
-            }
-        });
-        assert_eq!((runs, shortcut as usize), (expected, SHORTCUT_STEPS));
-    }
-}

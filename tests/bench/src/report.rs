@@ -14,9 +14,8 @@ mod models;
 mod nodes;
 mod offline;
 mod packed;
-mod python;
+mod programs;
 mod table;
-mod tools;
 mod training;
 
 use std::fs;

@@ -40,20 +40,3 @@ impl fmt::Debug for Tally {
         )
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_tally_is_read_as_it_is_written() {
-        let mut tally = Tally::EMPTY;
-        tally.add(7);
-        tally.add(9);
-        let text = format!("tallies = {:?}", [tally]);
-        assert_eq!(text, "tallies = [[7, 9, 16]]");
-        let read: std::collections::BTreeMap<String, [Tally; 1]> =
-            toml::from_str(&text).expect("TOML");
-        assert_eq!(read["tallies"], [tally]);
-    }
-}

@@ -55,7 +55,8 @@ fn a_change_in_any_file_changes_the_id() {
 
 #[test]
 fn the_written_description_has_one_grid_row_on_a_line() {
-    let text = testing::pca().to_bytes().unwrap().description;
+    let files = testing::pca().to_files().unwrap();
+    let text = std::str::from_utf8(&files[0].1).unwrap();
     assert!(text.contains("    [\"FTT7\", \"FCC5\","), "{text}");
 }
 
@@ -67,11 +68,11 @@ fn the_error_of_a_missing_folder_names_the_missing_file() {
 
 #[test]
 fn the_error_of_a_misspelt_field_names_it() {
-    let bytes = testing::pca().to_bytes().unwrap();
-    let misspelt = bytes.description.replace("notch_q", "notch_Q");
-    let error = Artifact::from_bytes(&misspelt, &bytes.weights.unwrap(), &bytes.calibration, None)
-        .unwrap_err();
-    let ArtifactError::Toml(source) = error else {
+    let files = testing::pca().to_files().unwrap();
+    let text = std::str::from_utf8(&files[0].1).unwrap();
+    let misspelt = text.replace("notch_q", "notch_Q");
+    let error = Artifact::from_bytes(&misspelt, &files[1].1, &files[2].1, None).unwrap_err();
+    let ArtifactError::Toml { source, .. } = error else {
         panic!("{error}")
     };
     assert!(source.to_string().contains("notch_Q"), "{source}");

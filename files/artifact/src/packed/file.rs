@@ -1,7 +1,6 @@
 //! The files of a packed model: `packed.toml` and `packed.safetensors`.
 
-use super::description::PackedDescription;
-use super::model::{IntegerMatrix, PackedModel, Smoother};
+use super::model::{IntegerMatrix, PackedDescription, PackedModel, Smoother};
 use super::ranges;
 use crate::description::Description;
 use crate::error::{ArtifactError, TensorProblem};
@@ -28,49 +27,38 @@ const NAMES: [&str; 9] = [
     "smoother.scale",
 ];
 
-/// Contents of the two files.
-#[derive(Clone, Debug)]
-pub(crate) struct PackedFiles {
-    pub(crate) description: String,
-    pub(crate) tensors: Vec<u8>,
-}
-
-impl PackedFiles {
-    /// Reads the two files of a folder; `None` if it has neither.
+impl PackedModel {
+    /// Reads the text of `packed.toml` and the bytes of `packed.safetensors` from a folder; `None`
+    /// if it has neither.
     ///
     /// # Errors
     /// If one of them is missing, or cannot be read.
-    pub(crate) fn read(folder: &Path) -> Result<Option<Self>, ArtifactError> {
-        let [description, tensors] = [DESCRIPTION, TENSORS].map(|name| folder.join(name));
-        if !description.exists() && !tensors.exists() {
-            return Ok(None);
-        }
-        let half = |missing: &Path, other| ArtifactError::PackedHalf {
-            missing: missing.to_owned(),
-            other,
+    pub(crate) fn read_files(folder: &Path) -> Result<Option<(String, Vec<u8>)>, ArtifactError> {
+        let [toml, tensors] = [DESCRIPTION, TENSORS].map(|name| folder.join(name));
+        let (missing, other) = match (toml.exists(), tensors.exists()) {
+            (false, false) => return Ok(None),
+            (true, true) => {
+                let text = std::fs::read_to_string(&toml).map_err(ArtifactError::file(&toml))?;
+                let bytes = std::fs::read(&tensors).map_err(ArtifactError::file(&tensors))?;
+                return Ok(Some((text, bytes)));
+            }
+            (false, true) => (toml, TENSORS),
+            (true, false) => (tensors, DESCRIPTION),
         };
-        if !description.exists() {
-            return Err(half(&description, TENSORS));
-        }
-        if !tensors.exists() {
-            return Err(half(&tensors, DESCRIPTION));
-        }
-        let error = |path| move |source| ArtifactError::File { path, source };
-        Ok(Some(Self {
-            description: std::fs::read_to_string(&description).map_err(error(description))?,
-            tensors: std::fs::read(&tensors).map_err(error(tensors))?,
-        }))
+        Err(ArtifactError::PackedHalf { missing, other })
     }
-}
 
-impl PackedModel {
     /// Parses the two files and checks them.
     pub(crate) fn parse(
         toml: &str,
         tensors: &[u8],
         description: &Description,
     ) -> Result<Self, ArtifactError> {
-        let packed: PackedDescription = toml::from_str(toml).map_err(ArtifactError::PackedToml)?;
+        let packed: PackedDescription =
+            toml::from_str(toml).map_err(|source| ArtifactError::Toml {
+                file: DESCRIPTION,
+                source: Box::new(source),
+            })?;
         let file = TensorFile::parse(TENSORS, tensors)?;
         if let Some(name) = file.names().iter().find(|name| !NAMES.contains(name)) {
             return Err(TensorProblem::Unknown.of(TENSORS, name));
@@ -106,12 +94,11 @@ impl PackedModel {
         Ok(model)
     }
 
-    /// Returns the contents of the two files.
-    pub(crate) fn to_files(&self) -> Result<PackedFiles, ArtifactError> {
-        Ok(PackedFiles {
-            description: toml::to_string(&self.description)?,
-            tensors: tensor_file::to_bytes(TENSORS, &self.tensors(self.analysis.inputs()))?,
-        })
+    /// Returns names and contents of the two files.
+    pub(crate) fn to_files(&self) -> Result<[(&'static str, Vec<u8>); 2], ArtifactError> {
+        let tensors = tensor_file::to_bytes(TENSORS, &self.tensors(self.analysis.inputs()))?;
+        let description = toml::to_string(&self.description)?.into_bytes();
+        Ok([(DESCRIPTION, description), (TENSORS, tensors)])
     }
 
     /// Returns the tensors of the file, of a model whose blocks have `values` values. The shapes

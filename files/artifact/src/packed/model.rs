@@ -1,10 +1,65 @@
 //! The integers that encoder and decoder share, and the reference computation with them.
 
-use super::description::PackedDescription;
 use packed::{Costs, FREQUENCY_BITS, LEVELS, MAGNITUDES, RATES, Starts};
+use serde::{Deserialize, Serialize};
 
 /// Fraction bits that the state loses before the prediction, so that sums of products fit 24 bits.
 const STATE_BITS: u32 = 3;
+
+/// Dimensions and units of a packed model, and how it was trained: the contents of `packed.toml`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PackedDescription {
+    /// Version of the format, 1.
+    pub format: u32,
+    /// Number of coefficients of a block: a multiple of 16, at most 256, and at most the values of
+    /// a block.
+    pub coefficients: usize,
+    /// Rate that a device starts with, 0..=15.
+    pub rate: u8,
+    /// Microvolts of one unit of an input value, and of a coefficient.
+    pub unit_uv: f64,
+    /// Largest magnitude of an input value; larger ones are clipped to it.
+    pub input_limit: i16,
+    /// Mean square of the part of a block that its coefficients do not represent, microvolts
+    /// squared; a block with more is flagged as a misfit.
+    pub misfit_uv2: f64,
+    /// Recordings that it was trained on, and its figures on the test recordings.
+    pub training: PackedTraining,
+}
+
+/// How a packed model was trained.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PackedTraining {
+    /// File names of the training recordings.
+    pub train_files: Vec<String>,
+    /// File names of the test recordings.
+    pub test_files: Vec<String>,
+    /// Figures on the test recordings, one entry for each measured rate.
+    pub figures: Vec<PackedFigures>,
+    /// Figures of the Karhunen-Loeve transform of a block with the same number of coefficients,
+    /// trained and coded alike but without prediction; empty without test recordings. Their
+    /// `mse_smoothed` equals `mse`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub without_prediction: Vec<PackedFigures>,
+}
+
+/// Figures of one rate on the test recordings.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PackedFigures {
+    /// The rate, 0..=15.
+    pub rate: u8,
+    /// Bits of a block, mean.
+    pub bits: f64,
+    /// Mean squared error of each block as decoded without the next one, in units of the network's
+    /// input squared.
+    pub mse: f64,
+    /// Mean squared error after the smoother has corrected each block by the next one, in the same
+    /// unit.
+    pub mse_smoothed: f64,
+}
 
 /// A trained packed model. Encoder and decoder share every integer of it; only the smoother is the
 /// decoder's own.
@@ -12,9 +67,9 @@ const STATE_BITS: u32 = 3;
 pub struct PackedModel {
     /// Dimensions and units, and the figures of the training.
     pub description: PackedDescription,
-    /// From the values of a block, in the order step, electrode, to its coefficients.
+    /// Matrix from the values of a block, in the order step, electrode, to its coefficients.
     pub analysis: IntegerMatrix,
-    /// From the coefficients of the previous state to the prediction of the next block's.
+    /// Matrix from the coefficients of the previous state to the prediction of the next block's.
     pub prediction: IntegerMatrix,
     /// Level of each coefficient's mean magnitude at rate 4, 0..64, in a predicted block.
     pub predicted_levels: Vec<u8>,
@@ -27,7 +82,7 @@ pub struct PackedModel {
 }
 
 impl PackedModel {
-    /// Number of coefficients of a block.
+    /// Returns the number of coefficients of a block.
     pub fn coefficients(&self) -> usize {
         self.description.coefficients
     }
@@ -72,8 +127,7 @@ impl PackedModel {
     }
 }
 
-/// Returns a coefficient of the state as the prediction reads it: rounded to multiples of 8, in
-/// eighths;
+/// Returns a coefficient of the state as the prediction reads it: divided by 8 and rounded half up,
 /// |x| <= 4096.
 pub fn rounded_state(coefficient: i16) -> i16 {
     let half = 1 << (STATE_BITS - 1);
@@ -118,7 +172,7 @@ impl IntegerMatrix {
         quantised
     }
 
-    /// Number of inputs.
+    /// Returns the number of inputs of the matrix.
     pub fn inputs(&self) -> usize {
         self.weights.len() / self.factors.len().max(1)
     }

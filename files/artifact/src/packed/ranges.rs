@@ -1,6 +1,6 @@
 //! Proofs that no sum of the integer encoder leaves its range.
 
-use super::file::TENSORS;
+use super::file::{DESCRIPTION, TENSORS};
 use super::model::PackedModel;
 use crate::description::Description;
 use crate::error::{ArtifactError, TensorProblem};
@@ -15,8 +15,8 @@ pub const LARGEST_STATE: i16 = 4096;
 /// Number of inputs that the kernel of the encoder's matrices takes at a time.
 pub const INPUTS_PER_ROUND: usize = 16;
 
-/// Returns where the inputs of a block end that the encoder adds to its sums at each step: after
-/// step `t`, all whole rounds of 16 values that have arrived; after the last step, all.
+/// Returns, for each step of a block, the end of the inputs that the encoder has added to its sums:
+/// after step `t`, all whole rounds of 16 values that have arrived; after the last step, all.
 pub fn slice_ends(electrodes: usize, steps: usize) -> Vec<usize> {
     let ends = (1..steps).map(|steps| steps * electrodes / INPUTS_PER_ROUND * INPUTS_PER_ROUND);
     ends.chain([steps * electrodes]).collect()
@@ -85,7 +85,8 @@ pub(crate) fn check(model: &PackedModel, description: &Description) -> Result<()
 fn check_description(model: &PackedModel, values: usize) -> Result<(), ArtifactError> {
     let description = &model.description;
     let field = |field, found: &dyn std::fmt::Display, expected: String| {
-        Err(ArtifactError::PackedField {
+        Err(ArtifactError::Field {
+            file: DESCRIPTION,
             field,
             found: found.to_string(),
             expected,

@@ -242,23 +242,17 @@ mod tests {
     }
 
     #[test]
-    fn windows_that_do_not_overlap_stand_alone() {
-        let windows: [(u32, Option<&[f32]>); 2] = [(0, Some(&[1.0, 2.0])), (1, Some(&[5.0, 6.0]))];
-        let expected = [
-            ([1.0, 2.0], made(Source::Window, 0b1)),
-            ([5.0, 6.0], made(Source::Window, 0b10)),
-        ];
-        assert_eq!(hops(LAYOUT, &windows), expected);
-    }
-
-    #[test]
-    fn a_window_that_does_not_follow_the_stored_one_stands_alone() {
-        let windows: [(u32, Option<&[f32]>); 2] = [
-            (7, Some(&[1.0, 2.0, 3.0, 4.0])),
-            (0, Some(&[5.0, 6.0, 7.0, 8.0])),
-        ];
-        let expected = ([5.0, 6.0], made(Source::Window, 0b1));
-        assert_eq!(hops(LAYOUT, &windows)[1], expected);
+    fn windows_that_do_not_overlap_or_do_not_follow_each_other_stand_alone() {
+        for windows in [
+            [(0, Some(&[1.0, 2.0][..])), (1, Some(&[5.0, 6.0]))],
+            [
+                (7, Some(&[1.0, 2.0, 3.0, 4.0])),
+                (1, Some(&[5.0, 6.0, 7.0, 8.0])),
+            ],
+        ] {
+            let expected = ([5.0, 6.0], made(Source::Window, 0b10));
+            assert_eq!(hops(LAYOUT, &windows)[1], expected);
+        }
     }
 
     #[test]

@@ -5,9 +5,9 @@ use packed::{BlockReader, Context, Magnitude, Malformed, RATES, Rate, Tables};
 
 use super::synthesis::Synthesis;
 
-/// Blocks after a lost one, without a block that needs no prediction, until the error is that of a
-/// stream without loss again: measured 1.12 to 1.20 times it after 1 to 12 lost blocks, and 1.15
-/// times it when the first block that arrives is one from the middle of a run.
+/// Number of predicted blocks after a loss until the error is nearly that of a stream without loss.
+/// Measured after this many blocks: 1.12 to 1.20 times that error after 1 to 12 lost blocks, and
+/// 1.15 times if the first received block comes from the middle of a run of predicted blocks.
 pub const HEALING_BLOCKS: usize = 8;
 
 /// Decodes consecutive blocks of the packed code.
@@ -23,17 +23,19 @@ pub struct PackedDecoder {
     /// Smoother of each rate that has occurred, `[coefficient][residual of the next block]`.
     smoothers: Vec<Option<Vec<f32>>>,
     state: Vec<i16>,
-    /// Signals of all further predictions, if those of lost blocks have come to a standstill.
+    /// Signals of the prediction, microvolts, once it is equal to the state: they are then those of
+    /// every further lost block.
     standing: Option<Vec<f32>>,
     health: Health,
 }
 
-/// How far the state is that of the encoder.
+/// How closely the decoder's state follows the encoder's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Health {
-    /// Equal.
+    /// The states are equal, bit for bit.
     Equal,
-    /// Some blocks after a loss.
+    /// A block was lost, and `blocks` predicted blocks have been decoded since; the states approach
+    /// each other.
     Healing { blocks: usize },
     /// No block has been decoded.
     Unknown,
@@ -42,7 +44,8 @@ enum Health {
 /// A decoded block.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackedBlock {
-    /// Signals of the block at once, microvolts, in the order step, electrode.
+    /// Signals of the block as decoded without the next one, microvolts, in the order step,
+    /// electrode.
     pub microvolts: Vec<f32>,
     /// Signals of the block before, better than when they were decoded; `None` if this block says
     /// nothing about them, because it has no prediction or is not the next one.

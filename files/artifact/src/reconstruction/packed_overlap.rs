@@ -8,7 +8,8 @@ use super::packed_decoder::PackedDecoder;
 /// Decodes blocks to hops, one for each block: with low latency that of the block itself, otherwise
 /// that of the block before, corrected by what the newer block says about it.
 ///
-/// `T` is what the caller wants to know of a hop, such as its time.
+/// `T` is a label that the caller passes with each block and gets back with its hop, such as its
+/// time.
 #[derive(Clone, Debug)]
 pub struct PackedOverlap<T> {
     decoder: PackedDecoder,
@@ -62,8 +63,8 @@ impl<T: Clone> PackedOverlap<T> {
         self.newest = None;
     }
 
-    /// Takes over the newest hop and the count of `before`, whose stream goes on with another
-    /// device.
+    /// Takes over the newest hop and the count of malformed blocks from `before`, whose stream
+    /// another device continues.
     pub fn continue_from(&mut self, before: &mut Self) {
         self.newest = before.newest.take();
         self.malformed = before.malformed;
@@ -127,7 +128,8 @@ impl<T: Clone> PackedOverlap<T> {
         newest.map(|hop| self.limited(hop))
     }
 
-    /// Returns the newest hop as its block alone says, neither corrected nor limited.
+    /// Returns the newest hop as decoded from its own block: neither corrected by the next block
+    /// nor limited to full scale.
     pub fn newest(&self) -> Option<&PackedHop<T>> {
         self.newest.as_ref()
     }

@@ -4,7 +4,90 @@
 //! which takes the fewest cycles on a Cortex-M4. `interleaved` (feature `cortex-m7`) alternates
 //! loads and products, because a Cortex-M7 issues one of each together. The cycles are computed by
 //! llvm-mca, not measured.
-#![expect(unsafe_code, reason = "calls the assembler")]
+#![expect(
+    unsafe_code,
+    reason = "LLVM does not generate SMLAD from Rust, and the loop needs every register"
+)]
+
+/// Defines the kernel `$name` for a number of segments, a width and a stride; `$shared` says
+/// whether all blocks use the same weights. One iteration computes `$blocks` blocks, and updates
+/// the pointers on the stack once.
+///
+/// The lists hold the instructions of a schedule: at the start of a block, at the start of a
+/// segment, of each round, and at the end of a block, where lr moves to the weights of the next
+/// block.
+///
+/// r0-r5: sums; r6-r9: weights of a round (two words of the first output, two of the second);
+/// r10-r11: inputs of a position; r12: next position of a segment; lr: weights. The other arguments
+/// stay on the stack.
+macro_rules! kernel {
+    ($name:ident, $segments:literal, $width:literal, $stride:literal, $blocks:literal, $shared:literal,
+        [$($start:literal,)*] [$($segment:literal,)*] [$($round:literal,)*] [$($end:literal,)*]) => {
+        #[unsafe(naked)]
+        pub(super) unsafe extern "C" fn $name(arguments: *const ()) {
+            core::arch::naked_asm!(
+                "push {{r4-r11, lr}}",
+                "sub sp, #{frame}",
+                ".set at, 0",
+                ".rept {frame} / 4",
+                "ldr r1, [r0, #at]",
+                "str r1, [sp, #at]",
+                ".set at, at + 4",
+                ".endr",
+                "ldr lr, [sp, #{weights}]",
+                "2:",
+                ".set block, 0",
+                ".rept {blocks}",
+                $($start,)*
+                ".set segment, 0",
+                ".rept {segments}",
+                "ldr r12, [sp, #(4 * segment)]",
+                $($segment,)*
+                ".set round, 0",
+                ".rept {rounds}",
+                $($round,)*
+                ".set round, round + 1",
+                ".endr",
+                ".if block == {blocks} - 1",
+                "add r12, #(3 * {position} * {blocks})",
+                "str r12, [sp, #(4 * segment)]",
+                ".endif",
+                ".set segment, segment + 1",
+                ".endr",
+                "ldr r12, [sp, #{sums}]",
+                "stm r12!, {{r0-r5}}",
+                "str r12, [sp, #{sums}]",
+                $($end,)*
+                ".set block, block + 1",
+                ".endr",
+                "ldr r11, [sp, #{end}]",
+                "cmp r12, r11",
+                "bne.w 2b",
+                "add sp, #{frame}",
+                "pop {{r4-r11, pc}}",
+                segments = const $segments,
+                blocks = const $blocks,
+                rounds = const $width / crate::dot::ROUND,
+                position = const 4 * $stride,
+                frame = const size_of::<super::Arguments<$segments>>(),
+                weights = const core::mem::offset_of!(super::Arguments<$segments>, weights),
+                sums = const core::mem::offset_of!(super::Arguments<$segments>, sums),
+                shared = const $shared as usize,
+                weights_of_block = const 4 * crate::dot::weights_len($segments * $width),
+                end = const core::mem::offset_of!(super::Arguments<$segments>, end),
+            );
+        }
+    };
+}
+
+/// Defines the kernels of a schedule, whose instructions are four lists for [`kernel`].
+macro_rules! schedule {
+    ($start:tt $segment:tt $round:tt $end:tt) => {
+        kernel!(dots_1x14, 1, 14, 14, 4, true, $start $segment $round $end);
+        kernel!(dots_3x8, 3, 8, 8, 8, false, $start $segment $round $end);
+        kernel!(dots_9x24, 9, 24, 8, 1, true, $start $segment $round $end);
+    };
+}
 
 #[cfg(not(feature = "cortex-m7"))]
 mod grouped;

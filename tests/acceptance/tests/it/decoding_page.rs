@@ -72,7 +72,7 @@ fn the_program_of_the_page_decodes_as_the_bridge_does() {
             size.apply(description);
         });
         let artifact = artifact.expect("an artifact");
-        let what = format!("{mode:?}, {padding:?}, {pool:?}, {size}");
+        let what = format!("{mode:?}, {padding:?}, {pool:?}, {size:?}");
         let worst = compare(&artifact);
         println!("{what}: {worst:.1e}");
         assert!(worst < TOLERANCE, "{what}: {worst:e}");

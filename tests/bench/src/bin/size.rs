@@ -1,12 +1,13 @@
-//! Image with only the acquisition and the encoder. The image's size is the flash that they need,
-//! and the fact that it links proves that no path through them panics or allocates.
+//! Image with only the acquisition and the encoder, or, with the feature `packed`, with only the
+//! packed encoder. The image's size is the flash that they need, and the fact that it links proves
+//! that no path through them panics or allocates.
 #![cfg_attr(target_os = "none", no_std)]
 #![cfg_attr(target_os = "none", no_main)]
 
 /// Built for a PC, the program only prints what it is for.
 #[cfg(not(target_os = "none"))]
 fn main() {
-    eprintln!("this image is measured, not run: `cargo xtask bench encoder`");
+    eprintln!("this image is measured, not run: `cargo xtask bench encoder` and `packed`");
 }
 
 #[cfg(target_os = "none")]
@@ -15,14 +16,28 @@ mod image {
     use core::{hint::black_box, panic::PanicInfo};
 
     use cortex_m_rt::entry;
+    #[cfg(not(feature = "packed"))]
     use pipeline::{Mains, Pipeline, Sample};
+    #[cfg(feature = "packed")]
+    use pipeline::{PackedEncoder, Step};
 
+    #[cfg(not(feature = "packed"))]
     #[entry]
     fn main() -> ! {
         let mut pipeline = Pipeline::new(black_box(Mains::Hz50));
         loop {
             let sample = black_box(Sample::default());
             black_box(pipeline.encode_sample(&sample));
+        }
+    }
+
+    #[cfg(feature = "packed")]
+    #[entry]
+    fn main() -> ! {
+        let mut encoder = PackedEncoder::new();
+        loop {
+            let step = black_box(Step::default());
+            black_box(encoder.encode_step(&step));
         }
     }
 

@@ -9,13 +9,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use artifact::Artifact;
-use emulator::{Image, MACHINES, Machine, OtherModel};
-use serde::Deserialize;
+use emulator::{Image, MACHINES, OtherModel};
 use serde_json::{Map, Value as Json, json};
 
 use self::reference::Reference;
 use super::images::{self, Range};
-use crate::tally::Tally;
 
 /// Parts of a cost that are measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,17 +22,6 @@ pub(crate) enum Parts {
     Encoder,
     /// Instructions, codes, and the images of the boards, whose builds take most of the time.
     EncoderAndBoards,
-}
-
-/// Counts that the image of the encoder prints, as TOML, as far as they are used here.
-#[derive(Debug, Deserialize)]
-struct Printed {
-    /// RAM that the state of acquisition and encoder occupies, bytes.
-    ram_bytes: u32,
-    /// Number of instructions of the acquisition for all time steps of one code.
-    acquisition_per_code: u32,
-    /// For each input, the tally of each time step of a hop.
-    inputs: Vec<Vec<Tally>>,
 }
 
 /// Returns the cost of the model in `folder`, with `windows` windows encoded on each emulated
@@ -65,13 +52,29 @@ pub(crate) fn measure(
     let (mut different, mut constant, mut state) = (0, true, 0);
     for machine in MACHINES {
         let image = Image::build_with_model(model, "bench", "encoder", machine.features)?;
-        let counted = count(&image, machine, &reference)?;
-        different += counted.different_codes;
-        constant &= counted.steps.iter().all(|step| step.constant);
-        state = state.max(counted.printed.ram_bytes);
+        let (printed, wrong) = reference.expected.run(&image, machine, "bench/cost")?;
+        let steps = Range::of_columns(&printed.inputs);
+        ensure!(
+            steps.len() == reference.hop,
+            "the image counts other time steps than the {} of a hop\n  next: `cargo clean --package bench`",
+            reference.hop
+        );
+        different += wrong.iter().sum::<usize>();
+        constant &= steps.iter().all(|step| step.constant);
+        state = state.max(printed.ram_bytes);
+        let sum = steps.iter().map(|step| step.most).sum::<u32>();
+        let hop = u32::try_from(steps.len()).unwrap_or(u32::MAX);
         let key = machine.core.replace("Cortex-", "").to_lowercase();
-        for (figure, instructions) in counted.figures() {
-            figures.insert(format!("{key}_{figure}"), instructions);
+        for (figure, instructions) in [
+            ("insn_per_code", sum),
+            ("insn_mean_step", sum / hop.max(1)),
+            (
+                "insn_worst_step",
+                steps.iter().map(|step| step.most).max().unwrap_or(0),
+            ),
+            ("insn_filters_per_code", printed.acquisition_per_code),
+        ] {
+            figures.insert(format!("{key}_{figure}"), instructions.into());
         }
     }
     figures.insert("state_bytes".into(), state.into());
@@ -125,79 +128,4 @@ fn path(model: OtherModel<'_>) -> anyhow::Result<usize> {
     let tasks = Image::build_with_model(model, "bench", "tasks", features)?;
     images::check_panics(&images::loaded(tasks.path())?)?;
     Ok(images::loaded(bare.path())?.len())
-}
-
-/// Result of one run of the image of the encoder.
-#[derive(Debug)]
-struct Counted {
-    printed: Printed,
-    /// Instructions of each time step of a hop.
-    steps: Vec<Range>,
-    /// Number of codes, and of digests of random networks, that are not those of the reference.
-    different_codes: usize,
-}
-
-/// Runs the image of the encoder and compares its codes with the reference.
-fn count(image: &Image, machine: Machine, reference: &Reference) -> anyhow::Result<Counted> {
-    let (printed, different) = reference
-        .expected
-        .run::<Printed>(image, machine, "bench/cost")?;
-    let hop = reference.hop;
-    ensure!(
-        !printed.inputs.is_empty() && printed.inputs.iter().all(|input| input.len() == hop),
-        "the image counts other time steps than the {hop} of a hop\n  next: `cargo clean --package bench`"
-    );
-    let steps =
-        (0..hop).map(|step| Range::new(printed.inputs.iter().map(move |input| input[step])));
-    Ok(Counted {
-        steps: steps.collect(),
-        printed,
-        different_codes: different.iter().sum(),
-    })
-}
-
-impl Counted {
-    /// Returns the figures of the machine: for each code, and for the time steps of a hop their
-    /// mean and the longest.
-    fn figures(&self) -> [(&'static str, Json); 4] {
-        let most = || self.steps.iter().map(|step| step.most);
-        let sum: u32 = most().sum();
-        let hop = u32::try_from(self.steps.len()).unwrap_or(u32::MAX);
-        [
-            ("insn_per_code", sum.into()),
-            ("insn_mean_step", (sum / hop.max(1)).into()),
-            ("insn_worst_step", most().max().into()),
-            (
-                "insn_filters_per_code",
-                self.printed.acquisition_per_code.into(),
-            ),
-        ]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_code_is_the_sum_of_its_time_steps_and_the_longest_is_named() {
-        let tally = |most| Tally {
-            fewest: most,
-            most,
-            total: u64::from(most),
-        };
-        let printed = Printed {
-            ram_bytes: 1,
-            acquisition_per_code: 7,
-            inputs: Vec::new(),
-        };
-        let steps = [10, 10, 10, 18].map(|most| Range::new([tally(most), tally(most)].into_iter()));
-        let counted = Counted {
-            printed,
-            steps: steps.into(),
-            different_codes: 0,
-        };
-        let values = counted.figures().map(|(_, value)| value);
-        assert_eq!(values, [json!(48), json!(12), json!(18), json!(7)]);
-    }
 }

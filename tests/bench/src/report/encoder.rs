@@ -7,11 +7,10 @@ mod cycles;
 use emulator::{Image, MACHINES, Machine};
 use model::CODE_FORMAT;
 use pipeline::{CodeValues, Encoder, Plane, Step};
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 
-use self::counts::Counts;
+use self::counts::{Counts, Printed};
 use self::cycles::{LoopCycles, REST_M4, REST_M7, load_percent};
 use super::checked_in;
 use super::figures::Report;
@@ -105,12 +104,12 @@ impl Expected {
     ///
     /// # Errors
     /// The image does not run to its end, or its outputs are incomplete.
-    pub(crate) fn run<T: DeserializeOwned>(
+    pub(crate) fn run(
         &self,
         image: &Image,
         machine: Machine,
         folder: &str,
-    ) -> anyhow::Result<(T, [usize; 2])> {
+    ) -> anyhow::Result<(Printed, [usize; 2])> {
         let length = self.codes.len() + self.digests.len();
         let (printed, output) = images::run(image, machine, folder, &self.input, length)?;
         Ok((printed, self.differences(&output)))

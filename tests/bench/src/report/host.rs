@@ -14,7 +14,7 @@ use serde_json::json;
 use super::checked_in::{self, ARTIFACT};
 use super::figures::{Report, median};
 use super::inputs;
-use super::python::Python;
+use super::programs::Python;
 
 /// Number of rounds; each times every contender once. One more round at the start is a warm-up and
 /// is not counted.

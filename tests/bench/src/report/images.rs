@@ -83,13 +83,16 @@ pub(crate) struct Range {
 
 impl Range {
     /// Returns the range of each column over all inputs; `inputs` has one row of tallies for each
-    /// input.
-    pub(crate) fn of_columns<const N: usize>(inputs: &[[Tally; N]]) -> [Self; N] {
-        std::array::from_fn(|column| Self::new(inputs.iter().map(|tallies| tallies[column])))
+    /// input. Columns that an input lacks are left out.
+    pub(crate) fn of_columns(inputs: &[Vec<Tally>]) -> Vec<Self> {
+        let columns = 0..inputs.iter().map(Vec::len).min().unwrap_or(0);
+        columns
+            .map(|column| Self::new(inputs.iter().map(|tallies| tallies[column])))
+            .collect()
     }
 
     /// Returns the range of the tallies of one contender or time step, one for each input.
-    pub(crate) fn new(tallies: impl Iterator<Item = Tally> + Clone) -> Self {
+    fn new(tallies: impl Iterator<Item = Tally> + Clone) -> Self {
         let first = tallies.clone().next();
         let fewest = tallies.clone().map(|tally| tally.fewest).min();
         let most = tallies.clone().map(|tally| tally.most).max();
@@ -182,15 +185,15 @@ mod tests {
             constant,
         };
         let inputs = [
-            [tally([10, 11]), tally([20, 20])],
-            [tally([10, 11]), tally([20, 21])],
+            vec![tally([10, 11]), tally([20, 20])],
+            vec![tally([10, 11]), tally([20, 21])],
         ];
         assert_eq!(
             Range::of_columns(&inputs),
             [range(10, 11, true), range(20, 21, false)]
         );
         // The largest counts are equal, the smallest are not.
-        let inputs = [[tally([10, 11])], [tally([11, 11])]];
+        let inputs = [vec![tally([10, 11])], vec![tally([11, 11])]];
         assert!(!Range::of_columns(&inputs)[0].constant);
     }
 

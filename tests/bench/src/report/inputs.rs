@@ -82,10 +82,9 @@ impl<T> Inputs<T> {
 /// `CORTICODE_DATA` is set, and its recording cannot be read or is too short.
 pub(crate) fn blocks() -> anyhow::Result<Inputs<Block>> {
     let mut inputs = Inputs::new();
-    inputs.add("silence", to_blocks(std::iter::repeat(Sample::default())));
-    inputs.add("rails", to_blocks(telegraph(ChaCha8Rng::seed_from_u64(1))));
-    inputs.add("noise", to_blocks(white(ChaCha8Rng::seed_from_u64(2))));
-    inputs.add("synthetic EEG", to_blocks(synthetic()?));
+    for (name, samples) in signals()? {
+        inputs.add(name, to_blocks(samples));
+    }
     inputs.add_real(recorded(RESAMPLED).context(FAILED)?.map(to_blocks));
     inputs.of_length(BLOCKS, RESAMPLED, "restore the file")
 }
@@ -95,29 +94,24 @@ pub(crate) fn blocks() -> anyhow::Result<Inputs<Block>> {
 /// # Errors
 /// `CORTICODE_DATA` is set, and its recording cannot be read or is too short.
 pub(crate) fn samples(count: usize) -> anyhow::Result<Inputs<Sample>> {
-    let take = |samples: &mut dyn Iterator<Item = Sample>| samples.take(count).collect();
     let mut inputs = Inputs::new();
-    inputs.add("silence", take(&mut std::iter::repeat(Sample::default())));
-    let rails = &mut telegraph(ChaCha8Rng::seed_from_u64(1));
-    inputs.add("rails", take(rails));
-    inputs.add("noise", take(&mut white(ChaCha8Rng::seed_from_u64(2))));
-    inputs.add("synthetic EEG", take(&mut synthetic()?));
-    let real = recorded(RESAMPLED).context(FAILED)?;
-    for (name, noise_uv) in [
-        ("real EEG, 0.2 uV noise", 0.2),
-        ("real EEG, 0.5 uV noise", 0.5),
-        ("real EEG, 1.0 uV noise", 1.0),
-    ] {
-        if let Ok(samples) = &real {
-            let mut random = ChaCha8Rng::seed_from_u64(3);
-            let mut noisy = samples
-                .iter()
-                .map(|sample| with_noise(sample, noise_uv, &mut random));
-            inputs.add(name, take(&mut noisy));
-        }
+    for (name, samples) in signals()? {
+        inputs.add(name, samples.take(count).collect());
     }
-    if let Err(reason) = real {
-        inputs.add_real(Err(reason));
+    match recorded(RESAMPLED).context(FAILED)? {
+        Ok(samples) => {
+            for (name, noise_uv) in [
+                ("real EEG, 0.2 uV noise", 0.2),
+                ("real EEG, 0.5 uV noise", 0.5),
+                ("real EEG, 1.0 uV noise", 1.0),
+            ] {
+                let mut random = ChaCha8Rng::seed_from_u64(3);
+                let samples = samples.iter().take(count);
+                let noisy = samples.map(|sample| with_noise(sample, noise_uv, &mut random));
+                inputs.add(name, noisy.collect());
+            }
+        }
+        Err(reason) => inputs.add_real(Err(reason)),
     }
     inputs.of_length(count, RESAMPLED, "restore the file")
 }
@@ -161,23 +155,35 @@ pub(crate) fn planes(windows: usize) -> anyhow::Result<Inputs<Plane>> {
 /// `CORTICODE_DATA` is set, and its recording cannot be read or is too short.
 pub(crate) fn steps(count: usize) -> anyhow::Result<Inputs<Step>> {
     let mut inputs = Inputs::new();
-    let of = |mains, samples: &mut dyn Iterator<Item = Sample>| to_steps(mains, samples, count);
+    let noisy = eight_noisy(synthetic()?, ChaCha8Rng::seed_from_u64(4));
+    let [_, rails, noise, synthetic] = signals()?;
     inputs.add("silence", vec![Step::SILENCE; count]);
-    let rails = &mut telegraph(ChaCha8Rng::seed_from_u64(1));
-    inputs.add("rails", of(Mains::Hz50, rails));
-    let noise = &mut white(ChaCha8Rng::seed_from_u64(2));
-    inputs.add("noise", of(Mains::Hz50, noise));
-    let impulses = &mut impulses(ChaCha8Rng::seed_from_u64(3));
-    inputs.add("impulses", of(Mains::Hz50, impulses));
-    let noisy = &mut eight_noisy(synthetic()?, ChaCha8Rng::seed_from_u64(4));
-    inputs.add(
-        "synthetic EEG, eight electrodes noisy",
-        of(Mains::Hz50, noisy),
-    );
-    inputs.add("synthetic EEG", of(Mains::Hz50, &mut synthetic()?));
+    for (name, samples) in [
+        rails,
+        noise,
+        ("impulses", Box::new(impulses(ChaCha8Rng::seed_from_u64(3)))),
+        ("synthetic EEG, eight electrodes noisy", Box::new(noisy)),
+        synthetic,
+    ] {
+        inputs.add(name, to_steps(Mains::Hz50, samples, count));
+    }
     let real = recorded(HELD_OUT).context(FAILED)?;
-    inputs.add_real(real.map(|samples| of(Mains::Hz60, &mut samples.into_iter())));
+    inputs.add_real(real.map(|samples| to_steps(Mains::Hz60, samples, count)));
     inputs.of_length(count, HELD_OUT, "ask for fewer --hops")
+}
+
+/// A test signal with its name: endless samples.
+type Signal = (&'static str, Box<dyn Iterator<Item = Sample>>);
+
+/// Returns silence, jumps between the rails, noise over the whole range, and synthetic EEG.
+fn signals() -> anyhow::Result<[Signal; 4]> {
+    let random = ChaCha8Rng::seed_from_u64;
+    Ok([
+        ("silence", Box::new(std::iter::repeat(Sample::default()))),
+        ("rails", Box::new(telegraph(random(1)))),
+        ("noise", Box::new(white(random(2)))),
+        ("synthetic EEG", Box::new(synthetic()?)),
+    ])
 }
 
 /// Returns endless EEG at the electrodes of the model, the same on every call.
@@ -230,10 +236,10 @@ fn to_planes(mains: Mains, samples: impl IntoIterator<Item = Sample>, steps: usi
     steps_of.map(|step| step.plane).take(steps).collect()
 }
 
-/// Returns the first `count` steps after the second in which offsets decay, computed by the
-/// acquisition.
-fn to_steps(mains: Mains, samples: &mut dyn Iterator<Item = Sample>, count: usize) -> Vec<Step> {
+/// Returns the first `count` steps after [`SETTLING_STEPS`], computed by the acquisition.
+fn to_steps(mains: Mains, samples: impl IntoIterator<Item = Sample>, count: usize) -> Vec<Step> {
     let mut acquisition = Acquisition::new(mains);
+    let samples = samples.into_iter();
     let steps = samples.filter_map(|sample| acquisition.process_sample(&sample));
     steps.skip(SETTLING_STEPS).take(count).collect()
 }

@@ -139,12 +139,6 @@ mod tests {
     }
 
     #[test]
-    fn codes_have_two_numbers_for_each_electrode_and_the_paper_s_128_for_61() {
-        let lengths = [61, 32, 16, 8].map(numbers);
-        assert_eq!(lengths, [128, 64, 32, 16]);
-    }
-
-    #[test]
     fn only_the_montage_that_is_asked_for_is_measured() {
         let montages = || any_model::montages().expect("files/montages/");
         assert!(montages().len() >= 5);

@@ -27,7 +27,7 @@ use tokio::time::sleep;
 
 use self::figures::{Figures, Times, Usage};
 use self::subscriber::Subscriber;
-use super::python::Python;
+use super::programs::Python;
 
 /// Environment variable with the folder of our programs; the default is the folder of this program.
 const FOLDER: &str = "CORTICODE_PROGRAMS";

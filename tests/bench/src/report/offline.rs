@@ -18,7 +18,7 @@ use tempfile::TempDir;
 use super::checked_in;
 use super::figures::{Report, median};
 use super::inputs;
-use super::python::{self, Python};
+use super::programs::{self, Python};
 
 /// What one run of `offline_torch.py` prints.
 #[derive(Debug, Deserialize)]
@@ -53,7 +53,7 @@ struct Round {
 /// A contender does not run.
 pub(crate) fn measure(seconds: u32) -> anyhow::Result<Report> {
     let artifact = checked_in::artifact()?;
-    let request = python::model(&artifact.description)
+    let request = programs::model(&artifact.description)
         .to_string()
         .into_bytes();
     let ours = Ours::new(seconds)?;

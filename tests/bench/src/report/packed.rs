@@ -9,7 +9,7 @@ use emulator::{Image, MACHINES, Machine};
 use model::HOP;
 use pipeline::{PackedEncoder, Step};
 use serde::{Deserialize, Serialize};
-use serde_json::json;
+use serde_json::{Value as Json, json};
 use trainer::comparison;
 use trainer::progress::ProgressObserver;
 
@@ -87,7 +87,8 @@ pub(crate) fn measure(hops: usize) -> anyhow::Result<Report> {
     let mut machines = Vec::new();
     let (mut flash_bytes, mut ram_bytes) = (0, 0);
     for machine in MACHINES {
-        let bare = Image::build("bench", "packed_size", machine.features)?;
+        let features = [machine.features, &["--features=packed"]].concat();
+        let bare = Image::build("bench", "size", &features)?;
         flash_bytes = images::loaded(bare.path())?.len().max(flash_bytes);
         let image = Image::build("bench", "packed", machine.features)?;
         let (printed, output) = run(&image, machine, &inputs, expected.len())?;
@@ -182,11 +183,11 @@ fn report(
     #[expect(clippy::cast_precision_loss, reason = "below 2^53")]
     let worst_over_mean = f64::from(eeg.insn_worst_hop) / eeg.insn_per_hop as f64;
     let figures = json!({
-        "bits_per_hop": recorded.as_ref().map(|errors| errors.bits_per_hop),
-        "mse": recorded.as_ref().map(|errors| errors.mse),
-        "mse_smoothed": recorded.as_ref().map(|errors| errors.mse_smoothed),
-        "pca_int8_bits": recorded.as_ref().map(|errors| errors.pca_int8_bits),
-        "pca_int8_mse": recorded.as_ref().and_then(|errors| errors.pca_int8_mse),
+        "bits_per_hop": recorded["bits_per_hop"],
+        "mse": recorded["mse"],
+        "mse_smoothed": recorded["mse_smoothed"],
+        "pca_int8_bits": recorded["pca_int8_bits"],
+        "pca_int8_mse": recorded["pca_int8_mse"],
         "insn_per_hop": eeg.insn_per_hop,
         "insn_worst_hop": eeg.insn_worst_hop,
         "insn_worst_hop_any_input": worst,
@@ -198,7 +199,7 @@ fn report(
         "bytes_equal": machines.iter().all(|counts| counts.bytes_equal),
         "decoder_equal": coded.iter().all(|coded| coded.decoder_equal),
         "hops": coded.iter().map(|coded| coded.lengths.len()).sum::<usize>(),
-        "rates": recorded.as_ref().map(|errors| &errors.rates),
+        "rates": recorded["rates"],
         "machines": machines,
         "skipped": inputs.skipped,
     });
@@ -212,37 +213,17 @@ const FOLDER: &str = "eegmmidb_S001";
 const RECORDINGS: [&str; 2] = ["S001R11.edf", "S001R12.edf"];
 const MAINS_HZ: u32 = 60;
 
-/// Figures at the model's own rate, at every rate, and of PCA's codes.
-#[derive(Debug)]
-struct Errors {
-    bits_per_hop: f64,
-    mse: f64,
-    mse_smoothed: f64,
-    pca_int8_bits: usize,
-    pca_int8_mse: Option<f64>,
-    rates: Vec<RateFigures>,
-}
-
-/// Figures of one rate.
-#[derive(Debug, Serialize)]
-struct RateFigures {
-    rate: u8,
-    bits_per_hop: f64,
-    longest_bytes: usize,
-    mse: f64,
-    mse_smoothed: f64,
-}
-
-/// Measures the built-in model; `None` where `CORTICODE_DATA` is not set.
+/// Returns the bits and errors of the built-in model at its own rate and at every rate, and those of
+/// PCA's codes; null where `CORTICODE_DATA` is not set.
 ///
 /// # Errors
 /// The recordings or the model cannot be used.
-fn recorded_errors() -> anyhow::Result<Option<Errors>> {
+fn recorded_errors() -> anyhow::Result<Json> {
     let Some(data) = env::var_os("CORTICODE_DATA").filter(|folder| !folder.is_empty()) else {
         eprintln!(
             "SKIPPED: error of the packed code: CORTICODE_DATA is not set; it names the folder that has {FOLDER}"
         );
-        return Ok(None);
+        return Ok(Json::Null);
     };
     let (folder, data) = (
         Path::new(checked_in::ARTIFACT),
@@ -258,26 +239,25 @@ fn recorded_errors() -> anyhow::Result<Option<Errors>> {
     let model = artifact
         .packed
         .context("the built-in model has no packed model")?;
-    let own = figures
-        .iter()
-        .find(|figures| figures.rate == model.description.rate);
+    let rate = model.description.rate;
+    let own = figures.iter().find(|figures| figures.rate == rate);
     let own = own.context("figures of the model's rate")?;
-    Ok(Some(Errors {
-        bits_per_hop: own.bits,
-        mse: own.mse,
-        mse_smoothed: own.mse_smoothed,
-        pca_int8_bits: codes.bits_per_window(),
-        pca_int8_mse: codes.pca.map(|pca| pca.errors.integer.mse),
-        rates: figures
-            .iter()
-            .map(|figures| RateFigures {
-                rate: figures.rate,
-                bits_per_hop: figures.bits,
-                longest_bytes: figures.longest,
-                mse: figures.mse,
-                mse_smoothed: figures.mse_smoothed,
-            })
-            .collect(),
+    let rates = figures.iter().map(|figures| {
+        json!({
+            "rate": figures.rate,
+            "bits_per_hop": figures.bits,
+            "longest_bytes": figures.longest,
+            "mse": figures.mse,
+            "mse_smoothed": figures.mse_smoothed,
+        })
+    });
+    Ok(json!({
+        "bits_per_hop": own.bits,
+        "mse": own.mse,
+        "mse_smoothed": own.mse_smoothed,
+        "pca_int8_bits": codes.bits_per_window(),
+        "pca_int8_mse": codes.pca.map(|pca| pca.errors.integer.mse),
+        "rates": rates.collect::<Vec<_>>(),
     }))
 }
 

@@ -20,7 +20,7 @@ use trainer::parameters::Parameters;
 
 use super::checked_in;
 use super::figures::{Report, median};
-use super::python::{self, Python};
+use super::programs::{self, Python};
 
 /// Number of windows in a batch.
 const BATCH: usize = 32;
@@ -56,7 +56,7 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     let artifact = checked_in::artifact()?;
     let ours = Ours::new(&artifact)?;
     let request = json!({
-        "model": python::model(&artifact.description),
+        "model": programs::model(&artifact.description),
         "batch": BATCH,
         "warm_up": WARM_UP,
         "rate": RATE,

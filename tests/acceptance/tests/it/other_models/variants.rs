@@ -91,7 +91,7 @@ fn streaming_equals_batch_with_every_variant() {
             let tests = BUILD.to_owned() + if has_packed { PACKED } else { "" };
             let built = OtherModel::build(folder.path(), &[&tests]);
             scope.spawn(move || {
-                println!("{mode:?}, padding {padding:?}, pool {pool:?}, {size}, {format}");
+                println!("{mode:?}, padding {padding:?}, pool {pool:?}, {size:?}, {format}");
                 // The tests read the model's folder.
                 let _folder = folder;
                 built.test("streaming_equals_batch", "");

@@ -5,7 +5,7 @@ use artifact::{Artifact, CodeFormat, IntegerCode};
 
 use crate::report::encoder::Expected;
 
-/// Seed of the smooth input; another one than that of any model here.
+/// Seed of the smooth input, which differs from the seeds of the models.
 const SMOOTH: u32 = 0x5eed;
 
 /// Inputs of equal length, and their codes.

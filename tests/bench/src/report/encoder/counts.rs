@@ -15,12 +15,12 @@ use crate::tally::Tally;
 #[serde(deny_unknown_fields)]
 pub(crate) struct Printed {
     /// RAM that the state of acquisition and encoder occupies, bytes.
-    ram_bytes: u32,
+    pub(crate) ram_bytes: u32,
     /// Number of instructions of the acquisition for all time steps of one code.
-    acquisition_per_code: u32,
+    pub(crate) acquisition_per_code: u32,
     kernels: Vec<KernelCount>,
     /// For each input, the tally of each time step of a hop.
-    inputs: Vec<[Tally; HOP]>,
+    pub(crate) inputs: Vec<Vec<Tally>>,
 }
 
 #[derive(Debug, Clone, Serialize)]
@@ -28,7 +28,7 @@ pub(crate) struct Counts {
     pub(crate) machine: &'static str,
     core: &'static str,
     /// Fewest and most instructions of each time step of a hop, over all inputs.
-    steps: [[u32; 2]; HOP],
+    steps: Vec<[u32; 2]>,
     /// Whether each time step takes the same number of instructions for every input.
     pub(crate) constant: bool,
     kernels: Vec<KernelCount>,
@@ -85,7 +85,7 @@ impl Counts {
         Self {
             machine: machine.name,
             core: machine.core,
-            steps: steps.map(|step| [step.fewest, step.most]),
+            steps: steps.iter().map(|step| [step.fewest, step.most]).collect(),
             constant: steps.iter().all(|step| step.constant),
             rest_per_code: i64::from(figures.insn_per_code_shortcut) - i64::from(in_kernels),
             kernels: printed.kernels,

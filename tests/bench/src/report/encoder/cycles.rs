@@ -11,7 +11,7 @@ use model::{
 };
 use serde::Serialize;
 
-use crate::report::tools;
+use crate::report::programs;
 
 /// Assumed cycles of every instruction outside the loops on a Cortex-M4: those of the slowest
 /// common instruction, a load that does not follow another load.
@@ -193,10 +193,10 @@ impl Loop {
         let instructions = self.unconditional().join("\n");
         fs::write(source, format!(".syntax unified\n.thumb\n{instructions}\n"))
             .map_err(EmulatorError::file(source))?;
-        let mut command = tools::llvm("llvm-mca")?;
+        let mut command = programs::llvm("llvm-mca")?;
         command.args(["-mtriple=thumbv7em-none-eabihf", "-mcpu", cpu]);
         command.arg(format!("-iterations={ITERATIONS}")).arg(source);
-        let printed = tools::output_of(&mut command).context("llvm-mca fails")?;
+        let printed = programs::output_of(&mut command).context("llvm-mca fails")?;
         let mut lines = printed.lines();
         let cycles = lines.find_map(|line| line.strip_prefix("Total Cycles:"));
         let cycles: u32 = cycles
@@ -237,11 +237,11 @@ impl Loop {
 /// # Errors
 /// llvm-objdump is not installed or cannot read the image.
 fn disassemble(image: &Path) -> anyhow::Result<String> {
-    let mut command = tools::llvm("llvm-objdump")?;
+    let mut command = programs::llvm("llvm-objdump")?;
     command
         .args(["--disassemble", "--demangle", "--no-show-raw-insn"])
         .arg(image);
-    tools::output_of(&mut command).context("llvm-objdump fails")
+    programs::output_of(&mut command).context("llvm-objdump fails")
 }
 
 /// Returns the target address of a conditional branch; `None` for other instructions.

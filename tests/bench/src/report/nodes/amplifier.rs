@@ -1,14 +1,14 @@
 //! An acquisition: publishes frames of one hop in real time.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use neuro_ros::{Header, NeuroDataFloat, NeuroDataInfo, NeuroFrame, NeuroHeader, Stamp, Wire};
 use ros1::Publisher;
 
-use super::figures::Times;
+use super::figures::{SharedTimes, Times};
 use super::wait_until;
 
 /// Samples per step of the encoder.
@@ -25,30 +25,28 @@ const PERIOD: Duration =
 /// A thread that publishes the same numbers on two topics, on the second one half a period later.
 #[derive(Debug)]
 pub(super) struct Amplifier {
-    sent: Arc<[Mutex<Times>; 2]>,
+    sent: [SharedTimes; 2],
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Amplifier {
     pub(super) fn start(publishers: [Publisher; 2]) -> Amplifier {
-        let sent = Arc::<[Mutex<Times>; 2]>::default();
+        let sent = <[SharedTimes; 2]>::default();
         let stop = Arc::<AtomicBool>::default();
-        let (times, stopped) = (Arc::clone(&sent), Arc::clone(&stop));
+        let (times, stopped) = (sent.clone(), Arc::clone(&stop));
         let thread = thread::spawn(move || {
             let start = Instant::now();
             let mut number = 0;
             while !stopped.load(Ordering::Relaxed) {
                 number += 1;
                 let mut frame = frame(number);
-                for (half, publisher) in (0_u32..).zip(&publishers) {
+                for ((half, publisher), times) in (0_u32..).zip(&publishers).zip(&times) {
                     wait_until(start + (2 * number + half) * PERIOD / 2);
                     frame.header.stamp = Stamp::now();
                     let bytes = frame.to_bytes();
                     if number >= FIRST {
-                        let times = &times[half as usize];
-                        let mut times = times.lock().unwrap_or_else(PoisonError::into_inner);
-                        times.insert(u64::from(number - FIRST), Instant::now());
+                        times.note(u64::from(number - FIRST), Instant::now());
                     }
                     publisher.publish(&bytes);
                 }
@@ -63,10 +61,7 @@ impl Amplifier {
 
     /// Returns when the frame was sent that completes each window, for both topics.
     pub(super) fn times(&self) -> [Times; 2] {
-        std::array::from_fn(|topic| {
-            let times = self.sent[topic].lock();
-            times.unwrap_or_else(PoisonError::into_inner).clone()
-        })
+        self.sent.each_ref().map(SharedTimes::so_far)
     }
 }
 

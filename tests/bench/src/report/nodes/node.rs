@@ -25,7 +25,7 @@ use super::subscriber::Subscriber;
 use super::{Nodes, Pair, Programs, Ros, START};
 use crate::report::checked_in;
 use crate::report::figures::Report;
-use crate::report::python::{self, Python};
+use crate::report::programs::{self, Python};
 
 /// Program that is measured.
 const NODE: &str = "corticode-node";
@@ -78,7 +78,7 @@ async fn run(programs: &Programs, torch: Option<Python>, seconds: u32) -> anyhow
     let first = FIRST.to_string();
     let [length, rate] = super::code_arguments();
     let mut arguments = vec![TOPICS[1][0], TOPICS[1][1], &first, &length, &rate];
-    let model = python::model(&checked_in::artifact()?.description).to_string();
+    let model = programs::model(&checked_in::artifact()?.description).to_string();
     if torch.is_some() {
         arguments.push(&model);
     }

@@ -5,14 +5,13 @@
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use link::{Decoder, ToHost};
 
-use super::figures::Times;
+use super::figures::{SharedTimes, Times};
 use super::wait_until;
 
 /// Time from one code to the next.
@@ -34,16 +33,10 @@ struct Levels {
     values: Vec<i32>,
 }
 
-/// Times at which codes were sent.
-#[derive(Debug, Default)]
-struct Sent {
-    to_bridge: Mutex<Times>,
-    to_rospy: Mutex<Times>,
-}
-
-/// Threads that pass on what the source sends; they end with its connection.
+/// Threads that pass on what the source sends; they end with its connection. Holds the times at
+/// which codes were sent to the bridge and to the node in rospy.
 #[derive(Debug)]
-pub(super) struct Relay(Arc<Sent>);
+pub(super) struct Relay([SharedTimes; 2]);
 
 impl Relay {
     /// Connects to the source at `port` of 127.0.0.1, accepts the bridge at `bridge` and the node
@@ -60,15 +53,14 @@ impl Relay {
         let bridge = accept(bridge).context("corticode-bridge does not connect")?;
         let rospy = rospy.map(accept).transpose();
         let rospy = rospy.context("rospy_bridge.py does not connect")?;
-        let sent = Arc::<Sent>::default();
+        let [to_bridge, to_rospy] = <[SharedTimes; 2]>::default();
+        let sent = [to_bridge.clone(), to_rospy.clone()];
         let (codes, later) = channel();
         let (mut commands, mut back) = (bridge.try_clone()?, source.try_clone()?);
         thread::spawn(move || io::copy(&mut commands, &mut back));
-        let times = Arc::clone(&sent);
-        thread::spawn(move || forward(source, bridge, &times.to_bridge, &codes));
+        thread::spawn(move || forward(source, bridge, &to_bridge, &codes));
         if let Some(rospy) = rospy {
-            let times = Arc::clone(&sent);
-            thread::spawn(move || delay(&later, rospy, &times.to_rospy));
+            thread::spawn(move || delay(&later, rospy, &to_rospy));
         }
         Ok(Self(sent))
     }
@@ -76,8 +68,7 @@ impl Relay {
     /// Returns when each code was sent to the bridge and to the node in rospy, by the index of its
     /// window.
     pub(super) fn times(&self) -> [Times; 2] {
-        [&self.0.to_bridge, &self.0.to_rospy]
-            .map(|times| times.lock().unwrap_or_else(PoisonError::into_inner).clone())
+        self.0.each_ref().map(SharedTimes::so_far)
     }
 }
 
@@ -113,7 +104,7 @@ fn accept(listener: &TcpListener) -> io::Result<TcpStream> {
 fn forward(
     mut source: TcpStream,
     mut bridge: TcpStream,
-    sent: &Mutex<Times>,
+    sent: &SharedTimes,
     codes: &Sender<(Instant, Levels)>,
 ) -> io::Result<()> {
     let mut decoder: Decoder = Decoder::new();
@@ -133,7 +124,7 @@ fn forward(
             let (window, at) = *first.get_or_insert((code.window, arrival + RESERVE));
             wait_until(at + HOP * code.window.wrapping_sub(window));
             let now = Instant::now();
-            note(sent, code.window, now);
+            sent.note(code.window.into(), now);
             let levels = Levels {
                 window: code.window,
                 values: code.values.levels().collect(),
@@ -150,7 +141,7 @@ fn forward(
 fn delay(
     codes: &Receiver<(Instant, Levels)>,
     mut rospy: TcpStream,
-    sent: &Mutex<Times>,
+    sent: &SharedTimes,
 ) -> io::Result<()> {
     for (at, code) in codes {
         let mut bytes = Vec::with_capacity(4 + 4 * code.values.len());
@@ -159,13 +150,8 @@ fn delay(
         let values = code.values.iter().map(|level| *level as f32);
         bytes.extend(values.flat_map(f32::to_le_bytes));
         wait_until(at + OFFSET);
-        note(sent, code.window, Instant::now());
+        sent.note(code.window.into(), Instant::now());
         rospy.write_all(&bytes)?;
     }
     Ok(())
-}
-
-fn note(sent: &Mutex<Times>, window: u32, at: Instant) {
-    let mut sent = sent.lock().unwrap_or_else(PoisonError::into_inner);
-    sent.insert(window.into(), at);
 }

@@ -1,6 +1,5 @@
 //! A subscriber that records the time at which each code arrives.
 
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::ensure;
@@ -10,7 +9,7 @@ use ros1::Node;
 use tokio::task::JoinHandle;
 use tokio::time::{sleep, timeout};
 
-use super::figures::Times;
+use super::figures::{SharedTimes, Times};
 
 /// Number of messages that wait in the subscriber.
 const QUEUE: usize = 256;
@@ -19,7 +18,7 @@ const QUEUE: usize = 256;
 #[derive(Debug)]
 pub(super) struct Subscriber {
     topic: &'static str,
-    arrived: Arc<Mutex<Times>>,
+    arrived: SharedTimes,
     task: JoinHandle<()>,
 }
 
@@ -30,15 +29,14 @@ impl Subscriber {
     /// The node has shut down.
     pub(super) async fn start(node: &Node, topic: &'static str) -> anyhow::Result<Self> {
         let mut subscription = node.subscribe(topic, NeuroFrame::TYPE, QUEUE).await?;
-        let arrived = Arc::<Mutex<Times>>::default();
-        let times = Arc::clone(&arrived);
+        let arrived = SharedTimes::default();
+        let times = arrived.clone();
         let task = tokio::spawn(async move {
             while let Some(body) = subscription.recv().await {
                 let now = Instant::now();
                 let window = NeuroFrame::from_bytes(&body).ok();
                 if let Some(window) = window.and_then(|frame| window_of(&frame)) {
-                    let mut times = times.lock().unwrap_or_else(PoisonError::into_inner);
-                    times.entry(window).or_insert(now);
+                    times.note(window, now);
                 }
             }
         });
@@ -71,8 +69,7 @@ impl Subscriber {
 
     /// Returns the times of arrival so far, by the index of the window. Fillers do not count.
     pub(super) fn times(&self) -> Times {
-        let times = self.arrived.lock();
-        times.unwrap_or_else(PoisonError::into_inner).clone()
+        self.arrived.so_far()
     }
 }
 

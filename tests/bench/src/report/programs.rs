@@ -1,4 +1,5 @@
-//! Peers in Python: the interpreters of this PC, and what the scripts of this crate read and print.
+//! External programs that a benchmark uses if they are installed: Python with the scripts of this
+//! crate, and LLVM's tools.
 
 use std::ffi::OsStr;
 use std::io::Write as _;
@@ -11,7 +12,6 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value as Json, json};
 
 use super::checked_in::ARTIFACT;
-use super::tools::output_of;
 
 /// Interpreters, tried in this order: the first in PATH, and Debian's.
 const INTERPRETERS: [&str; 2] = ["python3", "/usr/bin/python3"];
@@ -86,6 +86,26 @@ fn answer<T: DeserializeOwned>(command: &mut Command, input: &[u8]) -> anyhow::R
     ensure!(output.status.success(), "{}", output.status);
     written.context("it has no standard input")??;
     serde_json::from_slice(&output.stdout).context("it printed something else than its JSON object")
+}
+
+/// Returns what a command prints, or `None` if it does not start or does not exit with 0.
+pub(crate) fn output_of(command: &mut Command) -> Option<String> {
+    let output = command.stdin(Stdio::null()).output().ok()?;
+    let printed = String::from_utf8_lossy(&output.stdout);
+    output.status.success().then(|| printed.into_owned())
+}
+
+/// Returns a command for a tool of LLVM. The tool's name may end with a version, as Debian names
+/// the tools; the newest version is taken if there is no tool without one.
+///
+/// # Errors
+/// The tool is not installed.
+pub(crate) fn llvm(name: &str) -> anyhow::Result<Command> {
+    let versions = (14..=24).rev().map(|version| format!("{name}-{version}"));
+    let mut names = std::iter::once(name.to_owned()).chain(versions);
+    let installed = names.find(|name| output_of(Command::new(name).arg("--version")).is_some());
+    let missing = || format!("no {name}; Debian's package is `llvm`");
+    Ok(Command::new(installed.with_context(missing)?))
 }
 
 /// Returns the part of a script's request that describes the model: its filters and its encoder.
