@@ -2,19 +2,17 @@
 //!
 //! ```text
 //! records ──► Playback: Core ──► Collector ──blocks, events──► Survey (first pass): times, counts
-//!                                                         └──► StreamFiles (second pass): rows
+//!                                                         └──► Rows (second pass): files
 //! ```
 //!
 //! A recording is played twice. An event can arrive after its sample, so the first pass finds the
 //! sample of each event, and the second one writes.
 
-pub(crate) mod block;
-pub(crate) mod collector;
-pub(crate) mod csv;
-pub(crate) mod gdf;
-pub(crate) mod npz;
-pub(crate) mod playback;
-pub(crate) mod survey;
+mod block;
+mod collector;
+mod playback;
+mod row_files;
+mod survey;
 
 use std::fmt;
 use std::fs::File;
@@ -27,12 +25,10 @@ use new_file::{Existing, NewFile, NewFileError};
 use thiserror::Error;
 use tracing::subscriber::NoSubscriber;
 
-use crate::conversion::block::{RowWriter, Rows, Stream, StreamFile};
+use crate::conversion::block::Stream;
 use crate::conversion::collector::Listener;
-use crate::conversion::csv::CsvWriter;
-use crate::conversion::gdf::{BdfRows, GdfRows};
-use crate::conversion::npz::NpzRows;
 use crate::conversion::playback::Playback;
+use crate::conversion::row_files::{CsvRows, NpzRows, RecordRows, RowWriter, Rows, StreamFile};
 use crate::conversion::survey::Survey;
 use crate::recording::reader::{LeftOut, RecordingReader};
 use crate::recording::{FileHeader, RecordingError};
@@ -79,7 +75,7 @@ pub enum FileFormat {
 }
 
 impl FileFormat {
-    /// Ending of the names of files.
+    /// Returns the extension of a file's name.
     pub fn extension(self) -> &'static str {
         let named = FileFormat::CHOICES.iter();
         let name = named.filter(|(_, _, format)| *format == self);
@@ -167,7 +163,7 @@ pub fn convert<R: Read>(
         model,
         progress,
     };
-    // The log is that of the second pass.
+    // Both passes would log the same, so the first one logs nothing.
     let silent = NoSubscriber::default();
     let survey = tracing::subscriber::with_default(silent, || {
         input.play(Survey::default(), "looking for events", |_| Ok(()))
@@ -218,6 +214,7 @@ pub fn convert<R: Read>(
     })
 }
 
+/// Returns the error of a file that cannot be written.
 fn failed(path: &Path, source: std::io::Error) -> ConvertError {
     let path = path.to_owned();
     NewFileError::Write { path, source }.into()
@@ -231,8 +228,8 @@ impl Conversion {
     }
 }
 
-/// Returns the names of the files to write: one for each stream of the recording. `objection` is
-/// the core's.
+/// Returns the names of the files to write: one for each stream of the recording. `objection` is why
+/// the core did not publish the device's streams, if it had a reason.
 fn outputs(
     options: &Conversion,
     survey: &Survey,
@@ -247,7 +244,7 @@ fn outputs(
     if outputs.is_empty() {
         let path = options.file.clone();
         let source = match objection {
-            Some(objection) => RecordingError::NothingUsable { objection },
+            Some(objection) => RecordingError::NothingUsable(objection),
             None => RecordingError::NoDevice,
         };
         return Err(ConvertError::Recording { path, source });
@@ -259,6 +256,7 @@ fn outputs(
     Ok(outputs)
 }
 
+/// Creates the writer of a stream's file; `None` if the stream has no rows.
 fn writer(
     format: FileFormat,
     file: File,
@@ -277,9 +275,9 @@ fn writer(
         events: events.map(|(row, event)| (row, event.clone())).collect(),
     };
     Ok(Some(match format {
-        FileFormat::Csv => Box::new(CsvWriter::new(file, &description)?),
-        FileFormat::Gdf => Box::new(GdfRows::new(file, &description)?),
-        FileFormat::Bdf => Box::new(BdfRows::new(file, &description)?),
+        FileFormat::Csv => Box::new(CsvRows::new(file, &description)?),
+        FileFormat::Gdf => Box::new(RecordRows::gdf(file, &description)?),
+        FileFormat::Bdf => Box::new(RecordRows::bdf(file, &description)?),
         FileFormat::Npz => Box::new(NpzRows::new(file, &description)?),
     }))
 }

@@ -23,49 +23,35 @@ use thiserror::Error;
 /// Reason why a file cannot be read as a recording.
 #[derive(Debug, Error)]
 pub enum RecordingError {
-    /// The file does not start as a recording does.
+    /// The file does not start as a recording does; holds its first bytes, escaped.
     #[error(
-        "it is not a recording of corticode-bridge: it starts with \"{found}\"; name a file that \
+        "it is not a recording of corticode-bridge: it starts with \"{0}\"; name a file that \
          `corticode-bridge record` has written"
     )]
-    NotARecording {
-        /// First bytes of the file, escaped.
-        found: String,
-    },
-    /// The file ends before its header does.
+    NotARecording(String),
+    /// The file ends before its header does; holds the length of the file in bytes.
     #[error(
-        "it holds only {bytes} bytes, less than the header of a recording; `corticode-bridge \
+        "it holds only {0} bytes, less than the header of a recording; `corticode-bridge \
          record` was ended before it could write anything"
     )]
-    HeaderCutOff {
-        /// Length of the file, bytes.
-        bytes: usize,
-    },
+    HeaderCutOff(usize),
     /// The header's checksum does not match.
     #[error("its header is damaged (CRC); copy the file again from where it was recorded")]
     HeaderDamaged,
-    /// The file has a newer format than this program.
+    /// The file has a newer format than this program; holds the version in the file.
     #[error(
-        "it has version {found} of the recording's format, and this program reads versions up \
-         to {newest}; update corticode-bridge"
+        "it has version {0} of the recording's format, and this program reads versions up to \
+         {VERSION}; update corticode-bridge"
     )]
-    Version {
-        /// Version in the file.
-        found: u16,
-        /// Newest version that this program reads.
-        newest: u16,
-    },
+    Version(u16),
     /// The file holds no code or sample of a device that introduced itself.
     #[error(
         "it holds no codes or samples of a device; record again, and check that the device answers"
     )]
     NoDevice,
-    /// The file holds nothing that this program can publish.
-    #[error("nothing in it can be converted: {objection}")]
-    NothingUsable {
-        /// Why, and what to do.
-        objection: String,
-    },
+    /// The file holds nothing that this program can publish; holds the reason and the remedy.
+    #[error("nothing in it can be converted: {0}")]
+    NothingUsable(String),
     /// The operating system cannot read the file.
     #[error("it cannot be read; check the path, the permissions and the disk")]
     Read(#[from] io::Error),
@@ -115,18 +101,16 @@ impl FileHeader {
     pub fn decode(bytes: &[u8]) -> Result<FileHeader, RecordingError> {
         let magic = &bytes[..bytes.len().min(MAGIC.len())];
         if !MAGIC.starts_with(magic) {
-            let found = magic.escape_ascii().to_string();
-            return Err(RecordingError::NotARecording { found });
+            let start = magic.escape_ascii().to_string();
+            return Err(RecordingError::NotARecording(start));
         }
         let Some(bytes) = bytes.first_chunk::<{ Self::BYTES }>() else {
-            let bytes = bytes.len();
-            return Err(RecordingError::HeaderCutOff { bytes });
+            return Err(RecordingError::HeaderCutOff(bytes.len()));
         };
         // A newer version may place its checksum elsewhere, so the version comes first.
-        let found = u16::from_le_bytes([bytes[8], bytes[9]]);
-        if found > VERSION {
-            let newest = VERSION;
-            return Err(RecordingError::Version { found, newest });
+        let version = u16::from_le_bytes([bytes[8], bytes[9]]);
+        if version > VERSION {
+            return Err(RecordingError::Version(version));
         }
         let (content, crc) = bytes.split_at(24);
         if CRC.checksum(content).to_le_bytes() != *crc {
@@ -273,21 +257,17 @@ mod tests {
     };
 
     #[test]
-    fn a_header_is_read_back() {
-        assert_eq!(FileHeader::decode(&HEADER.encode()).unwrap(), HEADER);
-    }
-
-    #[test]
-    fn other_files_and_damage_have_an_error_each() {
+    fn a_header_is_read_back_and_other_files_and_damage_have_an_error_each() {
         let whole = HEADER.encode();
+        assert_eq!(FileHeader::decode(&whole).unwrap(), HEADER);
         for length in 0..whole.len() {
             let error = FileHeader::decode(&whole[..length]).unwrap_err();
-            assert!(matches!(error, RecordingError::HeaderCutOff { .. }));
+            assert!(matches!(error, RecordingError::HeaderCutOff(_)));
         }
         let mut newer = whole;
         newer[8] = 2;
         let error = FileHeader::decode(&newer).unwrap_err();
-        assert!(matches!(error, RecordingError::Version { found: 2, .. }));
+        assert!(matches!(error, RecordingError::Version(2)));
         for place in 10..whole.len() {
             let mut damaged = whole;
             damaged[place] ^= 1;

@@ -137,7 +137,7 @@ pub enum AcquisitionCommand {
 #[derive(Debug)]
 pub struct AcquisitionServices {
     /// Kept only because dropping a handle unregisters its service.
-    _services: [Service; 4],
+    _services: Vec<Service>,
 }
 
 impl AcquisitionServices {
@@ -163,22 +163,17 @@ impl AcquisitionServices {
             let on_command = Arc::clone(&on_command);
             move |_request: &[u8]| on_command(command).map(|()| Vec::new())
         };
-        let info = node
-            .serve(get_info, &GET_ACQUISITION_INFO, move |_request: &[u8]| {
-                on_info().map(|info| info.to_response())
-            })
-            .await?;
-        let start = node
-            .serve("~start", &EMPTY, command(AcquisitionCommand::Start))
-            .await?;
-        let stop = node
-            .serve("~stop", &EMPTY, command(AcquisitionCommand::Stop))
-            .await?;
-        let quit = node
-            .serve("~quit", &EMPTY, command(AcquisitionCommand::Quit))
-            .await?;
+        let info = move |_request: &[u8]| on_info().map(|info| info.to_response());
+        let mut services = vec![node.serve(get_info, &GET_ACQUISITION_INFO, info).await?];
+        for (name, request) in [
+            ("~start", AcquisitionCommand::Start),
+            ("~stop", AcquisitionCommand::Stop),
+            ("~quit", AcquisitionCommand::Quit),
+        ] {
+            services.push(node.serve(name, &EMPTY, command(request)).await?);
+        }
         Ok(AcquisitionServices {
-            _services: [info, start, stop, quit],
+            _services: services,
         })
     }
 }

@@ -50,8 +50,6 @@ mod acquisition;
 #[cfg(feature = "ros1")]
 mod definition;
 mod ndjson_sink;
-#[cfg(feature = "ros1")]
-mod ros_sink;
 mod rosneuro_msgs;
 mod shape;
 mod sink;
@@ -64,7 +62,7 @@ pub use rosneuro_msgs::{
     Header, NeuroDataFloat, NeuroDataInfo, NeuroDataInt32, NeuroEvent, NeuroFrame, NeuroHeader,
     Stamp,
 };
-pub use shape::{ContractError, Shape};
+pub use shape::{BlockError, ContractError, Shape};
 pub use sink::{FrameSink, Sink, SinkError};
 pub use standard_msgs::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, KeyValue, Log, UInt8};
 pub use status_words::{TRI_LABELS, TriWords};
@@ -76,7 +74,7 @@ pub use {
         GET_INFO_SERVICE,
     },
     definition::RosMessage,
-    ros_sink::RosSink,
+    sink::RosSink,
 };
 
 /// The `ros1` crate, re-exported because [`RosSink`] and [`AcquisitionServices`] use its `Node`.

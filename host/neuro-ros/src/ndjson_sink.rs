@@ -113,9 +113,9 @@ impl NdjsonWriter {
             }
             Ok(Err(error)) => Err(SinkError::Output(error)),
             Ok(Ok(())) => Ok(()),
-            Err(RecvTimeoutError::Timeout) => Err(SinkError::Stuck {
-                lines: self.pending.load(Ordering::Relaxed),
-            }),
+            Err(RecvTimeoutError::Timeout) => {
+                Err(SinkError::Stuck(self.pending.load(Ordering::Relaxed)))
+            }
             Err(RecvTimeoutError::Disconnected) => Err(SinkError::Closed),
         }
     }

@@ -7,62 +7,9 @@ use crate::rosneuro_msgs::{NeuroDataInfo, NeuroFrame};
 /// Why a frame violates the contract that ROS-Neuro's recorder, filters and visualizer rely on.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ContractError {
-    /// The number of labels differs from `nchannels`. The recorder creates one GDF channel per
-    /// label.
-    #[error(
-        "{block}: {labels} labels for {nchannels} channels; give every channel exactly one label"
-    )]
-    Labels {
-        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
-        block: &'static str,
-        /// Number of labels in the block.
-        labels: usize,
-        /// Number of channels that the block announces.
-        nchannels: u16,
-    },
-    /// `minmax` is not two finite values in ascending order.
-    #[error(
-        "{block}: minmax is {}; it must be the smallest and the largest value",
-        list(minmax)
-    )]
-    MinMax {
-        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
-        block: &'static str,
-        /// The rejected content of `minmax`.
-        minmax: Vec<f64>,
-    },
-    /// `stride` is not `nchannels * 4`.
-    #[error("{block}: stride is {stride} for {nchannels} channels; it must be nchannels * 4 bytes")]
-    Stride {
-        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
-        block: &'static str,
-        /// The invalid stride, bytes.
-        stride: u16,
-        /// Number of channels that the block announces.
-        nchannels: u16,
-    },
-    /// The number of values in the block is not `nsamples * nchannels`. The recorder copies the
-    /// values without checking their number.
-    #[error("{block}: {length} values for {nsamples} samples of {nchannels} channels")]
-    Length {
-        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
-        block: &'static str,
-        /// Number of values in the block.
-        length: usize,
-        /// Samples per channel that the block announces.
-        nsamples: u16,
-        /// Number of channels that the block announces.
-        nchannels: u16,
-    },
-    /// `isint` does not match the block's sample type: it must be 1 for `tri` and 0 for `eeg` and
-    /// `exg`.
-    #[error("{block}: isint is {isint}; it is 1 for tri and 0 for eeg and exg")]
-    IsInt {
-        /// Name of the block that violates the contract: `eeg`, `exg` or `tri`.
-        block: &'static str,
-        /// The rejected value of `isint`.
-        isint: u8,
-    },
+    /// A block is not consistent. Holds its name, `eeg`, `exg` or `tri`, and the violated rule.
+    #[error("{0}: {1}")]
+    Block(&'static str, BlockError),
     /// `sr` is not a multiple of `nsamples`, so the frame rate is not an integer.
     #[error(
         "sr {sr} is not a multiple of nsamples {nsamples}; consumers compute the frame rate as \
@@ -87,9 +34,38 @@ pub enum ContractError {
     },
 }
 
-fn list(values: &[f64]) -> String {
-    let values: Vec<String> = values.iter().map(f64::to_string).collect();
-    format!("({})", values.join(", "))
+/// Rule that a block of a frame violates.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum BlockError {
+    /// The number of labels differs from `nchannels`. The recorder creates one GDF channel per
+    /// label.
+    #[error("{labels} labels for {nchannels} channels; give every channel exactly one label")]
+    Labels {
+        /// Number of labels in the block.
+        labels: usize,
+        /// Number of channels that the block announces.
+        nchannels: u16,
+    },
+    /// `minmax` is not two finite values in ascending order; holds its content.
+    #[error("minmax is {0:?}; it must be the smallest and the largest value")]
+    MinMax(Vec<f64>),
+    /// `stride` is not `nchannels * 4`; holds the stride in bytes.
+    #[error("stride is {0}; it must be nchannels * 4 bytes")]
+    Stride(u16),
+    /// The number of values in the block is not `nsamples * nchannels`. The recorder copies the
+    /// values without checking their number.
+    #[error("{length} values for {nsamples} samples of {nchannels} channels")]
+    Length {
+        /// Number of values in the block.
+        length: usize,
+        /// Samples per channel that the block announces.
+        nsamples: u16,
+        /// Number of channels that the block announces.
+        nchannels: u16,
+    },
+    /// `isint` does not match the block's sample type; holds its value.
+    #[error("isint is {0}; it is 1 for tri and 0 for eeg and exg")]
+    IsInt(u8),
 }
 
 /// The dimensions of a frame, from which consumers allocate their buffers.
@@ -122,9 +98,14 @@ impl Shape {
     /// [`ContractError`]: the first rule that the frame violates.
     pub fn from_frame(frame: &NeuroFrame) -> Result<Shape, ContractError> {
         let nsamples = frame.eeg.info.nsamples;
-        block("eeg", &frame.eeg.info, frame.eeg.data.len(), nsamples, 0)?;
-        block("exg", &frame.exg.info, frame.exg.data.len(), nsamples, 0)?;
-        block("tri", &frame.tri.info, frame.tri.data.len(), nsamples, 1)?;
+        for (name, info, length, isint) in [
+            ("eeg", &frame.eeg.info, frame.eeg.data.len(), 0),
+            ("exg", &frame.exg.info, frame.exg.data.len(), 0),
+            ("tri", &frame.tri.info, frame.tri.data.len(), 1),
+        ] {
+            check_block(info, length, nsamples, isint)
+                .map_err(|error| ContractError::Block(name, error))?;
+        }
         if nsamples == 0 || frame.sr == 0 || !frame.sr.is_multiple_of(nsamples) {
             return Err(ContractError::Rate {
                 sr: frame.sr,
@@ -162,52 +143,36 @@ impl Shape {
     }
 }
 
-fn block(
-    block: &'static str,
+/// Checks a block of `length` values in a frame of `nsamples` samples. `isint` is 1 if its values are
+/// integers.
+fn check_block(
     info: &NeuroDataInfo,
     length: usize,
     nsamples: u16,
     isint: u8,
-) -> Result<(), ContractError> {
+) -> Result<(), BlockError> {
     let nchannels = info.nchannels;
-    if info.labels.len() != usize::from(nchannels) {
-        return Err(ContractError::Labels {
-            block,
-            labels: info.labels.len(),
-            nchannels,
-        });
+    let labels = info.labels.len();
+    if labels != usize::from(nchannels) {
+        return Err(BlockError::Labels { labels, nchannels });
     }
     match info.minmax.as_slice() {
         [least, greatest] if least <= greatest && least.is_finite() && greatest.is_finite() => {}
-        _ => {
-            return Err(ContractError::MinMax {
-                block,
-                minmax: info.minmax.clone(),
-            });
-        }
+        _ => return Err(BlockError::MinMax(info.minmax.clone())),
     }
     if u32::from(info.stride) != u32::from(nchannels) * 4 {
-        return Err(ContractError::Stride {
-            block,
-            stride: info.stride,
-            nchannels,
-        });
+        return Err(BlockError::Stride(info.stride));
     }
     if info.isint != isint {
-        return Err(ContractError::IsInt {
-            block,
-            isint: info.isint,
-        });
+        return Err(BlockError::IsInt(info.isint));
     }
     // A block without channels can announce any number of samples; all other blocks must have the
     // same number of samples per channel as `eeg`.
     let expected = usize::from(nsamples) * usize::from(nchannels);
     if length != expected || (nchannels > 0 && info.nsamples != nsamples) {
-        let nsamples = info.nsamples;
-        return Err(ContractError::Length {
-            block,
+        return Err(BlockError::Length {
             length,
-            nsamples,
+            nsamples: info.nsamples,
             nchannels,
         });
     }

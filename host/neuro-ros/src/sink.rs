@@ -1,7 +1,12 @@
-//! The interface through which messages are delivered to any destination.
+//! The interface through which messages are delivered to any destination, and its implementation for
+//! ROS 1 topics.
 
+#[cfg(feature = "ros1")]
+use ros1::{Node, NodeError, Publisher, PublisherOptions};
 use thiserror::Error;
 
+#[cfg(feature = "ros1")]
+use crate::definition::RosMessage;
 use crate::rosneuro_msgs::NeuroFrame;
 
 /// Destination of messages of one type.
@@ -35,16 +40,76 @@ pub enum SinkError {
     /// The reader has closed its end of the output.
     #[error("the reader has closed the output")]
     Closed,
-    /// The time limit expired before all queued lines were written.
-    #[error("the reader does not read the output; {lines} lines are lost")]
-    Stuck {
-        /// Number of lines that were not written.
-        lines: usize,
-    },
+    /// The time limit expired before all queued lines were written; holds the number of lines that
+    /// were not.
+    #[error("the reader does not read the output; {0} lines are lost")]
+    Stuck(usize),
     /// The disk of the output has no room for another line.
     #[error("the disk of the output is full; free some space, or write to another disk")]
     DiskFull,
     /// Writing to the output failed.
     #[error("the output cannot be written; check the file or the disk: {0}")]
     Output(#[from] std::io::Error),
+}
+
+/// Sink that publishes on a ROS 1 topic. A slow subscriber loses its oldest messages; other
+/// subscribers are not affected.
+#[cfg(feature = "ros1")]
+#[derive(Debug)]
+pub struct RosSink<M> {
+    publisher: Publisher,
+    /// Buffer for the encoded message, kept to avoid an allocation per message.
+    body: Vec<u8>,
+    message: std::marker::PhantomData<fn(M)>,
+}
+
+#[cfg(feature = "ros1")]
+impl<M: RosMessage> RosSink<M> {
+    /// Advertises `topic` on `node` with a queue of `queue` messages per subscriber.
+    ///
+    /// # Errors
+    ///
+    /// [`NodeError`] if the name is invalid, the node already publishes the topic, or the master
+    /// refuses the topic.
+    pub async fn advertise(
+        node: &Node,
+        topic: &str,
+        queue: usize,
+    ) -> Result<RosSink<M>, NodeError> {
+        let options = PublisherOptions {
+            queue,
+            latch: false,
+        };
+        let publisher = node.advertise(topic, M::TYPE, options).await?;
+        Ok(RosSink {
+            publisher,
+            body: Vec::new(),
+            message: std::marker::PhantomData,
+        })
+    }
+
+    /// The topic's publisher.
+    pub fn publisher(&self) -> &Publisher {
+        &self.publisher
+    }
+}
+
+#[cfg(feature = "ros1")]
+impl<M: RosMessage> Sink<M> for RosSink<M> {
+    /// Queues the message for every subscriber. Never fails, even without subscribers or without a
+    /// master.
+    fn publish(&mut self, message: &M) -> Result<(), SinkError> {
+        self.body.clear();
+        message.write(&mut self.body);
+        self.publisher.publish(&self.body);
+        Ok(())
+    }
+
+    fn dropped(&self) -> u64 {
+        self.publisher.dropped()
+    }
+
+    fn has_receivers(&self) -> bool {
+        self.publisher.subscribers() > 0
+    }
 }

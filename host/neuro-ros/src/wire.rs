@@ -6,24 +6,19 @@ use thiserror::Error;
 /// Why bytes could not be decoded as a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum WireError {
-    /// A field extends beyond the end of the bytes.
+    /// A field extends beyond the end of the bytes; holds the number of bytes that are missing from
+    /// the field or from the announced elements.
     #[error(
-        "the message ends {missing} bytes too early; sender and receiver disagree about its \
+        "the message ends {0} bytes too early; sender and receiver disagree about its \
          definition (compare `rosmsg md5`), or it was cut"
     )]
-    Truncated {
-        /// Number of bytes missing from the field or from the announced elements.
-        missing: usize,
-    },
-    /// Bytes follow the last field.
+    Truncated(usize),
+    /// Bytes follow the last field; holds their number.
     #[error(
-        "{count} bytes follow the last field; sender and receiver disagree about the definition \
+        "{0} bytes follow the last field; sender and receiver disagree about the definition \
          (compare `rosmsg md5`)"
     )]
-    Trailing {
-        /// Number of bytes after the last field.
-        count: usize,
-    },
+    Trailing(usize),
 }
 
 /// A value with a ROS 1 serialisation.
@@ -60,7 +55,7 @@ pub trait Wire: Sized {
         let value = Self::read(&mut reader)?;
         match reader.rest.len() {
             0 => Ok(value),
-            count => Err(WireError::Trailing { count }),
+            count => Err(WireError::Trailing(count)),
         }
     }
 }
@@ -73,15 +68,8 @@ pub struct Reader<'a> {
 
 impl Reader<'_> {
     fn read_bytes(&mut self, count: usize) -> Result<&[u8], WireError> {
-        match self.rest.split_at_checked(count) {
-            Some((front, rest)) => {
-                self.rest = rest;
-                Ok(front)
-            }
-            None => Err(WireError::Truncated {
-                missing: count - self.rest.len(),
-            }),
-        }
+        let missing = WireError::Truncated(count.saturating_sub(self.rest.len()));
+        self.rest.split_off(..count).ok_or(missing)
     }
 
     /// Reads the length of an array or string whose elements have at least `element_bytes` each.
@@ -91,7 +79,7 @@ impl Reader<'_> {
         let bytes = count.saturating_mul(element_bytes);
         match bytes.checked_sub(self.rest.len()) {
             None | Some(0) => Ok(count),
-            Some(missing) => Err(WireError::Truncated { missing }),
+            Some(missing) => Err(WireError::Truncated(missing)),
         }
     }
 }

@@ -7,7 +7,7 @@ use device::{
 use link::{ResetCause, Streams, Substitutes};
 use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
 
-/// Streams that the device makes: what the bridge needs to publish codes and to check them.
+/// What the device can do for its host.
 const ABILITIES: Abilities = Abilities {
     streams: STREAMS,
     self_test: false,
@@ -15,7 +15,7 @@ const ABILITIES: Abilities = Abilities {
     clock: false,
 };
 
-/// Streams of the device.
+/// Streams that the device makes: codes, and audits with which the bridge checks them.
 pub(crate) const STREAMS: Streams =
     Streams::from_bits(Streams::CODES.bits() | Streams::AUDIT.bits());
 

@@ -29,11 +29,12 @@ pub(crate) struct SourceFeed {
     session_id: u32,
     /// `None` until a frame can be encoded.
     source: Option<Source>,
-    /// First frame of the device, which waits for the start of the streams until the last time.
+    /// First frame of the device and its arrival. It waits until the bridge has started the
+    /// streams, at the latest until this instant.
     held: Option<(NeuroFrame, HostTime, Instant)>,
     /// Host time of the bytes that were read last.
     read: HostTime,
-    /// When bytes were passed to the host last.
+    /// Instant at which bytes were last passed to the host.
     passed: Instant,
     /// Arrival of the newest frame.
     newest: Option<HostTime>,
@@ -41,7 +42,7 @@ pub(crate) struct SourceFeed {
     logged: BTreeSet<&'static str>,
     refused: u64,
     refusal: Option<String>,
-    /// Facts of the previous report.
+    /// Facts of the previous report, with which the next one is compared.
     reported: SourceFacts,
 }
 
@@ -84,7 +85,7 @@ impl SourceFeed {
     fn handle_message(&mut self, body: &[u8], read: HostTime) -> bool {
         self.newest = Some(read);
         let handled = match (NeuroFrame::from_bytes(body), self.subscriber.publishers()) {
-            (Ok(_), publishers @ 2..) => Err(Refusal::Mixed { publishers }),
+            (Ok(_), publishers @ 2..) => Err(Refusal::Mixed(publishers)),
             (Ok(frame), _) => self.handle_frame(frame, read),
             (Err(error), _) => Err(error.into()),
         };

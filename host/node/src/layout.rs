@@ -6,8 +6,8 @@ use neuro_ros::NeuroFrame;
 
 use crate::refusal::Refusal;
 
-/// Supported sampling rates, Hz. Below, the model's band would not be covered.
-const RATES_HZ: std::ops::RangeInclusive<u16> = 250..=1024;
+/// Supported sampling rates, Hz. A lower rate would not cover the model's frequency band.
+pub(crate) const RATES_HZ: std::ops::RangeInclusive<u16> = 250..=1024;
 
 /// Units that mean microvolt. An empty one is accepted because simple publishers leave it out.
 const UNITS: [&str; 5] = ["", "uv", "µv", "μv", "microvolt"];
@@ -32,11 +32,7 @@ impl Layout {
     pub fn from_frame(frame: &NeuroFrame) -> Result<Layout, Refusal> {
         let info = &frame.eeg.info;
         if !RATES_HZ.contains(&frame.sr) {
-            return Err(Refusal::Rate {
-                rate_hz: frame.sr,
-                least: *RATES_HZ.start(),
-                most: *RATES_HZ.end(),
-            });
+            return Err(Refusal::Rate(frame.sr));
         }
         let values = usize::from(info.nsamples) * usize::from(info.nchannels);
         let channels = usize::from(info.nchannels);
@@ -49,9 +45,7 @@ impl Layout {
             });
         }
         if !UNITS.contains(&info.unit.trim().to_lowercase().as_str()) {
-            return Err(Refusal::Unit {
-                unit: info.unit.clone(),
-            });
+            return Err(Refusal::Unit(info.unit.clone()));
         }
         Ok(Layout {
             rate_hz: frame.sr,

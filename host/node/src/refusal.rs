@@ -1,7 +1,9 @@
-//! Why a frame of the acquisition is not encoded.
+//! The reasons for which a frame of the acquisition is refused.
 
 use recordings::{MontageMapError, RecordingError};
 use thiserror::Error;
+
+use crate::layout::RATES_HZ;
 
 /// Why a frame of the acquisition is not encoded. A refused frame counts as lost.
 #[derive(Debug, Error)]
@@ -9,18 +11,13 @@ pub enum Refusal {
     /// The message is no `NeuroFrame`.
     #[error("a message is no NeuroFrame ({0}); publish rosneuro_msgs/NeuroFrame")]
     Message(#[from] neuro_ros::WireError),
-    /// The rate is outside the supported range.
+    /// The rate, Hz, is outside the supported range.
     #[error(
-        "the rate is {rate_hz} Hz; set sr to the sampling rate of the amplifier, {least} to {most} Hz"
+        "the rate is {0} Hz; set sr to the sampling rate of the amplifier, {least} to {most} Hz",
+        least = RATES_HZ.start(),
+        most = RATES_HZ.end()
     )]
-    Rate {
-        /// Rate of the frame, Hz.
-        rate_hz: u16,
-        /// Lowest supported rate, Hz.
-        least: u16,
-        /// Highest supported rate, Hz.
-        most: u16,
-    },
+    Rate(u16),
     /// The numbers of labels, channels, samples and values do not belong together.
     #[error(
         "eeg has {values} values and {labels} labels for {nsamples} samples of {nchannels} channels; \
@@ -36,12 +33,9 @@ pub enum Refusal {
         /// Number of channels that `eeg.info` announces.
         nchannels: u16,
     },
-    /// The unit is not microvolt.
-    #[error("the unit is \"{unit}\"; publish microvolts with the unit uV")]
-    Unit {
-        /// Unit in `eeg.info`.
-        unit: String,
-    },
+    /// The unit in `eeg.info` is not microvolt.
+    #[error("the unit is \"{0}\"; publish microvolts with the unit uV")]
+    Unit(String),
     /// A value is NaN or infinite.
     #[error("sample {sample} of {label} is {value}; publish numbers only")]
     NotFinite {
@@ -68,18 +62,13 @@ pub enum Refusal {
         /// Value in the refused frame.
         found: String,
     },
-    /// The frame has the same number as the one before.
-    #[error("frame {seq} came twice; stop one of the nodes that publish the topic")]
-    Repeated {
-        /// `neuroheader.seq` of the frame.
-        seq: u32,
-    },
-    /// Several nodes publish the topic, and their frames cannot be distinguished.
-    #[error("{publishers} nodes publish the topic and their frames are mixed; stop all but one")]
-    Mixed {
-        /// Number of connected publishers.
-        publishers: usize,
-    },
+    /// The frame has the same number, `neuroheader.seq`, as the one before.
+    #[error("frame {0} came twice; stop one of the nodes that publish the topic")]
+    Repeated(u32),
+    /// Several nodes publish the topic, and their frames cannot be distinguished. Holds the number
+    /// of connected publishers.
+    #[error("{0} nodes publish the topic and their frames are mixed; stop all but one")]
+    Mixed(usize),
     /// The samples cannot be converted.
     #[error("the samples cannot be converted: {0}")]
     Conversion(#[from] RecordingError),
@@ -90,14 +79,14 @@ impl Refusal {
     pub fn kind(&self) -> &'static str {
         match self {
             Refusal::Message(_) => "message",
-            Refusal::Rate { .. } => "rate",
+            Refusal::Rate(_) => "rate",
             Refusal::Shape { .. } => "shape",
-            Refusal::Unit { .. } => "unit",
+            Refusal::Unit(_) => "unit",
             Refusal::NotFinite { .. } => "not finite",
             Refusal::Labels(_) => "labels",
             Refusal::Changed { .. } => "changed layout",
-            Refusal::Repeated { .. } => "repeated",
-            Refusal::Mixed { .. } => "mixed",
+            Refusal::Repeated(_) => "repeated",
+            Refusal::Mixed(_) => "mixed",
             Refusal::Conversion(_) => "conversion",
         }
     }

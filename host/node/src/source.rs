@@ -28,16 +28,17 @@ pub struct Source {
     sequence: Sequence,
     adc: LiveAdc,
     device: EncoderDevice,
-    /// Samples of the acquisition since the device's start, with the lost ones.
+    /// Number of samples of the acquisition since the device's start, lost ones included.
     inputs: u64,
-    /// Samples of the virtual ADC since the device's start.
+    /// Number of samples that the virtual ADC has made since the device's start.
     outputs: u64,
-    /// First sample and arrival of each frame whose samples are not all converted, oldest first.
-    /// The newest frame stays.
+    /// Index of the first sample, and time of arrival, of each frame whose samples are not all
+    /// converted, oldest first. The newest frame stays in the queue after its conversion.
     arrivals: VecDeque<(u64, HostTime)>,
-    /// Lost samples that are not all converted, oldest first.
+    /// Indices of the lost samples of each gap that is not completely converted, oldest first.
     lost: VecDeque<Range<u64>>,
-    /// Bytes for the host, with the arrival of the samples that they were made of.
+    /// Bytes for the host, each with the time at which the samples arrived of which the device made
+    /// them.
     outgoing: VecDeque<(HostTime, Vec<u8>)>,
     counts: SourceCounts,
 }
@@ -123,9 +124,7 @@ impl Source {
     pub fn check(&mut self, frame: &NeuroFrame) -> Result<Arrival, Refusal> {
         self.layout.admit(frame)?;
         match self.sequence.record(frame, self.layout.frame_us()) {
-            Arrival::Repeated => Err(Refusal::Repeated {
-                seq: frame.neuroheader.seq,
-            }),
+            Arrival::Repeated => Err(Refusal::Repeated(frame.neuroheader.seq)),
             arrival => Ok(arrival),
         }
     }
@@ -228,7 +227,8 @@ impl Source {
         self.outputs * 1_000_000 / u64::from(model::ADC_RATE_HZ)
     }
 
-    /// Returns the acquisition's samples on both sides of the next sample of the virtual ADC.
+    /// Returns the indices of the acquisition's samples before and after the time of the next
+    /// sample of the virtual ADC; both are equal if one is at that time.
     fn input_around(&self) -> [u64; 2] {
         let position = self.outputs * u64::from(self.layout.rate_hz);
         let adc_rate = u64::from(model::ADC_RATE_HZ);

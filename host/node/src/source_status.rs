@@ -17,10 +17,11 @@ pub(crate) struct SourceFacts {
     /// Number of nodes that publish the topic.
     pub(crate) publishers: usize,
     pub(crate) counts: SourceCounts,
-    /// Frames that were refused, and why the newest of them was.
+    /// Number of refused frames.
     pub(crate) refused: u64,
+    /// Why the newest refused frame was refused.
     pub(crate) refusal: Option<String>,
-    /// Frames that waited too long for this program and were dropped.
+    /// Number of frames that were dropped because this program did not read them in time.
     pub(crate) dropped: u64,
     /// Time since the newest frame, seconds; `None` before the first.
     pub(crate) silent_s: Option<f64>,

@@ -7,8 +7,6 @@ use artifact::ModelId;
 use link::{Capabilities, CodeFormat, Decoder, Flags, FrameError, Substitutes, ToHost};
 use thiserror::Error;
 
-use crate::encoded_stream::CodeKind;
-
 /// First bytes of a recording of corticode-bridge, which holds frames of both directions with
 /// times.
 const BRIDGE_RECORDING: &[u8] = b"CORTIREC";
@@ -37,16 +35,12 @@ pub enum CodeFileError {
         "it holds no intact frame; name a file that `host-sim encode` or `host-sim run` has written"
     )]
     NoFrames,
-    /// The file holds no code.
+    /// The file holds no code. Holds the number of steps in a window.
     #[error(
-        "it holds no code; the shortest recording that yields a code is one window long ({steps} \
-         steps)"
+        "it holds no code; the shortest recording that yields a code is one window long ({0} steps)"
     )]
-    NoCodes {
-        /// Number of steps in a window.
-        steps: usize,
-    },
-    /// The file holds codes, but none of the kind to decode.
+    NoCodes(usize),
+    /// The file holds codes, but none of this kind, which is to be decoded.
     #[error("it holds no {}, and {} in their place: decode these with --stream {}", .0.names().0, .0.other().names().0, .0.other().names().1)]
     OtherKind(CodeKind),
     /// The first code comes before the device's introduction.
@@ -90,15 +84,12 @@ pub enum CodeFileError {
          them with --model, or decode codes of the same file with --stream codes"
     )]
     NotPacked(ModelId),
-    /// The windows do not increase.
+    /// The index of a window is not larger than this one, that of the window before it.
     #[error(
-        "a second run starts after window {after}: a file holds one run, so keep runs in files of their \
+        "a second run starts after window {0}: a file holds one run, so keep runs in files of their \
          own"
     )]
-    SecondRun {
-        /// Index of the last window of the first run.
-        after: u32,
-    },
+    SecondRun(u32),
     /// Too many windows are missing.
     #[error(
         "{missing} windows are missing before window {before}, more than an hour; the file was joined \
@@ -117,6 +108,33 @@ pub enum CodeFileError {
         version = link::VERSION
     )]
     Version(u8),
+}
+
+/// Kind of the codes in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CodeKind {
+    /// Codes of the network.
+    Codes,
+    /// Packed blocks.
+    Packed,
+}
+
+impl CodeKind {
+    /// Returns what codes of this kind are called in messages, and the value of `--stream` that
+    /// selects them.
+    pub(crate) const fn names(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Codes => ("codes", "codes"),
+            Self::Packed => ("packed blocks", "packed"),
+        }
+    }
+
+    pub(crate) const fn other(self) -> Self {
+        match self {
+            Self::Codes => Self::Packed,
+            Self::Packed => Self::Codes,
+        }
+    }
 }
 
 /// What the device of a file announces about its codes.
@@ -179,7 +197,6 @@ impl Announcement {
 pub(crate) struct FileCode {
     /// Index of the window in its run.
     pub(crate) window: u32,
-    /// Faults and conditions of the window.
     pub(crate) flags: Flags,
     pub(crate) content: Content,
 }
@@ -225,7 +242,7 @@ pub(crate) struct CodeFile<R> {
     left_out: u64,
     at_start: bool,
     last: Option<u32>,
-    /// Largest number of missing windows between two codes.
+    /// Largest number of windows that may be missing between two codes.
     longest_gap: u32,
 }
 
@@ -284,11 +301,9 @@ impl<R: Read> CodeFile<R> {
     pub(crate) fn next_code(&mut self) -> Result<Option<FileCode>, CodeFileError> {
         loop {
             if self.unread.is_empty() && !self.refill()? {
-                let nothing = self.decoder.counters().frames == 0;
-                return if nothing {
-                    Err(CodeFileError::NoFrames)
-                } else {
-                    Ok(None)
+                return match self.decoder.counters().frames {
+                    0 => Err(CodeFileError::NoFrames),
+                    _ => Ok(None),
                 };
             }
             let mut bytes = &self.buffer[self.unread.clone()];
@@ -303,7 +318,8 @@ impl<R: Read> CodeFile<R> {
                 Some(Err(_)) | None => continue,
             };
             match frame.message {
-                // A device states them between its `Hello` and its `Capabilities`.
+                // A device sends `Substitutes`, if it has any, between its `Hello` and its
+                // `Capabilities`.
                 ToHost::Hello(hello) => {
                     self.device_model = Some(ModelId(hello.model_id));
                     self.substitutes = Substitutes::NONE;
@@ -367,7 +383,7 @@ impl<R: Read> CodeFile<R> {
             announcement.check(levels.len())?;
         }
         if let Some(after) = self.last.filter(|after| code.window <= *after) {
-            return Err(CodeFileError::SecondRun { after });
+            return Err(CodeFileError::SecondRun(after));
         }
         let missing = code.window - self.last.map_or(0, |last| last + 1);
         if missing > self.longest_gap {

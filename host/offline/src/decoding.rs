@@ -1,4 +1,4 @@
-//! A file of codes, decoded to a file of signals.
+//! Decodes a file of codes to a file of signals.
 
 use std::{
     fs::File,
@@ -10,9 +10,8 @@ use new_file::{Existing, NewFile};
 use pipeline::Mains;
 use recordings::Missing;
 
-use crate::code_file::{CodeFile, CodeFileError, Content};
+use crate::code_file::{CodeFile, CodeFileError, CodeKind, Content};
 use crate::comparison::{Comparing, Comparison};
-use crate::encoded_stream::CodeKind;
 use crate::error::OfflineError;
 use crate::histogram::LevelHistogram;
 use crate::hops::{DecodedHop, Hops, PackedHops};
@@ -63,7 +62,8 @@ pub struct Decoded {
     pub limited: u64,
     /// GDF types of events that are texts in the recording.
     pub event_types: Vec<(String, u16)>,
-    /// What is wrong with the original recording, does not fit the codes, or is malformed.
+    /// Defects of the original recording, differences between it and the codes, and malformed
+    /// blocks, one sentence each.
     pub warnings: Vec<String>,
     /// Histogram of the codes' values.
     pub levels: LevelHistogram,
@@ -108,10 +108,7 @@ impl Decoding<'_> {
         progress: &Progress,
     ) -> Result<Decoded, OfflineError> {
         progress.check()?;
-        let unusable = |source| OfflineError::Codes {
-            path: input.to_owned(),
-            source,
-        };
+        let unusable = |error| OfflineError::Codes(input.to_owned(), error);
         let description = &self.model.description;
         let survey = self
             .open(input)
@@ -246,16 +243,11 @@ impl Decoding<'_> {
         survey: &Survey,
     ) -> Result<Original, OfflineError> {
         if !self.model.is_built_in() {
-            return Err(OfflineError::OtherOriginal {
-                path: path.to_owned(),
-                model: self.model.id,
-            });
+            return Err(OfflineError::OtherOriginal(path.to_owned(), self.model.id));
         }
         let mains_hz = survey.announcement.mains_hz;
-        let mains = Mains::from_hz(mains_hz).ok_or_else(|| OfflineError::Codes {
-            path: codes.to_owned(),
-            source: CodeFileError::Mains(mains_hz),
-        })?;
+        let mains = Mains::from_hz(mains_hz)
+            .ok_or_else(|| OfflineError::Codes(codes.to_owned(), CodeFileError::Mains(mains_hz)))?;
         // The same treatment as when the recording was encoded.
         let missing = if survey.announcement.substitutes.zero == 0 {
             Missing::Interpolate

@@ -1,4 +1,4 @@
-//! A recording, encoded to a file of codes.
+//! Encodes a recording to a file of codes or packed blocks.
 
 mod device;
 
@@ -10,10 +10,9 @@ use std::{
 use artifact::ModelId;
 use link::Stats;
 use new_file::{Existing, NewFile};
-use pipeline::Mains;
+use pipeline::{Mains, PackedCode};
 use recordings::{Missing, virtual_adc::AdcCounters};
 
-use crate::encoded_stream::{EncodedStream, PackedCounts};
 use crate::error::OfflineError;
 use crate::played::{Played, first_channels};
 use crate::progress::Progress;
@@ -21,6 +20,16 @@ use device::Device;
 
 /// Number of bytes of frames written at a time.
 const PIECE: usize = 1 << 16;
+
+/// What a file of codes holds.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum EncodedStream {
+    /// Codes of the network.
+    #[default]
+    Codes,
+    /// Packed blocks, at this rate, 0 to 15; `None` for the model's.
+    Packed(Option<u8>),
+}
 
 /// How recordings are encoded.
 #[derive(Debug, Clone, Copy)]
@@ -80,10 +89,10 @@ impl Encoding {
         let model = ModelId(model::MODEL_ID);
         match self.stream {
             EncodedStream::Packed(_) if model::PACKED.is_none() => {
-                return Err(OfflineError::NoPackedCode { model });
+                return Err(OfflineError::NoPackedCode(model));
             }
             EncodedStream::Codes if !model::HAS_NETWORK => {
-                return Err(OfflineError::NoNetwork { model });
+                return Err(OfflineError::NoNetwork(model));
             }
             _ => {}
         }
@@ -97,10 +106,8 @@ impl Encoding {
         };
         let mut samples = 0_u64;
         for counts in &mut played.adc {
-            let counts = counts.map_err(|source| OfflineError::Recording {
-                path: input.to_owned(),
-                source,
-            })?;
+            let counts =
+                counts.map_err(|error| OfflineError::Recording(input.to_owned(), error))?;
             device.process(first_channels(counts));
             samples += 1;
             if samples.is_multiple_of(model::ADC_RATE_HZ.into()) {
@@ -132,5 +139,33 @@ impl Encoding {
             adc: played.adc.counters(),
             bytes,
         })
+    }
+}
+
+/// Counts of the packed blocks of a file.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct PackedCounts {
+    /// Number of blocks.
+    pub blocks: u64,
+    /// Number of bits of all blocks, without those of their frames.
+    pub bits: u64,
+    /// Number of electrode values that were clipped to the range of the inputs.
+    pub clipped: u64,
+    /// Number of blocks, made after the filters had settled, that the model does not represent
+    /// well.
+    pub misfits: u64,
+    /// Number of blocks, made after the filters had settled, that were too long and have no
+    /// content.
+    pub blanks: u64,
+}
+
+impl PackedCounts {
+    /// Counts a block.
+    pub(crate) fn add(&mut self, code: &PackedCode) {
+        self.blocks += 1;
+        self.bits += 8 * code.bytes().len() as u64;
+        self.clipped += u64::from(code.clipped);
+        self.misfits += u64::from(code.is_misfit && !code.settling);
+        self.blanks += u64::from(code.is_blank && !code.settling);
     }
 }

@@ -10,90 +10,57 @@ use thiserror::Error;
 
 use crate::code_file::CodeFileError;
 
-/// Why a file could not be encoded, decoded or compared.
+/// Why a file could not be encoded, decoded or compared. A variant with a path holds the name of
+/// the file that it is about.
 #[derive(Debug, Error)]
 pub enum OfflineError {
     /// The recording cannot be read.
-    #[error("{} cannot be read", path.display())]
-    Recording {
-        /// Name of the recording.
-        path: PathBuf,
-        /// Error of its reader.
-        source: RecordingError,
-    },
+    #[error("{} cannot be read", .0.display())]
+    Recording(PathBuf, #[source] RecordingError),
     /// The recording does not fit the model's montage.
-    #[error("{} cannot be encoded", path.display())]
-    Montage {
-        /// Name of the recording.
-        path: PathBuf,
-        /// What does not fit.
-        source: MontageMapError,
-    },
+    #[error("{} cannot be encoded", .0.display())]
+    Montage(PathBuf, #[source] MontageMapError),
     /// The file of codes cannot be decoded.
-    #[error("{} cannot be decoded", path.display())]
-    Codes {
-        /// Name of the file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: CodeFileError,
-    },
-    /// Packed blocks are wanted, and the model has no packed code.
+    #[error("{} cannot be decoded", .0.display())]
+    Codes(PathBuf, #[source] CodeFileError),
+    /// Packed blocks are wanted, and this model, with which the program was built, has no packed
+    /// code.
     #[error(
-        "model {model} has no packed code, so there are no packed blocks to write; add one with `trainer packed` \
-         and build this program with that model, or write codes"
+        "model {0} has no packed code, so there are no packed blocks to write; add one with \
+         `trainer packed` and build this program with that model, or write codes"
     )]
-    NoPackedCode {
-        /// Model with which this program was built.
-        model: ModelId,
-    },
-    /// Codes are wanted, and the model has no network.
+    NoPackedCode(ModelId),
+    /// Codes are wanted, and this model, with which the program was built, has no network.
     #[error(
-        "model {model} has no network, so there are no codes to write; write packed blocks, with --stream packed"
+        "model {0} has no network, so there are no codes to write; write packed blocks, with \
+         --stream packed"
     )]
-    NoNetwork {
-        /// Model with which this program was built.
-        model: ModelId,
-    },
-    /// The model cannot decode codes.
-    #[error("the model in {} cannot decode codes", folder.display())]
-    Model {
-        /// Folder of the model.
-        folder: PathBuf,
-        /// What is wrong with it.
-        source: ArtifactError,
-    },
-    /// The program cannot filter the original recording for this model.
+    NoNetwork(ModelId),
+    /// The model in this folder cannot decode codes.
+    #[error("the model in {} cannot decode codes", .0.display())]
+    Model(PathBuf, #[source] ArtifactError),
+    /// The program cannot filter the original recording for the model of the codes, because it was
+    /// built with another one.
     #[error(
-        "{} cannot be compared with codes of model {model}, because this program was built with another \
+        "{path} cannot be compared with codes of model {1}, because this program was built with another \
          one; build it with CORTICODE_ARTIFACT, the absolute path of the model's folder, or leave out \
          --original",
-        path.display()
+        path = .0.display()
     )]
-    OtherOriginal {
-        /// Name of the recording.
-        path: PathBuf,
-        /// Model of the codes.
-        model: ModelId,
-    },
+    OtherOriginal(PathBuf, ModelId),
     /// The name of an output cannot be used.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
-    /// An output cannot be written.
-    #[error("{} cannot be written; is the disk full?", path.display())]
-    Write {
-        /// Name of the output.
-        path: PathBuf,
-        /// Error of the operating system, or of the writer that refuses a value.
-        source: io::Error,
-    },
+    /// An output cannot be written. Holds the error of the operating system, or of the writer that
+    /// refuses a value.
+    #[error("{} cannot be written; is the disk full?", .0.display())]
+    Write(PathBuf, #[source] io::Error),
     /// The format or the kind of the output cannot hold the signal.
-    #[error("{} cannot hold the signal in this format; choose another one with --to, or a regular file", path.display())]
-    Format {
-        /// Name of the output.
-        path: PathBuf,
-        /// What does not fit.
-        source: io::Error,
-    },
+    #[error(
+        "{} cannot hold the signal in this format; choose another one with --to, or a regular file",
+        .0.display()
+    )]
+    Format(PathBuf, #[source] io::Error),
     /// A picture cannot be written.
     #[error(transparent)]
     Picture(#[from] PictureError),
@@ -106,14 +73,11 @@ impl OfflineError {
     /// Returns a closure that makes the error of an output from that of the operating system.
     pub(crate) fn write(path: &std::path::Path) -> impl Fn(io::Error) -> Self + use<> {
         let path = path.to_owned();
-        move |source| {
-            let path = path.clone();
-            match source.kind() {
-                io::ErrorKind::InvalidInput | io::ErrorKind::NotSeekable => {
-                    Self::Format { path, source }
-                }
-                _ => Self::Write { path, source },
+        move |error| match error.kind() {
+            io::ErrorKind::InvalidInput | io::ErrorKind::NotSeekable => {
+                Self::Format(path.clone(), error)
             }
+            _ => Self::Write(path.clone(), error),
         }
     }
 
@@ -121,7 +85,7 @@ impl OfflineError {
     /// user ended the program; 2 if an input or the name of an output cannot be used.
     pub fn exit_status(&self) -> u8 {
         match self {
-            Self::Write { .. }
+            Self::Write(..)
             | Self::Picture(_)
             | Self::Interrupted
             | Self::NewFile(NewFileError::Finish { .. }) => 1,

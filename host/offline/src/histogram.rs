@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 /// Number of bins.
 pub const BINS: usize = BIN_COUNT as usize;
 const BIN_COUNT: u8 = 64;
-/// Half of the smallest span of the bins, levels: the range of 8 bits.
+/// Half of the range that the bins cover at first, levels: the bins then cover the range of 8 bits.
 const SMALLEST_SPAN: i32 = 128;
 
 /// How often the values of codes lie in each part of the range that they use.

@@ -8,6 +8,7 @@ use artifact::{Description, PackedModel};
 use link::Flags;
 
 use crate::code_file::Announcement;
+use crate::error::OfflineError;
 
 /// One hop of decoded steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,7 +33,9 @@ pub(crate) struct Hops<'d> {
     overlap: Overlap,
     /// Number of windows decoded, missing ones included.
     windows: u32,
+    /// Dequantised values of the code.
     z: Vec<f32>,
+    /// Microvolts of the hop that is passed on.
     uv: Vec<f32>,
 }
 
@@ -64,15 +67,12 @@ impl<'d> Hops<'d> {
 
     /// Decodes the code of the window with this index. Passes the hops of missing windows before
     /// it, and the hop that it completes, to `emit`.
-    ///
-    /// # Errors
-    /// That of `emit`.
-    pub(crate) fn decode<E>(
+    pub(crate) fn decode(
         &mut self,
         (index, flags): (u32, Flags),
         levels: &[i32],
-        mut emit: impl FnMut(DecodedHop) -> Result<(), E>,
-    ) -> Result<(), E> {
+        mut emit: impl FnMut(DecodedHop) -> Result<(), OfflineError>,
+    ) -> Result<(), OfflineError> {
         while self.windows < index {
             self.complete(None, Flags::empty(), &mut emit)?;
         }
@@ -89,25 +89,24 @@ impl<'d> Hops<'d> {
     }
 
     /// Passes the last hops, which only windows decoded before contain, to `emit`.
-    ///
-    /// # Errors
-    /// That of `emit`.
-    pub(crate) fn finish<E>(
+    pub(crate) fn finish(
         mut self,
-        mut emit: impl FnMut(DecodedHop) -> Result<(), E>,
-    ) -> Result<(), E> {
+        mut emit: impl FnMut(DecodedHop) -> Result<(), OfflineError>,
+    ) -> Result<(), OfflineError> {
         for _ in 1..self.per_window {
             self.complete(None, Flags::empty(), &mut emit)?;
         }
         Ok(())
     }
 
-    fn complete<E>(
+    /// Passes the hop that the next window completes to `emit`. `values` are the window's decoded
+    /// microvolts, `None` for a missing window.
+    fn complete(
         &mut self,
         values: Option<Vec<f32>>,
         flags: Flags,
-        emit: &mut impl FnMut(DecodedHop) -> Result<(), E>,
-    ) -> Result<(), E> {
+        emit: &mut impl FnMut(DecodedHop) -> Result<(), OfflineError>,
+    ) -> Result<(), OfflineError> {
         let window = Window {
             index: self.windows,
             flags: flags.bits(),
@@ -162,15 +161,12 @@ impl PackedHops {
 
     /// Decodes the block with this index. Passes the hops of missing blocks before it, and the hop
     /// that it completes, to `emit`. A malformed block is replaced like a missing one, and counted.
-    ///
-    /// # Errors
-    /// That of `emit`.
-    pub(crate) fn decode<E>(
+    pub(crate) fn decode(
         &mut self,
         (index, flags): (u32, Flags),
         block: (&[u8], u8),
-        mut emit: impl FnMut(DecodedHop) -> Result<(), E>,
-    ) -> Result<(), E> {
+        mut emit: impl FnMut(DecodedHop) -> Result<(), OfflineError>,
+    ) -> Result<(), OfflineError> {
         while self.next < index {
             self.complete(None, Flags::empty(), &mut emit)?;
         }
@@ -179,13 +175,10 @@ impl PackedHops {
 
     /// Passes the hop of the last block to `emit`, and returns the number of blocks that were
     /// malformed.
-    ///
-    /// # Errors
-    /// That of `emit`.
-    pub(crate) fn finish<E>(
+    pub(crate) fn finish(
         mut self,
-        mut emit: impl FnMut(DecodedHop) -> Result<(), E>,
-    ) -> Result<u64, E> {
+        mut emit: impl FnMut(DecodedHop) -> Result<(), OfflineError>,
+    ) -> Result<u64, OfflineError> {
         if let Some(hop) = self.overlap.finish() {
             self.pass_on(&hop, &mut emit)?;
         }
@@ -193,12 +186,12 @@ impl PackedHops {
     }
 
     /// Decodes the next block, `None` for a missing one.
-    fn complete<E>(
+    fn complete(
         &mut self,
         block: Option<(&[u8], u8)>,
         flags: Flags,
-        emit: &mut impl FnMut(DecodedHop) -> Result<(), E>,
-    ) -> Result<(), E> {
+        emit: &mut impl FnMut(DecodedHop) -> Result<(), OfflineError>,
+    ) -> Result<(), OfflineError> {
         let label = Label {
             index: self.next,
             flags,
@@ -210,11 +203,12 @@ impl PackedHops {
         }
     }
 
-    fn pass_on<E>(
+    /// Passes a decoded hop to `emit`, with the flags that its source adds to those of its block.
+    fn pass_on(
         &self,
         hop: &PackedHop<Label>,
-        emit: &mut impl FnMut(DecodedHop) -> Result<(), E>,
-    ) -> Result<(), E> {
+        emit: &mut impl FnMut(DecodedHop) -> Result<(), OfflineError>,
+    ) -> Result<(), OfflineError> {
         let Label { index, flags } = hop.label;
         let flags = match hop.source {
             PackedSource::Block => flags,

@@ -17,7 +17,6 @@
 mod code_file;
 mod comparison;
 mod decoding;
-mod encoded_stream;
 mod encoding;
 mod error;
 mod histogram;
@@ -30,11 +29,10 @@ mod row_events;
 mod signal_file;
 mod survey;
 
-pub use code_file::CodeFileError;
+pub use code_file::{CodeFileError, CodeKind};
 pub use comparison::{Comparison, ElectrodeOrigin, ElectrodeSums, Excerpt, settling_s};
 pub use decoding::{Decoded, Decoding};
-pub use encoded_stream::{CodeKind, EncodedStream, PackedCounts};
-pub use encoding::{Encoded, Encoding};
+pub use encoding::{Encoded, EncodedStream, Encoding, PackedCounts};
 pub use error::OfflineError;
 pub use histogram::{BINS, LevelHistogram};
 pub use model::Model;

@@ -27,10 +27,7 @@ impl Model {
     pub fn embedded() -> Result<Self, OfflineError> {
         Artifact::from_bytes(MODEL_TOML, WEIGHTS, CALIBRATION, PACKED)
             .and_then(|artifact| Self::new(&artifact))
-            .map_err(|source| OfflineError::Model {
-                folder: PathBuf::from("this program"),
-                source,
-            })
+            .map_err(|error| OfflineError::Model(PathBuf::from("this program"), error))
     }
 
     /// Reads the model in a folder.
@@ -41,10 +38,7 @@ impl Model {
     pub fn read(folder: &Path) -> Result<Self, OfflineError> {
         Artifact::read(folder)
             .and_then(|artifact| Self::new(&artifact))
-            .map_err(|source| OfflineError::Model {
-                folder: folder.to_owned(),
-                source,
-            })
+            .map_err(|error| OfflineError::Model(folder.to_owned(), error))
     }
 
     /// Returns whether this program was built with this model, so that it can filter recordings for

@@ -5,15 +5,14 @@ use std::path::{Path, PathBuf};
 use link::Substitutes;
 use pipeline::{ELECTRODES, Electrodes, FrontEnd, Mains, Sample};
 use recordings::{
-    AdcSpec, Missing, MontageMap, Onsets, Recording, RecordingError, VirtualAdc,
-    montage_map::Origin, virtual_adc,
+    AdcSpec, Missing, MontageMap, Onsets, Recording, VirtualAdc, montage_map::Origin, virtual_adc,
 };
 
 use crate::error::OfflineError;
 
 const _: () = assert!(model::CHANNELS <= virtual_adc::CHANNELS);
 
-/// A recording as the model's ADC measures it, with what the file says about itself.
+/// A recording as the model's ADC measures it, with its montage, warnings and events.
 pub struct Played {
     /// Samples of the ADC.
     pub adc: VirtualAdc,
@@ -21,7 +20,7 @@ pub struct Played {
     pub substitutes: Substitutes,
     /// Origin of every electrode, as text.
     pub montage: String,
-    /// What is wrong with the recording.
+    /// Defects of the recording, one sentence each.
     pub warnings: Vec<String>,
     /// Starts of the events within the played signal.
     pub onsets: Onsets,
@@ -33,17 +32,11 @@ impl Played {
     /// # Errors
     /// [`OfflineError`] if the file is no recording, or does not fit the model's montage and ADC.
     pub fn open(path: &Path, missing: Missing) -> Result<Self, OfflineError> {
-        let reading = |source| OfflineError::Recording {
-            path: path.to_owned(),
-            source,
-        };
+        let reading = |error| OfflineError::Recording(path.to_owned(), error);
         let mut recording = Recording::open(path).map_err(reading)?;
         let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
         let map = MontageMap::new(&recording.labels(), &electrodes, missing);
-        let map = map.map_err(|source| OfflineError::Montage {
-            path: path.to_owned(),
-            source,
-        })?;
+        let map = map.map_err(|error| OfflineError::Montage(path.to_owned(), error))?;
         let onsets = recording.onsets().map_err(reading)?;
         let of_map = map.warnings();
         let warnings = of_map.iter().map(ToString::to_string);
@@ -108,10 +101,8 @@ impl Original {
     /// [`OfflineError::Recording`] if the rest cannot be read.
     pub(crate) fn next_step(&mut self) -> Result<Option<[f32; ELECTRODES]>, OfflineError> {
         while let Some(counts) = self.played.adc.next() {
-            let counts = counts.map_err(|source: RecordingError| OfflineError::Recording {
-                path: self.path.clone(),
-                source,
-            })?;
+            let counts =
+                counts.map_err(|error| OfflineError::Recording(self.path.clone(), error))?;
             if let Some((electrodes, _)) = self.front_end.filter_sample(&first_channels(counts)) {
                 return Ok(Some(microvolts(&electrodes)));
             }

@@ -8,7 +8,8 @@ use crate::survey::Survey;
 
 /// GDF type of missing codes: the highest type without a fixed meaning.
 const MISSING_TYPE: u16 = 0x00ff;
-/// Highest GDF type of a text. Types above 255 have fixed meanings.
+/// Highest GDF type that is assigned to a text. Types above 255 have fixed meanings, and 255 stands
+/// for missing codes.
 const LAST_TEXT_TYPE: usize = 0x00fe;
 
 /// Events in the order of their rows.

@@ -1,9 +1,8 @@
 //! Files of decoded signals.
 
 mod csv;
-mod edf;
-mod gdf;
 mod npz;
+mod record;
 
 use std::fs::File;
 use std::io;
@@ -69,35 +68,36 @@ pub(crate) struct Signal<'a> {
     pub(crate) description: String,
 }
 
+impl Signal<'_> {
+    /// Returns the smallest and the largest possible value, microvolts.
+    fn range_uv(&self) -> [f64; 2] {
+        let full_scale_uv = f64::from(self.full_scale_uv);
+        [-full_scale_uv, full_scale_uv]
+    }
+}
+
 /// Writes the rows of a signal in a file format.
 pub(crate) trait SignalFile {
     /// Writes one hop: [`Signal::rows_per_hop`] rows with a value for each electrode, and the flags
-    /// of all of them.
-    ///
-    /// # Errors
-    /// The operating system's error, or `InvalidInput` for what the format cannot hold.
+    /// of all of them. The error is the operating system's, or `InvalidInput` for what the format
+    /// cannot hold.
     fn write_hop(&mut self, uv: &[f32], flags: Flags) -> io::Result<()>;
 
     /// Completes the file. Returns the number of values that were limited to the format's range.
-    ///
-    /// # Errors
-    /// As [`Self::write_hop`].
     fn finish(self: Box<Self>) -> io::Result<u64>;
 }
 
 /// Creates the writer of a format.
-///
-/// # Errors
-/// As [`SignalFile::write_hop`].
 pub(crate) fn create(
     format: SignalFormat,
     file: File,
     signal: &Signal,
 ) -> io::Result<Box<dyn SignalFile>> {
     Ok(match format {
-        SignalFormat::Edf => Box::new(edf::EdfFile::edf(file, signal)?),
-        SignalFormat::Bdf => Box::new(edf::EdfFile::bdf(file, signal)?),
-        SignalFormat::Gdf => Box::new(gdf::GdfFile::new(file, signal)?),
+        SignalFormat::Edf | SignalFormat::Bdf => {
+            Box::new(record::EdfFile::new(file, signal, format)?)
+        }
+        SignalFormat::Gdf => Box::new(record::GdfFile::new(file, signal)?),
         SignalFormat::Npz => Box::new(npz::NpzFile::new(file, signal)?),
         SignalFormat::Csv => Box::new(csv::CsvFile::new(file, signal)?),
     })

@@ -4,8 +4,7 @@ use std::io::Read;
 
 use artifact::Description;
 
-use crate::code_file::{Announcement, CodeFile, CodeFileError};
-use crate::encoded_stream::CodeKind;
+use crate::code_file::{Announcement, CodeFile, CodeFileError, CodeKind};
 
 /// Consecutive windows whose codes are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,7 +58,7 @@ impl Survey {
             let steps = description.window.steps;
             return Err(match file.missing_kind() {
                 Some(kind) => CodeFileError::OtherKind(kind),
-                None => CodeFileError::NoCodes { steps },
+                None => CodeFileError::NoCodes(steps),
             });
         };
         Ok(Self {

@@ -19,8 +19,8 @@ pub struct AddressError {
 /// it in a URI.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Address {
-    host: String,
-    port: u16,
+    pub(crate) host: String,
+    pub(crate) port: u16,
 }
 
 impl Address {
@@ -46,6 +46,7 @@ impl Address {
         })
     }
 
+    /// Takes an IPv6 address with or without square brackets.
     pub(crate) fn new(host: &str, port: u16) -> Self {
         Self {
             host: host
@@ -54,14 +55,6 @@ impl Address {
                 .to_owned(),
             port,
         }
-    }
-
-    pub(crate) fn host(&self) -> &str {
-        &self.host
-    }
-
-    pub(crate) fn port(&self) -> u16 {
-        self.port
     }
 }
 
@@ -92,7 +85,7 @@ pub(crate) fn listen_address(host: &str, ipv6: bool) -> IpAddr {
 /// route, which is found by routing to 192.0.2.1 (TEST-NET-1, RFC 5737). Without a default route,
 /// returns loopback. No packet is sent: connecting a UDP socket only selects a route.
 pub(crate) async fn own_address(master: &Address) -> IpAddr {
-    for (host, port) in [(master.host(), master.port()), ("192.0.2.1", 9)] {
+    for (host, port) in [(master.host.as_str(), master.port), ("192.0.2.1", 9)] {
         let Ok(targets) = tokio::net::lookup_host((host, port)).await else {
             continue;
         };
@@ -137,7 +130,7 @@ mod tests {
             ("rosrpc://robot:40001", "robot", 40001, "robot:40001"),
         ] {
             let address = Address::parse(uri).unwrap();
-            assert_eq!((address.host(), address.port()), (host, port));
+            assert_eq!((address.host.as_str(), address.port), (host, port));
             assert_eq!(address.to_string(), text);
         }
     }

@@ -109,26 +109,14 @@ async fn read_line<S: AsyncBufRead + Unpin>(
         .take(limit)
         .read_until(b'\n', &mut line)
         .await?;
-    if count == 0 {
-        return if *left == 0 {
-            Err(HttpError::HeadTooLong)
-        } else {
-            Ok(None)
-        };
-    }
     *left -= count;
-    if line.last() != Some(&b'\n') {
-        return Err(if *left == 0 {
-            HttpError::HeadTooLong
-        } else {
-            HttpError::Truncated
-        });
-    }
-    line.pop();
-    if line.last() == Some(&b'\r') {
-        line.pop();
-    }
-    Ok(Some(String::from_utf8_lossy(&line).into_owned()))
+    let text = match line.strip_suffix(b"\n") {
+        Some(text) => text.strip_suffix(b"\r").unwrap_or(text),
+        None if *left == 0 => return Err(HttpError::HeadTooLong),
+        None if line.is_empty() => return Ok(None),
+        None => return Err(HttpError::Truncated),
+    };
+    Ok(Some(String::from_utf8_lossy(text).into_owned()))
 }
 
 /// Reads the body that follows `head`. Allocates memory as bytes arrive, not for the announced
@@ -153,6 +141,7 @@ pub(crate) async fn read_body<S: AsyncBufRead + Unpin>(
     Ok(body)
 }
 
+/// Reads a body in the chunked transfer encoding and appends it to `body`.
 async fn read_chunks<S: AsyncBufRead + Unpin>(
     stream: &mut S,
     body: &mut Vec<u8>,
@@ -184,6 +173,7 @@ async fn read_chunks<S: AsyncBufRead + Unpin>(
     }
 }
 
+/// Appends the next `length` bytes of the stream to `body`.
 async fn append<S: AsyncRead + Unpin>(
     stream: &mut S,
     body: &mut Vec<u8>,

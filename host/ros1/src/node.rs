@@ -169,7 +169,10 @@ impl Node {
         let publication = Arc::new(Publication::new(name.clone(), message_type, options));
         let added = Arc::clone(&publication);
         let insert = |graph: &mut Graph| drop(graph.publications.insert(name, added));
-        Ok(Publisher::new(publication, self.add(key, insert).await?))
+        Ok(Publisher {
+            publication,
+            _lease: Arc::new(self.add(key, insert).await?),
+        })
     }
 
     /// Subscribes to a topic. Up to `queue` received messages wait to be read; each further message
@@ -189,7 +192,10 @@ impl Node {
         let subscription = Arc::new(Subscription::new(inbox));
         let added = Arc::clone(&subscription);
         let insert = |graph: &mut Graph| drop(graph.subscriptions.insert(name, added));
-        Ok(Subscriber::new(subscription, self.add(key, insert).await?))
+        Ok(Subscriber {
+            subscription,
+            _lease: self.add(key, insert).await?,
+        })
     }
 
     /// Provides a service. `handler` computes the body of the response from the body of the
@@ -209,7 +215,10 @@ impl Node {
         let provider = Arc::new(Provider::new(name.clone(), service_type, Box::new(handler)));
         let added = Arc::clone(&provider);
         let insert = |graph: &mut Graph| drop(graph.services.insert(name, added));
-        Ok(Service::new(provider, self.add(key, insert).await?))
+        Ok(Service {
+            provider,
+            _lease: self.add(key, insert).await?,
+        })
     }
 
     /// Looks up a service, calls it once as [`ServiceClient::call`] does, and closes the
@@ -233,7 +242,7 @@ impl Node {
     /// Looks up a service and opens a connection that can be used for any number of calls.
     ///
     /// # Errors
-    /// All variants of [`ServiceError`] except `Failed`.
+    /// All variants of [`ServiceError`] but [`ServiceError::Failed`].
     pub async fn connect(
         &self,
         service: &str,
@@ -297,10 +306,13 @@ impl Node {
                 return Err(NodeError::Duplicate(key.to_string()));
             }
             insert(&mut graph);
-            Lease::new(key, &self.registrar)
+            Lease {
+                key,
+                registrar: Arc::downgrade(&self.registrar),
+            }
         };
         let refused = self.registrar.sync_within_timeout().await;
-        match refused.into_iter().find(|(key, _)| key == lease.key()) {
+        match refused.into_iter().find(|(key, _)| *key == lease.key) {
             Some((key, source)) => Err(NodeError::Refused {
                 what: key.to_string(),
                 source,

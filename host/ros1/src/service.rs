@@ -141,61 +141,33 @@ async fn read_request(stream: &mut TcpStream, persistent: bool) -> io::Result<Ve
     timeout(TRANSFER_TIMEOUT, read_message_body(stream, length)).await?
 }
 
-/// Why a service call failed.
+/// Why a service call failed. All variants but [`ServiceError::Name`] hold the full name of the
+/// service after remapping, such as `/lab/reset`, and the reason.
 #[derive(Debug, thiserror::Error)]
 pub enum ServiceError {
     /// The name is not a ROS name.
     #[error(transparent)]
     Name(#[from] NameError),
     /// The master does not know the service or does not answer.
-    #[error("service {service} cannot be looked up: {source}")]
-    Lookup {
-        /// Full name of the service after remapping, such as `/lab/reset`.
-        service: String,
-        /// Error from the call of the master's `lookupService` method.
-        source: CallError,
-    },
+    #[error("service {0} cannot be looked up: {1}")]
+    Lookup(String, #[source] CallError),
     /// The master returned a malformed service URI.
-    #[error("service {service} has no usable address: {source}")]
-    Address {
-        /// Full name of the service after remapping, such as `/lab/reset`.
-        service: String,
-        /// Error that holds the URI returned by the master.
-        source: AddressError,
-    },
+    #[error("service {0} has no usable address: {1}")]
+    Address(String, #[source] AddressError),
     /// The connection to the provider could not be opened, or it broke during the call.
-    #[error("service {service} cannot be reached: {source}; is its node running?")]
-    Io {
-        /// Full name of the service after remapping, such as `/lab/reset`.
-        service: String,
-        /// Error from the operating system.
-        source: io::Error,
-    },
+    #[error("service {0} cannot be reached: {1}; is its node running?")]
+    Io(String, #[source] io::Error),
     /// The provider's connection header is malformed or missing.
-    #[error("service {service} answered without a valid header: {source}")]
-    Header {
-        /// Full name of the service after remapping, such as `/lab/reset`.
-        service: String,
-        /// Why the header was rejected.
-        source: HeaderError,
-    },
+    #[error("service {0} answered without a valid header: {1}")]
+    Header(String, #[source] HeaderError),
     /// The client and the provider have different definitions of the service, or the provider
-    /// refused the client.
-    #[error("service {service} refuses: {reason}")]
-    Refused {
-        /// Full name of the service after remapping, such as `/lab/reset`.
-        service: String,
-        /// Error message from the provider, or the difference between the two service types.
-        reason: String,
-    },
-    /// The provider accepted the call, but its handler returned an error.
-    #[error("service {service} failed: {reason}")]
-    Failed {
-        /// Full name of the service after remapping, such as `/lab/reset`.
-        service: String,
-        /// Error message from the provider's handler.
-        reason: String,
-    },
+    /// refused the client. The reason is the provider's error message, or the difference between
+    /// the two service types.
+    #[error("service {0} refuses: {1}")]
+    Refused(String, String),
+    /// The provider accepted the call, but its handler returned this error message.
+    #[error("service {0} failed: {1}")]
+    Failed(String, String),
 }
 
 /// A connection to the provider of one service.
@@ -219,11 +191,11 @@ impl ServiceClient {
         let arguments = [Value::from(node), service.as_str().into()];
         let uri = match call_ros(master_uri, "lookupService", &arguments).await {
             Ok(uri) => uri,
-            Err(source) => return Err(ServiceError::Lookup { service, source }),
+            Err(error) => return Err(ServiceError::Lookup(service, error)),
         };
         let address = match Address::parse(uri.as_str().unwrap_or_default()) {
             Ok(address) => address,
-            Err(source) => return Err(ServiceError::Address { service, source }),
+            Err(error) => return Err(ServiceError::Address(service, error)),
         };
         let header = Header::new()
             .with("callerid", node)
@@ -239,16 +211,13 @@ impl ServiceClient {
                     None => type_mismatch(&answer, &what, "*", service_type.md5),
                 };
                 match refusal {
-                    Some(reason) => Err(ServiceError::Refused { service, reason }),
+                    Some(reason) => Err(ServiceError::Refused(service, reason)),
                     None => Ok(Self { service, stream }),
                 }
             }
-            Ok(Err(HeaderError::Io(source))) => Err(ServiceError::Io { service, source }),
-            Ok(Err(source)) => Err(ServiceError::Header { service, source }),
-            Err(_) => Err(ServiceError::Io {
-                service,
-                source: io::ErrorKind::TimedOut.into(),
-            }),
+            Ok(Err(HeaderError::Io(error))) => Err(ServiceError::Io(service, error)),
+            Ok(Err(error)) => Err(ServiceError::Header(service, error)),
+            Err(_) => Err(ServiceError::Io(service, io::ErrorKind::TimedOut.into())),
         }
     }
 
@@ -260,16 +229,14 @@ impl ServiceClient {
     /// [`ServiceError::Failed`] with the provider's error message; [`ServiceError::Io`] if the
     /// connection broke, in which case a new client must be connected.
     pub async fn call(&mut self, request: &[u8]) -> Result<Vec<u8>, ServiceError> {
+        let service = self.service.clone();
         match self.exchange(request).await {
             Ok((1, response)) => Ok(response),
-            Ok((_, message)) => Err(ServiceError::Failed {
-                service: self.service.clone(),
-                reason: String::from_utf8_lossy(&message).into_owned(),
-            }),
-            Err(source) => Err(ServiceError::Io {
-                service: self.service.clone(),
-                source,
-            }),
+            Ok((_, message)) => {
+                let message = String::from_utf8_lossy(&message).into_owned();
+                Err(ServiceError::Failed(service, message))
+            }
+            Err(error) => Err(ServiceError::Io(service, error)),
         }
     }
 
@@ -281,7 +248,7 @@ impl ServiceClient {
 }
 
 async fn handshake(address: &Address, header: &Header) -> Result<(TcpStream, Header), HeaderError> {
-    let mut stream = TcpStream::connect((address.host(), address.port())).await?;
+    let mut stream = TcpStream::connect((&*address.host, address.port)).await?;
     set_options(&stream)?;
     stream.write_all(&header.encode()?).await?;
     let answer = Header::read(&mut stream).await?;

@@ -282,7 +282,7 @@ impl PublisherLink {
         ];
         let offer = call_ros(&self.uri, "requestTopic", &arguments).await?;
         let address = tcpros_address(&offer).ok_or(LinkError::Offer)?;
-        let connect = TcpStream::connect((address.host(), address.port()));
+        let connect = TcpStream::connect((&*address.host, address.port));
         let connected = timeout(HANDSHAKE_TIMEOUT, connect).await;
         let mut stream = connected
             .map_err(|_| LinkError::Unreachable(io::ErrorKind::TimedOut.into()))?

@@ -123,16 +123,4 @@ mod tests {
         }
         assert_eq!(left, [2, 3, 4]);
     }
-
-    #[tokio::test]
-    async fn a_push_wakes_a_waiting_pop() {
-        let queue = std::sync::Arc::new(DropOldestQueue::new(1));
-        let waiting = tokio::spawn({
-            let queue = std::sync::Arc::clone(&queue);
-            async move { queue.pop().await }
-        });
-        tokio::task::yield_now().await;
-        queue.push(7);
-        assert_eq!(waiting.await.unwrap(), Some(7));
-    }
 }

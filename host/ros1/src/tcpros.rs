@@ -67,22 +67,11 @@ pub enum HeaderError {
     /// The peer did not send its header within 5 s.
     #[error("no header came within {} s", HANDSHAKE_TIMEOUT.as_secs())]
     Timeout,
-    /// The header is longer than [`MAX_HEADER`].
-    #[error("the header has {length} bytes; at most {MAX_HEADER} are allowed")]
-    TooLong {
-        /// Total length of the header, bytes.
-        length: u32,
-    },
-    /// A header field extends beyond the end of the header.
-    #[error("a field announces {length} bytes but the header has only {left} left")]
-    FieldTooLong {
-        /// Announced length of the field, bytes.
-        length: u32,
-        /// Number of bytes that remain in the header after the field's four-byte length prefix.
-        left: usize,
-    },
-    /// The header ends within the four-byte length of a field.
-    #[error("the header ends inside the length of a field")]
+    /// The header is longer than [`MAX_HEADER`]; holds its total length in bytes.
+    #[error("the header has {0} bytes; at most {MAX_HEADER} are allowed")]
+    TooLong(u32),
+    /// The header ends inside a field or inside a field's four-byte length.
+    #[error("the header ends inside a field")]
     Truncated,
     /// A header field has no `=`; holds the text of the field.
     #[error("the header field '{}' has no '='", .0.escape_debug())]
@@ -153,14 +142,9 @@ impl Header {
             let (length, rest) = bytes
                 .split_first_chunk::<4>()
                 .ok_or(HeaderError::Truncated)?;
-            let length = u32::from_le_bytes(*length);
-            let field = usize::try_from(length)
-                .ok()
-                .and_then(|length| rest.split_at_checked(length));
-            let (field, rest) = field.ok_or(HeaderError::FieldTooLong {
-                length,
-                left: rest.len(),
-            })?;
+            let length = usize::try_from(u32::from_le_bytes(*length)).ok();
+            let field = length.and_then(|length| rest.split_at_checked(length));
+            let (field, rest) = field.ok_or(HeaderError::Truncated)?;
             let text = String::from_utf8_lossy(field);
             match text.split_once('=') {
                 Some((name, value)) => fields.push((name.to_owned(), value.to_owned())),
@@ -177,7 +161,7 @@ impl Header {
             let length = stream.read_u32_le().await?;
             match usize::try_from(length) {
                 Ok(size) if size <= MAX_HEADER => Ok(read_exactly(stream, size).await?),
-                _ => Err(HeaderError::TooLong { length }),
+                _ => Err(HeaderError::TooLong(length)),
             }
         };
         let bytes = timeout(HANDSHAKE_TIMEOUT, bytes)
@@ -190,7 +174,7 @@ impl Header {
 fn checked_length(length: usize) -> Result<u32, HeaderError> {
     let small = u32::try_from(length).unwrap_or(u32::MAX);
     if length > MAX_HEADER {
-        Err(HeaderError::TooLong { length: small })
+        Err(HeaderError::TooLong(small))
     } else {
         Ok(small)
     }

@@ -1,12 +1,8 @@
-//! Blocks of rows and events of a recording, and what takes them.
-
-use std::io;
+//! Blocks of rows of a recording's streams, and its events.
 
 use bridge_core::TRI_LABELS;
 use link::Flags;
 use neuro_ros::NeuroFrame;
-
-use crate::conversion::collector::Listener;
 
 /// A stream that a recording is converted to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,7 +14,8 @@ pub(crate) enum Stream {
 }
 
 impl Stream {
-    /// All streams, in the order of their numbers.
+    /// All streams, in the order of their discriminants, which index arrays with an element for each
+    /// stream.
     pub(crate) const ALL: [Stream; 4] = [
         Stream::Codes,
         Stream::Reconstructed,
@@ -26,7 +23,7 @@ impl Stream {
         Stream::Filtered,
     ];
 
-    /// Name in the names of files.
+    /// Returns the part of a file's name that states the stream, such as `raw` in `a.raw.gdf`.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Stream::Codes => "codes",
@@ -43,8 +40,8 @@ pub(crate) struct Block {
     pub(crate) stream: Stream,
     /// The published frame: values, status words, rate and labels.
     pub(crate) frame: NeuroFrame,
-    /// Number of restarts of the device before these rows. Device times of different runs have
-    /// cannot be compared.
+    /// Number of restarts of the device before these rows. Device times of different runs cannot be
+    /// compared.
     pub(crate) run: u32,
     /// Device time at which the first row happened on the scalp, microseconds; negative for rows
     /// from before the device's start.
@@ -68,13 +65,13 @@ impl Block {
         words.all(|words| words[0] & filler != 0)
     }
 
-    /// Time from the first row to the row `row`, microseconds, rounded down.
+    /// Returns the time from the first row to the row `row`, microseconds, rounded down.
     pub(crate) fn offset_us(&self, row: usize) -> i64 {
         let row = i64::try_from(row).unwrap_or(i64::MAX);
         row.saturating_mul(1_000_000) / i64::from(self.frame.sr.max(1))
     }
 
-    /// Values of a row: electrodes, then spare channels.
+    /// Returns the values of a row: those of the electrodes, then those of the spare channels.
     pub(crate) fn values(&self, row: usize) -> impl Iterator<Item = f32> {
         let of = |data: &'_ [f32], width: u16| {
             let width = usize::from(width);
@@ -87,14 +84,15 @@ impl Block {
             .chain(of(&self.frame.exg.data, self.frame.exg.info.nchannels))
     }
 
-    /// Status words of a row, in the order of [`TRI_LABELS`].
+    /// Returns the status words of a row, in the order of [`TRI_LABELS`].
     pub(crate) fn words(&self, row: usize) -> &[i32] {
         let width = TRI_LABELS.len();
         let words = self.frame.tri.data.get(row * width..(row + 1) * width);
         words.unwrap_or(&[0; TRI_LABELS.len()])
     }
 
-    /// Turns all rows into fillers that repeat the last one, `rows` rows later.
+    /// Turns all rows into fillers that repeat the values of the last row, with times and an index
+    /// that are `rows` rows later.
     pub(crate) fn become_filler(&mut self, rows: u64) {
         let period = u64::from(self.frame.sr.max(1));
         let later_us = i64::try_from(rows.saturating_mul(1_000_000) / period).unwrap_or(i64::MAX);
@@ -117,6 +115,7 @@ impl Block {
 /// An edge of the trigger input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct TimedEvent {
+    /// Number of restarts of the device before the edge.
     pub(crate) run: u32,
     /// Device time of the edge, microseconds.
     pub(crate) device_us: i64,
@@ -125,64 +124,4 @@ pub(crate) struct TimedEvent {
     /// Type in GDF's event table and on ROS-Neuro's event bus.
     pub(crate) code: u16,
     pub(crate) description: String,
-}
-
-/// Description of a stream, which its file needs before the first row.
-pub(crate) struct StreamFile<'a> {
-    /// The stream's first frame: labels, units, ranges, rate.
-    pub(crate) first: &'a NeuroFrame,
-    /// Number of rows that will follow.
-    pub(crate) rows: u64,
-    /// Wall clock at the first row, nanoseconds since 1970.
-    pub(crate) start_ns: i64,
-    /// Rows of all events, in the order of the rows.
-    pub(crate) events: Vec<(u64, TimedEvent)>,
-}
-
-impl StreamFile<'_> {
-    /// Labels of the values in a row: electrodes, then spare channels.
-    pub(crate) fn labels(&self) -> impl Iterator<Item = &String> {
-        let eeg = self.first.eeg.info.labels.iter();
-        eeg.chain(&self.first.exg.info.labels)
-    }
-}
-
-/// Writes the rows of one stream in a file format.
-pub(crate) trait RowWriter {
-    /// Writes the next rows.
-    ///
-    /// # Errors
-    ///
-    /// The operating system's error, or `InvalidInput` for what the format cannot hold.
-    fn write(&mut self, block: &Block) -> io::Result<()>;
-
-    /// Completes the file.
-    ///
-    /// # Errors
-    ///
-    /// As [`RowWriter::write`].
-    fn finish(self: Box<Self>) -> io::Result<()>;
-}
-
-/// The writers of all streams, by their numbers, and the first error of each.
-#[derive(Default)]
-pub(crate) struct Rows {
-    pub(crate) writers: [Option<Box<dyn RowWriter>>; 4],
-    /// Number of the stream whose file failed, with the error.
-    pub(crate) failed: Option<(usize, io::Error)>,
-}
-
-impl Listener for Rows {
-    const DECODES: bool = true;
-
-    fn block(&mut self, block: Block) {
-        let stream = block.stream as usize;
-        if let Some(writer) = &mut self.writers[stream]
-            && let Err(error) = writer.write(&block)
-        {
-            self.failed.get_or_insert((stream, error));
-        }
-    }
-
-    fn event(&mut self, _: TimedEvent) {}
 }

@@ -21,7 +21,8 @@ const MAX_FILLERS_S: u64 = 86_400;
 
 /// Receives what a recording holds, in the order of publication.
 pub(crate) trait Listener {
-    /// Whether the values of reconstructed rows matter. Decoding them takes most of the time.
+    /// Whether the listener reads the values of reconstructed rows. Decoding these takes most of the
+    /// time of a pass.
     const DECODES: bool;
 
     /// Receives the rows of a frame.
@@ -47,7 +48,7 @@ pub(crate) struct Collector<L> {
     pub(crate) frame_us: u64,
     /// Commands that the core has sent since the caller took them.
     pub(crate) commands: Vec<Vec<u8>>,
-    /// Newest block of raw samples and of filtered steps.
+    /// Newest block of raw samples, and newest block of filtered steps.
     newest: [Option<Block>; 2],
     /// Time between the first record and the newest one, seconds.
     pub(crate) elapsed_s: u64,
@@ -145,20 +146,11 @@ impl<L: Listener> Collector<L> {
         self.newest[place] = Some(block.clone());
     }
 
-    /// Returns the time from when a packed block's first step was at the electrodes to the block's
-    /// device time.
-    fn block_delay_us(&self) -> i64 {
+    /// Returns the time from when the first step of a code or packed block was at the electrodes to
+    /// the device time of the code or block, microseconds. `steps` returns the number of its steps.
+    fn delay_us(&self, steps: impl Fn(&Device) -> u8) -> i64 {
         self.device.as_ref().map_or(0, |device| {
-            let lookback = u32::from(device.hop_steps) - 1;
-            device.steps_us(lookback) + i64::from(device.group_delay_us)
-        })
-    }
-
-    /// Returns the time from when a code's first step was at the electrodes to the code's device
-    /// time.
-    fn code_delay_us(&self) -> i64 {
-        self.device.as_ref().map_or(0, |device| {
-            let lookback = u32::from(device.window_steps) - 1;
+            let lookback = u32::from(steps(device)) - 1;
             device.steps_us(lookback) + i64::from(device.group_delay_us)
         })
     }
@@ -188,11 +180,15 @@ impl<L: Listener> Effects for Collector<L> {
     }
 
     fn publish_encoded(&mut self, frame: &NeuroFrame) {
-        self.publish(Stream::Codes, frame, self.code_delay_us());
+        self.publish(
+            Stream::Codes,
+            frame,
+            self.delay_us(|device| device.window_steps),
+        );
     }
 
     fn decode(&mut self, mut window: TimedCode) {
-        let delay_us = self.code_delay_us();
+        let delay_us = self.delay_us(|device| device.window_steps);
         if !L::DECODES {
             // Without the code the frame is a filler, of the same time and length.
             window.z = None;
@@ -207,7 +203,7 @@ impl<L: Listener> Effects for Collector<L> {
     }
 
     fn decode_block(&mut self, block: TimedPackedBlock) {
-        let delay_us = self.block_delay_us();
+        let delay_us = self.delay_us(|device| device.hop_steps);
         let Some(mut packed) = self.packed.take() else {
             return;
         };
@@ -225,7 +221,7 @@ impl<L: Listener> Effects for Collector<L> {
     }
 
     fn finish_blocks(&mut self) {
-        let delay_us = self.block_delay_us();
+        let delay_us = self.delay_us(|device| device.hop_steps);
         let Some(mut packed) = self.packed.take() else {
             return;
         };
@@ -266,106 +262,5 @@ impl<L: Listener> Effects for Collector<L> {
             code,
             description: event.description.clone(),
         });
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::sync::Arc;
-
-    use bridge_core::{
-        Announcement, Device, Effects, Model, PackedBytes, Settings, TimedPackedBlock, TriWords,
-    };
-    use link::{Capabilities, Hello, ResetCause, Streams};
-    use neuro_ros::Stamp;
-
-    use super::{Collector, Listener};
-    use crate::conversion::block::{Block, TimedEvent};
-
-    fn device(model: &Model) -> Device {
-        let labels = model.electrodes().join(" ");
-        let hello = Hello {
-            firmware: "test",
-            board: "board",
-            chip_uid: [7; 12],
-            model_id: model.id(),
-            session_id: 1,
-            reset_cause: ResetCause::PowerOn,
-            fault: "",
-        };
-        let capabilities = Capabilities {
-            adc_rate_hz: 512,
-            step_rate_hz: 128,
-            window_steps: 16,
-            hop_steps: 8,
-            channels: 64,
-            lsb_nv: 22.351_742,
-            mains_hz: 50,
-            group_delay_us: 10_000,
-            labels: &labels,
-            filters: "none",
-            code_format: link::CodeFormat::Int8,
-            code_scale: std::iter::repeat_n(0.5, 128).collect(),
-            code_zero_point: std::iter::repeat_n(1, 128).collect(),
-        };
-        Device::new(&hello, &capabilities).unwrap()
-    }
-
-    /// Keeps the times of rows, and whether they are fillers.
-    #[derive(Default)]
-    struct Times<const DECODES: bool>(Vec<(i64, bool)>);
-
-    impl<const DECODES: bool> Listener for Times<DECODES> {
-        const DECODES: bool = DECODES;
-
-        fn block(&mut self, block: Block) {
-            self.0.push((block.wall_ns, block.is_filler()));
-        }
-
-        fn event(&mut self, _: TimedEvent) {}
-    }
-
-    /// Passes 20 blocks to a collector, of which some are lost and none is one of the model.
-    /// Returns the times of rows and the number of blocks that were found malformed.
-    fn collect<const DECODES: bool>() -> (Vec<(i64, bool)>, u64) {
-        let model = Arc::new(Model::embedded().unwrap());
-        let settings = Settings {
-            streams: Streams::PACKED,
-            ..Settings::default()
-        };
-        let listener = Times::<DECODES>::default();
-        let mut collector = Collector::new(listener, settings, Arc::clone(&model));
-        collector.announce(&Announcement {
-            info: None,
-            device: Arc::new(device(&model)),
-            decodable: true,
-        });
-        for index in 0..20 {
-            let bytes = PackedBytes {
-                bytes: vec![0],
-                rate: 4,
-            };
-            collector.decode_block(TimedPackedBlock {
-                block: (index % 5 > 0).then_some(bytes),
-                is_first: index == 0,
-                stamp: Stamp::from_nanoseconds(index * 62_500_000),
-                words: TriWords::default(),
-            });
-        }
-        collector.finish_blocks();
-        let malformed = collector.malformed();
-        (collector.listener.0, malformed)
-    }
-
-    #[test]
-    fn the_first_pass_decodes_no_block_and_has_the_times_of_the_second() {
-        let (decoded, malformed) = collect::<true>();
-        assert_eq!((decoded.len(), malformed), (20, 16));
-        let (passed, malformed) = collect::<false>();
-        assert_eq!(malformed, 0);
-        assert!(decoded.iter().all(|(_, is_filler)| *is_filler));
-        for (index, (passed, decoded)) in passed.iter().zip(&decoded).enumerate() {
-            assert_eq!(*passed, (decoded.0, index % 5 == 0));
-        }
     }
 }

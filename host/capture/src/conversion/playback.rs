@@ -17,7 +17,7 @@ const TICK_US: i64 = 100_000;
 /// nothing else happens in a longer pause.
 const MAX_TICKS_US: i64 = 120_000_000;
 
-/// Number of a command that the core has not sent: it counts from 0.
+/// Command number that the core never uses, because it counts its commands from 0.
 const NOT_SENT: u32 = u32::MAX;
 
 /// Plays the records of a recording to a core.
@@ -31,14 +31,16 @@ pub(crate) struct Playback<L> {
     pub(crate) collector: Collector<L>,
     /// Commands of the recording, by number.
     recorded: HashMap<u32, ToDevice>,
-    /// The core's own commands: the newest of each kind, with its number.
+    /// Newest command of each kind that the core has sent, with its number.
     own: Vec<(u32, ToDevice)>,
     from_device: Decoder<MAX_FRAME>,
     from_host: Decoder<MAX_FRAME>,
     identity: Option<Identity>,
-    /// Time of the newest record, if the core has not been asked for a command since.
+    /// Time of the newest record, until the core has had its tick for this time.
     due: Option<HostTime>,
+    /// Time of the newest record.
     newest: Option<HostTime>,
+    /// Time of the first record.
     first: Option<HostTime>,
 }
 

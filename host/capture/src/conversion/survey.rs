@@ -7,12 +7,12 @@ use neuro_ros::NeuroFrame;
 use crate::conversion::block::{Block, Stream, TimedEvent};
 use crate::conversion::collector::Listener;
 
-/// Difference between the times of an event and of a sample below which they are the same,
-/// microseconds: times of samples are rounded to microseconds.
+/// Largest difference, in microseconds, between the times of an event and of a sample that count as
+/// the same time: the times of samples are rounded to microseconds.
 const SAME_US: i64 = 2;
 
 /// Longest time after the last row at which an event is placed, seconds: a day. An event of a later
-/// time, which a damaged recording can hold, is placed there too.
+/// time, which a damaged recording can hold, is placed at that time too.
 const MAX_AFTER_END_S: u64 = 86_400;
 
 /// Result of the first pass.
@@ -31,7 +31,7 @@ pub(crate) struct StreamSurvey {
     anchors: Vec<Anchor>,
 }
 
-/// Times of a block's first row.
+/// Index of a block's first row, and its times.
 #[derive(Clone, Copy, Debug)]
 struct Anchor {
     row: u64,

@@ -1,4 +1,5 @@
-//! State that a replay reads from a recording before playing it: introduction and starts.
+//! What a replay keeps of the recorded frames: the introduction of the device, and the `Start`
+//! commands of the recorded host.
 
 use std::collections::HashMap;
 

@@ -1,6 +1,6 @@
 //! Reading of recordings, whole or damaged.
 
-use std::io::{ErrorKind, Read, Seek};
+use std::io::{ErrorKind, Read, Seek, SeekFrom};
 
 use bridge_core::HostTime;
 
@@ -30,7 +30,7 @@ pub struct RecordingReader<R> {
     position: usize,
     at_end: bool,
     left_out: LeftOut,
-    /// Number of bytes since the last whole record that are none.
+    /// Number of bytes since the last whole record that belong to no whole record.
     damaged: u64,
     /// Time of the newest record.
     newest: Option<HostTime>,
@@ -51,23 +51,20 @@ impl<R: Read> RecordingReader<R> {
     /// # Errors
     ///
     /// [`RecordingError`] if the file is not a recording that this program can read.
-    pub fn new(source: R) -> Result<RecordingReader<R>, RecordingError> {
-        let mut reader = RecordingReader {
+    pub fn new(mut source: R) -> Result<RecordingReader<R>, RecordingError> {
+        let mut header = Vec::new();
+        let limit = FileHeader::BYTES as u64;
+        source.by_ref().take(limit).read_to_end(&mut header)?;
+        Ok(RecordingReader {
+            header: FileHeader::decode(&header)?,
             source,
-            header: FileHeader {
-                created_ns: 0,
-                streams: link::Streams::empty(),
-                mains_hz: 0,
-            },
             buffer: Vec::new(),
             position: 0,
             at_end: false,
             left_out: LeftOut::default(),
             damaged: 0,
             newest: None,
-        };
-        reader.restart()?;
-        Ok(reader)
+        })
     }
 
     /// Returns the file's header.
@@ -114,20 +111,6 @@ impl<R: Read> RecordingReader<R> {
         }
     }
 
-    /// Reads the header again, or for the first time, and forgets what was counted.
-    fn restart(&mut self) -> Result<(), RecordingError> {
-        self.buffer.clear();
-        self.position = 0;
-        self.at_end = false;
-        self.left_out = LeftOut::default();
-        self.damaged = 0;
-        self.newest = None;
-        self.fill(FileHeader::BYTES)?;
-        self.header = FileHeader::decode(&self.buffer)?;
-        self.position = FileHeader::BYTES;
-        Ok(())
-    }
-
     /// Reads until `needed` unused bytes are in the buffer, or the file ends.
     fn fill(&mut self, needed: usize) -> Result<(), RecordingError> {
         if self.at_end || self.buffer.len() - self.position >= needed {
@@ -156,14 +139,21 @@ impl<R: Read> RecordingReader<R> {
 }
 
 impl<R: Read + Seek> RecordingReader<R> {
-    /// Goes back to the first record.
+    /// Goes back to the first record and forgets what was counted.
     ///
     /// # Errors
     ///
     /// [`RecordingError::Read`] if the operating system cannot do so.
     pub(crate) fn rewind(&mut self) -> Result<(), RecordingError> {
-        self.source.rewind()?;
-        self.restart()
+        self.source
+            .seek(SeekFrom::Start(FileHeader::BYTES as u64))?;
+        self.buffer.clear();
+        self.position = 0;
+        self.at_end = false;
+        self.left_out = LeftOut::default();
+        self.damaged = 0;
+        self.newest = None;
+        Ok(())
     }
 }
 

@@ -6,9 +6,16 @@ use crate::recording::{FileHeader, MAX_PAYLOAD, Record, RecordKind};
 
 /// Converts what happens at a port to records. Pure: the caller writes [`Recorder::take`]'s bytes
 /// to a file.
+///
+/// The bytes from the device are split at the ends of frames: the payloads of the records in their
+/// order are all bytes, unchanged. A payload ends with the zero that ends a frame. Only garbage
+/// longer than a frame, and the bytes before a port was lost, end without one.
 #[derive(Debug)]
 pub struct Recorder {
-    splitter: Splitter,
+    /// Bytes of the frame that is not complete yet.
+    piece: Vec<u8>,
+    /// Whether `piece` holds more than the zeros before a frame.
+    has_content: bool,
     unwritten: Vec<u8>,
     bytes: u64,
 }
@@ -17,7 +24,8 @@ impl Recorder {
     /// Creates a recorder whose first bytes are the file's header.
     pub fn new(header: FileHeader) -> Recorder {
         Recorder {
-            splitter: Splitter::default(),
+            piece: Vec::new(),
+            has_content: false,
             unwritten: header.encode().to_vec(),
             bytes: FileHeader::BYTES as u64,
         }
@@ -37,11 +45,13 @@ impl Recorder {
     /// Records bytes from the device that were read at `read`. A frame is recorded when its last
     /// byte arrives, with the time of that.
     pub fn received(&mut self, bytes: &[u8], read: HostTime) {
-        let mut splitter = std::mem::take(&mut self.splitter);
-        splitter.push(bytes, |piece| {
-            self.append(RecordKind::Received, read, piece);
-        });
-        self.splitter = splitter;
+        for &byte in bytes {
+            self.piece.push(byte);
+            self.has_content |= byte != 0;
+            if (byte == 0 && self.has_content) || self.piece.len() == MAX_PAYLOAD {
+                self.finish_piece(read);
+            }
+        }
     }
 
     /// Records a command to the device.
@@ -56,9 +66,13 @@ impl Recorder {
 
     /// Records the bytes of an unfinished frame.
     pub fn finish_piece(&mut self, now: HostTime) {
-        let mut splitter = std::mem::take(&mut self.splitter);
-        splitter.finish(|piece| self.append(RecordKind::Received, now, piece));
-        self.splitter = splitter;
+        let mut piece = std::mem::take(&mut self.piece);
+        if !piece.is_empty() {
+            self.append(RecordKind::Received, now, &piece);
+        }
+        piece.clear();
+        self.piece = piece;
+        self.has_content = false;
     }
 
     /// Returns the bytes that were recorded since the last call: whole records, and before them the
@@ -84,57 +98,34 @@ impl Recorder {
     }
 }
 
-/// Splits the bytes from the device at the ends of frames.
-///
-/// The pieces in their order are all bytes, unchanged. A piece ends with the zero that ends a
-/// frame; only garbage longer than a frame, and the bytes before a port was lost, end without one.
-#[derive(Debug, Default)]
-pub(crate) struct Splitter {
-    piece: Vec<u8>,
-    /// Whether the piece holds more than the zeros before a frame.
-    has_content: bool,
-}
-
-impl Splitter {
-    /// Adds bytes from the device and passes each piece that they complete to `complete`.
-    pub(crate) fn push(&mut self, bytes: &[u8], mut complete: impl FnMut(&[u8])) {
-        for &byte in bytes {
-            self.piece.push(byte);
-            self.has_content |= byte != 0;
-            if (byte == 0 && self.has_content) || self.piece.len() == MAX_PAYLOAD {
-                complete(&self.piece);
-                self.clear();
-            }
-        }
-    }
-
-    /// Passes the bytes of an unfinished piece to `complete`, if there are any.
-    pub(crate) fn finish(&mut self, mut complete: impl FnMut(&[u8])) {
-        if !self.piece.is_empty() {
-            complete(&self.piece);
-            self.clear();
-        }
-    }
-
-    fn clear(&mut self) {
-        self.piece.clear();
-        self.has_content = false;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
 
-    use super::{MAX_PAYLOAD, Splitter};
+    use super::{FileHeader, HostTime, MAX_PAYLOAD, Recorder};
+    use crate::recording::reader::RecordingReader;
 
+    /// Returns the payloads of the records of these bytes, which are read chunk by chunk.
     fn split(chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
-        let mut pieces = Vec::new();
-        let mut splitter = Splitter::default();
+        let time = HostTime {
+            monotonic_us: 0,
+            wall_ns: 0,
+        };
+        let mut recorder = Recorder::new(FileHeader {
+            created_ns: 0,
+            streams: link::Streams::empty(),
+            mains_hz: 0,
+        });
         for chunk in chunks {
-            splitter.push(chunk, |piece| pieces.push(piece.to_vec()));
+            recorder.received(chunk, time);
         }
-        splitter.finish(|piece| pieces.push(piece.to_vec()));
+        recorder.finish_piece(time);
+        let file = recorder.take();
+        let mut reader = RecordingReader::new(&file[..]).unwrap();
+        let mut pieces = Vec::new();
+        while let Some(record) = reader.next_record().unwrap() {
+            pieces.push(record.payload.to_vec());
+        }
         pieces
     }
 

@@ -196,6 +196,7 @@ impl<R: Read + Seek> Replayer<R> {
 
     fn start(&mut self, start: Start) -> Result<AckResult, RecordingError> {
         let recorded = self.recorded_streams;
+        // The streams that a replay has only if they were recorded.
         let exact = [
             Streams::CODES,
             Streams::RAW,
@@ -203,14 +204,10 @@ impl<R: Read + Seek> Replayer<R> {
             Streams::FILTERED,
             Streams::PACKED,
         ];
-        let missing = exact.into_iter();
-        let missing = missing.filter(|stream| !recorded.contains(*stream));
+        let is_missing =
+            |stream: Streams| start.streams.contains(stream) && !recorded.contains(stream);
         let other_mains = ![0, self.introduction.mains_hz()].contains(&start.mains_hz);
-        if other_mains
-            || missing
-                .into_iter()
-                .any(|stream| start.streams.contains(stream))
-        {
+        if other_mains || exact.into_iter().any(is_missing) {
             return Ok(AckResult::BadArgument);
         }
         match self.state {

@@ -139,8 +139,8 @@ impl Rig {
         self.start_us + sample * 1_000_000 / TICKS_PER_SECOND
     }
 
-    /// Runs the board for a number of hops. `event_at` is the hop in which an edge happens, which
-    /// arrives two hops late.
+    /// Runs the board for a number of hops. An edge of the trigger input happens in every
+    /// `event_every`-th hop, and arrives up to two hops later.
     pub(crate) fn run(&mut self, hops: u32, event_every: u32) {
         let mut late: Option<(i64, Event)> = None;
         for _ in 0..hops {

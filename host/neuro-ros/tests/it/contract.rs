@@ -1,34 +1,23 @@
 //! Frames that violate the contract are refused before a consumer receives them.
 
-use neuro_ros::{AcquisitionInfo, ContractError, NeuroDataInfo, NeuroFrame, Shape, WireError};
+use neuro_ros::{
+    AcquisitionInfo, BlockError, ContractError, NeuroDataInfo, NeuroFrame, Shape, WireError,
+};
 
-fn info(nsamples: u16, nchannels: u16, isint: u8) -> NeuroDataInfo {
-    NeuroDataInfo {
-        nsamples,
-        nchannels,
-        stride: nchannels * 4,
-        unit: "uV".into(),
-        transducter: "test".into(),
-        prefiltering: String::new(),
-        isint,
+/// Returns a frame of 32 samples of `channels` electrodes, without bipolar channels.
+fn frame_of(channels: usize) -> NeuroFrame {
+    let eeg = NeuroDataInfo {
+        nsamples: 32,
         minmax: vec![-1.0, 1.0],
-        labels: (0..nchannels)
-            .map(|channel| format!("c{channel}"))
-            .collect(),
-    }
+        ..NeuroDataInfo::default()
+    };
+    let labels = (0..channels).map(|channel| format!("c{channel}"));
+    let eeg = eeg.with_labels(labels.collect());
+    NeuroFrame::zeros(512, "test", eeg, NeuroDataInfo::default())
 }
 
 fn frame() -> NeuroFrame {
-    let mut frame = NeuroFrame {
-        sr: 512,
-        ..NeuroFrame::default()
-    };
-    frame.eeg.info = info(32, 61, 0);
-    frame.eeg.data = vec![0.0; 32 * 61];
-    frame.exg.info = info(32, 0, 0);
-    frame.tri.info = info(32, 8, 1);
-    frame.tri.data = vec![0; 32 * 8];
-    frame
+    frame_of(61)
 }
 
 /// Applies `change` to a valid frame and returns the error from [`Shape::from_frame`].
@@ -53,7 +42,8 @@ fn a_frame_that_fulfils_the_contract_has_a_shape() {
 
 #[test]
 fn every_rule_is_checked_in_every_block() {
-    use ContractError::{IsInt, Labels, Length, MinMax, Rate, Stride};
+    use BlockError::{IsInt, Labels, Length, MinMax, Stride};
+    use ContractError::{Block, Rate};
     macro_rules! assert_error {
         ($change:expr, $error:pat) => {
             let error = error_after($change);
@@ -62,26 +52,23 @@ fn every_rule_is_checked_in_every_block() {
     }
     assert_error!(
         |f| drop(f.eeg.info.labels.pop()),
-        Labels { block: "eeg", .. }
+        Block("eeg", Labels { .. })
     );
     assert_error!(
         |f| f.exg.info.labels.push("x".into()),
-        Labels { block: "exg", .. }
+        Block("exg", Labels { .. })
     );
-    assert_error!(|f| f.tri.info.minmax.clear(), MinMax { block: "tri", .. });
-    assert_error!(|f| f.eeg.info.minmax = vec![1.0, -1.0], MinMax { .. });
-    assert_error!(|f| f.eeg.info.minmax[1] = f64::INFINITY, MinMax { .. });
-    assert_error!(|f| f.eeg.info.minmax.push(2.0), MinMax { .. });
-    assert_error!(|f| f.exg.info.stride = 4, Stride { block: "exg", .. });
-    assert_error!(|f| f.tri.data.push(0), Length { block: "tri", .. });
-    assert_error!(|f| f.tri.info.nsamples = 1, Length { block: "tri", .. });
+    assert_error!(|f| f.tri.info.minmax.clear(), Block("tri", MinMax(_)));
+    assert_error!(|f| f.eeg.info.minmax = vec![1.0, -1.0], Block(_, MinMax(_)));
     assert_error!(
-        |f| f.tri.info.isint = 0,
-        IsInt {
-            block: "tri",
-            isint: 0
-        }
+        |f| f.eeg.info.minmax[1] = f64::INFINITY,
+        Block(_, MinMax(_))
     );
+    assert_error!(|f| f.eeg.info.minmax.push(2.0), Block(_, MinMax(_)));
+    assert_error!(|f| f.exg.info.stride = 4, Block("exg", Stride(4)));
+    assert_error!(|f| f.tri.data.push(0), Block("tri", Length { .. }));
+    assert_error!(|f| f.tri.info.nsamples = 1, Block("tri", Length { .. }));
+    assert_error!(|f| f.tri.info.isint = 0, Block("tri", IsInt(0)));
     assert_error!(
         |f| f.sr = 500,
         Rate {
@@ -97,18 +84,13 @@ fn an_inconsistent_frame_cannot_be_announced() {
     let mut wrong = frame();
     wrong.eeg.info.minmax.clear();
     assert!(AcquisitionInfo::new("board", "1", wrong).is_err());
-    let info = AcquisitionInfo::new("board", "1", frame()).unwrap();
-    assert_eq!(info.shape().nchannels, [61, 0, 8]);
 }
 
 #[test]
 fn a_frame_of_another_shape_is_refused_for_the_rest_of_the_session() {
     let shape = Shape::from_frame(&frame()).unwrap();
     assert_eq!(shape.admit(&frame()), Ok(()));
-    let mut larger = frame();
-    larger.eeg.info = info(32, 62, 0);
-    larger.eeg.data = vec![0.0; 32 * 62];
-    let error = shape.admit(&larger).unwrap_err();
+    let error = shape.admit(&frame_of(62)).unwrap_err();
     assert!(matches!(error, ContractError::Changed { .. }));
     assert!(error.to_string().contains("61 + 0 + 8") && error.to_string().contains("62 + 0 + 8"));
 }
@@ -123,5 +105,5 @@ fn the_announcement_survives_a_round_trip_and_a_false_result_is_none() {
     nothing[0] = 0;
     assert_eq!(AcquisitionInfo::from_response(&nothing), Ok(None));
     let cut = AcquisitionInfo::from_response(&bytes[..9]);
-    assert!(matches!(cut, Err(WireError::Truncated { .. })));
+    assert!(matches!(cut, Err(WireError::Truncated(_))));
 }

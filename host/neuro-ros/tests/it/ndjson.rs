@@ -79,7 +79,7 @@ fn a_blocked_output_loses_lines_but_never_blocks_publishing() {
     let kept = 17_000 - sink.dropped();
     drop(sink);
     let end = writer.finish(Duration::from_millis(50));
-    assert!(matches!(end, Err(SinkError::Stuck { lines }) if lines as u64 == kept));
+    assert!(matches!(end, Err(SinkError::Stuck(lines)) if lines as u64 == kept));
     drop(release);
 }
 
@@ -99,6 +99,7 @@ fn large_lines_of_one_topic_do_not_displace_lines_of_another() {
     for _ in 0..10_000 {
         encoded.publish(&NeuroFrame::default()).unwrap();
     }
+    // A burst of 10,000 lines of the other topic is queued completely.
     assert_eq!(encoded.dropped(), 0);
     drop((raw, encoded, release));
     writer.finish(TIMEOUT).unwrap();
@@ -115,18 +116,4 @@ fn a_closed_output_ends_the_sink() {
     }
     drop(sink);
     assert!(matches!(writer.finish(TIMEOUT), Err(SinkError::Closed)));
-}
-
-#[test]
-fn a_burst_of_10000_lines_is_written_completely() {
-    let (output, written) = channel();
-    let writer = NdjsonWriter::start(ChannelOutput(output));
-    let mut sink = writer.sink("/encoded");
-    for _ in 0..10_000 {
-        sink.publish(&NeuroFrame::default()).unwrap();
-    }
-    assert_eq!(sink.dropped(), 0);
-    drop(sink);
-    writer.finish(TIMEOUT).unwrap();
-    assert_eq!(written.iter().count(), 10_000);
 }

@@ -68,7 +68,7 @@ proptest! {
         prop_assert_eq!(NeuroFrame::from_bytes(&bytes), Ok(frame));
         for length in [0, bytes.len() / 2, bytes.len() - 1] {
             let cut = NeuroFrame::from_bytes(&bytes[..length]);
-            let truncated = matches!(cut, Err(WireError::Truncated { .. }));
+            let truncated = matches!(cut, Err(WireError::Truncated(_)));
             prop_assert!(truncated);
         }
     }
@@ -93,7 +93,7 @@ fn a_length_of_four_gigabytes_allocates_nothing() {
     let missing = 4 * (u32::MAX as usize);
     assert_eq!(
         NeuroFrame::from_bytes(&bytes),
-        Err(WireError::Truncated { missing })
+        Err(WireError::Truncated(missing))
     );
 }
 
@@ -101,10 +101,7 @@ fn a_length_of_four_gigabytes_allocates_nothing() {
 fn bytes_after_the_last_field_are_refused() {
     let mut bytes = NeuroEvent::default().to_bytes();
     bytes.push(0);
-    assert_eq!(
-        NeuroEvent::from_bytes(&bytes),
-        Err(WireError::Trailing { count: 1 })
-    );
+    assert_eq!(NeuroEvent::from_bytes(&bytes), Err(WireError::Trailing(1)));
 }
 
 #[test]
@@ -136,14 +133,10 @@ fn the_encoding_equals_that_of_genpy() {
         family: 6,
         description: "d".into(),
     };
-    let hex: Vec<String> = event
-        .to_bytes()
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect();
-    let hex = hex.concat();
+    let bytes = event.to_bytes();
+    let hex: Vec<String> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
     assert_eq!(
-        hex,
+        hex.concat(),
         "0100000002000000030000000100000066040000000100000076fbffffff0000003f060000000100000064"
     );
 }

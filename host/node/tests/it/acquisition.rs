@@ -57,8 +57,8 @@ impl Acquisition {
         }
     }
 
-    /// Returns `samples` samples from `first` on, uV: an alpha rhythm, drift and noise on each
-    /// channel.
+    /// Returns `samples` samples of all channels, the first of which has the index `first`, uV: an
+    /// alpha rhythm, drift and noise on each channel.
     fn values(&self, first: u32, samples: u32) -> Vec<f32> {
         let rows = first..first + samples;
         let values = rows.flat_map(|row| {

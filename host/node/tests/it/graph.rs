@@ -6,12 +6,11 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use neuro_ros::ros1::{Master, Node, NodeOptions, Publisher, PublisherOptions, Subscriber};
-use neuro_ros::{
-    DiagnosticArray, DiagnosticStatus, Header, NeuroDataFloat, NeuroDataInfo, NeuroFrame,
-    NeuroHeader, RosMessage, Stamp, Wire,
-};
+use neuro_ros::{DiagnosticArray, DiagnosticStatus, NeuroFrame, RosMessage, Stamp, Wire};
 use tempfile::TempDir;
 use tokio::time::{sleep, timeout};
+
+use crate::acquisition::Acquisition;
 
 /// Longest time for what takes milliseconds on an idle machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
@@ -148,33 +147,10 @@ async fn publisher(node: &Node) -> Publisher {
         .unwrap()
 }
 
-/// Returns a frame of 62.5 ms with the model's electrodes.
+/// Returns the frame of this number, 62.5 ms of the model's electrodes, with the present time as
+/// its stamp.
 pub(crate) fn frame(number: u32) -> NeuroFrame {
-    let labels: Vec<String> = model::LABELS.split(' ').map(str::to_owned).collect();
-    let nsamples = model::ADC_RATE_HZ / 16;
-    let nchannels = u16::try_from(labels.len()).unwrap();
-    let values = u32::from(nsamples) * u32::from(nchannels);
-    let value = |index: u32| {
-        let hash = (number * values + index).wrapping_mul(2_654_435_761) >> 20;
-        f32::from(u16::try_from(hash).unwrap()) / 40.0
-    };
-    NeuroFrame {
-        header: Header {
-            stamp: Stamp::now(),
-            ..Header::default()
-        },
-        neuroheader: NeuroHeader { seq: number },
-        sr: model::ADC_RATE_HZ,
-        eeg: NeuroDataFloat {
-            info: NeuroDataInfo {
-                nsamples,
-                nchannels,
-                unit: "uV".to_owned(),
-                labels,
-                ..NeuroDataInfo::default()
-            },
-            data: (0..values).map(value).collect(),
-        },
-        ..NeuroFrame::default()
-    }
+    let mut frame = Acquisition::new(model::ADC_RATE_HZ, model::ADC_RATE_HZ / 16).frame(number - 1);
+    frame.header.stamp = Stamp::now();
+    frame
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use neuro_ros::{DiagnosticLevel, Wire};
+use neuro_ros::{DiagnosticLevel, DiagnosticStatus, Wire};
 use tokio::time::sleep;
 
 use crate::graph::{Graph, frame};
@@ -19,7 +19,7 @@ async fn each_kind_of_refusal_is_one_line_of_the_log_and_counted_in_diagnostics(
         graph.acquisition.publish(&short.to_bytes());
         graph.acquisition.publish(&[1, 2, 3]);
     }
-    let is_refused = |status: &neuro_ros::DiagnosticStatus| status.message.contains("refused");
+    let is_refused = |status: &DiagnosticStatus| status.message.contains("refused");
     let status = graph.status("corticode: source", is_refused).await;
     assert_eq!(status.level, DiagnosticLevel::Error);
     let log = graph.log();
@@ -37,7 +37,7 @@ async fn each_kind_of_refusal_is_one_line_of_the_log_and_counted_in_diagnostics(
     let mut infinite = frame(9);
     infinite.eeg.data[0] = f32::NEG_INFINITY;
     graph.acquisition.publish(&infinite.to_bytes());
-    let is_named = |status: &neuro_ros::DiagnosticStatus| status.message.contains("-inf");
+    let is_named = |status: &DiagnosticStatus| status.message.contains("-inf");
     graph.status("corticode: source", is_named).await;
 }
 
@@ -46,8 +46,7 @@ async fn lost_frames_show_in_diagnostics_and_as_fillers() {
     let mut graph = Graph::start(&["--filler=zeros"]).await;
     graph.publish(1..=24).await;
     graph.publish(28..=40).await;
-    let is_warning =
-        |status: &neuro_ros::DiagnosticStatus| status.message.contains("3 frames lost");
+    let is_warning = |status: &DiagnosticStatus| status.message.contains("3 frames lost");
     let status = graph.status("corticode: source", is_warning).await;
     assert_eq!(status.level, DiagnosticLevel::Warn);
     let lost = status
@@ -69,8 +68,7 @@ async fn lost_frames_show_in_diagnostics_and_as_fillers() {
 async fn a_silent_acquisition_and_a_second_one_are_errors_in_diagnostics() {
     let mut graph = Graph::start(&[]).await;
     graph.publish(1..=24).await;
-    let is_silent =
-        |status: &neuro_ros::DiagnosticStatus| status.message.contains("no frames come");
+    let is_silent = |status: &DiagnosticStatus| status.message.contains("no frames come");
     let status = graph.status("corticode: source", is_silent).await;
     assert_eq!(status.level, DiagnosticLevel::Error);
     sleep(Duration::from_secs(3)).await;
@@ -78,14 +76,14 @@ async fn a_silent_acquisition_and_a_second_one_are_errors_in_diagnostics() {
     // The bridge's core repeats `Start` when a device is silent.
     assert_eq!(log.matches("streaming codes").count(), 1, "{log}");
     let (node, publisher) = graph.another_acquisition().await;
-    let is_mixed = |status: &neuro_ros::DiagnosticStatus| status.message.starts_with("2 nodes");
+    let is_mixed = |status: &DiagnosticStatus| status.message.starts_with("2 nodes");
     graph.status("corticode: source", is_mixed).await;
     // Without the refusal, every frame would look like a restart.
     for number in 25..=40 {
         graph.publish([number]).await;
         publisher.publish(&frame(number + 500).to_bytes());
     }
-    let is_counted = |status: &neuro_ros::DiagnosticStatus| {
+    let is_counted = |status: &DiagnosticStatus| {
         let mut values = status.values.iter();
         values.any(|value| value.key == "frames refused" && value.value == "32")
     };
@@ -95,7 +93,7 @@ async fn a_silent_acquisition_and_a_second_one_are_errors_in_diagnostics() {
     assert!(!log.contains("started again"), "{log}");
     // The first acquisition continues when the second one has ended.
     node.shutdown().await;
-    let is_alone = |status: &neuro_ros::DiagnosticStatus| !status.message.starts_with("2 nodes");
+    let is_alone = |status: &DiagnosticStatus| !status.message.starts_with("2 nodes");
     graph.status("corticode: source", is_alone).await;
     let before = graph.next_code().await.neuroheader.seq;
     graph.publish(41..=56).await;

@@ -7,7 +7,7 @@ use device::{
 use link::{ResetCause, Start, Stats, Streams, Substitutes};
 use pipeline::{Acquisition, Mains, Rate, Sample};
 
-use crate::encoded_stream::{EncodedStream, PackedCounts};
+use super::{EncodedStream, PackedCounts};
 
 /// Frames of the device that have not been written to the file yet.
 #[derive(Debug, Default)]
@@ -26,7 +26,7 @@ impl FrameQueue for Frames {
     }
 }
 
-/// What the file says about the program that made it.
+/// Identity in the `Hello` with which a file of codes begins.
 const IDENTITY: Identity<'static> = Identity {
     firmware: env!("CARGO_PKG_VERSION"),
     board: "host-sim",

@@ -5,13 +5,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use link::{Decoder, MAX_FRAME, ToHost};
-use new_file::Existing;
 use offline::{
     CodeKind, Decoded, Decoding, EncodedStream, Encoding, Model, OfflineError, Progress,
     SignalFormat,
 };
 
-use crate::recording::{ENCODING, Fixture, values};
+use crate::recording::{ENCODING, Fixture, decoding, values};
 
 /// Writes the recording of `fixture` to a file of codes of one kind, and returns its bytes.
 fn encoded(fixture: &Fixture, stream: EncodedStream, name: &str) -> Vec<u8> {
@@ -62,10 +61,8 @@ fn decode(
     kind: Option<CodeKind>,
 ) -> Result<Decoded, OfflineError> {
     let decoding = Decoding {
-        model,
-        format: SignalFormat::Gdf,
         kind,
-        existing: Existing::Refuse,
+        ..decoding(model, SignalFormat::Gdf)
     };
     decoding.decode(input, output, None, &Progress::default())
 }

@@ -3,12 +3,11 @@
 use std::fs;
 
 use artifact::reconstruction::{WindowDecoder, dequantise};
-use new_file::Existing;
-use offline::{Decoding, Model, Progress, SignalFormat};
+use offline::{Model, Progress, SignalFormat};
 use pipeline::{Mains, Pipeline};
 use recordings::{EventLabel, Recording};
 
-use crate::recording::{ENCODING, EVENTS, Fixture, labels, values};
+use crate::recording::{ENCODING, EVENTS, Fixture, decoding, labels, values};
 
 /// Rounding of a 16-bit and of a 24-bit file, and of float32, uV.
 const ROUNDING_UV: [(SignalFormat, f64); 3] = [
@@ -93,13 +92,8 @@ fn texts_of_events_get_types_in_a_gdf_file() {
         .encode(&texts, &codes, &Progress::default())
         .expect("encoded");
     let model = Model::embedded().expect("a model");
-    let decoding = Decoding {
-        model: &model,
-        format: SignalFormat::Gdf,
-        kind: None,
-        existing: Existing::Refuse,
-    };
     let output = fixture.path("types.gdf");
+    let decoding = decoding(&model, SignalFormat::Gdf);
     let decoded = decoding.decode(&codes, &output, Some(&texts), &Progress::default());
     let types = decoded.expect("decoded").event_types;
     assert_eq!(types, [("0x0301".to_owned(), 1), ("0x0302".to_owned(), 2)]);

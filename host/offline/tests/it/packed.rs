@@ -11,7 +11,7 @@ use offline::{
 };
 use pipeline::{Mains, PackedCode, PackedEncoder, Rate};
 
-use crate::recording::{ENCODING, Fixture, values};
+use crate::recording::{ENCODING, Fixture, decoding, values};
 
 /// A rate other than the model's.
 const RATE: u8 = 2;
@@ -212,13 +212,7 @@ fn a_file_without_the_devices_hello_is_refused() {
     let decoded = fixture.decode(&input, "damaged.gdf", SignalFormat::Gdf, false);
     let error = decoded.expect_err("nobody knows the model");
     assert!(
-        matches!(
-            error,
-            OfflineError::Codes {
-                source: CodeFileError::NoIntroduction,
-                ..
-            }
-        ),
+        matches!(error, OfflineError::Codes(_, CodeFileError::NoIntroduction)),
         "{error}"
     );
 }
@@ -229,15 +223,14 @@ fn blocks_of_another_model_are_refused() {
     encode(&fixture, None);
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/paper");
     let model = offline::Model::read(folder.as_ref()).expect("the paper's model");
-    let decoding = offline::Decoding {
-        model: &model,
-        format: SignalFormat::Csv,
-        kind: None,
-        existing: new_file::Existing::Refuse,
-    };
     let output = fixture.path("decoded.csv");
-    let decoded = decoding.decode(&fixture.codes(), &output, None, &Progress::default());
+    let decoded = decoding(&model, SignalFormat::Csv).decode(
+        &fixture.codes(),
+        &output,
+        None,
+        &Progress::default(),
+    );
     let error = decoded.expect_err("another model");
-    assert!(matches!(error, OfflineError::Codes { .. }));
+    assert!(matches!(error, OfflineError::Codes(..)));
     assert!(!output.exists());
 }

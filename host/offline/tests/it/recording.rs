@@ -119,15 +119,19 @@ impl Fixture {
         with_original: bool,
     ) -> Result<Decoded, OfflineError> {
         let model = Model::embedded().expect("a model with a decoder");
-        let decoding = Decoding {
-            model: &model,
-            format,
-            kind: None,
-            existing: Existing::Refuse,
-        };
         let original = with_original.then(|| self.recording());
-        let progress = Progress::default();
-        decoding.decode(codes, &self.path(output), original.as_deref(), &progress)
+        let (output, progress) = (self.path(output), Progress::default());
+        decoding(&model, format).decode(codes, &output, original.as_deref(), &progress)
+    }
+}
+
+/// Returns a decoding of the kind of codes that comes first in a file, to a file that is new.
+pub(crate) fn decoding(model: &Model, format: SignalFormat) -> Decoding<'_> {
+    Decoding {
+        model,
+        format,
+        kind: None,
+        existing: Existing::Refuse,
     }
 }
 

@@ -13,7 +13,7 @@ use super::{
 use crate::{
     names::resolve,
     sync::lock,
-    xmlrpc::{Fault, Reply, Value},
+    xmlrpc::{Fault, Value, caller_error, failure, success},
 };
 
 /// State of the master, and the handler of its XML-RPC calls.
@@ -46,28 +46,27 @@ impl Api {
         }
     }
 
-    /// Answers one XML-RPC call with a [`Reply`] as an array, or with a fault if the method is
-    /// unknown.
+    /// Answers one XML-RPC call with the array (code, message, value), or with a fault if the master
+    /// has no such method.
     pub(super) fn answer(&self, method: &str, arguments: &[Value]) -> Result<Value, Fault> {
         let Some(signature) = signature(method) else {
             let message = format!("<class 'Exception'>:method \"{method}\" is not supported");
-            return Err(Fault { code: 1, message });
+            return Err(Fault::new(message));
         };
-        let reply = match signature.check(arguments) {
+        Ok(match signature.check(arguments) {
             Ok((caller, arguments)) => self.dispatch(method, &caller, &arguments),
-            Err(message) => Reply::caller_error(message, signature.on_error),
-        };
-        Ok(reply.into())
+            Err(message) => caller_error(message, signature.on_error),
+        })
     }
 
     /// Executes `method`. `Signature::check` has already checked and converted `arguments`.
-    fn dispatch(&self, method: &str, caller: &str, arguments: &[Value]) -> Reply {
+    fn dispatch(&self, method: &str, caller: &str, arguments: &[Value]) -> Value {
         let state = &mut *lock(&self.state);
         let registrations = &mut state.registrations;
         let text = |at: usize| text(arguments, at);
         match method {
-            "getUri" => Reply::success("", self.uri.as_str()),
-            "getPid" => Reply::success("", Value::process_id()),
+            "getUri" => success("", self.uri.as_str()),
+            "getPid" => success("", Value::process_id()),
             "shutdown" => {
                 tracing::info!(
                     caller,
@@ -75,7 +74,7 @@ impl Api {
                     "the master was asked to shut down"
                 );
                 self.request_shutdown.send_replace(true);
-                Reply::success("shutdown", 0)
+                success("shutdown", 0)
             }
             "registerPublisher" => {
                 let (topic, kind) = (text(0), text(1));
@@ -87,7 +86,7 @@ impl Api {
                 }
                 self.notify_subscribers(registrations, topic);
                 let message = format!("Registered [{caller}] as publisher of [{topic}]");
-                Reply::success(message, registrations.apis(Kind::Subscriber, topic))
+                success(message, registrations.apis(Kind::Subscriber, topic))
             }
             "registerSubscriber" => {
                 let (topic, kind) = (text(0), text(1));
@@ -96,14 +95,14 @@ impl Api {
                     state.topic_types.push((topic.to_owned(), kind.to_owned()));
                 }
                 let publishers = registrations.apis(Kind::Publisher, topic);
-                Reply::success(format!("Subscribed to [{topic}]"), publishers)
+                success(format!("Subscribed to [{topic}]"), publishers)
             }
             "registerService" => {
                 let (service, uri, api) = (text(0), text(1), text(2));
                 let displaced = registrations.register_service(service, caller, api, uri);
                 self.notifier.notify_displaced(displaced, caller);
                 let message = format!("Registered [{caller}] as provider of [{service}]");
-                Reply::success(message, 1)
+                success(message, 1)
             }
             "unregisterPublisher" => {
                 let topic = text(0);
@@ -112,34 +111,32 @@ impl Api {
                 if found {
                     self.notify_subscribers(registrations, topic);
                 }
-                Reply::success(message, i32::from(found))
+                success(message, i32::from(found))
             }
             "unregisterSubscriber" => {
                 let (message, found) =
                     registrations.unregister(Kind::Subscriber, text(0), caller, text(1));
-                Reply::success(message, i32::from(found))
+                success(message, i32::from(found))
             }
             "unregisterService" => {
                 let (message, found) = registrations.unregister_service(text(0), caller, text(1));
-                Reply::success(message, i32::from(found))
+                success(message, i32::from(found))
             }
             "lookupService" => match registrations.service_uri(text(0)) {
-                Some(uri) => Reply::success(format!("rosrpc URI: [{uri}]"), uri),
-                None => Reply::caller_error("no provider", ""),
+                Some(uri) => success(format!("rosrpc URI: [{uri}]"), uri),
+                None => caller_error("no provider", ""),
             },
             "lookupNode" => match registrations.node_api(text(0)) {
-                Some(api) => Reply::success("node api", api),
-                None => Reply::caller_error(format!("unknown node [{}]", text(0)), ""),
+                Some(api) => success("node api", api),
+                None => caller_error(format!("unknown node [{}]", text(0)), ""),
             },
-            "getPublishedTopics" => {
-                Reply::success("current topics", published_topics(state, text(0)))
-            }
+            "getPublishedTopics" => success("current topics", published_topics(state, text(0))),
             "getTopicTypes" => {
                 let types = state.topic_types.iter();
                 let types = types.map(|(topic, kind)| Value::from([topic.as_str(), kind]));
-                Reply::success("current system state", types.collect::<Value>())
+                success("current system state", types.collect::<Value>())
             }
-            "getSystemState" => Reply::success("current system state", system_state(registrations)),
+            "getSystemState" => success("current system state", system_state(registrations)),
             _ => self.dispatch_parameter(state, method, caller, arguments),
         }
     }
@@ -173,44 +170,40 @@ impl Api {
         method: &str,
         caller: &str,
         arguments: &[Value],
-    ) -> Reply {
+    ) -> Value {
         let (parameters, registrations) = (&mut state.parameters, &mut state.registrations);
         let text = |at: usize| text(arguments, at);
         let key = resolve(text(0), caller);
         match method {
             "getParam" => match parameters.get(&key) {
-                Some(value) => Reply::success(format!("Parameter [{key}]"), value.clone()),
-                None => Reply::caller_error(format!("Parameter [{key}] is not set"), 0),
+                Some(value) => success(format!("Parameter [{key}]"), value.clone()),
+                None => caller_error(format!("Parameter [{key}] is not set"), 0),
             },
             "setParam" => {
                 let value = arguments.get(1).cloned().unwrap_or(Value::Nil);
                 if !parameters.set(&key, value.clone()) {
-                    return Reply::caller_error(
+                    return caller_error(
                         "Error: invalid arguments: cannot set root of parameter tree to \
                          non-dictionary",
                         0,
                     );
                 }
                 self.notify_parameter_subscribers(registrations, &key, &value, Some(caller));
-                Reply::success(format!("parameter {key} set"), 0)
+                success(format!("parameter {key} set"), 0)
             }
             "deleteParam" => {
                 if !parameters.delete(&key) {
-                    return Reply::caller_error(format!("parameter [{key}] is not set"), 0);
+                    return caller_error(format!("parameter [{key}] is not set"), 0);
                 }
-                self.notify_parameter_subscribers(
-                    registrations,
-                    &key,
-                    &Value::Struct(Vec::new()),
-                    None,
-                );
-                Reply::success(format!("parameter {key} deleted"), 0)
+                let deleted = Value::Struct(Vec::new());
+                self.notify_parameter_subscribers(registrations, &key, &deleted, None);
+                success(format!("parameter {key} deleted"), 0)
             }
             "hasParam" => {
                 let found = parameters.get(&key).is_some();
-                Reply::success(key, found)
+                success(key, found)
             }
-            "getParamNames" => Reply::success("Parameter names", parameters.names()),
+            "getParamNames" => success("Parameter names", parameters.names()),
             "searchParam" => search(parameters, caller, text(0)),
             "subscribeParam" => {
                 let key = resolve(text(1), caller);
@@ -219,16 +212,16 @@ impl Api {
                 let kind = Kind::ParameterSubscriber;
                 self.register_node(registrations, kind, &watched, caller, text(0));
                 let value = value.unwrap_or(Value::Struct(Vec::new()));
-                Reply::success(format!("Subscribed to parameter [{key}]"), value)
+                success(format!("Subscribed to parameter [{key}]"), value)
             }
             "unsubscribeParam" => {
                 let key = resolve(text(1), caller);
                 let kind = Kind::ParameterSubscriber;
                 // rosmaster returns 1 whether or not the node had subscribed to the parameter.
                 registrations.unregister(kind, &with_slash(&key), caller, text(0));
-                Reply::success(format!("Unsubscribe to parameter [{key}]"), 1)
+                success(format!("Unsubscribe to parameter [{key}]"), 1)
             }
-            _ => Reply::failure(format!("Internal failure: no method {method}"), 0),
+            _ => failure(format!("Internal failure: no method {method}"), 0),
         }
     }
 
@@ -289,16 +282,16 @@ fn system_state(registrations: &Registrations) -> Value {
     registers.collect()
 }
 
-fn search(parameters: &Parameters, caller: &str, key: &str) -> Reply {
+fn search(parameters: &Parameters, caller: &str, key: &str) -> Value {
     if key.starts_with('~') {
-        return Reply::failure("Internal failure: invalid key", 0);
+        return failure("Internal failure: invalid key", 0);
     }
     if !caller.starts_with('/') {
-        return Reply::failure("Internal failure: namespace must be global", 0);
+        return failure("Internal failure: namespace must be global", 0);
     }
     match parameters.search(caller, key) {
-        Some(found) => Reply::success(format!("Found [{found}]"), found.as_str()),
-        None => Reply::caller_error(
+        Some(found) => success(format!("Found [{found}]"), found.as_str()),
+        None => caller_error(
             format!("Cannot find parameter [{key}] in an upwards search"),
             "",
         ),

@@ -4,6 +4,7 @@
 use super::registrations::Registrant;
 use crate::{names::canonical, xmlrpc::Value};
 
+/// All parameters as one tree.
 #[derive(Debug)]
 pub(super) struct Parameters {
     /// The whole tree. Invariant: always a struct.
@@ -103,6 +104,8 @@ impl Parameters {
     }
 }
 
+/// Appends the full names of all leaves of `value`. `branch` is the name of `value` with a trailing
+/// slash.
 fn append_names(names: &mut Vec<String>, branch: &str, value: &Value) {
     let Value::Struct(members) = value else {
         return;
@@ -116,6 +119,7 @@ fn append_names(names: &mut Vec<String>, branch: &str, value: &Value) {
     }
 }
 
+/// Returns the names between the slashes of `key`.
 fn parts(key: &str) -> impl Iterator<Item = &str> {
     key.split('/').filter(|part| !part.is_empty())
 }
@@ -143,35 +147,29 @@ pub(super) fn parameter_updates(
     let is_branch = matches!(value, Value::Struct(_));
     push_branch(&mut changed, &key, value);
     let mut updates = Vec::new();
+    let mut notify = |registrants: Vec<Registrant>, key: &str, value: &Value| {
+        updates.push(ParameterUpdate {
+            registrants,
+            key: key.to_owned(),
+            value: value.clone(),
+        });
+    };
     for (watched, registrants) in subscribers {
         let space = with_slash(watched);
+        let mut others = registrants.clone();
         if key.starts_with(&space) {
-            let others = registrants
-                .iter()
-                .filter(|r| Some(r.node.as_str()) != changer);
-            updates.push(ParameterUpdate {
-                registrants: others.cloned().collect(),
-                key: key.clone(),
-                value: value.clone(),
-            });
+            others.retain(|registrant| Some(registrant.node.as_str()) != changer);
+            notify(others, &key, value);
         } else if is_branch
             && space.starts_with(&key)
             && !changed.iter().any(|(name, _)| name == watched)
         {
-            updates.push(ParameterUpdate {
-                registrants: registrants.clone(),
-                key: watched.clone(),
-                value: Value::Struct(Vec::new()),
-            });
+            notify(others, watched, &Value::Struct(Vec::new()));
         }
     }
     for (name, member) in changed {
         if let Some((_, registrants)) = subscribers.iter().find(|(watched, _)| *watched == name) {
-            updates.push(ParameterUpdate {
-                registrants: registrants.clone(),
-                key: name,
-                value: member.clone(),
-            });
+            notify(registrants.clone(), &name, member);
         }
     }
     updates

@@ -1,9 +1,6 @@
 //! The handles of a node's topics and services. Dropping a handle unregisters its topic or service.
 
-use std::{
-    fmt,
-    sync::{Arc, Weak, atomic::Ordering::Relaxed},
-};
+use std::sync::{Arc, Weak, atomic::Ordering::Relaxed};
 
 use super::{graph::Key, registrar::Registrar};
 use crate::{
@@ -14,22 +11,10 @@ use crate::{
 
 /// Keeps one topic or service in the node's graph. Dropping the lease removes the topic or service
 /// from the graph and unregisters it.
+#[derive(Debug)]
 pub(crate) struct Lease {
-    key: Key,
-    registrar: Weak<Registrar>,
-}
-
-impl Lease {
-    pub(crate) fn new(key: Key, registrar: &Arc<Registrar>) -> Self {
-        Self {
-            key,
-            registrar: Arc::downgrade(registrar),
-        }
-    }
-
-    pub(crate) fn key(&self) -> &Key {
-        &self.key
-    }
+    pub(super) key: Key,
+    pub(super) registrar: Weak<Registrar>,
 }
 
 impl Drop for Lease {
@@ -40,28 +25,15 @@ impl Drop for Lease {
     }
 }
 
-impl fmt::Debug for Lease {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("Lease").field(&self.key).finish()
-    }
-}
-
 /// Handle of a topic that this node publishes. All clones publish on the same topic; dropping the
 /// last clone unregisters the topic.
 #[derive(Debug, Clone)]
 pub struct Publisher {
-    publication: Arc<Publication>,
-    _lease: Arc<Lease>,
+    pub(super) publication: Arc<Publication>,
+    pub(super) _lease: Arc<Lease>,
 }
 
 impl Publisher {
-    pub(crate) fn new(publication: Arc<Publication>, lease: Lease) -> Self {
-        Self {
-            publication,
-            _lease: Arc::new(lease),
-        }
-    }
-
     /// Queues one message body for every subscriber, without waiting. Returns the number of
     /// subscribers, or 0 if the body was too long.
     ///
@@ -98,18 +70,11 @@ impl Publisher {
 /// Dropping the handle unsubscribes.
 #[derive(Debug)]
 pub struct Subscriber {
-    subscription: Arc<Subscription>,
-    _lease: Lease,
+    pub(super) subscription: Arc<Subscription>,
+    pub(super) _lease: Lease,
 }
 
 impl Subscriber {
-    pub(crate) fn new(subscription: Arc<Subscription>, lease: Lease) -> Self {
-        Self {
-            subscription,
-            _lease: lease,
-        }
-    }
-
     /// Returns the next message body. Waits while the queue is empty; returns `None` once the node
     /// has shut down and the queue is empty. Cancelling the wait loses no message.
     pub async fn recv(&mut self) -> Option<Vec<u8>> {
@@ -140,18 +105,11 @@ impl Subscriber {
 #[derive(Debug)]
 #[must_use = "dropping the handle unregisters the service"]
 pub struct Service {
-    provider: Arc<Provider>,
-    _lease: Lease,
+    pub(super) provider: Arc<Provider>,
+    pub(super) _lease: Lease,
 }
 
 impl Service {
-    pub(crate) fn new(provider: Arc<Provider>, lease: Lease) -> Self {
-        Self {
-            provider,
-            _lease: lease,
-        }
-    }
-
     /// Full name of the service after remapping.
     pub fn name(&self) -> &str {
         &self.provider.name

@@ -16,7 +16,7 @@ use tokio::{
 use super::graph::{Graph, Key};
 use crate::{
     sync::lock,
-    xmlrpc::{CallError, Value, call_ros},
+    xmlrpc::{CallError, CallFailure, Value, call_ros},
 };
 
 /// Period of the registration check while the master answers.
@@ -151,10 +151,8 @@ impl Registrar {
     pub(crate) async fn system_state(&self) -> Result<SystemState, CallError> {
         let method = "getSystemState";
         let state = self.call(method, &[]).await?;
-        SystemState::from_value(&state).ok_or_else(|| CallError::Shape {
-            uri: self.master_uri.clone(),
-            method: method.to_owned(),
-        })
+        SystemState::from_value(&state)
+            .ok_or_else(|| CallFailure::Shape.of(&self.master_uri, method))
     }
 
     /// Marks the services that no node provides any more as not registered. A node that registers
@@ -324,7 +322,13 @@ impl Registrar {
         let mut all = vec![Value::from(self.node.as_str())];
         all.extend_from_slice(arguments);
         let outcome = call_ros(&self.master_uri, method, &all).await;
-        let timed_out = matches!(outcome, Err(CallError::Timeout { .. }));
+        let timed_out = matches!(
+            outcome,
+            Err(CallError::Failed {
+                failure: CallFailure::Timeout,
+                ..
+            })
+        );
         self.unresponsive.store(timed_out, Relaxed);
         outcome
     }

@@ -9,8 +9,7 @@ use std::sync::{
 use super::registrar::Registrar;
 use crate::{
     sync::lock,
-    tcpros::MessageType,
-    xmlrpc::{Fault, Reply, Value},
+    xmlrpc::{Fault, Value, caller_error, failure, success},
 };
 
 /// Handler of the XML-RPC calls that the node receives.
@@ -24,59 +23,51 @@ pub(crate) struct Slave {
 }
 
 impl Slave {
-    /// Answers one XML-RPC call with a [`Reply`] as an array, or with a fault if the method is
-    /// unknown.
+    /// Answers one XML-RPC call with the array (code, message, value), or with a fault if a node
+    /// has no such method.
     pub(crate) fn answer(&self, method: &str, arguments: &[Value]) -> Result<Value, Fault> {
         let Some(node) = self.registrar.upgrade() else {
-            return Ok(Reply::failure("the node is shutting down", 0).into());
+            return Ok(failure("the node is shutting down", 0));
         };
-        let reply = match method {
-            "getPid" => success(Value::process_id()),
-            "getMasterUri" => success(node.master_uri.as_str()),
-            "getBusStats" => success(bus_stats(&node)),
-            "getBusInfo" => success(bus_info(&node)),
+        Ok(match method {
+            "getPid" => done(Value::process_id()),
+            "getMasterUri" => done(node.master_uri.as_str()),
+            "getBusStats" => done(bus_stats(&node)),
+            "getBusInfo" => done(bus_info(&node)),
             "getSubscriptions" => {
                 let graph = lock(&node.graph);
                 let inboxes = graph.subscriptions.values().map(|topic| &topic.inbox);
-                let pairs: Value = inboxes
-                    .map(|inbox| topic_and_type(&inbox.topic, inbox.message_type))
-                    .collect();
-                success(pairs)
+                let pairs = inboxes.map(|inbox| [&*inbox.topic, inbox.message_type.name].into());
+                done(pairs.collect::<Value>())
             }
             "getPublications" => {
                 let graph = lock(&node.graph);
                 let topics = graph.publications.values();
-                let pairs: Value = topics
-                    .map(|topic| topic_and_type(&topic.name, topic.message_type))
-                    .collect();
-                success(pairs)
+                let pairs = topics.map(|topic| [&*topic.name, topic.message_type.name].into());
+                done(pairs.collect::<Value>())
             }
             "shutdown" => {
                 let reason = arguments.get(1).and_then(Value::as_str).unwrap_or_default();
                 tracing::warn!(node = node.node, reason, "asked to shut down");
                 node.shutdown_requested.send_replace(true);
-                success(0)
+                done(0)
             }
             "publisherUpdate" => publisher_update(&node, arguments),
             // `paramUpdate` has no effect, because this node caches no parameters.
-            "paramUpdate" => success(0),
+            "paramUpdate" => done(0),
             "requestTopic" => self.request_topic(&node, arguments),
             _ => {
-                return Err(Fault {
-                    code: 1,
-                    message: format!("method {method} is not known"),
-                });
+                return Err(Fault::new(format!("method {method} is not known")));
             }
-        };
-        Ok(reply.into())
+        })
     }
 
-    fn request_topic(&self, node: &Registrar, arguments: &[Value]) -> Reply {
+    fn request_topic(&self, node: &Registrar, arguments: &[Value]) -> Value {
         let [_, Value::String(topic), Value::Array(protocols)] = arguments else {
-            return Reply::caller_error("requestTopic takes (caller, topic, protocols)", 0);
+            return caller_error("requestTopic takes (caller, topic, protocols)", 0);
         };
         if !lock(&node.graph).publications.contains_key(topic) {
-            return Reply::failure(format!("not a publisher of [{topic}]"), 0);
+            return failure(format!("not a publisher of [{topic}]"), 0);
         }
         let tcpros = protocols.iter().any(|protocol| {
             let name = protocol
@@ -87,10 +78,10 @@ impl Slave {
         });
         if !tcpros {
             let message = "no supported protocol implementations; this node speaks TCPROS";
-            return Reply::failure(message, 0);
+            return failure(message, 0);
         }
         let port = Value::Int(i32::from(self.port));
-        success(Value::Array(vec![
+        done(Value::Array(vec![
             "TCPROS".into(),
             self.host.as_str().into(),
             port,
@@ -98,15 +89,15 @@ impl Slave {
     }
 }
 
-fn publisher_update(node: &Registrar, arguments: &[Value]) -> Reply {
+fn publisher_update(node: &Registrar, arguments: &[Value]) -> Value {
     let [_, Value::String(topic), publishers @ Value::Array(_)] = arguments else {
-        return Reply::caller_error("publisherUpdate takes (caller, topic, publishers)", 0);
+        return caller_error("publisherUpdate takes (caller, topic, publishers)", 0);
     };
     let graph = lock(&node.graph);
     if let Some(subscription) = graph.subscriptions.get(topic) {
         subscription.set_publishers(&publishers.strings());
     }
-    success(0)
+    done(0)
 }
 
 /// Returns the result of `getBusInfo`: one array per connection, which holds its ID, peer,
@@ -189,10 +180,6 @@ fn count(number: u64) -> Value {
     Value::Int(i32::try_from(number).unwrap_or(i32::MAX))
 }
 
-fn topic_and_type(topic: &str, message_type: &MessageType) -> Value {
-    Value::from([topic, message_type.name])
-}
-
-fn success(value: impl Into<Value>) -> Reply {
-    Reply::success("", value)
+fn done(value: impl Into<Value>) -> Value {
+    success("", value)
 }

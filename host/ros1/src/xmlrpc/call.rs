@@ -27,57 +27,16 @@ pub enum CallError {
     /// The URI to call is malformed.
     #[error(transparent)]
     Address(#[from] AddressError),
-    /// The connection to the server was refused, or it broke.
-    #[error("{uri} cannot be reached: {source}; is it running, and is its address right?")]
-    Io {
-        /// XML-RPC URI that was called.
-        uri: String,
-        /// Error from the operating system.
-        source: io::Error,
-    },
-    /// The answer was not complete within 3 s.
-    #[error("{uri} did not answer {method} within {} s", CALL_TIMEOUT.as_secs())]
-    Timeout {
+    /// The server did not return the result of the method.
+    #[error("{method} failed: {uri} {failure}")]
+    Failed {
         /// XML-RPC URI that was called.
         uri: String,
         /// XML-RPC method, such as `registerPublisher`.
         method: String,
-    },
-    /// The answer is not valid HTTP.
-    #[error("{uri} answered with broken HTTP: {source}")]
-    Http {
-        /// XML-RPC URI that was called.
-        uri: String,
-        /// First violation of HTTP in the answer.
-        source: HttpError,
-    },
-    /// The HTTP status is not 200.
-    #[error("{uri} answered '{}'; is it an XML-RPC server?", status.escape_debug())]
-    Status {
-        /// XML-RPC URI that was called.
-        uri: String,
-        /// Status line of the answer.
-        status: String,
-    },
-    /// The answer is not XML-RPC.
-    #[error("{uri} answered {method} with something that is not XML-RPC: {source}")]
-    Decode {
-        /// XML-RPC URI that was called.
-        uri: String,
-        /// XML-RPC method, such as `registerPublisher`.
-        method: String,
-        /// First violation of XML-RPC's grammar in the answer.
-        source: DecodeError,
-    },
-    /// The server returned a fault: it could not carry out the call at all.
-    #[error("{uri} could not carry out {method}: {fault}")]
-    Fault {
-        /// XML-RPC URI that was called.
-        uri: String,
-        /// XML-RPC method, such as `registerPublisher`.
-        method: String,
-        /// Error code and message returned by the server.
-        fault: Fault,
+        /// What the server did instead.
+        #[source]
+        failure: CallFailure,
     },
     /// The server returned a ROS status code other than 1.
     #[error("{method} was refused with code {code}: {message}")]
@@ -89,65 +48,66 @@ pub enum CallError {
         /// Error message from the server.
         message: String,
     },
+}
+
+/// What a server did instead of returning the result of an XML-RPC method. The texts continue a
+/// sentence that starts with the server's URI.
+#[derive(Debug, thiserror::Error)]
+pub enum CallFailure {
+    /// The connection to the server was refused, or it broke.
+    #[error("cannot be reached: {0}; is it running, and is its address right?")]
+    Io(#[from] io::Error),
+    /// The answer was not complete within 3 s.
+    #[error("did not answer within {} s", CALL_TIMEOUT.as_secs())]
+    Timeout,
+    /// The answer is not valid HTTP.
+    #[error("answered with broken HTTP: {0}")]
+    Http(#[source] HttpError),
+    /// The HTTP status is not 200; holds the status line.
+    #[error("answered '{}'; is it an XML-RPC server?", .0.escape_debug())]
+    Status(String),
+    /// The answer is not XML-RPC.
+    #[error("answered with something that is not XML-RPC: {0}")]
+    Decode(#[from] DecodeError),
+    /// The server returned a fault: it could not carry out the call at all.
+    #[error("answered with the {0}")]
+    Fault(#[from] Fault),
     /// The answer is not the triple (code, message, value) of a ROS API.
-    #[error("{uri} answered {method} without the ROS triple (code, message, value)")]
-    Shape {
-        /// XML-RPC URI that was called.
-        uri: String,
-        /// XML-RPC method, such as `registerPublisher`.
-        method: String,
-    },
+    #[error("answered without the ROS triple (code, message, value)")]
+    Shape,
+}
+
+impl From<HttpError> for CallFailure {
+    fn from(error: HttpError) -> Self {
+        match error {
+            HttpError::Io(source) => Self::Io(source),
+            error => Self::Http(error),
+        }
+    }
+}
+
+impl CallFailure {
+    /// Returns the error of a call of `method` at `uri` that failed in this way.
+    pub(crate) fn of(self, uri: &str, method: &str) -> CallError {
+        CallError::Failed {
+            uri: uri.to_owned(),
+            method: method.to_owned(),
+            failure: self,
+        }
+    }
 }
 
 /// Calls `method` at `uri` and returns the value of the answer. Connects directly: proxy settings
 /// in environment variables are ignored.
 ///
 /// # Errors
-/// All variants of [`CallError`] except `Refused` and `Shape`.
+/// [`CallError::Address`], or [`CallError::Failed`] with any failure but [`CallFailure::Shape`].
 pub async fn call(uri: &str, method: &str, arguments: &[Value]) -> Result<Value, CallError> {
     let address = Address::parse(uri)?;
     let body = encode_call(method, arguments);
-    let exchange = exchange(&address, &body);
-    let (status, answer) = match timeout(CALL_TIMEOUT, exchange).await {
-        Ok(Ok(answer)) => answer,
-        Ok(Err(HttpError::Io(source))) => {
-            return Err(CallError::Io {
-                uri: uri.to_owned(),
-                source,
-            });
-        }
-        Ok(Err(source)) => {
-            return Err(CallError::Http {
-                uri: uri.to_owned(),
-                source,
-            });
-        }
-        Err(_) => {
-            return Err(CallError::Timeout {
-                uri: uri.to_owned(),
-                method: method.to_owned(),
-            });
-        }
-    };
-    if status.split_ascii_whitespace().nth(1) != Some("200") {
-        return Err(CallError::Status {
-            uri: uri.to_owned(),
-            status,
-        });
-    }
-    match decode_response(&answer) {
-        Ok(Ok(value)) => Ok(value),
-        Ok(Err(fault)) => Err(CallError::Fault {
-            uri: uri.to_owned(),
-            method: method.to_owned(),
-            fault,
-        }),
-        Err(source) => Err(CallError::Decode {
-            uri: uri.to_owned(),
-            method: method.to_owned(),
-            source,
-        }),
-    }
+    let outcome = timeout(CALL_TIMEOUT, exchange(&address, &body)).await;
+    let outcome = outcome.unwrap_or(Err(CallFailure::Timeout));
+    outcome.map_err(|failure| failure.of(uri, method))
 }
 
 /// Calls `method` of a ROS API at `uri`. Returns the third item of the answer (code, message,
@@ -171,14 +131,11 @@ pub async fn call_ros(uri: &str, method: &str, arguments: &[Value]) -> Result<Va
             })
         };
     }
-    Err(CallError::Shape {
-        uri: uri.to_owned(),
-        method: method.to_owned(),
-    })
+    Err(CallFailure::Shape.of(uri, method))
 }
 
-async fn exchange(address: &Address, body: &str) -> Result<(String, Vec<u8>), HttpError> {
-    let stream = TcpStream::connect((address.host(), address.port())).await?;
+async fn exchange(address: &Address, body: &str) -> Result<Value, CallFailure> {
+    let stream = TcpStream::connect((&*address.host, address.port)).await?;
     stream.set_nodelay(true)?;
     let mut stream = BufReader::new(stream);
     let request = format!(
@@ -189,16 +146,15 @@ async fn exchange(address: &Address, body: &str) -> Result<(String, Vec<u8>), Ht
     stream.get_mut().write_all(request.as_bytes()).await?;
     loop {
         let head = read_head(&mut stream).await?.ok_or(HttpError::Truncated)?;
+        let status = head.first_line.split_ascii_whitespace().nth(1);
         // Skip interim HTTP answers such as `100 Continue`.
-        if head
-            .first_line
-            .split_ascii_whitespace()
-            .nth(1)
-            .is_some_and(|s| s.starts_with('1'))
-        {
+        if status.is_some_and(|status| status.starts_with('1')) {
             continue;
         }
         let answer = read_body(&mut stream, &head).await?;
-        return Ok((head.first_line, answer));
+        if status != Some("200") {
+            return Err(CallFailure::Status(head.first_line));
+        }
+        return Ok(decode_response(&answer)??);
     }
 }

@@ -1,12 +1,7 @@
 //! The XML form of XML-RPC calls and responses. The decoder limits the depth of nesting; the HTTP
 //! reader limits the length.
 
-use std::{
-    borrow::Cow,
-    collections::HashMap,
-    fmt::Write as _,
-    num::{ParseFloatError, ParseIntError},
-};
+use std::{collections::HashMap, fmt::Write as _};
 
 use quick_xml::{
     Reader,
@@ -55,9 +50,9 @@ pub fn encode_response(response: &Result<Value, Fault>) -> String {
 fn push_value(xml: &mut String, value: &Value) {
     xml.push_str("<value>");
     match value {
-        Value::Int(number) => push_scalar(xml, "int", number),
-        Value::Bool(flag) => push_scalar(xml, "boolean", &u8::from(*flag)),
-        Value::Double(number) => push_scalar(xml, "double", number),
+        Value::Int(number) => push_element(xml, "int", &number.to_string()),
+        Value::Bool(flag) => push_element(xml, "boolean", if *flag { "1" } else { "0" }),
+        Value::Double(number) => push_element(xml, "double", &number.to_string()),
         Value::String(text) => push_element(xml, "string", text),
         Value::Base64(text) => push_element(xml, "base64", text),
         Value::DateTime(text) => push_element(xml, "dateTime.iso8601", text),
@@ -83,12 +78,8 @@ fn push_value(xml: &mut String, value: &Value) {
     xml.push_str("</value>");
 }
 
-fn push_scalar(xml: &mut String, tag: &str, value: &impl std::fmt::Display) {
-    // Writing to a String cannot fail.
-    let _ = write!(xml, "<{tag}>{value}</{tag}>");
-}
-
 fn push_element(xml: &mut String, tag: &str, text: &str) {
+    // Writing to a String cannot fail.
     let _ = write!(xml, "<{tag}>");
     push_escaped(xml, text);
     let _ = write!(xml, "</{tag}>");
@@ -111,7 +102,7 @@ fn push_escaped(xml: &mut String, text: &str) {
     }
 }
 
-/// Maximum nesting of arrays and structs, which bounds the stack of this recursive decoder. Real
+/// Maximum nesting of arrays and structs, which bounds the stack of the recursive decoder. Real
 /// parameter trees have far fewer levels than 64. Python's decoder has no limit.
 const MAX_DEPTH: u32 = 64;
 
@@ -133,25 +124,10 @@ pub enum DecodeError {
         /// Tag or text found in the document.
         found: String,
     },
-    /// The text of an `<int>` is not a 32-bit integer.
-    #[error("not a 32-bit integer: '{}': {source}", text.escape_debug())]
-    Int {
-        /// Text between the opening and the closing tag.
-        text: String,
-        /// Error of the number parser.
-        source: ParseIntError,
-    },
-    /// The text of a `<double>` is not a number.
-    #[error("not a number: '{}': {source}", text.escape_debug())]
-    Double {
-        /// Text between the opening and the closing tag.
-        text: String,
-        /// Error of the number parser.
-        source: ParseFloatError,
-    },
-    /// The text of a `<boolean>` is neither 0 nor 1; holds the text.
-    #[error("not a boolean (0 or 1): '{}'", .0.escape_debug())]
-    Bool(String),
+    /// The text of an `<int>` is not a 32-bit integer, that of a `<double>` not a number, or that of
+    /// a `<boolean>` neither 0 nor 1; holds the text.
+    #[error("not an int, double or boolean: '{}'", .0.escape_debug())]
+    Scalar(String),
     /// Arrays and structs are nested deeper than 64 levels.
     #[error("values nested deeper than {MAX_DEPTH} levels")]
     TooDeep,
@@ -210,16 +186,11 @@ pub fn decode_response(body: &[u8]) -> Result<Result<Value, Fault>, DecodeError>
         Token::Open(tag) if tag == "fault" => {
             document.open("value")?;
             let value = document.value(0)?;
+            let code = value.member("faultCode").and_then(Value::as_int);
+            let message = value.member("faultString").and_then(Value::as_str);
             Err(Fault {
-                code: value
-                    .member("faultCode")
-                    .and_then(Value::as_int)
-                    .unwrap_or(0),
-                message: value
-                    .member("faultString")
-                    .and_then(Value::as_str)
-                    .unwrap_or("no faultString")
-                    .to_owned(),
+                code: code.unwrap_or(0),
+                message: message.unwrap_or("no faultString").to_owned(),
             })
         }
         other => return Err(other.unexpected("<params> or <fault>")),
@@ -230,6 +201,8 @@ pub fn decode_response(body: &[u8]) -> Result<Result<Value, Fault>, DecodeError>
     Ok(response)
 }
 
+/// A part of the document as the decoder reads it: an opening tag with its name, a closing tag,
+/// text, or the document's end.
 enum Token {
     Open(String),
     Close,
@@ -238,6 +211,7 @@ enum Token {
 }
 
 impl Token {
+    /// Returns the error for this token at a place where the grammar wants `expected`.
     fn unexpected(self, expected: &'static str) -> DecodeError {
         let found = match self {
             Self::Open(tag) => format!("<{tag}>"),
@@ -249,6 +223,7 @@ impl Token {
     }
 }
 
+/// The XML of one call or response, read from front to back.
 struct Document<'a> {
     reader: Reader<&'a [u8]>,
 }
@@ -268,7 +243,7 @@ impl<'a> Document<'a> {
                 Event::End(_) => Token::Close,
                 Event::Text(text) => Token::Text(text.xml10_content().into_owned()),
                 Event::CData(text) => Token::Text(text.xml10_content().into_owned()),
-                Event::GeneralRef(reference) => Token::Text(resolve(&reference)?.into_owned()),
+                Event::GeneralRef(reference) => Token::Text(resolve(&reference)?),
                 Event::Eof => Token::End,
                 _ => continue,
             });
@@ -285,6 +260,7 @@ impl<'a> Document<'a> {
         }
     }
 
+    /// Reads the opening tag `name`.
     fn open(&mut self, name: &'static str) -> Result<(), DecodeError> {
         match self.next_tag()? {
             Token::Open(tag) if tag == name => Ok(()),
@@ -302,6 +278,7 @@ impl<'a> Document<'a> {
         }
     }
 
+    /// Reads a closing tag. The XML reader has checked that its name is that of the opening tag.
     fn close(&mut self) -> Result<(), DecodeError> {
         match self.next_tag()? {
             Token::Close => Ok(()),
@@ -309,6 +286,7 @@ impl<'a> Document<'a> {
         }
     }
 
+    /// Reads the closing tags that are left and the end of the document.
     fn end(&mut self) -> Result<(), DecodeError> {
         loop {
             match self.next_tag()? {
@@ -319,6 +297,7 @@ impl<'a> Document<'a> {
         }
     }
 
+    /// Reads text up to the closing tag, including that tag.
     fn text_until_close(&mut self) -> Result<String, DecodeError> {
         let mut text = String::new();
         loop {
@@ -345,9 +324,13 @@ impl<'a> Document<'a> {
             }
         };
         let value = match tag.as_str() {
-            "int" | "i4" => self.int()?,
-            "boolean" => self.boolean()?,
-            "double" => self.double()?,
+            "int" | "i4" => self.scalar(|text| text.parse().ok().map(Value::Int))?,
+            "boolean" => self.scalar(|text| match text {
+                "0" => Some(Value::Bool(false)),
+                "1" => Some(Value::Bool(true)),
+                _ => None,
+            })?,
+            "double" => self.scalar(|text| text.parse().ok().map(Value::Double))?,
             "string" => Value::String(self.text_until_close()?),
             "base64" => Value::Base64(self.text_until_close()?),
             "dateTime.iso8601" => Value::DateTime(self.text_until_close()?),
@@ -363,29 +346,10 @@ impl<'a> Document<'a> {
         Ok(value)
     }
 
-    fn int(&mut self) -> Result<Value, DecodeError> {
+    /// Reads the text up to the closing tag and converts it, without the white space around it.
+    fn scalar(&mut self, parse: impl Fn(&str) -> Option<Value>) -> Result<Value, DecodeError> {
         let text = self.text_until_close()?;
-        match text.trim().parse() {
-            Ok(number) => Ok(Value::Int(number)),
-            Err(source) => Err(DecodeError::Int { text, source }),
-        }
-    }
-
-    fn boolean(&mut self) -> Result<Value, DecodeError> {
-        let text = self.text_until_close()?;
-        match text.trim() {
-            "0" => Ok(Value::Bool(false)),
-            "1" => Ok(Value::Bool(true)),
-            _ => Err(DecodeError::Bool(text)),
-        }
-    }
-
-    fn double(&mut self) -> Result<Value, DecodeError> {
-        let text = self.text_until_close()?;
-        match text.trim().parse() {
-            Ok(number) => Ok(Value::Double(number)),
-            Err(source) => Err(DecodeError::Double { text, source }),
-        }
+        parse(text.trim()).ok_or(DecodeError::Scalar(text))
     }
 
     fn array(&mut self, depth: u32) -> Result<Value, DecodeError> {
@@ -421,16 +385,18 @@ impl<'a> Document<'a> {
     }
 }
 
-fn resolve(reference: &BytesRef<'_>) -> Result<Cow<'static, str>, DecodeError> {
+/// Returns the text that an entity or character reference stands for.
+fn resolve(reference: &BytesRef<'_>) -> Result<String, DecodeError> {
     if let Some(character) = reference.resolve_char_ref()? {
-        return Ok(Cow::Owned(character.to_string()));
+        return Ok(character.to_string());
     }
-    Ok(Cow::Borrowed(match &**reference {
+    let text = match &**reference {
         "lt" => "<",
         "gt" => ">",
         "amp" => "&",
         "quot" => "\"",
         "apos" => "'",
         other => return Err(DecodeError::Entity(other.to_owned())),
-    }))
+    };
+    Ok(text.to_owned())
 }

@@ -176,10 +176,7 @@ fn respond(body: &[u8], answer: &Answer) -> String {
     let response = match decode_call(body) {
         Ok(call) if call.method == MULTICALL => multicall(&call.arguments, answer),
         Ok(call) => answer(&call.method, &call.arguments),
-        Err(error) => Err(Fault {
-            code: 1,
-            message: error.to_string(),
-        }),
+        Err(error) => Err(Fault::new(error.to_string())),
     };
     encode_response(&response)
 }
@@ -195,10 +192,7 @@ fn timed_out() -> HttpError {
 /// struct that describes the fault.
 fn multicall(arguments: &[Value], answer: &Answer) -> Result<Value, Fault> {
     let [Value::Array(calls)] = arguments else {
-        return Err(Fault {
-            code: 1,
-            message: format!("{MULTICALL} takes one array of calls"),
-        });
+        return Err(Fault::new(format!("{MULTICALL} takes one array of calls")));
     };
     Ok(calls.iter().map(|call| answer_one(call, answer)).collect())
 }
@@ -208,10 +202,7 @@ fn answer_one(call: &Value, answer: &Answer) -> Value {
     let method = method.unwrap_or_default();
     let arguments = call.member("params").and_then(Value::as_array);
     let outcome = if method == MULTICALL {
-        Err(Fault {
-            code: 1,
-            message: format!("{MULTICALL} cannot contain itself"),
-        })
+        Err(Fault::new(format!("{MULTICALL} cannot contain itself")))
     } else {
         answer(method, arguments.unwrap_or_default())
     };

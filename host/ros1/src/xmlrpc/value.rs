@@ -1,4 +1,4 @@
-//! The data types of XML-RPC, and the reply of a ROS API method.
+//! The data types of XML-RPC, and the replies of ROS API methods.
 
 /// A value together with its XML-RPC type.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +33,13 @@ pub struct Fault {
     pub code: i32,
     /// Error message from the server.
     pub message: String,
+}
+
+impl Fault {
+    /// Creates a fault with the code of Python peers.
+    pub(crate) fn new(message: String) -> Self {
+        Self { code: 1, message }
+    }
 }
 
 impl Value {
@@ -133,42 +140,21 @@ impl FromIterator<Value> for Value {
     }
 }
 
-/// Reply of a ROS API method. The code is 1 for success, 0 for a failure and -1 for an error of
-/// the caller.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Reply {
-    code: i32,
-    message: String,
-    value: Value,
+/// Returns the reply of a ROS API method that succeeded: the array (1, message, value).
+pub(crate) fn success(message: impl Into<String>, value: impl Into<Value>) -> Value {
+    reply(1, message, value)
 }
 
-impl Reply {
-    /// Returns the reply of a call that succeeded.
-    pub(crate) fn success(message: impl Into<String>, value: impl Into<Value>) -> Self {
-        Self::with_code(1, message, value)
-    }
-
-    /// Returns the reply of a valid call that could not be carried out.
-    pub(crate) fn failure(message: impl Into<String>, value: impl Into<Value>) -> Self {
-        Self::with_code(0, message, value)
-    }
-
-    /// Returns the reply of a call with wrong arguments.
-    pub(crate) fn caller_error(message: impl Into<String>, value: impl Into<Value>) -> Self {
-        Self::with_code(-1, message, value)
-    }
-
-    fn with_code(code: i32, message: impl Into<String>, value: impl Into<Value>) -> Self {
-        Self {
-            code,
-            message: message.into(),
-            value: value.into(),
-        }
-    }
+/// Returns the reply to a valid call that could not be carried out, with the code 0.
+pub(crate) fn failure(message: impl Into<String>, value: impl Into<Value>) -> Value {
+    reply(0, message, value)
 }
 
-impl From<Reply> for Value {
-    fn from(reply: Reply) -> Self {
-        Self::Array(vec![reply.code.into(), reply.message.into(), reply.value])
-    }
+/// Returns the reply to a call with wrong arguments, with the code -1.
+pub(crate) fn caller_error(message: impl Into<String>, value: impl Into<Value>) -> Value {
+    reply(-1, message, value)
+}
+
+fn reply(code: i32, message: impl Into<String>, value: impl Into<Value>) -> Value {
+    Value::Array(vec![code.into(), message.into().into(), value.into()])
 }

@@ -121,8 +121,6 @@ fn strings_that_are_not_utf8_keep_their_readable_part() {
         decode_call(xml).unwrap().arguments,
         [Value::from("caf\u{fffd}")]
     );
-    let header = Header::decode(b"\x07\0\0\0name=\xff\xfe").unwrap();
-    assert_eq!(header.get("name"), Some("\u{fffd}\u{fffd}"));
 }
 
 #[test]
@@ -188,5 +186,5 @@ fn the_formatting_of_python_peers_is_decoded() {
 #[test]
 fn a_header_beyond_the_limit_is_not_encoded() {
     let header = Header::new().with("text", &"x".repeat(MAX_HEADER));
-    assert!(matches!(header.encode(), Err(HeaderError::TooLong { .. })));
+    assert!(matches!(header.encode(), Err(HeaderError::TooLong(_))));
 }

@@ -95,13 +95,9 @@ impl Drop for RosMaster {
 }
 
 impl RosMaster {
-    /// Starts `rosmaster` or `roscore` at a free port.
+    /// Starts `rosmaster` or `roscore` at a free port and waits until the master answers.
     pub(crate) async fn start(program: &str) -> Self {
-        Self::start_at(program, free_port()).await
-    }
-
-    /// Starts `rosmaster` or `roscore` and waits until the master answers.
-    pub(crate) async fn start_at(program: &str, port: u16) -> Self {
+        let port = free_port();
         let mut command = command(program, port);
         if program == "rosmaster" {
             command.arg("--core");

@@ -6,7 +6,7 @@ use std::{
     time::Duration,
 };
 
-use ros1::xmlrpc::{CallError, MethodCall, Value, call, decode_call};
+use ros1::xmlrpc::{CallError, CallFailure, MethodCall, Value, call, decode_call};
 use tokio::net::TcpListener;
 
 use crate::{
@@ -287,7 +287,10 @@ async fn run(master: &str, script: &[Call]) -> Vec<String> {
             .collect();
         let answer = match call(master, method, &real).await {
             Ok(value) => format!("{:?}", replaced(&value, &from_real)),
-            Err(CallError::Fault { fault, .. }) => format!("fault {fault:?}"),
+            Err(CallError::Failed {
+                failure: CallFailure::Fault(fault),
+                ..
+            }) => format!("fault {fault:?}"),
             Err(error) => panic!("{master} {method}: {error}"),
         };
         lines.push(format!("{method}{arguments:?} -> {answer}"));

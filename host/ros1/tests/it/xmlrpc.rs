@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use ros1::xmlrpc::{CallError, Value, call_ros};
+use ros1::xmlrpc::{CallError, CallFailure, Value, call_ros};
 use tokio::{
     io::{AsyncReadExt as _, AsyncWriteExt as _},
     net::{TcpListener, TcpStream},
@@ -101,12 +101,15 @@ async fn invalid_and_missing_answers_are_errors_within_the_timeout() {
     let mut kinds = Vec::new();
     for _ in 0..=count {
         let answer = timeout(TIMEOUT, call_ros(&uri, "getPid", &[])).await;
-        kinds.push(match answer.unwrap().unwrap_err() {
-            CallError::Status { .. } => "status",
-            CallError::Decode { .. } => "decode",
-            CallError::Http { .. } => "http",
-            CallError::Shape { .. } => "shape",
-            CallError::Timeout { .. } => "timeout",
+        let CallError::Failed { failure, .. } = answer.unwrap().unwrap_err() else {
+            panic!("neither an address nor a refusal");
+        };
+        kinds.push(match failure {
+            CallFailure::Status(_) => "status",
+            CallFailure::Decode(_) => "decode",
+            CallFailure::Http(_) => "http",
+            CallFailure::Shape => "shape",
+            CallFailure::Timeout => "timeout",
             _ => "other",
         });
     }

@@ -1,0 +1,105 @@
+//! Decoded signals as files of records: EDF+, BDF+ and GDF.
+
+use std::{
+    fs::File,
+    io::{self, BufWriter},
+};
+
+use link::Flags;
+use recordings::{EdfWriter, FileToWrite, GdfWriter, SignalToWrite};
+
+use super::{Signal, SignalFile, SignalFormat};
+
+/// Range of an EDF file, uV: 16 bits of 0.1 uV.
+const EDF_RANGE_UV: [f64; 2] = [-3_276.8, 3_276.7];
+/// Start of the signal, nanoseconds since 1970: 1 January 1985, the first day that EDF can state. A
+/// file of codes does not state when it was recorded.
+const START_NS: i64 = 473_385_600_000_000_000;
+
+/// Writes one record for each hop to an EDF or BDF file.
+pub(super) struct EdfFile {
+    writer: EdfWriter<BufWriter<File>>,
+    range_uv: [f64; 2],
+    limited: u64,
+}
+
+impl EdfFile {
+    /// Writes the header of an EDF file, or of a BDF file for any other format.
+    pub(super) fn new(file: File, signal: &Signal, format: SignalFormat) -> io::Result<Self> {
+        let (range_uv, create): (_, fn(_, &_, _, _) -> _) = match format {
+            SignalFormat::Edf => (EDF_RANGE_UV, EdfWriter::edf),
+            _ => (signal.range_uv(), EdfWriter::bdf),
+        };
+        let events = signal.events.iter();
+        let annotations = events
+            .map(|event| (event.row, event.text.clone()))
+            .collect();
+        let to_write = file_to_write(signal, range_uv);
+        Ok(Self {
+            writer: create(BufWriter::new(file), &to_write, signal.rows, annotations)?,
+            range_uv,
+            limited: 0,
+        })
+    }
+}
+
+impl SignalFile for EdfFile {
+    fn write_hop(&mut self, uv: &[f32], _: Flags) -> io::Result<()> {
+        let [least, most] = self.range_uv;
+        let beyond = uv.iter().map(|value| f64::from(*value));
+        let beyond = beyond.filter(|value| !(least..=most).contains(value));
+        self.limited += beyond.count() as u64;
+        self.writer.write_record(uv)
+    }
+
+    fn finish(self: Box<Self>) -> io::Result<u64> {
+        self.writer.finish()?;
+        Ok(self.limited)
+    }
+}
+
+/// Writes one record for each hop to a GDF file; values are float32 and unchanged.
+pub(super) struct GdfFile {
+    writer: GdfWriter<BufWriter<File>>,
+    /// Rows and types of the events, which the file holds at its end.
+    events: Vec<(u64, u16)>,
+}
+
+impl GdfFile {
+    pub(super) fn new(file: File, signal: &Signal) -> io::Result<Self> {
+        let to_write = file_to_write(signal, signal.range_uv());
+        let events = signal.events.iter().map(|event| (event.row, event.kind));
+        Ok(Self {
+            writer: GdfWriter::new(BufWriter::new(file), &to_write)?,
+            events: events.collect(),
+        })
+    }
+}
+
+impl SignalFile for GdfFile {
+    fn write_hop(&mut self, uv: &[f32], _: Flags) -> io::Result<()> {
+        self.writer.write_record(uv)
+    }
+
+    fn finish(self: Box<Self>) -> io::Result<u64> {
+        self.writer.finish(&self.events)?;
+        Ok(0)
+    }
+}
+
+/// Describes the file of a signal whose values are within `range`, microvolts.
+fn file_to_write(signal: &Signal, range: [f64; 2]) -> FileToWrite {
+    let signals = signal.labels.iter().map(|label| SignalToWrite {
+        label: label.clone(),
+        is_microvolt: true,
+        is_integer: false,
+        range,
+    });
+    FileToWrite {
+        signals: signals.collect(),
+        rate_hz: signal.rate_hz,
+        rows_per_record: signal.rows_per_hop,
+        start_ns: START_NS,
+        description: signal.description.clone(),
+    }
+}
