@@ -72,12 +72,12 @@ impl Core {
 
     /// Sets whether the device should stream. The next [`Core::tick`] sends the command for it.
     pub fn set_streaming(&mut self, streaming: bool) {
-        self.session.commands_mut().set_streaming(streaming);
+        self.session.commands.set_streaming(streaming);
     }
 
     /// Sets the rate of the packed code, 0 to 15. The next [`Core::tick`] sends the command for it.
     pub fn set_packed_rate(&mut self, rate: u8) {
-        self.session.commands_mut().set_rate(rate);
+        self.session.commands.set_rate(rate);
     }
 
     /// Sets the rate of the packed code to that of the device's model, for a core without the
@@ -88,14 +88,14 @@ impl Core {
 
     /// Returns whether no stream is wanted and the device has confirmed that none is running.
     pub fn is_stopped(&self) -> bool {
-        self.session.commands().is_stopped()
+        self.session.commands.is_stopped()
     }
 
     /// Returns whether the connected device has been silent for longer than `limit`, although it is
     /// pinged after 2 s. The caller should then reopen the port.
     pub fn is_unresponsive(&self, now: HostTime, limit: Duration) -> bool {
         let limit_us = i64::try_from(limit.as_micros()).unwrap_or(i64::MAX);
-        let commands = self.session.commands();
+        let commands = &self.session.commands;
         commands.is_unresponsive(now.monotonic_us, limit_us)
     }
 
@@ -151,8 +151,8 @@ pub trait Effects {
     /// has its signals reconstructed from them, and none from codes.
     fn decode_block(&mut self, _block: TimedPackedBlock) {}
 
-    /// Publishes the signals of the newest packed block, if they wait for the next one: none
-    /// follows.
+    /// Publishes the frame of the newest packed block if it waits to be corrected by the next
+    /// block, because no block follows.
     fn finish_blocks(&mut self) {}
 
     /// Publishes a frame of ADC samples on `/neurodata`.

@@ -55,7 +55,7 @@ pub struct Device {
 /// Reason why a device's codes cannot be published.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum DeviceError {
-    /// The number of codes per second is not an integer.
+    /// The number of codes per second is no whole number.
     #[error(
         "the device makes {step_rate_hz} steps per second and one code every {hop_steps} steps; \
          consumers need a whole number of codes per second (4, 8 or 16 steps at 128 Hz)"
@@ -72,7 +72,7 @@ pub enum DeviceError {
          bridge to the same release"
     )]
     Format(CodeFormat),
-    /// `Capabilities` has another number of zero points than of scales.
+    /// The numbers of scales and of zero points in `Capabilities` differ.
     #[error(
         "the device reports {scales} scales and {zero_points} zero points for the values of a code"
     )]
@@ -140,26 +140,19 @@ impl Device {
                 zero_points: zero_point.len(),
             });
         }
-        let numbers = scale.iter().chain([&capabilities.lsb_nv]);
-        if let Some(index) = numbers
-            .into_iter()
-            .position(|x| !(x.is_finite() && *x > 0.0))
-        {
+        let mut numbers = scale.iter().chain(std::iter::once(&capabilities.lsb_nv));
+        if let Some(index) = numbers.position(|x| !(x.is_finite() && *x > 0.0)) {
             return Err(DeviceError::Scale { index });
         }
         let code_format = capabilities.code_format;
         let Some(levels) = code_format.range() else {
             return Err(DeviceError::Format(code_format));
         };
-        let uid: Vec<String> = hello
-            .chip_uid
-            .iter()
-            .map(|byte| format!("{byte:02x}"))
-            .collect();
+        let labels = capabilities.labels.split_whitespace();
         Ok(Device {
             firmware: hello.firmware.to_owned(),
             board: hello.board.to_owned(),
-            uid: uid.concat(),
+            uid: hexadecimal(&hello.chip_uid),
             model_id: hello.model_id,
             adc_rate_hz: capabilities.adc_rate_hz,
             step_rate_hz,
@@ -168,11 +161,7 @@ impl Device {
             mains_hz: capabilities.mains_hz,
             group_delay_us: capabilities.group_delay_us,
             channels: capabilities.channels,
-            labels: capabilities
-                .labels
-                .split_whitespace()
-                .map(str::to_owned)
-                .collect(),
+            labels: labels.map(str::to_owned).collect(),
             substitutes: Substitutes::NONE,
             filters: capabilities.filters.to_owned(),
             // Full scale is 2^23 counts (24 bits with sign); 1000 nV is 1 uV.
@@ -185,17 +174,8 @@ impl Device {
         })
     }
 
-    /// Returns the device with these substitutes.
-    #[must_use]
-    pub fn with_substitutes(self, substitutes: Substitutes) -> Device {
-        Device {
-            substitutes,
-            ..self
-        }
-    }
-
     /// Returns the electrodes whose signal was not recorded, such as "interpolated: F1 F2; zero:
-    /// Cz"; `None` if every electrode was.
+    /// Cz"; `None` if the signals of all electrodes were recorded.
     pub fn unrecorded(&self) -> Option<String> {
         let labels = self.labels.iter().map(String::as_str);
         let text = self.substitutes.named(labels).to_string();
@@ -215,10 +195,7 @@ impl Device {
             ("montage", self.labels != other.labels),
             ("channel count", self.channels != other.channels),
             ("code format", self.code_format != other.code_format),
-            (
-                "code scale",
-                (&self.scale, &self.zero_point) != (&other.scale, &other.zero_point),
-            ),
+            ("code scale", self.scales() != other.scales()),
             (
                 "volts per count",
                 self.full_scale_uv.to_bits() != other.full_scale_uv.to_bits(),
@@ -235,6 +212,10 @@ impl Device {
         [self.adc_rate_hz, self.step_rate_hz, steps[0], steps[1]]
     }
 
+    fn scales(&self) -> (&[f32], &[i8]) {
+        (&self.scale, &self.zero_point)
+    }
+
     /// Returns the index, since `Start`, of the ADC sample at a window's last step.
     pub fn last_sample(&self, window: u32) -> u64 {
         let hops = u64::from(window) * u64::from(self.hop_steps);
@@ -245,12 +226,6 @@ impl Device {
     /// Returns the index, since `Start`, of the ADC sample at a step.
     pub fn sample_of_step(&self, step: u64) -> u64 {
         step.saturating_mul(u64::from(self.adc_rate_hz)) / u64::from(self.step_rate_hz)
-    }
-
-    /// Returns the label of an ADC channel: the electrode's name, or `exg1`, `exg2`, ... for spare
-    /// channels.
-    pub fn channel_label(&self, channel: usize) -> String {
-        channel_label(&self.labels, channel)
     }
 
     /// Returns the number of codes per second.
@@ -303,6 +278,12 @@ impl Device {
 pub(crate) fn channel_label(labels: &[String], channel: usize) -> String {
     let spare = || format!("exg{}", channel + 1 - labels.len());
     labels.get(channel).cloned().unwrap_or_else(spare)
+}
+
+/// Returns two hexadecimal digits for each byte, in small letters.
+pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
+    let digits: Vec<String> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+    digits.concat()
 }
 
 /// Owned copy of the device's [`Hello`].

@@ -7,19 +7,18 @@ pub(crate) mod packed;
 use link::{ElectrodeQuality, Quality, StageTiming, Timing};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
-/// Creates a status with `name` and no hardware id. [`diagnose`](super::diagnose) adds the name's
-/// prefix and the hardware id.
+/// Creates a status for `/diagnostics`. The function that collects the report adds the prefix of
+/// the name and the hardware id.
 pub(crate) fn new_status(
     name: &str,
     (level, message): (DiagnosticLevel, String),
     values: Vec<KeyValue>,
 ) -> DiagnosticStatus {
-    let hardware_id = String::new();
     DiagnosticStatus {
         level,
         name: name.to_owned(),
         message,
-        hardware_id,
+        hardware_id: String::new(),
         values,
     }
 }
@@ -33,11 +32,8 @@ pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
         stack_used,
         stack_size,
     } = timing;
-    let late: Vec<String> = stages
-        .iter()
-        .filter(|stage| is_late(stage))
-        .map(|stage| stage.stage.to_string())
-        .collect();
+    let late = stages.iter().filter(|stage| is_late(stage));
+    let late: Vec<String> = late.map(|stage| stage.stage.to_string()).collect();
     let stack = format!("{stack_used} of {stack_size} bytes");
     let stack_is_short = *stack_size > 0 && 4 * u64::from(*stack_used) > 3 * u64::from(*stack_size);
     let warnings: Vec<String> = [
@@ -90,12 +86,10 @@ fn stage_figures(stage: &StageTiming) -> [KeyValue; 2] {
     let name = stage.stage;
     let [within @ .., late] = stage.histogram;
     let within = within.map(|count| count.to_string()).join(" ");
+    let times = format!("{within}, late {late}");
     [
         KeyValue::new(&name.to_string(), &worst_of_deadline(stage)),
-        KeyValue::new(
-            &format!("{name}: times per eighth of it"),
-            &format!("{within}, late {late}"),
-        ),
+        KeyValue::new(&format!("{name}: times per eighth of it"), &times),
     ]
 }
 
@@ -110,22 +104,15 @@ const MAINS_LIMIT_UV: f32 = 100.0;
 /// Returns the status `signal quality`. The message names electrodes with faults; the values are
 /// the measurements of all electrodes.
 pub(crate) fn signal_quality_status(quality: &Quality, labels: &[String]) -> DiagnosticStatus {
-    let electrodes: Vec<(String, &ElectrodeQuality)> = quality
-        .electrodes
-        .iter()
-        .enumerate()
-        .map(|(index, electrode)| {
-            let label = labels.get(index).cloned();
-            let label = label.unwrap_or_else(|| format!("electrode {index}"));
-            (label, electrode)
-        })
-        .collect();
+    let label = |index: usize| {
+        let label = labels.get(index).cloned();
+        label.unwrap_or_else(|| format!("electrode {index}"))
+    };
+    let electrodes: Vec<(String, &ElectrodeQuality)> =
+        (0..).map(label).zip(&quality.electrodes).collect();
     let with = |fault: &str, has: fn(&ElectrodeQuality) -> bool| {
-        let named: Vec<&str> = electrodes
-            .iter()
-            .filter(|(_, electrode)| has(electrode))
-            .map(|(label, _)| label.as_str())
-            .collect();
+        let named = electrodes.iter().filter(|(_, electrode)| has(electrode));
+        let named: Vec<&str> = named.map(|(label, _)| label.as_str()).collect();
         (!named.is_empty()).then(|| format!("{fault}: {}", named.join(" ")))
     };
     let mains = format!("mains above {MAINS_LIMIT_UV} uV");
@@ -171,33 +158,32 @@ fn electrode_figures(electrode: &ElectrodeQuality) -> String {
     )
 }
 
-/// Shortest time between two lines, microseconds.
+/// Shortest time between two lines of the log about a bad link, microseconds.
 const PERIOD_US: i64 = 60_000_000;
 
-/// Numbers of frames damaged and items lost since the last line of the log.
+/// Numbers of damaged frames and of missing codes, packed blocks, samples and events since the last
+/// line of the log about a bad link.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LinkLog {
+    /// Host time of the last line, microseconds.
     logged_us: Option<i64>,
     damaged: u64,
     missing: u64,
 }
 
 impl LinkLog {
-    /// Adds damaged frames.
     pub(crate) fn add_damaged(&mut self, frames: u32) {
         self.damaged = self.damaged.saturating_add(frames.into());
     }
 
-    /// Adds missing codes, samples, steps or events.
     pub(crate) fn add_missing(&mut self, count: u64) {
         self.missing = self.missing.saturating_add(count);
     }
 
     /// Returns the next line if one is due at `now_us`, and starts counting again.
     pub(crate) fn next_line(&mut self, now_us: i64) -> Option<String> {
-        let is_due = self
-            .logged_us
-            .is_none_or(|last_us| now_us - last_us >= PERIOD_US);
+        let is_over = |last_us| now_us - last_us >= PERIOD_US;
+        let is_due = self.logged_us.is_none_or(is_over);
         if !is_due || (self.damaged == 0 && self.missing == 0) {
             return None;
         }
@@ -224,11 +210,8 @@ mod tests {
         let mut log = LinkLog::default();
         assert_eq!(log.next_line(0), None);
         log.add_damaged(3);
-        assert!(
-            log.next_line(5)
-                .unwrap()
-                .contains("3 frames damaged, 0 codes")
-        );
+        let line = log.next_line(5).unwrap();
+        assert!(line.contains("3 frames damaged, 0 codes"), "{line}");
         for second in 1..60 {
             log.add_missing(2);
             assert_eq!(log.next_line(second * 1_000_000), None);

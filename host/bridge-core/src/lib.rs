@@ -21,10 +21,8 @@
 //! The first command to a connected device asks it to identify itself:
 //!
 //! ```
-//! # use bridge_core::{Announcement, AuditedWindow, TimedPackedBlock, TimedCode};
-//! # use neuro_ros::{NeuroEvent, NeuroFrame};
-//! use bridge_core::{AnnouncedStream, Core, Effects, EventStamps, FillerPolicy, HostTime, Settings, StampPoint};
-//! use link::{Decoder, MAX_FRAME, Streams, ToDevice};
+//! use bridge_core::{Core, Effects, HostTime, Settings};
+//! use link::{Decoder, MAX_FRAME, ToDevice};
 //!
 //! /// Keeps the bytes for the device and ignores all other effects.
 //! #[derive(Default)]
@@ -34,20 +32,10 @@
 //!     fn send(&mut self, frame: &[u8]) {
 //!         self.0.extend_from_slice(frame);
 //!     }
-//!     // The other methods publish frames and events.
+//!     // The other methods, which publish frames and events, do nothing by default.
 //! }
 //!
-//! let settings = Settings {
-//!     stamp: StampPoint::First,
-//!     mains_hz: 50,
-//!     filler: FillerPolicy::Last,
-//!     low_latency: false,
-//!     announced: AnnouncedStream::Encoded,
-//!     streams: Streams::CODES,
-//!     packed_rate: None,
-//!     event_stamps: EventStamps::Scalp,
-//! };
-//! let mut core = Core::new(settings, None);
+//! let mut core = Core::new(Settings::default(), None);
 //! let mut port = ToPort::default();
 //! core.connected(HostTime::now(), &mut port);
 //!
@@ -87,7 +75,5 @@ pub use settings::{
     AnnouncedStream, Choice, EventStamps, FillerPolicy, RawForm, Settings, StampPoint, StreamKind,
     with_codes,
 };
-pub use streams::ledger::{Arrival, Ledger};
 pub use time::HostTime;
 pub use time::clock::Clock;
-pub use wire::commands::PendingCommand;

@@ -133,8 +133,8 @@ impl Query {
         }
     }
 
-    /// Returns whether the port can now disappear and return, because a restarting device
-    /// disconnects from USB.
+    /// Returns whether the port may disappear and return now, because a device on USB disconnects
+    /// while it restarts.
     pub fn expects_reconnect(&self) -> bool {
         self.stage == Stage::Wait && matches!(self.request, Request::Reset(_))
     }
@@ -281,10 +281,7 @@ impl Query {
 
     fn send(&mut self, command: ToDevice, now_us: i64) {
         let seq = self.encoder.next_seq();
-        self.pending = Some(match self.pending {
-            Some(pending) => pending.sent_again(seq, now_us),
-            None => PendingCommand::new(command, seq, now_us),
-        });
+        self.pending = Some(PendingCommand::sent(self.pending, command, seq, now_us));
         let mut buffer = [0; MAX_FRAME];
         match self.encoder.encode(0, &command, &mut buffer) {
             Ok(frame) => self.outgoing.extend_from_slice(frame),

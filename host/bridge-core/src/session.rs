@@ -19,11 +19,12 @@ use crate::diagnostics::packed::PackedReport;
 use crate::diagnostics::{LinkLog, closest_to_deadline};
 use crate::settings::{AnnouncedStream, Settings, StreamKind};
 use crate::streams::code::CodeStream;
-use crate::streams::event::BusEvent;
+use crate::streams::event::{BusEvent, Trigger};
+use crate::streams::hop_timeline::HopTimeline;
 use crate::streams::ledger::{Arrival, Ledger};
 use crate::streams::packed::PackedStream;
 use crate::streams::sample::SampleStream;
-use crate::streams::side::{MessageTime, SideStreams};
+use crate::streams::side::SideStreams;
 use crate::streams::stamps::{DecodedStream, Decoding, Reception};
 use crate::time::HostTime;
 use crate::time::clock::Clock;
@@ -40,10 +41,10 @@ const OLD_FRAMES_BEFORE_IDENTIFY: u32 = 8;
 pub(crate) struct Session {
     settings: Settings,
     model: Option<Arc<Model>>,
-    /// Rate of the model's packed code, which is the default and not a choice of the user.
+    /// Rate of the model's packed code, to which the device is set unless the user chose another.
     model_rate: Option<u8>,
     encoder: Encoder,
-    commands: Commands,
+    pub(crate) commands: Commands,
     identity: Option<Identity>,
     /// Whether `Hello` has arrived since the port was opened. Sequence numbers are ignored before
     /// `Hello`.
@@ -51,6 +52,7 @@ pub(crate) struct Session {
     codes: Option<CodeStream>,
     packed: Option<PackedStream>,
     side: SideStreams,
+    trigger: Trigger,
     /// The device that was announced first. A device that is not compatible with it is refused for
     /// as long as the bridge runs.
     announced: Option<Arc<Device>>,
@@ -108,6 +110,31 @@ struct SessionCounts {
     damaged_reported: u32,
 }
 
+/// Device time at which a message was made, microseconds, and host time at which it was read.
+#[derive(Clone, Copy, Debug)]
+struct MessageTimes {
+    device_us: u64,
+    read: HostTime,
+}
+
+impl MessageTimes {
+    /// Returns the context for the message's conversion; `is_possible` states whether its device
+    /// time can be right.
+    fn reception<'a>(
+        self,
+        is_possible: bool,
+        clock: &'a Clock,
+        trigger: &'a Trigger,
+    ) -> Reception<'a> {
+        Reception {
+            device_us: is_possible.then_some(self.device_us),
+            read: self.read,
+            clock,
+            trigger,
+        }
+    }
+}
+
 impl Session {
     pub(crate) fn new(settings: Settings, model: Option<Arc<Model>>) -> Session {
         let commands = Commands::new(settings.mains_hz, settings.streams, settings.packed_rate);
@@ -127,6 +154,7 @@ impl Session {
             codes: None,
             packed: None,
             side: SideStreams::new(settings),
+            trigger: Trigger::default(),
             announced: None,
             decoding,
             is_described_asked: false,
@@ -145,16 +173,6 @@ impl Session {
             logged: LoggedOnce::default(),
             link_log: LinkLog::default(),
         }
-    }
-
-    /// Commands to the device.
-    pub(crate) fn commands(&self) -> &Commands {
-        &self.commands
-    }
-
-    /// Commands to the device.
-    pub(crate) fn commands_mut(&mut self) -> &mut Commands {
-        &mut self.commands
     }
 
     /// Sets the rate of the packed code to that of the device's model.
@@ -238,6 +256,10 @@ impl Session {
 
     fn handle_message(&mut self, frame: &Frame<ToHost>, read: HostTime, effects: &mut dyn Effects) {
         let header = frame.header;
+        let at = MessageTimes {
+            device_us: header.device_time_us,
+            read,
+        };
         self.commands.frame_received(read.monotonic_us);
         if let ToHost::Hello(hello) = &frame.message {
             self.handle_hello(hello, header);
@@ -252,8 +274,8 @@ impl Session {
             ToHost::Capabilities(capabilities) => {
                 self.handle_capabilities(capabilities, read, effects);
             }
-            ToHost::Code(code) => self.handle_code(code, header.device_time_us, read, effects),
-            ToHost::Stats(stats) => self.handle_stats(*stats, header.device_time_us, read, effects),
+            ToHost::Code(code) => self.handle_code(code, at, effects),
+            ToHost::Stats(stats) => self.handle_stats(*stats, at, effects),
             ToHost::Ack(ack) => self.handle_ack(*ack, read, effects),
             ToHost::Quality(quality) => self.quality = Some(quality.clone()),
             ToHost::Timing(timing) => {
@@ -265,16 +287,12 @@ impl Session {
             | ToHost::CompressedRaw(_)
             | ToHost::Filtered(_)
             | ToHost::Audit(_)
-            | ToHost::Event(_) => {
-                self.handle_side(&frame.message, header.device_time_us, read, effects);
-            }
-            ToHost::PackedCode(code) => {
-                self.handle_packed(code, header.device_time_us, read, effects);
-            }
+            | ToHost::Event(_) => self.handle_side(&frame.message, at, effects),
+            ToHost::PackedCode(code) => self.handle_packed(code, at, effects),
             ToHost::Converters(converters) => {
                 let report = ChainReport::from_message(self.converters.as_ref(), converters);
                 let before = self.converters.replace(report);
-                self.report_electrodes(before.as_ref(), header.device_time_us, read, effects);
+                self.report_electrodes(before.as_ref(), at, effects);
             }
             ToHost::ClockReading(reading) => self.round_trips.record(
                 self.commands.clock_query_sent_us(),
@@ -286,16 +304,9 @@ impl Session {
         }
     }
 
-    /// Handles a message with samples, filtered steps, an event or an audit; `made_us` is its
-    /// device time.
-    fn handle_side(
-        &mut self,
-        message: &ToHost,
-        made_us: u64,
-        read: HostTime,
-        effects: &mut dyn Effects,
-    ) {
-        if !self.introduced || !self.commands.accepts_codes() {
+    /// Handles a message with samples, filtered steps, an event or an audit.
+    fn handle_side(&mut self, message: &ToHost, at: MessageTimes, effects: &mut dyn Effects) {
+        if !self.accepts_codes() {
             self.side.unused += 1;
             return;
         }
@@ -306,20 +317,20 @@ impl Session {
             ToHost::Raw(_) | ToHost::CompressedRaw(_) | ToHost::Filtered(_)
         );
         let possible = if self.clock.is_known() {
-            self.clock.is_possible(made_us, read)
+            self.clock.is_possible(at.device_us, at.read)
         } else {
-            !samples || self.clock.observe(made_us, read)
+            !samples || self.clock.observe(at.device_us, at.read)
         };
-        let times = MessageTime {
-            device_us: possible.then_some(made_us),
-            read,
-            clock: &self.clock,
-        };
+        let reception = at.reception(possible, &self.clock, &self.trigger);
         match message {
-            ToHost::Raw(raw) => self.side.receive_raw(raw, times, effects),
-            ToHost::CompressedRaw(raw) => self.side.receive_compressed(raw, times, effects),
-            ToHost::Filtered(filtered) => self.side.receive_filtered(filtered, times, effects),
-            ToHost::Event(event) => self.side.receive_event(*event, times, effects),
+            ToHost::Raw(raw) => self.side.receive_raw(raw, reception, effects),
+            ToHost::CompressedRaw(raw) => self.side.receive_compressed(raw, reception, effects),
+            ToHost::Filtered(filtered) => self.side.receive_filtered(filtered, reception, effects),
+            ToHost::Event(event) => {
+                if let Some(level) = self.side.receive_event(*event, reception, effects) {
+                    self.trigger.record_edge(event.sample, level);
+                }
+            }
             ToHost::Audit(audit) => {
                 let model = self.model.as_deref();
                 let model = model.filter(|_| self.objection.is_none());
@@ -338,6 +349,7 @@ impl Session {
             packed.timeline.restart();
         }
         self.side.restart();
+        self.trigger.restart();
     }
 
     /// Ends the recording of all streams, because the user stopped them.
@@ -350,6 +362,7 @@ impl Session {
             packed.end_recording();
         }
         self.side.end_recording();
+        self.trigger.restart();
     }
 
     /// Records the sequence number of a frame and returns false if the frame is a replay.
@@ -366,13 +379,7 @@ impl Session {
         false
     }
 
-    fn handle_stats(
-        &mut self,
-        stats: Stats,
-        device_us: u64,
-        read: HostTime,
-        effects: &mut dyn Effects,
-    ) {
+    fn handle_stats(&mut self, stats: Stats, at: MessageTimes, effects: &mut dyn Effects) {
         self.stats = Some(stats);
         if !self.commands.is_possibly_streaming() {
             return;
@@ -381,7 +388,7 @@ impl Session {
         let codes_or_packed = Streams::CODES | Streams::PACKED;
         let streams = stats.streams != stats.streams.without(codes_or_packed);
         if streams {
-            self.commands.stream_received(read.monotonic_us);
+            self.commands.stream_received(at.read.monotonic_us);
             codes.timeline.mark_running();
         }
         if !codes.timeline.is_running() {
@@ -389,18 +396,14 @@ impl Session {
         }
         // The clock is fitted to codes. A `Stats` message is used for the fit only until the first
         // code arrives.
-        if !self.clock.admits(device_us, read) && !self.clock.observe(device_us, read) {
+        if !self.clock.admits(at.device_us, at.read) && !self.clock.observe(at.device_us, at.read) {
             return;
         }
-        let reception = Reception {
-            read,
-            clock: &self.clock,
-            trigger: &self.side.trigger,
-        };
-        // The window index is that of codes. A replay also states it to a host that asks for packed
-        // blocks alone.
+        // `next_window` counts codes. A replay states it also to a host that asks for packed blocks
+        // alone, which misses none of these codes.
         if self.commands.streams().contains(Streams::CODES) {
-            codes.fill_before(stats.next_window, device_us, reception, effects);
+            let reception = at.reception(true, &self.clock, &self.trigger);
+            codes.fill_before(stats.next_window, reception, effects);
         }
         if !streams && self.commands.wants_stream() {
             tracing::warn!("the device stopped streaming by itself; starting it again");
@@ -452,8 +455,8 @@ impl Session {
         }
     }
 
-    /// Logs that the device keeps its rate of the packed code. This is no warning if the model's
-    /// rate was refused, which nobody needs to have chosen.
+    /// Logs that the device refuses to change the rate of its packed code. This is a warning only
+    /// if the user chose the rate, and not if it is the model's.
     fn report_refused_rate(&self, rate: u8, result: AckResult) {
         let text = format!(
             "the device refuses the rate {rate} of the packed code: {}; it streams no packed blocks, or always at \
@@ -468,91 +471,74 @@ impl Session {
         }
     }
 
-    /// Handles a code, whose last step was at device time `device_us`.
-    fn handle_code(
-        &mut self,
-        code: &Code,
-        device_us: u64,
-        read: HostTime,
-        effects: &mut dyn Effects,
-    ) {
-        let is_usable = self.expects_hops(read, effects);
+    /// Handles a code. The device time of its frame is that of the window's last step.
+    fn handle_code(&mut self, code: &Code, at: MessageTimes, effects: &mut dyn Effects) {
+        let is_usable = self.expects_hops(at.read, effects);
         let Some(codes) = self.codes.as_mut().filter(|_| is_usable) else {
             self.counts.codes_unused += 1;
             return;
         };
-        self.commands.stream_received(read.monotonic_us);
+        self.commands.stream_received(at.read.monotonic_us);
+        // Raw samples and filtered steps detect a restart from their own indices, perhaps earlier.
         if codes.timeline.is_restart(code.window) {
-            self.side.restart_events();
+            self.side.events.restart();
+            self.trigger.restart();
         }
-        let trusted = self.clock.observe(device_us, read);
-        let reception = Reception {
-            read,
-            clock: &self.clock,
-            trigger: &self.side.trigger,
-        };
-        codes.receive(code, trusted.then_some(device_us), reception, effects);
+        let trusted = self.clock.observe(at.device_us, at.read);
+        let reception = at.reception(trusted, &self.clock, &self.trigger);
+        codes.receive(code, reception, effects);
     }
 
-    /// Handles a packed block, whose last step was at device time `device_us`.
-    fn handle_packed(
-        &mut self,
-        code: &PackedCode,
-        device_us: u64,
-        read: HostTime,
-        effects: &mut dyn Effects,
-    ) {
-        let is_usable = self.expects_hops(read, effects);
+    /// Handles a packed block. The device time of its frame is that of the block's last step.
+    fn handle_packed(&mut self, code: &PackedCode, at: MessageTimes, effects: &mut dyn Effects) {
+        let is_usable = self.expects_hops(at.read, effects);
         let Some(packed) = self.packed.as_mut().filter(|_| is_usable) else {
             self.counts.codes_unused += 1;
             return;
         };
-        self.commands.stream_received(read.monotonic_us);
+        self.commands.stream_received(at.read.monotonic_us);
         if packed.timeline.is_restart(code.block) {
-            self.side.restart_events();
+            self.side.events.restart();
+            self.trigger.restart();
         }
         // The clock is fitted to codes. Packed blocks are used for the fit only until the first
         // code arrives, or where no codes stream.
         let has_codes = self.commands.streams().contains(Streams::CODES);
         let trusted = if has_codes && self.clock.is_known() {
-            self.clock.is_possible(device_us, read)
+            self.clock.is_possible(at.device_us, at.read)
         } else {
-            self.clock.observe(device_us, read)
+            self.clock.observe(at.device_us, at.read)
         };
-        let reception = Reception {
-            read,
-            clock: &self.clock,
-            trigger: &self.side.trigger,
-        };
-        packed.receive(code, trusted.then_some(device_us), reception, effects);
+        let reception = at.reception(trusted, &self.clock, &self.trigger);
+        packed.receive(code, reception, effects);
     }
 
-    /// Returns whether codes and packed blocks of this device are published. Its stream may have
-    /// started without an acknowledgement.
+    /// Returns whether codes and packed blocks of the device can be published: it has introduced
+    /// itself since the port was opened, and this bridge started its stream.
+    fn accepts_codes(&self) -> bool {
+        self.introduced && self.commands.accepts_codes()
+    }
+
+    /// Returns whether codes and packed blocks of this device are published. Announces the device
+    /// again if it streams others than before: the acknowledgement of their start may be lost.
     fn expects_hops(&mut self, read: HostTime, effects: &mut dyn Effects) -> bool {
-        let is_usable = self.introduced && self.commands.accepts_codes();
+        let is_usable = self.accepts_codes();
         if is_usable {
             self.announce_other_streams(read, effects);
         }
         is_usable
     }
 
-    /// Publishes an event for a stretch of data that is missing in the announced stream. A recorder
-    /// records this stream, and each stream loses data of its own.
+    /// Publishes an event for a stretch of data that is missing in the announced stream, which a
+    /// recorder records. Losses of the other streams are no events.
     fn report_missing(&mut self, read: HostTime, effects: &mut dyn Effects) {
-        let [codes, packed, raw, filtered] = [
-            self.codes
-                .as_mut()
-                .and_then(|codes| codes.timeline.take_missing()),
-            self.packed
-                .as_mut()
-                .and_then(|packed| packed.timeline.take_missing()),
-            self.side.raw.as_mut().and_then(SampleStream::take_missing),
-            self.side
-                .filtered
-                .as_mut()
-                .and_then(SampleStream::take_missing),
-        ];
+        let [codes, packed] = [
+            self.codes.as_mut().map(|codes| &mut codes.timeline),
+            self.packed.as_mut().map(|packed| &mut packed.timeline),
+        ]
+        .map(|timeline| timeline.and_then(HopTimeline::take_missing));
+        let [raw, filtered] = [&mut self.side.raw, &mut self.side.filtered]
+            .map(|stream| stream.as_mut().and_then(SampleStream::take_missing));
         let from_packed = self.commands.streams().contains(Streams::PACKED);
         let missing = match self.settings.announced {
             AnnouncedStream::Reconstructed if from_packed => packed,
@@ -570,13 +556,12 @@ impl Session {
         self.side.bus.publish(&event, wall_ns, effects);
     }
 
-    /// Publishes an event if the device's new report shows other electrodes without contact than
-    /// the report `before`. `device_us` is the time of the new report.
+    /// Publishes an event if the electrodes without contact in the device's new report are not
+    /// those of the report `before`.
     fn report_electrodes(
         &mut self,
         before: Option<&ChainReport>,
-        device_us: u64,
-        read: HostTime,
+        at: MessageTimes,
         effects: &mut dyn Effects,
     ) {
         let (Some(report), Some(codes)) = (&self.converters, &self.codes) else {
@@ -594,16 +579,8 @@ impl Session {
         } else {
             BusEvent::ElectrodesOff(off)
         };
-        let wall_ns = self.clock.wall_ns(device_us.into()).unwrap_or(read.wall_ns);
+        let wall_ns = self.clock.wall_ns(at.device_us.into());
+        let wall_ns = wall_ns.unwrap_or(at.read.wall_ns);
         self.side.bus.publish(&event, wall_ns, effects);
-    }
-
-    /// Publishes an event for a device that is refused in the place of one whose codes were
-    /// published.
-    fn report_refusal(&mut self, why: &str, read: HostTime, effects: &mut dyn Effects) {
-        if self.announced.is_some() {
-            let event = BusEvent::DeviceRefused(why.to_owned());
-            self.side.bus.publish(&event, read.wall_ns, effects);
-        }
     }
 }

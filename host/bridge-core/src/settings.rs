@@ -32,7 +32,7 @@ macro_rules! choice {
 }
 
 /// User settings for streams and frames; constant while the bridge runs. By default the device
-/// sends codes alone and chooses everything else.
+/// sends codes alone, and chooses mains frequency and rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Settings {
     /// Point of a frame that its stamp refers to: first sample, last sample or arrival.
@@ -48,9 +48,9 @@ pub struct Settings {
     /// Stream that `/acquisition/get_info` describes.
     pub announced: AnnouncedStream,
     /// Streams that the device is asked for. The bridge adds the stream of codes if neither codes
-    /// nor the packed code is among them. With both `RAW` and `COMPRESSED_RAW`, samples are wanted
-    /// in either form: the device is asked for plain ones, and for compressed ones if it refuses,
-    /// because its port is too slow.
+    /// nor packed blocks are among them. With both `RAW` and `COMPRESSED_RAW`, samples are wanted
+    /// in either form: the device is asked for plain ones first, and for compressed ones if it
+    /// refuses those because its port is too slow.
     pub streams: Streams,
     /// Rate of the packed code that the device is asked for, 0 to 15; `None` leaves the choice to
     /// the device.
@@ -179,8 +179,7 @@ impl RawForm {
     }
 }
 
-/// Returns `streams`, with the stream of codes if neither it nor that of packed blocks is among
-/// them.
+/// Returns `streams` with the stream of codes added, unless packed blocks are among them.
 pub fn with_codes(streams: Streams) -> Streams {
     if streams.contains(Streams::PACKED) {
         streams

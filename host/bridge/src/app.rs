@@ -129,7 +129,7 @@ fn read_task(
     let task = Task::parse_from(values(&others).into_iter().map(Into::into));
     let task = task.unwrap_or_else(|error| error.exit());
     if let (Task::SelfTest(_) | Task::Reset(_), Some(path)) = (&task, &path) {
-        // These tasks have no log.
+        // `selftest` and `reset` have no log.
         eprintln!("corticode-bridge: options from {}", path.display());
     }
     Ok((task, path))
@@ -160,16 +160,14 @@ fn record(
     config: Option<PathBuf>,
 ) -> Result<(), BridgeError> {
     init_log(ros, config)?;
-    let runtime = Runtime::new()?;
-    let summary = runtime.block_on(record::record(options))?;
+    let summary = Runtime::new()?.block_on(record::record(options))?;
     eprintln!("corticode-bridge: {summary}");
     Ok(())
 }
 
 fn replay(options: &ReplayOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
     init_log(ros, None)?;
-    let runtime = Runtime::new()?;
-    let summary = runtime.block_on(replay::replay(options))?;
+    let summary = Runtime::new()?.block_on(replay::replay(options))?;
     eprintln!("corticode-bridge: {summary}");
     Ok(())
 }
@@ -187,31 +185,26 @@ fn convert(
 
 fn run_master(options: &MasterOptions, ros: &NodeOptions) -> Result<(), BridgeError> {
     init_log(ros, None)?;
-    let runtime = Runtime::new()?;
-    runtime.block_on(master::run(options))
+    Runtime::new()?.block_on(master::run(options))
 }
 
 /// Sends one request to the device and prints the answer. The exit status is 1 if a self-test
 /// failed.
 fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCode, BridgeError> {
     let runtime = one_thread()?;
-    let (text, passed) = match runtime.block_on(query_port(&at.port, at.baud, request))? {
-        Answer::SelfTest(report) if json => {
-            let json = serde_json::to_string_pretty(&report).map_err(std::io::Error::from)?;
-            (json, report.passed)
+    let text = match runtime.block_on(query_port(&at.port, at.baud, request))? {
+        Answer::SelfTest(report) => {
+            print_report(&report, json)?;
+            return Ok(ExitCode::from(u8::from(!report.passed)));
         }
-        Answer::SelfTest(report) => (report.to_string(), report.passed),
-        Answer::Restarted(device) => (device.to_string(), true),
-        Answer::InBootloader(device) => (
-            format!(
-                "{} starts its bootloader; flash it over USB, for example with dfu-util",
-                device.board
-            ),
-            true,
+        Answer::Restarted(device) => device.to_string(),
+        Answer::InBootloader(device) => format!(
+            "{} starts its bootloader; flash it over USB, for example with dfu-util",
+            device.board
         ),
     };
     print(format!("{text}\n").as_bytes())?;
-    Ok(ExitCode::from(u8::from(!passed)))
+    Ok(ExitCode::SUCCESS)
 }
 
 fn list_ports(options: &PortsOptions) -> Result<ExitCode, BridgeError> {

@@ -32,8 +32,9 @@ const RMS_LIMIT: f64 = 0.05;
 /// the float network's code. Half a level is allowed in addition, for rounding.
 ///
 /// In the measurement for [`RMS_LIMIT`], the largest difference less half a level is 0.064 of the
-/// code's RMS with `signal/model/paper`, and 0.082 with `signal/model/artifact`. The limit is half
-/// as much again: a larger one would find none of the flipped bits below.
+/// code's RMS with `signal/model/paper`, and 0.082 with `signal/model/artifact`. The limit is about
+/// 1.5 times this fraction. A larger limit would find none of the flipped bits of the next
+/// paragraph.
 ///
 /// In one measurement, which no test repeats, a flipped sign bit in one weight of the linear
 /// shortcut changed one value of an int8 code by 1.4 to 2.7 levels on the loudest of 42 windows. A
@@ -41,11 +42,11 @@ const RMS_LIMIT: f64 = 0.05;
 /// convolutions of this model contribute little to the code.
 const LARGEST_LIMIT: f64 = 0.12;
 
-/// Allowance in addition for codes with levels of 16 bits, levels: the biases and activations of
-/// the convolutions are rounded to units that are coarser than these levels, however quiet the
-/// window is. In windows of EEGMMIDB S001 R11 and R12 that are attenuated to between 0 and 3 %, the
-/// largest difference with `signal/model/artifact` is 1.35 levels. A level of int8 codes is about
-/// 32 times as wide.
+/// Additional allowance for the formats int16 and int8-exponent, in their levels. The biases and
+/// activations of the convolutions are rounded to units that are coarser than these levels, however
+/// quiet the window is. In windows of EEGMMIDB S001 R11 and R12 that are attenuated to between 0
+/// and 3 %, the largest difference with `signal/model/artifact` is 1.35 levels. A level of int8
+/// codes is about 32 times as wide and needs no such allowance.
 const FINE_LEVELS: f64 = 2.0;
 
 /// A window of the encoder's input, and the code that the device computed from this window.
@@ -135,7 +136,8 @@ impl AuditedWindow {
                 values += 1.0;
             }
         }
-        // The rounding of the window to int8 is no error of the packed code.
+        // The window was rounded to int8, which adds level^2 / 12 to the squared difference. This
+        // part is no error of the packed code.
         let rounding = level_uv * level_uv / 12.0;
         let error = (squares / f64::max(values, 1.0) - rounding).max(0.0);
         Some(PackedError {
@@ -150,7 +152,8 @@ impl AuditedWindow {
     }
 }
 
-/// Difference between the signals of a window and those of its packed blocks, decoded at once.
+/// Difference between the signals of a window and those of its packed blocks, without the
+/// correction of a block by the next one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PackedError {
     /// RMS difference over all steps and electrodes, microvolts.

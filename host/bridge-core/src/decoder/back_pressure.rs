@@ -1,14 +1,14 @@
 //! Decides when the bridge stops reading the port until the decoder has caught up.
 
-/// Number of waiting windows above which a source that can wait has to: 16 s of signal, and about
-/// 1 s of decoding.
+/// Number of waiting windows above which the port is not read if its source can wait: 16 s of
+/// signal, which take about 1 s to decode.
 const WAITING_WINDOWS: u64 = 256;
 
 /// How far the device's time must have run ahead of the host's time before the source counts as
 /// faster than real time, microseconds.
 const AHEAD_US: i64 = 10_000_000;
-/// Part of the elapsed time by which the device's clock may be fast in addition: 1000 ppm. Two
-/// crystals never differ by more than 500 ppm.
+/// Divisor of the elapsed time that gives how far a fast clock may be ahead in addition to
+/// [`AHEAD_US`]: 1/1000, or 1000 ppm. Two crystals never differ by more than 500 ppm.
 const DRIFT: i64 = 1000;
 
 /// Compares the device's time with the host's. A source that runs ahead of real time, such as

@@ -9,9 +9,9 @@ use artifact::{
 
 use crate::device::Device;
 
-/// The float network of one model, and its packed code if it has one. A model without a network has
-/// codes without numbers. It decodes the codes of devices with that model, and computes the code
-/// that a correct device returns for a window.
+/// The float network of one model, and its packed code if it has one. Decodes the codes of devices
+/// with this model, and computes the code that a correct device returns for a window. The codes of
+/// a model without a network have no values.
 #[derive(Clone, Debug)]
 pub struct Model {
     id: ModelId,
@@ -30,8 +30,8 @@ pub struct Model {
 }
 
 impl Model {
-    /// Reads the model with which this program was built, which is part of the program: the
-    /// checked-in one, or that in the folder `CORTICODE_ARTIFACT`.
+    /// Reads the model that is embedded in this program: the checked-in one, or the one in the
+    /// folder that `CORTICODE_ARTIFACT` named when the program was built.
     ///
     /// # Errors
     ///
@@ -47,14 +47,17 @@ impl Model {
         )?)
     }
 
-    /// Reads the model in a folder with `model.toml` and its weights.
+    /// Reads the model in a folder with `model.toml` and its weights; the embedded one for `None`.
     ///
     /// # Errors
     ///
     /// [`ArtifactError`] if the folder holds no valid model, or if the model's decoder needs more
     /// input than the code.
-    pub fn read(folder: &Path) -> Result<Model, ArtifactError> {
-        Model::new(&Artifact::read(folder)?)
+    pub fn read(folder: Option<&Path>) -> Result<Model, ArtifactError> {
+        match folder {
+            Some(folder) => Model::new(&Artifact::read(folder)?),
+            None => Model::embedded(),
+        }
     }
 
     /// Builds the float networks of an artifact.
@@ -134,9 +137,9 @@ impl Model {
         self.sd_uv
     }
 
-    /// Returns the electrode signals of a window in the order step, electrode, in microvolts, and
-    /// the voltage of one int8 level. `planes` holds the device's input for the window; missing
-    /// cells count as 0.
+    /// Returns the electrode signals of a window, microvolts, in the order step, electrode, and the
+    /// voltage of one int8 level, microvolts. `planes` holds the encoder's input for the window;
+    /// missing cells count as 0.
     pub fn electrodes_uv(&self, planes: &[i8]) -> (Vec<f32>, f64) {
         let level_uv = f64::from(self.input_scale) * self.sd_uv;
         let mut cells = vec![0.0; self.window_cells()];

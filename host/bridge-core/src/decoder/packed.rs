@@ -5,12 +5,11 @@ use std::sync::Arc;
 
 use artifact::reconstruction::{PackedHop, PackedOverlap, PackedSource};
 use link::Flags;
-use neuro_ros::{NeuroFrame, Stamp};
+use neuro_ros::{NeuroFrame, Stamp, TriWords};
 
 use crate::decoder::model::Model;
 use crate::device::Device;
 use crate::settings::{FillerPolicy, Settings};
-use neuro_ros::TriWords;
 
 /// Number of the newest blocks that are kept for audits: 1 s of the default model.
 const KEPT_BLOCKS: usize = 16;
@@ -33,7 +32,7 @@ pub struct TimedPackedBlock {
 pub struct PackedBytes {
     /// The bytes of the received message.
     pub bytes: Vec<u8>,
-    /// Rate of the stream, 0 to 15; a block with any other is malformed.
+    /// Rate of the stream, 0 to 15; with a larger one the block counts as malformed.
     pub rate: u8,
 }
 
@@ -45,12 +44,12 @@ pub struct PackedBytes {
 pub struct PackedReconstruction {
     overlap: PackedOverlap<Label>,
     filler: FillerPolicy,
-    /// Index and signals of the newest blocks, without correction.
+    /// Index and uncorrected signals, microvolts, of the newest blocks, for audits.
     kept: VecDeque<(u32, Vec<f32>)>,
     frame: NeuroFrame,
 }
 
-/// Time and status of a block.
+/// Stamp and status words of a block, which stay with its signals until they are published.
 #[derive(Clone, Copy, Debug)]
 struct Label {
     stamp: Stamp,
@@ -87,20 +86,20 @@ impl PackedReconstruction {
         self.frame.neuroheader.seq
     }
 
-    /// Continues the frames of `before`, which another device sent: the frame that it still holds
-    /// comes first. The frames of both reconstructions must have the same shape.
+    /// Continues the frames of `before`, the reconstruction for another device: the frame that
+    /// still waits in `before` comes first. The frames of both must have the same shape.
     pub fn continue_from(&mut self, before: &mut PackedReconstruction) {
         self.set_number(before.number());
         self.overlap.continue_from(&mut before.overlap);
     }
 
-    /// Number of received blocks that were malformed: their bytes are no block of this model.
+    /// Number of received blocks whose bytes are no block of this model.
     pub fn malformed(&self) -> u64 {
         self.overlap.malformed()
     }
 
-    /// Returns the signals of block `index` as they were decoded at once, microvolts, in the order
-    /// step, electrode; `None` if it was lost or is too old.
+    /// Returns the signals of block `index` without the correction by the next block, microvolts,
+    /// in the order step, electrode; `None` if the block was lost or is no longer kept.
     pub(crate) fn signals(&self, index: u32) -> Option<&[f32]> {
         let kept = self.kept.iter().find(|(kept, _)| *kept == index);
         kept.map(|(_, microvolts)| microvolts.as_slice())
@@ -113,9 +112,9 @@ impl PackedReconstruction {
         self.filled_frame(hop)
     }
 
-    /// Decodes `block` and returns the frame that it completes: that of the block before, with low
-    /// latency its own. Returns `None` if there is no such block, or if it is lost and lost blocks
-    /// are not filled.
+    /// Decodes `block` and returns the frame that it completes: that of the block before, or with
+    /// low latency its own. Returns `None` before the second block, or if the completed frame is
+    /// that of a lost block and lost blocks are not filled.
     pub fn next_frame(&mut self, block: &TimedPackedBlock) -> Option<&NeuroFrame> {
         self.start_recording(block.is_first);
         let received = block.block.as_ref();
@@ -129,8 +128,8 @@ impl PackedReconstruction {
         self.filled_frame(completed?)
     }
 
-    /// Returns the frame that `block` completes as [`Self::next_frame`] does, with zeros for its
-    /// values: no block is decoded. For a caller that needs the times alone.
+    /// Returns the frame that `block` completes as [`Self::next_frame`] does, but with zeros as
+    /// values, because no block is decoded. For a caller that needs only the times.
     pub fn next_times(&mut self, block: &TimedPackedBlock) -> Option<&NeuroFrame> {
         self.start_recording(block.is_first);
         let source = match block.block {

@@ -4,12 +4,11 @@ use std::sync::Arc;
 
 use artifact::reconstruction::{HopLayout, Overlap, Source, Window};
 use link::Flags;
-use neuro_ros::{NeuroFrame, Stamp};
+use neuro_ros::{NeuroFrame, Stamp, TriWords};
 
 use crate::decoder::model::Model;
 use crate::device::Device;
 use crate::settings::{FillerPolicy, Settings};
-use neuro_ros::TriWords;
 
 /// Input of the decoder: a received code, or a placeholder for a lost code, with its time.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,8 +17,8 @@ pub struct TimedCode {
     pub z: Option<Vec<f32>>,
     /// Stamp of the `/neurodata_reconstructed` frame that this code completes.
     pub stamp: Stamp,
-    /// Status words of the code. The flags that are published combine those of this window and of
-    /// the earlier windows that contain the frame's steps.
+    /// Status words of the code. The published frame has the flags of this window and of the
+    /// earlier windows that contain its steps.
     pub words: TriWords,
 }
 
@@ -80,8 +79,8 @@ impl Reconstruction {
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
     }
 
-    /// Counts the frame of a window that is not decoded because no subscriber receives it. The
-    /// first frame after it is decoded from one window alone.
+    /// Counts the frame of a window that is not decoded because no subscriber would receive it. The
+    /// next frame that is decoded then comes from one window alone.
     pub(crate) fn skip_frame(&mut self) {
         self.overlap.forget();
         self.count_frame();
@@ -133,6 +132,7 @@ impl Reconstruction {
     }
 }
 
+/// Replaces the values of all steps by those of the last step.
 fn hold_last_step(data: &mut [f32], electrodes: usize) {
     let last = data.len() - electrodes;
     for step in 0..data.len() / electrodes - 1 {

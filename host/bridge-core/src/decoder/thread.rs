@@ -1,7 +1,7 @@
 //! The thread that decodes codes and packed blocks, and audits codes.
 
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use neuro_ros::{DiagnosticStatus, FrameSink, NeuroFrame};
+use neuro_ros::{DiagnosticStatus, FrameSink, NeuroFrame, SinkError};
 
 use crate::decoder::audit::{AuditResult, AuditedWindow};
 use crate::decoder::model::Model;
@@ -27,10 +27,11 @@ const QUEUE_WINDOWS: u64 = 65_536;
 /// comparison takes about 10 ms.
 const QUEUE_AUDITS: usize = 4;
 
-/// How much less urgent than the rest of the program the decoder is, in steps of Unix's `nice`.
+/// Steps of Unix's `nice` by which the decoder's thread is less urgent than the rest of the
+/// program.
 const NICE: i32 = 10;
 
-/// Time after a request to stop in which the thread ends: it completes at most one window.
+/// Longest wait for the thread after it was told to stop. It completes at most one window.
 const STOP_TIMEOUT: Duration = Duration::from_secs(1);
 /// Time between two checks whether the thread has ended.
 const POLL: Duration = Duration::from_millis(10);
@@ -48,14 +49,13 @@ pub struct DecoderThread {
     skipped_audits: u64,
 }
 
-/// Lengths of the queues, and what the thread has done.
+/// Lengths of the queues, and counts of the thread's work; see [`DecoderCounts`].
 #[derive(Debug, Default)]
 struct Progress {
     /// Number of queued codes and packed blocks. Placeholders for lost blocks count, those for lost
     /// codes do not.
     waiting: AtomicU64,
     decoded: AtomicU64,
-    /// Number of packed blocks that were malformed.
     malformed: AtomicU64,
     not_needed: AtomicU64,
     longest_wait_us: AtomicU64,
@@ -69,8 +69,8 @@ struct Progress {
 
 #[derive(Debug)]
 enum Work {
-    /// Reconstructions for the device that sends what is queued after this item: from codes, and
-    /// from packed blocks if the model has them.
+    /// Reconstructions from codes, and from packed blocks if the model has them, for the device
+    /// that sends the codes and blocks that are queued after this item.
     Device(Box<Reconstruction>, Option<Box<PackedReconstruction>>),
     /// A code, and when it was queued.
     Code(TimedCode, Instant),
@@ -90,10 +90,16 @@ impl DecoderThread {
     pub fn start(sink: Box<dyn FrameSink>) -> std::io::Result<DecoderThread> {
         let (work, receiver) = channel();
         let progress = Arc::new(Progress::default());
-        let thread_progress = Arc::clone(&progress);
+        let worker = Worker {
+            sink,
+            progress: Arc::clone(&progress),
+            codes: None,
+            packed: None,
+            number: 0,
+        };
         let thread = std::thread::Builder::new()
             .name("decoder".to_owned())
-            .spawn(move || run(sink, &receiver, &thread_progress))?;
+            .spawn(move || worker.run(&receiver))?;
         Ok(DecoderThread {
             work,
             prepared: Vec::new(),
@@ -125,25 +131,25 @@ impl DecoderThread {
         self.prepared.push(Work::Code(window, Instant::now()));
     }
 
-    /// Queues a packed block as [`Self::decode`] does a code. Placeholders count among those that
-    /// wait, because a prediction can take as long as a block; a full queue takes them
-    /// nevertheless.
+    /// Queues a packed block as [`Self::decode`] does a code. A placeholder for a lost block counts
+    /// as waiting too, because its prediction can take as long as a block; it is queued even if the
+    /// queue is full.
     pub fn decode_block(&mut self, mut block: TimedPackedBlock) {
-        if block.block.is_none() {
-            self.progress.waiting.fetch_add(1, Ordering::Relaxed);
-        } else if !self.takes_one_more() {
+        if block.block.is_none() || !self.takes_one_more() {
             block.block = None;
             self.progress.waiting.fetch_add(1, Ordering::Relaxed);
         }
         self.prepared.push(Work::Block(block, Instant::now()));
     }
 
-    /// Queues the frame that waits for another packed block: none follows.
+    /// Queues the publication of the frame that waits to be corrected by the next packed block,
+    /// because no block follows.
     pub fn finish_blocks(&mut self) {
         self.prepared.push(Work::FinishBlocks);
     }
 
-    /// Counts one more item in the queue, or as not decoded if the queue is full.
+    /// Counts a code or packed block as waiting, or as not decoded if the queue is full. Returns
+    /// whether the queue takes it.
     fn takes_one_more(&mut self) -> bool {
         let has_room = self.progress.waiting.load(Ordering::Relaxed) < QUEUE_WINDOWS;
         if has_room {
@@ -185,7 +191,8 @@ impl DecoderThread {
         counts.status(self.skipped_audits)
     }
 
-    /// Returns what the thread has decoded so far, and what waits.
+    /// Returns the counts of windows that were decoded so far, that wait, and that were not
+    /// decoded.
     pub fn counts(&self) -> DecoderCounts {
         self.progress.counts(self.not_decoded)
     }
@@ -201,7 +208,7 @@ impl DecoderThread {
     }
 
     /// Waits until the queue is empty, but not longer than `limit`, and returns the final counts.
-    /// The windows that wait then count as not decoded.
+    /// Windows that still wait after `limit` count as not decoded.
     pub fn finish(mut self, limit: Duration) -> DecoderCounts {
         self.start_work();
         drop(self.work);
@@ -240,7 +247,7 @@ impl Progress {
         }
     }
 
-    /// Records that a code left the queue in which it was put at `queued`.
+    /// Records that a code or packed block, queued at `queued`, has left the queue.
     fn record_start(&self, queued: Instant) {
         self.waiting.fetch_sub(1, Ordering::Relaxed);
         let waited_us = u64::try_from(queued.elapsed().as_micros()).unwrap_or(u64::MAX);
@@ -248,144 +255,159 @@ impl Progress {
     }
 }
 
-fn run(mut sink: Box<dyn FrameSink>, work: &Receiver<Work>, progress: &Progress) {
-    // The urgency of this thread alone. Without it the decoder could delay the codes themselves.
-    if let Err(error) = rustix::process::nice(NICE) {
-        tracing::debug!(%error, "the decoder is as urgent as the link");
-    }
-    let mut reconstruction: Option<Box<Reconstruction>> = None;
-    let mut packed: Option<Box<PackedReconstruction>> = None;
-    // Both reconstructions publish on one topic, whose frames are numbered without a gap.
-    let mut number = 0;
-    for work in work {
-        if progress.stop.load(Ordering::Relaxed) {
-            return;
+/// The thread's own state.
+struct Worker {
+    sink: Box<dyn FrameSink>,
+    progress: Arc<Progress>,
+    codes: Option<Box<Reconstruction>>,
+    packed: Option<Box<PackedReconstruction>>,
+    /// Sequence number of the newest frame. Both reconstructions publish on one topic, whose frames
+    /// are numbered without a gap.
+    number: u32,
+}
+
+impl Worker {
+    /// Does the queued work until the queue ends, the thread is told to stop or the sink fails.
+    fn run(mut self, work: &Receiver<Work>) {
+        // The nice value of this thread alone. Without it the decoder could delay the codes
+        // themselves.
+        if let Err(error) = rustix::process::nice(NICE) {
+            tracing::debug!(%error, "the decoder is as urgent as the link");
         }
-        let (window, queued) = match work {
-            Work::Device(mut new, mut new_packed) => {
-                if let Some(before) = &reconstruction {
-                    new.continue_from(before);
-                }
-                if let (Some(new), Some(before)) = (&mut new_packed, &mut packed) {
-                    new.continue_from(before);
-                }
-                (reconstruction, packed) = (Some(new), new_packed);
-                continue;
+        if let Err(error) = self.do_all(work) {
+            tracing::error!(%error, "reconstructed frames cannot be published any more");
+        }
+    }
+
+    fn do_all(&mut self, work: &Receiver<Work>) -> Result<(), SinkError> {
+        for work in work {
+            if self.progress.stop.load(Ordering::Relaxed) {
+                return Ok(());
             }
-            Work::Block(block, queued) => {
-                progress.record_start(queued);
-                let Some(known) = packed.as_mut() else {
-                    continue;
-                };
-                known.set_number(number);
-                if !run_block(known, &block, sink.as_mut(), progress) {
-                    return;
-                }
-                number = known.number();
-                continue;
+            match work {
+                Work::Device(codes, packed) => self.replace_device(codes, packed),
+                Work::Code(window, queued) => self.decode(&window, queued)?,
+                Work::Block(block, queued) => self.decode_block(&block, queued)?,
+                Work::FinishBlocks => self.finish_blocks()?,
+                Work::Audit(window, model) => self.audit(&window, &model),
             }
-            Work::FinishBlocks => {
-                let known = packed.as_deref_mut();
-                if !finish_blocks(known, &mut number, sink.as_mut(), progress) {
-                    return;
-                }
-                continue;
-            }
-            Work::Audit(window, model) => {
-                let result = window.compare(&model);
-                if let Some(result) = result.filter(AuditResult::is_wrong) {
-                    tracing::error!("the device's code differs from its model: {result}");
-                }
-                let packed = packed.as_ref();
-                let error = packed.and_then(|packed| window.compare_packed(&model, packed));
-                let counts = progress.audits.lock();
-                let mut counts = counts.unwrap_or_else(PoisonError::into_inner);
-                if let Some(result) = result {
-                    counts.record(result);
-                }
-                // Codes alone have no blocks to compare.
-                if result.is_none() || error.is_some() {
-                    counts.record_packed(error);
-                }
-                progress.audits_waiting.fetch_sub(1, Ordering::Relaxed);
-                continue;
-            }
-            Work::Code(window, queued) => (window, queued),
-        };
+        }
+        self.finish_blocks()
+    }
+
+    /// Replaces the reconstructions by those for another device, which continue their frames.
+    fn replace_device(
+        &mut self,
+        mut codes: Box<Reconstruction>,
+        mut packed: Option<Box<PackedReconstruction>>,
+    ) {
+        if let Some(before) = &self.codes {
+            codes.continue_from(before);
+        }
+        if let (Some(new), Some(before)) = (&mut packed, &mut self.packed) {
+            new.continue_from(before);
+        }
+        (self.codes, self.packed) = (Some(codes), packed);
+    }
+
+    /// Decodes a code, unless nobody receives the frame, and publishes the frame that it completes.
+    fn decode(&mut self, window: &TimedCode, queued: Instant) -> Result<(), SinkError> {
         let holds_code = window.z.is_some();
         if holds_code {
-            progress.record_start(queued);
+            self.progress.record_start(queued);
         }
-        let Some(known) = reconstruction.as_mut() else {
-            continue;
+        let Some(codes) = &mut self.codes else {
+            return Ok(());
         };
-        known.set_number(number);
-        if holds_code && !sink.has_receivers() {
-            known.skip_frame();
-            number = known.number();
-            progress.not_needed.fetch_add(1, Ordering::Relaxed);
-            continue;
+        codes.set_number(self.number);
+        let frame = if holds_code && !self.sink.has_receivers() {
+            codes.skip_frame();
+            self.progress.not_needed.fetch_add(1, Ordering::Relaxed);
+            None
+        } else {
+            let decoded = u64::from(holds_code);
+            self.progress.decoded.fetch_add(decoded, Ordering::Relaxed);
+            codes.next_frame(window)
+        };
+        if let Some(frame) = frame {
+            publish(frame, self.sink.as_mut(), &self.progress)?;
         }
-        let frame = known.next_frame(&window);
-        if holds_code {
-            progress.decoded.fetch_add(1, Ordering::Relaxed);
-        }
-        if frame.is_some_and(|frame| !publish(frame, sink.as_mut(), progress)) {
-            return;
-        }
-        number = known.number();
+        self.number = codes.number();
+        Ok(())
     }
-    finish_blocks(packed.as_deref_mut(), &mut number, sink.as_mut(), progress);
+
+    /// Decodes a packed block, on which later blocks build even if nobody receives its frame, and
+    /// publishes the frame that it completes.
+    fn decode_block(&mut self, block: &TimedPackedBlock, queued: Instant) -> Result<(), SinkError> {
+        self.progress.record_start(queued);
+        let Some(packed) = &mut self.packed else {
+            return Ok(());
+        };
+        packed.set_number(self.number);
+        let before = packed.malformed();
+        if let Some(frame) = packed.next_frame(block)
+            && self.sink.has_receivers()
+        {
+            publish(frame, self.sink.as_mut(), &self.progress)?;
+        }
+        self.number = packed.number();
+        let malformed = packed.malformed() - before;
+        let decoded = u64::from(block.block.is_some()) - malformed;
+        self.progress
+            .malformed
+            .fetch_add(malformed, Ordering::Relaxed);
+        self.progress.decoded.fetch_add(decoded, Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// Publishes the frame that waits to be corrected by another packed block.
+    fn finish_blocks(&mut self) -> Result<(), SinkError> {
+        let Some(packed) = &mut self.packed else {
+            return Ok(());
+        };
+        packed.set_number(self.number);
+        if let Some(frame) = packed.finish()
+            && self.sink.has_receivers()
+        {
+            publish(frame, self.sink.as_mut(), &self.progress)?;
+        }
+        self.number = packed.number();
+        Ok(())
+    }
+
+    /// Compares an audited window with the network's code and with the packed blocks.
+    fn audit(&self, window: &AuditedWindow, model: &Model) {
+        let result = window.compare(model);
+        if let Some(result) = result.filter(AuditResult::is_wrong) {
+            tracing::error!("the device's code differs from its model: {result}");
+        }
+        let packed = self.packed.as_ref();
+        let error = packed.and_then(|packed| window.compare_packed(model, packed));
+        let counts = self.progress.audits.lock();
+        let mut counts = counts.unwrap_or_else(PoisonError::into_inner);
+        if let Some(result) = result {
+            counts.record(result);
+        }
+        // A device with codes need not stream packed blocks, so a missing comparison means nothing.
+        if result.is_none() || error.is_some() {
+            counts.record_packed(error);
+        }
+        self.progress.audits_waiting.fetch_sub(1, Ordering::Relaxed);
+    }
 }
 
-/// Publishes the frame that waits for another packed block, with the number after `number`. Returns
-/// false if frames cannot be published any more.
-fn finish_blocks(
-    packed: Option<&mut PackedReconstruction>,
-    number: &mut u32,
+fn publish(
+    frame: &NeuroFrame,
     sink: &mut dyn FrameSink,
     progress: &Progress,
-) -> bool {
-    let Some(packed) = packed else { return true };
-    packed.set_number(*number);
-    let frame = packed.finish();
-    let can_publish =
-        frame.is_none_or(|frame| !sink.has_receivers() || publish(frame, sink, progress));
-    *number = packed.number();
-    can_publish
-}
-
-/// Decodes a packed block and publishes the frame that it completes. Every block is decoded,
-/// because those after it build on it. Returns false if frames cannot be published any more.
-fn run_block(
-    packed: &mut PackedReconstruction,
-    block: &TimedPackedBlock,
-    sink: &mut dyn FrameSink,
-    progress: &Progress,
-) -> bool {
-    let before = packed.malformed();
-    let frame = packed.next_frame(block);
-    let can_publish =
-        frame.is_none_or(|frame| !sink.has_receivers() || publish(frame, sink, progress));
-    let malformed = packed.malformed() - before;
-    progress.malformed.fetch_add(malformed, Ordering::Relaxed);
-    let decoded = u64::from(block.block.is_some()) - malformed;
-    progress.decoded.fetch_add(decoded, Ordering::Relaxed);
-    can_publish
-}
-
-/// Publishes a frame. Returns false if frames cannot be published any more.
-fn publish(frame: &NeuroFrame, sink: &mut dyn FrameSink, progress: &Progress) -> bool {
-    if let Err(error) = sink.publish(frame) {
-        tracing::error!(%error, "reconstructed frames cannot be published any more");
-        return false;
-    }
+) -> Result<(), SinkError> {
+    sink.publish(frame)?;
     progress.dropped.store(sink.dropped(), Ordering::Relaxed);
-    true
+    Ok(())
 }
 
-/// Number of windows that were decoded and that were not, by reason. Prints as a part of the
-/// program's last line.
+/// Numbers of windows that were decoded, that wait, and that were not decoded, by reason. A window
+/// is a code or a packed block. Prints as a part of the program's last line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DecoderCounts {
     /// Number of windows decoded so far.
@@ -394,8 +416,8 @@ pub struct DecoderCounts {
     pub waiting: u64,
     /// Longest time that a window has waited for the decoder.
     pub longest_wait: Duration,
-    /// Number of windows replaced by fillers because the decoder's queue was full, and of those
-    /// that waited when the program ended.
+    /// Number of windows that were replaced by fillers because the decoder's queue was full, or
+    /// that still waited when the program ended.
     pub not_decoded: u64,
     /// Number of windows that were not decoded because `/neurodata_reconstructed` had no
     /// subscriber.

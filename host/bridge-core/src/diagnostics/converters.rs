@@ -1,4 +1,4 @@
-//! The device's report about its converters, for `/diagnostics`.
+//! The status `converters` of `/diagnostics`.
 
 use link::Converters;
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
@@ -28,10 +28,7 @@ impl ChainReport {
     ) -> ChainReport {
         let unchanged = before.is_some_and(|before| before.fault == *converters.fault);
         if !unchanged && !converters.fault.is_empty() {
-            tracing::error!(
-                fault = %converters.fault,
-                "the device's converters do not run"
-            );
+            tracing::error!(fault = %converters.fault, "the device's converters do not run");
         }
         ChainReport {
             fault: converters.fault.as_str().to_owned(),
@@ -40,10 +37,10 @@ impl ChainReport {
             off_negative: converters.off_negative,
             frames_bad: converters.frames_bad.to_vec(),
             // Bad frames that the first message counts are not reported as new.
-            reported: before.map_or_else(
-                || converters.frames_bad.to_vec(),
-                |before| before.reported.clone(),
-            ),
+            reported: match before {
+                Some(before) => before.reported.clone(),
+                None => converters.frames_bad.to_vec(),
+            },
         }
     }
 
@@ -80,20 +77,17 @@ impl ChainReport {
             let chips = self.frames_bad.len();
             (DiagnosticLevel::Ok, format!("{chips} chips convert"))
         };
-        let mut values = vec![KeyValue::new(
-            "DRDY",
-            &rate(self.drdy_millihertz, adc_rate_hz),
-        )];
+        let drdy = rate(self.drdy_millihertz, adc_rate_hz);
+        let mut values = vec![KeyValue::new("DRDY", &drdy)];
         for (name, channels) in [
             ("positive electrodes off", self.off_positive),
             ("negative electrodes off", self.off_negative),
         ] {
             values.push(KeyValue::new(name, &off_names(channels, labels)));
         }
-        let chips = self.frames_bad.iter().enumerate();
-        values.extend(
-            chips.map(|(chip, bad)| KeyValue::new(&format!("chip {chip}: frames bad"), bad)),
-        );
+        for (chip, bad) in self.frames_bad.iter().enumerate() {
+            values.push(KeyValue::new(&format!("chip {chip}: frames bad"), bad));
+        }
         new_status("converters", state, values)
     }
 }
@@ -109,6 +103,7 @@ fn rate(drdy_millihertz: u32, adc_rate_hz: u16) -> String {
     format!("{hz:.3} Hz, {ppm:+.0} ppm off the {adc_rate_hz} Hz that were set")
 }
 
+/// Returns the labels of the channels whose bit is set, bit 0 for the first channel.
 fn off(channels: u64, labels: &[String]) -> Vec<String> {
     let off = (0..64).filter(|channel| channels >> channel & 1 == 1);
     off.map(|channel| channel_label(labels, channel)).collect()

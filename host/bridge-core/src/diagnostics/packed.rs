@@ -1,4 +1,4 @@
-//! The packed code, for `/diagnostics`.
+//! The status `packed code` of `/diagnostics`.
 
 use neuro_ros::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, KeyValue};
 
@@ -6,11 +6,10 @@ use crate::diagnostics::new_status;
 use crate::streams::ledger::PackedCounts;
 use crate::streams::packed::PackedStream;
 
-/// Name of the status.
 const NAME: &str = "packed code";
 
-/// Adds the decoder's number of malformed blocks to the status `packed code` of a report, of which
-/// `since` are new: the core passes blocks on and does not decode them.
+/// Adds the number of malformed blocks, which only the decoder knows, to the status `packed code`
+/// of a report. `since` of them are new since the last report.
 pub fn report_malformed(report: &mut DiagnosticArray, malformed: u64, since: u64) {
     let statuses = report.status.iter_mut();
     for status in statuses.filter(|status| status.name.ends_with(NAME)) {
@@ -25,7 +24,8 @@ pub fn report_malformed(report: &mut DiagnosticArray, malformed: u64, since: u64
     }
 }
 
-/// Counts of the packed blocks at the last report.
+/// Counts of packed blocks at the last report to `/diagnostics`. The next report shows the
+/// differences.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct PackedReport {
     time_us: i64,
@@ -50,8 +50,8 @@ impl PackedReport {
         stream: &PackedStream,
         now_us: i64,
     ) -> Option<DiagnosticStatus> {
-        let rate = stream.rate()?;
-        let (hops, counts) = (stream.timeline.counts(), stream.counts());
+        let rate = stream.rate?;
+        let hops = stream.timeline.counts();
         let PackedCounts {
             bits,
             resets,
@@ -59,11 +59,11 @@ impl PackedReport {
             blanks,
             coarser,
             clipped,
-        } = *counts;
+        } = stream.counts;
         let now = PackedReport {
             time_us: now_us,
             bits,
-            blocks: hops.ledger.received(),
+            blocks: hops.ledger.received,
             misfits,
             blanks,
             coarser,
@@ -72,14 +72,11 @@ impl PackedReport {
         let before = std::mem::replace(self, now);
         let since = |now: u64, before: u64| now.saturating_sub(before);
         let blocks = since(now.blocks, before.blocks);
+        let elapsed_us = now_us - before.time_us;
+        let has_elapsed = before.time_us > 0 && elapsed_us > 0;
         #[expect(clippy::cast_precision_loss, reason = "counts of one second")]
-        let bits_per_second = match now_us - before.time_us {
-            elapsed_us if before.time_us > 0 && elapsed_us > 0 => {
-                let bits_per_second = since(bits, before.bits) as f64 * 1e6 / elapsed_us as f64;
-                Some(format!("{bits_per_second:.0}"))
-            }
-            _ => None,
-        };
+        let per_second = since(bits, before.bits) as f64 * 1e6 / elapsed_us as f64;
+        let bits_per_second = has_elapsed.then(|| format!("{per_second:.0}"));
         let misfits_since = since(misfits, before.misfits);
         let blanks_since = since(blanks, before.blanks);
         let state = if blanks_since > 0 {
@@ -106,10 +103,10 @@ impl PackedReport {
         let bits = bits_per_second.map(|bits| KeyValue::new("bits per second", &bits));
         let counts = [
             KeyValue::new("made", &hops.ledger.made()),
-            KeyValue::new("received", &hops.ledger.received()),
-            KeyValue::new("lost", &hops.ledger.lost()),
+            KeyValue::new("received", &hops.ledger.received),
+            KeyValue::new("lost", &hops.ledger.lost),
             KeyValue::new("missing between runs", &hops.between_runs),
-            KeyValue::new("longest burst", &hops.ledger.longest_burst()),
+            KeyValue::new("longest burst", &hops.ledger.longest_burst),
             KeyValue::new("fillers", &hops.fillers),
             KeyValue::new("lost and not filled", &hops.unfilled),
             KeyValue::new("without prediction", &resets),

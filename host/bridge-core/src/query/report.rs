@@ -6,7 +6,7 @@ use ads1299::Register;
 use link::{ChannelFault, ChannelTest, ChipTest, Hello, SelfTest};
 use serde::Serialize;
 
-use crate::device::channel_label;
+use crate::device::{channel_label, hexadecimal};
 use crate::wire::words;
 
 /// Mask of the bits of the ID register that identify the part: bit 4 is 1, DEV_ID (bits 3 and 2) is
@@ -50,8 +50,8 @@ pub struct DeviceSummary {
     pub fault: String,
 }
 
-/// Rate and faults of the data-ready signal (DRDY). Each of its edges starts the reading of a
-/// sample.
+/// Rate and faults of the converters' data-ready signal (DRDY), each edge of which starts the
+/// reading of a sample.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DrdyReport {
     /// Rate measured with the device's clock, Hz; `None` if it was not measured.
@@ -80,7 +80,7 @@ pub struct ChipReport {
     pub registers_wrong: u8,
     /// Name and address of the first wrong register; `None` if all registers are correct.
     pub first_wrong: Option<String>,
-    /// Number of damaged or repeated frames from the chip.
+    /// Number of frames from the chip that were damaged or repeated the one before.
     pub frames_bad: u32,
     /// Whether the part is an 8-channel ADS1299 and all its registers are correct.
     pub in_order: bool,
@@ -125,32 +125,23 @@ impl SelfTestReport {
         let bad =
             |count: usize, of: usize, what| (count > 0).then(|| format!("{count} of {of} {what}"));
         let bad_chips = chips.iter().filter(|chip| !chip.in_order).count();
-        let measured = test.channels.iter().filter(|test| !is_unmeasured(test));
-        let measured = measured.count();
-        let bad_channels = test.channels.iter();
-        let bad_channels = bad_channels.filter(|test| test.fault != ChannelFault::None);
-        let bad_channels = bad_channels.count();
-        let untested = channels.max(tested.len()) - measured;
+        let count = |is: fn(&&ChannelTest) -> bool| test.channels.iter().filter(is).count();
+        let measured = count(|test| !is_unmeasured(test));
+        let bad_channels = count(|test| test.fault != ChannelFault::None);
+        let all = channels.max(tested.len());
         let faults: Vec<String> = [
             (!test.fault.is_empty()).then(|| test.fault.as_str().to_owned()),
             bad(bad_chips, chips.len(), "chips"),
             bad(bad_channels, tested.len(), "channels"),
-            bad(
-                untested,
-                channels.max(tested.len()),
-                "channels not measured",
-            ),
+            bad(all - measured, all, "channels not measured"),
         ]
         .into_iter()
         .flatten()
         .collect();
         let passed = faults.is_empty();
+        let (chip_count, channel_count) = (chips.len(), tested.len());
         let verdict = if passed {
-            format!(
-                "all in order: {} chips, {} channels",
-                chips.len(),
-                tested.len()
-            )
+            format!("all in order: {chip_count} chips, {channel_count} channels")
         } else {
             format!("NOT IN ORDER: {}", faults.join("; "))
         };
@@ -169,15 +160,10 @@ impl SelfTestReport {
 impl DeviceSummary {
     /// Copies the identity in `hello`.
     pub fn new(hello: &Hello) -> DeviceSummary {
-        let uid: Vec<String> = hello
-            .chip_uid
-            .iter()
-            .map(|byte| format!("{byte:02x}"))
-            .collect();
         DeviceSummary {
             board: hello.board.to_owned(),
             firmware: hello.firmware.to_owned(),
-            uid: uid.concat(),
+            uid: hexadecimal(&hello.chip_uid),
             reset_cause: words::reset_cause(hello.reset_cause),
             fault: hello.fault.to_owned(),
         }
@@ -233,8 +219,8 @@ fn part_name(id: u8) -> &'static str {
     }
 }
 
-/// Returns whether the test stopped before both measurements of a channel were complete. A
-/// completely measured channel has noise in both measurements, or a fault.
+/// Returns whether the test stopped before both measurements of a channel, with the square wave and
+/// with the input shorted, were complete. After both, a channel has noise in both, or a fault.
 fn is_unmeasured(test: &ChannelTest) -> bool {
     let silent = test.noise_uv == 0.0 || test.shorted_noise_uv == 0.0;
     test.fault == ChannelFault::None && silent
@@ -293,12 +279,8 @@ impl fmt::Display for SelfTestReport {
                 "verdict",
             ];
             let right = [true, false, true, true, true, true, false];
-            write_columns(
-                formatter,
-                header,
-                right,
-                self.channels.iter().map(channel_row),
-            )?;
+            let rows = self.channels.iter().map(channel_row);
+            write_columns(formatter, header, right, rows)?;
         }
         write!(formatter, "\n{}", self.verdict)
     }

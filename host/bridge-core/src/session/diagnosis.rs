@@ -8,13 +8,11 @@ use crate::session::Session;
 use crate::settings::{AnnouncedStream, RawForm, StreamKind};
 use crate::streams::code::CodeStream;
 use crate::streams::ledger::SampleCounts;
-use crate::streams::packed::PackedStream;
-use crate::streams::sample::SampleStream;
 use crate::time::HostTime;
 
-/// Builds the report for `/diagnostics`: device, loss, link, clock, and converters if the device
-/// reports any. The statuses of electrodes and of deadlines are included only if a new message
-/// about them has arrived since the last report.
+/// Builds the report for `/diagnostics`: the statuses of device, loss, link and clock, and those of
+/// packed blocks and converters once the device has sent any. The statuses of electrodes and of
+/// deadlines are included only if a new message about them has arrived since the last report.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
         stamp: Stamp::from_nanoseconds(now.wall_ns),
@@ -101,17 +99,13 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
             |stream: &AnnouncedStream| *stream != AnnouncedStream::Encoded || device.has_network();
         let topics = AnnouncedStream::TOPICS.into_iter();
         for (topic, stream) in topics.filter(|(_, stream)| has_frames(stream)) {
-            let shift_us =
-                device.recorder_shift_us(stream, session.decoding.stream, &session.settings);
-            values.push(KeyValue::new(
-                &format!("recorder shift us {topic}"),
-                &shift_us,
-            ));
+            let decoded = session.decoding.stream;
+            let shift_us = device.recorder_shift_us(stream, decoded, &session.settings);
+            let key = format!("recorder shift us {topic}");
+            values.push(KeyValue::new(&key, &shift_us));
         }
-        values.push(KeyValue::new(
-            "codes of another model or format",
-            &codes.counts().foreign,
-        ));
+        let foreign = codes.counts.foreign;
+        values.push(KeyValue::new("codes of another model or format", &foreign));
     }
     if let Some(stats) = session.stats {
         values.extend([
@@ -146,9 +140,8 @@ fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
         DiagnosticLevel::Ok
     };
     let names = StreamKind::names(refused);
-    let remedy = if refused.without(RawForm::Any.streams()).is_empty()
-        && refused.contains(Streams::RAW)
-    {
+    let only_raw = refused.without(RawForm::Any.streams()).is_empty();
+    let remedy = if only_raw && refused.contains(Streams::RAW) {
         "its port may be too slow; update its firmware, use its USB port, or choose filtered instead"
     } else if packed {
         "its image or its model has no packed code; flash an image that has it, or choose codes"
@@ -163,7 +156,7 @@ fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
 
 fn loss_status(session: &mut Session) -> DiagnosticStatus {
     let codes = session.codes.as_ref();
-    let counts = codes.map(|codes| *codes.counts()).unwrap_or_default();
+    let counts = codes.map(|codes| codes.counts).unwrap_or_default();
     let hops = codes
         .map(|codes| codes.timeline.counts().clone())
         .unwrap_or_default();
@@ -182,7 +175,7 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
     ] {
         if let Some(stream) = stream {
             losses.push((stream.missing_since_report(), name));
-            side_values.extend(sample_values(stream.counts(), name));
+            side_values.extend(sample_values(&stream.counts, name));
         }
     }
     if session.side.raw.is_some() {
@@ -192,9 +185,9 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
     let events = &mut session.side.events;
     losses.push((events.lost_since_report(), "events"));
     let side_events = [
-        KeyValue::new("events received", &events.ledger().received()),
-        KeyValue::new("events lost", &events.ledger().lost()),
-        KeyValue::new("events behind others", &events.ledger().replays()),
+        KeyValue::new("events received", &events.ledger.received),
+        KeyValue::new("events lost", &events.ledger.lost),
+        KeyValue::new("events behind others", &events.ledger.replays),
         KeyValue::new("events of unknown kinds", &events.unknown),
     ];
     if session.commands.streams().contains(Streams::EVENTS) {
@@ -207,20 +200,18 @@ fn loss_status(session: &mut Session) -> DiagnosticStatus {
     let state = if losses.is_empty() {
         (DiagnosticLevel::Ok, "nothing lost".to_owned())
     } else {
-        let losses = losses.iter();
-        let losses: Vec<String> = losses
-            .map(|(lost, what)| format!("{lost} {what}"))
-            .collect();
+        let losses = losses.iter().map(|(lost, what)| format!("{lost} {what}"));
+        let losses: Vec<String> = losses.collect();
         let message = format!("{} missing since the last report", losses.join(", "));
         (DiagnosticLevel::Warn, message)
     };
     let mut values = vec![
         KeyValue::new("made", &ledger.made()),
-        KeyValue::new("received", &ledger.received()),
-        KeyValue::new("lost", &ledger.lost()),
+        KeyValue::new("received", &ledger.received),
+        KeyValue::new("lost", &ledger.lost),
         KeyValue::new("missing between runs", &hops.between_runs),
-        KeyValue::new("bursts", &ledger.bursts()),
-        KeyValue::new("longest burst", &ledger.longest_burst()),
+        KeyValue::new("bursts", &ledger.bursts),
+        KeyValue::new("longest burst", &ledger.longest_burst),
         KeyValue::new("fillers", &hops.fillers),
         KeyValue::new("lost and not filled", &hops.unfilled),
         KeyValue::new("values clipped", &counts.clipped),
@@ -254,7 +245,7 @@ fn link_status(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
     let damaged = damaged.into_iter().fold(0, u32::wrapping_add);
     let since = damaged.wrapping_sub(session.counts.damaged_reported);
     session.counts.damaged_reported = damaged;
-    // Another device's bytes are no damaged frames.
+    // Before the first valid frame, the bytes can be those of a device that is no board.
     if wire.frames > 0 {
         session.link_log.add_damaged(since);
     }
@@ -263,18 +254,16 @@ fn link_status(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
                        bridge to the same release";
         (DiagnosticLevel::Error, message.to_owned())
     } else if since > 0 {
-        (
-            DiagnosticLevel::Warn,
-            format!("{since} frames damaged since the last report"),
-        )
+        let message = format!("{since} frames damaged since the last report");
+        (DiagnosticLevel::Warn, message)
     } else {
         (DiagnosticLevel::Ok, format!("{} frames", wire.frames))
     };
     let values = vec![
         KeyValue::new("bytes", &wire.bytes),
         KeyValue::new("frames", &wire.frames),
-        KeyValue::new("frames lost", &session.frames.lost()),
-        KeyValue::new("frames replayed", &session.frames.replays()),
+        KeyValue::new("frames lost", &session.frames.lost),
+        KeyValue::new("frames replayed", &session.frames.replays),
         KeyValue::new("CRC errors", &wire.crc),
         KeyValue::new("COBS errors", &wire.cobs),
         KeyValue::new("oversize", &wire.oversize),
@@ -288,13 +277,10 @@ fn link_status(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
 
 fn clock_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     let clock = &session.clock;
-    let samples = [&session.side.raw, &session.side.filtered];
-    let samples = samples
-        .into_iter()
-        .flatten()
-        .map(SampleStream::moved_stamps);
+    let samples = [&session.side.raw, &session.side.filtered].into_iter();
+    let samples = samples.flatten().map(|stream| stream.stamps.moved);
     let codes = session.codes.as_ref().map(CodeStream::moved_stamps);
-    let packed = session.packed.as_ref().map(PackedStream::moved_stamps);
+    let packed = session.packed.as_ref().map(|packed| packed.stamps.moved);
     let moved: u64 = samples.chain(codes).chain(packed).sum();
     let message = format!("{:+.1} ppm", clock.drift_ppm());
     let mut values = vec![
@@ -307,7 +293,7 @@ fn clock_status(session: &Session, now: HostTime) -> DiagnosticStatus {
         KeyValue::new("host clock steps", &clock.wall_steps()),
         KeyValue::new("impossible device times", &clock.refused()),
         KeyValue::new("stamps held", &moved),
-        KeyValue::new("impossible answers", &session.round_trips.impossible()),
+        KeyValue::new("impossible answers", &session.round_trips.impossible),
     ];
     if let Some(trip) = session.round_trips.shortest(now) {
         let (transit_us, half) = (trip.transit_us, trip.transit_us / 2.0);

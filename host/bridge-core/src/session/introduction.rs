@@ -10,6 +10,7 @@ use crate::device::{Device, Identity};
 use crate::session::Session;
 use crate::settings::AnnouncedStream;
 use crate::streams::code::CodeStream;
+use crate::streams::event::BusEvent;
 use crate::streams::packed::PackedStream;
 use crate::streams::stamps::{DecodedStream, Decoding};
 use crate::time::HostTime;
@@ -57,48 +58,37 @@ impl Session {
             return;
         };
         let device = match Device::new(&identity.as_hello(), capabilities) {
-            Ok(device) => Arc::new(device.with_substitutes(self.substitutes)),
+            Ok(mut device) => {
+                device.substitutes = self.substitutes;
+                Arc::new(device)
+            }
             Err(error) => {
-                return self.refuse(
-                    format!("{error}; its codes are not published"),
-                    read,
-                    effects,
-                );
+                let why = format!("{error}; its codes are not published");
+                return self.refuse(why, read, effects);
             }
         };
-        let objection = self
-            .model
-            .as_ref()
-            .and_then(|model| model.objection(&device));
-        let decodable = self.model.is_some() && objection.is_none();
+        let model = self.model.as_ref();
+        let objection = model.and_then(|model| model.objection(&device));
+        let decodable = model.is_some() && objection.is_none();
         let decoding = self.decoding(decodable);
         let info = match self.acquisition_info(&device, decoding) {
             Ok(info) => info,
             Err(error) => {
-                return self.refuse(
-                    format!("{error}; its codes are not published"),
-                    read,
-                    effects,
-                );
+                let why = format!("{error}; its codes are not published");
+                return self.refuse(why, read, effects);
             }
         };
         if let Some(announced) = &self.announced
             && let Err(error) = announced.check_compatible(&device)
         {
-            return self.refuse(
-                format!("another device is connected: {error}"),
-                read,
-                effects,
-            );
+            let why = format!("another device is connected: {error}");
+            return self.refuse(why, read, effects);
         }
         self.announced.get_or_insert_with(|| Arc::clone(&device));
         self.commands.device_introduced(true);
         self.objection = objection;
-        if self
-            .codes
-            .as_ref()
-            .is_some_and(|codes| **codes.device() == *device)
-        {
+        let known = self.codes.as_ref().map(CodeStream::device);
+        if known.is_some_and(|known| **known == *device) {
             return;
         }
         if let Some(objection) = &self.objection {
@@ -121,25 +111,17 @@ impl Session {
                  or choose --streams codes"
             );
         }
-        match &mut self.packed {
-            Some(packed) => packed.replace_device(Arc::clone(&device)),
-            None => {
-                self.packed = Some(PackedStream::new(
-                    Arc::clone(&device),
-                    decoding,
-                    self.settings,
-                ));
-            }
+        let shared = Arc::clone(&device);
+        if let Some(packed) = &mut self.packed {
+            packed.timeline.device = shared;
+        } else {
+            self.packed = Some(PackedStream::new(shared, decoding, self.settings));
         }
-        match &mut self.codes {
-            Some(codes) => codes.replace_device(Arc::clone(&device)),
-            None => {
-                self.codes = Some(CodeStream::new(
-                    Arc::clone(&device),
-                    decoding,
-                    self.settings,
-                ));
-            }
+        let shared = Arc::clone(&device);
+        if let Some(codes) = &mut self.codes {
+            codes.replace_device(shared);
+        } else {
+            self.codes = Some(CodeStream::new(shared, decoding, self.settings));
         }
         self.set_decoding(decoding, effects);
         self.is_described_asked = self.asks_for_described();
@@ -150,11 +132,11 @@ impl Session {
         });
     }
 
-    /// Announces the device again if another stream is decoded now than when it was announced last,
-    /// or if the stream that `/acquisition/get_info` describes is no longer asked for, or is again:
-    /// the device refused some of the streams, or refuses them no more. Call this when the device
-    /// has started or refused to, and for each code and packed block: the acknowledgement of the
-    /// start can be lost.
+    /// Announces the device again if, since the last announcement, another stream is decoded, or
+    /// the stream that `/acquisition/get_info` describes has been dropped from those asked for or
+    /// has returned to them, because the device began or ceased to refuse some streams. Call this
+    /// when the device has started or refused to start, and for each code and packed block, because
+    /// the acknowledgement of the start can be lost.
     pub(super) fn announce_other_streams(&mut self, read: HostTime, effects: &mut dyn Effects) {
         let Some(codes) = &self.codes else { return };
         let device = Arc::clone(codes.device());
@@ -172,11 +154,10 @@ impl Session {
                 device,
                 decodable,
             }),
-            Err(error) => self.refuse(
-                format!("{error}; its codes are not published"),
-                read,
-                effects,
-            ),
+            Err(error) => {
+                let why = format!("{error}; its codes are not published");
+                self.refuse(why, read, effects);
+            }
         }
     }
 
@@ -200,7 +181,7 @@ impl Session {
 
     fn set_decoding(&mut self, decoding: Decoding, effects: &mut dyn Effects) {
         if self.decoding.stream != decoding.stream {
-            // The other stream's frames come after the one that waits.
+            // The frame that waits for the next packed block comes before those of codes.
             effects.finish_blocks();
         }
         self.decoding = decoding;
@@ -242,9 +223,14 @@ impl Session {
         AcquisitionInfo::new(&model, &device.uid, frame).map(Some)
     }
 
+    /// Ignores the device's codes from now on, for the reason `why`. In the place of a device whose
+    /// codes were published, this is an event on the bus.
     fn refuse(&mut self, why: String, read: HostTime, effects: &mut dyn Effects) {
         tracing::error!("{why}");
-        self.report_refusal(&why, read, effects);
+        if self.announced.is_some() {
+            let event = BusEvent::DeviceRefused(why.clone());
+            self.side.bus.publish(&event, read.wall_ns, effects);
+        }
         self.objection = Some(why);
         self.commands.device_introduced(false);
     }

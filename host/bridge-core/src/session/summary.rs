@@ -68,14 +68,14 @@ pub struct PackedSummary {
 
 impl PackedSummary {
     fn new(stream: &PackedStream) -> PackedSummary {
-        let (hops, counts) = (stream.timeline.counts(), stream.counts());
+        let hops = stream.timeline.counts();
         PackedSummary {
             made: hops.ledger.made(),
-            received: hops.ledger.received(),
-            lost: hops.ledger.lost(),
+            received: hops.ledger.received,
+            lost: hops.ledger.lost,
             fillers: hops.fillers,
             between_runs: hops.between_runs,
-            bits: counts.bits,
+            bits: stream.counts.bits,
         }
     }
 }
@@ -83,24 +83,20 @@ impl PackedSummary {
 impl Summary {
     pub(crate) fn new(session: &Session, wire: &Counters) -> Summary {
         let codes = session.codes.as_ref();
-        let foreign = codes.map_or(0, |codes| codes.counts().foreign);
-        let counts = codes
-            .map(|codes| codes.timeline.counts().clone())
-            .unwrap_or_default();
+        let foreign = codes.map_or(0, |codes| codes.counts.foreign);
+        let counts = codes.map(|codes| codes.timeline.counts().clone());
+        let counts = counts.unwrap_or_default();
+        let packed = session.packed.as_ref();
         Summary {
-            packed: session
-                .packed
-                .as_ref()
-                .map(PackedSummary::new)
-                .unwrap_or_default(),
+            packed: packed.map(PackedSummary::new).unwrap_or_default(),
             made: counts.ledger.made(),
-            received: counts.ledger.received(),
-            lost: counts.ledger.lost(),
+            received: counts.ledger.received,
+            lost: counts.ledger.lost,
             between_runs: counts.between_runs,
-            bursts: counts.ledger.bursts(),
-            longest_burst: counts.ledger.longest_burst(),
+            bursts: counts.ledger.bursts,
+            longest_burst: counts.ledger.longest_burst,
             fillers: counts.fillers,
-            frames_lost: session.frames.lost(),
+            frames_lost: session.frames.lost,
             wire: *wire,
             connections: session.counts.connections,
             resets: session.counts.resets,
@@ -165,12 +161,8 @@ impl fmt::Display for Summary {
         }
         write!(formatter, "; {}", self.decoder)?;
         if let Some(stage) = &self.worst_stage {
-            write!(
-                formatter,
-                "; stage {}: {}",
-                stage.stage,
-                worst_of_deadline(stage)
-            )?;
+            let worst = worst_of_deadline(stage);
+            write!(formatter, "; stage {}: {worst}", stage.stage)?;
         }
         Ok(())
     }

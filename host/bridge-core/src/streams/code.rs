@@ -25,10 +25,10 @@ pub(crate) struct CodeStream {
     z: Vec<f32>,
     /// Whether `z` holds a code of this recording.
     has_last: bool,
-    /// Whether another stream was decoded until now. What is missing before the first code of this
-    /// run is then no gap in the signals.
+    /// Whether packed blocks were decoded until now. Codes that are missing before the first code
+    /// of this run are then no gap in the signals, and are not passed to the decoder.
     follows_other: bool,
-    counts: CodeCounts,
+    pub(crate) counts: CodeCounts,
     encoded_stamps: MonotoneStamps,
     window_stamps: MonotoneStamps,
 }
@@ -77,26 +77,17 @@ impl CodeStream {
         &self.timeline.device
     }
 
-    /// Numbers of unusable and clipped codes.
-    pub(crate) fn counts(&self) -> &CodeCounts {
-        &self.counts
-    }
-
     /// Returns the number of stamps that were moved forwards, because they were not at least 1 us
     /// later than the previous stamp.
     pub(crate) fn moved_stamps(&self) -> u64 {
-        self.encoded_stamps.moved() + self.window_stamps.moved()
+        self.encoded_stamps.moved + self.window_stamps.moved
     }
 
-    /// Publishes a code that the device made at `device_us`. Fillers for the codes lost before it
-    /// are published first.
-    ///
-    /// `device_us` is `None` if the frame's device time was impossible. The time is then computed
-    /// from the window index.
+    /// Publishes a code, after fillers for the codes lost before it. The device made the code at
+    /// `reception.device_us`; if that time is impossible, it is computed from the window index.
     pub(crate) fn receive(
         &mut self,
         code: &Code,
-        device_us: Option<u64>,
         reception: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
@@ -108,10 +99,8 @@ impl CodeStream {
             return;
         }
         let most = effects.max_fillers();
-        let Some((missing, place)) = self
-            .timeline
-            .receive(code.window, device_us, reception, most)
-        else {
+        let placed = self.timeline.receive(code.window, reception, most);
+        let Some((missing, place)) = placed else {
             return;
         };
         self.fill(&missing, reception, effects);
@@ -123,17 +112,16 @@ impl CodeStream {
         self.publish(place, code.flags, true, reception, effects);
     }
 
-    /// Publishes fillers for all codes before index `next` that have not arrived. According to a
-    /// `Stats` message that the device made at `device_us`, its next code has this index.
+    /// Publishes fillers for all codes before index `next` that have not arrived. `next` is the
+    /// index of the device's next code, according to the `Stats` message of `reception`.
     pub(crate) fn fill_before(
         &mut self,
         next: u32,
-        device_us: u64,
         reception: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
         let most = effects.max_fillers();
-        let missing = self.timeline.fill_before(next, device_us, reception, most);
+        let missing = self.timeline.fill_before(next, reception, most);
         self.fill(&missing, reception, effects);
     }
 

@@ -12,7 +12,7 @@ use crate::streams::stamps::Reception;
 /// Converts trigger edges to events on `/events/bus` and counts lost edges.
 #[derive(Debug, Default)]
 pub(crate) struct EventStream {
-    ledger: Ledger,
+    pub(crate) ledger: Ledger,
     /// Number of events of a kind that this bridge does not know.
     pub(crate) unknown: u64,
     /// Number of lost events at the last report to `/diagnostics`.
@@ -26,25 +26,19 @@ impl EventStream {
         self.ledger.expect_any();
     }
 
-    pub(crate) fn ledger(&self) -> &Ledger {
-        &self.ledger
-    }
-
     /// Returns the number of events lost since the last call.
     pub(crate) fn lost_since_report(&mut self) -> u64 {
-        let reported = std::mem::replace(&mut self.reported, self.ledger.lost());
-        self.ledger.lost() - reported
+        let reported = std::mem::replace(&mut self.reported, self.ledger.lost);
+        self.ledger.lost - reported
     }
 
-    /// Publishes an event that happened at `device_us` and returns the trigger's new level.
+    /// Publishes an event that happened at `reception.device_us` and returns the trigger's new
+    /// level. If that device time is impossible, the stamp is the time at which the event was read.
     ///
-    /// If `device_us` is `None` because the device's time was impossible, the stamp is the time at
-    /// which the event was read. Returns `None` for a replay and for an event of an unknown kind,
-    /// which are not published.
+    /// Returns `None` for a replay and for an event of an unknown kind, which are not published.
     pub(crate) fn receive(
         &mut self,
         event: Event,
-        device_us: Option<u64>,
         reception: Reception<'_>,
         bus: &mut EventBus,
         effects: &mut dyn Effects,
@@ -52,7 +46,8 @@ impl EventStream {
         let Arrival::New { lost } = self.ledger.record(event.number) else {
             return None;
         };
-        let time = device_us.and_then(|us| reception.clock.wall_ns(i128::from(us)));
+        let device_us = reception.device_us.map(i128::from);
+        let time = device_us.and_then(|us| reception.clock.wall_ns(us));
         let wall_ns = time.unwrap_or(reception.read.wall_ns);
         if lost > 0 {
             tracing::debug!(lost, before = event.number, "events lost");
@@ -133,23 +128,23 @@ pub(crate) enum BusEvent {
     TriggerHigh,
     /// Falling edge of the trigger input.
     TriggerLow,
-    /// Labels of electrodes that have lost contact.
+    /// Electrodes have lost contact, with the labels of all that have none now.
     ElectrodesOff(Vec<String>),
     /// All electrodes have contact again.
     ElectrodesOn,
-    /// Seconds of data that the device made and the bridge did not receive.
+    /// The bridge did not receive data that the device made, with their duration in seconds.
     DataLost(f32),
-    /// Number of edges of the trigger input that the bridge did not receive.
+    /// The bridge did not receive this number of edges of the trigger input.
     EdgesLost(u32),
-    /// The device was replaced by one whose codes cannot be published, for this reason.
+    /// The device was replaced by one whose codes cannot be published, with the reason.
     DeviceRefused(String),
-    /// Seconds without data, because the device restarted, or because another device was connected
-    /// in its place meanwhile.
+    /// The device restarted, or another one was connected for some time, with the duration in
+    /// seconds in which no data were made.
     DeviceRestarted(f32),
 }
 
 impl BusEvent {
-    /// Returns the event's code.
+    /// Returns the code of the event in the table of GDF, or the project's own.
     fn code(&self) -> i32 {
         match self {
             BusEvent::TriggerHigh => NeuroEvent::trigger_edge(true).0,
@@ -206,7 +201,6 @@ impl EventBus {
         }
     }
 
-    /// Sets the time that is added to every stamp, microseconds.
     pub(crate) fn set_shift(&mut self, shift_us: i64) {
         self.shift_us = shift_us;
     }

@@ -1,17 +1,17 @@
-//! Places of the items that a device makes once per hop: codes, or blocks of the packed code.
+//! Places in time of the codes, or of the packed blocks, of which a device makes one per hop.
 
 use std::sync::Arc;
 
 use link::Flags;
+use neuro_ros::TriWords;
 
 use crate::device::Device;
 use crate::settings::Settings;
 use crate::streams::ledger::{Arrival, HopCounts};
 use crate::streams::stamps::{Decoding, FrameSteps, Reception, frame_time_ns};
-use neuro_ros::TriWords;
 
-/// Numbers the items of one stream and finds the missing ones, within a run of the device and
-/// between two.
+/// Index, time and counts of the items of one stream, which are codes or packed blocks. Finds the
+/// items that are missing within a run of the device and between two runs.
 ///
 /// The counts persist while the bridge runs, across restarts of the device.
 #[derive(Debug)]
@@ -38,12 +38,12 @@ pub(crate) struct HopTimeline {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HopPlace {
     pub(crate) index: u32,
-    /// Device time of the item's last step in the newest run, microseconds; negative before that
-    /// run began.
+    /// Device time of the item's last step by the clock of the newest run, microseconds; negative
+    /// for items from before that run.
     pub(crate) device_us: i128,
-    /// Number of items missing so far.
+    /// Number of items that are missing up to and including this one.
     pub(crate) missing: u64,
-    /// Whether the device made the item; false for what is missing between two runs.
+    /// Whether the device made the item; false for an item that is missing between two runs.
     pub(crate) is_made: bool,
 }
 
@@ -123,8 +123,8 @@ impl HopTimeline {
         frame_time_ns(&self.device, point, place.device_us, steps, reception)
     }
 
-    /// Starts another run. Call this when the device counts from 0 again. The time until the run's
-    /// first item is filled.
+    /// Starts another run. Call this when the device counts from 0 again. The time between the last
+    /// item of the previous run and the first one of this run is filled when that one arrives.
     pub(crate) fn restart(&mut self) {
         self.counts.ledger.expect_next(0);
         self.running = false;
@@ -149,7 +149,8 @@ impl HopTimeline {
         self.running
     }
 
-    /// Returns the newest stretch of missing items once. It starts where the frames do.
+    /// Returns the newest stretch of missing items, and `None` until the next one is found. It
+    /// starts at the time of the first filler's stamp.
     pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
         self.missing.take()
     }
@@ -169,15 +170,12 @@ impl HopTimeline {
         self.counts.ledger.is_old(index)
     }
 
-    /// Places an item that the device made at `device_us`, and the missing items before it: at most
-    /// `max_fillers`, oldest first.
-    ///
-    /// `device_us` is `None` if the frame's device time was impossible. The time is then computed
-    /// from the index.
+    /// Returns the places of the missing items before a received item, at most `max_fillers` and
+    /// oldest first, and the place of that item, which the device made at `reception.device_us`. If
+    /// this device time is impossible, the time is computed from the index.
     pub(crate) fn receive(
         &mut self,
         index: u32,
-        device_us: Option<u64>,
         reception: Reception<'_>,
         max_fillers: u64,
     ) -> Option<(Vec<HopPlace>, HopPlace)> {
@@ -190,6 +188,7 @@ impl HopTimeline {
         let Arrival::New { lost } = arrival else {
             return None;
         };
+        let device_us = reception.device_us;
         let host_us = device_us.and_then(|us| reception.clock.host_us(us.into()));
         let device_us = device_us.unwrap_or_else(|| self.time_of_next(lost, 0));
         let gap = Gap {
@@ -209,12 +208,12 @@ impl HopTimeline {
         Some((fillers, place))
     }
 
-    /// Places all missing items before index `next`. According to a `Stats` message that the device
-    /// made at `device_us`, its next item has this index.
+    /// Returns the places of all missing items before index `next`, at most `max_fillers` and
+    /// oldest first. `next` is the index of the device's next item, according to the `Stats`
+    /// message of `reception`.
     pub(crate) fn fill_before(
         &mut self,
         next: u32,
-        device_us: u64,
         reception: Reception<'_>,
         max_fillers: u64,
     ) -> Vec<HopPlace> {
@@ -224,7 +223,7 @@ impl HopTimeline {
         }
         // Before the first item of a stream, only the time of the `Stats` message is known. The
         // device made its last item at most one hop before that time.
-        let next_us = self.time_of_next(lost, device_us);
+        let next_us = self.time_of_next(lost, reception.device_us.unwrap_or_default());
         let host_us = reception.clock.host_us(next_us.into());
         let gap = Gap {
             lost,
@@ -235,7 +234,7 @@ impl HopTimeline {
         fillers
     }
 
-    /// Records that the item of `place` is published.
+    /// Records the host time of the item at `place`, which is published, or filled, now.
     pub(crate) fn record(&mut self, place: HopPlace, reception: Reception<'_>) {
         #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
         let read_us = reception.read.monotonic_us as f64;
@@ -322,7 +321,8 @@ impl HopTimeline {
     /// Counts items that are missing and not filled.
     fn skip_unfilled(&mut self, unfilled: u64, gap: Gap) {
         self.counts.unfilled += unfilled;
-        // The indices show the gap, also those between two runs.
+        // The indices of the next fillers show the gap, although the device has numbered no items
+        // between two runs.
         let between_runs = unfilled.min(gap.between_runs);
         #[expect(clippy::cast_possible_truncation, reason = "indices wrap")]
         let between_runs = between_runs as u32;
@@ -334,19 +334,17 @@ impl HopTimeline {
     }
 }
 
-/// Place of a topic's newest item on the host's clock. It survives a restart of the device, whose
-/// own clock starts at 0 again, and so shows how many items are missing between two runs.
-///
-/// "Item" means a code, a packed block, an ADC sample or a filtered step.
+/// Host time of a topic's newest item: a code, packed block, ADC sample or filtered step. When the
+/// device restarts, its own clock starts at 0 again, but the host's clock goes on and shows how
+/// many items are missing between the two runs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Continuity {
     /// Host time of the newest item, microseconds; `None` before the first item of a recording.
     newest_us: Option<f64>,
     /// Whether the device has restarted after the newest item.
     run_ended: bool,
-    /// Time by which the items since the last restart are later than their places in the topic,
-    /// microseconds: what rounding to whole items has left over. It is part of the next gap, so
-    /// restarts never add up to more than half an item.
+    /// Remainder of the last gap, microseconds, after its rounding to whole items. It is added to
+    /// the next gap, so the errors of many restarts never add up to more than half an item.
     left_over_us: f64,
 }
 
@@ -371,7 +369,8 @@ impl Continuity {
         self.run_ended = false;
         let gap_us = first_us - newest_us + self.left_over_us;
         let periods = (gap_us / period_us).round().max(1.0);
-        // A device that seems to be back before it left has a clock that cannot be trusted.
+        // If the next run seems to begin before the previous one ended, a time is wrong, and must
+        // not shorten later gaps by more than one item.
         self.left_over_us = (gap_us - periods * period_us).max(-period_us);
         #[expect(
             clippy::cast_possible_truncation,
@@ -383,11 +382,12 @@ impl Continuity {
     }
 }
 
-/// A stretch of missing data in a topic, all of which is filled or skipped at once.
+/// Consecutive missing data of a topic, which the bus reports as one event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MissingStretch {
-    /// Device time at which the stretch was at the electrodes, microseconds.
+    /// Device time at which the first missing sample was at the electrodes, microseconds.
     pub(crate) start_us: i128,
+    /// Duration, seconds.
     pub(crate) seconds: f32,
     /// Whether the device restarted in this time.
     pub(crate) restarted: bool,

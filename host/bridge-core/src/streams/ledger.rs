@@ -6,18 +6,23 @@
 /// The counts depend only on the sequence numbers, not on times or rates. A gap of up to 2^31 - 1
 /// numbers is a loss; a number below the next expected number, modulo 2^32, is a replay.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Ledger {
+pub(crate) struct Ledger {
     expected: Option<u32>,
-    received: u64,
-    lost: u64,
-    bursts: u64,
-    longest_burst: u32,
-    replays: u64,
+    /// Number of items that arrived; replays do not count.
+    pub(crate) received: u64,
+    /// Number of items that never arrived.
+    pub(crate) lost: u64,
+    /// Number of bursts; a burst is a sequence of consecutive lost items.
+    pub(crate) bursts: u64,
+    /// Number of items in the longest burst.
+    pub(crate) longest_burst: u32,
+    /// Number of arrivals with a number below the expected number.
+    pub(crate) replays: u64,
 }
 
 /// Result of recording the number of an item that arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Arrival {
+pub(crate) enum Arrival {
     /// The item has the expected number or a later number.
     New {
         /// Number of items that are missing directly before this item; usually 0.
@@ -30,17 +35,17 @@ pub enum Arrival {
 
 impl Ledger {
     /// Sets the next expected number, without counting a loss or a replay. All counts are kept.
-    pub fn expect_next(&mut self, number: u32) {
+    pub(crate) fn expect_next(&mut self, number: u32) {
         self.expected = Some(number);
     }
 
     /// Accepts any number for the next item, without counting a loss or a replay.
-    pub fn expect_any(&mut self) {
+    pub(crate) fn expect_any(&mut self) {
         self.expected = None;
     }
 
     /// Returns whether `number` is below the next expected number, modulo 2^32.
-    pub fn is_old(&self, number: u32) -> bool {
+    pub(crate) fn is_old(&self, number: u32) -> bool {
         self.missing_before(number) >= 1 << 31
     }
 
@@ -49,7 +54,7 @@ impl Ledger {
     }
 
     /// Records the arrival of item `number`. An old number is counted as a replay, not as received.
-    pub fn record(&mut self, number: u32) -> Arrival {
+    pub(crate) fn record(&mut self, number: u32) -> Arrival {
         if self.is_old(number) {
             self.replays += 1;
             return Arrival::Old;
@@ -63,7 +68,7 @@ impl Ledger {
 
     /// Counts every item before number `next` that has not arrived as lost, and returns how many
     /// there are. `next` is the number of the sender's next item, as the sender reports it.
-    pub fn count_lost_before(&mut self, next: u32) -> u32 {
+    pub(crate) fn count_lost_before(&mut self, next: u32) -> u32 {
         if self.is_old(next) {
             return 0;
         }
@@ -80,33 +85,8 @@ impl Ledger {
     }
 
     /// Number of items that the sender has made, derived from their numbers: received plus lost.
-    pub fn made(&self) -> u64 {
+    pub(crate) fn made(&self) -> u64 {
         self.received + self.lost
-    }
-
-    /// Number of items that arrived; replays do not count.
-    pub fn received(&self) -> u64 {
-        self.received
-    }
-
-    /// Number of items that never arrived.
-    pub fn lost(&self) -> u64 {
-        self.lost
-    }
-
-    /// Number of bursts; a burst is a sequence of consecutive lost items.
-    pub fn bursts(&self) -> u64 {
-        self.bursts
-    }
-
-    /// Number of items in the longest burst.
-    pub fn longest_burst(&self) -> u32 {
-        self.longest_burst
-    }
-
-    /// Number of arrivals with a number below the expected number.
-    pub fn replays(&self) -> u64 {
-        self.replays
     }
 }
 
@@ -120,6 +100,13 @@ pub(crate) struct HopCounts {
     /// Number of missing items without a filler, because more are missing than fit into the queues
     /// of subscribers.
     pub(crate) unfilled: u64,
+}
+
+impl HopCounts {
+    /// Number of items that the bridge did not receive: lost ones, and those between two runs.
+    pub(crate) fn missing(&self) -> u64 {
+        self.ledger.lost + self.between_runs
+    }
 }
 
 /// Numbers of unusable and clipped codes.
@@ -153,23 +140,16 @@ pub(crate) struct PackedCounts {
     pub(crate) clipped: u64,
 }
 
-impl HopCounts {
-    /// Number of items that no frame from the device holds: lost ones, and those between two runs.
-    pub(crate) fn missing(&self) -> u64 {
-        self.ledger.lost() + self.between_runs
-    }
-}
-
-/// Numbers of received, lost and unpublished samples.
+/// Numbers of received, lost and unpublished samples of a stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SampleCounts {
     pub(crate) received: u64,
     pub(crate) lost: u64,
     /// Number of samples that are missing between two runs of the device, which did not make them.
     pub(crate) between_runs: u64,
-    /// Number of samples that no published frame contains: samples of a frame that was unfinished
-    /// when the stream ended; lost samples of a gap in excess of two minutes; and, without
-    /// fillers, all samples of a frame that would contain a lost sample.
+    /// Number of samples that no published frame contains: those of a frame that was unfinished
+    /// when the stream ended, those of a gap beyond its first two minutes, and, without fillers,
+    /// all samples of a frame that would contain a lost one.
     pub(crate) unpublished: u64,
     /// Number of messages whose content does not match the device's capabilities.
     pub(crate) malformed: u64,
@@ -178,9 +158,74 @@ pub(crate) struct SampleCounts {
 }
 
 impl SampleCounts {
-    /// Number of samples that are in no message from the device: lost samples, and samples missing
-    /// between two runs.
+    /// Number of samples that the bridge did not receive: lost ones, and those between two runs.
     pub(crate) fn missing(&self) -> u64 {
         self.lost.saturating_add(self.between_runs)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::{Arrival, Ledger};
+
+    proptest! {
+        #[test]
+        fn losses_are_counted_exactly_over_any_wrap(
+            first in prop_oneof![any::<u32>(), Just(u32::MAX - 50)],
+            runs in prop::collection::vec((0u32..40, prop_oneof![0u32..4, 1u32..4097]), 1..60),
+        ) {
+            let mut ledger = Ledger::default();
+            ledger.expect_next(first);
+            let mut number = first;
+            let (mut received, mut lost, mut bursts, mut longest) = (0u64, 0u64, 0u64, 0u32);
+            let mut pending = 0;
+            for (arrive, vanish) in runs {
+                for _ in 0..arrive {
+                    prop_assert_eq!(ledger.record(number), Arrival::New { lost: pending });
+                    number = number.wrapping_add(1);
+                    received += 1;
+                    bursts += u64::from(pending > 0);
+                    longest = longest.max(pending);
+                    pending = 0;
+                }
+                number = number.wrapping_add(vanish);
+                pending += vanish;
+                lost += u64::from(vanish);
+            }
+            prop_assert_eq!(ledger.count_lost_before(number), pending);
+            bursts += u64::from(pending > 0);
+            longest = longest.max(pending);
+            prop_assert_eq!((ledger.received, ledger.lost), (received, lost));
+            prop_assert_eq!(ledger.made(), u64::from(number.wrapping_sub(first)));
+            prop_assert_eq!((ledger.bursts, ledger.longest_burst), (bursts, longest));
+            prop_assert_eq!(ledger.replays, 0);
+        }
+
+        #[test]
+        fn a_replay_is_neither_received_nor_lost(first in any::<u32>(), back in 1u32..1000) {
+            let mut ledger = Ledger::default();
+            ledger.expect_next(first);
+            for offset in 0..1000 {
+                ledger.record(first.wrapping_add(offset));
+            }
+            let before = ledger.clone();
+            prop_assert_eq!(ledger.record(first.wrapping_add(1000 - back)), Arrival::Old);
+            prop_assert_eq!(ledger.made(), before.made());
+            prop_assert_eq!(ledger.replays, 1);
+            prop_assert_eq!(ledger.record(first.wrapping_add(1000)), Arrival::New { lost: 0 });
+        }
+    }
+
+    #[test]
+    fn a_new_ledger_accepts_any_first_number() {
+        let mut ledger = Ledger::default();
+        assert_eq!(ledger.record(77), Arrival::New { lost: 0 });
+        assert_eq!(ledger.count_lost_before(80), 2);
+        assert_eq!((ledger.made(), ledger.lost), (3, 2));
+        // A reported next number that is below the numbers already received changes nothing.
+        assert_eq!(ledger.count_lost_before(5), 0);
+        assert_eq!(ledger.record(80), Arrival::New { lost: 0 });
     }
 }

@@ -2,13 +2,13 @@
 
 use neuro_ros::{NeuroDataInfo, NeuroFrame};
 
-use crate::device::Device;
+use crate::device::{Device, channel_label};
 
-/// Value of `header.frame_id`, and start of `transducter`, in frames with values that the packed
-/// code holds.
+/// Value of `header.frame_id`, and start of `transducter`, in frames of signals that were decoded
+/// from packed blocks.
 const PACKED: &str = "packed code";
-/// Value of `header.frame_id`, and start of `transducter`, in frames with voltages that the
-/// amplifier measured.
+/// Value of `header.frame_id`, and start of `transducter`, in frames of voltages that the amplifier
+/// measured.
 const AMPLIFIER: &str = "electrodes";
 
 impl Device {
@@ -58,10 +58,10 @@ impl Device {
         };
         let electrodes = self.labels.len();
         let spare = electrodes..usize::from(self.channels).max(electrodes);
-        let labels = spare.map(|channel| self.channel_label(channel)).collect();
+        let labels = spare.map(|channel| channel_label(&self.labels, channel));
         let exg = NeuroDataInfo {
             transducter: AMPLIFIER.to_owned(),
-            ..eeg.clone().with_labels(labels)
+            ..eeg.clone().with_labels(labels.collect())
         };
         NeuroFrame::zeros(self.adc_rate_hz, AMPLIFIER, eeg, exg)
     }

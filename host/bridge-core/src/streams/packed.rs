@@ -20,12 +20,12 @@ use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception}
 #[derive(Debug)]
 pub(crate) struct PackedStream {
     pub(crate) timeline: HopTimeline,
-    counts: PackedCounts,
-    /// Rate of the newest block.
-    rate: Option<u8>,
+    pub(crate) counts: PackedCounts,
+    /// Rate of the newest block; `None` before the first one.
+    pub(crate) rate: Option<u8>,
     /// Whether the next block is the first of a recording.
     is_first: bool,
-    stamps: MonotoneStamps,
+    pub(crate) stamps: MonotoneStamps,
 }
 
 impl PackedStream {
@@ -39,14 +39,8 @@ impl PackedStream {
         }
     }
 
-    /// Switches to another device of the same shape, or to the same device with another mains
-    /// frequency. Counts and stamps continue.
-    pub(crate) fn replace_device(&mut self, device: Arc<Device>) {
-        self.timeline.device = device;
-    }
-
-    /// Sets which stream is decoded to `/neurodata_reconstructed`. The time in which another one
-    /// was is no gap.
+    /// Sets which stream is decoded to `/neurodata_reconstructed`. The time in which codes were
+    /// decoded is not filled with packed blocks.
     pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
         if self.timeline.decoding.stream != decoding.stream {
             self.end_recording();
@@ -61,39 +55,18 @@ impl PackedStream {
         self.is_first = true;
     }
 
-    /// Numbers of blocks by their status.
-    pub(crate) fn counts(&self) -> &PackedCounts {
-        &self.counts
-    }
-
-    /// Rate of the newest block; `None` before the first one.
-    pub(crate) fn rate(&self) -> Option<u8> {
-        self.rate
-    }
-
-    /// Returns the number of stamps that were moved forwards, because they were not at least 1 us
-    /// later than the previous stamp.
-    pub(crate) fn moved_stamps(&self) -> u64 {
-        self.stamps.moved()
-    }
-
-    /// Passes a block that the device made at `device_us` to the decoder, after placeholders for
-    /// the blocks lost before it.
-    ///
-    /// `device_us` is `None` if the frame's device time was impossible. The time is then computed
-    /// from the block's index.
+    /// Passes a block to the decoder, after placeholders for the blocks lost before it. The device
+    /// made the block at `reception.device_us`; if that time is impossible, it is computed from the
+    /// block's index.
     pub(crate) fn receive(
         &mut self,
         code: &PackedCode,
-        device_us: Option<u64>,
         reception: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
         let most = effects.max_fillers();
-        let Some((missing, place)) = self
-            .timeline
-            .receive(code.block, device_us, reception, most)
-        else {
+        let placed = self.timeline.receive(code.block, reception, most);
+        let Some((missing, place)) = placed else {
             return;
         };
         if self.timeline.settings.filler != FillerPolicy::Off {

@@ -2,13 +2,12 @@
 
 use link::{BlockForm, CompressedRaw, Flags, Raw};
 use lossless::{Block, DecodeError, Decoder, Kind};
-use neuro_ros::NeuroFrame;
+use neuro_ros::{NeuroFrame, TriWords};
 
 use crate::settings::{FillerPolicy, Settings, StampPoint};
 use crate::streams::hop_timeline::{Continuity, MissingStretch};
 use crate::streams::ledger::SampleCounts;
 use crate::streams::stamps::{MonotoneStamps, Reception};
-use neuro_ros::TriWords;
 
 /// Longest part of a gap that is filled, seconds. At 16 frames per second it takes 1,920 frames,
 /// which fit into a subscriber's queue. After a longer outage a new recording is needed.
@@ -36,7 +35,9 @@ pub(crate) struct SampleStream {
     timeline: Option<SampleTimeline>,
     /// Number of samples in the unfinished frame.
     filled: usize,
+    /// Whether the unfinished frame has a filler.
     holds_filler: bool,
+    /// Device time of the unfinished frame's first sample, microseconds.
     first_us: i128,
     /// Index of the next sample to publish.
     next: u64,
@@ -45,8 +46,8 @@ pub(crate) struct SampleStream {
     continuity: Continuity,
     /// Newest stretch of missing samples, until the bus has reported it.
     missing: Option<MissingStretch>,
-    counts: SampleCounts,
-    stamps: MonotoneStamps,
+    pub(crate) counts: SampleCounts,
+    pub(crate) stamps: MonotoneStamps,
 }
 
 /// Samples of one message from the device.
@@ -55,14 +56,12 @@ pub(crate) struct Samples<'a> {
     /// Index of the message's first sample, counted by the device since `Start`.
     pub(crate) first: u64,
     pub(crate) flags: Flags,
-    /// Device time of the last sample, microseconds; `None` if the message's time is impossible.
-    pub(crate) last_us: Option<u64>,
     /// Values in uV, sample by sample. The values of a sample are those of the electrodes, then
     /// those of the spare channels.
     pub(crate) microvolts: &'a [f32],
 }
 
-/// Extrapolates the device time of any sample from one sample with a known time.
+/// Index and device time of one sample, from which the times of all others are extrapolated.
 #[derive(Clone, Copy, Debug)]
 struct SampleTimeline {
     index: u64,
@@ -147,19 +146,9 @@ impl SampleStream {
         self.newest.len()
     }
 
-    /// Returns the newest stretch of missing samples once.
+    /// Returns the newest stretch of missing samples, and `None` until the next one is found.
     pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
         self.missing.take()
-    }
-
-    pub(crate) fn counts(&self) -> &SampleCounts {
-        &self.counts
-    }
-
-    /// Returns the number of stamps that were moved forwards, because they were not at least 1 us
-    /// later than the previous stamp.
-    pub(crate) fn moved_stamps(&self) -> u64 {
-        self.stamps.moved()
     }
 
     /// Returns the number of samples missing since the last call.
@@ -180,8 +169,9 @@ impl SampleStream {
         self.counts.malformed += 1;
     }
 
-    /// Publishes the samples of a message. Fillers for the samples lost before them are published
-    /// first. `trigger_sample` converts a sample index of this stream to an ADC sample index.
+    /// Publishes the samples of a message, the last of which was made at `reception.device_us`.
+    /// Fillers for the samples lost before them are published first. `trigger_sample` converts a
+    /// sample index of this stream to an ADC sample index.
     pub(crate) fn receive(
         &mut self,
         samples: Samples<'_>,
@@ -199,13 +189,13 @@ impl SampleStream {
             tracing::warn!(sample = samples.first, "the device restarted its samples");
             self.restart();
         }
-        // The time of the message's last sample, if it is impossible, follows from its index.
+        // If the message's time is impossible, the time of its last sample follows from its index.
         let extrapolated = || {
             let last = self.run_start?.checked_add(end - 1)?;
             let us = self.timeline?.device_us_at(last).max(0);
             u64::try_from(us).ok()
         };
-        let Some(us) = samples.last_us.or_else(extrapolated) else {
+        let Some(us) = reception.device_us.or_else(extrapolated) else {
             return self.reject("their time is impossible");
         };
         let host_us = reception.clock.host_us(us.into());
@@ -402,7 +392,8 @@ impl CompressedSamples {
     /// Returns the samples of a message; `None` if the samples that it continues from were lost.
     ///
     /// # Errors
-    /// If the message is not what a sound device sends.
+    ///
+    /// [`Refusal`] if a correct device would not send the message.
     pub(crate) fn decode<'d>(
         &'d mut self,
         message: &CompressedRaw,
@@ -434,7 +425,8 @@ impl CompressedSamples {
                 flags: message.flags,
                 counts: counts.as_flattened(),
             })),
-            // A sum that does not fit shows a loss that the indices do not.
+            // A wrong checksum shows that the block continues from samples which were lost,
+            // although the indices have no gap.
             Err(DecodeError::NoKey | DecodeError::Sum) => {
                 self.undecodable = self.undecodable.saturating_add(samples);
                 Ok(None)

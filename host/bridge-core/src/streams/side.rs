@@ -3,17 +3,16 @@
 use std::sync::Arc;
 
 use link::{Audit, COUNT_BYTES, CompressedRaw, Event, Filtered, Raw, Streams, VALUE_BYTES};
+use neuro_ros::NeuroFrame;
 
 use crate::core::Effects;
 use crate::decoder::audit::AuditedWindow;
 use crate::decoder::model::Model;
 use crate::device::Device;
 use crate::settings::{EventStamps, RawForm, Settings};
-use crate::streams::event::{EventBus, EventStream, Trigger};
+use crate::streams::event::{EventBus, EventStream};
 use crate::streams::sample::{CompressedSamples, SampleStream, Samples};
 use crate::streams::stamps::{DecodedStream, Reception};
-use crate::time::HostTime;
-use crate::time::clock::Clock;
 
 /// Checks the messages of the optional streams and converts them to frames, events and audits.
 #[derive(Debug)]
@@ -25,7 +24,6 @@ pub(crate) struct SideStreams {
     pub(crate) filtered: Option<SampleStream>,
     pub(crate) events: EventStream,
     pub(crate) bus: EventBus,
-    pub(crate) trigger: Trigger,
     /// Number of messages that were ignored: they were not requested, arrived before the device's
     /// introduction or from a refused device, or were audits of a model that the bridge does not
     /// have.
@@ -35,15 +33,6 @@ pub(crate) struct SideStreams {
     pub(crate) audits_unusable: u64,
     /// Samples of the current message, uV. The buffer is reused to avoid allocations.
     microvolts: Vec<f32>,
-}
-
-/// Device time and host time of a message, with the clock that relates them.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct MessageTime<'a> {
-    /// Device time from the message's header, microseconds; `None` if that time is impossible.
-    pub(crate) device_us: Option<u64>,
-    pub(crate) read: HostTime,
-    pub(crate) clock: &'a Clock,
 }
 
 impl SideStreams {
@@ -56,7 +45,6 @@ impl SideStreams {
             filtered: None,
             events: EventStream::default(),
             bus: EventBus::new(settings.streams.contains(Streams::EVENTS)),
-            trigger: Trigger::default(),
             unused: 0,
             audits_unusable: 0,
             microvolts: Vec::new(),
@@ -89,7 +77,7 @@ impl SideStreams {
         self.device = Some(Arc::clone(device));
     }
 
-    /// Sets by how much the stamps of events are later than the events. Call this after
+    /// Sets by how much later than the events their stamps are. Call this after
     /// [`Self::set_device`], with the stream that `/neurodata_reconstructed` is decoded from.
     pub(crate) fn set_event_shift(&mut self, decoded: DecodedStream) {
         let Some(device) = &self.device else { return };
@@ -109,7 +97,7 @@ impl SideStreams {
             stream.end_recording();
         }
         self.compressed.forget();
-        self.restart_events();
+        self.events.restart();
     }
 
     /// Restarts all streams. Call this when the device counts samples and steps from 0 again.
@@ -118,24 +106,11 @@ impl SideStreams {
             stream.restart();
         }
         self.compressed.forget();
-        self.restart_events();
-    }
-
-    /// Restarts events and trigger. Call this when the indices of codes show that the device
-    /// restarted. Raw samples and filtered steps detect a restart from their own indices, perhaps
-    /// earlier.
-    pub(crate) fn restart_events(&mut self) {
         self.events.restart();
-        self.trigger.restart();
     }
 
     /// Publishes the ADC samples of a message, scaled to uV.
-    pub(crate) fn receive_raw(
-        &mut self,
-        raw: &Raw,
-        times: MessageTime<'_>,
-        effects: &mut dyn Effects,
-    ) {
+    pub(crate) fn receive_raw(&mut self, raw: &Raw, at: Reception<'_>, effects: &mut dyn Effects) {
         let Some((stream, device)) = self.raw.as_mut().zip(self.device.as_ref()) else {
             self.unused += 1;
             return;
@@ -151,13 +126,10 @@ impl SideStreams {
         let samples = Samples {
             first: raw.first_sample,
             flags: raw.flags,
-            last_us: times.device_us,
             microvolts: &self.microvolts,
         };
-        let reception = times.reception(&self.trigger);
-        stream.receive(samples, |sample| sample, reception, &mut |frame| {
-            effects.publish_raw(frame);
-        });
+        let publish = &mut |frame: &NeuroFrame| effects.publish_raw(frame);
+        stream.receive(samples, |sample| sample, at, publish);
     }
 
     /// Decodes the ADC samples of a message and publishes them as [`Self::receive_raw`] does.
@@ -165,12 +137,12 @@ impl SideStreams {
     pub(crate) fn receive_compressed(
         &mut self,
         message: &CompressedRaw,
-        times: MessageTime<'_>,
+        at: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
         let mut compressed = std::mem::take(&mut self.compressed);
         match compressed.decode(message) {
-            Ok(Some(raw)) => self.receive_raw(&raw, times, effects),
+            Ok(Some(raw)) => self.receive_raw(&raw, at, effects),
             Ok(None) => {}
             Err(why) => {
                 if let Some(stream) = &mut self.raw {
@@ -185,7 +157,7 @@ impl SideStreams {
     pub(crate) fn receive_filtered(
         &mut self,
         filtered: &Filtered,
-        times: MessageTime<'_>,
+        at: Reception<'_>,
         effects: &mut dyn Effects,
     ) {
         let Some((stream, device)) = self.filtered.as_mut().zip(self.device.as_ref()) else {
@@ -211,49 +183,39 @@ impl SideStreams {
         let samples = Samples {
             first: filtered.first_step,
             flags: filtered.flags,
-            last_us: times.device_us,
             microvolts: &self.microvolts,
         };
-        let reception = times.reception(&self.trigger);
         let of_step = |step| device.sample_of_step(step);
-        stream.receive(samples, of_step, reception, &mut |frame| {
-            effects.publish_filtered(frame);
-        });
+        let publish = &mut |frame: &NeuroFrame| effects.publish_filtered(frame);
+        stream.receive(samples, of_step, at, publish);
     }
 
-    /// Publishes an event and records the trigger's new level.
+    /// Publishes an event and returns the trigger's new level; `None` if the event is not
+    /// published.
     pub(crate) fn receive_event(
         &mut self,
         event: Event,
-        times: MessageTime<'_>,
+        at: Reception<'_>,
         effects: &mut dyn Effects,
-    ) {
-        let reception = times.reception(&self.trigger);
+    ) -> Option<u16> {
         if !self.settings.streams.contains(Streams::EVENTS) {
             self.unused += 1;
-        } else if let Some(level) =
-            self.events
-                .receive(event, times.device_us, reception, &mut self.bus, effects)
-        {
-            self.trigger.record_edge(event.sample, level);
+            return None;
         }
+        self.events.receive(event, at, &mut self.bus, effects)
     }
 
-    /// Converts an audit and requests its comparison. `model` is the device's model; `None` if this
-    /// bridge does not have it.
+    /// Requests the comparison of an audit from the decoder. `model` is the device's model; `None`
+    /// if this bridge does not have it.
     pub(crate) fn receive_audit(
         &mut self,
         audit: &Audit,
         model: Option<&Model>,
         effects: &mut dyn Effects,
     ) {
-        let (true, Some(device)) = (self.settings.streams.contains(Streams::AUDIT), &self.device)
-        else {
-            self.unused += 1;
-            return;
-        };
-        // Not logged, because `/diagnostics` already reports the missing model.
-        let Some(model) = model else {
+        let is_asked = self.settings.streams.contains(Streams::AUDIT);
+        // A missing model is not logged, because `/diagnostics` already reports it.
+        let (true, Some(device), Some(model)) = (is_asked, &self.device, model) else {
             self.unused += 1;
             return;
         };
@@ -272,15 +234,5 @@ impl SideStreams {
             return;
         }
         effects.audit(AuditedWindow::new(Arc::clone(device), audit));
-    }
-}
-
-impl<'a> MessageTime<'a> {
-    fn reception(self, trigger: &'a Trigger) -> Reception<'a> {
-        Reception {
-            read: self.read,
-            clock: self.clock,
-            trigger,
-        }
     }
 }

@@ -10,27 +10,29 @@ use crate::streams::event::Trigger;
 use crate::time::HostTime;
 use crate::time::clock::Clock;
 
-/// Context for the conversion of a message: the time at which it was read, the fitted clock and the
-/// trigger input.
+/// Context for the conversion of a message: the times at which the device made it and the host
+/// read it, the fitted clock that relates them, and the trigger input.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reception<'a> {
+    /// Device time from the message's header, microseconds; `None` if that time is impossible.
+    pub(crate) device_us: Option<u64>,
     /// Host time at which the message was read.
     pub(crate) read: HostTime,
     pub(crate) clock: &'a Clock,
     pub(crate) trigger: &'a Trigger,
 }
 
-/// Steps of a frame, relative to the item of the device that completes it.
+/// Place of a frame's steps relative to the code or packed block that completes the frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FrameSteps {
-    /// Steps from the frame's first step to the last step of the item.
+    /// Number of steps from the frame's first step to the last step of the code or packed block.
     pub(crate) lookback: u32,
-    /// Number of steps of the frame.
+    /// Number of steps in the frame.
     pub(crate) length: u32,
 }
 
-/// Returns the time of a frame for its stamp, nanoseconds since 1970. `device_us` is the time of
-/// the last step of the item that completes the frame.
+/// Returns the time for the stamp of a frame, nanoseconds since 1970. `device_us` is the device
+/// time of the last step of the code or packed block that completes the frame.
 pub(crate) fn frame_time_ns(
     device: &Device,
     point: StampPoint,
@@ -53,7 +55,9 @@ pub(crate) fn frame_time_ns(
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MonotoneStamps {
     last_ns: i64,
-    moved: u64,
+    /// Number of stamps that were moved forwards, because they were not at least 1 us later than
+    /// the previous stamp.
+    pub(crate) moved: u64,
     /// Number of times so far that the wall clock was set back by more than 30 s.
     steps_back: u32,
 }
@@ -73,18 +77,13 @@ impl MonotoneStamps {
         self.last_ns = nanoseconds.max(least);
         Stamp::from_nanoseconds(self.last_ns)
     }
-
-    /// Number of stamps that were moved forwards.
-    pub(crate) fn moved(&self) -> u64 {
-        self.moved
-    }
 }
 
 /// The stream that `/neurodata_reconstructed` is decoded from, and whether the bridge's model
 /// decodes it.
 ///
-/// It follows from the streams that the device is asked for, and so changes when the device refuses
-/// some.
+/// Which stream it is follows from the streams that the device is asked for, so it changes when the
+/// device refuses one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Decoding {
     pub(crate) stream: DecodedStream,
@@ -102,7 +101,7 @@ pub(crate) enum DecodedStream {
 }
 
 impl DecodedStream {
-    /// Returns the stream that is decoded of those that a device is asked for.
+    /// Returns which of the streams that a device is asked for is decoded.
     pub(crate) fn of(asked: Streams) -> DecodedStream {
         if asked.contains(Streams::PACKED) {
             DecodedStream::Packed
@@ -120,10 +119,9 @@ impl Decoding {
 }
 
 impl Device {
-    /// Returns the time from the first sample of a frame, at the electrodes, to the end of the
-    /// acquisition and filtering of all data that the frame is made of, microseconds. The transfer
-    /// to the host follows. `decoded` is the stream that `/neurodata_reconstructed` is decoded
-    /// from.
+    /// Returns the time from a frame's first sample at the electrodes until all data of the frame
+    /// are acquired and filtered, microseconds, without their transfer to the host. `decoded` is
+    /// the stream that `/neurodata_reconstructed` is decoded from.
     pub(crate) fn frame_lookback_us(
         &self,
         stream: AnnouncedStream,
@@ -155,14 +153,13 @@ impl Device {
         }
     }
 
-    /// Returns the time by which the stamp of an event must be later than the event, microseconds,
-    /// to be read from a recording of this stream at the sample that was at the electrodes when it
-    /// happened.
+    /// Returns the time to add to the stamp of an event, microseconds, so that a recording of this
+    /// stream has the event at the sample that was at the electrodes when the event happened.
     ///
-    /// `rosneuro_recorder` takes for the time of its first sample the arrival of the first frame
-    /// minus the frame's duration, and places an event by its stamp relative to that time. Its
-    /// library, libxdffileio, rounds the place down and counts from 0, where GDF and its readers
-    /// count from 1. Half a sample makes the rounding exact, and a whole sample the counting.
+    /// `rosneuro_recorder` assumes that its first sample was taken one frame's duration before the
+    /// first frame arrived, and places an event by its stamp relative to that time. Its library,
+    /// libxdffileio, rounds the place down and counts samples from 0, where GDF and its readers
+    /// count from 1. Half a sample corrects the rounding, and one sample corrects the counting.
     pub(crate) fn recorder_shift_us(
         &self,
         stream: AnnouncedStream,

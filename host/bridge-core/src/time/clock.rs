@@ -35,8 +35,8 @@ const OFFSET_SPAN_US: f64 = 10e6;
 const BLOCK_US: f64 = 2e6;
 /// Number of newest blocks from which the drift is fitted: 2 minutes.
 const BLOCKS: usize = 60;
-/// Number of blocks from which on the drift is fitted: 10 s. An error of 1 ms over 10 s makes an
-/// error of 100 ppm in the drift.
+/// Least number of blocks from which the drift is fitted: 10 s. An error of 1 ms in a time over
+/// 10 s makes an error of 100 ppm in the drift.
 const MIN_BLOCKS: usize = 5;
 /// Limit of the fitted drift in both directions, dimensionless. The drift between two crystals is
 /// always smaller.
@@ -45,10 +45,10 @@ const MAX_DRIFT: f64 = 500e-6;
 /// drift that is expected.
 const MAX_RISE: f64 = 200e-6;
 /// Lag, microseconds, above which a frame counts as part of a backlog: it waited in a buffer while
-/// the host did not read. A host that reads every 16 ms stays below this limit.
+/// the host did not read. The lags of a host that reads every 16 ms stay below this limit.
 const BACKLOG_LAG_US: f64 = 25_000.0;
-/// Device time without a backlog after which the offset may follow the least lag at once,
-/// microseconds.
+/// Device time, microseconds, for which no backlog must have occurred before the offset may rise by
+/// all of `unseen_drift` at once.
 const PROMPT_SPAN_US: f64 = 5e6;
 /// Fastest change of the smoothed wall clock relative to the monotonic clock, seconds per second.
 /// NTP slews a clock by at most 500 ppm.
@@ -65,8 +65,8 @@ const WALL_WAIT_NS: i64 = 30_000_000_000;
 /// Longest time by which a frame may seem to be read before it was made, microseconds. The fit is
 /// correct to some milliseconds, so a frame beyond this limit has a wrong device time.
 const MAX_EARLY_US: f64 = 1e6;
-/// Number of consecutive impossible device times after which the fit restarts, because the fit
-/// itself must be wrong: half a second of codes.
+/// Number of consecutive impossible device times, half a second of codes, after which the fit
+/// restarts, because then the fit itself must be wrong.
 const REFUSED_TO_RESTART: u32 = 8;
 
 /// Fit of the device's clock to the host's monotonic clock, and the smoothed wall clock.

@@ -1,10 +1,10 @@
-//! Round trips of clock queries, from which bounds for the constant delay of the stamps follow.
+//! Round trips of clock queries, which bound the constant delay of the stamps.
 //!
-//! The fit of [`Clock`] uses messages in one direction only. Its host times are late by the least
+//! [`Clock`] is fitted to messages in one direction only. Its host times are late by the least
 //! delay from a code's last sample to the reading of the code, and codes alone do not show how
-//! large that delay is. A query bounds the delay: the device read the query after the host had sent
-//! it, and the host read the answer after the device had made it. With the fitted host time H(t) of
-//! a device time t:
+//! large that delay is. A query bounds it, because the device read the query after the host had
+//! sent it, and the host read the answer after the device had made it. With the fitted host time
+//! H(t) of a device time t:
 //!
 //! ```text
 //! H(answer made) - answer read  <=  stamps late by  <=  H(query read) - query sent
@@ -28,7 +28,7 @@ const RETENTION_US: i64 = 60_000_000;
 pub(crate) struct RoundTrips {
     recent: VecDeque<RoundTrip>,
     /// Number of answers without a matching query, or with impossible times.
-    impossible: u64,
+    pub(crate) impossible: u64,
 }
 
 /// Times of one clock query and its answer.
@@ -91,9 +91,5 @@ impl RoundTrips {
         let fresh = |trip: &&RoundTrip| trip.read.monotonic_us >= now.monotonic_us - RETENTION_US;
         let by_length = |a: &&RoundTrip, b: &&RoundTrip| a.transit_us.total_cmp(&b.transit_us);
         self.recent.iter().filter(fresh).min_by(by_length).copied()
-    }
-
-    pub(crate) fn impossible(&self) -> u64 {
-        self.impossible
     }
 }

@@ -2,14 +2,14 @@
 
 use link::{AckResult, Start, Streams, ToDevice};
 
-use crate::wire::wanted::{ClockQuery, WantedRate, WantedStreams};
+use crate::wire::wanted::{ClockQuery, WantedStreams};
 use crate::wire::words;
 
 /// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
 const PING_AFTER_US: i64 = 2_000_000;
-/// Time without a code, packed block or `Stats` after which a streaming device must identify itself
-/// again, microseconds. The `Hello` of a reset may be lost, or another program may have sent
-/// `Stop`.
+/// Time without a code, packed block or `Stats` after which a streaming device is asked to identify
+/// itself again, microseconds. It may have been reset and its `Hello` lost, or another program may
+/// have sent it `Stop`.
 const STARVED_AFTER_US: i64 = 2_000_000;
 /// Time between two calls of `next_command`, microseconds, above which the host must have been
 /// suspended or this program stopped. Messages that the device sent during that time are still
@@ -22,12 +22,15 @@ const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
 pub(crate) struct Commands {
     mains_hz: u8,
     /// Rate of the packed code that the device is to have; `None` leaves the choice to the device.
-    rate: Option<WantedRate>,
+    rate: Option<u8>,
+    /// Newest rate whose command the device has answered, with any result.
+    answered_rate: Option<u8>,
     streams: WantedStreams,
     streaming_wanted: bool,
     device: Introduction,
-    /// Whether this bridge started any stream that runs on the device. Set when the device
-    /// acknowledges a `Stop`; cleared when the device restarts or another device is connected.
+    /// Whether any stream that runs on the device was started by this bridge. Set when the device
+    /// acknowledges a `Stop`, because only this bridge starts streams from then on; cleared when
+    /// the device restarts or another device is connected.
     owns_stream: bool,
     stream: StreamState,
     pending: Option<PendingCommand>,
@@ -47,8 +50,8 @@ pub(crate) struct Commands {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Introduction {
     Missing,
+    /// The device's codes can be published.
     Usable,
-    /// The device's codes cannot be published.
     Unusable,
 }
 
@@ -81,7 +84,8 @@ impl Commands {
     pub(crate) fn new(mains_hz: u8, streams: Streams, rate: Option<u8>) -> Commands {
         Commands {
             mains_hz,
-            rate: rate.map(WantedRate::new),
+            rate,
+            answered_rate: None,
             streams: WantedStreams::new(streams),
             streaming_wanted: true,
             device: Introduction::Missing,
@@ -104,7 +108,7 @@ impl Commands {
         self.device = Introduction::Missing;
         self.stream = StreamState::Unconfirmed;
         self.pending = None;
-        self.mark_rate_unsent();
+        self.answered_rate = None;
         self.connected = true;
         self.refused_start = None;
         self.last_frame_us = now_us;
@@ -126,12 +130,8 @@ impl Commands {
 
     /// Sets the rate of the packed code, which the next [`Self::next_command`] sends.
     pub(crate) fn set_rate(&mut self, rate: u8) {
-        self.rate = Some(WantedRate::new(rate));
-    }
-
-    /// Makes the rate due again, for a device that may have another one.
-    fn mark_rate_unsent(&mut self) {
-        self.rate.iter_mut().for_each(WantedRate::mark_unsent);
+        self.rate = Some(rate);
+        self.answered_rate = None;
     }
 
     /// Records an introduction. `usable` is true if the device's codes can be published.
@@ -149,7 +149,7 @@ impl Commands {
         self.device = Introduction::Missing;
         self.owns_stream = false;
         self.streams.ask_for_all();
-        self.mark_rate_unsent();
+        self.answered_rate = None;
         self.stream = StreamState::Unconfirmed;
         self.pending = None;
         self.refused_start = None;
@@ -199,11 +199,11 @@ impl Commands {
         self.streams.refused()
     }
 
-    /// Returns why the device refuses to stream, also with fewer streams if that can help, and what
-    /// to do; `None` if it streams or was not asked.
+    /// Returns why the device refuses to stream, with all wanted streams and with fewer, and what
+    /// the user can do; `None` if the device streams or was not asked.
     pub(crate) fn start_refusal(&self) -> Option<String> {
         let refused = self.refused_start.filter(|_| self.streaming_wanted)?;
-        Some(refused.reason())
+        Some(words::refusal(&refused.command, refused.result))
     }
 
     /// Host time of the newest clock query, microseconds.
@@ -233,7 +233,7 @@ impl Commands {
         self.accepts_codes() && self.stream != StreamState::Stopped
     }
 
-    /// Returns whether no stream is wanted and none is running.
+    /// Returns whether no stream is wanted and, by the last acknowledgement, none runs.
     pub(crate) fn is_stopped(&self) -> bool {
         !self.streaming_wanted && self.stream == StreamState::Stopped
     }
@@ -267,10 +267,7 @@ impl Commands {
         if matches!(command, ToDevice::Start(_)) {
             self.stream = StreamState::Unconfirmed;
         }
-        self.pending = Some(match repeated {
-            Some(pending) => pending.sent_again(seq, now_us),
-            None => PendingCommand::new(command, seq, now_us),
-        });
+        self.pending = Some(PendingCommand::sent(repeated, command, seq, now_us));
         Some(command)
     }
 
@@ -279,9 +276,8 @@ impl Commands {
             return Some(ToDevice::Identify);
         }
         let since_identify_us = now_us - self.last_identify_us;
-        let refused = self
-            .refused_start
-            .is_some_and(|refused| refused.is_recent(now_us));
+        let is_recent = |refused: RefusedStart| now_us < refused.refused_us + REFUSED_RETRY_US;
+        let refused = self.refused_start.is_some_and(is_recent);
         match (self.wants_stream(), self.stream) {
             (true, StreamState::Stopped | StreamState::Unconfirmed) if !self.owns_stream => {
                 Some(ToDevice::Stop)
@@ -311,7 +307,8 @@ impl Commands {
     /// Returns the rate of the packed code if the device is to be sent it.
     fn due_rate(&self) -> Option<u8> {
         let has_packed = self.streams.asked().contains(Streams::PACKED);
-        self.rate.filter(|_| has_packed)?.due()
+        let is_due = |rate: &u8| has_packed && self.answered_rate != Some(*rate);
+        self.rate.filter(is_due)
     }
 
     /// Returns the clock query when it is due. It is due only after codes have arrived, because the
@@ -360,12 +357,14 @@ impl Commands {
                     return AckEffect::NoChange;
                 }
                 self.streams.ask_for_all();
-                self.refused_start = Some(RefusedStart::new(pending.command, result, now_us));
+                self.refused_start = Some(RefusedStart {
+                    command: pending.command,
+                    result,
+                    refused_us: now_us,
+                });
             }
             (ToDevice::SetRate { rate }, _) => {
-                self.rate
-                    .iter_mut()
-                    .for_each(|wanted| wanted.answered(rate));
+                self.answered_rate = Some(rate);
                 self.pending = None;
             }
             // The device did not restart, so another program may have stopped its stream. If the
@@ -395,9 +394,8 @@ pub(crate) const RETRY_US: i64 = 500_000;
 /// A command without an acknowledgement, and the sequence numbers of the first and last frame that
 /// carried it.
 #[derive(Clone, Copy, Debug)]
-pub struct PendingCommand {
-    /// The command itself.
-    pub command: ToDevice,
+pub(crate) struct PendingCommand {
+    command: ToDevice,
     /// Sequence number of the frame that carried the command first.
     first_seq: u32,
     /// Sequence number of the most recent frame that carried the command.
@@ -407,39 +405,36 @@ pub struct PendingCommand {
 }
 
 impl PendingCommand {
-    /// Records that `command` was sent in frame `seq` at `now_us`, host time in microseconds.
-    pub fn new(command: ToDevice, seq: u32, now_us: i64) -> PendingCommand {
+    /// Records that frame `seq` carried `command` at the host time `now_us`. `before` is the
+    /// pending command if this is one more transmission of it.
+    pub(crate) fn sent(
+        before: Option<PendingCommand>,
+        command: ToDevice,
+        seq: u32,
+        now_us: i64,
+    ) -> PendingCommand {
         PendingCommand {
             command,
-            first_seq: seq,
+            first_seq: before.map_or(seq, |before| before.first_seq),
             last_seq: seq,
             sent_us: now_us,
         }
     }
 
-    /// Returns this command with one more transmission recorded: frame `seq`, sent at `now_us`.
-    #[must_use]
-    pub fn sent_again(self, seq: u32, now_us: i64) -> PendingCommand {
-        PendingCommand {
-            last_seq: seq,
-            sent_us: now_us,
-            ..self
-        }
-    }
-
-    /// Returns whether the timeout has passed after which the command is sent again.
-    pub fn retry_is_due(&self, now_us: i64) -> bool {
+    /// Returns whether the command must be sent again, because it has had no acknowledgement for
+    /// [`RETRY_US`].
+    pub(crate) fn retry_is_due(&self, now_us: i64) -> bool {
         now_us >= self.sent_us + RETRY_US
     }
 
     /// Returns whether more than one frame carried the command.
-    pub fn was_sent_again(&self) -> bool {
+    pub(crate) fn was_sent_again(&self) -> bool {
         self.first_seq != self.last_seq
     }
 
     /// Returns whether an acknowledgement of frame number `of` belongs to any transmission of this
     /// command, also if the sequence number has wrapped.
-    pub fn is_acknowledged_by(&self, of: u32) -> bool {
+    pub(crate) fn is_acknowledged_by(&self, of: u32) -> bool {
         of.wrapping_sub(self.first_seq) <= self.last_seq.wrapping_sub(self.first_seq)
     }
 }
@@ -449,29 +444,9 @@ const REFUSED_RETRY_US: i64 = 10_000_000;
 
 /// A refused `Start` after which no choice of fewer streams is left to try.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct RefusedStart {
+struct RefusedStart {
     command: ToDevice,
     result: AckResult,
     /// Host time of the refusal, microseconds.
     refused_us: i64,
-}
-
-impl RefusedStart {
-    pub(crate) fn new(command: ToDevice, result: AckResult, refused_us: i64) -> RefusedStart {
-        RefusedStart {
-            command,
-            result,
-            refused_us,
-        }
-    }
-
-    /// Returns whether it is too early to send `Start` again.
-    pub(crate) fn is_recent(&self, now_us: i64) -> bool {
-        now_us < self.refused_us + REFUSED_RETRY_US
-    }
-
-    /// Returns why the device refused, and what to do.
-    pub(crate) fn reason(&self) -> String {
-        words::refusal(&self.command, self.result)
-    }
 }

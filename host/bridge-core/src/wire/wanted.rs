@@ -1,4 +1,4 @@
-//! Streams, rate and clock readings that the bridge wants from a device.
+//! Streams that the bridge wants from a device, and its queries of the device's clock.
 
 use link::{AckResult, Streams, ToDevice};
 
@@ -11,10 +11,10 @@ pub(crate) struct WantedStreams {
     /// Streams that the user requested, with the stream of codes added unless packed blocks are
     /// among them. Samples can be requested in both forms, of which the device sends one.
     wanted: Streams,
-    /// Streams to ask for, one choice after the other: a refusal does not say which stream it
-    /// means.
+    /// Sets of streams to ask for, one after the other until the device accepts one, because a
+    /// refusal does not say which stream the device lacks.
     choices: Vec<Streams>,
-    /// Index of the choice that `Start` asks for.
+    /// Index in `choices` of the set that `Start` asks for.
     asked: usize,
 }
 
@@ -57,19 +57,14 @@ impl WantedStreams {
     }
 }
 
-/// Returns the choices of the streams to ask for, best first: all sets of samples with the best
-/// encoders, then with the next ones, and then codes alone, which firmware before 0.2 is limited
-/// to. Last come packed blocks in place of codes, for a device without the network.
+/// Returns the sets of streams to ask for, best first: each choice of encoders with each choice of
+/// samples, then codes alone, which firmware before 0.2 is limited to. Last come packed blocks in
+/// place of codes, for a device without the network.
 fn choices(wanted: Streams) -> Vec<Streams> {
-    let mut choices = Vec::new();
-    for streams in encoder_choices(wanted).into_iter().flat_map(sample_choices) {
-        if !choices.contains(&streams) {
-            choices.push(streams);
-        }
-    }
-    let codes_alone = [Streams::CODES];
+    let with_encoders = encoder_choices(wanted).into_iter().flat_map(sample_choices);
     let without_network = sample_choices(wanted.without(Streams::CODES) | Streams::PACKED);
-    for streams in codes_alone.into_iter().chain(without_network) {
+    let mut choices = Vec::new();
+    for streams in with_encoders.chain([Streams::CODES]).chain(without_network) {
         if !choices.contains(&streams) {
             choices.push(streams);
         }
@@ -77,8 +72,8 @@ fn choices(wanted: Streams) -> Vec<Streams> {
     choices
 }
 
-/// Returns `wanted` with the encoders that a device may have: all; the packed code alone, so
-/// without codes; the network alone, so with codes in place of packed blocks.
+/// Returns `wanted` with the encoders that a device may have: network and packed code; the packed
+/// code alone, so without codes; the network alone, so with codes in place of packed blocks.
 fn encoder_choices(wanted: Streams) -> Vec<Streams> {
     if !wanted.contains(Streams::PACKED) {
         return vec![wanted];
@@ -90,8 +85,8 @@ fn encoder_choices(wanted: Streams) -> Vec<Streams> {
     ]
 }
 
-/// Returns `wanted` with the samples that a device's port may carry: raw ones in either form, only
-/// one of which is asked for, filtered ones alone, none.
+/// Returns `wanted` with the samples that a device's port may be fast enough for: plain raw ones,
+/// compressed raw ones, filtered ones without raw ones, none.
 fn sample_choices(wanted: Streams) -> [Streams; 4] {
     let [raw, compressed] = [Streams::RAW, Streams::COMPRESSED_RAW];
     let first = if wanted.contains(raw) {
@@ -108,44 +103,13 @@ fn sample_choices(wanted: Streams) -> [Streams; 4] {
     ]
 }
 
-/// Rate that the device is to have, and whether it has answered the command for it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct WantedRate {
-    rate: u8,
-    is_answered: bool,
-}
-
-impl WantedRate {
-    pub(crate) const fn new(rate: u8) -> WantedRate {
-        WantedRate {
-            rate,
-            is_answered: false,
-        }
-    }
-
-    /// Returns the rate if the device has not answered the command for it.
-    pub(crate) fn due(self) -> Option<u8> {
-        (!self.is_answered).then_some(self.rate)
-    }
-
-    /// Records that the device has answered the command for `rate`, with any result.
-    pub(crate) fn answered(&mut self, rate: u8) {
-        self.is_answered |= rate == self.rate;
-    }
-
-    /// Makes the rate due again, for a device that may have another one.
-    pub(crate) fn mark_unsent(&mut self) {
-        self.is_answered = false;
-    }
-}
-
-/// Delay from the start of a stream to the first query, microseconds; the clock must be fitted
-/// first.
+/// Delay from the start of a stream to the first clock query, microseconds. The fit of the clock,
+/// with which the answer is compared, needs this time.
 const FIRST_US: i64 = 2_000_000;
-/// Time between two queries, microseconds.
+/// Time between two clock queries, microseconds.
 const INTERVAL_US: i64 = 10_000_000;
 
-/// State of the clock queries. A lost query is not repeated; the next one follows 10 s later.
+/// Schedule of the clock queries. A lost query is not repeated; the next one follows 10 s later.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ClockQuery {
     /// Host time at which the next query is due, microseconds; `None` before the first stream.

@@ -16,7 +16,7 @@ pub(crate) fn command(command: &ToDevice) -> &'static str {
     }
 }
 
-/// Returns the reason of an answer other than `Done`.
+/// Returns why a device refused a command, as a clause about the device.
 pub(crate) fn reason(result: AckResult) -> String {
     match result {
         AckResult::Done => "done".to_owned(),
@@ -29,7 +29,7 @@ pub(crate) fn reason(result: AckResult) -> String {
     }
 }
 
-/// Returns why the device refuses a command, and what to do.
+/// Returns a sentence for the log: which command the device refuses, why, and what the user can do.
 pub(crate) fn refusal(refused: &ToDevice, result: AckResult) -> String {
     let remedy = match (refused, result) {
         (ToDevice::Start(_), AckResult::NotSupported) => {
@@ -48,7 +48,7 @@ pub(crate) fn refusal(refused: &ToDevice, result: AckResult) -> String {
     )
 }
 
-/// Returns the cause of a start, after "started by".
+/// Returns the cause of a device's start as a phrase that follows "started by".
 pub(crate) fn reset_cause(cause: ResetCause) -> String {
     match cause {
         ResetCause::NotKnown => "an unknown cause".to_owned(),

@@ -12,7 +12,7 @@ use bridge_core::{AuditResult, AuditedWindow, Device, Model, Settings};
 use link::{Audit, CodeValues, Streams, ToHost};
 
 use crate::board::{Board, NUMBERS, model};
-use crate::recorder::{Harness, SETTINGS, value};
+use crate::recorder::{Harness, SETTINGS};
 
 const AUDIT: Settings = Settings {
     streams: Streams::from_bits(0b01001),
@@ -221,9 +221,8 @@ fn audits_that_cannot_be_compared_are_counted_and_not_passed_on() {
         harness.send(0, &wrong);
     }
     assert_eq!(harness.recorder.audits.len(), 1);
-    let status = harness.status("device").unwrap();
     let key = "audits of another model or size";
-    assert_eq!(value(&status, key), "4");
+    assert_eq!(harness.figure("device", key), "4");
 }
 
 #[test]

@@ -111,12 +111,10 @@ impl Board {
         }
     }
 
-    /// Creates a board whose next frame has the number `seq` and whose next code has the index
-    /// `window`.
-    pub(crate) fn starting_at(seq: u32, window: u32) -> Board {
+    /// Creates a board whose firmware supports these streams.
+    pub(crate) fn supporting(supported: Streams) -> Board {
         Board {
-            encoder: Encoder::starting_at(seq),
-            next_window: window,
+            supported,
             ..Board::new()
         }
     }

@@ -9,7 +9,7 @@
 
 use bridge_core::{AnnouncedStream, EventStamps, Settings};
 use link::{Converters, Event, EventKind, Flags, Streams, ToHost};
-use neuro_ros::NeuroFrame;
+use neuro_ros::{NeuroEvent, NeuroFrame};
 
 use crate::board::{Board, WALL_START_NS};
 use crate::recorder::{Harness, SETTINGS};
@@ -94,39 +94,34 @@ fn an_event_is_recorded_at_the_sample_that_was_at_the_electrodes() {
 fn the_shift_of_each_topic_is_in_the_diagnostics() {
     let mut harness = Harness::streaming(EVENTS, Board::new());
     harness.code(1, false);
-    let values = harness.status("device").unwrap().values;
-    let shift = |topic: &str| {
-        let key = format!("recorder shift us {topic}");
-        let pair = values.iter().find(|pair| pair.key == key).unwrap();
-        pair.value.parse::<i64>().unwrap()
-    };
     // Window of 16 steps, hop of 8, group delay 10 ms; each frame is 62.5 ms long, and 1.5 samples
     // are 93.75 ms of codes, 11.7 ms of steps, 2.9 ms of ADC samples.
-    assert_eq!(shift("/encoded"), 117_187 + 10_000 - 62_500 + 93_750);
-    assert_eq!(
-        shift("/neurodata_reconstructed"),
-        117_187 + 10_000 - 62_500 + 11_719
-    );
-    assert_eq!(shift("/neurodata"), 60_546 - 62_500 + 2_930);
-    assert_eq!(
-        shift("/neurodata_corticode"),
-        54_687 + 10_000 - 62_500 + 11_719
-    );
+    for (topic, shift_us) in [
+        ("encoded", 117_187 + 10_000 - 62_500 + 93_750),
+        (
+            "neurodata_reconstructed",
+            117_187 + 10_000 - 62_500 + 11_719,
+        ),
+        ("neurodata", 60_546 - 62_500 + 2_930),
+        ("neurodata_corticode", 54_687 + 10_000 - 62_500 + 11_719),
+    ] {
+        let key = format!("recorder shift us /{topic}");
+        assert_eq!(
+            harness.figure("device", &key),
+            shift_us.to_string(),
+            "{key}"
+        );
+    }
 }
 
 /// Returns code, duration and stamp (microseconds since the start) of each event on the bus.
 fn events(harness: &Harness) -> Vec<(i32, f32, i64)> {
     let events = harness.recorder.events.iter();
-    let stamp_us = |ns: i64| (ns - WALL_START_NS) / 1000;
-    events
-        .map(|event| {
-            (
-                event.event,
-                event.duration,
-                stamp_us(event.header.stamp.nanoseconds()),
-            )
-        })
-        .collect()
+    let of = |event: &NeuroEvent| {
+        let stamp_us = (event.header.stamp.nanoseconds() - WALL_START_NS) / 1000;
+        (event.event, event.duration, stamp_us)
+    };
+    events.map(of).collect()
 }
 
 #[test]

@@ -4,7 +4,7 @@ use bridge_core::Settings;
 use link::{BlockForm, CompressedRaw, Flags, Streams, ToHost};
 use lossless::{Count, Encoder, EncoderState, Kind, MAX_SAMPLES};
 
-use crate::recorder::{Harness, SETTINGS};
+use crate::recorder::{Harness, SETTINGS, fillers};
 use crate::samples::{SAMPLES, counts, harness, send_samples, time};
 
 const COMPRESSED: Settings = Settings {
@@ -32,7 +32,7 @@ impl Device {
         self.send_as(harness, first, first, lost)
     }
 
-    /// Does the same with the samples from sample `origin` on.
+    /// As [`Self::send`], but with the values of the samples from sample `origin` on.
     fn send_as(&mut self, harness: &mut Harness, origin: u64, first: u64, lost: bool) -> BlockForm {
         let counts = counts(origin, 8, 64);
         let counts: Vec<Count> = counts.as_chunks().0.to_vec();
@@ -61,11 +61,12 @@ impl Device {
     }
 }
 
-/// Returns a value of the status "loss".
-fn value(harness: &mut Harness, key: &str) -> String {
-    let status = harness.status("loss").unwrap();
-    let value = status.values.iter().find(|value| value.key == key);
-    value.unwrap_or_else(|| panic!("{key}")).value.clone()
+/// Checks values of the status "loss".
+#[track_caller]
+fn assert_loss<const N: usize>(harness: &mut Harness, expected: [(&str, &str); N]) {
+    for (key, value) in expected {
+        assert_eq!(harness.figure("loss", key), value, "{key}");
+    }
 }
 
 #[test]
@@ -91,20 +92,18 @@ fn after_a_lost_block_fillers_replace_what_cannot_be_decoded_up_to_the_next_key_
         }
     }
     assert_eq!(key_blocks, [0, 16, 32, 48]);
-    assert_eq!(value(&mut harness, "raw samples received"), "416");
-    assert_eq!(value(&mut harness, "raw samples lost"), "96");
-    assert_eq!(value(&mut harness, "raw samples undecodable"), "88");
+    assert_loss(
+        &mut harness,
+        [
+            ("raw samples received", "416"),
+            ("raw samples lost", "96"),
+            ("raw samples undecodable", "88"),
+        ],
+    );
     // Samples 160 to 255 are fillers: the lost block, and the 11 blocks that continue from it.
-    let flags = harness.recorder.raw.iter().flat_map(|frame| {
-        let words = frame.tri.data.chunks(8);
-        words.map(|words| words[0] != 0).collect::<Vec<_>>()
-    });
-    let filled: Vec<usize> = (0..)
-        .zip(flags)
-        .filter(|(_, is_filler)| *is_filler)
-        .map(|(index, _)| index)
-        .collect();
-    assert_eq!(filled, (160..256).collect::<Vec<_>>());
+    for (index, is_filler) in fillers(&harness.recorder.raw).into_iter().enumerate() {
+        assert_eq!(is_filler, (160..256).contains(&index), "sample {index}");
+    }
 }
 
 #[test]
@@ -127,9 +126,14 @@ fn damaged_blocks_and_unknown_forms_are_counted_and_the_next_key_block_is_decode
         let mut device = Device::new();
         device.send(&mut harness, 8, false);
         device.send(&mut harness, 16, false);
-        assert_eq!(value(&mut harness, "raw samples messages malformed"), "1");
-        assert_eq!(value(&mut harness, "raw samples received"), "16");
-        assert_eq!(value(&mut harness, "raw samples lost"), "8");
+        assert_loss(
+            &mut harness,
+            [
+                ("raw samples messages malformed", "1"),
+                ("raw samples received", "16"),
+                ("raw samples lost", "8"),
+            ],
+        );
     }
 }
 
@@ -138,11 +142,15 @@ fn a_block_of_another_run_is_not_decoded_with_the_past_of_this_one() {
     let mut harness = harness(COMPRESSED);
     let mut device = Device::new();
     device.send(&mut harness, 0, false);
-    // The first block after a restart is lost; the second one would follow the block before.
+    // The first block after a restart is lost. By its index, the second one would continue from the
+    // last block of the previous run.
     let mut restarted = Device::new();
     restarted.send(&mut harness, 1_600, true);
     let block = restarted.send_as(&mut harness, 1_608, 8, false);
     assert_eq!(block, BlockForm::Continuing);
-    assert_eq!(value(&mut harness, "raw samples undecodable"), "8");
-    assert_eq!(value(&mut harness, "raw samples received"), "8");
+    let expected = [
+        ("raw samples undecodable", "8"),
+        ("raw samples received", "8"),
+    ];
+    assert_loss(&mut harness, expected);
 }

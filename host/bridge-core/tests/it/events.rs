@@ -125,15 +125,7 @@ fn events_before_an_introduction_are_not_published() {
 /// Returns the numbers of lost events (`events lost`) and of replays (`events behind others`) in
 /// `/diagnostics`.
 fn figures(harness: &mut Harness) -> [String; 2] {
-    let values = harness.status("loss").unwrap().values;
-    ["events lost", "events behind others"].map(|key| {
-        let pair = values.iter().find(|pair| pair.key == key);
-        pair.unwrap().value.clone()
-    })
-}
-
-fn set_streaming(harness: &mut Harness, streaming: bool) {
-    harness.set_streaming(streaming);
+    ["events lost", "events behind others"].map(|key| harness.figure("loss", key))
 }
 
 #[test]
@@ -145,14 +137,10 @@ fn event_numbers_that_advance_while_stopped_or_restart_with_a_boot_are_no_loss()
         harness.send(now, &event(EventKind::TriggerRise, number, 0));
     };
     rise(&mut harness, 1_000);
-    set_streaming(&mut harness, false);
-    set_streaming(&mut harness, true);
+    harness.set_streaming(false);
+    harness.set_streaming(true);
     rise(&mut harness, 1_007);
-    harness.board.reboot();
-    let hello = harness.board.hello();
-    harness.receive(&hello);
-    harness.now_us += 600_000;
-    set_streaming(&mut harness, true);
+    harness.reboot(600_000);
     rise(&mut harness, 3);
     assert_eq!(harness.recorder.events.len(), 3);
     assert_eq!(figures(&mut harness), ["0", "0"]);

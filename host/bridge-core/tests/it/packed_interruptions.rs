@@ -1,10 +1,10 @@
 //! Packed blocks after long gaps, stops, restarts and reconnections.
 
-use bridge_core::Settings;
+use bridge_core::{PackedReconstruction, Settings};
 use link::Flags;
 use neuro_ros::NeuroFrame;
 
-use crate::board::assert_has;
+use crate::board::{assert_has, model};
 use crate::packed_device::{PACKED, Packed, decode, flags, frames};
 use crate::recorder::commands;
 
@@ -13,12 +13,6 @@ const SMOOTH: Settings = Settings {
     low_latency: false,
     ..PACKED
 };
-
-/// Lets the user start or stop the stream.
-fn set_streaming(device: &mut Packed, is_wanted: bool) {
-    let harness = &mut device.harness;
-    harness.set_streaming(is_wanted);
-}
 
 /// Restarts the device, which is away for `hops` hops.
 fn restart(device: &mut Packed, hops: i64) {
@@ -51,18 +45,18 @@ fn after_a_stop_all_blocks_have_frames_and_the_next_recording_starts_anew() {
     let mut device = Packed::new(SMOOTH);
     device.send_all(5, false);
     assert_eq!(frames(&device.harness.recorder, SMOOTH).len(), 4);
-    set_streaming(&mut device, false);
+    device.harness.set_streaming(false);
     let run = corrected(5);
     let stopped = frames(&device.harness.recorder, SMOOTH);
     assert_eq!(signals(&stopped), run.iter().collect::<Vec<_>>());
     device.harness.now_us += 3_000_000;
-    set_streaming(&mut device, true);
+    device.harness.set_streaming(true);
     device.next = 0;
     // The block without prediction is lost.
     for index in 0..5 {
         device.send(index == 0);
     }
-    set_streaming(&mut device, false);
+    device.harness.set_streaming(false);
     let frames = frames(&device.harness.recorder, SMOOTH);
     assert_eq!(frames.len(), 10, "the pause is not filled");
     assert!(stamps_increase(&frames));
@@ -83,24 +77,21 @@ fn after_a_stop_all_blocks_have_frames_and_the_next_recording_starts_anew() {
 fn an_audit_after_a_stop_is_not_compared_with_blocks_of_the_recording_before() {
     let mut device = Packed::new(PACKED);
     device.send_all(5, false);
-    set_streaming(&mut device, false);
+    device.harness.set_streaming(false);
     device.harness.now_us += 3_000_000;
-    set_streaming(&mut device, true);
+    device.harness.set_streaming(true);
     device.next = 0;
     device.send(false);
     let recorder = &device.harness.recorder;
     let announced = &recorder.announced[0].device;
-    let mut decoder =
-        bridge_core::PackedReconstruction::new(announced, &crate::board::model(), PACKED).unwrap();
+    let model = model();
+    let mut decoder = PackedReconstruction::new(announced, &model, PACKED).unwrap();
     for block in &recorder.blocks {
         decoder.next_frame(block);
     }
     // Blocks 2 and 3 belong to the recording before.
     let window = crate::packed::window(&device, 2, &[0.0; 16 * 61]);
-    assert_eq!(
-        window.compare_packed(&crate::board::model(), &decoder),
-        None
-    );
+    assert_eq!(window.compare_packed(&model, &decoder), None);
 }
 
 #[test]
@@ -109,7 +100,7 @@ fn a_restart_completes_the_frame_that_waits_and_fills_the_time_of_the_outage() {
     device.send_all(5, false);
     restart(&mut device, 4);
     device.send_all(5, false);
-    set_streaming(&mut device, false);
+    device.harness.set_streaming(false);
     let summary = device.harness.core.summary().to_string();
     assert_has(&summary, ["fillers 4 bits"]);
     assert_has(&summary, ["; packed blocks: made 10 "]);
@@ -123,7 +114,7 @@ fn a_restart_completes_the_frame_that_waits_and_fills_the_time_of_the_outage() {
     assert_eq!(signals(&frames[9..]), run.iter().collect::<Vec<_>>());
     let fillers: Vec<bool> = flags(&frames)
         .iter()
-        .map(|flags| flags & 0x8000 != 0)
+        .map(|flags| flags >> 15 == 1)
         .collect();
     assert_eq!(fillers, [&[false; 5][..], &[true; 4], &[false; 5]].concat());
 }
@@ -167,18 +158,12 @@ fn the_predictions_of_a_long_gap_come_to_a_standstill_until_the_next_block() {
     // They decay first. Rounding leaves half a microvolt.
     let gap = &frames[5..4_005];
     let largest = |frame: &NeuroFrame| {
-        frame
-            .eeg
-            .data
-            .iter()
-            .fold(0.0_f32, |max, uv| max.max(uv.abs()))
+        let values = frame.eeg.data.iter();
+        values.fold(0.0_f32, |max, uv| max.max(uv.abs()))
     };
     assert!(largest(&gap[100]) < 0.2 * largest(&frames[4]));
-    assert!(
-        gap[100..]
-            .iter()
-            .all(|frame| frame.eeg.data == gap[100].eeg.data)
-    );
+    let stands_still = |frame: &NeuroFrame| frame.eeg.data == gap[100].eeg.data;
+    assert!(gap[100..].iter().all(stands_still));
 }
 
 #[test]

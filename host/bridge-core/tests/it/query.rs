@@ -5,7 +5,7 @@ use link::{
     AckResult, ChannelFault, ChannelTest, ChipTest, ResetInto, SelfTest, Streams, ToDevice, ToHost,
 };
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 
 const FINE: ChannelTest = ChannelTest {
     gain_error: 0.0123,
@@ -75,11 +75,8 @@ impl Harness {
     }
 
     fn requested(&self) -> Vec<ToDevice> {
-        self.board
-            .received
-            .iter()
-            .map(|(_, command)| *command)
-            .collect()
+        let received = self.board.received.iter();
+        received.map(|(_, command)| *command).collect()
     }
 }
 
@@ -188,10 +185,8 @@ fn a_test_that_stopped_early_is_not_in_order() {
         test.channels.clear();
     }));
     assert!(!report.passed);
-    assert_eq!(
-        report.verdict,
-        "NOT IN ORDER: 64 of 64 channels not measured"
-    );
+    let verdict = "NOT IN ORDER: 64 of 64 channels not measured";
+    assert_eq!(report.verdict, verdict);
     assert!(!report.to_string().contains("electrode"));
 }
 
@@ -261,30 +256,16 @@ fn the_report_is_json_with_the_same_figures() {
 
 #[test]
 fn refusals_have_a_reason_and_advice() {
+    let test = Request::SelfTest;
+    let [bootloader, firmware] = [ResetInto::Bootloader, ResetInto::Firmware].map(Request::Reset);
     for (request, answer, expected) in [
-        (
-            Request::SelfTest,
-            AckResult::UnknownCommand,
-            "update the firmware",
-        ),
-        (Request::SelfTest, AckResult::NotSupported, "no converters"),
-        (Request::SelfTest, AckResult::Busy, "end that program"),
-        (
-            Request::SelfTest,
-            AckResult::Failed,
-            "corticode-bridge reset",
-        ),
-        (Request::SelfTest, AckResult::Newer(77), "same release"),
-        (
-            Request::Reset(ResetInto::Bootloader),
-            AckResult::NotSupported,
-            "BOOT0",
-        ),
-        (
-            Request::Reset(ResetInto::Firmware),
-            AckResult::UnknownCommand,
-            "update the firmware",
-        ),
+        (test, AckResult::UnknownCommand, "update the firmware"),
+        (test, AckResult::NotSupported, "no converters"),
+        (test, AckResult::Busy, "end that program"),
+        (test, AckResult::Failed, "corticode-bridge reset"),
+        (test, AckResult::Newer(77), "same release"),
+        (bootloader, AckResult::NotSupported, "BOOT0"),
+        (firmware, AckResult::UnknownCommand, "update the firmware"),
     ] {
         let error = refusal(request, answer);
         assert_eq!(error.exit_code(), 4, "{error}");
@@ -308,10 +289,7 @@ fn a_silent_device_times_out() {
     };
     let (us, error) = silent(&mut harness);
     assert_eq!((us, error.exit_code()), (5_100_000, 3));
-    assert!(
-        error.to_string().contains("the identification request"),
-        "{error}"
-    );
+    assert_has(&error.to_string(), ["the identification request"]);
     // After the acknowledgement of the command, the device has 15 s to send the result.
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     assert!(harness.exchange_for(15_000_000).is_none());
@@ -319,10 +297,7 @@ fn a_silent_device_times_out() {
     let Some(Err(error)) = outcome else {
         panic!("{outcome:?}")
     };
-    assert!(
-        error.to_string().contains("the result of the self-test"),
-        "{error}"
-    );
+    assert_has(&error.to_string(), ["the result of the self-test"]);
 }
 
 #[test]
@@ -346,10 +321,8 @@ fn a_lost_acknowledgement_of_the_test_is_no_refusal() {
 #[test]
 fn a_reset_is_complete_when_hello_has_another_session() {
     let mut harness = Harness::new(Request::Reset(ResetInto::Firmware), Board::new());
-    assert!(
-        harness.exchange_for(2_000_000).is_none(),
-        "the device has not restarted yet"
-    );
+    let early = harness.exchange_for(2_000_000);
+    assert!(early.is_none(), "the device has not restarted yet");
     assert!(harness.query.expects_reconnect());
     harness.board.reboot();
     harness.query.connected(harness.now_us);
@@ -378,14 +351,10 @@ fn a_restart_during_the_test_is_an_error_with_its_cause() {
 fn a_reset_into_the_bootloader_ends_with_the_acknowledgement() {
     let mut harness = Harness::new(Request::Reset(ResetInto::Bootloader), Board::new());
     let outcome = harness.exchange_for(1_000_000);
-    assert!(
-        matches!(outcome, Some(Ok(Answer::InBootloader(_)))),
-        "{outcome:?}"
-    );
-    assert_eq!(
-        harness.requested().last(),
-        Some(&ToDevice::Reset(ResetInto::Bootloader))
-    );
+    let is_done = matches!(outcome, Some(Ok(Answer::InBootloader(_))));
+    assert!(is_done, "{outcome:?}");
+    let requested = harness.requested().pop();
+    assert_eq!(requested, Some(ToDevice::Reset(ResetInto::Bootloader)));
 }
 
 #[test]

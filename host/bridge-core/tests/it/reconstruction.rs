@@ -61,41 +61,21 @@ fn frames_keep_the_contract_and_are_numbered() {
         .unwrap()
         .clone();
     let shape = Shape::from_frame(&first).unwrap();
-    assert_eq!(
-        shape,
-        Shape {
-            sr: 128,
-            nsamples: 8,
-            nchannels: [61, 0, 8]
-        }
-    );
-    assert_eq!(
-        (
-            first.eeg.info.unit.as_str(),
-            first.eeg.info.labels[0].as_str()
-        ),
-        ("uV", &*electrode(0))
-    );
-    assert!((first.eeg.info.minmax[1] - 187_500.0).abs() < 0.01);
+    assert_eq!((shape.sr, shape.nsamples), (128, 8));
+    assert_eq!(shape.nchannels, [61, 0, 8]);
+    let info = &first.eeg.info;
+    assert_eq!((&*info.unit, &info.labels[0]), ("uV", &electrode(0)));
+    assert!((info.minmax[1] - 187_500.0).abs() < 0.01);
     let second = reconstruction.next_frame(&window(1, Some(z(1)))).unwrap();
-    assert_eq!(
-        (
-            first.neuroheader.seq,
-            second.neuroheader.seq,
-            second.header.seq
-        ),
-        (1, 2, 2)
-    );
+    assert_eq!((first.neuroheader.seq, second.neuroheader.seq), (1, 2));
+    assert_eq!(second.header.seq, 2);
 }
 
 #[test]
 fn two_windows_are_averaged_where_they_overlap() {
     let frames = frames(SETTINGS, &[true, true]);
-    assert_eq!(
-        frames[0],
-        Some(steps(0, 0..8)),
-        "nothing to average with yet"
-    );
+    // There is nothing to average the first hop with.
+    assert_eq!(frames[0], Some(steps(0, 0..8)));
     let (old, new) = (steps(0, 8..16), steps(1, 0..8));
     let averaged = frames[1].as_ref().unwrap();
     for (index, value) in averaged.iter().enumerate() {
@@ -118,11 +98,8 @@ fn low_latency_publishes_the_newest_steps_of_each_window() {
 #[test]
 fn one_lost_window_is_reconstructed_from_its_neighbours() {
     let frames = frames(SETTINGS, &[true, false, true, true]);
-    assert_eq!(
-        frames[1],
-        Some(steps(0, 8..16)),
-        "the previous window contains the steps"
-    );
+    // The previous window contains the steps of the lost one's hop.
+    assert_eq!(frames[1], Some(steps(0, 8..16)));
     assert_eq!(frames[2], Some(steps(2, 0..8)), "nothing to average with");
 }
 
@@ -146,12 +123,9 @@ fn steps_that_no_window_contains_are_filled_and_flagged() {
         };
         assert_eq!(filled.tri.data[0] & 0x8000, 0x8000);
         let last_step = &held.eeg.data[7 * 61..];
+        let expected = if holds { last_step } else { &[0.0; 61] };
         for step in filled.eeg.data.chunks(61) {
-            assert!(if holds {
-                step == last_step
-            } else {
-                step.iter().all(|x| *x == 0.0)
-            });
+            assert_eq!(step, expected, "{filler:?}");
         }
     }
 }
@@ -185,12 +159,9 @@ fn windows_of_two_streams_are_not_averaged() {
     let frame = reconstruction.next_frame(&window(0, Some(z(1)))).unwrap();
     assert_eq!(frame.eeg.data, steps(1, 0..8));
     reconstruction.next_frame(&window(0, Some(z(0))));
+    // The previous window is of another stream, so its steps are not used.
     let frame = reconstruction.next_frame(&window(0, None)).unwrap();
-    assert_eq!(
-        frame.tri.data[0] & 0x8000,
-        0x8000,
-        "the previous window is of another stream"
-    );
+    assert_eq!(frame.tri.data[0] & 0x8000, 0x8000);
 }
 
 #[test]

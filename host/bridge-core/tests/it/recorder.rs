@@ -30,7 +30,7 @@ pub(crate) struct Recorder {
     pub(crate) encoded: Vec<NeuroFrame>,
     pub(crate) windows: Vec<TimedCode>,
     pub(crate) blocks: Vec<TimedPackedBlock>,
-    /// Numbers of blocks after which none followed.
+    /// Number of blocks so far at each effect `finish_blocks`.
     pub(crate) finished: Vec<usize>,
     pub(crate) raw: Vec<NeuroFrame>,
     pub(crate) filtered: Vec<NeuroFrame>,
@@ -112,12 +112,7 @@ impl Harness {
     /// Creates a harness whose board is already identified and streaming.
     pub(crate) fn streaming(settings: Settings, board: Board) -> Harness {
         let harness = Harness::connected(settings, board);
-        assert_eq!(
-            harness.board.received.len(),
-            3,
-            "Identify, Stop, Start: {:?}",
-            harness.board.received
-        );
+        assert_eq!(commands(&harness), ["identify", "stop", "start"]);
         harness
     }
 
@@ -249,13 +244,14 @@ impl Harness {
     }
 
     /// Delivers a message and returns the status `corticode: {part}` of a new report.
-    pub(crate) fn status_after(
-        &mut self,
-        message: &ToHost,
-        part: &str,
-    ) -> Option<DiagnosticStatus> {
+    pub(crate) fn status_after(&mut self, message: &ToHost, part: &str) -> DiagnosticStatus {
         self.send(0, message);
-        self.status(part)
+        self.status(part).unwrap()
+    }
+
+    /// Returns the value `key` in the status `corticode: {part}` of a new report.
+    pub(crate) fn figure(&mut self, part: &str, key: &str) -> String {
+        value(&self.status(part).unwrap(), key).to_owned()
     }
 
     /// Returns all parts of the status `corticode: {part}` of a new report, as text.
@@ -266,18 +262,12 @@ impl Harness {
     /// Returns, for each announcement from the oldest on, whether it describes a stream.
     pub(crate) fn described(&self) -> Vec<bool> {
         let announced = self.recorder.announced.iter();
-        announced
-            .map(|announced| announced.info.is_some())
-            .collect()
+        announced.map(|device| device.info.is_some()).collect()
     }
 
     /// Returns, for each frame on `/encoded` from the oldest on, whether the frame is a filler.
     pub(crate) fn fillers(&self) -> Vec<bool> {
-        self.recorder
-            .encoded
-            .iter()
-            .map(|frame| frame.tri.data[0] & 0x8000 != 0)
-            .collect()
+        fillers(&self.recorder.encoded)
     }
 }
 
@@ -309,6 +299,20 @@ pub(crate) fn value<'a>(status: &'a DiagnosticStatus, key: &str) -> &'a str {
 pub(crate) fn stamps(frames: &[NeuroFrame]) -> Vec<i64> {
     let stamps = frames.iter().map(|frame| frame.header.stamp.nanoseconds());
     stamps.collect()
+}
+
+/// Checks that frames follow each other by a hop of 62.5 ms.
+#[track_caller]
+pub(crate) fn assert_evenly_spaced(frames: &[NeuroFrame]) {
+    for pair in stamps(frames).windows(2) {
+        assert_eq!(pair[1] - pair[0], 62_500_000);
+    }
+}
+
+/// Returns, for each row of the frames, whether it is a filler.
+pub(crate) fn fillers(frames: &[NeuroFrame]) -> Vec<bool> {
+    let rows = frames.iter().flat_map(|frame| frame.tri.data.chunks(8));
+    rows.map(|words| words[0] & 0x8000 != 0).collect()
 }
 
 /// Returns level and message of a status.

@@ -9,10 +9,10 @@
 
 use bridge_core::{FillerPolicy, Settings};
 use link::{Filtered, Flags, Streams, ToHost};
-use neuro_ros::{DiagnosticLevel, NeuroFrame};
+use neuro_ros::DiagnosticLevel;
 
 use crate::board::{Board, assert_has};
-use crate::recorder::{Harness, SETTINGS};
+use crate::recorder::{Harness, SETTINGS, fillers, value};
 use crate::samples::{SAMPLES, send_samples_at};
 
 /// Time from one code to the next, microseconds.
@@ -81,12 +81,9 @@ impl Recording {
     /// Returns the seconds of data on each topic: codes, raw samples, filtered steps.
     fn seconds(&self) -> [f64; 3] {
         let recorder = &self.harness.recorder;
-        [
-            (&recorder.encoded, 16.0),
-            (&recorder.raw, 16.0),
-            (&recorder.filtered, 16.0),
-        ]
-        .map(|(frames, rate)| frames.len() as f64 / rate)
+        // All three topics have 16 frames per second.
+        [&recorder.encoded, &recorder.raw, &recorder.filtered]
+            .map(|frames| frames.len() as f64 / 16.0)
     }
 }
 
@@ -109,25 +106,14 @@ fn the_time_of_a_restart_is_filled_flagged_and_counted_on_every_topic() {
     assert_eq!((summary.received, summary.lost, summary.resets), (32, 0, 1));
     // 2.05 s are 32.8 hops, rounded to 33; the code that ends the last of them was made.
     assert_eq!((summary.between_runs, summary.fillers), (33, 33));
-    assert_eq!(
-        recording
-            .harness
-            .fillers()
-            .iter()
-            .filter(|filler| **filler)
-            .count(),
-        33
-    );
+    let fillers = recording.harness.fillers();
+    assert_eq!(fillers.iter().filter(|filler| **filler).count(), 33);
     let text = summary.to_string();
     assert_has(&text, ["lost 0", "missing between runs 33"]);
     let loss = recording.harness.status("loss").unwrap();
     assert_eq!(loss.level, DiagnosticLevel::Warn);
-    let raw = "raw samples missing between runs";
-    let value = loss.values.iter().find(|value| value.key == raw).unwrap();
-    assert_eq!(
-        value.value.parse::<f64>().unwrap(),
-        (2.05_f64 * 512.0).round()
-    );
+    // 2.05 s at 512 Hz.
+    assert_eq!(value(&loss, "raw samples missing between runs"), "1050");
 }
 
 #[test]
@@ -149,14 +135,6 @@ fn after_a_restart_too_long_to_fill_the_indices_of_codes_show_the_gap() {
     assert_eq!(windows[16 + 65_535..], [15 + missing, 0]);
 }
 
-/// Returns for each sample on a topic whether it is a filler.
-fn is_filler(frames: &[NeuroFrame]) -> Vec<bool> {
-    let rows = frames
-        .iter()
-        .flat_map(|frame| frame.tri.data.chunks_exact(8));
-    rows.map(|words| words[0] & 0x8000 != 0).collect()
-}
-
 #[test]
 fn samples_after_a_restart_stand_at_the_time_at_which_they_were_taken() {
     for outage_us in [130_000, 1_234_567, 59_999_999] {
@@ -168,7 +146,7 @@ fn samples_after_a_restart_stand_at_the_time_at_which_they_were_taken() {
             (&recording.harness.recorder.raw, 512.0),
             (&recording.harness.recorder.filtered, 128.0),
         ] {
-            let fillers = is_filler(frames);
+            let fillers = fillers(frames);
             let before = fillers.iter().position(|filler| *filler).unwrap();
             let missing = fillers.iter().filter(|filler| **filler).count();
             assert_eq!(before as f64, 0.25 * rate);
@@ -260,11 +238,7 @@ fn without_fillers_a_restart_is_counted_and_nothing_is_published_for_it() {
     let summary = recording.harness.core.summary();
     assert_eq!((summary.between_runs, summary.fillers), (16, 0));
     assert_eq!(recording.harness.recorder.encoded.len(), 8);
-    assert!(
-        is_filler(&recording.harness.recorder.raw)
-            .iter()
-            .all(|filler| !filler)
-    );
+    assert!(!fillers(&recording.harness.recorder.raw).contains(&true));
 }
 
 #[test]

@@ -1,7 +1,6 @@
 //! Clock queries, whose answers bound the delay of stamps.
 
 use link::{AckResult, ClockReading, ToDevice, ToHost};
-use neuro_ros::DiagnosticStatus;
 
 use crate::board::Board;
 use crate::recorder::{Harness, SETTINGS, commands};
@@ -23,9 +22,11 @@ fn clock_queries(harness: &Harness) -> Vec<u64> {
     .collect()
 }
 
-fn value(status: &DiagnosticStatus, key: &str) -> Option<String> {
-    let pair = status.values.iter().find(|pair| pair.key == key);
-    pair.map(|pair| pair.value.clone())
+/// Checks that the report states no round trip.
+#[track_caller]
+fn assert_no_round_trip(harness: &mut Harness) {
+    let report = harness.report("clock");
+    assert!(!report.contains("round trip us"), "{report}");
 }
 
 #[test]
@@ -50,8 +51,7 @@ fn a_device_that_does_not_know_the_query_is_not_queried_again() {
     run(&mut harness, 30);
     assert_eq!(clock_queries(&harness).len(), 1);
     assert_eq!(commands(&harness).len(), 4);
-    let status = harness.status("clock").unwrap();
-    assert_eq!(value(&status, "round trip us"), None);
+    assert_no_round_trip(&mut harness);
 }
 
 #[test]
@@ -78,8 +78,7 @@ fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
         harness.send(asked + 400, &ToHost::ClockReading(reading));
         harness.now_us = asked.cast_signed();
     }
-    let status = harness.status("clock").unwrap();
-    let figure = |key| value(&status, key).unwrap();
+    let mut figure = |key| harness.figure("clock", key);
     assert_eq!(figure("round trip us"), "800");
     assert_eq!(figure("offset known to +- us"), "400");
     // Lower bound: 4000 us minus the 500 us of the answer. Upper bound: 4000 us plus the 300 us of
@@ -87,8 +86,7 @@ fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
     assert_eq!(figure("stamps late by us"), "3500 to 4300");
     // Round trips older than a minute are discarded.
     run(&mut harness, 61);
-    let status = harness.status("clock").unwrap();
-    assert_eq!(value(&status, "round trip us"), None);
+    assert_no_round_trip(&mut harness);
 }
 
 #[test]
@@ -113,7 +111,6 @@ fn answers_without_a_query_or_with_impossible_times_are_counted() {
     ] {
         send_reading(&mut harness, host, received, made);
     }
-    let status = harness.status("clock").unwrap();
-    assert_eq!(value(&status, "impossible answers").unwrap(), "5");
-    assert_eq!(value(&status, "round trip us"), None);
+    assert_eq!(harness.figure("clock", "impossible answers"), "5");
+    assert_no_round_trip(&mut harness);
 }

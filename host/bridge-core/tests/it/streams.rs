@@ -12,15 +12,12 @@ const EVERYTHING: Streams = Streams::from_bits(0b11_1111);
 
 /// Returns the stream bits in every `Start` that the board received, oldest first.
 fn starts(harness: &Harness) -> Vec<u16> {
-    let streams = harness
-        .board
-        .received
-        .iter()
-        .map(|(_, command)| match command {
-            ToDevice::Start(start) => Some(start.streams.bits()),
-            _ => None,
-        });
-    streams.flatten().collect()
+    let received = harness.board.received.iter();
+    let streams = received.filter_map(|(_, command)| match command {
+        ToDevice::Start(start) => Some(start.streams.bits()),
+        _ => None,
+    });
+    streams.collect()
 }
 
 fn harness(streams: Streams, supported: Streams) -> Harness {
@@ -28,13 +25,7 @@ fn harness(streams: Streams, supported: Streams) -> Harness {
         streams,
         ..SETTINGS
     };
-    Harness::connected(
-        settings,
-        Board {
-            supported,
-            ..Board::new()
-        },
-    )
+    Harness::connected(settings, Board::supporting(supported))
 }
 
 #[test]
@@ -163,11 +154,8 @@ fn refused_samples_are_a_warning_and_the_other_streams_still_start() {
 #[test]
 fn another_device_is_asked_for_all_streams_again() {
     let mut harness = harness(EVERYTHING, Streams::CODES);
-    harness.board.reboot();
     harness.board.supported = EVERYTHING;
-    let hello = harness.board.hello();
-    harness.receive(&hello);
-    harness.exchange();
+    harness.reboot(0);
     assert_eq!(commands(&harness).last(), Some(&"start"));
     assert_eq!(starts(&harness).last(), Some(&0b01_1111));
     harness.code(1, false);

@@ -40,7 +40,8 @@ pub struct Publication {
     pub model: Option<PathBuf>,
     /// Options of the ROS node.
     pub ros: NodeOptions,
-    /// Namespace that extends or replaces the one of ROS.
+    /// Prefix of the names of topics and services. It extends the node's namespace, or replaces it
+    /// if it starts with a slash.
     pub topic_prefix: String,
     /// Name of the service that announces the frames.
     pub get_info: &'static str,
@@ -49,20 +50,25 @@ pub struct Publication {
 impl Publication {
     /// Reads the model to decode with.
     fn model(&self) -> Result<Arc<Model>, BridgeError> {
-        let model = match &self.model {
-            Some(folder) => Model::read(folder),
-            None => Model::embedded(),
-        };
+        let model = Model::read(self.model.as_deref());
         Ok(Arc::new(model.map_err(BridgeError::Model)?))
     }
 
     /// Returns the settings, with the rate of the model's packed code unless another was chosen.
-    fn settings(&self, model: &Model) -> Settings {
-        let of_model = || model.packed().map(|packed| packed.description.rate);
-        Settings {
-            packed_rate: self.settings.packed_rate.or_else(of_model),
-            ..self.settings
+    ///
+    /// # Errors
+    ///
+    /// [`BridgeError::AnnouncedNotStreamed`] if the announced stream is not among the streams.
+    fn settings(&self, model: &Model) -> Result<Settings, BridgeError> {
+        let settings = self.settings;
+        if !settings.announced.is_in(settings.streams) {
+            return Err(BridgeError::AnnouncedNotStreamed);
         }
+        let of_model = || model.packed().map(|packed| packed.description.rate);
+        Ok(Settings {
+            packed_rate: settings.packed_rate.or_else(of_model),
+            ..settings
+        })
     }
 
     /// Publishes the streams of a device at a ROS node, until it is ended by a signal (such as
@@ -83,10 +89,7 @@ impl Publication {
         let model = self.model()?;
         let namespace = Namespace::new(&self.ros.namespace, &self.topic_prefix);
         namespace.as_ros_name().clone_into(&mut self.ros.namespace);
-        let settings = self.settings(&model);
-        if !settings.announced.is_in(settings.streams) {
-            return Err(BridgeError::AnnouncedNotStreamed);
-        }
+        let settings = self.settings(&model)?;
         let (command_sender, commands) = mpsc::unbounded_channel();
         let ros = RosNode::start(self.ros).await?;
         rosout::publish(Arc::clone(&ros.node), log);
@@ -97,12 +100,8 @@ impl Publication {
         ros.serve(&namespace, self.get_info, announced, command_sender);
         let feed = connect(&ros.node, &namespace).await?;
         let sinks = Sinks::ros(&ros, settings.streams, &namespace).await?;
-        let outlets = Outlets::new(
-            sinks,
-            settings,
-            Arc::clone(&model),
-            Some(announcement_sender),
-        )?;
+        let announcements = Some(announcement_sender);
+        let outlets = Outlets::new(sinks, settings, Arc::clone(&model), announcements);
         shutdown.watch_node(Arc::clone(&ros.node));
         let (summary, outcome) = Bridge::new(settings, model, feed, commands, outlets)
             .run_to_end(&mut shutdown)
@@ -125,19 +124,20 @@ pub(super) async fn stream(
     mut ros: NodeOptions,
     log: mpsc::Receiver<Log>,
 ) -> Result<Summary, BridgeError> {
-    if let Some(uri) = &options.ros_master_uri {
-        ros.master_uri.clone_from(uri);
-    }
     options.asked.warn_about_unused();
-    let connection = Connection::new(options.at.port.clone(), options.at.baud);
+    let settings = options.settings();
+    if let Some(uri) = options.ros.ros_master_uri {
+        ros.master_uri = uri;
+    }
+    let connection = Connection::new(options.at.port, options.at.baud);
     let publication = Publication {
-        settings: options.settings(),
+        settings,
         model: options.model,
         ros,
-        topic_prefix: options.topic_prefix,
+        topic_prefix: options.ros.topic_prefix,
         get_info: GET_INFO_SERVICE,
     };
-    match options.sink {
+    match options.ros.sink {
         SinkKind::Ros => {
             let connect = async |_: &Node, _: &Namespace| Ok(connection);
             publication.publish(log, connect).await
@@ -154,15 +154,12 @@ async fn print_lines(
     let mut shutdown = Shutdown::new()?;
     let model = publication.model()?;
     let namespace = Namespace::new(&publication.ros.namespace, &publication.topic_prefix);
-    let settings = publication.settings(&model);
-    if !settings.announced.is_in(settings.streams) {
-        return Err(BridgeError::AnnouncedNotStreamed);
-    }
-    // Nobody calls services, and the sender must live as long as the receiver is asked.
+    let settings = publication.settings(&model)?;
+    // Without ROS nobody sends commands, but the channel must stay open while it is polled.
     let (_command_sender, commands) = mpsc::unbounded_channel();
     let lines = NdjsonWriter::start(WholeLines::stdout()?);
-    let sinks = Sinks::ndjson(&lines, settings.streams, &namespace);
-    let outlets = Outlets::new(sinks, settings, Arc::clone(&model), None)?;
+    let sinks = Sinks::ndjson(&lines, settings.streams, &namespace)?;
+    let outlets = Outlets::new(sinks, settings, Arc::clone(&model), None);
     let (summary, outcome) = Bridge::new(settings, model, connection, commands, outlets)
         .run_to_end(&mut shutdown)
         .await;
@@ -170,7 +167,7 @@ async fn print_lines(
     // A sink reports only that the writer has ended; the writer knows why.
     let outcome = match outcome {
         Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => written.map_err(BridgeError::Sink),
-        Err(error) => Err(error),
+        error => error,
     };
     match outcome {
         // The process that reads the JSON lines has closed the pipe, which is a normal end.
@@ -224,7 +221,8 @@ impl<F: Feed> Bridge<F> {
         let mut deadline: Option<Instant> = None;
         let mut failure = None;
         loop {
-            // Every tick asks again. In a pause the source waits, and its data stays in the port.
+            // Every tick checks this again. During a pause the source waits, and its data stays in
+            // the port.
             let paused = self.outlets.must_pause();
             tokio::select! {
                 event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing), if !paused => self.handle_connection(event?, &buffer),

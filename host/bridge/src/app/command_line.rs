@@ -49,22 +49,8 @@ const DECODING: &str = "Decoding and time";
 pub(crate) struct Options {
     #[command(flatten)]
     pub(crate) at: PortOptions,
-    /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
-    #[arg(long, help_heading = OUTPUTS, value_name = "URI")]
-    pub(crate) ros_master_uri: Option<String>,
-    /// Destination of the frames: ROS topics, or lines of JSON on stdout
-    #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_SINK", value_enum, default_value_t)]
-    pub(crate) sink: SinkKind,
-    /// Namespace of the node, its topics and services, such as /left for /left/encoded and
-    /// /left/acquisition/get_info; /diagnostics keeps its name
-    #[arg(
-        long,
-        help_heading = OUTPUTS,
-        env = "CORTICODE_TOPIC_PREFIX",
-        default_value = "",
-        value_name = "PREFIX"
-    )]
-    pub(crate) topic_prefix: String,
+    #[command(flatten)]
+    pub(crate) ros: RosOptions,
     /// Folder of the model to decode with, instead of the built-in one
     #[arg(long, help_heading = DECODING, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
@@ -105,9 +91,8 @@ impl Options {
     /// is none of them, because the parameters are read from that master.
     pub(crate) fn parameter_names() -> Vec<String> {
         let command = Options::command();
-        let ids = command
-            .get_arguments()
-            .map(|option| option.get_id().as_str());
+        let options = command.get_arguments();
+        let ids = options.map(|option| option.get_id().as_str());
         let ids = ids.filter(|id| *id != "ros_master_uri");
         ids.map(str::to_owned).collect()
     }
@@ -115,19 +100,17 @@ impl Options {
     /// Converts the options to the settings of the core.
     pub(crate) fn settings(&self) -> Settings {
         let streams = self.asked.streams();
-        let announced = self
-            .announce
-            .unwrap_or(if streams.contains(Streams::CODES) {
-                AnnouncedStream::Encoded
-            } else {
-                AnnouncedStream::Reconstructed
-            });
+        let default = if streams.contains(Streams::CODES) {
+            AnnouncedStream::Encoded
+        } else {
+            AnnouncedStream::Reconstructed
+        };
         Settings {
             stamp: self.stamp,
-            mains_hz: self.asked.mains_hz(),
+            mains_hz: self.asked.mains.unwrap_or(0),
             filler: self.filler,
             low_latency: self.low_latency,
-            announced,
+            announced: self.announce.unwrap_or(default),
             event_stamps: self.event_stamps,
             streams,
             packed_rate: self.asked.packed_rate,
@@ -322,9 +305,9 @@ pub(crate) struct PortsOptions {
 /// Check what the bridge needs: port, device, model, ROS, clock and disk.
 ///
 /// Prints one line for each check, with ok, warning, error or unknown, and a second line with the
-/// command that helps. Asks the device to identify itself, and leaves its streams as they are.
-/// host-sim on TCP serves one host at a time: the check interrupts a bridge that is connected to
-/// it.
+/// command that helps. Asks the device to identify itself, and leaves its streams as they are. With
+/// --sink ndjson, ROS is not checked. host-sim on TCP serves one host at a time: the check
+/// interrupts a bridge that is connected to it.
 ///
 /// Exit status: 0 no errors, 1 an error.
 #[derive(Clone, Debug, Parser)]
@@ -335,28 +318,37 @@ pub(crate) struct DoctorOptions {
     /// Folder of the model to decode with, instead of the built-in one
     #[arg(long, env = "CORTICODE_MODEL", value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
-    /// Destination of the bridge's frames; with ndjson, ROS is not checked
-    #[arg(long, env = "CORTICODE_SINK", value_enum, default_value_t)]
-    pub(crate) sink: SinkKind,
-    /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
-    #[arg(long, value_name = "URI")]
-    pub(crate) ros_master_uri: Option<String>,
+    #[command(flatten)]
+    pub(crate) ros: RosOptions,
     #[command(flatten)]
     pub(crate) asked: StreamOptions,
-    /// Namespace of the bridge's node and topics
-    #[arg(
-        long,
-        env = "CORTICODE_TOPIC_PREFIX",
-        default_value = "",
-        value_name = "PREFIX"
-    )]
-    pub(crate) topic_prefix: String,
     /// Print JSON instead of text
     #[arg(long)]
     pub(crate) json: bool,
 }
 
-/// Streams and settings that the device is asked for; options of the bridge and of `record`.
+/// Destination and names of the frames; options of the bridge and of `doctor`.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct RosOptions {
+    /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
+    #[arg(long, help_heading = OUTPUTS, value_name = "URI")]
+    pub(crate) ros_master_uri: Option<String>,
+    /// Destination of the frames: ROS topics, or lines of JSON on stdout
+    #[arg(long, help_heading = OUTPUTS, env = "CORTICODE_SINK", value_enum, default_value_t)]
+    pub(crate) sink: SinkKind,
+    /// Namespace of the node, its topics and services, such as /left for /left/encoded and
+    /// /left/acquisition/get_info; /diagnostics keeps its name
+    #[arg(
+        long,
+        help_heading = OUTPUTS,
+        env = "CORTICODE_TOPIC_PREFIX",
+        default_value = "",
+        value_name = "PREFIX"
+    )]
+    pub(crate) topic_prefix: String,
+}
+
+/// Streams and settings that the device is asked for; options of the bridge, `record` and `doctor`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct StreamOptions {
     /// Mains frequency that the device shall remove, Hz; the device chooses by default
@@ -382,11 +374,6 @@ pub(crate) struct StreamOptions {
 }
 
 impl StreamOptions {
-    /// Returns the mains frequency to remove, Hz; 0 leaves the choice to the device.
-    pub(crate) fn mains_hz(&self) -> u8 {
-        self.mains.unwrap_or(0)
-    }
-
     /// Logs a warning about options that have no effect on the chosen streams.
     pub(crate) fn warn_about_unused(&self) {
         if self.packed_rate.is_some() && !self.streams.contains(&StreamKind::Packed) {

@@ -45,10 +45,7 @@ pub(crate) struct ConvertOptions {
 ///
 /// [`BridgeError`] if the recording or the model cannot be read, or a file cannot be written.
 pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, BridgeError> {
-    let model = match &options.model {
-        Some(folder) => Model::read(folder),
-        None => Model::embedded(),
-    };
+    let model = Model::read(options.model.as_deref());
     let model = Arc::new(model.map_err(BridgeError::Model)?);
     let conversion = Conversion {
         file: options.file.clone(),

@@ -5,12 +5,12 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use bridge_core::{AnnouncedStream, HostTime, Model};
+use bridge_core::{AnnouncedStream, Model};
 use link::Streams;
 use neuro_ros::ros1::xmlrpc::{CallError, Value, call_ros};
 use neuro_ros::ros1::{NodeOptions, SystemState};
 use tokio::net::UdpSocket;
-use tokio::time::{Instant, timeout};
+use tokio::time::{Instant, timeout, timeout_at};
 
 use crate::app::command_line::{DoctorOptions, SinkKind};
 use crate::app::ros_node::Namespace;
@@ -18,14 +18,15 @@ use crate::doctor::device_checks::{DeviceAnswer, Probe, check_device};
 use crate::doctor::port_checks::{PortFacts, PortPlace, UdevRule, UsbPort, check_port};
 use crate::doctor::ros_checks::{MasterState, OwnHost, RosFacts, check_ros};
 use crate::doctor::{Level, Report, check_clock, check_disk};
+use crate::ports::access::Program;
 use crate::ports::finder::{BoardFinder, FindError};
 use crate::ports::system_root::{Likeness, SystemRoot};
 use crate::wire::port::{Port, PortAddress, Transfer};
 
 /// Time for the device to introduce itself, and for each answer of another program.
 const TIMEOUT: Duration = Duration::from_secs(3);
-/// Time between two checks of whether a command to the device is due.
-const TICK: Duration = Duration::from_millis(100);
+/// Time between two transmissions of `Identify`, until the device has introduced itself.
+const RETRY: Duration = Duration::from_millis(500);
 
 /// Places of the udev rule: the administrator's, and those of packages.
 const RULE_FILES: [&str; 3] = [
@@ -39,11 +40,10 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
     let root = SystemRoot::machine();
     let (place, address) = locate(&options.at.port, &root);
     let programs = root.programs();
+    let is_modem_manager = |program: &Program| program.name == "ModemManager";
     let mut checks = check_port(&PortFacts {
         place,
-        modem_manager: programs
-            .iter()
-            .any(|program| program.name == "ModemManager"),
+        modem_manager: programs.iter().any(is_modem_manager),
     });
     if let Some(address) = address {
         let can_open = checks.iter().all(|check| check.level != Level::Error);
@@ -52,14 +52,11 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
         } else {
             DeviceAnswer::NotAsked
         };
-        let model = match &options.model {
-            Some(folder) => Model::read(folder),
-            None => Model::embedded(),
-        };
+        let model = Model::read(options.model.as_deref());
         let model = model.map_err(|error| format!("the model cannot be read: {error}"));
         checks.extend(check_device(&answer, &address.to_string(), &model));
     }
-    if options.sink == SinkKind::Ros {
+    if options.ros.sink == SinkKind::Ros {
         checks.extend(check_ros(&ros_facts(options, ros).await));
     }
     checks.push(check_clock(clock_is_synchronised().await));
@@ -73,10 +70,8 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
 fn locate(address: &PortAddress, root: &SystemRoot) -> (PortPlace, Option<PortAddress>) {
     let path = match address {
         PortAddress::Tcp(_) => {
-            return (
-                PortPlace::Network(address.to_string()),
-                Some(address.clone()),
-            );
+            let place = PortPlace::Network(address.to_string());
+            return (place, Some(address.clone()));
         }
         PortAddress::Tty(path) => path.clone(),
         PortAddress::Auto(serial) => match BoardFinder::new(root.clone(), serial.clone()).find() {
@@ -144,9 +139,13 @@ async fn ask(address: &PortAddress, baud: u32) -> DeviceAnswer {
     let mut probe = Probe::new();
     let (mut buffer, mut outgoing) = (vec![0; 4096], Vec::new());
     let deadline = Instant::now() + TIMEOUT;
+    let mut due = Instant::now();
     while Instant::now() < deadline {
-        outgoing.extend(probe.outgoing(HostTime::now().monotonic_us));
-        match timeout(TICK, port.exchange(&mut buffer, &outgoing)).await {
+        if Instant::now() >= due {
+            outgoing.extend(probe.identify());
+            due += RETRY;
+        }
+        match timeout_at(due, port.exchange(&mut buffer, &outgoing)).await {
             Err(_) => {}
             Ok(Ok(Transfer::Read(count))) => {
                 if probe.receive(&buffer[..count]) {
@@ -164,10 +163,10 @@ async fn ask(address: &PortAddress, baud: u32) -> DeviceAnswer {
 }
 
 async fn ros_facts(options: &DoctorOptions, ros: &NodeOptions) -> RosFacts {
-    let master_uri = options.ros_master_uri.clone();
-    let master_uri = master_uri.unwrap_or_else(|| ros.master_uri.clone());
+    let master_uri = options.ros.ros_master_uri.as_ref();
+    let master_uri = master_uri.unwrap_or(&ros.master_uri).clone();
     let master_host = host_of(&master_uri).unwrap_or_default();
-    let namespace = Namespace::new(&ros.namespace, &options.topic_prefix);
+    let namespace = Namespace::new(&ros.namespace, &options.ros.topic_prefix);
     let own_host = match &ros.host {
         Some(name) => Some(OwnHost {
             name: name.clone(),
@@ -266,7 +265,7 @@ mod tests {
         usb_port,
     };
     use crate::doctor::port_checks::PortFacts;
-    use crate::ports::simulated_machine::{BOARD, Descriptor, SimulatedMachine};
+    use crate::ports::simulated_machine::{BOARD, OTHER, SimulatedMachine};
     use crate::wire::port::PortAddress;
 
     #[test]
@@ -277,11 +276,11 @@ mod tests {
             let (place, address) = locate(&PortAddress::Auto(None), &root);
             assert_eq!(address, None);
             let modem_manager = false;
-            let check = check_port(&PortFacts {
+            let facts = PortFacts {
                 place,
                 modem_manager,
-            })
-            .remove(0);
+            };
+            let check = check_port(&facts).remove(0);
             assert_eq!(check.level, Level::Error);
             format!("{}; {}", check.finding, check.remedy.unwrap())
         };
@@ -298,24 +297,11 @@ mod tests {
         machine.write(RULE_FILES[1], "");
         assert_eq!(usb_port(&path, &root), UsbPort::Board(UdevRule::Installed));
         machine.plug_ftdi(4, "ttyUSB0");
-        assert_eq!(
-            usb_port(&machine.path("dev/ttyUSB0"), &root),
-            UsbPort::Other
-        );
-        machine.plug(
-            3,
-            "ttyACM1",
-            Descriptor {
-                serial: "3B",
-                ..BOARD
-            },
-            None,
-        );
-        assert!(
-            fault().ends_with("doctor --port auto:SERIAL"),
-            "{}",
-            fault()
-        );
+        let ftdi = machine.path("dev/ttyUSB0");
+        assert_eq!(usb_port(&ftdi, &root), UsbPort::Other);
+        machine.plug(3, "ttyACM1", OTHER, None);
+        let fault = fault();
+        assert!(fault.ends_with("doctor --port auto:SERIAL"), "{fault}");
     }
 
     #[tokio::test]

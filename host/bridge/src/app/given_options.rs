@@ -80,8 +80,8 @@ impl GivenOptions {
         )
     }
 
-    /// Returns `arguments` with `others` added, options of the subcommand or of the bridge. They
-    /// come before the other arguments, which can end with names of files after `--`.
+    /// Returns `arguments` with the options `others` inserted after the name of the program and of
+    /// the subcommand, because the arguments can end with names of files after `--`.
     pub(crate) fn extend(
         &self,
         arguments: &[String],

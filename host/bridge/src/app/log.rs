@@ -1,4 +1,4 @@
-//! The log of a program that is a ROS node, and of a port from which no frames arrive.
+//! The log of a program that is a ROS node, and its messages about a silent port.
 
 use std::fs::File;
 use std::sync::Arc;
@@ -50,12 +50,14 @@ pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeErro
 /// Logs each silence of a port once, however often the port is reopened.
 #[derive(Debug, Default)]
 pub(crate) struct SilenceLog {
-    /// Number of frames received when the last silence was logged.
+    /// Number of frames that had been received when the last silence was logged. A silence with the
+    /// same number is the same one.
     frames: Option<u32>,
 }
 
 impl SilenceLog {
-    /// Logs a silence, unless it is the one that was logged last.
+    /// Logs a silence of `port`, unless it is the one that was logged last. `wire` counts what the
+    /// port has sent.
     pub(crate) fn log(&mut self, port: &str, wire: &Counters) {
         if self.frames.replace(wire.frames) == Some(wire.frames) {
             return;

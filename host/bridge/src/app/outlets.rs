@@ -1,5 +1,6 @@
 //! Outputs of the bridge: sinks, decoder thread and bytes for the device.
 
+use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -18,6 +19,7 @@ use tokio::sync::watch::Sender;
 
 use crate::app::ros_node::{Namespace, RosNode};
 use crate::app::ros_topics::RosTopics;
+use crate::error::BridgeError;
 
 /// Longest time at the end to wait for the decoder. A service manager kills a program that does not
 /// end, systemd after 90 s.
@@ -28,15 +30,7 @@ const DECODER_TIMEOUT: Duration = Duration::from_secs(5);
 pub(crate) struct Outlets {
     settings: Settings,
     model: Arc<Model>,
-    encoded: Box<dyn FrameSink>,
-    raw: Option<Box<dyn FrameSink>>,
-    filtered: Option<Box<dyn FrameSink>>,
-    events: Option<Box<dyn Sink<NeuroEvent>>>,
-    diagnostics: Box<dyn Sink<DiagnosticArray>>,
-    /// The topics of the sinks; `None` if frames go to stdout.
-    topics: Option<Arc<RosTopics>>,
-    namespace: Namespace,
-    decoder: DecoderThread,
+    sinks: Sinks,
     back_pressure: BackPressure,
     /// Channel to the task that serves `/acquisition/get_info`; `None` if frames go to stdout.
     announcements: Option<Sender<Option<AcquisitionInfo>>>,
@@ -58,18 +52,11 @@ impl Outlets {
         settings: Settings,
         model: Arc<Model>,
         announcements: Option<Sender<Option<AcquisitionInfo>>>,
-    ) -> std::io::Result<Outlets> {
-        Ok(Outlets {
+    ) -> Outlets {
+        Outlets {
             settings,
             model,
-            encoded: sinks.encoded,
-            raw: sinks.raw,
-            filtered: sinks.filtered,
-            events: sinks.events,
-            diagnostics: sinks.diagnostics,
-            topics: sinks.topics,
-            namespace: sinks.namespace,
-            decoder: DecoderThread::start(sinks.reconstructed)?,
+            sinks,
             back_pressure: BackPressure::default(),
             announcements,
             announced: None,
@@ -77,32 +64,33 @@ impl Outlets {
             reported_malformed: 0,
             outgoing: Vec::new(),
             sink_error: None,
-        })
+        }
     }
 
     /// Passes queued codes and audits to the decoder after everything that was published has been
     /// written to the subscribers' sockets, so that decoding does not delay a code.
     pub(crate) async fn start_decoding(&mut self) {
-        if self.decoder.has_prepared_work() {
-            // The tasks that write the sockets run in the same thread, meanwhile.
+        if self.sinks.decoder.has_prepared_work() {
+            // The tasks that write the sockets run in this thread while this task yields.
             tokio::task::yield_now().await;
-            self.decoder.start_work();
+            self.sinks.decoder.start_work();
         }
     }
 
     /// Returns whether the decoder lags far behind a source that can wait. The port is then not
     /// read.
     pub(crate) fn must_pause(&self) -> bool {
-        !self.decoder.has_ended() && self.back_pressure.must_pause(self.decoder.counts().waiting)
+        let decoder = &self.sinks.decoder;
+        !decoder.has_ended() && self.back_pressure.must_pause(decoder.counts().waiting)
     }
 
     /// Waits until queued codes are decoded, at most for [`DECODER_TIMEOUT`], and returns the
     /// decoder's counts. Logs the number of codes that were not decoded, and of frames on
     /// `/encoded` that were dropped for slow subscribers.
     pub(crate) fn finish(self) -> DecoderCounts {
-        let dropped = self.encoded.dropped();
-        let not_decoded = self.decoder.counts().not_decoded;
-        let counts = self.decoder.finish(DECODER_TIMEOUT);
+        let dropped = self.sinks.encoded.dropped();
+        let not_decoded = self.sinks.decoder.counts().not_decoded;
+        let counts = self.sinks.decoder.finish(DECODER_TIMEOUT);
         if not_decoded > 0 {
             tracing::warn!(
                 not_decoded,
@@ -124,38 +112,44 @@ impl Outlets {
     /// Publishes the core's report, extended by the status of the outlets and of the audits, and by
     /// the decoder's findings about packed blocks.
     pub(crate) fn publish_diagnostics(&mut self, mut report: DiagnosticArray) {
-        let malformed = self.decoder.counts().malformed;
+        let malformed = self.sinks.decoder.counts().malformed;
         let before = std::mem::replace(&mut self.reported_malformed, malformed);
         report_malformed(&mut report, malformed, malformed - before);
         report.status.push(self.status());
-        if let Some(mut audits) = self.decoder.audit_status() {
+        if let Some(mut audits) = self.sinks.decoder.audit_status() {
             audits.name.insert_str(0, "corticode: ");
             report.status.push(audits);
         }
         for status in &mut report.status {
-            status.name = self.namespace.status_name(&status.name);
+            status.name = self.sinks.namespace.status_name(&status.name);
         }
-        let published = self.diagnostics.publish(&report);
+        let published = self.sinks.diagnostics.publish(&report);
         self.record_error(published);
     }
 
     /// Returns the status of sinks and decoder, with the numbers of dropped and undecoded frames.
     fn status(&mut self) -> DiagnosticStatus {
+        let sinks = &self.sinks;
         let dropped = |sink: &Option<Box<dyn FrameSink>>| sink.as_ref().map(|sink| sink.dropped());
-        let events = self.events.as_ref().map(|sink| sink.dropped());
-        let decoder = self.decoder.counts();
+        let decoder = sinks.decoder.counts();
         let figures = [
-            ("encoded frames dropped", Some(self.encoded.dropped())),
-            ("reconstructed frames dropped", Some(self.decoder.dropped())),
+            ("encoded frames dropped", Some(sinks.encoded.dropped())),
+            (
+                "reconstructed frames dropped",
+                Some(sinks.decoder.dropped()),
+            ),
             ("windows not decoded", Some(decoder.not_decoded)),
-            ("raw frames dropped", dropped(&self.raw)),
-            ("filtered frames dropped", dropped(&self.filtered)),
-            ("events dropped", events),
+            ("raw frames dropped", dropped(&sinks.raw)),
+            ("filtered frames dropped", dropped(&sinks.filtered)),
+            (
+                "events dropped",
+                sinks.events.as_ref().map(|sink| sink.dropped()),
+            ),
         ];
         let now = figures.iter().filter_map(|(_, figure)| *figure).sum();
         let lost = now > std::mem::replace(&mut self.reported, now);
-        let objection = self.topics.as_ref().and_then(|topics| topics.objection());
-        let (level, message) = if self.decoder.has_ended() {
+        let objection = sinks.topics.as_ref().and_then(|topics| topics.objection());
+        let (level, message) = if sinks.decoder.has_ended() {
             let message = "the decoder has ended; restart this program for reconstructed frames";
             (DiagnosticLevel::Error, message.to_owned())
         } else if let Some(objection) = objection {
@@ -177,7 +171,7 @@ impl Outlets {
             ),
             KeyValue::new("windows not needed", &decoder.not_needed),
         ];
-        let topics = self.topics.iter().flat_map(|topics| topics.values());
+        let topics = sinks.topics.iter().flat_map(|topics| topics.values());
         DiagnosticStatus {
             level,
             name: "corticode: outlets".to_owned(),
@@ -185,6 +179,12 @@ impl Outlets {
             hardware_id: String::new(),
             values: values.chain(work).chain(topics).collect(),
         }
+    }
+
+    /// Records the device time of a received code or packed block for the decision to pause.
+    fn record_device_time(&mut self, device_us: u64) {
+        let read_us = HostTime::now().monotonic_us;
+        self.back_pressure.record(device_us, read_us);
     }
 
     fn record_error(&mut self, published: Result<(), SinkError>) {
@@ -204,7 +204,7 @@ impl Effects for Outlets {
             let (device, model) = (&announcement.device, &self.model);
             let packed = PackedReconstruction::new(device, model, self.settings);
             let codes = Reconstruction::new(device, Arc::clone(model), self.settings);
-            self.decoder.start_device(codes, packed);
+            self.sinks.decoder.start_device(codes, packed);
         }
         let Some(announcements) = &self.announcements else {
             return;
@@ -225,7 +225,7 @@ impl Effects for Outlets {
     }
 
     fn publish_encoded(&mut self, frame: &NeuroFrame) {
-        let published = self.encoded.publish(frame);
+        let published = self.sinks.encoded.publish(frame);
         self.record_error(published);
     }
 
@@ -235,59 +235,50 @@ impl Effects for Outlets {
 
     fn decode(&mut self, window: TimedCode) {
         if window.z.is_some() {
-            let read_us = HostTime::now().monotonic_us;
-            self.back_pressure
-                .record(window.words.device_time_us, read_us);
+            self.record_device_time(window.words.device_time_us);
         }
-        self.decoder.decode(window);
+        self.sinks.decoder.decode(window);
     }
 
     fn decode_block(&mut self, block: TimedPackedBlock) {
         if block.block.is_some() {
-            let read_us = HostTime::now().monotonic_us;
-            self.back_pressure
-                .record(block.words.device_time_us, read_us);
+            self.record_device_time(block.words.device_time_us);
         }
-        self.decoder.decode_block(block);
+        self.sinks.decoder.decode_block(block);
     }
 
     fn finish_blocks(&mut self) {
-        self.decoder.finish_blocks();
+        self.sinks.decoder.finish_blocks();
     }
 
     fn publish_raw(&mut self, frame: &NeuroFrame) {
-        if let Some(sink) = &mut self.raw {
-            let published = sink.publish(frame);
-            self.record_error(published);
-        }
+        let published = self.sinks.raw.as_mut().map(|sink| sink.publish(frame));
+        self.record_error(published.unwrap_or(Ok(())));
     }
 
     fn publish_filtered(&mut self, frame: &NeuroFrame) {
-        if let Some(sink) = &mut self.filtered {
-            let published = sink.publish(frame);
-            self.record_error(published);
-        }
+        let published = self.sinks.filtered.as_mut().map(|sink| sink.publish(frame));
+        self.record_error(published.unwrap_or(Ok(())));
     }
 
     fn publish_event(&mut self, event: &NeuroEvent) {
-        if let Some(sink) = &mut self.events {
-            let published = sink.publish(event);
-            self.record_error(published);
-        }
+        let published = self.sinks.events.as_mut().map(|sink| sink.publish(event));
+        self.record_error(published.unwrap_or(Ok(())));
     }
 
     fn audit(&mut self, window: AuditedWindow) {
-        self.decoder.audit(window, Arc::clone(&self.model));
+        let model = Arc::clone(&self.model);
+        self.sinks.decoder.audit(window, model);
     }
 }
 
 /// Queue length per subscriber for frames of codes and of reconstructed signals: 8.5 minutes at 16
 /// frames per second. A frame takes about 3 KB, and only slow subscribers have frames waiting.
 const QUEUE_FRAMES: usize = 8192;
-/// Largest number of fillers that are published at once after an outage: 4.3 minutes of codes. A
-/// recorder must receive all of them, and the codes after them, which have the other half of the
-/// queue. More fillers would push codes out of it.
-pub(crate) const MAX_FILLERS: u64 = QUEUE_FRAMES as u64 / 2;
+/// Largest number of fillers that are published at once after an outage: 4.3 minutes of codes. They
+/// take half of a subscriber's queue, so that the codes after them, which take the other half, push
+/// no filler out of it.
+const MAX_FILLERS: u64 = QUEUE_FRAMES as u64 / 2;
 /// Queue length per subscriber for frames of samples and of filtered steps. It has room for the
 /// filler frames of the longest outage that is filled: 120 s at 16 frames per second, 1,920 frames
 /// of about 9 KB each.
@@ -296,18 +287,19 @@ const QUEUE_SAMPLES: usize = 2048;
 /// second, so the queue covers a recorder's pauses while it writes to disk.
 const QUEUE_EVENTS: usize = 1024;
 
-/// One sink per topic. Each sink has its own queue, so a slow reader of samples loses samples but
-/// no codes. Streams that are not requested have no topic.
+/// One sink per topic; that of `/neurodata_reconstructed` is in the decoder's thread. Each sink has
+/// its own queue, so a slow reader of samples loses samples but no codes. Streams that are not
+/// requested have no topic.
 pub(crate) struct Sinks {
-    pub(crate) encoded: Box<dyn FrameSink>,
-    pub(crate) reconstructed: Box<dyn FrameSink>,
-    pub(crate) raw: Option<Box<dyn FrameSink>>,
-    pub(crate) filtered: Option<Box<dyn FrameSink>>,
-    pub(crate) events: Option<Box<dyn Sink<NeuroEvent>>>,
-    pub(crate) diagnostics: Box<dyn Sink<DiagnosticArray>>,
+    encoded: Box<dyn FrameSink>,
+    decoder: DecoderThread,
+    raw: Option<Box<dyn FrameSink>>,
+    filtered: Option<Box<dyn FrameSink>>,
+    events: Option<Box<dyn Sink<NeuroEvent>>>,
+    diagnostics: Box<dyn Sink<DiagnosticArray>>,
     /// The topics of the sinks; `None` if frames go to stdout.
-    pub(crate) topics: Option<Arc<RosTopics>>,
-    pub(crate) namespace: Namespace,
+    topics: Option<Arc<RosTopics>>,
+    namespace: Namespace,
 }
 
 /// Full names of the topics; `None` for streams that are not requested.
@@ -342,7 +334,7 @@ impl Sinks {
         ros: &RosNode,
         streams: Streams,
         namespace: &Namespace,
-    ) -> Result<Sinks, NodeError> {
+    ) -> Result<Sinks, BridgeError> {
         let names = Names::new(streams, namespace);
         let topics = Arc::new(RosTopics::new(Arc::clone(&ros.node)));
         let frames = |name: &str, queue| -> Result<Box<dyn FrameSink>, NodeError> {
@@ -354,7 +346,7 @@ impl Sinks {
         };
         let mut sinks = Sinks {
             encoded: frames(&names.encoded, QUEUE_FRAMES)?,
-            reconstructed: frames(&names.reconstructed, QUEUE_FRAMES)?,
+            decoder: DecoderThread::start(frames(&names.reconstructed, QUEUE_FRAMES)?)?,
             raw: optional(&names.raw)?,
             filtered: optional(&names.filtered)?,
             events: None,
@@ -370,20 +362,23 @@ impl Sinks {
     }
 
     /// Creates sinks that write lines of JSON.
-    pub(crate) fn ndjson(lines: &NdjsonWriter, streams: Streams, namespace: &Namespace) -> Sinks {
+    pub(crate) fn ndjson(
+        lines: &NdjsonWriter,
+        streams: Streams,
+        namespace: &Namespace,
+    ) -> io::Result<Sinks> {
         let names = Names::new(streams, namespace);
         let frames = |name: String| Box::new(lines.sink(&name)) as Box<dyn FrameSink>;
-        Sinks {
+        let events = |name: String| Box::new(lines.sink(&name)) as Box<dyn Sink<NeuroEvent>>;
+        Ok(Sinks {
             encoded: frames(names.encoded),
-            reconstructed: frames(names.reconstructed),
+            decoder: DecoderThread::start(frames(names.reconstructed))?,
             raw: names.raw.map(frames),
             filtered: names.filtered.map(frames),
-            events: names
-                .events
-                .map(|name| Box::new(lines.sink(&name)) as Box<dyn Sink<NeuroEvent>>),
+            events: names.events.map(events),
             diagnostics: Box::new(lines.sink(names.diagnostics)),
             topics: None,
             namespace: namespace.clone(),
-        }
+        })
     }
 }

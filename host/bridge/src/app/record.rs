@@ -56,7 +56,7 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
     let mut shutdown = Shutdown::new()?;
     options.asked.warn_about_unused();
     let settings = Settings {
-        mains_hz: options.asked.mains_hz(),
+        mains_hz: options.asked.mains.unwrap_or(0),
         filler: FillerPolicy::Off,
         streams: options.asked.streams(),
         packed_rate: options.asked.packed_rate,
@@ -226,8 +226,8 @@ impl Recording {
     }
 }
 
-/// Records the core's commands and keeps them for the port. Everything else that the core requests
-/// is for somebody who publishes.
+/// Records the core's commands and keeps them for the port. The other effects of the core have no
+/// output, because `record` publishes nothing.
 struct RecordedPort {
     recorder: Recorder,
     outgoing: Vec<u8>,

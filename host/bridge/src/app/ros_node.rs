@@ -15,9 +15,9 @@ use tokio::task::JoinHandle;
 /// Time after the node's start at which a missing ROS master is first logged.
 const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
 
-/// Topic with the rate that the packed code is to have from now on.
+/// Topic on which an experiment sets the rate of the packed code.
 const RATE_TOPIC: &str = "~packed_rate";
-/// Rates that wait to be handled; the newest one counts.
+/// Number of received rates that can wait to be handled. The device gets the newest one.
 const QUEUE_RATES: usize = 4;
 
 /// The bridge's ROS node, with a task that logs when the master appears or disappears.
@@ -96,8 +96,8 @@ impl RosNode {
     }
 }
 
-/// Sends each number that arrives on `~packed_rate` to `commands`. Other numbers than rates are
-/// refused in the log.
+/// Sends each rate that arrives on `~packed_rate` to `commands`. Logs a warning for a number that
+/// is no rate.
 async fn receive_rates(node: Arc<Node>, commands: UnboundedSender<NodeCommand>) {
     let subscribed = node.subscribe(RATE_TOPIC, UInt8::TYPE, QUEUE_RATES).await;
     let mut rates = match subscribed {
@@ -221,10 +221,8 @@ mod tests {
         for (ros, prefix) in [("/", ""), ("", ""), ("/", "/")] {
             let none = Namespace::new(ros, prefix);
             assert_eq!(none.as_ros_name(), "/");
-            assert_eq!(
-                none.resolve("/acquisition/get_info"),
-                "/acquisition/get_info"
-            );
+            let get_info = "/acquisition/get_info";
+            assert_eq!(none.resolve(get_info), get_info);
             assert_eq!(none.status_name("corticode: link"), "corticode: link");
         }
     }

@@ -1,4 +1,5 @@
-//! The bridge's ROS topics: which of them are published, and how far their subscribers lag.
+//! The bridge's ROS topics: which of them are published, and how many messages wait for each
+//! subscriber.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -155,7 +156,8 @@ impl RosTopics {
 }
 
 impl FrameTopic {
-    /// Compares the topic with its list of publishers, and stops publishing if that is required.
+    /// Checks the topic's list of publishers at the ROS master, and stops publishing if another
+    /// node is among them. `own` is the bridge's node.
     fn observe(&self, own: &str, publishers: &[String]) -> Change {
         let mut state = lock(&self.state);
         let before = state.claim.others().to_vec();
@@ -166,16 +168,14 @@ impl FrameTopic {
             state.dropped += publisher.dropped();
         }
         let others = state.claim.others();
-        if !others.is_empty() && (change == Change::Withdraw || before != others) {
-            let others = others.join(" and ");
-            if state.publisher.is_none() {
-                tracing::error!(
-                    "{} is not published, because {others} publishes it too, and a recorder \
-                     cannot tell their frames apart; stop that node, remap one of the topics, or \
-                     set --topic-prefix",
-                    self.name
-                );
-            }
+        let is_new = change == Change::Withdraw || before != others;
+        if !others.is_empty() && is_new && state.publisher.is_none() {
+            tracing::error!(
+                "{} is not published, because {} publishes it too, and a recorder cannot tell \
+                 their frames apart; stop that node, remap one of the topics, or set --topic-prefix",
+                self.name,
+                others.join(" and ")
+            );
         }
         change
     }
@@ -249,8 +249,9 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Number of checks in a row in which a topic must be free before it is published after a conflict.
-/// After a restart of the ROS master its publishers register again within two checks.
+/// Number of checks in a row in which a topic must be free before it is published, if another node
+/// has published it before. After a restart of the ROS master its publishers register again within
+/// two checks.
 const FREE_CHECKS: u32 = 3;
 
 /// The bridge's claim to one topic. A recorder allocates by the shape of one publisher and then
@@ -260,10 +261,10 @@ pub(crate) struct Claim {
     published: bool,
     /// Other nodes that publish the topic, as of the last check.
     others: Vec<String>,
-    /// Number of checks in a row: of those that found another publisher while the bridge publishes,
-    /// else of those that found none.
+    /// Number of checks in a row that speak against the present state: while the bridge publishes,
+    /// checks that found another publisher; otherwise checks that found none.
     checks: u32,
-    /// Whether another publisher was found before.
+    /// Whether any check so far has found another publisher.
     contested: bool,
 }
 
@@ -284,8 +285,9 @@ impl Claim {
     /// Compares the claim with `publishers` of the topic, in the order of their registration; `own`
     /// is the bridge's node.
     ///
-    /// If the bridge registered first, it withdraws at the second check that finds another
-    /// publisher: a bridge that came later withdraws at once, and one of the two must stay.
+    /// If the bridge registered first, it withdraws only at the second check in a row that finds
+    /// another publisher. If that one is a bridge too, it came later and withdraws at once, so that
+    /// one of the two keeps publishing.
     pub(crate) fn check(&mut self, own: &str, publishers: &[String]) -> Change {
         let others = publishers.iter().filter(|node| *node != own);
         self.others = others.cloned().collect();

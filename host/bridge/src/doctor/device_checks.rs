@@ -1,7 +1,7 @@
-//! Checks of the device: answers, has no fault, and has a model that the bridge decodes.
+//! Checks that the device answers, has no fault, and has a model that the bridge decodes.
 
 use artifact::ModelId;
-use bridge_core::{Device, DeviceError, DeviceSummary, Identity, Model, PendingCommand};
+use bridge_core::{Device, DeviceError, DeviceSummary, Identity, Model};
 use link::{Decoder, Encoder, MAX_FRAME, ToDevice, ToHost};
 
 use crate::doctor::Check;
@@ -129,15 +129,15 @@ pub(crate) enum DeviceAnswer {
     NotOpen { why: String, remedy: String },
     /// The connection broke before the device introduced itself.
     Lost { why: String },
-    /// Nothing.
+    /// The device sent nothing.
     Silent,
-    /// Bytes, and no frame among them.
+    /// The port sent this number of bytes, and no frame among them.
     Stranger { bytes: u64 },
-    /// Frames of another version of the wire format.
+    /// The device sent frames of another version of the wire format.
     OtherVersion,
-    /// Frames without a `Hello`.
+    /// The device sent frames, and no `Hello` among them.
     NoHello,
-    /// An introduction.
+    /// The device introduced itself.
     Identified(Box<IdentifiedDevice>),
 }
 
@@ -150,12 +150,11 @@ pub(crate) struct IdentifiedDevice {
     pub(crate) device: Option<Result<Device, DeviceError>>,
 }
 
-/// Sends `Identify` until the device has introduced itself.
+/// Asks a device to introduce itself and keeps its answer.
 #[derive(Debug)]
 pub(crate) struct Probe {
     decoder: Decoder<MAX_FRAME>,
     encoder: Encoder,
-    pending: Option<PendingCommand>,
     identity: Option<Identity>,
     device: Option<Result<Device, DeviceError>>,
 }
@@ -165,22 +164,13 @@ impl Probe {
         Probe {
             decoder: Decoder::new(),
             encoder: Encoder::default(),
-            pending: None,
             identity: None,
             device: None,
         }
     }
 
-    /// Returns the bytes to send now.
-    pub(crate) fn outgoing(&mut self, now_us: i64) -> Vec<u8> {
-        if self
-            .pending
-            .is_some_and(|pending| !pending.retry_is_due(now_us))
-        {
-            return Vec::new();
-        }
-        let seq = self.encoder.next_seq();
-        self.pending = Some(PendingCommand::new(ToDevice::Identify, seq, now_us));
+    /// Returns the frame of one more `Identify`.
+    pub(crate) fn identify(&mut self) -> Vec<u8> {
         let mut buffer = [0; MAX_FRAME];
         let frame = self.encoder.encode(0, &ToDevice::Identify, &mut buffer);
         frame.map(<[u8]>::to_vec).unwrap_or_default()
@@ -203,7 +193,7 @@ impl Probe {
         self.device.is_some()
     }
 
-    /// Returns what was received so far.
+    /// Returns the device's answer, as far as it was received.
     pub(crate) fn answer(self) -> DeviceAnswer {
         let counters = self.decoder.counters();
         match self.identity {
@@ -239,6 +229,10 @@ mod tests {
         check_device(answer, PORT, &model)
     }
 
+    fn remedy_of(check: &Check) -> &str {
+        check.remedy.as_deref().unwrap()
+    }
+
     fn identified(model_id: [u8; 8], fault: &str) -> DeviceAnswer {
         DeviceAnswer::Identified(Box::new(IdentifiedDevice {
             summary: DeviceSummary {
@@ -255,45 +249,27 @@ mod tests {
 
     #[test]
     fn each_missing_answer_has_its_own_finding_and_remedy() {
-        for (answer, level, finding, remedy) in [
-            (
-                DeviceAnswer::NotAsked,
-                Level::Unknown,
-                "not asked",
-                "doctor again",
-            ),
-            (
-                DeviceAnswer::Silent,
-                Level::Error,
-                "nothing answers",
-                "check power",
-            ),
-            (
-                DeviceAnswer::Stranger { bytes: 9 },
-                Level::Error,
-                "9 bytes and no frame",
-                "bridge ports",
-            ),
+        let stranger = DeviceAnswer::Stranger { bytes: 9 };
+        let reset = "reset --port /dev/ttyACM0";
+        for (answer, finding, remedy) in [
+            (DeviceAnswer::NotAsked, "not asked", "doctor again"),
+            (DeviceAnswer::Silent, "nothing answers", "check power"),
+            (stranger, "9 bytes and no frame", "bridge ports"),
             (
                 DeviceAnswer::OtherVersion,
-                Level::Error,
                 "than this bridge (1)",
                 "cargo flash",
             ),
-            (
-                DeviceAnswer::NoHello,
-                Level::Error,
-                "does not introduce itself",
-                "reset --port /dev/ttyACM0",
-            ),
+            (DeviceAnswer::NoHello, "does not introduce itself", reset),
         ] {
             let checks = check(&answer);
+            let level = match answer {
+                DeviceAnswer::NotAsked => Level::Unknown,
+                _ => Level::Error,
+            };
             assert_eq!((checks.len(), checks[0].level), (1, level), "{answer:?}");
             assert!(checks[0].finding.contains(finding), "{checks:?}");
-            assert!(
-                checks[0].remedy.as_deref().unwrap().contains(remedy),
-                "{checks:?}"
-            );
+            assert!(remedy_of(&checks[0]).contains(remedy), "{checks:?}");
         }
     }
 
@@ -303,25 +279,9 @@ mod tests {
         let levels: Vec<Level> = checks.iter().map(|check| check.level).collect();
         assert_eq!(levels, [Level::Ok, Level::Warning, Level::Warning]);
         assert!(checks[1].finding.contains("the watchdog reset it"));
-        assert!(
-            checks[1]
-                .remedy
-                .as_deref()
-                .unwrap()
-                .contains("selftest --port /dev/ttyACM0")
-        );
-        assert!(
-            checks[2].finding.contains("0909090909090909"),
-            "{}",
-            checks[2].finding
-        );
-        assert!(
-            checks[2]
-                .remedy
-                .as_deref()
-                .unwrap()
-                .contains("--model FOLDER")
-        );
+        assert!(remedy_of(&checks[1]).contains("selftest --port /dev/ttyACM0"));
+        assert!(checks[2].finding.contains("0909090909090909"), "{checks:?}");
+        assert!(remedy_of(&checks[2]).contains("--model FOLDER"));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Checks of the port: present, permitted, free, and named by udev.
+//! Checks that the port is present, may be opened, is free, and has a name from the udev rule.
 
 use std::path::PathBuf;
 
@@ -54,7 +54,7 @@ pub(crate) enum UsbPort {
 pub(crate) enum UdevRule {
     /// udev has named the board by the rule.
     Applied,
-    /// The rule is installed, and the board was plugged in before.
+    /// The rule is installed, but the board was plugged in before its installation.
     Installed,
     Missing,
 }
@@ -136,8 +136,7 @@ fn check_modem_manager(usb: UsbPort, runs: bool) -> Option<Check> {
 mod tests {
     use super::{PortFacts, PortPlace, UdevRule, UsbPort, check_port};
     use crate::doctor::{Check, Level};
-    use crate::ports::access::Program;
-    use crate::ports::access::{Membership, PortAccess};
+    use crate::ports::access::{Membership, PortAccess, Program};
 
     fn check(access: PortAccess, usb: UsbPort, modem_manager: bool) -> Vec<Check> {
         let path = "/dev/ttyACM0".into();
@@ -163,11 +162,9 @@ mod tests {
 
     #[test]
     fn a_board_without_the_rule_is_a_warning_and_modem_manager_another_one() {
+        let install = "corticode-bridge ports --udev-rule | sudo tee";
         for (rule, command) in [
-            (
-                UdevRule::Missing,
-                "corticode-bridge ports --udev-rule | sudo tee",
-            ),
+            (UdevRule::Missing, install),
             (UdevRule::Installed, "sudo udevadm control --reload"),
         ] {
             let board = UsbPort::Board(rule);

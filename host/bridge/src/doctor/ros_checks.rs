@@ -78,13 +78,10 @@ fn check_own_host(facts: &RosFacts) -> Check {
         }
     };
     let Some((address, _)) = addresses.iter().find(|(_, is_own)| *is_own) else {
-        let foreign: Vec<String> = addresses
-            .iter()
-            .map(|(address, _)| address.to_string())
-            .collect();
+        let foreign = addresses.iter().map(|(address, _)| address.to_string());
+        let foreign = foreign.collect::<Vec<String>>().join(", ");
         let finding = format!(
-            "ROS_HOSTNAME or ROS_IP is {name} ({}), which is no address of this machine",
-            foreign.join(", ")
+            "ROS_HOSTNAME or ROS_IP is {name} ({foreign}), which is no address of this machine"
         );
         return Check::error(NAME, finding, SET_IP);
     };
@@ -153,11 +150,8 @@ mod tests {
 
     /// Returns name and level of the only check that is not ok, and its text with the remedy.
     fn only_fault(facts: &RosFacts) -> (&'static str, Level, String) {
-        let checks = check_ros(facts);
-        let mut wrong: Vec<Check> = checks
-            .into_iter()
-            .filter(|check| check.level != Level::Ok)
-            .collect();
+        let mut wrong = check_ros(facts);
+        wrong.retain(|check| check.level != Level::Ok);
         assert_eq!(wrong.len(), 1, "{wrong:?}");
         let Check {
             name,
@@ -171,20 +165,15 @@ mod tests {
     #[test]
     fn a_running_master_without_other_publishers_passes() {
         let own = host("10.0.0.5", &[("10.0.0.5", true)]);
-        for own_host in [
-            None,
-            Some(own),
-            Some(host("lab", &[("10.0.0.9", false), ("127.0.1.1", true)])),
-        ] {
+        let several = host("lab", &[("10.0.0.9", false), ("127.0.1.1", true)]);
+        for own_host in [None, Some(own), Some(several)] {
             let facts = RosFacts {
                 own_host,
                 ..facts()
             };
-            assert!(
-                check_ros(&facts)
-                    .iter()
-                    .all(|check| check.level == Level::Ok)
-            );
+            let checks = check_ros(&facts);
+            let all_ok = checks.iter().all(|check| check.level == Level::Ok);
+            assert!(all_ok, "{checks:?}");
         }
     }
 
@@ -208,13 +197,10 @@ mod tests {
         };
         let elsewhere = host("labpc", &[("10.9.9.9", false)]);
         let loopback = host("labpc", &[("127.0.1.1", true)]);
+        let foreign = "labpc (10.9.9.9), which is no address of this machine";
         for (own_host, here, expected) in [
             (unresolved, true, "does not resolve: unknown host"),
-            (
-                elsewhere,
-                true,
-                "labpc (10.9.9.9), which is no address of this machine",
-            ),
+            (elsewhere, true, foreign),
             (loopback, false, "the master is on another machine"),
         ] {
             let facts = RosFacts {
@@ -224,10 +210,8 @@ mod tests {
             };
             let (name, level, text) = only_fault(&facts);
             assert_eq!((name, level), ("own address", Level::Error));
-            assert!(
-                text.contains(expected) && text.contains("export ROS_IP="),
-                "{text}"
-            );
+            assert!(text.contains(expected), "{text}");
+            assert!(text.contains("export ROS_IP="), "{text}");
         }
     }
 

@@ -41,10 +41,8 @@ impl PortAccess {
             PortAccess::Free => return None,
             PortAccess::InUse(programs) => {
                 let remedies: Vec<String> = programs.iter().map(remedy).collect();
-                (
-                    format!("in use by {}", names(programs)),
-                    remedies.join("; "),
-                )
+                let programs = names(programs);
+                (format!("in use by {programs}"), remedies.join("; "))
             }
             PortAccess::Denied(Membership::RootOnly) => (
                 "only root may open the port".to_owned(),
@@ -83,10 +81,8 @@ fn remedy(program: &Program) -> String {
 }
 
 fn names(programs: &[Program]) -> String {
-    let names = programs.iter();
-    let names: Vec<String> = names
-        .map(|program| format!("{} (pid {})", program.name, program.pid))
-        .collect();
+    let name = |program: &Program| format!("{} (pid {})", program.name, program.pid);
+    let names: Vec<String> = programs.iter().map(name).collect();
     names.join(", ")
 }
 
@@ -190,18 +186,13 @@ impl SystemRoot {
     /// Returns the processes that have locked the file, from lines of `proc/locks` such as
     /// `1: FLOCK  ADVISORY  WRITE 1234 00:19:56 0 EOF`: process, device, inode.
     fn lockers(&self, file: &Path) -> Vec<u32> {
-        let Ok(inode) = fs::metadata(file).map(|metadata| metadata.ino()) else {
+        let Ok(metadata) = fs::metadata(file) else {
             return Vec::new();
         };
         let locks = self.text("proc/locks").unwrap_or_default();
-        let device = fs::metadata(file)
-            .map(|metadata| metadata.dev())
-            .unwrap_or_default();
-        let id = format!(
-            "{:02x}:{:02x}:{inode}",
-            rustix::fs::major(device),
-            rustix::fs::minor(device)
-        );
+        let (device, inode) = (metadata.dev(), metadata.ino());
+        let (major, minor) = (rustix::fs::major(device), rustix::fs::minor(device));
+        let id = format!("{major:02x}:{minor:02x}:{inode}");
         let of_file = locks.lines().filter_map(|line| {
             let words: Vec<&str> = line.split_whitespace().collect();
             let place = words.iter().position(|word| *word == id)?;
@@ -233,7 +224,7 @@ mod tests {
     use std::fs;
     use std::path::Path;
 
-    use super::{Membership, PortAccess, Program, SystemRoot, membership, user_name};
+    use super::{Membership, PortAccess, Program, SystemRoot, membership, names, user_name};
 
     const GROUPS: &str = "root:x:0:\ndialout:x:20:eve,ada\n";
     const USERS: &str = "root:x:0:0:root:/root:/bin/sh\nada:x:1000:1000::/home/ada:/bin/sh\n";
@@ -247,19 +238,10 @@ mod tests {
     fn each_reason_for_a_denied_port_has_its_own_remedy() {
         assert_eq!(user_name(USERS, 1000), Some("ada"));
         assert_eq!(user_name(USERS, 1), None);
+        let add = "not in the group dialout: sudo usermod -aG dialout $USER, then log in again";
         for (gid, mode, user, expected) in [
-            (
-                20,
-                0o20_660,
-                Some("bob"),
-                "not in the group dialout: sudo usermod -aG dialout $USER",
-            ),
-            (
-                20,
-                0o20_660,
-                None,
-                "sudo usermod -aG dialout $USER, then log in again",
-            ),
+            (20, 0o20_660, Some("bob"), add),
+            (20, 0o20_660, None, add),
             (20, 0o20_660, Some("ada"), "newgrp dialout"),
             (20, 0o20_600, Some("bob"), "sudo chgrp dialout /dev/ttyACM0"),
             (0, 0o20_660, Some("bob"), "sudo chgrp dialout /dev/ttyACM0"),
@@ -309,16 +291,10 @@ mod tests {
         std::os::unix::fs::symlink("/dev/null", root.path("proc/42/fd/0")).unwrap();
         assert!(root.holders(&port).is_empty());
         std::os::unix::fs::symlink(&port, root.path("proc/41/fd/3")).unwrap();
-        let names = || {
-            let holders = root.holders(&port);
-            holders
-                .into_iter()
-                .map(|program| (program.pid, program.name))
-                .collect::<Vec<_>>()
-        };
-        assert_eq!(names(), [(41, "minicom".to_owned())]);
+        let holders = || names(&root.holders(&port));
+        assert_eq!(holders(), "minicom (pid 41)");
         fs::write(root.path("proc/41/cmdline"), "/usr/bin/minicom-2\0-D\0").unwrap();
-        assert_eq!(names(), [(41, "minicom-2".to_owned())]);
+        assert_eq!(holders(), "minicom-2 (pid 41)");
         fs::write(root.path("proc/41/cmdline"), "python3\0x.py\0").unwrap();
         // The kernel's own list of locks, with a lock of this file by process 42.
         let file = fs::File::open(&port).unwrap();
@@ -326,14 +302,8 @@ mod tests {
         let locked = SystemRoot::machine().text("proc/locks").unwrap_or_default();
         let own = std::process::id().to_string();
         assert!(locked.contains(&format!(" {own} ")), "{locked}");
-        let locks: Vec<String> = locked
-            .lines()
-            .map(|line| line.replace(&format!(" {own} "), " 42 "))
-            .collect();
-        fs::write(root.path("proc/locks"), locks.join("\n")).unwrap();
-        assert_eq!(
-            names(),
-            [(41, "minicom".to_owned()), (42, "bash".to_owned())]
-        );
+        let locks = locked.replace(&format!(" {own} "), " 42 ");
+        fs::write(root.path("proc/locks"), locks).unwrap();
+        assert_eq!(holders(), "minicom (pid 41), bash (pid 42)");
     }
 }

@@ -120,7 +120,8 @@ fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, Find
             present: boards.iter().map(|port| name(port)).collect(),
         });
     }
-    // With a second board on its way, the first is not the only one.
+    // While udev still processes the port of one board, another board must not be taken for the only
+    // one.
     let mut unsettled = ports.iter().filter(|port| !port.is_settled);
     if let Some(port) = unsettled.find(|port| port.likeness() == Likeness::Board) {
         let port = port.path.clone();
@@ -147,13 +148,9 @@ fn name(port: &SerialPort) -> String {
 #[cfg(test)]
 mod tests {
     use super::{BoardFinder, FindError};
-    use crate::ports::simulated_machine::{BOARD, Descriptor, SimulatedMachine};
+    use crate::ports::simulated_machine::{BOARD, Descriptor, OTHER, SimulatedMachine};
     use crate::ports::system_root::SystemRoot;
 
-    const OTHER: Descriptor<'static> = Descriptor {
-        serial: "3B",
-        ..BOARD
-    };
     const ST_LINK: Descriptor<'static> = Descriptor {
         vendor: "0483",
         product_id: "374b",

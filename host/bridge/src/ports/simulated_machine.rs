@@ -28,18 +28,18 @@ pub(crate) const BOARD: Descriptor<'static> = Descriptor {
     serial: "3A0042001951333138363735",
 };
 
+/// Descriptor of a second board.
+pub(crate) const OTHER: Descriptor<'static> = Descriptor {
+    serial: "3B",
+    ..BOARD
+};
+
 const CONTROLLER: &str = "sys/devices/pci0000:00/0000:00:14.0/usb1";
 
 impl SimulatedMachine {
     pub(crate) fn new() -> SimulatedMachine {
         let machine = SimulatedMachine(tempfile::tempdir().unwrap());
-        for folder in [
-            CONTROLLER,
-            "sys/class/tty",
-            "dev/serial/by-id",
-            "proc",
-            "etc",
-        ] {
+        for folder in [CONTROLLER, "sys/class/tty", "dev/serial/by-id", "proc"] {
             fs::create_dir_all(machine.path(folder)).unwrap();
         }
         // The host controller's own hub has a vendor and product too.
@@ -83,11 +83,8 @@ impl SimulatedMachine {
             ..
         } = usb;
         let name = format!("usb-{manufacturer}_{product}_{serial}-if00").replace(' ', "_");
-        symlink(
-            format!("../../{tty}"),
-            self.path(&format!("dev/serial/by-id/{name}")),
-        )
-        .unwrap();
+        let link = self.path(&format!("dev/serial/by-id/{name}"));
+        symlink(format!("../../{tty}"), link).unwrap();
     }
 
     /// Plugs a USB serial converter of FTDI, whose port is one folder below its interface.
@@ -109,15 +106,11 @@ impl SimulatedMachine {
     /// Adds an 8250 port of the mainboard; `uart_type` is 0 for a number without hardware.
     pub(crate) fn add_uart(&self, tty: &str, uart_type: u32) {
         let device = "sys/devices/pnp0/00:01/00:01:0/00:01:0.0";
-        self.link(
-            "sys/bus/pnp/drivers/serial",
-            "sys/devices/pnp0/00:01/driver",
-        );
+        let driver = "sys/devices/pnp0/00:01/driver";
+        self.link("sys/bus/pnp/drivers/serial", driver);
         self.terminal(device, "serial-base/drivers/port", tty);
-        self.write(
-            &format!("{device}/tty/{tty}/type"),
-            &format!("{uart_type}\n"),
-        );
+        let file = format!("{device}/tty/{tty}/type");
+        self.write(&file, &format!("{uart_type}\n"));
         self.write(&format!("dev/{tty}"), "");
     }
 

@@ -108,10 +108,8 @@ fn text(path: &Path) -> Option<String> {
 /// kernels put between a UART and its driver.
 fn driver(device: &Path) -> Option<String> {
     let driver = fs::canonicalize(device.join("driver")).ok()?;
-    if driver
-        .components()
-        .any(|part| part.as_os_str() == "serial-base")
-    {
+    let mut parts = driver.components();
+    if parts.any(|part| part.as_os_str() == "serial-base") {
         return None;
     }
     Some(driver.file_name()?.to_string_lossy().into_owned())
@@ -196,10 +194,8 @@ impl SerialPort {
     /// Returns whether udev has given the port a name by the project's rule,
     /// `/dev/corticode-SERIAL`.
     pub(crate) fn has_own_name(&self) -> bool {
-        let name = self
-            .link
-            .as_ref()
-            .and_then(|link| link.file_name()?.to_str());
+        let link = self.link.as_ref();
+        let name = link.and_then(|link| link.file_name()?.to_str());
         name.is_some_and(|name| name.starts_with(OWN_NAME))
     }
 
@@ -239,34 +235,21 @@ mod tests {
                 let name = port.path.file_name().unwrap().to_str().unwrap();
                 let id = port.usb.as_ref().map_or("-", |usb| &usb.id);
                 let driver = port.driver.as_deref().unwrap();
-                (name, id, driver, port.serial(), port.likeness())
+                (name, id, driver, port.likeness())
             })
             .collect();
         let expected = [
-            (
-                "ttyACM0",
-                "1209:0001",
-                "cdc_acm",
-                Some(BOARD.serial),
-                Likeness::Board,
-            ),
-            (
-                "ttyACM1",
-                "0483:374e",
-                "cdc_acm",
-                Some("0042"),
-                Likeness::Maybe,
-            ),
-            ("ttyS0", "-", "serial", None, Likeness::Other),
-            (
-                "ttyUSB0",
-                "0403:6001",
-                "ftdi_sio",
-                Some("A9XYZ"),
-                Likeness::Other,
-            ),
+            ("ttyACM0", "1209:0001", "cdc_acm", Likeness::Board),
+            ("ttyACM1", "0483:374e", "cdc_acm", Likeness::Maybe),
+            ("ttyS0", "-", "serial", Likeness::Other),
+            ("ttyUSB0", "0403:6001", "ftdi_sio", Likeness::Other),
         ];
         assert_eq!(summary, expected);
+        let serials: Vec<_> = ports.iter().map(SerialPort::serial).collect();
+        assert_eq!(
+            serials,
+            [Some(BOARD.serial), Some("0042"), None, Some("A9XYZ")]
+        );
         let link = |index: usize| ports[index].link.clone();
         let own = format!("dev/corticode-{}", BOARD.serial);
         assert_eq!(link(0), Some(machine.path(&own)));

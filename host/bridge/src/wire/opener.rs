@@ -1,4 +1,4 @@
-//! Opens the port of an address, again and again.
+//! Opens the port of an address, as often as it is lost.
 
 use std::{fmt, io};
 
@@ -8,7 +8,8 @@ use crate::ports::finder::{BoardFinder, FindError, FoundBoard};
 use crate::ports::system_root::SystemRoot;
 use crate::wire::port::{Port, PortAddress};
 
-/// Opens a port. The port of `auto` can be another one each time, of the same board.
+/// Opens the port of an address. With `auto`, each opening finds the port that the board has now,
+/// which can be another one than before, but the board stays the same.
 #[derive(Clone, Debug)]
 pub(crate) struct PortOpener {
     address: PortAddress,
@@ -101,14 +102,9 @@ mod tests {
 
     use super::{OpenError, PortOpener, SystemRoot};
     use crate::error::BridgeError;
-    use crate::ports::simulated_machine::{BOARD, Descriptor, SimulatedMachine};
+    use crate::ports::simulated_machine::{BOARD, OTHER, SimulatedMachine};
     use crate::wire::connection::{Connection, Event, Feed};
     use crate::wire::port::PortAddress;
-
-    const OTHER: Descriptor<'static> = Descriptor {
-        serial: "3B",
-        ..BOARD
-    };
 
     /// Returns the device's end of a new pseudoterminal, and the path of the other end.
     fn pseudoterminal() -> (File, PathBuf) {
@@ -139,10 +135,8 @@ mod tests {
         assert_eq!(opened.unwrap(), Event::Opened);
         device.write_all(b"first").unwrap();
         let read = connection.next_event(&mut buffer, &mut outgoing).await;
-        assert_eq!(
-            (read.unwrap(), &buffer[..5]),
-            (Event::Bytes(5), &b"first"[..])
-        );
+        let expected = (Event::Bytes(5), &b"first"[..]);
+        assert_eq!((read.unwrap(), &buffer[..5]), expected);
         // The board is unplugged, and another one gets the number of its port.
         machine.unplug(2, "ttyACM0");
         drop(device);
@@ -158,10 +152,8 @@ mod tests {
         assert_eq!(opened.unwrap(), Event::Opened);
         device.write_all(b"again").unwrap();
         let read = connection.next_event(&mut buffer, &mut outgoing).await;
-        assert_eq!(
-            (read.unwrap(), &buffer[..5]),
-            (Event::Bytes(5), &b"again"[..])
-        );
+        let expected = (Event::Bytes(5), &b"again"[..]);
+        assert_eq!((read.unwrap(), &buffer[..5]), expected);
     }
 
     #[tokio::test]

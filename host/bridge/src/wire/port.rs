@@ -175,17 +175,15 @@ impl FromStr for PortAddress {
     fn from_str(text: &str) -> Result<PortAddress, String> {
         match text.split_once(':') {
             Some(("tcp", address)) => {
-                let port = address
-                    .rsplit_once(':')
-                    .map(|(host, port)| (host, port.parse::<u16>()));
-                match port {
-                    Some((host, Ok(_))) if !host.is_empty() => {
-                        Ok(PortAddress::Tcp(address.to_owned()))
-                    }
-                    _ => Err(format!(
-                        "`{address}` is not a host and a port of 0 to 65535; write tcp:127.0.0.1:5555"
-                    )),
+                let parts = address.rsplit_once(':');
+                let is_valid =
+                    |(host, port): (&str, &str)| !host.is_empty() && port.parse::<u16>().is_ok();
+                if parts.is_some_and(is_valid) {
+                    return Ok(PortAddress::Tcp(address.to_owned()));
                 }
+                Err(format!(
+                    "`{address}` is not a host and a port of 0 to 65535; write tcp:127.0.0.1:5555"
+                ))
             }
             // host-sim prints its pseudoterminals as `pty:PATH`.
             Some(("pty", path)) if !path.is_empty() => Ok(PortAddress::Tty(path.into())),
@@ -209,8 +207,8 @@ impl FromStr for PortAddress {
     }
 }
 
-/// Returns whether a text is a number, or ends with a colon and a number, and has no folder: what
-/// remains of `tcp:HOST:PORT` without its beginning.
+/// Returns whether a text looks like `tcp:HOST:PORT` without `tcp:` or without `tcp:HOST:`, and has
+/// no folder.
 fn is_tcp_without_prefix(text: &str) -> bool {
     let last = text.rsplit(':').next().unwrap_or(text);
     !text.contains('/') && !last.is_empty() && last.bytes().all(|byte| byte.is_ascii_digit())
@@ -285,14 +283,8 @@ mod tests {
         let tty = PortAddress::Tty("/tmp/board".into());
         assert_eq!(PortAddress::parse_output("pty:/tmp/board"), Ok(tty));
         assert!(PortAddress::parse_output("tcp:localhost:5555").is_ok());
-        for wrong in [
-            "/tmp",
-            "pty:",
-            "file:x",
-            "auto",
-            "5555",
-            "tcp:localhost:99999",
-        ] {
+        let wrong_port = "tcp:localhost:99999";
+        for wrong in ["/tmp", "pty:", "file:x", "auto", "5555", wrong_port] {
             let error = PortAddress::parse_output(wrong).unwrap_err();
             assert!(error.contains("write"), "{wrong}: {error}");
         }

@@ -10,10 +10,9 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
 
-use crate::board::{Board, assert_has};
-use crate::device::Device;
-use crate::graph::{ended, frame, master, node, subscribe, until};
-use crate::process::{Bridge, TIMEOUT};
+use crate::board::assert_has;
+use crate::graph::{Graph, ended, frame, until};
+use crate::process::TIMEOUT;
 
 /// Returns the URI of the bridge's XML-RPC server, or `None` until the ROS master knows it.
 async fn bridge_uri(master: &str) -> Option<String> {
@@ -55,37 +54,32 @@ async fn send(address: &str, bytes: &[u8]) -> TcpStream {
 
 #[tokio::test]
 async fn no_abuse_costs_a_subscriber_a_frame() {
-    let master = master().await;
-    let device = Device::tcp(Board::new());
-    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
-    let node = node("recorder", master.uri()).await;
-    let mut encoded = subscribe(&node, "/encoded").await;
+    let graph = Graph::new().await;
+    let bridge = graph.bridge();
+    let mut encoded = graph.subscribe("/encoded").await;
     let mut next = frame(&mut encoded).await.neuroheader.seq;
     let mut uri = None;
     until("the node", async || {
-        uri = bridge_uri(master.uri()).await;
+        uri = bridge_uri(graph.master.uri()).await;
         uri.is_some()
     })
     .await;
     let uri = uri.unwrap();
     let topic = tcpros(&uri).await;
-    let api = uri
-        .trim_start_matches("http://")
-        .trim_end_matches('/')
-        .to_owned();
+    let api = uri.trim_start_matches("http://").trim_end_matches('/');
 
     let mut held = Vec::new();
     // Clients that connect to the topic or the API port and send nothing.
     for _ in 0..20 {
         held.push(send(&topic, b"").await);
-        held.push(send(&api, b"").await);
+        held.push(send(api, b"").await);
     }
     // A subscriber that never reads its messages.
     held.push(send(&topic, &subscription(NeuroFrame::TYPE.md5)).await);
     // A header that claims 4 GiB, an incomplete HTTP request, and invalid XML.
     held.push(send(&topic, &u32::MAX.to_le_bytes()).await);
-    held.push(send(&api, b"POST / HTTP/1.1\r\nContent-Length: 100\r\n\r\n<").await);
-    held.push(send(&api, b"POST / HTTP/1.1\r\nContent-Length: 5\r\n\r\n<<>>!").await);
+    held.push(send(api, b"POST / HTTP/1.1\r\nContent-Length: 100\r\n\r\n<").await);
+    held.push(send(api, b"POST / HTTP/1.1\r\nContent-Length: 5\r\n\r\n<<>>!").await);
     // Subscribers that reset the connection right after their header.
     for _ in 0..10 {
         let stream = send(&topic, &subscription(NeuroFrame::TYPE.md5)).await;
@@ -94,10 +88,8 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
     // A subscriber with another message definition receives an error.
     let mut wrong = send(&topic, &subscription("00000000000000000000000000000000")).await;
     let mut answer = Vec::new();
-    timeout(TIMEOUT, wrong.read_to_end(&mut answer))
-        .await
-        .unwrap()
-        .unwrap();
+    let read = timeout(TIMEOUT, wrong.read_to_end(&mut answer)).await;
+    read.unwrap().unwrap();
     let answer = String::from_utf8_lossy(&answer).into_owned();
     assert_has(&answer, ["error=", "md5"]);
 

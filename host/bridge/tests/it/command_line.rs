@@ -6,11 +6,6 @@ use std::process::Command;
 use crate::board::assert_has;
 use crate::process::Bridge;
 
-fn run(arguments: &[&str]) -> (Option<i32>, String) {
-    let (status, log) = Bridge::start(arguments).wait();
-    (status.code(), log)
-}
-
 #[test]
 fn wrong_usage_is_status_2_with_advice() {
     for (arguments, expected) in [
@@ -26,6 +21,10 @@ fn wrong_usage_is_status_2_with_advice() {
         ),
         (&["--port", "/tmp", "--sink", "ndjson"], "it is a folder"),
         (&["selftest", "--port", "/tmp"], "it is a folder"),
+        (&["selftest", "--port", "/dev/null"], "/dev/ttyACM0"),
+        (&["reset", "--port", "tcp:nowhere"], "tcp:127.0.0.1:5555"),
+        (&["--port=x", "--streams", "codes,spectra"], "filtered"),
+        (&["--port=x", "--announce=raw"], "--streams codes,raw"),
         (&["replay", "x", "--output", "tcp:h:99999"], "0 to 65535"),
         (&["replay", "x", "--output", "/tmp"], "write pty:PATH"),
         (&["replay", "x", "--output", "file:x"], "write pty:PATH"),
@@ -46,8 +45,8 @@ fn wrong_usage_is_status_2_with_advice() {
             "ROS_MASTER_URI",
         ),
     ] {
-        let (code, log) = run(arguments);
-        assert_eq!(code, Some(2), "{arguments:?}: {log}");
+        let (status, log) = Bridge::start(arguments).wait();
+        assert_eq!(status.code(), Some(2), "{arguments:?}: {log}");
         assert!(log.contains(expected), "{arguments:?}: {log}");
     }
 }
@@ -62,9 +61,7 @@ fn an_empty_variable_sets_no_option() {
 
 #[test]
 fn the_udev_rule_comes_with_the_program() {
-    let mut bridge = Bridge::start(&["ports", "--udev-rule"]);
-    let rule = std::io::read_to_string(bridge.stdout()).unwrap();
-    assert!(bridge.wait().0.success());
+    let rule = stdout(&["ports", "--udev-rule"]);
     let file = concat!(
         env!("CARGO_MANIFEST_DIR"),
         "/../../packaging/60-corticode.rules"
@@ -74,8 +71,7 @@ fn the_udev_rule_comes_with_the_program() {
 
 #[test]
 fn help_names_every_option() {
-    let mut bridge = Bridge::start(&["--help"]);
-    let help = std::io::read_to_string(bridge.stdout()).unwrap();
+    let help = stdout(&["--help"]);
     for option in [
         "--port",
         "--baud",
@@ -105,7 +101,6 @@ fn help_names_every_option() {
     ] {
         assert!(help.contains(option), "{help}");
     }
-    assert!(bridge.wait().0.success());
 }
 
 fn stdout(arguments: &[&str]) -> String {
@@ -189,30 +184,22 @@ fn there_is_a_manual_page_for_each_command_that_names_every_option() {
     let help = stdout(&["--help"]);
     let (_, commands) = help.split_once("Commands:\n").unwrap();
     let (commands, _) = commands.split_once("Options:\n").unwrap();
-    let commands = commands
-        .lines()
-        .filter(|line| line.starts_with("  ") && !line.starts_with("   "));
-    let mut commands: Vec<&str> = commands
-        .map(|line| line.split_whitespace().next().unwrap())
-        .collect();
+    let names_of_commands = commands.lines().filter_map(|line| {
+        let line = line.strip_prefix("  ")?;
+        (!line.starts_with(' ')).then(|| line.split_whitespace().next())?
+    });
+    let mut commands: Vec<&str> = names_of_commands.collect();
     commands.retain(|name| *name != "help");
-    assert!(
-        commands.contains(&"selftest") && commands.contains(&"man"),
-        "{commands:?}"
-    );
-    assert_eq!(
-        std::fs::read_dir(&pages).unwrap().count(),
-        commands.len() + 1
-    );
+    let has_all = commands.contains(&"selftest") && commands.contains(&"man");
+    assert!(has_all, "{commands:?}");
+    let files = std::fs::read_dir(&pages).unwrap();
+    assert_eq!(files.count(), commands.len() + 1);
+    let of_subcommands = commands.iter().map(|name| format!("-{name}"));
     let mut options = 0;
-    for command in std::iter::once("").chain(commands) {
-        let name = if command.is_empty() {
-            String::new()
-        } else {
-            format!("-{command}")
-        };
-        let page =
-            std::fs::read_to_string(pages.join(format!("corticode-bridge{name}.1"))).unwrap();
+    for name in std::iter::once(String::new()).chain(of_subcommands) {
+        let page = pages.join(format!("corticode-bridge{name}.1"));
+        let page = std::fs::read_to_string(page).unwrap();
+        let command = name.trim_start_matches('-');
         let mut arguments = vec![command, "--help"];
         arguments.retain(|argument| !argument.is_empty());
         for option in names(&stdout(&arguments)) {

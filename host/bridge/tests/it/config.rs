@@ -4,13 +4,12 @@ use std::path::PathBuf;
 
 use neuro_ros::ros1::Master;
 use neuro_ros::ros1::xmlrpc::{Value, call_ros};
-use neuro_ros::{NeuroFrame, RosMessage};
 use rustix::process::Signal;
 use tempfile::TempDir;
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::device::Device;
-use crate::graph::{ended, frame, master, node};
+use crate::graph::{ended, frame, master, node, subscribe};
 use crate::process::Bridge;
 
 /// Writes a configuration file to a new folder.
@@ -30,8 +29,7 @@ async fn log_of_bridge_on(
     variables: &[(&str, &str)],
 ) -> String {
     let node = node("recorder", master.uri()).await;
-    let type_ = NeuroFrame::TYPE;
-    let mut encoded = node.subscribe(topic, type_, 64).await.unwrap();
+    let mut encoded = subscribe(&node, topic).await;
     let bridge = Bridge::start_with(arguments, variables);
     frame(&mut encoded).await;
     bridge.signal(Signal::TERM);
@@ -87,31 +85,21 @@ fn the_file_of_the_user_is_found_and_applies_to_subcommands() {
     let home = ("XDG_CONFIG_HOME", folder.path().to_str().unwrap());
     let recording = folder.path().join("a.wire");
     let record = ["record", recording.to_str().unwrap()];
-    for (arguments, status, expected) in [
-        (&["selftest"][..], Some(3), "/nowhere does not open"),
-        (
-            &["reset", "--bootloader"],
-            Some(3),
-            "/nowhere does not open",
-        ),
-        (
-            &["selftest", "--port=/elsewhere"],
-            Some(3),
-            "/elsewhere does not open",
-        ),
+    for (arguments, port) in [
+        (&["selftest"][..], "/nowhere"),
+        (&["reset", "--bootloader"], "/nowhere"),
+        (&["selftest", "--port=/elsewhere"], "/elsewhere"),
     ] {
-        let (ended, log) = Bridge::start_in_home(arguments, home).wait();
-        assert_eq!(ended.code(), status, "{arguments:?}: {log}");
+        let log = Bridge::start_in_home(arguments, home).failure(3);
         let read = format!("options from {}", path.display());
-        assert!(log.contains(&read) && log.contains(expected), "{log}");
+        assert_has(&log, [&read, &format!("{port} does not open")]);
     }
     let bridge = Bridge::start_in_home(&record, home);
     while !recording.exists() {
         std::thread::sleep(std::time::Duration::from_millis(10));
     }
-    bridge.signal(Signal::TERM);
-    let (ended, log) = bridge.wait();
-    assert!(ended.success() && log.contains("options from"), "{log}");
+    let log = bridge.end(Signal::TERM);
+    assert!(log.contains("options from"), "{log}");
 }
 
 #[test]

@@ -97,9 +97,7 @@ fn recording(folder: &Path) -> (PathBuf, Vec<i64>) {
     rig.run(200, 7);
     assert!(rig.lost > 100, "{}", rig.lost);
     let times = rig.event_times_us.clone();
-    let path = folder.join("session.wire");
-    std::fs::write(&path, rig.finish()).unwrap();
-    (path, times)
+    (write(folder, rig.finish()), times)
 }
 
 #[test]
@@ -130,7 +128,8 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
         assert!(checked >= times_us.len() - 1, "{stream}: {checked}");
         assert!(worst <= 1.1, "{stream}: {worst} rows");
         assert!((0..table.rows.len()).any(|row| table.is_filler(row)));
-        // Every row is at its index: the wall clock and the values agree from start to end.
+        // The time that the values of a row state agrees with the row's index, from the first row to
+        // the last.
         let mut at_start = None;
         for row in 0..table.rows.len() {
             let Some(tick) = tick_of(&table, stream, row) else {
@@ -152,14 +151,13 @@ fn events_after_an_outage_longer_than_the_bridge_fills_stand_at_their_samples() 
     rig.restart(300_000_000);
     rig.run(200, 7);
     let times_us = rig.event_times_us.clone();
-    let path = folder.path().join("session.wire");
-    std::fs::write(&path, rig.finish()).unwrap();
+    let path = write(folder.path(), rig.finish());
     let (status, log) = convert(&path, "gdf");
     assert_eq!(status, Some(0), "{log}");
     let mut raw = Recording::open(folder.path().join("session.raw.gdf")).unwrap();
     let events = raw.events().unwrap();
+    let events = events.iter();
     let events: Vec<usize> = events
-        .iter()
         .map(|event| (event.onset_s * 512.0).round() as usize)
         .collect();
     let flags = raw.labels().iter().position(|label| *label == "flags");
@@ -178,10 +176,7 @@ fn events_after_an_outage_longer_than_the_bridge_fills_stand_at_their_samples() 
         let Some((at, tick)) = found else { continue };
         let event = *us as f64 * TICKS_PER_SECOND as f64 / 1e6;
         let off = tick - (at - row) as f64 - event;
-        assert!(
-            off.abs() <= 1.1,
-            "the event at {us} us is off by {off} rows"
-        );
+        assert!(off.abs() <= 1.1, "event at {us} us: {off} rows");
     }
 }
 
@@ -192,8 +187,7 @@ fn all_formats_hold_the_rows_and_events_of_csv() {
     rig.run(60, 7);
     rig.restart(1_700_000);
     rig.run(60, 7);
-    let path = folder.path().join("session.wire");
-    std::fs::write(&path, rig.finish()).unwrap();
+    let path = write(folder.path(), rig.finish());
     for to in ["csv", "gdf", "bdf", "npz"] {
         let (status, log) = convert(&path, to);
         assert_eq!(status, Some(0), "{log}");
@@ -224,14 +218,11 @@ fn compare(table: &Table, mut recording: Recording, more: usize, tolerance: f64)
     while recording.read_block(&mut block).unwrap() {
         let rows = block.samples[0].len();
         for signal in [0, end - 9, end - 8, end - 1] {
-            for at in 0..rows {
-                let written = table.number(row + at, &labels[signal]);
-                let difference = (block.samples[signal][at] - written).abs();
-                let label = &labels[signal];
-                assert!(
-                    difference <= tolerance + 1e-6 * written.abs(),
-                    "{label} {row}"
-                );
+            let label = &labels[signal];
+            for (at, value) in (row..).zip(&block.samples[signal]) {
+                let written = table.number(at, label);
+                let limit = tolerance + 1e-6 * written.abs();
+                assert!((value - written).abs() <= limit, "{label} {at}");
             }
         }
         row += rows;
@@ -245,11 +236,8 @@ fn compare_arrays(table: &Table, path: &Path) {
     assert_eq!(archive.len(), 5);
     let mut read = |name| {
         let mut bytes = Vec::new();
-        archive
-            .by_name(name)
-            .unwrap()
-            .read_to_end(&mut bytes)
-            .unwrap();
+        let mut file = archive.by_name(name).unwrap();
+        file.read_to_end(&mut bytes).unwrap();
         assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
         let start = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
         assert!(start.is_multiple_of(64) && bytes[start - 1] == b'\n');
@@ -261,7 +249,8 @@ fn compare_arrays(table: &Table, path: &Path) {
     assert!(header.contains(&format!("'shape': ({count},)")), "{header}");
     let width = rows.len() / count;
     assert_eq!(width * count, rows.len());
-    // Four columns of a table are no values, and eight are status words.
+    // A row has 16 bytes before the status words, 16 bytes of status words, and 4 bytes for each
+    // value. Twelve columns of the table are no values: four, and the eight status words.
     assert_eq!(width, 16 + 16 + 4 * (table.columns.len() - 12));
     for (row, bytes) in rows.chunks(width).enumerate() {
         let time_ns = i64::from_le_bytes(bytes[..8].try_into().unwrap());
@@ -314,11 +303,9 @@ fn what_is_no_recording_has_an_error_that_says_so() {
     let header = Rig::new(0).finish()[..28].to_vec();
     let mut newer = header.clone();
     newer[8] = 9;
+    let edf = b"0       a recording in EDF";
     for (content, expected) in [
-        (
-            &b"0       a recording in EDF"[..],
-            "is not a recording of corticode-bridge",
-        ),
+        (&edf[..], "is not a recording of corticode-bridge"),
         (&header[..20], "ended before it could write"),
         (&newer[..], "version 9"),
         (&header[..], "no codes or samples"),
@@ -337,28 +324,16 @@ fn what_is_no_recording_has_an_error_that_says_so() {
 fn codes_that_replaced_refused_packed_blocks_are_decoded() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("session.wire");
-    let mut board = Board::new();
-    board.supported = Streams::ALL.without(Streams::PACKED);
-    let device = Device::tcp(board);
+    let without_packed = Streams::ALL.without(Streams::PACKED);
+    let device = Device::tcp(Board::supporting(without_packed));
     let file = path.to_str().unwrap();
-    let arguments = [
-        "record",
-        file,
-        "--streams=packed",
-        "--packed-rate=4",
-        "--port",
-    ];
-    let recorder = Bridge::start(&[&arguments[..], &[&device.port]].concat());
+    let options = ["--streams=packed", "--packed-rate=4"];
+    let arguments = ["record", file, "--port", &device.port];
+    let recorder = Bridge::start(&[arguments.as_slice(), &options].concat());
     wait_for_bytes(&path, 20_000);
     let log = recorder.end(Signal::TERM);
-    assert_has(
-        &log,
-        [
-            "WARN",
-            "refuses the rate 4 of the packed code",
-            "choose no rate",
-        ],
-    );
+    let refused = "refuses the rate 4 of the packed code";
+    assert_has(&log, ["WARN", refused, "choose no rate"]);
     let (status, log) = convert(&path, "csv");
     assert_eq!(status, Some(0), "{log}");
     let [codes, signals] = ["codes", "reconstructed"]
@@ -435,8 +410,6 @@ fn events_beside_a_restart_stand_at_their_rows() {
     assert!(fillers.eq(160..224));
     // The last event comes after the last row.
     let after = (0..19).map(|block| 224 + 8 * block + 9);
-    assert_eq!(
-        table.events(),
-        [158].into_iter().chain(after).collect::<Vec<_>>()
-    );
+    let expected: Vec<usize> = std::iter::once(158).chain(after).collect();
+    assert_eq!(table.events(), expected);
 }

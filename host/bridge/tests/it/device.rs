@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 
 use link::{
     Audit, BlockForm, CodeValues, CompressedRaw, Event, EventKind, Filtered, Flags, Raw, Streams,
+    ToDevice, ToHost,
 };
-use link::{ToDevice, ToHost};
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
@@ -35,8 +35,7 @@ pub(crate) struct Controls {
     pub(crate) made: AtomicU32,
     /// Whether the board refuses connections.
     pub(crate) unplugged: AtomicBool,
-    /// Whether the board is suspended. Afterwards the board makes
-    /// the codes of that time at once.
+    /// Whether the board is suspended. Afterwards the board makes the codes of that time at once.
     pub(crate) stand_still: AtomicBool,
     stop: AtomicBool,
     received: Mutex<Vec<ToDevice>>,
@@ -152,6 +151,16 @@ impl Device {
     pub(crate) fn received(&self) -> Vec<ToDevice> {
         self.controls.received.lock().unwrap().clone()
     }
+
+    /// Returns the rates of the packed code that the board was told to use, oldest first.
+    pub(crate) fn rates(&self) -> Vec<u8> {
+        let received = self.received();
+        let rates = received.iter().filter_map(|command| match command {
+            ToDevice::SetRate { rate } => Some(*rate),
+            _ => None,
+        });
+        rates.collect()
+    }
 }
 
 impl Drop for Device {
@@ -163,8 +172,8 @@ impl Drop for Device {
     }
 }
 
-/// Returns the messages of the newest code's hop other than the code: samples and steps, and in
-/// every tenth hop an edge and an audit.
+/// Returns the messages that the board sends with its newest code: samples and steps, and with every
+/// tenth code an edge of the trigger and an audit.
 fn side_messages(board: &mut Board, device_us: u64) -> Vec<u8> {
     let window = board.next_window - 1;
     let streams = board.streams;

@@ -1,8 +1,5 @@
 //! The subcommand `doctor` of the program, on machines with and without faults.
 
-use std::io::Write;
-use std::net::{SocketAddr, TcpListener};
-
 use link::ToDevice;
 use neuro_ros::ros1::xmlrpc::{Value as RosValue, call_ros};
 use neuro_ros::ros1::{MessageType, PublisherOptions};
@@ -11,7 +8,8 @@ use serde_json::Value;
 use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::graph::{master, node};
-use crate::process::Bridge;
+use crate::process::{Bridge, free_address, serve};
+use crate::trouble::stranger;
 
 /// Runs the doctor until it exits. Returns exit status and stdout.
 fn doctor(arguments: &[&str], variables: &[(&str, &str)]) -> (Option<i32>, String) {
@@ -96,12 +94,10 @@ async fn a_machine_in_order_is_status_0() {
 async fn three_faults_at_once_have_their_remedies_and_status_1() {
     let folder = tempfile::tempdir().unwrap();
     let device = Device::pty(Board::new(), &folder.path().join("board"));
-    let mut holder = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
-    let mut lines = std::io::BufReader::new(holder.stdout());
-    std::io::BufRead::read_line(&mut lines, &mut String::new()).unwrap();
-    let free = TcpListener::bind("127.0.0.1:0").unwrap();
-    let dead = format!("http://{}/", free.local_addr().unwrap());
-    drop(free);
+    let mut holder = Bridge::ndjson(&device.port);
+    let mut messages = holder.messages();
+    messages.next().unwrap();
+    let dead = format!("http://{}/", free_address());
     let host = [("ROS_HOSTNAME", "no-such-host.invalid")];
     let arguments = ["--port", &device.port, "--ros-master-uri", &dead];
     let (code, text) = doctor(&arguments, &host);
@@ -114,10 +110,8 @@ async fn three_faults_at_once_have_their_remedies_and_status_1() {
     assert_has(finding, [&format!("corticode-bridge (pid {pid})")]);
     assert!(remedy.ends_with(&format!("kill {pid}")), "{remedy}");
     let (finding, remedy) = found(&checks, "ROS master", "error");
-    assert!(
-        finding.contains(&dead) && remedy.starts_with("roscore"),
-        "{finding}: {remedy}"
-    );
+    assert_has(finding, [&dead]);
+    assert!(remedy.starts_with("roscore"), "{remedy}");
     let (finding, remedy) = found(&checks, "own address", "error");
     assert_has(finding, ["no-such-host.invalid, which does not resolve"]);
     assert_has(remedy, ["unset ROS_HOSTNAME; export ROS_IP="]);
@@ -133,15 +127,11 @@ async fn three_faults_at_once_have_their_remedies_and_status_1() {
 async fn faults_of_device_and_ros_graph_are_named() {
     let master = master().await;
     let filter = node("filter", master.uri()).await;
-    let _publisher = filter
-        .advertise("/encoded", &STRING, OPTIONS)
-        .await
-        .unwrap();
-    let arguments = ["/test", "/use_sim_time"].map(RosValue::from);
-    let arguments = [&arguments[..], &[RosValue::Bool(true)]].concat();
-    call_ros(master.uri(), "setParam", &arguments)
-        .await
-        .unwrap();
+    let publisher = filter.advertise("/encoded", &STRING, OPTIONS).await;
+    let _publisher = publisher.unwrap();
+    let arguments = ["/test".into(), "/use_sim_time".into(), RosValue::Bool(true)];
+    let set = call_ros(master.uri(), "setParam", &arguments).await;
+    set.unwrap();
     let device = Device::tcp(Board {
         model_id: [9; 8],
         ..Board::new()
@@ -152,16 +142,10 @@ async fn faults_of_device_and_ros_graph_are_named() {
     let (code, checks) = checks(&arguments, &variables);
     assert_eq!(code, Some(1));
     let (finding, remedy) = found(&checks, "topics", "error");
-    assert!(
-        finding.starts_with("/filter publishes /encoded"),
-        "{finding}"
-    );
-    assert!(remedy.starts_with("rosnode kill /filter"), "{remedy}");
+    assert_has(finding, ["/filter publishes /encoded"]);
+    assert_has(remedy, ["rosnode kill /filter"]);
     let (_, remedy) = found(&checks, "use_sim_time", "warning");
-    assert!(
-        remedy.starts_with("rosparam set /use_sim_time false"),
-        "{remedy}"
-    );
+    assert_has(remedy, ["rosparam set /use_sim_time false"]);
     let (finding, _) = found(&checks, "own address", "error");
     assert_has(finding, ["192.0.2.1), which is no address of this machine"]);
     let (finding, remedy) = found(&checks, "model", "warning");
@@ -181,49 +165,35 @@ async fn the_topics_of_the_streams_that_are_asked_for_are_checked() {
     let arguments = [&arguments[..], &["--streams", "raw"]].concat();
     let (_, with_raw) = checks(&arguments, &[]);
     let (finding, _) = found(&with_raw, "topics", "error");
-    assert!(
-        finding.starts_with("/filter publishes /neurodata"),
-        "{finding}"
-    );
+    assert_has(finding, ["/filter publishes /neurodata"]);
 }
 
 #[test]
 fn a_port_of_another_device_or_none_is_status_1() {
-    let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
-    let port = format!("tcp:{}", listener.local_addr().unwrap());
-    std::thread::spawn(move || {
-        for client in listener.incoming().flatten() {
-            let mut client = client;
-            while client.write_all(b"$GPGGA,not a frame*00\r\n\0").is_ok() {
-                std::thread::sleep(std::time::Duration::from_millis(20));
-            }
-        }
-    });
-    // Without ROS, ROS is not checked.
-    let (code, checks_of_stranger) = checks(&["--port", &port, "--sink", "ndjson"], &[]);
-    assert_eq!(code, Some(1));
-    let (finding, remedy) = found(&checks_of_stranger, "device", "error");
-    assert!(
-        finding.starts_with("nothing here speaks Corticode"),
-        "{finding}"
-    );
-    assert!(remedy.starts_with("corticode-bridge ports"), "{remedy}");
-    assert!(
-        checks_of_stranger
-            .iter()
-            .all(|check| check["check"] != "ROS master")
-    );
-    let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
-    let port = format!("tcp:{}", listener.local_addr().unwrap());
-    std::thread::spawn(move || listener.incoming().for_each(drop));
-    let (code, checks_of_closing) = checks(&["--port", &port, "--sink", "ndjson"], &[]);
-    assert_eq!(code, Some(1));
-    let (finding, _) = found(&checks_of_closing, "device", "error");
-    assert!(finding.contains("opens and closes again"), "{finding}");
-    for absent in ["/dev/ttyNOBODY", "auto:NOBODY"] {
-        let (code, checks) = checks(&["--port", absent, "--sink", "ndjson"], &[]);
+    let (stranger, closing) = (stranger(u32::MAX), serve(drop));
+    for (port, name, expected, help) in [
+        (
+            &*stranger,
+            "device",
+            "nothing here speaks Corticode",
+            "ports",
+        ),
+        (
+            &*closing,
+            "device",
+            "opens and closes again",
+            "end the other",
+        ),
+        ("/dev/ttyNOBODY", "port", "does not exist", "ports"),
+        ("auto:NOBODY", "port", "no board NOBODY", "ports"),
+    ] {
+        let (code, checks) = checks(&["--port", port, "--sink", "ndjson"], &[]);
         assert_eq!(code, Some(1));
-        let (_, remedy) = found(&checks, "port", "error");
-        assert!(remedy.starts_with("corticode-bridge ports"), "{remedy}");
+        let (finding, remedy) = found(&checks, name, "error");
+        assert_has(finding, [expected]);
+        assert_has(remedy, [help]);
+        // Without ROS, ROS is not checked.
+        let is_of_ros = |check: &Value| check["check"] == "ROS master";
+        assert!(!checks.iter().any(is_of_ros), "{checks:?}");
     }
 }

@@ -18,6 +18,42 @@ use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::process::{Bridge, TIMEOUT};
 
+/// A ROS master, a board at a TCP port, and the node `recorder`.
+pub(crate) struct Graph {
+    pub(crate) master: Master,
+    pub(crate) device: Device,
+    pub(crate) node: Node,
+}
+
+impl Graph {
+    pub(crate) async fn new() -> Graph {
+        let master = master().await;
+        let node = node("recorder", master.uri()).await;
+        let device = Device::tcp(Board::new());
+        Graph {
+            master,
+            device,
+            node,
+        }
+    }
+
+    /// Starts a bridge between the board and the master, with more arguments.
+    pub(crate) fn bridge_with(&self, more: &[&str]) -> Bridge {
+        let (port, uri) = (&*self.device.port, self.master.uri());
+        let arguments = ["--port", port, "--ros-master-uri", uri];
+        Bridge::start(&[&arguments[..], more].concat())
+    }
+
+    pub(crate) fn bridge(&self) -> Bridge {
+        self.bridge_with(&[])
+    }
+
+    /// Subscribes to a topic of frames.
+    pub(crate) async fn subscribe(&self, topic: &str) -> Subscriber {
+        subscribe(&self.node, topic).await
+    }
+}
+
 pub(crate) async fn master() -> Master {
     Master::start(SocketAddr::from(([127, 0, 0, 1], 0)))
         .await
@@ -25,20 +61,16 @@ pub(crate) async fn master() -> Master {
 }
 
 pub(crate) async fn node(name: &str, uri: &str) -> Node {
-    let host = Some("127.0.0.1".to_owned());
-    Node::start(NodeOptions {
-        host,
+    let options = NodeOptions {
+        host: Some("127.0.0.1".to_owned()),
         ..NodeOptions::new(name, uri)
-    })
-    .await
-    .unwrap()
+    };
+    Node::start(options).await.unwrap()
 }
 
 pub(crate) async fn frame(subscriber: &mut Subscriber) -> NeuroFrame {
-    let body = timeout(TIMEOUT, subscriber.recv())
-        .await
-        .expect("no frame came")
-        .unwrap();
+    let body = timeout(TIMEOUT, subscriber.recv()).await;
+    let body = body.expect("no frame came").unwrap();
     NeuroFrame::from_bytes(&body).unwrap()
 }
 
@@ -85,18 +117,13 @@ pub(crate) async fn announcement(node: &Node, get_info: &str) -> AcquisitionInfo
 
 #[tokio::test]
 async fn codes_reach_a_subscriber_and_match_the_announcement() {
-    let master = master().await;
-    let device = Device::tcp(Board::new());
-    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
-    let node = node("recorder", master.uri()).await;
-    let mut encoded = subscribe(&node, "/encoded").await;
-    let name = "/neurodata_reconstructed";
-    let mut reconstructed = subscribe(&node, name).await;
-    let mut diagnostics = node
-        .subscribe("/diagnostics", DiagnosticArray::TYPE, 8)
-        .await
-        .unwrap();
-    let info = announcement(&node, GET_INFO_SERVICE).await;
+    let graph = Graph::new().await;
+    let (bridge, device, node) = (graph.bridge(), &graph.device, &graph.node);
+    let mut encoded = graph.subscribe("/encoded").await;
+    let mut reconstructed = graph.subscribe("/neurodata_reconstructed").await;
+    let type_ = DiagnosticArray::TYPE;
+    let mut diagnostics = node.subscribe("/diagnostics", type_, 8).await.unwrap();
+    let info = announcement(node, GET_INFO_SERVICE).await;
     let mut next = frame(&mut encoded).await.neuroheader.seq;
     for _ in 0..20 {
         let frame = frame(&mut encoded).await;
@@ -106,10 +133,8 @@ async fn codes_reach_a_subscriber_and_match_the_announcement() {
         assert_eq!(frame.eeg.info, info.frame().eeg.info);
     }
     let frame = frame(&mut reconstructed).await;
-    assert_eq!(
-        (frame.sr, frame.eeg.info.nsamples, frame.eeg.data.len()),
-        (128, 8, 8 * 61)
-    );
+    assert_eq!((frame.sr, frame.eeg.info.nsamples), (128, 8));
+    assert_eq!(frame.eeg.data.len(), 8 * 61);
     let report = timeout(TIMEOUT, diagnostics.recv()).await.unwrap().unwrap();
     let report = DiagnosticArray::from_bytes(&report).unwrap();
     let names: Vec<&str> = report.status.iter().map(|status| &*status.name).collect();
@@ -130,10 +155,8 @@ async fn codes_reach_a_subscriber_and_match_the_announcement() {
     let log = ended(bridge).await;
     assert!(log.contains("lost 0 "), "{log}");
     assert_eq!(device.received().last(), Some(&ToDevice::Stop));
-    assert!(
-        !registered(master.uri()).await,
-        "the bridge did not unregister"
-    );
+    let is_registered = registered(graph.master.uri()).await;
+    assert!(!is_registered, "the bridge did not unregister");
 }
 
 #[tokio::test]
@@ -158,10 +181,8 @@ async fn the_bridge_registers_with_a_late_master_and_again_after_its_restart() {
         println!("registered after {:?}", began.elapsed());
         let node = node("listener", &uri).await;
         let mut encoded = subscribe(&node, "/encoded").await;
-        assert!(
-            frame(&mut encoded).await.neuroheader.seq > 5,
-            "round {round}"
-        );
+        let seq = frame(&mut encoded).await.neuroheader.seq;
+        assert!(seq > 5, "round {round}: {seq}");
         node.shutdown().await;
         master.shutdown().await;
     }
@@ -172,16 +193,12 @@ async fn the_bridge_registers_with_a_late_master_and_again_after_its_restart() {
 
 #[tokio::test]
 async fn a_node_with_the_same_name_takes_over_and_the_bridge_shuts_down() {
-    let master = master().await;
-    let device = Device::tcp(Board::new());
-    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
+    let graph = Graph::new().await;
+    let (bridge, device, uri) = (graph.bridge(), &graph.device, graph.master.uri());
     until("codes", async || device.controls.made.load(Relaxed) > 5).await;
-    until("the services", async || registered(master.uri()).await).await;
-    let namesake = node("acquisition", master.uri()).await;
-    let _topic = namesake
-        .subscribe("/encoded", NeuroFrame::TYPE, 8)
-        .await
-        .unwrap();
+    until("the services", async || registered(uri).await).await;
+    let namesake = node("acquisition", uri).await;
+    let _topic = subscribe(&namesake, "/encoded").await;
     let log = ended(bridge).await;
     assert!(log.contains("asks this node to shut down"), "{log}");
     assert_eq!(device.received().last(), Some(&ToDevice::Stop));
@@ -189,23 +206,18 @@ async fn a_node_with_the_same_name_takes_over_and_the_bridge_shuts_down() {
 
 #[tokio::test]
 async fn lost_codes_are_filled_and_counted() {
-    let master = master().await;
-    let device = Device::tcp(Board::new());
-    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
-    let node = node("recorder", master.uri()).await;
-    let mut encoded = subscribe(&node, "/encoded").await;
+    let graph = Graph::new().await;
+    let bridge = graph.bridge();
+    let mut encoded = graph.subscribe("/encoded").await;
     frame(&mut encoded).await;
-    device.controls.lose.store(7, Relaxed);
+    graph.device.controls.lose.store(7, Relaxed);
     let mut fillers = 0;
     let mut window = None;
     for _ in 0..40 {
         let frame = frame(&mut encoded).await;
         let seen = frame.tri.data[1];
-        assert_eq!(
-            window.map_or(seen, |before| before + 1),
-            seen,
-            "a code is missing"
-        );
+        let next = window.map_or(seen, |before| before + 1);
+        assert_eq!(seen, next, "a code is missing");
         window = Some(seen);
         fillers += u32::from(frame.tri.data[0] & 0x8000 != 0);
     }
@@ -217,22 +229,21 @@ async fn lost_codes_are_filled_and_counted() {
 
 #[tokio::test]
 async fn node_and_topics_can_be_renamed_on_the_command_line() {
-    let master = master().await;
-    let device = Device::tcp(Board::new());
+    let graph = Graph::new().await;
     let bridge = Bridge::start(&[
         "--port",
-        &device.port,
+        &graph.device.port,
         "--topic-prefix",
         "/left",
         "__name:=amplifier",
         "/left/encoded:=/neurodata",
-        &format!("__master:={}", master.uri()),
+        &format!("__master:={}", graph.master.uri()),
     ]);
-    let node = node("recorder", master.uri()).await;
-    let mut encoded = subscribe(&node, "/neurodata").await;
+    let mut encoded = graph.subscribe("/neurodata").await;
     frame(&mut encoded).await;
+    let quit = "/left/amplifier/quit";
     until("the service", async || {
-        node.call("/left/amplifier/quit", &EMPTY, &[]).await.is_ok()
+        graph.node.call(quit, &EMPTY, &[]).await.is_ok()
     })
     .await;
     ended(bridge).await;
@@ -240,18 +251,13 @@ async fn node_and_topics_can_be_renamed_on_the_command_line() {
 
 #[tokio::test]
 async fn nothing_is_decoded_while_nobody_subscribes_to_the_reconstruction() {
-    let master = master().await;
-    let device = Device::tcp(Board::new());
-    let master_uri = format!("__master:={}", master.uri());
-    let bridge = Bridge::start(&["--port", &device.port, &master_uri]);
-    tokio::time::sleep(Duration::from_secs(3)).await;
+    let graph = Graph::new().await;
+    let bridge = graph.bridge();
+    sleep(Duration::from_secs(3)).await;
     bridge.signal(Signal::TERM);
     let log = ended(bridge).await;
     let summary = log.lines().last().unwrap();
-    assert!(
-        summary.contains("windows: decoded 0 not decoded 0"),
-        "{log}"
-    );
+    assert_has(summary, ["windows: decoded 0 not decoded 0"]);
     assert!(!summary.contains("not needed 0"), "{log}");
 }
 
@@ -261,25 +267,15 @@ async fn a_number_on_packed_rate_becomes_the_rate_of_the_device() {
         (&[][..], "/acquisition/packed_rate"),
         (&["--topic-prefix=/left"], "/left/acquisition/packed_rate"),
     ] {
-        let master = master().await;
-        let device = Device::tcp(Board::new());
-        let port = device.port.clone();
-        let arguments = ["--port", &port, "--ros-master-uri", master.uri()];
-        let _bridge = Bridge::start(&[&arguments[..], &["--streams=packed"], prefix].concat());
-        let node = node("experiment", master.uri()).await;
+        let graph = Graph::new().await;
+        let _bridge = graph.bridge_with(&[&["--streams=packed"][..], prefix].concat());
         let options = PublisherOptions {
             queue: 4,
             latch: true,
         };
-        let rates = node.advertise(topic, UInt8::TYPE, options).await.unwrap();
-        let asked = || -> Vec<u8> {
-            let commands = device.received();
-            let rates = commands.iter().filter_map(|command| match command {
-                ToDevice::SetRate { rate } => Some(*rate),
-                _ => None,
-            });
-            rates.collect()
-        };
+        let rates = graph.node.advertise(topic, UInt8::TYPE, options).await;
+        let rates = rates.unwrap();
+        let asked = || graph.device.rates();
         until("the model's rate", async || asked() == [4]).await;
         // No rate, and then one.
         rates.publish(&UInt8 { data: 16 }.to_bytes());
@@ -290,15 +286,13 @@ async fn a_number_on_packed_rate_becomes_the_rate_of_the_device() {
 
 #[tokio::test]
 async fn fillers_of_an_hour_push_no_code_out_of_a_queue_and_the_indices_show_the_gap() {
-    let master = master().await;
-    let device = Device::tcp(Board::new());
-    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
-    let node = node("recorder", master.uri()).await;
-    let type_ = NeuroFrame::TYPE;
-    let mut encoded = node.subscribe("/encoded", type_, 70_000).await.unwrap();
+    let graph = Graph::new().await;
+    let bridge = graph.bridge();
+    let encoded = graph.node.subscribe("/encoded", NeuroFrame::TYPE, 70_000);
+    let mut encoded = encoded.await.unwrap();
     let mut next = frame(&mut encoded).await.tri.data[1] + 1;
     let lost = 60_000;
-    device.controls.jump.store(lost, Relaxed);
+    graph.device.controls.jump.store(lost, Relaxed);
     let (mut fillers, mut gaps, mut codes) = (0, Vec::new(), 0);
     while codes < 50 || fillers == 0 {
         let words = frame(&mut encoded).await.tri.data;

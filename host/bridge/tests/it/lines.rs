@@ -1,6 +1,6 @@
 //! Tests of `--sink ndjson`, with which the bridge writes lines of JSON instead of using ROS.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::{BufRead, BufReader};
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
@@ -17,21 +17,19 @@ use crate::process::Bridge;
 #[test]
 fn frames_are_written_as_lines_until_the_bridge_is_interrupted() {
     let device = Device::tcp(Board::new());
-    let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
-    let mut lines = BufReader::new(bridge.stdout()).lines();
-    let mut seen = std::collections::HashMap::new();
+    let mut bridge = Bridge::ndjson(&device.port);
+    let mut messages = bridge.messages();
+    let mut seen = HashMap::new();
     let mut last_seq = 0;
-    let mut take = |line: std::io::Result<String>| {
-        let line: Value = serde_json::from_str(&line.unwrap()).unwrap();
-        let topic = line["topic"].as_str().unwrap().to_owned();
+    let mut take = |(topic, message): (String, Value)| {
         if topic == "/encoded" {
-            last_seq = line["message"]["neuroheader"]["seq"].as_u64().unwrap();
+            last_seq = message["neuroheader"]["seq"].as_u64().unwrap();
         }
         *seen.entry(topic).or_insert(0_u32) += 1;
     };
-    lines.by_ref().take(60).for_each(&mut take);
+    messages.by_ref().take(60).for_each(&mut take);
     bridge.signal(Signal::INT);
-    lines.for_each(take);
+    messages.for_each(take);
     let made = device.controls.made.load(Relaxed);
     assert_eq!(last_seq, u64::from(made), "codes are missing at the end");
     let log = bridge.success();
@@ -45,10 +43,8 @@ fn frames_are_written_as_lines_until_the_bridge_is_interrupted() {
 #[test]
 fn a_reader_that_closes_the_pipe_ends_the_bridge_without_an_error() {
     let device = Device::tcp(Board::new());
-    let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
-    let mut lines = BufReader::new(bridge.stdout()).lines();
-    lines.next().unwrap().unwrap();
-    drop(lines);
+    let mut bridge = Bridge::ndjson(&device.port);
+    bridge.messages().next().unwrap();
     bridge.success();
 }
 
@@ -58,14 +54,11 @@ fn codes_of_another_model_are_published_and_the_log_has_advice() {
         model_id: [9; 8],
         ..Board::new()
     });
-    let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
-    let lines = BufReader::new(bridge.stdout()).lines();
-    let topics: Vec<String> = lines
-        .take(30)
-        .map(|line| serde_json::from_str::<Value>(&line.unwrap()).unwrap()["topic"].to_string())
-        .collect();
-    assert!(topics.iter().any(|topic| topic.contains("encoded")));
-    assert!(!topics.iter().any(|topic| topic.contains("reconstructed")));
+    let mut bridge = Bridge::ndjson(&device.port);
+    let messages = bridge.messages().take(30);
+    let topics: BTreeSet<String> = messages.map(|(topic, _)| topic).collect();
+    assert!(topics.contains("/encoded"), "{topics:?}");
+    assert!(!topics.contains("/neurodata_reconstructed"), "{topics:?}");
     let (_, log) = bridge.wait();
     assert_has(&log, ["0909090909090909", "--model"]);
 }
@@ -73,7 +66,7 @@ fn codes_of_another_model_are_published_and_the_log_has_advice() {
 #[test]
 fn a_reader_that_does_not_read_cannot_prevent_the_shutdown() {
     let device = Device::tcp(Board::new());
-    let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson"]);
+    let mut bridge = Bridge::ndjson(&device.port);
     let stdout = bridge.stdout();
     // The lines of 100 codes exceed the 64 KB that a pipe holds.
     while device.controls.made.load(Relaxed) < 100 {
@@ -86,26 +79,16 @@ fn a_reader_that_does_not_read_cannot_prevent_the_shutdown() {
     drop(stdout);
 }
 
+const ALL_STREAMS: &str = "--streams=codes,raw,filtered,audit,events";
+
 #[test]
 fn all_streams_are_written_as_lines_and_a_wrong_code_is_an_error() {
     let device = Device::tcp(Board::new());
-    let streams = "codes,raw,filtered,audit,events";
-    let mut bridge = Bridge::start(&[
-        "--port",
-        &device.port,
-        "--sink",
-        "ndjson",
-        "--streams",
-        streams,
-    ]);
-    let lines = BufReader::new(bridge.stdout()).lines();
-    let mut counts = std::collections::HashMap::new();
+    let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson", ALL_STREAMS]);
+    let mut counts = HashMap::new();
     let mut next_raw = 1;
     let mut verdict = None;
-    for line in lines {
-        let line: Value = serde_json::from_str(&line.unwrap()).unwrap();
-        let topic = line["topic"].as_str().unwrap().to_owned();
-        let message = &line["message"];
+    for (topic, message) in bridge.messages() {
         match &*topic {
             "/neurodata" => {
                 assert_eq!(message["neuroheader"]["seq"], next_raw);
@@ -128,12 +111,10 @@ fn all_streams_are_written_as_lines_and_a_wrong_code_is_an_error() {
     }
     bridge.signal(Signal::TERM);
     assert_eq!(verdict.unwrap(), "error");
-    let (encoded, raw) = (counts["/encoded"], counts["/neurodata"]);
-    assert!(raw.abs_diff(encoded) <= 8, "{counts:?}");
-    assert!(
-        counts["/neurodata_corticode"].abs_diff(encoded) <= 8,
-        "{counts:?}"
-    );
+    for topic in ["/neurodata", "/neurodata_corticode"] {
+        let difference = counts[topic].abs_diff(counts["/encoded"]);
+        assert!(difference <= 8, "{counts:?}");
+    }
     assert!(counts["/events/bus"] >= 4, "{counts:?}");
 }
 
@@ -176,8 +157,7 @@ fn collect(value: &Value, path: &str, fields: &mut BTreeSet<String>) {
 #[test]
 fn the_lines_have_exactly_the_fields_of_the_page() {
     let device = Device::tcp(Board::new());
-    let streams = "--streams=codes,raw,filtered,audit,events";
-    let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson", streams]);
+    let mut bridge = Bridge::start(&["--port", &device.port, "--sink", "ndjson", ALL_STREAMS]);
     let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for line in BufReader::new(bridge.stdout()).lines() {
         let line: Value = serde_json::from_str(&line.unwrap()).unwrap();
@@ -196,18 +176,13 @@ fn the_lines_have_exactly_the_fields_of_the_page() {
     let frames = listed("Frames");
     for (topic, fields) in found {
         for block in ["eeg.", "exg.", "tri."] {
-            let others = ["eeg.", "exg.", "tri."].map(|other| (other, other != block));
-            let of_block = fields.iter().filter(|field| {
-                let is_other =
-                    |(other, differs): &(&str, bool)| *differs && field.starts_with(other);
-                !others.iter().any(is_other)
-            });
+            let mut others = ["eeg.", "exg.", "tri."].to_vec();
+            others.retain(|other| *other != block);
+            let is_other = |field: &&String| others.iter().any(|other| field.starts_with(other));
+            let of_block = fields.iter().filter(|field| !is_other(field));
             let of_block = of_block.map(|field| field.replacen(block, "eeg.", 1));
-            assert_eq!(
-                of_block.collect::<BTreeSet<_>>(),
-                frames,
-                "{topic}, {block}"
-            );
+            let of_block: BTreeSet<String> = of_block.collect();
+            assert_eq!(of_block, frames, "{topic}, {block}");
         }
     }
 }
@@ -224,15 +199,8 @@ fn messages(recording: PackedRecording) -> (Vec<(String, Value)>, String) {
     let port = port.to_str().unwrap();
     let arguments = ["--port", port, "--sink", "ndjson", "--streams", "packed"];
     let mut bridge = Bridge::start(&arguments);
-    let lines = BufReader::new(bridge.stdout()).lines();
-    let reader = std::thread::spawn(move || {
-        let messages = lines.map(|line| {
-            let mut line: Value = serde_json::from_str(&line.unwrap()).unwrap();
-            let topic = line["topic"].as_str().unwrap().to_owned();
-            (topic, line["message"].take())
-        });
-        messages.collect::<Vec<_>>()
-    });
+    let messages = bridge.messages();
+    let reader = std::thread::spawn(move || messages.collect::<Vec<_>>());
     replay.success();
     std::thread::sleep(Duration::from_millis(1_500));
     bridge.signal(Signal::INT);
@@ -251,15 +219,12 @@ fn malformed_blocks_are_an_error_of_the_packed_code_and_do_not_count_as_decoded(
         }
     }
     let (messages, log) = messages(recording);
-    // The log speaks of what streams.
-    assert!(
-        log.contains("packed blocks: 16 per second") && !log.contains("codes: 16 per second"),
-        "{log}"
-    );
-    // A replay refuses every rate; the model's is no warning.
+    // The log names the stream that is received, and not codes.
+    assert_has(&log, ["packed blocks: 16 per second"]);
+    assert!(!log.contains("codes: 16 per second"), "{log}");
+    // A replay refuses every rate; that it refuses the model's rate is no warning.
     let refused = log.lines().find(|line| line.contains("refuses the rate 4"));
-    let refused = refused.unwrap();
-    assert!(refused.contains("INFO"), "{log}");
+    assert!(refused.unwrap().contains("INFO"), "{log}");
     assert_has(&log, ["windows: decoded 23 ", "packed blocks malformed 1"]);
     let reports = messages.iter().filter(|(topic, _)| topic == "/diagnostics");
     let statuses = reports.filter_map(|(_, report)| {
@@ -267,24 +232,18 @@ fn malformed_blocks_are_an_error_of_the_packed_code_and_do_not_count_as_decoded(
         statuses.find(|status| status["name"] == "corticode: packed code")
     });
     let statuses: Vec<&Value> = statuses.collect();
-    let errors: Vec<_> = statuses
-        .iter()
-        .filter(|status| status["level"] == "error")
-        .collect();
+    let errors = statuses.iter().filter(|status| status["level"] == "error");
+    let errors: Vec<_> = errors.collect();
     assert_eq!(errors.len(), 1, "{statuses:?}");
     let message = errors[0]["message"].as_str().unwrap();
-    assert!(
-        message.starts_with("1 blocks are no blocks of the model"),
-        "{message}"
-    );
+    assert_has(message, ["1 blocks are no blocks of the model"]);
     let values = statuses.last().unwrap()["values"].as_array().unwrap();
     let malformed = values.iter().find(|value| value["key"] == "malformed");
     assert_eq!(malformed.unwrap()["value"], "1");
-    let frames = messages
-        .iter()
-        .filter(|(topic, _)| topic == "/neurodata_reconstructed");
-    let flags = frames.map(|(_, frame)| frame["tri"]["data"][0].as_u64().unwrap());
-    let flags: Vec<u64> = flags.collect();
+    let mut frames = messages;
+    frames.retain(|(topic, _)| topic == "/neurodata_reconstructed");
+    let flags = frames.iter().map(|(_, frame)| &frame["tri"]["data"][0]);
+    let flags: Vec<u64> = flags.map(|flags| flags.as_u64().unwrap()).collect();
     assert_eq!(flags.len(), 24, "{log}");
     assert_eq!(flags.iter().position(|flags| *flags >= 0x8000), Some(10));
 }

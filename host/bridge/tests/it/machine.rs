@@ -1,6 +1,6 @@
 //! The bridge on a simulated machine, whose boards are plugged in and out.
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::Write;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -14,7 +14,7 @@ use serde_json::Value;
 use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::process::{Bridge, TIMEOUT};
-use crate::simulated_machine::{BOARD, Descriptor, SimulatedMachine};
+use crate::simulated_machine::{BOARD, Descriptor, OTHER, SimulatedMachine};
 
 /// Replaces `/sys` and `/dev` by those of the folder `$1`, in a separate namespace, and runs the
 /// rest of the arguments. Pseudoterminals stay those of the real machine.
@@ -58,7 +58,7 @@ fn bridge_on(machine: &SimulatedMachine, arguments: &[&str]) -> Command {
     command
         .arg(env!("CARGO_BIN_EXE_corticode-bridge"))
         .args(arguments);
-    // Not the configuration of the user who runs the tests.
+    // The configuration file of the user who runs the tests must not change the results.
     command
         .env("CORTICODE_CONFIG", "/dev/null")
         .stdin(Stdio::null())
@@ -67,7 +67,7 @@ fn bridge_on(machine: &SimulatedMachine, arguments: &[&str]) -> Command {
     command
 }
 
-/// Plugs the board in; its pseudoterminal is the one to which `link` points.
+/// Plugs `board` into a socket; its port is the pseudoterminal to which `link` points.
 fn plug(machine: &SimulatedMachine, socket: u32, tty: &str, board: Descriptor<'_>, link: &Path) {
     let deadline = Instant::now() + TIMEOUT;
     let node = loop {
@@ -95,13 +95,7 @@ fn auto_finds_the_board_again_at_another_port() {
     plug(&machine, 2, "ttyACM0", BOARD, &link);
     let mut command = bridge_on(&machine, &["--sink", "ndjson"]);
     let mut bridge = Bridge::spawn_command(command.process_group(0));
-    let lines = BufReader::new(bridge.stdout())
-        .lines()
-        .map_while(Result::ok);
-    let mut codes = lines.filter(|line| {
-        let line: Value = serde_json::from_str(line).unwrap();
-        line["topic"] == "/encoded"
-    });
+    let mut codes = bridge.messages().filter(|(topic, _)| topic == "/encoded");
     assert!(codes.by_ref().take(5).count() == 5);
     device.controls.unplugged.store(true, Relaxed);
     machine.unplug(2, "ttyACM0");
@@ -109,19 +103,12 @@ fn auto_finds_the_board_again_at_another_port() {
     while device.controls.hang_up.load(Relaxed) {
         std::thread::sleep(Duration::from_millis(5));
     }
-    let other = Descriptor {
-        serial: "3B",
-        ..BOARD
-    };
-    machine.plug(3, "ttyACM0", other, None);
+    machine.plug(3, "ttyACM0", OTHER, None);
     let made = device.controls.made.load(Relaxed);
     device.controls.unplugged.store(false, Relaxed);
     plug(&machine, 2, "ttyACM1", BOARD, &link);
-    let window = |line: &str| {
-        let line: Value = serde_json::from_str(line).unwrap();
-        line["message"]["tri"]["data"][1].as_u64().unwrap()
-    };
-    assert!(codes.any(|line| window(&line) > u64::from(made)));
+    let window = |code: &Value| code["tri"]["data"][1].as_u64().unwrap();
+    assert!(codes.any(|(_, code)| window(&code) > u64::from(made)));
     bridge.signal(Signal::TERM);
     codes.for_each(drop);
     let log = bridge.success();
@@ -149,11 +136,8 @@ fn a_board_that_is_silent_is_named_with_its_port() {
     // A silence is logged after 5 s.
     std::thread::sleep(Duration::from_secs(12));
     let log = bridge.end(Signal::TERM);
-    let named = format!(
-        "speaks Corticode: /dev/ttyACM0 (board {}) sent",
-        BOARD.serial
-    );
-    assert!(log.contains(&named), "{log}");
+    let board = format!("/dev/ttyACM0 (board {})", BOARD.serial);
+    assert_has(&log, [&format!("speaks Corticode: {board} sent")]);
     reader.join().unwrap().unwrap();
 }
 
@@ -165,26 +149,19 @@ fn selftest_reset_and_record_find_the_board_by_its_serial_number() {
     let machine = SimulatedMachine::new();
     let folder = tempfile::tempdir().unwrap();
     let link = folder.path().join("board");
-    let device = Device::pty(
-        Board {
-            restarts_on_reset: true,
-            self_test: Some(SelfTest::default()),
-            ..Board::new()
-        },
-        &link,
-    );
-    plug(&machine, 2, "ttyACM3", BOARD, &link);
-    let other = Descriptor {
-        serial: "3B",
-        ..BOARD
+    let board = Board {
+        restarts_on_reset: true,
+        self_test: Some(SelfTest::default()),
+        ..Board::new()
     };
-    machine.plug(3, "ttyACM0", other, None);
+    let device = Device::pty(board, &link);
+    plug(&machine, 2, "ttyACM3", BOARD, &link);
+    machine.plug(3, "ttyACM0", OTHER, None);
     // The device prints its serial number in small letters.
     let auto = format!("auto:{}", BOARD.serial.to_lowercase());
     for task in ["selftest", "reset"] {
-        let output = bridge_on(&machine, &[task, "--port", &auto])
-            .output()
-            .unwrap();
+        let output = bridge_on(&machine, &[task, "--port", &auto]).output();
+        let output = output.unwrap();
         let text = String::from_utf8_lossy(&output.stdout);
         assert!(text.contains("firmware test"), "{task}: {output:?}");
     }
@@ -209,22 +186,14 @@ fn ports_and_selftest_see_the_boards_of_the_machine() {
     let machine = SimulatedMachine::new();
     let run = |arguments: &[&str]| {
         let output = bridge_on(&machine, arguments).output().unwrap();
-        let text = |bytes| String::from_utf8(bytes).unwrap();
-        (
-            output.status.code(),
-            text(output.stdout),
-            text(output.stderr),
-        )
+        let [stdout, stderr] =
+            [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+        (output.status.code(), stdout, stderr)
     };
     let (code, _, log) = run(&["selftest", "--port", "auto"]);
     assert_eq!(code, Some(3), "{log}");
-    assert_has(
-        &log,
-        [
-            "no Corticode board is on USB",
-            "corticode-bridge ports lists",
-        ],
-    );
+    let remedy = "corticode-bridge ports lists";
+    assert_has(&log, ["no Corticode board is on USB", remedy]);
     machine.plug(2, "ttyACM0", BOARD, None);
     machine.plug_ftdi(4, "ttyUSB0");
     let (code, text, log) = run(&["ports"]);
@@ -238,15 +207,7 @@ fn ports_and_selftest_see_the_boards_of_the_machine() {
     assert_eq!(ports[0]["path"], "/dev/ttyACM0");
     assert_eq!(ports[0]["board"], "board");
     assert_eq!(ports[1]["driver"], "ftdi_sio");
-    machine.plug(
-        3,
-        "ttyACM1",
-        Descriptor {
-            serial: "3B",
-            ..BOARD
-        },
-        None,
-    );
+    machine.plug(3, "ttyACM1", OTHER, None);
     for arguments in [
         &["selftest", "--port", "auto"][..],
         &["--port", "auto", "--sink", "ndjson"],

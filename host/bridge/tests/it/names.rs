@@ -1,6 +1,8 @@
 //! Names in the ROS graph: namespaces, several bridges on one master, and other publishers of the
 //! bridge's topics.
 
+use std::sync::atomic::Ordering::Relaxed;
+
 use neuro_ros::ros1::xmlrpc::{Value, call_ros};
 use neuro_ros::ros1::{Node, PublisherOptions, Subscriber};
 use neuro_ros::{
@@ -12,7 +14,7 @@ use tokio::time::timeout;
 
 use crate::board::{Board, assert_has};
 use crate::device::Device;
-use crate::graph::{announcement, ended, frame, master, node, registered, subscribe, until};
+use crate::graph::{Graph, announcement, ended, frame, master, node, registered, subscribe, until};
 use crate::process::{Bridge, TIMEOUT};
 
 const QUEUE: PublisherOptions = PublisherOptions {
@@ -54,26 +56,23 @@ async fn end(bridge: Bridge) -> String {
 
 #[tokio::test]
 async fn frames_are_not_published_beside_another_publisher_until_that_one_is_gone() {
-    let master = master().await;
-    let filter = node("filterchain", master.uri()).await;
+    let graph = Graph::new().await;
+    let filter = node("filterchain", graph.master.uri()).await;
     let type_ = NeuroFrame::TYPE;
     let other = filter.advertise("/encoded", type_, QUEUE).await.unwrap();
     let mut reports = diagnostics(&filter).await;
-    let device = Device::tcp(Board::new());
-    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
+    let bridge = graph.bridge();
     let outlets = status(&mut reports, |status| {
         status.name.ends_with("outlets") && status.level == DiagnosticLevel::Error
     })
     .await;
-    assert_eq!(
-        outlets.message,
-        "/encoded is not published beside /filterchain"
-    );
+    let message = "/encoded is not published beside /filterchain";
+    assert_eq!(outlets.message, message);
     assert_eq!(publishers(&filter, "/encoded").await, ["/filterchain"]);
     let reconstructed = publishers(&filter, "/neurodata_reconstructed").await;
     assert_eq!(reconstructed, ["/acquisition"]);
     drop(other);
-    let mut encoded = filter.subscribe("/encoded", type_, 64).await.unwrap();
+    let mut encoded = subscribe(&filter, "/encoded").await;
     frame(&mut encoded).await;
     // A publisher that comes later ends the bridge's publication.
     let _other = filter.advertise("/encoded", type_, QUEUE).await.unwrap();
@@ -113,60 +112,47 @@ async fn bridges_with_other_prefixes_and_namespaces_share_no_name_but_diagnostic
     node.call(stop, &EMPTY, &[]).await.unwrap();
     for bridge in bridges {
         let log = end(bridge).await;
-        assert_eq!(
-            log.contains("~stop was called"),
-            log.contains("/left/"),
-            "{log}"
-        );
+        let is_stopped = log.contains("~stop was called");
+        assert_eq!(is_stopped, log.contains("/left/"), "{log}");
     }
 }
 
 #[tokio::test]
 async fn get_info_fails_until_a_device_came_and_returns_when_another_bridge_leaves() {
-    let master = master().await;
-    let device = Device::tcp(Board::new());
-    let uri = ["--ros-master-uri", master.uri(), "--port"];
-    let first = Bridge::start(&[&uri[..], &[&device.port]].concat());
-    let node = node("recorder", master.uri()).await;
-    let announced = announcement(&node, GET_INFO_SERVICE).await;
-    let absent = ["tcp:127.0.0.1:1", "__name:=other", "--topic-prefix", ""];
-    let second = Bridge::start(&[&uri[..], &absent].concat());
-    let mut failure = String::new();
+    let graph = Graph::new().await;
+    let (first, node) = (graph.bridge(), &graph.node);
+    let announced = announcement(node, GET_INFO_SERVICE).await;
+    let uri = ["--ros-master-uri", graph.master.uri()];
+    let absent = ["--port=tcp:127.0.0.1:1", "__name:=other"];
+    let second = Bridge::start(&[uri, absent].concat());
     until("the service of the other bridge", async || {
         let answer = node.call(GET_INFO_SERVICE, &GET_ACQUISITION_INFO, &[]);
-        failure = answer
-            .await
-            .map_or_else(|error| error.to_string(), |_| String::new());
-        failure.contains("no device has introduced itself yet")
+        let failure = answer.await.err().map(|error| error.to_string());
+        failure.is_some_and(|text| text.contains("no device has introduced itself yet"))
     })
     .await;
     end(second).await;
-    let again = announcement(&node, GET_INFO_SERVICE).await;
+    let again = announcement(node, GET_INFO_SERVICE).await;
     assert_eq!(again, announced);
     end(first).await;
 }
 
 #[tokio::test]
 async fn the_status_outlets_shows_how_far_each_subscriber_is_behind() {
-    let master = master().await;
-    let device = Device::tcp(Board::new());
-    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
-    let node = node("recorder", master.uri()).await;
-    let mut encoded = subscribe(&node, "/encoded").await;
+    let graph = Graph::new().await;
+    let bridge = graph.bridge();
+    let mut encoded = graph.subscribe("/encoded").await;
     frame(&mut encoded).await;
-    let mut reports = diagnostics(&node).await;
+    let mut reports = diagnostics(&graph.node).await;
     let key = "messages behind: /recorder on /encoded";
     let outlets = status(&mut reports, |status| {
         status.values.iter().any(|value| value.key == key)
     })
     .await;
     assert_eq!(outlets.name, "corticode: outlets");
-    let lag = outlets
-        .values
-        .iter()
-        .find(|value| value.key == key)
-        .unwrap();
-    assert!(lag.value.parse::<u32>().unwrap() < 50, "{lag:?}");
+    let lag = outlets.values.iter().find(|value| value.key == key);
+    let lag = lag.unwrap().value.parse::<u32>().unwrap();
+    assert!(lag < 50, "{lag}");
     end(bridge).await;
 }
 
@@ -202,39 +188,25 @@ async fn flags_override_the_environment_which_overrides_the_parameter_server() {
 
     set("plugin", "eegdev".into()).await;
     let bridge = Bridge::start(&["--ros-master-uri", master.uri()]);
-    let (status, log) = tokio::task::spawn_blocking(|| bridge.wait()).await.unwrap();
-    assert_eq!(status.code(), Some(2), "{log}");
-    assert_has(
-        &log,
-        [
-            "rosparam delete /acquisition/plugin",
-            "known are port, baud, sink",
-        ],
-    );
+    let log = tokio::task::spawn_blocking(|| bridge.failure(2)).await;
+    let remedy = "rosparam delete /acquisition/plugin";
+    assert_has(&log.unwrap(), [remedy, "known are port, baud, sink"]);
 }
 
 #[tokio::test]
 async fn the_log_is_on_rosout_from_the_first_line() {
-    let master = master().await;
-    let node = node("rosout", master.uri()).await;
-    let mut lines = node.subscribe("/rosout", Log::TYPE, 64).await.unwrap();
-    let device = Device::tcp(Board::new());
-    let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", master.uri()]);
+    let graph = Graph::new().await;
+    let lines = graph.node.subscribe("/rosout", Log::TYPE, 64).await;
+    let (mut lines, bridge) = (lines.unwrap(), graph.bridge());
     let mut next = async || {
         let line = timeout(TIMEOUT, lines.recv()).await.unwrap().unwrap();
         Log::from_bytes(&line).unwrap()
     };
     let first = next().await;
-    assert_eq!(
-        (first.name.as_str(), first.level),
-        ("/acquisition", Log::INFO)
-    );
+    assert_eq!((&*first.name, first.level), ("/acquisition", Log::INFO));
     assert!(first.msg.starts_with("node /acquisition at"), "{first:?}");
     while !next().await.msg.starts_with("streaming codes") {}
-    device
-        .controls
-        .hang_up
-        .store(true, std::sync::atomic::Ordering::Relaxed);
+    graph.device.controls.hang_up.store(true, Relaxed);
     loop {
         let line = next().await;
         if line.msg.contains("was lost") {

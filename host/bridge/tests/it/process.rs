@@ -1,11 +1,13 @@
 //! The bridge as a child process of a test.
 
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
+use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
+use serde_json::Value;
 
 /// Timeout of every wait in a test, sufficient for a busy machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
@@ -18,6 +20,11 @@ pub(crate) struct Bridge {
 impl Bridge {
     pub(crate) fn start(arguments: &[&str]) -> Bridge {
         Bridge::start_with(arguments, &[])
+    }
+
+    /// Starts the bridge for the board at `port`, with lines of JSON on stdout.
+    pub(crate) fn ndjson(port: &str) -> Bridge {
+        Bridge::start(&["--port", port, "--sink", "ndjson"])
     }
 
     /// Starts the bridge with additional environment variables.
@@ -47,7 +54,7 @@ impl Bridge {
             command.env_remove(variable);
         }
         command.env("ROS_IP", "127.0.0.1").args(arguments);
-        // Not the configuration of the user who runs the tests.
+        // The configuration file of the user who runs the tests must not change the results.
         command.env("CORTICODE_CONFIG", "/dev/null");
         command.envs(variables.iter().copied());
         command
@@ -73,6 +80,16 @@ impl Bridge {
         self.child.stdout.take().unwrap()
     }
 
+    /// Returns topic and message of each line of JSON on stdout.
+    pub(crate) fn messages(&mut self) -> impl Iterator<Item = (String, Value)> + Send + use<> {
+        let lines = BufReader::new(self.stdout()).lines();
+        lines.map_while(Result::ok).map(|line| {
+            let mut line: Value = serde_json::from_str(&line).unwrap();
+            let topic = line["topic"].as_str().unwrap().to_owned();
+            (topic, line["message"].take())
+        })
+    }
+
     pub(crate) fn pid(&self) -> u32 {
         self.child.id()
     }
@@ -93,12 +110,8 @@ impl Bridge {
             std::thread::sleep(Duration::from_millis(10));
         };
         let mut text = String::new();
-        self.child
-            .stderr
-            .take()
-            .unwrap()
-            .read_to_string(&mut text)
-            .unwrap();
+        let mut stderr = self.child.stderr.take().unwrap();
+        stderr.read_to_string(&mut text).unwrap();
         (status, text)
     }
 
@@ -130,6 +143,20 @@ impl Drop for Bridge {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// Returns an address of this machine at which no program listens.
+pub(crate) fn free_address() -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    listener.local_addr().unwrap()
+}
+
+/// Listens at a free TCP port, and calls `serve` with each client in a thread. Returns the port.
+pub(crate) fn serve(mut serve: impl FnMut(std::net::TcpStream) + Send + 'static) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = format!("tcp:{}", listener.local_addr().unwrap());
+    std::thread::spawn(move || listener.incoming().flatten().for_each(&mut serve));
+    port
 }
 
 /// Waits until the file has at least `bytes` bytes.

@@ -48,8 +48,10 @@ fn read(path: &Path) -> Content {
     content
 }
 
-fn start(device: &Device, path: &Path) -> Bridge {
-    Bridge::start(&["record", path.to_str().unwrap(), "--port", &device.port])
+/// Starts to record the device to a file, with more arguments.
+fn start(device: &Device, path: &Path, more: &[&str]) -> Bridge {
+    let arguments = ["record", path.to_str().unwrap(), "--port", &device.port];
+    Bridge::start(&[&arguments[..], more].concat())
 }
 
 #[test]
@@ -57,18 +59,12 @@ fn a_recording_holds_every_code_and_ends_with_a_summary() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recording");
     let device = Device::tcp(Board::new());
-    let arguments = ["--packed-rate=3", "--port", &device.port];
-    let bridge = Bridge::start(&[&["record", path.to_str().unwrap()], &arguments[..]].concat());
+    let bridge = start(&device, &path, &["--packed-rate=3"]);
     wait_for_bytes(&path, 20_000);
     let log = bridge.end(Signal::INT);
     let made = device.controls.made.load(Relaxed);
-    assert_has(
-        &log,
-        [
-            &format!("received {made} lost 0"),
-            "--packed-rate has no effect",
-        ],
-    );
+    let received = format!("received {made} lost 0");
+    assert_has(&log, [&received, "--packed-rate has no effect"]);
     let content = read(&path);
     assert!(content.windows.iter().copied().eq(0..made), "{content:?}");
     assert_eq!(content.events, made / 10);
@@ -84,7 +80,7 @@ fn a_recording_that_was_killed_is_readable_to_its_last_whole_frame() {
     for round in 0..100_u64 {
         let path = folder.path().join(format!("recording-{round}"));
         let device = Device::tcp(Board::new());
-        let bridge = start(&device, &path);
+        let bridge = start(&device, &path, &[]);
         // The header alone is there at once; the delays after it differ from round to round.
         wait_for_bytes(&path, 28);
         std::thread::sleep(Duration::from_micros(round * 7_919 % 150_000));
@@ -107,13 +103,11 @@ fn an_existing_file_is_refused_and_not_touched() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recording");
     std::fs::write(&path, "mine").unwrap();
-    let file = path.to_str().unwrap();
-    let log = Bridge::start(&["record", file, "--port", "tcp:127.0.0.1:1"]).failure(2);
+    let device = Device::tcp(Board::new());
+    let log = start(&device, &path, &[]).failure(2);
     assert_has(&log, ["exists already", "--force"]);
     assert_eq!(std::fs::read(&path).unwrap(), b"mine");
-    let nowhere = folder.path().join("no/recording");
-    let file = nowhere.to_str().unwrap();
-    let log = Bridge::start(&["record", file, "--port", "tcp:127.0.0.1:1"]).failure(2);
+    let log = start(&device, &folder.path().join("no/recording"), &[]).failure(2);
     assert!(log.contains("cannot be created"), "{log}");
 }
 
@@ -123,8 +117,7 @@ fn force_replaces_a_file_and_a_killed_recording_has_its_name() {
     let path = folder.path().join("recording");
     std::fs::write(&path, [0xff; 1000]).unwrap();
     let device = Device::tcp(Board::new());
-    let file = path.to_str().unwrap();
-    let bridge = Bridge::start(&["record", file, "--force", "--port", &device.port]);
+    let bridge = start(&device, &path, &["--force"]);
     wait_for_bytes(&path, 20_000);
     bridge.signal(Signal::KILL);
     bridge.wait();
@@ -171,18 +164,12 @@ fn packed_blocks_have_the_models_rate_unless_the_device_has_another_model() {
             rate: 9,
             ..Board::new()
         });
-        let file = path.to_str().unwrap();
-        let arguments = ["record", file, "--streams=packed", "--port", &device.port];
-        let recorder = Bridge::start(&arguments);
+        let recorder = start(&device, &path, &["--streams=packed"]);
         wait_for_bytes(&path, 20_000);
         let log = recorder.end(Signal::TERM);
         let received = device.received();
-        let set = received.iter().filter_map(|command| match command {
-            ToDevice::SetRate { rate } => Some(*rate),
-            _ => None,
-        });
-        assert_eq!(set.collect::<Vec<_>>(), rates, "{log}");
-        // The first start already has it.
+        assert_eq!(device.rates(), rates, "{log}");
+        // The rate is set before the first start.
         let start = |command: &ToDevice| matches!(command, ToDevice::Start(start) if start.streams == Streams::PACKED);
         let start = received.iter().position(start).unwrap();
         assert_eq!(received[..start].len(), 2 + rates.len(), "{received:?}");
@@ -193,12 +180,9 @@ fn packed_blocks_have_the_models_rate_unless_the_device_has_another_model() {
 fn a_device_that_refuses_the_models_rate_is_no_warning() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recording");
-    let mut board = Board::new();
-    board.supported = Streams::ALL.without(Streams::PACKED);
-    let device = Device::tcp(board);
-    let file = path.to_str().unwrap();
-    let arguments = ["record", file, "--streams=packed", "--port", &device.port];
-    let recorder = Bridge::start(&arguments);
+    let without_packed = Streams::ALL.without(Streams::PACKED);
+    let device = Device::tcp(Board::supporting(without_packed));
+    let recorder = start(&device, &path, &["--streams=packed"]);
     wait_for_bytes(&path, 20_000);
     let log = recorder.end(Signal::TERM);
     let line = log.lines().find(|line| line.contains("refuses the rate 4"));

@@ -1,18 +1,17 @@
 //! The subcommand `replay`: a bridge at a replay publishes the codes of the recording.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Cursor};
+use std::io::Cursor;
 use std::path::Path;
 use std::time::Duration;
 
 use capture::{Pace, RecordingReader, Replayer};
 use link::{Decoder, Encoder, MAX_FRAME, Start, Streams, ToDevice, ToHost};
 use rustix::process::Signal;
-use serde_json::Value;
 
-use crate::board::Board;
+use crate::board::{Board, assert_has};
 use crate::device::Device;
-use crate::process::{Bridge, wait_for_bytes};
+use crate::process::{Bridge, free_address, wait_for_bytes};
 use crate::synthetic_recording::Rig;
 
 /// Returns the levels of all codes in a recording whose boards have scale 0.5 and zero point 1.
@@ -40,19 +39,15 @@ fn replayed_codes(arguments: &[&str], port: &str, streams: &str) -> (Vec<Vec<f64
     let replay = Bridge::start(&[&["replay"], arguments].concat());
     let arguments = ["--port", port, "--sink", "ndjson", "--streams", streams];
     let mut bridge = Bridge::start(&arguments);
-    let lines = BufReader::new(bridge.stdout()).lines();
+    let messages = bridge.messages().filter(|(topic, message)| {
+        topic == "/encoded" && message["tri"]["data"][0].as_u64().unwrap() < 32_768
+    });
     let reader = std::thread::spawn(move || {
-        let mut codes = Vec::new();
-        for line in lines {
-            let line: Value = serde_json::from_str(&line.unwrap()).unwrap();
-            let message = &line["message"];
-            let is_code = line["topic"] == "/encoded";
-            if is_code && message["tri"]["data"][0].as_u64().unwrap() < 32_768 {
-                let values = message["eeg"]["data"].as_array().unwrap();
-                codes.push(values.iter().map(|value| value.as_f64().unwrap()).collect());
-            }
-        }
-        codes
+        let codes = messages.map(|(_, message)| {
+            let values = message["eeg"]["data"].as_array().unwrap().iter();
+            values.map(|value| value.as_f64().unwrap()).collect()
+        });
+        codes.collect()
     });
     let log = replay.success();
     std::thread::sleep(Duration::from_millis(500));
@@ -69,8 +64,7 @@ fn a_bridge_at_a_terminal_gets_every_recorded_code_in_real_time() {
     let device = Device::tcp(Board::new());
     let recorder = Bridge::start(&["record", file, "--port", &device.port]);
     wait_for_bytes(&path, 20_000);
-    recorder.signal(Signal::TERM);
-    assert!(recorder.wait().0.success());
+    recorder.end(Signal::TERM);
     let port = folder.path().join("board");
     let output = format!("pty:{}", port.display());
     let recorded = recorded_codes(&path);
@@ -92,10 +86,7 @@ fn a_restart_and_losses_of_the_recording_reach_the_bridge() {
     std::fs::write(&path, rig.finish()).unwrap();
     let recorded = recorded_codes(&path);
     assert!(recorded.len() < 120, "no code was lost");
-    // A free port: the listener is gone when the replay opens it.
-    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    let port = format!("tcp:{}", listener.local_addr().unwrap());
-    drop(listener);
+    let port = format!("tcp:{}", free_address());
     let arguments = [path.to_str().unwrap(), "--fast", "--output", &port];
     for streams in ["codes,raw,filtered,events", "codes"] {
         let (codes, log) = replayed_codes(&arguments, &port, streams);
@@ -114,26 +105,14 @@ fn what_cannot_be_replayed_is_status_2_with_advice() {
     let link = folder.path().join("link");
     std::os::unix::fs::symlink(&path, &link).unwrap();
     let linked = format!("pty:{}", link.display());
-    for (arguments, expected) in [
-        (
-            ["replay", "/etc/hostname", "--output", &taken],
-            "is not a recording",
-        ),
-        (
-            ["replay", file, "--output", &taken],
-            "cannot be made a port",
-        ),
-        (
-            ["replay", file, "--output", &linked],
-            "cannot be made a port",
-        ),
-        (
-            ["replay", file, "--output", "tcp:192.0.2.1:5"],
-            "with a free port",
-        ),
+    for (file, output, expected) in [
+        ("/etc/hostname", &*taken, "is not a recording"),
+        (file, &*taken, "cannot be made a port"),
+        (file, &*linked, "cannot be made a port"),
+        (file, "tcp:192.0.2.1:5", "with a free port"),
     ] {
-        let log = Bridge::start(&arguments).failure(2);
-        assert!(log.contains(expected), "{log}");
+        let log = Bridge::start(&["replay", file, "--output", output]).failure(2);
+        assert_has(&log, [expected]);
     }
 }
 

@@ -1,54 +1,70 @@
 //! What the bridge logs about a full disk, a port of another device, and a bad link.
 
 use std::io::Write;
-use std::net::{SocketAddr, TcpListener};
+use std::os::unix::process::CommandExt;
+use std::process::{Command, Stdio};
 use std::sync::atomic::Ordering::Relaxed;
 use std::thread::sleep;
 use std::time::Duration;
 
 use rustix::process::Signal;
+use serde_json::Value;
 
 use crate::board::Board;
 use crate::device::Device;
-use crate::process::Bridge;
+use crate::process::{Bridge, serve};
+
+fn open(path: &str) -> std::fs::File {
+    std::fs::File::options().write(true).open(path).unwrap()
+}
 
 #[test]
 fn a_full_disk_is_status_1_and_the_log_says_so() {
     let device = Device::tcp(Board::new());
-    let full = std::fs::File::options()
-        .write(true)
-        .open("/dev/full")
-        .unwrap();
+    let full = open("/dev/full");
     let bridge = Bridge::start_into(full, &["--port", &device.port, "--sink", "ndjson"]);
-    let (status, log) = bridge.wait();
-    assert_eq!(status.code(), Some(1), "{log}");
+    let log = bridge.failure(1);
     assert!(log.contains("the disk of the output is full"), "{log}");
 }
 
+#[test]
+fn lines_on_a_disk_that_becomes_full_end_with_a_whole_line() {
+    let device = Device::tcp(Board::new());
+    let file = tempfile::NamedTempFile::new().unwrap();
+    // A limit of the file's size simulates a full disk: 32 blocks of 512 or 1024 bytes. Without
+    // the trap the kernel would end the program by a signal.
+    let script = "trap '' XFSZ; ulimit -f 32; exec \"$@\"";
+    let mut command = Command::new("sh");
+    command
+        .args(["-c", script, "sh", env!("CARGO_BIN_EXE_corticode-bridge")])
+        .args(["--port", &device.port, "--sink", "ndjson"])
+        .env("CORTICODE_CONFIG", "/dev/null")
+        .stdout(file.reopen().unwrap())
+        .stderr(Stdio::piped())
+        .process_group(0);
+    Bridge::spawn_command(&mut command).failure(1);
+    let text = std::fs::read_to_string(file.path()).unwrap();
+    assert!(text.len() > 8_000 && text.ends_with('\n'), "{text}");
+    for line in text.lines() {
+        serde_json::from_str::<Value>(line).unwrap();
+    }
+}
+
 /// Starts a server that sends text to each client, and closes the connection after `lines` lines.
-fn stranger(lines: u32) -> String {
-    let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
-    let port = format!("tcp:{}", listener.local_addr().unwrap());
-    std::thread::spawn(move || {
-        for client in listener.incoming() {
-            let mut client = client.unwrap();
-            for _ in 0..lines {
-                if client.write_all(b"$GPGGA,not a frame*00\r\n\0").is_err() {
-                    break;
-                }
-                sleep(Duration::from_millis(20));
+pub(crate) fn stranger(lines: u32) -> String {
+    serve(move |mut client| {
+        for _ in 0..lines {
+            if client.write_all(b"$GPGGA,not a frame*00\r\n\0").is_err() {
+                break;
             }
+            sleep(Duration::from_millis(20));
         }
-    });
-    port
+    })
 }
 
 /// Returns the log of a bridge that runs for `time` at `port`.
 fn log_of(port: &str, time: Duration) -> String {
-    let null = std::fs::File::options()
-        .write(true)
-        .open("/dev/null")
-        .unwrap();
+    let null = open("/dev/null");
     let bridge = Bridge::start_into(null, &["--port", port, "--sink", "ndjson"]);
     sleep(time);
     bridge.end(Signal::TERM)

@@ -1,11 +1,11 @@
-//! Tests of the decoder thread with sinks that record.
+//! Tests of the decoder thread, whose frames a sink records.
 
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use link::{Capabilities, Hello, ResetCause};
-use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp};
+use neuro_ros::{NeuroFrame, Sink, SinkError, Stamp, TriWords};
 
 use super::{DecoderThread, Ordering, QUEUE_WINDOWS};
 use crate::decoder::audit::AuditedWindow;
@@ -13,8 +13,7 @@ use crate::decoder::model::Model;
 use crate::decoder::packed::{PackedBytes, PackedReconstruction, TimedPackedBlock};
 use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
-use crate::settings::{AnnouncedStream, EventStamps, FillerPolicy, Settings, StampPoint};
-use neuro_ros::TriWords;
+use crate::settings::Settings;
 
 /// Timeout of each wait, sufficient for a busy machine.
 const TIMEOUT: Duration = Duration::from_mins(1);
@@ -23,26 +22,44 @@ const TIMEOUT: Duration = Duration::from_mins(1);
 type Frames = Arc<Mutex<Vec<(u32, i64)>>>;
 
 /// Sink that records the sequence number and the stamp of every frame.
-struct Places(Frames);
+#[derive(Clone, Default)]
+struct Places {
+    frames: Frames,
+    /// Whether nobody receives the frames.
+    is_unused: Arc<AtomicBool>,
+    /// Time that the sink takes for each frame.
+    delay: Duration,
+}
+
+impl Places {
+    fn start(&self) -> DecoderThread {
+        DecoderThread::start(Box::new(self.clone())).unwrap()
+    }
+}
 
 impl Sink<NeuroFrame> for Places {
     fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
+        std::thread::sleep(self.delay);
         let stamp = frame.header.stamp.nanoseconds();
-        let mut places = self.0.lock().unwrap();
-        places.push((frame.neuroheader.seq, stamp));
+        let mut frames = self.frames.lock().unwrap();
+        frames.push((frame.neuroheader.seq, stamp));
         Ok(())
     }
 
     fn dropped(&self) -> u64 {
         0
     }
+
+    fn has_receivers(&self) -> bool {
+        !self.is_unused.load(Ordering::Relaxed)
+    }
 }
 
 /// Starts a decoder whose frames are recorded.
 fn start() -> (Frames, DecoderThread) {
-    let frames = Frames::default();
-    let decoder = DecoderThread::start(Box::new(Places(Arc::clone(&frames)))).unwrap();
-    (frames, decoder)
+    let places = Places::default();
+    let decoder = places.start();
+    (places.frames, decoder)
 }
 
 /// Returns the numbers of recorded frames.
@@ -51,11 +68,12 @@ fn numbers(frames: &Frames) -> Vec<u32> {
     frames.iter().map(|(number, _)| *number).collect()
 }
 
-/// Returns the code of a window, all zeros, or its placeholder.
+/// Returns the code of a window, all zeros, or its placeholder. Its steps begin `window`
+/// nanoseconds after 1970.
 fn code(window: u32, is_received: bool) -> TimedCode {
     TimedCode {
         z: is_received.then(|| vec![0.0; 128]),
-        stamp: Stamp::default(),
+        stamp: Stamp::from_nanoseconds(window.into()),
         words: TriWords {
             window,
             ..TriWords::default()
@@ -63,18 +81,7 @@ fn code(window: u32, is_received: bool) -> TimedCode {
     }
 }
 
-pub(crate) const SETTINGS: Settings = Settings {
-    stamp: StampPoint::First,
-    mains_hz: 0,
-    filler: FillerPolicy::Last,
-    low_latency: false,
-    announced: AnnouncedStream::Encoded,
-    streams: link::Streams::CODES,
-    packed_rate: None,
-    event_stamps: EventStamps::Scalp,
-};
-
-pub(crate) fn device(model: &Model) -> Device {
+fn device(model: &Model) -> Device {
     let labels = model.electrodes().join(" ");
     let hello = Hello {
         firmware: "test",
@@ -105,26 +112,24 @@ pub(crate) fn device(model: &Model) -> Device {
 
 fn reconstruction() -> Reconstruction {
     let model = Arc::new(Model::embedded().unwrap());
-    Reconstruction::new(&device(&model), model, SETTINGS)
+    Reconstruction::new(&device(&model), model, Settings::default())
 }
 
 fn unpacked() -> PackedReconstruction {
     let model = Arc::new(Model::embedded().unwrap());
-    PackedReconstruction::new(&device(&model), &model, SETTINGS).unwrap()
+    PackedReconstruction::new(&device(&model), &model, Settings::default()).unwrap()
 }
 
 #[test]
 fn codes_beyond_a_full_queue_are_counted() {
     let (count, mut decoder) = start();
     // Simulate more waiting codes than the thread can decode during this test.
-    decoder
-        .progress
-        .waiting
-        .store(QUEUE_WINDOWS, Ordering::Relaxed);
+    let progress = Arc::clone(&decoder.progress);
+    progress.waiting.store(QUEUE_WINDOWS, Ordering::Relaxed);
     for _ in 0..3 {
         decoder.decode(code(0, true));
     }
-    decoder.progress.waiting.store(0, Ordering::Relaxed);
+    progress.waiting.store(0, Ordering::Relaxed);
     // No device was announced with `start_device`, so there is nothing to publish.
     assert_eq!(decoder.finish(TIMEOUT).not_decoded, 3);
     assert!(count.lock().unwrap().is_empty());
@@ -144,14 +149,22 @@ fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_
     assert_eq!(numbers(&count), (1..=5000).collect::<Vec<u32>>());
 }
 
-/// Returns a lost block whose steps begin `at_ns` nanoseconds after 1970.
-fn lost_block(at_ns: i64, is_first: bool) -> TimedPackedBlock {
+/// Returns a block with these bytes, or a lost block. Its steps begin `index` nanoseconds after
+/// 1970.
+fn block(index: u32, bytes: Option<Vec<u8>>, is_first: bool) -> TimedPackedBlock {
     TimedPackedBlock {
-        block: None,
+        block: bytes.map(|bytes| PackedBytes { bytes, rate: 4 }),
         is_first,
-        stamp: Stamp::from_nanoseconds(at_ns),
-        words: TriWords::default(),
+        stamp: Stamp::from_nanoseconds(index.into()),
+        words: TriWords {
+            window: index,
+            ..TriWords::default()
+        },
     }
+}
+
+fn lost_block(index: u32, is_first: bool) -> TimedPackedBlock {
+    block(index, None, is_first)
 }
 
 #[test]
@@ -160,9 +173,7 @@ fn frames_from_codes_and_from_packed_blocks_are_one_stream() {
     decoder.start_device(reconstruction(), Some(unpacked()));
     for index in 0..60 {
         if index % 20 < 10 {
-            let (z, words) = (Some(vec![0.0; 128]), TriWords::default());
-            let stamp = Stamp::from_nanoseconds(index);
-            decoder.decode(TimedCode { z, stamp, words });
+            decoder.decode(code(index, true));
         } else {
             decoder.decode_block(lost_block(index, index % 20 == 10));
         }
@@ -216,12 +227,7 @@ fn blocks_that_the_model_does_not_have_are_counted() {
     let (_, mut decoder) = start();
     decoder.start_device(reconstruction(), Some(unpacked()));
     for bytes in [vec![], vec![0x5a; 200]] {
-        decoder.decode_block(TimedPackedBlock {
-            block: Some(PackedBytes { bytes, rate: 4 }),
-            is_first: false,
-            stamp: Stamp::default(),
-            words: TriWords::default(),
-        });
+        decoder.decode_block(block(0, Some(bytes), false));
     }
     let counts = decoder.finish(TIMEOUT);
     assert_eq!((counts.decoded, counts.malformed), (1, 1));
@@ -235,18 +241,7 @@ fn an_audit_without_a_code_measures_the_error_of_its_blocks() {
     decoder.start_device(reconstruction(), Some(unpacked()));
     // Blocks without bytes are silence at the start of a run.
     for window in 0..2 {
-        decoder.decode_block(TimedPackedBlock {
-            block: Some(PackedBytes {
-                bytes: vec![],
-                rate: 4,
-            }),
-            is_first: window == 0,
-            stamp: Stamp::default(),
-            words: TriWords {
-                window,
-                ..TriWords::default()
-            },
-        });
+        decoder.decode_block(block(window, Some(Vec::new()), window == 0));
     }
     let mut audited = |cell| {
         let window = AuditedWindow {
@@ -282,62 +277,34 @@ fn every_code_of_a_burst_after_a_stall_is_decoded() {
     assert!(counts.longest_wait > std::time::Duration::ZERO);
 }
 
-/// Sink that has a receiver while the flag is set.
-struct Switched(Places, Arc<AtomicBool>);
-
-impl Sink<NeuroFrame> for Switched {
-    fn publish(&mut self, frame: &NeuroFrame) -> Result<(), SinkError> {
-        self.0.publish(frame)
-    }
-
-    fn dropped(&self) -> u64 {
-        0
-    }
-
-    fn has_receivers(&self) -> bool {
-        self.1.load(Ordering::Relaxed)
-    }
-}
-
 #[test]
 fn codes_are_decoded_only_while_someone_receives_them_and_numbers_continue() {
-    let count = Frames::default();
-    let receiver = Arc::new(AtomicBool::new(false));
-    let sink = Switched(Places(Arc::clone(&count)), Arc::clone(&receiver));
-    let mut decoder = DecoderThread::start(Box::new(sink)).unwrap();
+    let places = Places::default();
+    places.is_unused.store(true, Ordering::Relaxed);
+    let mut decoder = places.start();
     decoder.start_device(reconstruction(), None);
     for window in 0..20 {
         if window == 10 {
             while decoder.counts().not_needed < 10 {
                 std::thread::yield_now();
             }
-            receiver.store(true, Ordering::Relaxed);
+            places.is_unused.store(false, Ordering::Relaxed);
         }
         decoder.decode(code(window, true));
         decoder.start_work();
     }
     let counts = decoder.finish(TIMEOUT);
     assert_eq!((counts.not_needed, counts.decoded), (10, 10));
-    assert_eq!(numbers(&count), (11..=20).collect::<Vec<u32>>());
-}
-
-/// Sink that takes 50 ms for each frame.
-struct Slow;
-
-impl Sink<NeuroFrame> for Slow {
-    fn publish(&mut self, _: &NeuroFrame) -> Result<(), SinkError> {
-        std::thread::sleep(Duration::from_millis(50));
-        Ok(())
-    }
-
-    fn dropped(&self) -> u64 {
-        0
-    }
+    assert_eq!(numbers(&places.frames), (11..=20).collect::<Vec<u32>>());
 }
 
 #[test]
 fn the_end_does_not_wait_for_a_long_queue_and_counts_what_is_left() {
-    let mut decoder = DecoderThread::start(Box::new(Slow)).unwrap();
+    let slow = Places {
+        delay: Duration::from_millis(50),
+        ..Places::default()
+    };
+    let mut decoder = slow.start();
     decoder.start_device(reconstruction(), None);
     // 60 s of work.
     for window in 0..1200 {
