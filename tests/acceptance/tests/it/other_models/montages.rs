@@ -78,7 +78,7 @@ fn the_trained_model_of_the_papers_montage_streams_and_decodes() {
 
     // The model has no packed code, which the device knows and `encode` reports.
     let device = OtherModel::build(&model, &["test --no-run --package=device"]);
-    device.test("a_device_offers");
+    device.test("device", "a_device_offers");
     let host_sim = |words: &str| {
         let mut program = built.program("host-sim");
         program.current_dir(output.path()).args(words.split(' '));

@@ -24,14 +24,14 @@ fn a_model_without_a_network_encodes_and_decodes_recordings() {
     model.write(&artifact).expect("a folder to write to");
     let pipeline = "build --workspace --bin=host-sim --test=packed_equals_batch";
     let built = OtherModel::build(&artifact, &[pipeline]);
-    built.test("");
+    built.test("packed_equals_batch", "");
     let device = OtherModel::build(&artifact, &["test --no-run --package=device"]);
     for test in [
         "a_device_offers",
         "audits_reach_the_host",
         "blocks_of_repeated_steps",
     ] {
-        device.test(test);
+        device.test("device", test);
     }
     let labels = &model.description.montage.electrodes;
     let rate_hz = model.description.adc.rate_hz;
