@@ -47,7 +47,7 @@ pub enum BlockError {
         nchannels: u16,
     },
     /// `minmax` is not two finite values in ascending order; holds its content.
-    #[error("minmax is {0:?}; it must be the smallest and the largest value")]
+    #[error("minmax is {}; it must be the smallest and the largest value", list(.0))]
     MinMax(Vec<f64>),
     /// `stride` is not `nchannels * 4`; holds the stride in bytes.
     #[error("stride is {0}; it must be nchannels * 4 bytes")]
@@ -66,6 +66,11 @@ pub enum BlockError {
     /// `isint` does not match the block's sample type; holds its value.
     #[error("isint is {0}; it is 1 for tri and 0 for eeg and exg")]
     IsInt(u8),
+}
+
+fn list(values: &[f64]) -> String {
+    let values: Vec<String> = values.iter().map(f64::to_string).collect();
+    format!("({})", values.join(", "))
 }
 
 /// The dimensions of a frame, from which consumers allocate their buffers.
