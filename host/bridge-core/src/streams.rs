@@ -1,5 +1,5 @@
-//! Conversion of the device's messages to NeuroFrames and NeuroEvents, with lost data filled and
-//! counted.
+//! Conversion of the device's messages to NeuroFrames and NeuroEvents. Lost data are counted and
+//! filled.
 
 pub(crate) mod code;
 pub(crate) mod event;
