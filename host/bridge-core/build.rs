@@ -1,6 +1,5 @@
-//! Names the folder of the model that the program embeds: the one in `CORTICODE_ARTIFACT` or,
-//! without that variable, `signal/model/artifact/`. `signal/model/build.rs` chooses the same
-//! folder.
+//! Names the folder of the model to embed: the one in `CORTICODE_ARTIFACT`, by default
+//! `signal/model/artifact/`. `signal/model/build.rs` chooses the same folder.
 
 use std::{
     env,
@@ -8,8 +7,7 @@ use std::{
     process::ExitCode,
 };
 
-/// Environment variable with the absolute path of a model's folder, to embed another model than the
-/// checked-in one.
+/// Environment variable with the absolute path of a model's folder, to embed another model.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
 fn main() -> ExitCode {

@@ -27,8 +27,7 @@ pub struct Core {
 }
 
 impl Core {
-    /// Creates a core that has no connection yet. Without a model the core publishes codes but does
-    /// not decode them.
+    /// Creates a core without a connection. Without a model it publishes codes but decodes none.
     pub fn new(settings: Settings, model: Option<Arc<Model>>) -> Core {
         Core {
             decoder: Decoder::new(),
@@ -71,8 +70,7 @@ impl Core {
         self.session.tick(now, effects);
     }
 
-    /// Sets whether the device should stream. The next [`Core::tick`] sends the start or stop
-    /// command.
+    /// Sets whether the device should stream. The next [`Core::tick`] sends the command to do so.
     pub fn set_streaming(&mut self, streaming: bool) {
         self.session.commands.set_streaming(streaming);
     }

@@ -196,8 +196,8 @@ impl Query {
             ToHost::SelfTest(test) if self.request == Request::SelfTest => {
                 let (_, device) = self.device.clone()?;
                 let (channels, labels) = self.montage.as_ref()?;
-                // A result before this query has sent its request answers the request of another
-                // program.
+                // Until this query has sent its request, a result belongs to another program's
+                // request.
                 matches!(self.stage, Stage::Request | Stage::Wait).then(|| {
                     let report = SelfTestReport::new(device, test, *channels, labels);
                     Ok(Answer::SelfTest(Box::new(report)))

@@ -267,8 +267,7 @@ impl Session {
             return;
         }
         match &frame.message {
-            // `Hello` was handled above. A session never requests a self-test, so it awaits no
-            // result.
+            // `Hello` was handled above. A session requests no self-test, so ignore a result.
             ToHost::Hello(_) | ToHost::SelfTest(_) => {}
             ToHost::Substitutes(substitutes) => self.substitutes = *substitutes,
             ToHost::Capabilities(capabilities) => {
@@ -364,8 +363,7 @@ impl Session {
         self.trigger.restart();
     }
 
-    /// Records the sequence number of a frame. Returns false if the number is old, so the frame
-    /// must be ignored.
+    /// Records a frame's sequence number. Returns false if it is old, so the frame must be ignored.
     fn record_frame(&mut self, header: Header) -> bool {
         if let Arrival::New { .. } = self.frames.record(header.seq) {
             self.old_frames_in_a_row = 0;
@@ -513,9 +511,8 @@ impl Session {
         packed.receive(code, reception, effects);
     }
 
-    /// Returns whether codes and packed blocks of the device can be published. This needs that the
-    /// device has introduced itself since the port was opened, and that this bridge started its
-    /// stream.
+    /// Returns whether the device's codes and packed blocks can be published: it has introduced
+    /// itself since the port was opened, and this bridge started its stream.
     fn accepts_codes(&self) -> bool {
         self.introduced && self.commands.accepts_codes()
     }

@@ -2,8 +2,7 @@
 
 use link::Streams;
 
-/// A setting that takes one of several values, each with a name and a description for the command
-/// line.
+/// A setting with several values, each of which has a name and a description for the command line.
 pub trait Choice: Copy + Send + Sync + 'static {
     /// Name, description and value of each choice. A description is at least one sentence.
     const CHOICES: &'static [(&'static str, &'static str, Self)];
@@ -49,12 +48,11 @@ pub struct Settings {
     /// Stream that `/acquisition/get_info` describes, and so the stream that a recorder records.
     pub announced: AnnouncedStream,
     /// Streams that the bridge asks the device for. The bridge adds codes if neither codes nor
-    /// packed blocks are among them. With both `RAW` and `COMPRESSED_RAW`, the bridge first asks
-    /// for plain samples, and for compressed ones only if the device refuses plain ones because its
-    /// port is too slow.
+    /// packed blocks are among them. With both `RAW` and `COMPRESSED_RAW`, it asks for plain
+    /// samples first, and for compressed ones if the device refuses plain ones because its port is
+    /// too slow.
     pub streams: Streams,
-    /// Rate of the packed code, 0 to 15, to which the bridge sets the device; `None` leaves the
-    /// choice to the device.
+    /// Rate to which the packed code is set, 0 to 15; `None` leaves the choice to the device.
     pub packed_rate: Option<u8>,
     /// Moment that the stamp of an event refers to.
     pub event_stamps: EventStamps,
@@ -71,8 +69,7 @@ choice! {
 }
 
 choice! {
-    /// Stream that the bridge announces to ROS-Neuro's recorder and filters, which can handle only
-    /// one.
+    /// Stream announced to ROS-Neuro's recorder and filters, which handle exactly one.
     AnnouncedStream {
         Encoded = "encoded": "`/encoded`: the numbers of each code.",
         Reconstructed = "reconstructed": "`/neurodata_reconstructed`: electrodes in microvolts.",

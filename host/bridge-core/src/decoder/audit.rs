@@ -55,8 +55,7 @@ pub struct AuditedWindow {
     pub device: Arc<Device>,
     /// Index of the window; the first one after the command `Start` has index 0.
     pub window: u32,
-    /// Planes of the window, oldest first, each with its cells row by row; int8, as the encoder
-    /// reads them.
+    /// Planes of the window, oldest first, each row by row; int8, as the encoder reads them.
     pub planes: Vec<i8>,
     /// The device's code, in levels of its format; empty if the device has no network.
     pub levels: Vec<i32>,
@@ -146,8 +145,7 @@ impl AuditedWindow {
         })
     }
 
-    /// Returns whether a cell of the window has the smallest or largest int8 value, to which a
-    /// clipped input is set.
+    /// Returns whether a cell of the window has the smallest or largest int8, as clipped inputs do.
     fn is_at_rail(&self) -> bool {
         self.planes.iter().any(|cell| *cell == 127 || *cell == -128)
     }

@@ -4,18 +4,16 @@
 /// So many windows are 16 s of signal and take about 1 s to decode.
 const WAITING_WINDOWS: u64 = 256;
 
-/// Lead of the device's time over the host's time above which the source counts as faster than real
-/// time, microseconds.
+/// Lead of the device's time over the host's time, microseconds, above which the source counts as
+/// faster than real time.
 const AHEAD_US: i64 = 10_000_000;
-/// The allowed lead grows by the elapsed time divided by this number, so that a fast crystal never
-/// counts as a source faster than real time. It allows 1000 ppm; two crystals never differ by more
-/// than 500 ppm.
+/// The allowed lead grows by the elapsed time divided by this number (1000 ppm), so that a fast
+/// crystal never counts as a source faster than real time. Two crystals differ by 500 ppm at most.
 const DRIFT: i64 = 1000;
 
 /// Finds out whether the source is faster than real time, by comparing the device's time with the
 /// host's. Such a source, for example `host-sim run --fast`, waits for its reader and loses nothing
-/// when the bridge stops reading. A device in real time cannot wait: its own queue holds only some
-/// seconds.
+/// when the bridge stops reading. A device in real time cannot wait: its queue holds some seconds.
 ///
 /// A backlog that arrives after a stall does not count as faster than real time, because the host's
 /// time went on during the stall.
@@ -42,8 +40,7 @@ impl BackPressure {
         self.runs_ahead = device_elapsed_us.saturating_sub(host_elapsed_us) > limit_us;
     }
 
-    /// Returns whether the bridge must stop reading the port while `waiting` windows wait for the
-    /// decoder.
+    /// Returns whether to stop reading the port while `waiting` windows wait for the decoder.
     pub fn must_pause(&self, waiting: u64) -> bool {
         self.runs_ahead && waiting > WAITING_WINDOWS
     }

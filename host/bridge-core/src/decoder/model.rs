@@ -47,8 +47,7 @@ impl Model {
         )?)
     }
 
-    /// Reads the model in `folder`, which has `model.toml` and the weights; for `None` the embedded
-    /// model.
+    /// Reads the model in `folder`, from `model.toml` and the weights; `None`: the embedded model.
     ///
     /// # Errors
     ///
@@ -158,8 +157,7 @@ impl Model {
     }
 
     /// Computes the code of a window with the float network. `planes` holds the device's input for
-    /// the window: int8 cells, plane by plane. If `planes` is too short, the missing cells count as
-    /// 0.
+    /// the window: int8 cells, plane by plane. Missing cells count as 0.
     pub fn encode(&self, planes: &[i8]) -> Vec<f32> {
         let mut window = vec![0.0; self.window_cells()];
         for (cell, step) in window.iter_mut().zip(planes) {

@@ -11,8 +11,7 @@ use crate::decoder::model::Model;
 use crate::device::Device;
 use crate::settings::{FillerPolicy, Settings};
 
-/// Number of newest blocks whose signals are kept for comparison with audited windows: 1 s with the
-/// default model.
+/// Number of newest blocks whose signals are kept for audits: 1 s with the default model.
 const KEPT_BLOCKS: usize = 16;
 
 /// Input of the decoder: a received packed block, or a placeholder for a lost one, with its time.
@@ -20,8 +19,7 @@ const KEPT_BLOCKS: usize = 16;
 pub struct TimedPackedBlock {
     /// The received block; `None` for a placeholder, whose block was lost.
     pub block: Option<PackedBytes>,
-    /// Whether this is the first block of a recording, which does not continue from the block
-    /// before.
+    /// Whether this is a recording's first block, which does not continue from the block before.
     pub is_first: bool,
     /// Stamp of the `/neurodata_reconstructed` frame with the block's steps.
     pub stamp: Stamp,
@@ -79,8 +77,7 @@ impl PackedReconstruction {
         })
     }
 
-    /// Sets the sequence number of the newest frame that was published; the next frame gets the
-    /// number after it.
+    /// Sets the sequence number of the newest published frame; the next frame gets the one after.
     pub(crate) fn set_number(&mut self, number: u32) {
         self.frame.header.seq = number;
         self.frame.neuroheader.seq = number;
@@ -155,8 +152,7 @@ impl PackedReconstruction {
         self.filled_frame(completed?)
     }
 
-    /// Forgets all earlier blocks if `is_first`, that is if the next block is the first of a
-    /// recording.
+    /// Forgets all earlier blocks if `is_first`: the next block is the first of a recording.
     fn start_recording(&mut self, is_first: bool) {
         if is_first {
             self.overlap.restart();

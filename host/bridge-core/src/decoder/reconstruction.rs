@@ -61,8 +61,7 @@ impl Reconstruction {
         HopLayout::lookback_steps(steps[0], steps[1], low_latency)
     }
 
-    /// Sets the sequence number of the newest frame that was published; the next frame gets the
-    /// number after it.
+    /// Sets the sequence number of the newest published frame; the next frame gets the one after.
     pub(crate) fn set_number(&mut self, number: u32) {
         self.frame.header.seq = number;
         self.frame.neuroheader.seq = number;
@@ -87,10 +86,9 @@ impl Reconstruction {
         self.count_frame();
     }
 
-    /// Returns the frame that `window` completes. With low latency, the frame holds the window's
-    /// last hop of steps; otherwise it holds the first hop, which the window shares with earlier
-    /// windows. Returns `None` if no code with these steps was received and the user wants no
-    /// fillers.
+    /// Returns the frame that `window` completes. With low latency it holds the window's last hop
+    /// of steps; otherwise the first hop, which the window shares with earlier windows. Returns
+    /// `None` if no code with these steps was received and the user wants no fillers.
     pub fn next_frame(&mut self, window: &TimedCode) -> Option<&NeuroFrame> {
         let decoded = window.z.as_ref().map(|z| self.model.decode(z));
         let data = &mut self.frame.eeg.data;
@@ -133,8 +131,7 @@ impl Reconstruction {
     }
 }
 
-/// Overwrites every step of `data` with the values of the last step. `electrodes` is the number of
-/// values in a step.
+/// Overwrites every step of `data`, which has `electrodes` values, with the last step.
 fn hold_last_step(data: &mut [f32], electrodes: usize) {
     let last = data.len() - electrodes;
     for step in 0..data.len() / electrodes - 1 {

@@ -50,8 +50,7 @@ pub struct DecoderThread {
     skipped_audits: u64,
 }
 
-/// Lengths of the thread's queues, and counts of its work, most of which [`DecoderCounts`]
-/// describes.
+/// Lengths of the thread's queues, and counts of its work as in [`DecoderCounts`].
 #[derive(Debug, Default)]
 struct Progress {
     /// Number of queued codes and packed blocks. Placeholders for lost packed blocks count too,
@@ -198,8 +197,7 @@ impl DecoderThread {
         self.progress.counts(self.not_decoded)
     }
 
-    /// Returns the number of reconstructed frames that were dropped because a subscriber was too
-    /// slow.
+    /// Returns the number of reconstructed frames that were dropped for slow subscribers.
     pub fn dropped(&self) -> u64 {
         self.progress.dropped.load(Ordering::Relaxed)
     }
@@ -269,11 +267,9 @@ struct Worker {
 }
 
 impl Worker {
-    /// Does the queued work in order, until the queue is closed, the thread is told to stop or the
-    /// sink fails.
+    /// Does queued work until the queue is closed, the thread is told to stop or the sink fails.
     fn run(mut self, work: &Receiver<Work>) {
-        // Lower the priority of this thread alone, so that decoding does not delay the publication
-        // of codes.
+        // Lower the priority of this thread, so that decoding does not delay publication of codes.
         if let Err(error) = rustix::process::nice(NICE) {
             tracing::debug!(%error, "the decoder is as urgent as the link");
         }
@@ -314,8 +310,7 @@ impl Worker {
         (self.codes, self.packed) = (Some(codes), packed);
     }
 
-    /// Publishes the frame that a code completes. The code is not decoded if nobody receives the
-    /// frame.
+    /// Publishes the frame that a code completes. Does not decode if nobody receives the frame.
     fn decode(&mut self, window: &TimedCode, queued: Instant) -> Result<(), SinkError> {
         let holds_code = window.z.is_some();
         if holds_code {
@@ -414,8 +409,7 @@ fn publish(
 }
 
 /// Numbers of windows that were decoded, that wait, and that were not decoded, by reason. Here a
-/// window is a code or a packed block. Its display form is a part of the last line that the program
-/// prints.
+/// window is a code or a packed block. The program prints these numbers in its last line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DecoderCounts {
     /// Number of windows decoded so far.

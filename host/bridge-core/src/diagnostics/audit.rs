@@ -178,8 +178,7 @@ mod tests {
         let (level, message) = state(Some(error));
         assert_eq!(level, DiagnosticLevel::Ok);
         assert!(message.contains("within 1.00 uV"), "{message}");
-        // The message must not show the error of an older window for a window that was not
-        // compared.
+        // A window that was not compared must not show the error of an older window.
         assert!(state(None).1.contains("was not compared"));
         let values = counts.status(0).expect("a status").values;
         let value = |key| values.iter().find(|value| value.key == key);

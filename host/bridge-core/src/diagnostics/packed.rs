@@ -25,8 +25,7 @@ pub fn report_malformed(report: &mut DiagnosticArray, malformed: u64, since: u64
     }
 }
 
-/// Counts of packed blocks at the last report to `/diagnostics`. The next report shows by how much
-/// they have grown.
+/// Counts of packed blocks at the last report to `/diagnostics`, from which the next one subtracts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct PackedReport {
     time_us: i64,

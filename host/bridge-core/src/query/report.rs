@@ -45,8 +45,7 @@ pub struct DeviceSummary {
     pub uid: String,
     /// Cause of the device's last reset, in words.
     pub reset_cause: String,
-    /// Fault that the device found when it last started, or that caused its last reset; empty if
-    /// there is none.
+    /// Fault found at the last start, or cause of the last reset; empty if there is none.
     pub fault: String,
 }
 

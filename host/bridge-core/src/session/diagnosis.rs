@@ -12,8 +12,8 @@ use crate::time::HostTime;
 
 /// Builds the report for `/diagnostics`: the statuses of device, loss, link and clock, and those of
 /// packed blocks and of converters once the device has sent such messages. The statuses of
-/// electrodes and of deadlines are included only if a new message about them has arrived since the
-/// last report.
+/// electrodes and deadlines are included only if a message about them has arrived since the last
+/// one.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
         stamp: Stamp::from_nanoseconds(now.wall_ns),

@@ -36,8 +36,7 @@ impl Session {
         if reset {
             tracing::warn!("the device was reset or replaced: {identity}");
             self.counts.resets += 1;
-            // The codes after the restart cannot be interpreted until the device's `Capabilities`
-            // arrive.
+            // Codes after the restart cannot be interpreted until `Capabilities` arrive.
             self.commands.device_restarted();
             self.restart_streams();
         } else {
@@ -182,8 +181,7 @@ impl Session {
 
     fn set_decoding(&mut self, decoding: Decoding, effects: &mut dyn Effects) {
         if self.decoding.stream != decoding.stream {
-            // A frame may still wait for the next packed block; it must come before the first frame
-            // of a code.
+            // A frame that waits for the next packed block comes before the first frame of a code.
             effects.finish_blocks();
         }
         self.decoding = decoding;

@@ -36,9 +36,8 @@ pub struct Summary {
     pub connections: u64,
     /// Number of detected resets of the device.
     pub resets: u64,
-    /// Number of received codes that were not published, because the device had not introduced
-    /// itself or was refused, or because the code's model or format is not the one that the device
-    /// reported.
+    /// Number of received codes that were not published: the device had not introduced itself or
+    /// was refused, or the code's model or format is not the one that the device reported.
     pub unused: u64,
     /// Drift: rate of the host's clock divided by that of the device's clock, minus 1, in parts per
     /// million.

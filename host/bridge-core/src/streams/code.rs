@@ -13,11 +13,10 @@ use crate::streams::hop_timeline::{HopPlace, HopTimeline};
 use crate::streams::ledger::CodeCounts;
 use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
 
-/// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Fillers replace lost
-/// codes.
+/// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Replaces lost codes
+/// by fillers.
 ///
-/// The shape of the frames, the sequence numbers and the counts stay the same when the device
-/// restarts.
+/// When the device restarts, the shape and the numbers of the frames and the counts continue.
 #[derive(Debug)]
 pub(crate) struct CodeStream {
     pub(crate) timeline: HopTimeline,
@@ -64,8 +63,7 @@ impl CodeStream {
         self.timeline.decoding = decoding;
     }
 
-    /// Ends the recording, because the user has stopped the stream. Until the next start, nothing
-    /// is filled.
+    /// Ends the recording, because the user has stopped the stream. The pause is not filled.
     pub(crate) fn end_recording(&mut self) {
         self.timeline.end_recording();
         self.has_last = false;
@@ -77,8 +75,7 @@ impl CodeStream {
         &self.timeline.device
     }
 
-    /// Returns the number of stamps that were moved forwards, so that each is at least 1 us later
-    /// than the stamp before.
+    /// Returns the number of stamps that were moved, to be at least 1 us after the stamp before.
     pub(crate) fn moved_stamps(&self) -> u64 {
         self.encoded_stamps.moved + self.window_stamps.moved
     }

@@ -1,5 +1,4 @@
-//! Events published on `/events/bus`: edges of the trigger input, and what happens to the device
-//! and its data.
+//! Events on `/events/bus`: edges of the trigger input, and what happens to device and data.
 
 use std::collections::VecDeque;
 
@@ -111,8 +110,7 @@ impl Trigger {
     }
 
     /// Returns the trigger level, 0 or 1, at the ADC sample with index `sample` since `Start`.
-    /// Before the first edge of a run, this is the level at the end of the previous run; 0 in the
-    /// first run.
+    /// Before a run's first edge, this is the level at the end of the previous run, initially 0.
     pub(crate) fn level_at(&self, sample: u64) -> u16 {
         let newest = self.edges.iter().rev().find(|edge| edge.sample <= sample);
         newest.map_or(self.level_before, |edge| edge.level)

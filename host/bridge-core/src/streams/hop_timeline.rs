@@ -133,8 +133,7 @@ impl HopTimeline {
         self.continuity.end_run();
     }
 
-    /// Ends the recording, because the user has stopped the stream. Until the next start, nothing
-    /// is filled.
+    /// Ends the recording, because the user has stopped the stream. The pause is not filled.
     pub(crate) fn end_recording(&mut self) {
         self.restart();
         self.continuity = Continuity::default();
@@ -210,8 +209,7 @@ impl HopTimeline {
     }
 
     /// Returns the places of all missing items before index `next`, oldest first and at most
-    /// `max_fillers`. `next` is the index of the item that the device makes next, as its `Stats`
-    /// message reports it.
+    /// `max_fillers`. By its `Stats` message, the device makes the item `next` next.
     pub(crate) fn fill_before(
         &mut self,
         next: u32,
@@ -319,8 +317,7 @@ impl HopTimeline {
         places
     }
 
-    /// Counts `unfilled` missing items for which no filler is published, because the gap is too
-    /// long.
+    /// Counts `unfilled` missing items without a filler, because the gap is too long.
     fn skip_unfilled(&mut self, unfilled: u64, gap: Gap) {
         self.counts.unfilled += unfilled;
         // Skip the indices of the unfilled items between the runs too, although the device never

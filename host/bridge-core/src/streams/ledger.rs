@@ -28,8 +28,7 @@ pub(crate) enum Arrival {
         /// Number of items that are missing directly before this item; mostly 0.
         lost: u32,
     },
-    /// The item's number is below the next expected number: it was sent twice, or the sender
-    /// restarted.
+    /// The item's number is below the expected one: it was sent twice, or the sender restarted.
     Old,
 }
 
@@ -53,8 +52,7 @@ impl Ledger {
         number.wrapping_sub(self.expected.unwrap_or(number))
     }
 
-    /// Records the arrival of the item with number `number`. An old number counts as a replay, not
-    /// as received.
+    /// Records the arrival of item `number`. An old number counts as a replay, not as received.
     pub(crate) fn record(&mut self, number: u32) -> Arrival {
         if self.is_old(number) {
             self.replays += 1;
@@ -154,8 +152,7 @@ pub(crate) struct SampleCounts {
     pub(crate) unpublished: u64,
     /// Number of messages whose content does not match the device's capabilities.
     pub(crate) malformed: u64,
-    /// Value of `missing` at the last report to `/diagnostics`, from which the next one subtracts
-    /// it.
+    /// Value of `missing` at the last report to `/diagnostics`; the next one subtracts it.
     pub(crate) reported: u64,
 }
 
