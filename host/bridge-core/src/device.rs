@@ -61,7 +61,7 @@ pub enum DeviceError {
          consumers need a whole number of codes per second (4, 8 or 16 steps at 128 Hz)"
     )]
     CodeRate {
-        /// Rate of the time steps that the device reports, Hz.
+        /// Rate of the time steps, as the device reports it, Hz.
         step_rate_hz: u16,
         /// Number of steps from one code to the next, as the device reports it.
         hop_steps: u8,
@@ -72,7 +72,7 @@ pub enum DeviceError {
          bridge to the same release"
     )]
     Format(CodeFormat),
-    /// `Capabilities` has not as many scales as zero points.
+    /// The numbers of scales and of zero points in `Capabilities` differ.
     #[error(
         "the device reports {scales} scales and {zero_points} zero points for the values of a code"
     )]
@@ -85,7 +85,8 @@ pub enum DeviceError {
     /// A code scale, or the ADC's voltage per count, is not a positive finite number.
     #[error("the device reports a scale that is not a positive number (index {index})")]
     Scale {
-        /// Index of the bad code scale. If the voltage per count is bad, the number of code scales.
+        /// Index of the bad code scale, or the number of code scales if the voltage per count is
+        /// bad.
         index: usize,
     },
     /// The device is not compatible with the device that was announced to recorders.
@@ -100,7 +101,7 @@ pub enum DeviceError {
     /// The window is shorter than the hop.
     #[error("the device reports windows of {window_steps} steps every {hop_steps} steps")]
     Window {
-        /// Length of a window that the device reports, steps.
+        /// Length of a window, as the device reports it, steps.
         window_steps: u8,
         /// Number of steps from the start of one window to the next, as the device reports it.
         hop_steps: u8,
@@ -229,7 +230,7 @@ impl Device {
         step.saturating_mul(u64::from(self.adc_rate_hz)) / u64::from(self.step_rate_hz)
     }
 
-    /// Returns the number of codes per second.
+    /// Returns the number of codes that the device makes per second: step rate divided by hop.
     pub fn codes_per_second(&self) -> u16 {
         self.step_rate_hz / u16::from(self.hop_steps)
     }
@@ -300,7 +301,7 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Copies all fields of `hello`.
+    /// Copies all fields of `hello`, whose buffer can then be reused.
     pub fn new(hello: &Hello) -> Identity {
         Identity {
             firmware: hello.firmware.to_owned(),
@@ -326,7 +327,7 @@ impl Identity {
         }
     }
 
-    /// Returns whether `hello` comes from the same device, which has not restarted since.
+    /// Returns whether `hello` comes from the same device, without a restart since this identity.
     pub fn is_same_session(&self, hello: &Hello) -> bool {
         self.session_id == hello.session_id
             && self.chip_uid == hello.chip_uid

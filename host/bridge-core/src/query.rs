@@ -9,9 +9,9 @@ use crate::query::report::{DeviceSummary, SelfTestReport};
 use crate::wire::commands::PendingCommand;
 use crate::wire::words;
 
-/// Longest wait for the acknowledgement of a command, seconds.
+/// Timeout for the acknowledgement of a command, seconds.
 const ACK_TIMEOUT_S: u32 = 5;
-/// Longest wait for the result of the self-test, or for the first `Hello` after a reset, seconds.
+/// Timeout for the result of the self-test, or for the first `Hello` after a reset, seconds.
 const RESULT_TIMEOUT_S: u32 = 15;
 
 /// A single request to a device, for a subcommand such as `selftest`.
@@ -48,6 +48,7 @@ pub struct Query {
     pending: Option<PendingCommand>,
     device: Option<(u32, DeviceSummary)>,
     /// Number of ADC channels, and labels of the electrodes, which are the first of these channels.
+    /// `None` until the device has reported them.
     montage: Option<(usize, Vec<String>)>,
     outgoing: Vec<u8>,
 }
@@ -72,9 +73,9 @@ pub enum QueryError {
          program uses the port"
     )]
     NoAnswer {
-        /// What the answer was awaited to, after the words "no answer": `to the reset command`.
+        /// Phrase that completes the words "no answer", such as `to the reset command`.
         what: &'static str,
-        /// Number of seconds without the answer.
+        /// Length of the timeout, seconds.
         seconds: u32,
     },
     /// The device refused the request: its acknowledgement states an error.
@@ -82,7 +83,7 @@ pub enum QueryError {
     Refused {
         /// What the device refuses to do, such as `to restart`.
         what: &'static str,
-        /// Why the device refuses it, and what the user can do next.
+        /// Why the device refuses the request, and what the user can do next.
         why: &'static str,
     },
     /// The device restarted during its self-test, because of a reset, its watchdog or a fault.

@@ -87,7 +87,7 @@ pub(crate) struct Session {
 struct LoggedOnce {
     newer_messages: bool,
     wire_version: bool,
-    /// Reset when the device restarts or another device connects; the other fields are never reset.
+    /// Set to false when the device restarts or another one connects. The other flags stay set.
     refused_streams: bool,
 }
 
@@ -117,8 +117,8 @@ struct MessageTimes {
 }
 
 impl MessageTimes {
-    /// Returns what the conversion of the message needs. Unless `is_possible`, the device time is
-    /// wrong and left out.
+    /// Returns the context for the message's conversion. If not `is_possible`, the device time is
+    /// wrong and is left out.
     fn reception<'a>(
         self,
         is_possible: bool,
@@ -193,7 +193,7 @@ impl Session {
         self.tick(now, effects);
     }
 
-    /// Records that the port was closed or lost.
+    /// Records that the port was closed or lost; the state of the streams is kept.
     pub(crate) fn disconnected(&mut self) {
         self.introduced = false;
         self.commands.disconnected();
@@ -396,8 +396,8 @@ impl Session {
         if !self.clock.admits(at.device_us, at.read) && !self.clock.observe(at.device_us, at.read) {
             return;
         }
-        // `next_window` counts codes. A host that asks only for packed blocks misses none of them,
-        // but a replayed recording reports `next_window` to it too.
+        // `next_window` counts codes. A device that replays a recording reports it even to a host
+        // that did not ask for codes, and to which no codes are lost.
         if self.commands.streams().contains(Streams::CODES) {
             let reception = at.reception(true, &self.clock, &self.trigger);
             codes.fill_before(stats.next_window, reception, effects);
@@ -476,8 +476,8 @@ impl Session {
             return;
         };
         self.commands.stream_received(at.read.monotonic_us);
-        // Samples and filtered steps need no restart here: they detect it by their own indices,
-        // perhaps earlier.
+        // Restart only events and trigger here: samples and steps detect the restart by their own
+        // indices, perhaps earlier.
         if codes.timeline.is_restart(code.window) {
             self.side.events.restart();
             self.trigger.restart();

@@ -1,4 +1,4 @@
-//! User settings of the core.
+//! User settings of the bridge's core.
 
 use link::Streams;
 

@@ -13,7 +13,7 @@ const MONOTONIC: ClockId = ClockId::Boottime;
 #[cfg(not(target_os = "linux"))]
 const MONOTONIC: ClockId = ClockId::Monotonic;
 
-/// The host's monotonic clock and its wall clock, read at the same instant.
+/// Time on the host's monotonic clock and on its wall clock, read at the same instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostTime {
     /// Time on the monotonic clock, which never steps, microseconds since the host was started.

@@ -145,7 +145,7 @@ impl AuditedWindow {
         })
     }
 
-    /// Returns whether a cell of the window has the smallest or largest int8, as clipped inputs do.
+    /// Returns whether a cell of the window is the smallest or largest int8, as clipped inputs are.
     fn is_at_rail(&self) -> bool {
         self.planes.iter().any(|cell| *cell == 127 || *cell == -128)
     }
@@ -155,10 +155,10 @@ impl AuditedWindow {
 /// The decoded signals are those before the next block corrects them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PackedError {
-    /// RMS difference over all steps and electrodes, microvolts.
+    /// RMS difference of measured and decoded signals over steps and electrodes, microvolts.
     pub rms_uv: f64,
-    /// Mean squared difference divided by the variance of the model's training data, as
-    /// docs/packed.md states errors.
+    /// Mean squared difference of measured and decoded signals, as a fraction of the variance of
+    /// the model's training data.
     pub of_variance: f64,
 }
 
@@ -168,11 +168,11 @@ pub struct PackedError {
 pub struct AuditResult {
     /// Index of the audited window; the first one after the command `Start` has index 0.
     pub window: u32,
-    /// RMS difference over all values of the code, levels.
+    /// RMS difference between the device's code and the float network's code, levels.
     pub rms: f64,
     /// Upper bound of `rms`, levels, for a device that computes its model correctly.
     pub rms_limit: f64,
-    /// Largest difference in a single value of the code, levels.
+    /// Largest difference between the device's and the float network's code in one value, levels.
     pub largest: f64,
     /// Upper bound of `largest`, levels, for a device that computes its model correctly.
     pub largest_limit: f64,

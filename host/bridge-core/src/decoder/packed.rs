@@ -23,11 +23,11 @@ pub struct TimedPackedBlock {
     pub is_first: bool,
     /// Stamp of the `/neurodata_reconstructed` frame with the block's steps.
     pub stamp: Stamp,
-    /// Status words of the block.
+    /// Status words of the block: flags, index, device time, number of losses and trigger level.
     pub words: TriWords,
 }
 
-/// A packed block as received, and what is needed to decode it.
+/// A packed block as received, with its rate, which the decoder needs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PackedBytes {
     /// Content of the block, as the device sent it.
@@ -77,7 +77,7 @@ impl PackedReconstruction {
         })
     }
 
-    /// Sets the sequence number of the newest published frame; the next frame gets the one after.
+    /// Sets the sequence number of the newest published frame; the next frame gets the next number.
     pub(crate) fn set_number(&mut self, number: u32) {
         self.frame.header.seq = number;
         self.frame.neuroheader.seq = number;

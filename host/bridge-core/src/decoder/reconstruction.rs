@@ -61,7 +61,7 @@ impl Reconstruction {
         HopLayout::lookback_steps(steps[0], steps[1], low_latency)
     }
 
-    /// Sets the sequence number of the newest published frame; the next frame gets the one after.
+    /// Sets the sequence number of the newest published frame; the next frame gets the next number.
     pub(crate) fn set_number(&mut self, number: u32) {
         self.frame.header.seq = number;
         self.frame.neuroheader.seq = number;
@@ -131,7 +131,7 @@ impl Reconstruction {
     }
 }
 
-/// Overwrites every step of `data`, which has `electrodes` values, with the last step.
+/// Overwrites all steps in `data` by the values of the last step; a step has `electrodes` values.
 fn hold_last_step(data: &mut [f32], electrodes: usize) {
     let last = data.len() - electrodes;
     for step in 0..data.len() / electrodes - 1 {

@@ -31,7 +31,7 @@ const QUEUE_AUDITS: usize = 4;
 /// rest of the program.
 const NICE: i32 = 10;
 
-/// Longest wait for the end of the thread after it was told to stop. The thread still completes the
+/// Timeout for the end of the thread after it was told to stop. The thread still completes the
 /// window that it is decoding.
 const STOP_TIMEOUT: Duration = Duration::from_secs(1);
 /// Time between two checks of whether the thread has ended.
@@ -389,8 +389,8 @@ impl Worker {
         if let Some(result) = result {
             counts.record(result);
         }
-        // A device that sends codes need not send packed blocks too, so do not count a missing
-        // comparison with blocks if there was one with a code.
+        // A device that sends codes need not send packed blocks. So if the code was compared, do
+        // not count it as a failure that there were no blocks.
         if result.is_none() || error.is_some() {
             counts.record_packed(error);
         }

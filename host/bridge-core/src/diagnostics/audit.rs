@@ -5,8 +5,8 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 use crate::decoder::audit::{AuditResult, PackedError};
 use crate::diagnostics::new_status;
 
-/// Number of consecutive audits without a verdict that causes a warning: one minute, with one audit
-/// every 10 s. An audit of a window with a clipped cell has no verdict.
+/// After this number of consecutive audits without a verdict, the status is a warning: one minute,
+/// with one audit every 10 s. An audit of a window with a clipped cell has no verdict.
 const UNJUDGED_BEFORE_WARNING: u64 = 6;
 
 /// Numbers of audits by result, and the newest result.
@@ -15,14 +15,14 @@ pub(crate) struct AuditCounts {
     pub(crate) compared: u64,
     pub(crate) wrong: u64,
     pub(crate) at_rail: u64,
-    /// Number of audits of windows with a clipped cell since the last audit of one without.
+    /// Number of the newest audits in a row whose windows all have a clipped cell.
     unjudged: u64,
     pub(crate) newest: Option<AuditResult>,
     /// Number of audited windows that were compared with packed blocks.
     packed_compared: u64,
     /// Number of audited windows that could not be compared with packed blocks.
     packed_skipped: u64,
-    /// Number of windows that could not be compared with packed blocks since the last success.
+    /// Number of the newest windows in a row that could not be compared with packed blocks.
     packed_unjudged: u64,
     packed_newest: Option<PackedError>,
 }

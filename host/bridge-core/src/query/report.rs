@@ -41,11 +41,11 @@ pub struct DeviceSummary {
     pub board: String,
     /// Firmware version, including the commit.
     pub firmware: String,
-    /// Cause of the device's last reset, in words.
+    /// Unique id of the microcontroller, 24 hexadecimal digits.
     pub uid: String,
     /// Cause of the device's last reset, in words.
     pub reset_cause: String,
-    /// Fault found at the last start, or cause of the last reset; empty if there is none.
+    /// Fault that was found at the last start or caused the last reset; empty if there is none.
     pub fault: String,
 }
 
@@ -53,23 +53,23 @@ pub struct DeviceSummary {
 /// the device reads a sample.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DrdyReport {
-    /// Rate of the edges by the device's clock, Hz; `None` if it was not measured.
+    /// Rate of the DRDY edges by the device's clock, Hz; `None` if it was not measured.
     pub rate_hz: Option<f64>,
     /// Sampling rate to which the converters are set, Hz.
     pub expected_hz: f64,
     /// Deviation of `rate_hz` from `expected_hz`, parts per million of the latter; `None` if either
     /// rate is unknown.
     pub ppm: Option<f64>,
-    /// Number of edges that came too early.
+    /// Number of DRDY edges that came too early.
     pub early: u32,
-    /// Number of sampling periods without an edge.
+    /// Number of DRDY periods without an edge.
     pub missed: u32,
 }
 
 /// Identity and faults of one converter chip.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ChipReport {
-    /// Position in the daisy chain, from 0 at MISO.
+    /// Position of the chip in the daisy chain; the chip at MISO has 0.
     pub chip: usize,
     /// Content of the chip's ID register.
     pub id: u8,

@@ -12,8 +12,7 @@ use crate::time::HostTime;
 
 /// Builds the report for `/diagnostics`: the statuses of device, loss, link and clock, and those of
 /// packed blocks and of converters once the device has sent such messages. The statuses of
-/// electrodes and deadlines are included only if a message about them has arrived since the last
-/// one.
+/// electrodes and deadlines are included only if new messages about them have arrived.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
         stamp: Stamp::from_nanoseconds(now.wall_ns),
@@ -246,7 +245,7 @@ fn link_status(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
     let damaged = damaged.into_iter().fold(0, u32::wrapping_add);
     let since = damaged.wrapping_sub(session.counts.damaged_reported);
     session.counts.damaged_reported = damaged;
-    // Before the first valid frame, the bytes may come from a device that is not a board of ours.
+    // Before the first valid frame, the bytes may come from a device of another kind.
     if wire.frames > 0 {
         session.link_log.add_damaged(since);
     }

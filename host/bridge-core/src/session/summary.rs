@@ -18,7 +18,7 @@ pub struct Summary {
     pub received: u64,
     /// Number of codes that did not arrive.
     pub lost: u64,
-    /// Number of codes that were not made, in the time between two runs of the device.
+    /// Number of codes that the device would have made in the time between two of its runs.
     pub between_runs: u64,
     /// Number of bursts; a burst is a sequence of consecutive lost codes.
     pub bursts: u64,
@@ -60,7 +60,7 @@ pub struct PackedSummary {
     pub lost: u64,
     /// Number of placeholders that were decoded in place of missing blocks.
     pub fillers: u64,
-    /// Number of blocks that were not made, in the time between two runs of the device.
+    /// Number of blocks that the device would have made in the time between two of its runs.
     pub between_runs: u64,
     /// Number of bits in the blocks that arrived, without the overhead of the frames around them.
     pub bits: u64,

@@ -16,7 +16,7 @@ use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception}
 /// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Replaces lost codes
 /// by fillers.
 ///
-/// When the device restarts, the shape and the numbers of the frames and the counts continue.
+/// When the device restarts, the frames keep their shape, and sequence numbers and counts go on.
 #[derive(Debug)]
 pub(crate) struct CodeStream {
     pub(crate) timeline: HopTimeline,

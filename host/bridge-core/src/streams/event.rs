@@ -79,7 +79,7 @@ const MAX_EDGES: usize = 256;
 /// Level of the trigger input at each ADC sample, reconstructed from the received edges.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Trigger {
-    /// Level before the oldest edge in `edges`.
+    /// Level of the trigger input before the oldest edge in `edges`.
     level_before: u16,
     edges: VecDeque<Edge>,
 }
@@ -159,7 +159,7 @@ impl BusEvent {
         }
     }
 
-    /// Returns the duration of the event in seconds; 0 for an instant.
+    /// Returns the duration of the event in seconds; 0 if it has none.
     fn duration_s(&self) -> f32 {
         match self {
             BusEvent::DataLost(seconds) | BusEvent::DeviceRestarted(seconds) => *seconds,
@@ -187,7 +187,7 @@ pub(crate) struct EventBus {
     message: NeuroEvent,
     /// Whether events are published, because the user asked for them.
     enabled: bool,
-    /// Time that is added to every stamp, microseconds.
+    /// Time that is added to the stamp of every event, microseconds.
     shift_us: i64,
 }
 

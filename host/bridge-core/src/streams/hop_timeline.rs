@@ -16,35 +16,35 @@ use crate::streams::stamps::{Decoding, FrameSteps, Reception, frame_time_ns};
 /// A restart of the device does not reset the counts.
 #[derive(Debug)]
 pub(crate) struct HopTimeline {
-    /// Plural name of the items, for the log.
+    /// Name in the plural of what the stream contains, codes or packed blocks, for the log.
     items: &'static str,
     pub(crate) settings: Settings,
     pub(crate) device: Arc<Device>,
     /// Which stream is decoded for `/neurodata_reconstructed`, and whether it can be decoded.
     pub(crate) decoding: Decoding,
-    /// Whether the device is known to send the stream since its last restart: an item, a `Stats`
-    /// message or an acknowledgement has shown it.
+    /// Whether the device is known to send the stream since its last restart: a code, packed block,
+    /// `Stats` message or acknowledgement has shown it.
     running: bool,
-    /// Device time of the newest item, received or missing, microseconds.
+    /// Device time of the newest code or packed block, received or missing, microseconds.
     last_device_us: Option<u64>,
-    /// Index of the newest item, received or filled.
+    /// Index of the newest code or packed block, received or filled.
     last_index: u32,
     continuity: Continuity,
-    /// Newest stretch of missing items, until it is reported as an event.
+    /// Newest stretch of missing codes or packed blocks, until it is reported as an event.
     missing: Option<MissingStretch>,
     counts: HopCounts,
 }
 
-/// Index and time of an item that was received or is missing.
+/// Index and time of an item (a code or packed block) that was received or is missing.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HopPlace {
     pub(crate) index: u32,
-    /// Device time of the item's last step by the clock of the newest run, microseconds. Negative
-    /// for items from before that run.
+    /// Device time of the last step of the code or packed block by the clock of the newest run,
+    /// microseconds. Negative for one from before that run.
     pub(crate) device_us: i128,
-    /// Total number of missing items, counted up to and including this item.
+    /// Total number of missing codes or packed blocks, counted up to and including this one.
     pub(crate) missing: u64,
-    /// Whether the device made the item. It did not if the item is missing between two runs.
+    /// Whether the device made the code or packed block; false if it is missing between two runs.
     pub(crate) is_made: bool,
 }
 
@@ -67,12 +67,13 @@ impl HopPlace {
     }
 }
 
-/// Items that are missing directly before a received one.
+/// Codes or packed blocks that are missing directly before a received one.
 #[derive(Clone, Copy, Debug)]
 struct Gap {
-    /// Number of items of this run that the device made but that never arrived.
+    /// Number of codes or packed blocks of this run that the device made but that never arrived.
     lost: u32,
-    /// Number of items that the device would have made between the previous run and this one.
+    /// Number of codes or packed blocks that the device would have made between the previous run
+    /// and this one.
     between_runs: u64,
 }
 
@@ -98,7 +99,7 @@ impl HopTimeline {
         }
     }
 
-    /// Returns the time from one item to the next, microseconds.
+    /// Returns the time from one code or packed block to the next, microseconds.
     fn hop_us(&self) -> i64 {
         self.device.steps_us(u32::from(self.device.hop_steps))
     }
@@ -111,8 +112,8 @@ impl HopTimeline {
             .frame_lookback_us(settings.announced, decoded, settings)
     }
 
-    /// Returns the time of a frame, nanoseconds since 1970. The frame has `length` steps and begins
-    /// `lookback` steps before the last step of the item at `place`.
+    /// Returns the time for a frame's stamp, nanoseconds since 1970. The frame has `length` steps
+    /// and begins `lookback` steps before the last step of the item at `place`.
     pub(crate) fn frame_time_ns(
         &self,
         place: HopPlace,
@@ -139,7 +140,7 @@ impl HopTimeline {
         self.continuity = Continuity::default();
     }
 
-    /// Records that the device is known to send the stream.
+    /// Records that the device sends the stream.
     pub(crate) fn mark_running(&mut self) {
         self.running = true;
     }
@@ -209,7 +210,7 @@ impl HopTimeline {
     }
 
     /// Returns the places of all missing items before index `next`, oldest first and at most
-    /// `max_fillers`. By its `Stats` message, the device makes the item `next` next.
+    /// `max_fillers`. The device's `Stats` message states `next`, the index of its next item.
     pub(crate) fn fill_before(
         &mut self,
         next: u32,
@@ -388,7 +389,7 @@ pub(crate) struct MissingStretch {
     pub(crate) start_us: i128,
     /// Duration of the missing data, seconds.
     pub(crate) seconds: f32,
-    /// Whether the device restarted within this stretch.
+    /// Whether the device restarted during the time of the missing data.
     pub(crate) restarted: bool,
 }
 

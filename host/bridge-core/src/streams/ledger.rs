@@ -16,7 +16,7 @@ pub(crate) struct Ledger {
     pub(crate) bursts: u64,
     /// Number of items in the longest burst.
     pub(crate) longest_burst: u32,
-    /// Number of arrivals with a number below the next expected number.
+    /// Number of items that arrived with a number below the next expected number.
     pub(crate) replays: u64,
 }
 
@@ -93,7 +93,7 @@ impl Ledger {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct HopCounts {
     pub(crate) ledger: Ledger,
-    /// Number of items that were not made, in the time between two runs of the device.
+    /// Number of items that the device would have made in the time between two of its runs.
     pub(crate) between_runs: u64,
     pub(crate) fillers: u64,
     /// Number of missing items without a filler, because the gap was longer than what fits into the
@@ -144,7 +144,7 @@ pub(crate) struct PackedCounts {
 pub(crate) struct SampleCounts {
     pub(crate) received: u64,
     pub(crate) lost: u64,
-    /// Number of samples that were not made, in the time between two runs of the device.
+    /// Number of samples that the device would have made in the time between two of its runs.
     pub(crate) between_runs: u64,
     /// Number of samples that no published frame contains: those of a frame that was unfinished
     /// when the stream ended, those of a gap after its first two minutes, and, if the user wants no
@@ -152,7 +152,7 @@ pub(crate) struct SampleCounts {
     pub(crate) unpublished: u64,
     /// Number of messages whose content does not match the device's capabilities.
     pub(crate) malformed: u64,
-    /// Value of `missing` at the last report to `/diagnostics`; the next one subtracts it.
+    /// Value of `missing` at the last report to `/diagnostics`; the next report subtracts it.
     pub(crate) reported: u64,
 }
 

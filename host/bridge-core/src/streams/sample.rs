@@ -9,8 +9,8 @@ use crate::streams::hop_timeline::{Continuity, MissingStretch};
 use crate::streams::ledger::SampleCounts;
 use crate::streams::stamps::{MonotoneStamps, Reception};
 
-/// Length of the part of a gap that is filled, seconds. At 16 frames per second this takes 1,920
-/// frames, which fit into a subscriber's queue. After a longer gap a new recording is needed.
+/// Largest part of a gap that is filled, seconds. At 16 frames per second this takes 1,920 frames,
+/// which fit into a subscriber's queue. After a longer gap a new recording is needed.
 const MAX_FILL_SECONDS: u64 = 120;
 
 /// Converts ADC samples to NeuroFrames of `/neurodata`, or filtered steps to NeuroFrames of
@@ -33,15 +33,16 @@ pub(crate) struct SampleStream {
     newest: Vec<f32>,
     /// Index and device time of the newest received sample; fillers do not count.
     timeline: Option<SampleTimeline>,
-    /// Number of samples in the frame that is being filled.
+    /// Number of samples in the unfinished frame.
     filled: usize,
-    /// Whether the frame that is being filled contains a filler.
+    /// Whether the unfinished frame contains a filler.
     holds_filler: bool,
-    /// Device time of the first sample in the frame that is being filled, microseconds.
+    /// Device time of the unfinished frame's first sample, microseconds.
     first_us: i128,
     /// Index, within the topic, of the next sample to publish.
     next: u64,
-    /// Index, within the topic, of the present run's first sample; `None` until it has arrived.
+    /// Index, within the topic, of the present run's first sample; `None` from a restart of the
+    /// device until its next message.
     run_start: Option<u64>,
     continuity: Continuity,
     /// Newest stretch of missing samples, until it is reported as an event.
@@ -50,7 +51,7 @@ pub(crate) struct SampleStream {
     pub(crate) stamps: MonotoneStamps,
 }
 
-/// Samples that one message from the device contains.
+/// Consecutive samples that one message from the device contains.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Samples<'a> {
     /// Index of the message's first sample, counted by the device since `Start`.
@@ -70,8 +71,7 @@ struct SampleTimeline {
 }
 
 impl SampleTimeline {
-    /// Returns the device time of sample `index`, microseconds, rounded towards the known time
-    /// `us`.
+    /// Returns the device time of sample `index`, microseconds, rounded towards the known time.
     fn device_us_at(self, index: u64) -> i128 {
         let samples = i128::from(index) - i128::from(self.index);
         i128::from(self.us) + samples * 1_000_000 / i128::from(self.rate_hz.max(1))
@@ -189,8 +189,7 @@ impl SampleStream {
             tracing::warn!(sample = samples.first, "the device restarted its samples");
             self.restart();
         }
-        // If the message's device time is impossible, its last sample's time follows from the
-        // index.
+        // If the message's device time is impossible, the index gives its last sample's time.
         let extrapolated = || {
             let last = self.run_start?.checked_add(end - 1)?;
             let us = self.timeline?.device_us_at(last).max(0);
@@ -372,7 +371,7 @@ const CHANNELS: usize = u8::MAX as usize;
 /// Decodes a message of compressed samples to a [`Raw`] message.
 #[derive(Debug, Default)]
 pub(crate) struct CompressedSamples {
-    /// The decoder; `None` before the first message, because it is large and not always needed.
+    /// The decoder; `None` until the first message arrives.
     decoder: Option<Box<Decoder<CHANNELS>>>,
     /// Index of the sample that follows the newest message.
     next: u64,
@@ -425,8 +424,8 @@ impl CompressedSamples {
                 flags: message.flags,
                 counts: counts.as_flattened(),
             })),
-            // After a restart the indices may have no gap although a block was lost. The wrong
-            // checksum then shows that the block continues from other samples.
+            // A block was lost although the indices have no gap, which a restart can cause: the
+            // checksum shows that this block continues from other samples.
             Err(DecodeError::NoKey | DecodeError::Sum) => {
                 self.undecodable = self.undecodable.saturating_add(samples);
                 Ok(None)
@@ -439,7 +438,7 @@ impl CompressedSamples {
 /// Why a message of compressed samples was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum Refusal {
-    /// This bridge does not know the form of the block; it has this number.
+    /// This bridge does not know the block's form, which has the given number.
     #[error("compressed samples have the unknown form {0}")]
     Form(u8),
     #[error("compressed samples cannot be decoded: {0}")]

@@ -25,7 +25,8 @@ pub(crate) struct Reception<'a> {
 /// Where the steps of a frame lie, relative to the code or packed block that completes it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FrameSteps {
-    /// Number of steps from the frame's first step to the last step of that code or packed block.
+    /// Number of steps from the frame's first step to the last step of the code or packed block
+    /// that completes the frame.
     pub(crate) lookback: u32,
     /// Number of steps in the frame.
     pub(crate) length: u32,
@@ -138,7 +139,7 @@ impl Device {
                         Reconstruction::lookback_steps(self, low_latency)
                     }
                     (DecodedStream::Packed, true) => hop - 1,
-                    // The next block corrects the frame of a block, and so completes it.
+                    // A frame is complete when the block after its own has corrected it.
                     (DecodedStream::Packed, false) => 2 * hop - 1,
                 };
                 self.steps_us(steps) + filters_us

@@ -30,13 +30,13 @@ use crate::time::HostTime;
 /// shifts stamps by 0.2 ms within these 10 s. If the host reads every 16 ms, the wait for its read
 /// takes all values within 2 s, because 62.5 ms between codes is not a multiple of 16 ms.
 const OFFSET_SPAN_US: f64 = 10e6;
-/// Length of a block in device time, microseconds. Of each block, the frame with the least delay is
-/// one point of the drift's fit.
+/// Device time that one block spans, microseconds. A block groups frames; the one with the least
+/// delay is one point of the drift's fit.
 const BLOCK_US: f64 = 2e6;
 /// Number of newest blocks from which the drift is fitted; they span 2 minutes.
 const BLOCKS: usize = 60;
-/// Least number of blocks from which the drift is fitted; they span 10 s. With 10 s, an error of 1
-/// ms in a read time makes an error of 100 ppm in the drift.
+/// Least number of blocks from which the drift is fitted; they span 10 s. An error of 1 ms in one
+/// of the times then makes an error of 100 ppm in the drift.
 const MIN_BLOCKS: usize = 5;
 /// Limit of the fitted drift, as a fraction, in both directions. The drift between two crystals is
 /// always smaller.
@@ -101,7 +101,7 @@ pub struct Clock {
     refused_in_a_row: u32,
 }
 
-/// Smoothed difference between the wall clock and the monotonic clock, nanoseconds.
+/// Wall-clock time minus monotonic time, smoothed.
 #[derive(Clone, Copy, Debug)]
 struct Wall {
     offset_ns: i64,
@@ -124,7 +124,7 @@ impl Clock {
     }
 
     /// Returns whether a new frame that was read at `read` can have this device time: not before
-    /// the newest frame so far, and not after `read`. False before the first observation.
+    /// that of the newest frame so far, and not after `read`. False before the first observation.
     pub fn admits(&self, device_us: u64, read: HostTime) -> bool {
         let is_old = |(origin, _)| difference(device_us, origin) < self.newest;
         !self.origin.is_some_and(is_old) && self.is_possible(device_us, read)

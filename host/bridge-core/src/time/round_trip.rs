@@ -27,7 +27,7 @@ const RETENTION_US: i64 = 60_000_000;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RoundTrips {
     recent: VecDeque<RoundTrip>,
-    /// Number of answers that match no query or contain impossible times.
+    /// Number of answers that match no clock query or contain impossible times.
     pub(crate) impossible: u64,
 }
 

@@ -36,11 +36,11 @@ pub(crate) struct Commands {
     stream: StreamState,
     pending: Option<PendingCommand>,
     connected: bool,
-    /// The refused `Start`, if the device has refused all choices of streams.
+    /// The newest `Start` that the device refused, if asking for fewer streams cannot help.
     refused_start: Option<RefusedStart>,
     last_frame_us: i64,
-    /// Host time of the newest code, packed block or `Stats`, or of the stream's start if that is
-    /// later, microseconds; `None` while none of them is expected.
+    /// Host time of the newest code, packed block or `Stats`, microseconds; before the first, host
+    /// time of the stream's start. `None` while no stream is expected.
     last_stream_us: Option<i64>,
     last_identify_us: i64,
     clock_query: ClockQuery,
@@ -201,8 +201,8 @@ impl Commands {
         self.streams.refused()
     }
 
-    /// Returns why the device refuses to stream, even with fewer streams, and what the user can do;
-    /// `None` if the device streams or was not asked.
+    /// Returns why the device refuses to stream at all, and what the user can do; `None` if the
+    /// device streams or was not asked.
     pub(crate) fn start_refusal(&self) -> Option<String> {
         let refused = self.refused_start.filter(|_| self.streaming_wanted)?;
         Some(words::refusal(&refused.command, refused.result))
@@ -240,7 +240,8 @@ impl Commands {
         !self.streaming_wanted && self.stream == StreamState::Stopped
     }
 
-    /// Returns whether the connected device has sent no frame for more than `limit_us`.
+    /// Returns whether the connected device has sent no frame for more than `limit_us`
+    /// microseconds.
     pub(crate) fn is_unresponsive(&self, now_us: i64, limit_us: i64) -> bool {
         self.connected && now_us - self.last_frame_us > limit_us
     }
@@ -444,7 +445,7 @@ impl PendingCommand {
 /// Time after which a refused `Start` is sent again, microseconds.
 const REFUSED_RETRY_US: i64 = 10_000_000;
 
-/// A refused `Start`, after the device has refused all choices of streams.
+/// A refused `Start` for which asking for fewer streams cannot help.
 #[derive(Clone, Copy, Debug)]
 struct RefusedStart {
     command: ToDevice,

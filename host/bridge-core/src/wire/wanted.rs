@@ -126,7 +126,7 @@ impl ClockQuery {
         self.due_us.get_or_insert(now_us + FIRST_US);
     }
 
-    /// Returns the query if it is due. The caller must send it in the frame number `seq`.
+    /// Returns the query if it is due. The caller must send it in frame number `seq`.
     pub(crate) fn next(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         if self.refused || self.due_us? > now_us {
             return None;

@@ -111,7 +111,7 @@ impl Board {
         }
     }
 
-    /// Creates a board whose firmware supports the streams in `supported`.
+    /// Creates a board that refuses a `Start` with any stream outside `supported`.
     pub(crate) fn supporting(supported: Streams) -> Board {
         Board {
             supported,
@@ -189,7 +189,7 @@ impl Board {
         let mut answers = Vec::new();
         let mut commands = Vec::new();
         while let Some(outcome) = self.commands.next::<ToDevice>(&mut bytes) {
-            // Skip what is no command: until it is in raw mode, a terminal echoes the answers.
+            // Skip what is no command: a terminal not yet in raw mode echoes the board's answers.
             let Ok(frame) = outcome else { continue };
             commands.push((frame.header.seq, frame.message));
         }

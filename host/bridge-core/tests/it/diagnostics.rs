@@ -7,7 +7,8 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
 use crate::board::{Board, electrode};
 use crate::recorder::{Harness, SETTINGS, state, value};
 
-/// Sends a report about two chips without faults, modified by `change`. Returns the status of them.
+/// Sends a report about two chips without faults, modified by `change`, and returns the status
+/// `converters` that results.
 fn report_status(harness: &mut Harness, change: impl FnOnce(&mut Converters)) -> DiagnosticStatus {
     let mut converters = Converters {
         fault: heapless::String::new(),

@@ -4,7 +4,7 @@ use packed::{Context, Header, Magnitude, Rate, Tables};
 
 use crate::board::model;
 
-/// Distance between two blocks without prediction, blocks.
+/// Number of blocks from one block without prediction to the next such block.
 const RESET_BLOCKS: u32 = 64;
 
 /// Returns block `index` of a run, with pseudo-random magnitudes that depend on `seed`.

@@ -39,7 +39,7 @@ pub(crate) fn flags(frames: &[NeuroFrame]) -> Vec<u16> {
     words.map(|word| u16::try_from(word).unwrap()).collect()
 }
 
-/// For each block of a run: its signals at once, and those of the block before, which it corrects.
+/// For each block of a run: its own signals, and the block before's signals, corrected by it.
 type Decoded = (Vec<Vec<f32>>, Vec<Option<Vec<f32>>>);
 
 /// Decodes blocks of a run with the library. `received` gives their indices; `None` is a lost one.
@@ -88,7 +88,7 @@ impl Packed {
         self.send_bytes(&bytes, lost);
     }
 
-    /// Sends the next `count` blocks, all `lost` or none.
+    /// Sends `count` blocks, one per hop. If `lost`, none of them reaches the bridge.
     pub(crate) fn send_all(&mut self, count: u32, lost: bool) {
         (0..count).for_each(|_| self.send(lost));
     }

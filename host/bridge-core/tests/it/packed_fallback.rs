@@ -67,8 +67,8 @@ fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
     // four steps (31.25 ms), plus 1.5 steps.
     let rest_us = 10_000 - 31_250 + 11_718;
     for (supported, low_latency, steps_us) in [
-        // In steps after a frame's first step, its window is complete 15 steps later; the block
-        // after its own block is complete 7 steps later.
+        // A frame is complete 15 steps after its first step if it is decoded from codes, and 7
+        // steps after it if it is decoded from blocks; with low latency, 3 steps after it.
         (NETWORK, false, 117_187),
         (Streams::ALL, false, 54_687),
         (NETWORK, true, 23_437),
@@ -98,7 +98,7 @@ fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
 }
 
 /// Restarts the board with another image, which supports the `supported` streams. The restart takes
-/// one hop, so that it leaves no hop unfilled: a run's first window takes two hops.
+/// one hop. With the hop of the first code this makes the two hops of a run's first window.
 fn restart_with(harness: &mut Harness, supported: Streams) {
     harness.board.supported = supported;
     harness.reboot(62_500);

@@ -127,7 +127,7 @@ impl Harness {
         Harness::with_model(settings, model(), board)
     }
 
-    /// Creates a harness whose bridge has the model `model`.
+    /// Creates a harness whose core has `model` and is not connected yet.
     pub(crate) fn with_model(settings: Settings, model: Arc<Model>, board: Board) -> Harness {
         Harness {
             core: Core::new(settings, Some(model)),

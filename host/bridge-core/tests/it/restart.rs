@@ -64,8 +64,7 @@ impl Recording {
         self.harness.receive(&code);
     }
 
-    /// Sets the host's clock to `device_us` microseconds after the run's start; returns
-    /// `device_us`.
+    /// Sets the host's time to `device_us` after the start of the run, and returns `device_us`.
     fn at(&mut self, device_us: u64) -> u64 {
         self.harness.now_us = self.run_us + device_us.cast_signed();
         device_us
@@ -200,7 +199,7 @@ fn the_time_in_which_another_device_is_refused_is_filled() {
     recording.run_us = recording.harness.now_us;
     recording.hops = 0;
     recording.hop();
-    // 16 hops pass while the other device is connected. The code of the next hop was made again.
+    // 16 hops pass while the other device is connected. The code of the hop after them was made.
     assert_eq!(recording.harness.core.summary().between_runs, 16);
     assert_eq!(recording.harness.recorder.encoded.len(), 16 + 16 + 1);
 }

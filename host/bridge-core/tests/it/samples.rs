@@ -35,7 +35,7 @@ pub(crate) fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
         .collect()
 }
 
-/// Returns a harness whose clock is fitted: it has read one code, at the time of its making.
+/// Returns a harness whose clock is fitted to one code, which was read at the time it was made.
 pub(crate) fn harness(settings: Settings) -> Harness {
     let mut harness = Harness::streaming(settings, Board::new());
     harness.code(0, false);

@@ -267,7 +267,7 @@ fn an_audit_without_a_code_measures_the_error_of_its_blocks() {
 fn every_code_of_a_burst_after_a_stall_is_decoded() {
     let (count, mut decoder) = start();
     decoder.start_device(reconstruction(), None);
-    // Queue 37 s of codes at once, far more than the thread can decode before it is told to stop.
+    // Queue 37 s of codes at once, faster than the thread can decode them.
     for window in 0..600 {
         decoder.decode(code(window, true));
     }
