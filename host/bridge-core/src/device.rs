@@ -327,7 +327,8 @@ impl Identity {
         }
     }
 
-    /// Returns whether `hello` comes from the same device, without a restart since this identity.
+    /// Returns whether `hello` comes from the same device, which has not restarted since it sent
+    /// this identity.
     pub fn is_same_session(&self, hello: &Hello) -> bool {
         self.session_id == hello.session_id
             && self.chip_uid == hello.chip_uid

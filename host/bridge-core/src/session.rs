@@ -71,7 +71,7 @@ pub(crate) struct Session {
     stats: Option<Stats>,
     /// Newest signal quality of the electrodes; `None` after `/diagnostics` has published it.
     quality: Option<Quality>,
-    /// Newest report of deadlines and worst times; `None` after `/diagnostics` has published it.
+    /// Newest report of the stages' worst times; `None` after `/diagnostics` has published it.
     timing: Option<Timing>,
     /// Of all reported stages, the one with the largest ratio of worst time to deadline.
     worst_stage: Option<StageTiming>,

@@ -54,7 +54,7 @@ pub struct Settings {
     pub streams: Streams,
     /// Rate to which the packed code is set, 0 to 15; `None` leaves the choice to the device.
     pub packed_rate: Option<u8>,
-    /// Moment that the stamp of an event refers to.
+    /// Whether the stamp of an event refers to the event itself or to its place in a recording.
     pub event_stamps: EventStamps,
 }
 

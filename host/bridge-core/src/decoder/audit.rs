@@ -145,7 +145,7 @@ impl AuditedWindow {
         })
     }
 
-    /// Returns whether a cell of the window is the smallest or largest int8, as clipped inputs are.
+    /// Returns whether a cell has the smallest or largest int8, as it has if the input was clipped.
     fn is_at_rail(&self) -> bool {
         self.planes.iter().any(|cell| *cell == 127 || *cell == -128)
     }

@@ -111,7 +111,8 @@ impl DecoderThread {
         })
     }
 
-    /// Sets the reconstructions for the device that sends the following codes and packed blocks.
+    /// Sets the reconstructions, from codes and from packed blocks, for the device that sends the
+    /// codes and packed blocks which are queued after this call.
     pub fn start_device(
         &mut self,
         reconstruction: Reconstruction,
@@ -261,8 +262,9 @@ struct Worker {
     progress: Arc<Progress>,
     codes: Option<Box<Reconstruction>>,
     packed: Option<Box<PackedReconstruction>>,
-    /// Sequence number of the newest published frame. The two reconstructions share it, because
-    /// both publish on one topic, whose frames are numbered without a gap.
+    /// Sequence number of the newest published frame. The reconstructions from codes and from
+    /// packed blocks share it, because both publish on one topic, whose frames are numbered without
+    /// a gap.
     number: u32,
 }
 
@@ -412,17 +414,16 @@ fn publish(
 /// window is a code or a packed block. The program prints these numbers in its last line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DecoderCounts {
-    /// Number of windows decoded so far.
+    /// Number of codes and packed blocks decoded so far.
     pub decoded: u64,
-    /// Number of windows that wait for the decoder at present.
+    /// Number of codes and packed blocks that wait for the decoder at present.
     pub waiting: u64,
-    /// Longest time that a window has waited for the decoder.
+    /// Longest time that a code or packed block has waited for the decoder.
     pub longest_wait: Duration,
-    /// Number of windows that were replaced by fillers because the decoder's queue was full, or
-    /// that still waited when the program ended.
+    /// Number of codes and packed blocks that were replaced by fillers because the decoder's queue
+    /// was full, or that still waited when the program ended.
     pub not_decoded: u64,
-    /// Number of windows that were not decoded because `/neurodata_reconstructed` had no
-    /// subscriber.
+    /// Number of codes that were not decoded because `/neurodata_reconstructed` had no subscriber.
     pub not_needed: u64,
     /// Number of packed blocks that arrived intact but cannot be decoded, because they are no
     /// blocks of the model. They count as lost.

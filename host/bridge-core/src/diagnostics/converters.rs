@@ -36,7 +36,8 @@ impl ChainReport {
             off_positive: converters.off_positive,
             off_negative: converters.off_negative,
             frames_bad: converters.frames_bad.to_vec(),
-            // Bad frames in the first message may be from before the connection: they are not new.
+            // Bad frames in the first message may have occurred before the connection, so they do
+            // not count as new.
             reported: match before {
                 Some(before) => before.reported.clone(),
                 None => converters.frames_bad.to_vec(),

@@ -73,7 +73,7 @@ pub struct ChipReport {
     pub chip: usize,
     /// Content of the chip's ID register.
     pub id: u8,
-    /// Name of the part that the ID register shows.
+    /// Name of the chip's type, as the ID register shows it.
     pub part: String,
     /// Number of registers that did not keep the value written to them.
     pub registers_wrong: u8,

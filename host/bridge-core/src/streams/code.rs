@@ -75,7 +75,8 @@ impl CodeStream {
         &self.timeline.device
     }
 
-    /// Returns the number of stamps that were moved, to be at least 1 us after the stamp before.
+    /// Returns the number of stamps that were moved forwards, so that each is at least 1 us later
+    /// than the stamp before.
     pub(crate) fn moved_stamps(&self) -> u64 {
         self.encoded_stamps.moved + self.window_stamps.moved
     }

@@ -143,7 +143,7 @@ pub(crate) enum BusEvent {
 }
 
 impl BusEvent {
-    /// Returns the code of the event: from GDF's table, or defined by the project.
+    /// Returns the event's code: from GDF's table of events, or one that the project has defined.
     fn code(&self) -> i32 {
         match self {
             BusEvent::TriggerHigh => NeuroEvent::trigger_edge(true).0,

@@ -189,7 +189,8 @@ impl SampleStream {
             tracing::warn!(sample = samples.first, "the device restarted its samples");
             self.restart();
         }
-        // If the message's device time is impossible, the index gives its last sample's time.
+        // If the message's device time is impossible, compute its last sample's time from the
+        // index.
         let extrapolated = || {
             let last = self.run_start?.checked_add(end - 1)?;
             let us = self.timeline?.device_us_at(last).max(0);

@@ -56,7 +56,8 @@ pub(crate) fn frame_time_ns(
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MonotoneStamps {
     last_ns: i64,
-    /// Number of stamps that were moved, to be at least 1 us after the stamp before.
+    /// Number of stamps that were moved forwards, so that each is at least 1 us later than the
+    /// stamp before.
     pub(crate) moved: u64,
     /// Number of times so far that the wall clock was set back by more than 30 s.
     steps_back: u32,

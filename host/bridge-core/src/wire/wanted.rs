@@ -1,4 +1,4 @@
-//! Streams that the bridge wants from a device, and its queries of the device's clock.
+//! Streams that the bridge wants from a device, and the schedule of its clock queries.
 
 use link::{AckResult, Streams, ToDevice};
 
@@ -112,21 +112,21 @@ const INTERVAL_US: i64 = 10_000_000;
 /// Schedule of the clock queries. A lost query is not repeated; the next one follows after 10 s.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ClockQuery {
-    /// Host time at which the next query is due, microseconds; `None` before the first stream.
+    /// Host time at which the next clock query is due, microseconds; `None` before any stream.
     due_us: Option<i64>,
-    /// Sequence number of the newest query, and its host time in microseconds.
+    /// Sequence number of the newest clock query, and its host time in microseconds.
     sent: Option<(u32, i64)>,
-    /// Whether the device, with older firmware, has refused a query; then no more are sent.
+    /// Whether the device, with older firmware, has refused a clock query; then no more are sent.
     refused: bool,
 }
 
 impl ClockQuery {
-    /// Records that a stream has started. The first query follows 2 s after the first start.
+    /// Records that a stream has started. The first clock query follows 2 s after the first start.
     pub(crate) fn start(&mut self, now_us: i64) {
         self.due_us.get_or_insert(now_us + FIRST_US);
     }
 
-    /// Returns the query if it is due. The caller must send it in frame number `seq`.
+    /// Returns the clock query if it is due. The caller must send it in frame number `seq`.
     pub(crate) fn next(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         if self.refused || self.due_us? > now_us {
             return None;
@@ -137,13 +137,13 @@ impl ClockQuery {
         Some(ToDevice::SyncTime { host_time_us })
     }
 
-    /// Returns the host time of the newest query, microseconds; `None` if none was sent.
+    /// Returns the host time of the newest clock query, microseconds; `None` if none was sent.
     pub(crate) fn sent_us(&self) -> Option<i64> {
         self.sent.map(|(_, host_us)| host_us)
     }
 
-    /// Returns whether an acknowledgement of frame number `of` belongs to the newest query. If it
-    /// does, records whether the device refused the query.
+    /// Returns whether an acknowledgement of frame number `of` belongs to the newest clock query.
+    /// If it does, records whether the device refused the query.
     pub(crate) fn handle_ack(&mut self, of: u32, result: AckResult) -> bool {
         let is_query = self.sent.is_some_and(|(seq, _)| seq == of);
         self.refused |= is_query && !matches!(result, AckResult::Done | AckResult::Busy);

@@ -166,7 +166,7 @@ fn a_device_with_a_newer_code_format_is_refused_with_advice() {
     assert_has(&harness.report("device"), ["number 3", "same release"]);
 }
 
-/// Messages of a simulated later release, which has one more kind than this release.
+/// Messages of a simulated later release, which has one kind of message more than this release.
 #[derive(serde::Serialize, serde::Deserialize)]
 enum LaterToHost {
     Hello,

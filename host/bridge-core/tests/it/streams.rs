@@ -34,7 +34,7 @@ fn the_device_is_asked_for_the_chosen_streams_and_for_codes_unless_for_packed_bl
         (0b01_1001, 0b01_1001),
         (0b00_0010, 0b00_0011),
         (0b10_0000, 0b10_0001),
-        // With packed blocks, codes are not added.
+        // If packed blocks are wanted, the bridge does not add codes.
         (0b100_1000, 0b100_1000),
         (0b100_0001, 0b100_0001),
         // If samples may have either form, the bridge asks for plain ones first.
