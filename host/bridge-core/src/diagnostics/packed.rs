@@ -25,7 +25,7 @@ pub fn report_malformed(report: &mut DiagnosticArray, malformed: u64, since: u64
     }
 }
 
-/// Counts of packed blocks at the last report to `/diagnostics`, from which the next one subtracts.
+/// Counts of packed blocks at the last report to `/diagnostics`; the next report subtracts them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct PackedReport {
     time_us: i64,

@@ -341,7 +341,7 @@ impl HopTimeline {
 pub(crate) struct Continuity {
     /// Host time of the newest item, microseconds; `None` before a recording's first item.
     newest_us: Option<f64>,
-    /// Whether the device has restarted after the newest item.
+    /// Whether the device has restarted since the newest code, packed block or sample.
     run_ended: bool,
     /// Remainder of the last gap after it was rounded to whole items, microseconds. It is added to
     /// the next gap, so the errors of many restarts never add up to more than half an item.

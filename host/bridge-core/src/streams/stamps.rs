@@ -1,4 +1,5 @@
-//! Stamps of published frames, and the time from the electrodes to a recorder.
+//! Stamps of published frames, and the time from a sample at the electrodes to the end of its
+//! frame.
 
 use link::Streams;
 use neuro_ros::Stamp;
