@@ -1,5 +1,5 @@
-//! Names the folder of the model that the program embeds: `signal/model/artifact/`, or the folder
-//! in `CORTICODE_ARTIFACT`, as `signal/model/build.rs` does.
+//! Names the folder of the model to embed: the one in `CORTICODE_ARTIFACT`, by default
+//! `signal/model/artifact/`. `signal/model/build.rs` chooses the same folder.
 
 use std::{
     env,
@@ -7,14 +7,14 @@ use std::{
     process::ExitCode,
 };
 
-/// Environment variable with the absolute path of the folder of another artifact.
+/// Environment variable with the absolute path of a model's folder, to embed another model.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
 fn main() -> ExitCode {
     println!("cargo::rerun-if-env-changed={ARTIFACT}");
     println!("cargo::rerun-if-changed=build.rs");
-    // Read when the script runs: a program that cargo built for another checkout of the sources, in
-    // a shared target folder, has that checkout's path compiled in.
+    // Read the variable at run time: a script that cargo built for another checkout of the sources,
+    // in a shared target folder, has that checkout's path compiled in.
     let package = env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
     let artifact = env::var_os(ARTIFACT).map_or_else(
         || Path::new(&package).join("../../signal/model/artifact"),
@@ -35,7 +35,7 @@ fn main() -> ExitCode {
         println!("cargo::error={}: {error}", empty.display());
         return ExitCode::FAILURE;
     }
-    // The program embeds an empty file in place of one that the artifact lacks.
+    // Not every model has these files. In place of a missing file the program embeds an empty one.
     for (variable, name) in [
         ("EMBEDDED_WEIGHTS", "weights.safetensors"),
         ("EMBEDDED_PACKED_TOML", "packed.toml"),
@@ -45,7 +45,8 @@ fn main() -> ExitCode {
         let file = if file.exists() { &file } else { &empty };
         println!("cargo::rustc-env={variable}={}", file.display());
     }
-    // The compiler reads the files, and cargo compiles again when one of them changes.
+    // The source code includes the model's files from the folder in this variable, so cargo
+    // compiles again when one of them changes.
     println!("cargo::rustc-env=EMBEDDED_MODEL={}", artifact.display());
     ExitCode::SUCCESS
 }

@@ -1,4 +1,4 @@
-//! The pure core: frame decoder and session. It performs no I/O itself.
+//! The core of the bridge: frame decoder and session. It performs no I/O itself.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,7 +17,7 @@ use crate::session::summary::Summary;
 use crate::settings::Settings;
 use crate::time::HostTime;
 
-/// The pure core of the bridge: receives bytes and times, and requests [`Effects`].
+/// The core of the bridge: receives bytes and times, and requests [`Effects`].
 ///
 /// `Core` reads no clock and no port, so tests can reproduce every fault of a link exactly.
 #[derive(Debug)]
@@ -27,8 +27,7 @@ pub struct Core {
 }
 
 impl Core {
-    /// Creates a core without a connection. Without a model it publishes codes but does not decode
-    /// them.
+    /// Creates a core without a connection. Without a model it publishes codes but decodes none.
     pub fn new(settings: Settings, model: Option<Arc<Model>>) -> Core {
         Core {
             decoder: Decoder::new(),
@@ -36,26 +35,27 @@ impl Core {
         }
     }
 
-    /// Records that a port was opened, and sends the first command.
+    /// Records that a port was opened at `now`, and sends the first command.
     pub fn connected(&mut self, now: HostTime, effects: &mut dyn Effects) {
         self.decoder.reset();
         self.session.connected(now, effects);
     }
 
-    /// Records that the port was closed or lost. The state of streams and counts is kept for a
-    /// reconnection.
+    /// Records that the port was closed or lost. The core keeps the state and counts of its streams
+    /// for a reconnection.
     pub fn disconnected(&mut self) {
         self.session.disconnected();
     }
 
-    /// Handles bytes from the device that were read at `read`, and sends the next command if one is
-    /// due.
+    /// Handles bytes that were read from the port at the time `read`, and sends the next command if
+    /// one is due.
     pub fn receive(&mut self, bytes: &[u8], read: HostTime, effects: &mut dyn Effects) {
         self.handle(bytes, read, effects);
         self.session.tick(read, effects);
     }
 
-    /// Handles bytes from the device like [`Core::receive`], but sends no command.
+    /// Handles bytes that were read from the port at the time `read`, but unlike [`Core::receive`]
+    /// sends no command.
     pub fn handle(&mut self, mut bytes: &[u8], read: HostTime, effects: &mut dyn Effects) {
         while let Some(outcome) = self.decoder.next::<ToHost>(&mut bytes) {
             match outcome {
@@ -70,29 +70,30 @@ impl Core {
         self.session.tick(now, effects);
     }
 
-    /// Sets whether the device should stream. The next [`Core::tick`] sends the command for it.
+    /// Sets whether the device should stream. The next [`Core::tick`] sends the command to do so.
     pub fn set_streaming(&mut self, streaming: bool) {
         self.session.commands.set_streaming(streaming);
     }
 
-    /// Sets the rate of the packed code, 0 to 15. The next [`Core::tick`] sends the command for it.
+    /// Sets the rate of the packed code, 0 to 15. The next [`Core::tick`] sends the command that
+    /// sets it on the device.
     pub fn set_packed_rate(&mut self, rate: u8) {
         self.session.commands.set_rate(rate);
     }
 
-    /// Sets the rate of the packed code to that of the device's model, for a core without the
-    /// model.
+    /// Sets the packed code's rate to `rate`, that of the device's model. Needed for a core that
+    /// was created without this model.
     pub fn set_model_rate(&mut self, rate: u8) {
         self.session.set_model_rate(rate);
     }
 
-    /// Returns whether no stream is wanted and the device has confirmed that none is running.
+    /// Returns whether the user wants no stream and the device has confirmed that none is running.
     pub fn is_stopped(&self) -> bool {
         self.session.commands.is_stopped()
     }
 
-    /// Returns whether the connected device has been silent for longer than `limit`, although it is
-    /// pinged after 2 s. The caller should then reopen the port.
+    /// Returns whether the connected device has sent nothing for longer than `limit`, although the
+    /// core pings it after 2 s of silence. The caller should then reopen the port.
     pub fn is_unresponsive(&self, now: HostTime, limit: Duration) -> bool {
         let limit_us = i64::try_from(limit.as_micros()).unwrap_or(i64::MAX);
         let commands = &self.session.commands;
@@ -109,50 +110,51 @@ impl Core {
         Summary::new(&self.session, self.decoder.counters())
     }
 
-    /// Returns why codes or the signals of the device are not published, worded for the user;
-    /// `None` if they are.
+    /// Returns the reason, worded for the user, why the device's codes or decoded signals are not
+    /// published; `None` if they are published.
     pub fn objection(&self) -> Option<&str> {
         self.session.objection()
     }
 
-    /// Returns the report for `/diagnostics`. Call this once a second: a loss is a warning only in
-    /// the first report after the loss.
+    /// Returns the report for `/diagnostics`. Call this once a second: only the first report after
+    /// a loss warns of it.
     pub fn diagnostics(&mut self, now: HostTime) -> DiagnosticArray {
         diagnose(&mut self.session, self.decoder.counters(), now)
     }
 }
 
-/// Actions that [`Core`](crate::Core) requests from its environment. No method may block. The
-/// default of each action but `send` does nothing, for an environment without that output.
+/// Actions that [`Core`](crate::Core) requests from its environment. No method may block. By
+/// default all methods but `send` ignore the request, for an environment without that output.
 pub trait Effects {
-    /// Queues a complete frame for the device.
+    /// Queues a complete frame, whose bytes go to the device unchanged.
     fn send(&mut self, frame: &[u8]);
 
     /// Announces the device that sends the following codes. Called again when another compatible
-    /// device connects, when the mains frequency changes, or when the reconstruction is made from
-    /// codes instead of packed blocks, because the device refused those.
+    /// device connects, when the mains frequency changes, or when the device refuses packed blocks
+    /// and its signals are therefore decoded from codes.
     fn announce(&mut self, _announcement: &Announcement) {}
 
-    /// Publishes a frame on `/encoded`.
+    /// Publishes the frame of a code, or of a filler, on `/encoded`.
     fn publish_encoded(&mut self, _frame: &NeuroFrame) {}
 
-    /// Returns how many fillers can be published on `/encoded` at once. The rest of a longer gap is
-    /// counted and not filled. The default, 68 minutes of codes, is for an output without a queue.
+    /// Returns how many fillers can be published on `/encoded` at once. Of a longer gap, only so
+    /// many codes are filled, and the rest is only counted. The default, 68 minutes of codes, is
+    /// for an output without a queue.
     fn max_fillers(&self) -> u64 {
         65_536
     }
 
     /// Decodes a code to electrode signals in microvolts and publishes them on
-    /// `/neurodata_reconstructed`. Called only if the announcement is
+    /// `/neurodata_reconstructed`. Called only if the announced device is
     /// [`decodable`](Announcement::decodable).
     fn decode(&mut self, _window: TimedCode) {}
 
-    /// Decodes a packed block as [`Self::decode`] does a code. A device whose packed blocks arrive
-    /// has its signals reconstructed from them, and none from codes.
+    /// Decodes a packed block to electrode signals and publishes them, as [`Self::decode`] does for
+    /// a code. While a device sends packed blocks, its codes are not decoded.
     fn decode_block(&mut self, _block: TimedPackedBlock) {}
 
-    /// Publishes the frame of the newest packed block if it waits to be corrected by the next
-    /// block, because no block follows.
+    /// Publishes the decoded frame of the newest packed block, if it still waits to be corrected by
+    /// the next block. Called when no further block follows.
     fn finish_blocks(&mut self) {}
 
     /// Publishes a frame of ADC samples on `/neurodata`.
@@ -165,16 +167,18 @@ pub trait Effects {
     fn publish_event(&mut self, _event: &NeuroEvent) {}
 
     /// Compares the device's code with the float network's code for the same window. Called only if
-    /// the announcement is [`decodable`](Announcement::decodable).
+    /// the announced device is [`decodable`](Announcement::decodable).
     fn audit(&mut self, _window: AuditedWindow) {}
 }
 
-/// A device that has introduced itself, with the description for `/acquisition/get_info`.
+/// Announcement of a device that has introduced itself, with the description that
+/// `/acquisition/get_info` returns.
 #[derive(Clone, Debug)]
 pub struct Announcement {
-    /// Answer to `/acquisition/get_info`; `None` if the selected stream is not published.
+    /// Answer to `/acquisition/get_info`; `None` if the stream that the user selected for recording
+    /// is not published.
     pub info: Option<AcquisitionInfo>,
-    /// Scales, rates and labels of the device's codes.
+    /// The announced device, with scales, rates and labels of its codes.
     pub device: Arc<Device>,
     /// Whether the bridge has the device's model, which is needed to decode and audit the codes.
     pub decodable: bool,

@@ -1,4 +1,4 @@
-//! The float network: decodes codes to microvolts and audits the device's codes.
+//! The float network, which decodes codes to microvolts and audits the device's codes.
 
 pub(crate) mod audit;
 pub(crate) mod back_pressure;

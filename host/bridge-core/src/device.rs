@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use crate::wire::words;
 
-/// Properties of a device, which are needed to interpret its codes, samples and steps.
+/// Properties of a device, by which the bridge interprets its codes, samples and steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Device {
     /// Firmware version, including the commit, as `Hello` reports it.
@@ -17,7 +17,7 @@ pub struct Device {
     pub board: String,
     /// Unique id of the microcontroller, 24 hexadecimal digits.
     pub uid: String,
-    /// Id of the model in the firmware.
+    /// Id of the model in the firmware; `Hello` reports it.
     pub model_id: [u8; 8],
     /// Sampling rate of the ADC, Hz.
     pub adc_rate_hz: u16,
@@ -29,14 +29,14 @@ pub struct Device {
     pub hop_steps: u8,
     /// Mains frequency that the notch filter removes, Hz.
     pub mains_hz: u8,
-    /// Group delay of the filters, microseconds; subtracted from the stamps of codes and filtered
-    /// steps.
+    /// Group delay of the filters, microseconds. The stamps of codes and filtered steps are earlier
+    /// by this time.
     pub group_delay_us: u32,
-    /// Number of ADC channels: electrodes plus spare channels.
+    /// Number of ADC channels: one for each electrode, plus spare channels.
     pub channels: u8,
     /// Electrode labels in the order of the montage.
     pub labels: Vec<String>,
-    /// Electrodes whose signal was not recorded.
+    /// Electrodes without a recorded signal, which the device interpolates or sets to zero.
     pub substitutes: Substitutes,
     /// Description of the filters, published as `prefiltering`.
     pub filters: String,
@@ -48,25 +48,25 @@ pub struct Device {
     pub code_format: CodeFormat,
     scale: Vec<f32>,
     zero_point: Vec<i8>,
-    /// Smallest and largest dequantised value (`z`) that a code can contain.
+    /// Smallest and largest value (`z`, dequantised) that a code can contain.
     pub(crate) code_range: [f32; 2],
 }
 
 /// Reason why a device's codes cannot be published.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum DeviceError {
-    /// The number of codes per second is no whole number.
+    /// The number of codes per second is not a whole number.
     #[error(
         "the device makes {step_rate_hz} steps per second and one code every {hop_steps} steps; \
          consumers need a whole number of codes per second (4, 8 or 16 steps at 128 Hz)"
     )]
     CodeRate {
-        /// Reported rate of the time steps, Hz.
+        /// Rate of the time steps, as the device reports it, Hz.
         step_rate_hz: u16,
-        /// Reported number of steps from one code to the next.
+        /// Number of steps from one code to the next, as the device reports it.
         hop_steps: u8,
     },
-    /// This bridge does not know the format of the codes.
+    /// The device's codes have a format that this bridge does not know.
     #[error(
         "the device's codes have a format that is newer than this bridge ({0}); bring firmware and \
          bridge to the same release"
@@ -85,7 +85,8 @@ pub enum DeviceError {
     /// A code scale, or the ADC's voltage per count, is not a positive finite number.
     #[error("the device reports a scale that is not a positive number (index {index})")]
     Scale {
-        /// Index of the code scale; the number of scales means the voltage per count.
+        /// Index of the bad code scale, or the number of code scales if the voltage per count is
+        /// bad.
         index: usize,
     },
     /// The device is not compatible with the device that was announced to recorders.
@@ -94,21 +95,21 @@ pub enum DeviceError {
          answer, so restart this program and the recorder to use it"
     )]
     Changed {
-        /// Property that differs.
+        /// Name of the first property that differs between the two devices.
         what: &'static str,
     },
     /// The window is shorter than the hop.
     #[error("the device reports windows of {window_steps} steps every {hop_steps} steps")]
     Window {
-        /// Reported length of a window, steps.
+        /// Length of a window, as the device reports it, steps.
         window_steps: u8,
-        /// Reported number of steps from the start of one window to the start of the next.
+        /// Number of steps from the start of one window to the next, as the device reports it.
         hop_steps: u8,
     },
 }
 
 impl Device {
-    /// Checks `hello` and `capabilities` and combines them.
+    /// Checks `hello` and `capabilities` and returns the device that they describe.
     ///
     /// # Errors
     ///
@@ -174,16 +175,16 @@ impl Device {
         })
     }
 
-    /// Returns the electrodes whose signal was not recorded, such as "interpolated: F1 F2; zero:
-    /// Cz"; `None` if the signals of all electrodes were recorded.
+    /// Returns the electrodes without a recorded signal, such as "interpolated: F1 F2; zero: Cz";
+    /// `None` if the signals of all electrodes were recorded.
     pub fn unrecorded(&self) -> Option<String> {
         let labels = self.labels.iter().map(String::as_str);
         let text = self.substitutes.named(labels).to_string();
         (!text.is_empty()).then_some(text)
     }
 
-    /// Checks that frames from `other` match the announcement of this device. Mains frequency,
-    /// firmware and microcontroller may differ.
+    /// Checks that frames from `other` match the announcement of this device. The mains frequency,
+    /// the firmware and the microcontroller are not compared.
     ///
     /// # Errors
     ///
@@ -216,24 +217,25 @@ impl Device {
         (&self.scale, &self.zero_point)
     }
 
-    /// Returns the index, since `Start`, of the ADC sample at a window's last step.
+    /// Returns the index of the ADC sample at the last step of window number `window`. Both are
+    /// counted from 0 since the command `Start`.
     pub fn last_sample(&self, window: u32) -> u64 {
         let hops = u64::from(window) * u64::from(self.hop_steps);
         let step = hops + u64::from(self.window_steps) - 1;
         self.sample_of_step(step)
     }
 
-    /// Returns the index, since `Start`, of the ADC sample at a step.
+    /// Returns the index of the ADC sample at step number `step`; both are counted from `Start`.
     pub fn sample_of_step(&self, step: u64) -> u64 {
         step.saturating_mul(u64::from(self.adc_rate_hz)) / u64::from(self.step_rate_hz)
     }
 
-    /// Returns the number of codes per second.
+    /// Returns the number of codes that the device makes per second: step rate divided by hop.
     pub fn codes_per_second(&self) -> u16 {
         self.step_rate_hz / u16::from(self.hop_steps)
     }
 
-    /// Returns the duration of `steps` steps, microseconds, rounded down.
+    /// Returns the duration of `steps` encoder steps in microseconds, rounded down.
     pub fn steps_us(&self, steps: u32) -> i64 {
         i64::from(steps) * 1_000_000 / i64::from(self.step_rate_hz)
     }
@@ -243,13 +245,13 @@ impl Device {
         self.scale.len()
     }
 
-    /// Returns whether the device's model has a network, and so codes.
+    /// Returns whether the device's model has a network. Without a network the device has no codes.
     pub const fn has_network(&self) -> bool {
         self.numbers() > 0
     }
 
-    /// Converts a float code to levels of this device: `level = z / scale + zero_point`, limited to
-    /// the range of the code format but not rounded.
+    /// Converts the values `z` of a float code to levels, `z / scale + zero_point`, with this
+    /// device's scales. The levels are limited to the range of the code format, but not rounded.
     pub fn code_levels(&self, z: &[f32]) -> Vec<f64> {
         let [least, greatest] = self.code_format.range().unwrap_or_default().map(f64::from);
         let numbers = z.iter().zip(self.scale.iter().zip(&self.zero_point));
@@ -264,7 +266,7 @@ impl Device {
         &self.zero_point
     }
 
-    /// Dequantises the values of a code, in any format: `z = (level - zero_point) * scale`.
+    /// Dequantises the values of a code, in any format, into `z`: `(level - zero_point) * scale`.
     pub fn dequantise(&self, values: &CodeValues, z: &mut [f32]) {
         let numbers = self.scale.iter().zip(&self.zero_point);
         for (z, (level, (scale, zero_point))) in z.iter_mut().zip(values.levels().zip(numbers)) {
@@ -280,13 +282,13 @@ pub(crate) fn channel_label(labels: &[String], channel: usize) -> String {
     labels.get(channel).cloned().unwrap_or_else(spare)
 }
 
-/// Returns two hexadecimal digits for each byte, in small letters.
+/// Returns two hexadecimal digits for each byte, in lower case.
 pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
     let digits: Vec<String> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
     digits.concat()
 }
 
-/// Owned copy of the device's [`Hello`].
+/// Owned copy of a device's [`Hello`], which borrows its strings.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {
     firmware: String,
@@ -299,7 +301,7 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Copies the identity in `hello`.
+    /// Copies all fields of `hello`, whose buffer can then be reused.
     pub fn new(hello: &Hello) -> Identity {
         Identity {
             firmware: hello.firmware.to_owned(),
@@ -312,7 +314,7 @@ impl Identity {
         }
     }
 
-    /// Returns the `Hello` with this identity.
+    /// Returns a `Hello` with this identity, which borrows the strings.
     pub fn as_hello(&self) -> Hello<'_> {
         Hello {
             firmware: &self.firmware,
@@ -325,7 +327,8 @@ impl Identity {
         }
     }
 
-    /// Returns whether `hello` was sent by the same device since the same boot.
+    /// Returns whether `hello` comes from the same device, which has not restarted since it sent
+    /// this identity.
     pub fn is_same_session(&self, hello: &Hello) -> bool {
         self.session_id == hello.session_id
             && self.chip_uid == hello.chip_uid

@@ -7,8 +7,8 @@ pub(crate) mod packed;
 use link::{ElectrodeQuality, Quality, StageTiming, Timing};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
-/// Creates a status for `/diagnostics`. The function that collects the report adds the prefix of
-/// the name and the hardware id.
+/// Creates a status for `/diagnostics` with the bare name. The function that collects all statuses
+/// adds the hardware id and a prefix to the name.
 pub(crate) fn new_status(
     name: &str,
     (level, message): (DiagnosticLevel, String),
@@ -24,8 +24,8 @@ pub(crate) fn new_status(
 }
 
 /// Returns the status `timing`. The message names the stages that missed a deadline since the
-/// device's boot, and the stack if more than 3/4 of it was used. The values are the measurements of
-/// all stages.
+/// device's boot, and the stack if more than 3/4 of it was used. The values of the status are the
+/// times of all stages.
 pub(crate) fn timing_status(timing: &Timing) -> DiagnosticStatus {
     let Timing {
         stages,
@@ -69,7 +69,7 @@ pub(crate) fn closest_to_deadline<'t>(
         .copied()
 }
 
-/// Formats a stage's worst time together with its deadline, such as "worst 122.5 us of 1953 us".
+/// Formats a stage's worst time with its deadline, such as "worst 122.5 us of 1953 us".
 pub(crate) fn worst_of_deadline(stage: &StageTiming) -> String {
     format!(
         "worst {} us of {} us",
@@ -101,8 +101,8 @@ fn stage_figures(stage: &StageTiming) -> [KeyValue; 2] {
 /// about one level of the encoder's int8 input (5.1 uV).
 const MAINS_LIMIT_UV: f32 = 100.0;
 
-/// Returns the status `signal quality`. The message names electrodes with faults; the values are
-/// the measurements of all electrodes.
+/// Returns the status `signal quality`. The message names electrodes with faults; the values of the
+/// status are the measurements at all electrodes.
 pub(crate) fn signal_quality_status(quality: &Quality, labels: &[String]) -> DiagnosticStatus {
     let label = |index: usize| {
         let label = labels.get(index).cloned();
@@ -158,14 +158,14 @@ fn electrode_figures(electrode: &ElectrodeQuality) -> String {
     )
 }
 
-/// Shortest time between two lines of the log about a bad link, microseconds.
+/// Shortest time between two log messages about a bad link, microseconds.
 const PERIOD_US: i64 = 60_000_000;
 
 /// Numbers of damaged frames and of missing codes, packed blocks, samples and events since the last
-/// line of the log about a bad link.
+/// log message about a bad link.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LinkLog {
-    /// Host time of the last line, microseconds.
+    /// Host time of the last log message about a bad link, microseconds; `None` before the first.
     logged_us: Option<i64>,
     damaged: u64,
     missing: u64,
@@ -180,7 +180,7 @@ impl LinkLog {
         self.missing = self.missing.saturating_add(count);
     }
 
-    /// Returns the next line if one is due at `now_us`, and starts counting again.
+    /// Returns the next log message if one is due at `now_us`, and sets all counts to 0.
     pub(crate) fn next_line(&mut self, now_us: i64) -> Option<String> {
         let is_over = |last_us| now_us - last_us >= PERIOD_US;
         let is_due = self.logged_us.is_none_or(is_over);

@@ -14,30 +14,30 @@ const ACK_TIMEOUT_S: u32 = 5;
 /// Timeout for the result of the self-test, or for the first `Hello` after a reset, seconds.
 const RESULT_TIMEOUT_S: u32 = 15;
 
-/// A single request to a device, such as that of the subcommand `selftest`.
+/// A single request to a device, for a subcommand such as `selftest`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// Test the converters with their internal signals.
+    /// Test the converters with the test signals that they generate themselves.
     SelfTest,
-    /// Restart the device into its firmware or its bootloader.
+    /// Restart the device, into its firmware or into its bootloader.
     Reset(ResetInto),
 }
 
-/// Outcome of a [`Request`].
+/// What a device answers to a [`Request`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
-    /// Result of the self-test.
+    /// Results of the self-test, for each chip and channel.
     SelfTest(Box<SelfTestReport>),
-    /// The device has restarted; the summary names the cause.
+    /// The device has restarted. The summary, sent after the restart, names the cause.
     Restarted(DeviceSummary),
     /// The device has agreed to start its bootloader, which does not use this protocol. The summary
-    /// is from before the restart.
+    /// was therefore sent before the restart.
     InBootloader(DeviceSummary),
 }
 
 /// State machine of a single request: identifies the device, stops its streams, sends the request
-/// and waits for the result. Bytes and times are passed in; bytes and a [`QueryResult`] are
-/// returned.
+/// and waits for the result. The caller passes in bytes and times, sends the bytes that it gets,
+/// and finally gets a [`QueryResult`].
 #[derive(Debug)]
 pub struct Query {
     request: Request,
@@ -47,7 +47,8 @@ pub struct Query {
     since_us: i64,
     pending: Option<PendingCommand>,
     device: Option<(u32, DeviceSummary)>,
-    /// Number of ADC channels, and the labels of those channels that are electrodes.
+    /// Number of ADC channels, and labels of the electrodes, which are the first of these channels.
+    /// `None` until the device has reported them.
     montage: Option<(usize, Vec<String>)>,
     outgoing: Vec<u8>,
 }
@@ -72,17 +73,17 @@ pub enum QueryError {
          program uses the port"
     )]
     NoAnswer {
-        /// Phrase that follows "no answer", such as `to the reset command`.
+        /// Phrase that completes the words "no answer", such as `to the reset command`.
         what: &'static str,
         /// Length of the timeout, seconds.
         seconds: u32,
     },
-    /// The device acknowledged the request with an error.
+    /// The device refused the request: its acknowledgement states an error.
     #[error("the device refuses {what}: {why}")]
     Refused {
-        /// Request as an infinitive, such as `to restart`.
+        /// What the device refuses to do, such as `to restart`.
         what: &'static str,
-        /// Reason, and what the user can do next.
+        /// Why the device refuses the request, and what the user can do next.
         why: &'static str,
     },
     /// The device restarted during its self-test, because of a reset, its watchdog or a fault.
@@ -91,13 +92,13 @@ pub enum QueryError {
          report this message if it happens again"
     )]
     RestartedDuringTest {
-        /// Identity, cause of the restart, and any fault that the device reports.
+        /// Identity, cause of the restart, and any fault that the device reports after it.
         device: Box<DeviceSummary>,
     },
 }
 
 impl QueryError {
-    /// Returns the exit status of a program that ends with this error.
+    /// Returns the exit status with which a program ends because of this error.
     pub fn exit_code(&self) -> u8 {
         match self {
             QueryError::RestartedDuringTest { .. } => 1,
@@ -108,7 +109,7 @@ impl QueryError {
 }
 
 impl Query {
-    /// Creates a query. Call [`Query::connected`] once the port is open.
+    /// Creates the query for a request. Call [`Query::connected`] once the port is open.
     pub fn new(request: Request) -> Query {
         Query {
             request,
@@ -123,7 +124,8 @@ impl Query {
         }
     }
 
-    /// Records that the port was opened or reopened; the query continues from its current stage.
+    /// Records that the port was opened or reopened at `now_us`. The query continues with the stage
+    /// that it had reached.
     pub fn connected(&mut self, now_us: i64) {
         self.decoder.reset();
         self.outgoing.clear();
@@ -133,13 +135,13 @@ impl Query {
         }
     }
 
-    /// Returns whether the port may disappear and return now, because a device on USB disconnects
-    /// while it restarts.
+    /// Returns whether the port may close and return at present. A device on USB disconnects while
+    /// it restarts.
     pub fn expects_reconnect(&self) -> bool {
         self.stage == Stage::Wait && matches!(self.request, Request::Reset(_))
     }
 
-    /// Returns a phrase for the current stage, for display to the user.
+    /// Returns what the query is doing at present, as a phrase to show to the user.
     pub fn progress_text(&self) -> &'static str {
         match (self.stage, self.request) {
             (Stage::Identify, _) => "identifying the device",
@@ -149,12 +151,12 @@ impl Query {
         }
     }
 
-    /// Removes and returns the bytes to send to the device.
+    /// Returns the bytes that must be sent to the device now, and removes them from the query.
     pub fn outgoing(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.outgoing)
     }
 
-    /// Handles bytes from the device and returns the result if they complete the query.
+    /// Handles bytes from the device, and returns the result if these bytes complete the query.
     pub fn receive(&mut self, mut bytes: &[u8], now_us: i64) -> Option<QueryResult> {
         // Frames borrow from the decoder, so the decoder is moved out of `self` while frames are
         // handled.
@@ -195,8 +197,8 @@ impl Query {
             ToHost::SelfTest(test) if self.request == Request::SelfTest => {
                 let (_, device) = self.device.clone()?;
                 let (channels, labels) = self.montage.as_ref()?;
-                // A result that arrives before this query has sent its request is the answer to
-                // another program's request.
+                // Until this query has sent its request, a result belongs to another program's
+                // request.
                 matches!(self.stage, Stage::Request | Stage::Wait).then(|| {
                     let report = SelfTestReport::new(device, test, *channels, labels);
                     Ok(Answer::SelfTest(Box::new(report)))
@@ -225,8 +227,8 @@ impl Query {
                     return Some(Ok(Answer::InBootloader(device.clone())));
                 }
             }
-            // The device is busy because the first transmission of the request arrived, and only
-            // its acknowledgement was lost.
+            // The request was sent twice. The device is busy with the first one, whose
+            // acknowledgement was lost.
             (Stage::Request, AckResult::Busy) if pending.was_sent_again() => {
                 self.enter(Stage::Wait, now_us);
             }
@@ -245,8 +247,8 @@ impl Query {
         self.pending = None;
     }
 
-    /// Queues the command that is due. Returns an error if the timeout of the current stage has
-    /// passed.
+    /// Queues the next command if it is due at `now_us`. Returns an error if the answer that the
+    /// query awaits is overdue.
     pub fn tick(&mut self, now_us: i64) -> Option<QueryResult> {
         let (what, seconds) = match (self.stage, self.request) {
             (Stage::Identify, _) => ("to the identification request", ACK_TIMEOUT_S),
@@ -262,8 +264,8 @@ impl Query {
             return Some(Err(QueryError::NoAnswer { what, seconds }));
         }
         let command = match (self.stage, self.request) {
-            // After a reset a device sends `Hello`, perhaps before the port is open again. The
-            // query therefore asks for another `Hello`.
+            // After a reset the device sends `Hello` unasked, perhaps while the port is still
+            // closed. So ask for `Hello` again.
             (Stage::Identify, _) | (Stage::Wait, Request::Reset(_)) => ToDevice::Identify,
             (Stage::Stop, _) => ToDevice::Stop,
             (Stage::Request, Request::SelfTest) => ToDevice::SelfTest,
@@ -293,7 +295,7 @@ impl Query {
     }
 }
 
-/// Returns the refused request as an infinitive, and the reason with advice for the user.
+/// Returns what the device refuses to do, such as "to restart", and the reason with advice.
 fn refusal(request: Request, result: AckResult) -> (&'static str, &'static str) {
     let what = match request {
         Request::SelfTest => "to test itself",

@@ -1,4 +1,4 @@
-//! The session with a device: its messages, and the commands to it.
+//! The session with a device: handles the device's messages and sends it commands.
 
 pub(crate) mod diagnosis;
 mod introduction;
@@ -33,78 +33,77 @@ use crate::wire::commands::{AckEffect, Commands};
 use crate::wire::words;
 
 /// Number of consecutive frames with an old sequence number after which the bridge sends `Identify`
-/// again. The device may have been reset and its `Hello` lost.
+/// again, because the device may have restarted and its `Hello` may have been lost.
 const OLD_FRAMES_BEFORE_IDENTIFY: u32 = 8;
 
-/// State that the bridge keeps about the device, also while the port is closed.
+/// State that the bridge keeps about the device, even while the port is closed.
 #[derive(Debug)]
 pub(crate) struct Session {
     settings: Settings,
     model: Option<Arc<Model>>,
-    /// Rate of the model's packed code, to which the device is set unless the user chose another.
+    /// Rate of the model's packed code. The device is set to it unless the user chose another rate.
     model_rate: Option<u8>,
     encoder: Encoder,
     pub(crate) commands: Commands,
     identity: Option<Identity>,
-    /// Whether `Hello` has arrived since the port was opened. Sequence numbers are ignored before
-    /// `Hello`.
+    /// Whether `Hello` has arrived since the port was opened. Sequence numbers of earlier frames
+    /// are ignored.
     introduced: bool,
     codes: Option<CodeStream>,
     packed: Option<PackedStream>,
     side: SideStreams,
     trigger: Trigger,
-    /// The device that was announced first. A device that is not compatible with it is refused for
-    /// as long as the bridge runs.
+    /// The device that was announced first. The bridge refuses every device that is not compatible
+    /// with it, for as long as the bridge runs.
     announced: Option<Arc<Device>>,
-    /// Stream that `/neurodata_reconstructed` is decoded from, as it was announced last.
+    /// Stream from which `/neurodata_reconstructed` is decoded, by the newest announcement.
     decoding: Decoding,
-    /// Whether the device was asked for the stream that `/acquisition/get_info` describes, and did
-    /// not refuse to stream, when it was announced last.
+    /// Whether, at the newest announcement, the bridge asked the device for the stream that
+    /// `/acquisition/get_info` describes, and the device did not refuse to stream.
     is_described_asked: bool,
     clock: Clock,
     round_trips: RoundTrips,
     frames: Ledger,
     old_frames_in_a_row: u32,
     counts: SessionCounts,
-    /// Reason why codes or their reconstruction are not published, worded for the user.
+    /// Reason, worded for the user, why codes or decoded signals are not published.
     objection: Option<String>,
     stats: Option<Stats>,
-    /// Newest report about the electrodes; `None` after `/diagnostics` has published it.
+    /// Newest signal quality of the electrodes; `None` after `/diagnostics` has published it.
     quality: Option<Quality>,
-    /// Newest report about the deadlines; `None` after `/diagnostics` has published it.
+    /// Newest report of the stages' worst times; `None` after `/diagnostics` has published it.
     timing: Option<Timing>,
-    /// The stage with the largest ratio of worst time to deadline, over all reports.
+    /// Of all reported stages, the one with the largest ratio of worst time to deadline.
     worst_stage: Option<StageTiming>,
     converters: Option<ChainReport>,
-    /// Electrodes whose signal was not recorded, from the device's newest introduction.
+    /// Electrodes without a recorded signal, by the device's newest introduction.
     substitutes: Substitutes,
     logged: LoggedOnce,
     link_log: LinkLog,
 }
 
-/// Flags of the warnings that were logged; each of these warnings is logged once.
+/// Which warnings were logged already; each of these warnings is logged only once.
 #[derive(Clone, Copy, Debug, Default)]
 struct LoggedOnce {
     newer_messages: bool,
     wire_version: bool,
-    /// Cleared when the device restarts or another device connects. The other flags are never
-    /// cleared.
+    /// Set to false when the device restarts or another one connects. The other flags stay set.
     refused_streams: bool,
 }
 
-/// Counts of the session that are not part of a stream or a ledger.
+/// Counts that concern the whole session, not one of its streams.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct SessionCounts {
     /// Number of times that the port was opened.
     connections: u64,
-    /// Number of detected resets of the device, including changes of the device.
+    /// Number of detected resets of the device. A change to another device counts as a reset.
     resets: u64,
-    /// Number of codes and packed blocks that arrived before the device's introduction, or from a
-    /// refused device.
+    /// Number of codes and packed blocks that were not used, because they came before the device's
+    /// introduction or from a refused device.
     codes_unused: u64,
     /// Number of missing codes at the last report to `/diagnostics`.
     missing_reported: u64,
-    /// State of the packed blocks at the last report to `/diagnostics`.
+    /// Counts of the packed blocks at the last report to `/diagnostics`.
     packed_reported: PackedReport,
     /// Number of damaged frames at the last report to `/diagnostics`.
     damaged_reported: u32,
@@ -118,8 +117,8 @@ struct MessageTimes {
 }
 
 impl MessageTimes {
-    /// Returns the context for the message's conversion; `is_possible` states whether its device
-    /// time can be right.
+    /// Returns the context for the message's conversion. If not `is_possible`, the device time is
+    /// wrong and is left out.
     fn reception<'a>(
         self,
         is_possible: bool,
@@ -175,18 +174,18 @@ impl Session {
         }
     }
 
-    /// Sets the rate of the packed code to that of the device's model.
+    /// Sets the packed code's rate to `rate`, that of the device's model.
     pub(crate) fn set_model_rate(&mut self, rate: u8) {
         self.model_rate = Some(rate);
         self.commands.set_rate(rate);
     }
 
-    /// Returns why codes or their reconstruction are not published, worded for the user.
+    /// Returns the reason, worded for the user, why codes or decoded signals are not published.
     pub(crate) fn objection(&self) -> Option<&str> {
         self.objection.as_deref()
     }
 
-    /// Records that the port was opened, and sends the first command.
+    /// Records that the port was opened at `now`, and sends the first command.
     pub(crate) fn connected(&mut self, now: HostTime, effects: &mut dyn Effects) {
         self.introduced = false;
         self.counts.connections += 1;
@@ -194,13 +193,13 @@ impl Session {
         self.tick(now, effects);
     }
 
-    /// Records that the port was closed or lost.
+    /// Records that the port was closed or lost; the state of the streams is kept.
     pub(crate) fn disconnected(&mut self) {
         self.introduced = false;
         self.commands.disconnected();
     }
 
-    /// Sends the next command if one is due.
+    /// Sends the next command to the device if one is due at `now`.
     pub(crate) fn tick(&mut self, now: HostTime, effects: &mut dyn Effects) {
         let seq = self.encoder.next_seq();
         let Some(command) = self.commands.next_command(now.monotonic_us, seq) else {
@@ -217,8 +216,8 @@ impl Session {
         }
     }
 
-    /// Handles the error for bytes that are not a valid frame, or for a frame of a kind that this
-    /// bridge does not know.
+    /// Handles the error of the frame decoder for bytes that are no valid frame, or for a frame of
+    /// a kind that this bridge does not know.
     pub(crate) fn handle_error(&mut self, error: FrameError, read: HostTime) {
         if let FrameError::Unknown { header, kind } = error {
             self.commands.frame_received(read.monotonic_us);
@@ -237,13 +236,13 @@ impl Session {
         {
             tracing::error!("the device's frames cannot be decoded: {error}");
         } else {
-            // Logged at debug level, because noise on the line would fill the log; `/diagnostics`
+            // Use the debug level, because noise on the line would fill the log. `/diagnostics`
             // counts these frames.
             tracing::debug!(%error, "frame ignored");
         }
     }
 
-    /// Handles a message that was read at `read`.
+    /// Handles a frame from the device that was read at the time `read`.
     pub(crate) fn handle_frame(
         &mut self,
         frame: &Frame<ToHost>,
@@ -268,7 +267,7 @@ impl Session {
             return;
         }
         match &frame.message {
-            // `Hello` was handled above, and a session never requests a self-test.
+            // `Hello` was handled above. A session requests no self-test, so ignore a result.
             ToHost::Hello(_) | ToHost::SelfTest(_) => {}
             ToHost::Substitutes(substitutes) => self.substitutes = *substitutes,
             ToHost::Capabilities(capabilities) => {
@@ -304,14 +303,13 @@ impl Session {
         }
     }
 
-    /// Handles a message with samples, filtered steps, an event or an audit.
+    /// Handles a message of a side stream: samples, filtered steps, an event or an audit.
     fn handle_side(&mut self, message: &ToHost, at: MessageTimes, effects: &mut dyn Effects) {
         if !self.accepts_codes() {
             self.side.unused += 1;
             return;
         }
-        // The clock is fitted to codes. Samples are used for the fit only until the first code
-        // arrives.
+        // The clock is fitted to codes, and to samples only until the first code arrives.
         let samples = matches!(
             message,
             ToHost::Raw(_) | ToHost::CompressedRaw(_) | ToHost::Filtered(_)
@@ -352,7 +350,7 @@ impl Session {
         self.trigger.restart();
     }
 
-    /// Ends the recording of all streams, because the user stopped them.
+    /// Ends the recording of all streams, because the user has stopped them.
     fn end_recording(&mut self, effects: &mut dyn Effects) {
         effects.finish_blocks();
         if let Some(codes) = &mut self.codes {
@@ -365,7 +363,7 @@ impl Session {
         self.trigger.restart();
     }
 
-    /// Records the sequence number of a frame and returns false if the frame is a replay.
+    /// Records a frame's sequence number. Returns false if it is old, so the frame must be ignored.
     fn record_frame(&mut self, header: Header) -> bool {
         if let Arrival::New { .. } = self.frames.record(header.seq) {
             self.old_frames_in_a_row = 0;
@@ -394,13 +392,12 @@ impl Session {
         if !codes.timeline.is_running() {
             return;
         }
-        // The clock is fitted to codes. A `Stats` message is used for the fit only until the first
-        // code arrives.
+        // The clock is fitted to codes, and to `Stats` messages only until the first code arrives.
         if !self.clock.admits(at.device_us, at.read) && !self.clock.observe(at.device_us, at.read) {
             return;
         }
-        // `next_window` counts codes. A replay states it also to a host that asks for packed blocks
-        // alone, which misses none of these codes.
+        // `next_window` counts codes. A device that replays a recording reports it even to a host
+        // that did not ask for codes, and to which no codes are lost.
         if self.commands.streams().contains(Streams::CODES) {
             let reception = at.reception(true, &self.clock, &self.trigger);
             codes.fill_before(stats.next_window, reception, effects);
@@ -455,8 +452,8 @@ impl Session {
         }
     }
 
-    /// Logs that the device refuses to change the rate of its packed code. This is a warning only
-    /// if the user chose the rate, and not if it is the model's.
+    /// Logs that the device refuses to set its packed code to `rate`: as a warning if the user
+    /// chose this rate, as information if it is the model's.
     fn report_refused_rate(&self, rate: u8, result: AckResult) {
         let text = format!(
             "the device refuses the rate {rate} of the packed code: {}; it streams no packed blocks, or always at \
@@ -471,7 +468,7 @@ impl Session {
         }
     }
 
-    /// Handles a code. The device time of its frame is that of the window's last step.
+    /// Handles a code. The device time `at` belongs to the last step of the code's window.
     fn handle_code(&mut self, code: &Code, at: MessageTimes, effects: &mut dyn Effects) {
         let is_usable = self.expects_hops(at.read, effects);
         let Some(codes) = self.codes.as_mut().filter(|_| is_usable) else {
@@ -479,7 +476,8 @@ impl Session {
             return;
         };
         self.commands.stream_received(at.read.monotonic_us);
-        // Raw samples and filtered steps detect a restart from their own indices, perhaps earlier.
+        // Restart only events and trigger here: samples and steps detect the restart by their own
+        // indices, perhaps earlier.
         if codes.timeline.is_restart(code.window) {
             self.side.events.restart();
             self.trigger.restart();
@@ -489,7 +487,7 @@ impl Session {
         codes.receive(code, reception, effects);
     }
 
-    /// Handles a packed block. The device time of its frame is that of the block's last step.
+    /// Handles a packed block. The device time `at` belongs to the last step of the block.
     fn handle_packed(&mut self, code: &PackedCode, at: MessageTimes, effects: &mut dyn Effects) {
         let is_usable = self.expects_hops(at.read, effects);
         let Some(packed) = self.packed.as_mut().filter(|_| is_usable) else {
@@ -501,8 +499,8 @@ impl Session {
             self.side.events.restart();
             self.trigger.restart();
         }
-        // The clock is fitted to codes. Packed blocks are used for the fit only until the first
-        // code arrives, or where no codes stream.
+        // The clock is fitted to codes, and to packed blocks only until the first code arrives or
+        // if no codes stream.
         let has_codes = self.commands.streams().contains(Streams::CODES);
         let trusted = if has_codes && self.clock.is_known() {
             self.clock.is_possible(at.device_us, at.read)
@@ -513,14 +511,14 @@ impl Session {
         packed.receive(code, reception, effects);
     }
 
-    /// Returns whether codes and packed blocks of the device can be published: it has introduced
+    /// Returns whether the device's codes and packed blocks can be published: it has introduced
     /// itself since the port was opened, and this bridge started its stream.
     fn accepts_codes(&self) -> bool {
         self.introduced && self.commands.accepts_codes()
     }
 
-    /// Returns whether codes and packed blocks of this device are published. Announces the device
-    /// again if it streams others than before: the acknowledgement of their start may be lost.
+    /// Returns whether codes and packed blocks of the device can be published. If the device
+    /// streams others than announced, because an acknowledgement was lost, announces it again.
     fn expects_hops(&mut self, read: HostTime, effects: &mut dyn Effects) -> bool {
         let is_usable = self.accepts_codes();
         if is_usable {
@@ -529,8 +527,8 @@ impl Session {
         is_usable
     }
 
-    /// Publishes an event for a stretch of data that is missing in the announced stream, which a
-    /// recorder records. Losses of the other streams are no events.
+    /// Publishes an event for each stretch of data that is missing in the announced stream, the one
+    /// that a recorder records. Losses in other streams cause no event.
     fn report_missing(&mut self, read: HostTime, effects: &mut dyn Effects) {
         let [codes, packed] = [
             self.codes.as_mut().map(|codes| &mut codes.timeline),
@@ -556,8 +554,7 @@ impl Session {
         self.side.bus.publish(&event, wall_ns, effects);
     }
 
-    /// Publishes an event if the electrodes without contact in the device's new report are not
-    /// those of the report `before`.
+    /// Publishes an event if, since the report `before`, an electrode has lost or regained contact.
     fn report_electrodes(
         &mut self,
         before: Option<&ChainReport>,

@@ -1,15 +1,15 @@
-//! User settings of the core.
+//! User settings of the bridge's core.
 
 use link::Streams;
 
-/// Values of a setting, with their names and descriptions for a command line.
+/// A setting with several values, each of which has a name and a description for the command line.
 pub trait Choice: Copy + Send + Sync + 'static {
-    /// Name, description and value of each choice. The description is a sentence or more.
+    /// Name, description and value of each choice. A description is at least one sentence.
     const CHOICES: &'static [(&'static str, &'static str, Self)];
 }
 
-/// Defines an enum that is a [`Choice`]: each value has its name, and its doc comment is the
-/// description. The first value is the default.
+/// Defines an enum that is a [`Choice`]. Each value is given with its name and its description,
+/// which also becomes its doc comment. The first value is the default.
 macro_rules! choice {
     ($(#[$doc:meta])* $enum:ident { $first:ident = $first_name:literal: $first_text:literal,
         $($value:ident = $name:literal: $text:literal,)* }) => {
@@ -32,35 +32,34 @@ macro_rules! choice {
 }
 
 /// User settings for streams and frames; constant while the bridge runs. By default the device
-/// sends codes alone, and chooses mains frequency and rate.
+/// sends only codes, and itself chooses the mains frequency and the packed code's rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Settings {
-    /// Point of a frame that its stamp refers to: first sample, last sample or arrival.
+    /// What the stamp of a frame refers to: its first sample, its last sample or its arrival.
     pub stamp: StampPoint,
     /// Mains frequency that the device's notch filter removes, Hz; 0 leaves the choice to the
     /// device.
     pub mains_hz: u8,
-    /// Replacement that is published for a lost code, packed block, sample or step.
+    /// What is published in place of a lost code, packed block, sample or step.
     pub filler: FillerPolicy,
-    /// Whether each window's newest steps are reconstructed from that window alone, without waiting
+    /// Whether the newest steps of a window are decoded from that window alone, without the wait of
     /// one hop for the next window, which also contains them.
     pub low_latency: bool,
-    /// Stream that `/acquisition/get_info` describes.
+    /// Stream that `/acquisition/get_info` describes, and so the stream that a recorder records.
     pub announced: AnnouncedStream,
-    /// Streams that the device is asked for. The bridge adds the stream of codes if neither codes
-    /// nor packed blocks are among them. With both `RAW` and `COMPRESSED_RAW`, samples are wanted
-    /// in either form: the device is asked for plain ones first, and for compressed ones if it
-    /// refuses those because its port is too slow.
+    /// Streams that the bridge asks the device for. The bridge adds codes if neither codes nor
+    /// packed blocks are among them. With both `RAW` and `COMPRESSED_RAW`, it asks for plain
+    /// samples first, and for compressed ones if the device refuses plain ones because its port is
+    /// too slow.
     pub streams: Streams,
-    /// Rate of the packed code that the device is asked for, 0 to 15; `None` leaves the choice to
-    /// the device.
+    /// Rate to which the packed code is set, 0 to 15; `None` leaves the choice to the device.
     pub packed_rate: Option<u8>,
-    /// Time that the stamps of events refer to.
+    /// Whether the stamp of an event refers to the event itself or to its place in a recording.
     pub event_stamps: EventStamps,
 }
 
 choice! {
-    /// Time that the stamp of an event on `/events/bus` refers to.
+    /// Moment that the stamp of an event on `/events/bus` refers to.
     EventStamps {
         Recorder = "recorder":
             "The place of the event in a recording of the announced stream by \
@@ -70,8 +69,7 @@ choice! {
 }
 
 choice! {
-    /// Stream that is announced to ROS-Neuro's recorder and filters, which handle exactly one
-    /// stream.
+    /// Stream announced to ROS-Neuro's recorder and filters, which handle exactly one.
     AnnouncedStream {
         Encoded = "encoded": "`/encoded`: the numbers of each code.",
         Reconstructed = "reconstructed": "`/neurodata_reconstructed`: electrodes in microvolts.",
@@ -90,7 +88,7 @@ impl AnnouncedStream {
         ("/neurodata_corticode", AnnouncedStream::Filtered),
     ];
 
-    /// Returns whether this stream can be published from `streams`.
+    /// Returns whether a device that sends `streams` provides what this stream needs.
     pub fn is_in(self, streams: Streams) -> bool {
         match self {
             AnnouncedStream::Encoded => streams.contains(Streams::CODES),
@@ -104,7 +102,7 @@ impl AnnouncedStream {
 }
 
 choice! {
-    /// A stream of the device, as named in `--streams`.
+    /// A stream that the device can send, by its name in the option `--streams`.
     StreamKind {
         Codes = "codes":
             "`/encoded`, and without packed `/neurodata_reconstructed`; on unless packed is \
@@ -123,7 +121,7 @@ choice! {
 }
 
 impl StreamKind {
-    /// Returns the stream's bit in `Start` and `Stats`.
+    /// Returns the bit that stands for this stream in the messages `Start` and `Stats`.
     pub fn bit(self) -> Streams {
         match self {
             StreamKind::Codes => Streams::CODES,
@@ -135,8 +133,8 @@ impl StreamKind {
         }
     }
 
-    /// Returns the names of all streams in `streams`, separated by spaces. Compressed samples alone
-    /// are `compressed-raw`.
+    /// Returns the names of all streams in `streams`, separated by spaces. Samples are named
+    /// `compressed-raw` if they are asked for in compressed form only.
     pub fn names(streams: Streams) -> String {
         let named = StreamKind::CHOICES.iter().filter_map(|(name, _, kind)| {
             let (name, is_named) = match kind {
@@ -153,7 +151,7 @@ impl StreamKind {
 }
 
 choice! {
-    /// Form in which the device sends ADC samples. Both yield the same frames.
+    /// Form in which the device sends ADC samples. All forms yield the same frames.
     RawForm {
         Any = "any":
             "Not compressed; compressed without loss if the device refuses that, because its port \
@@ -164,7 +162,7 @@ choice! {
 }
 
 impl RawForm {
-    /// Returns the streams of the device that have this form.
+    /// Returns the streams to ask the device for, to receive samples in this form.
     pub fn streams(self) -> Streams {
         match self {
             RawForm::Any => Streams::RAW | Streams::COMPRESSED_RAW,
@@ -173,7 +171,7 @@ impl RawForm {
         }
     }
 
-    /// Returns whether `streams` has samples in any form.
+    /// Returns whether `streams` contains ADC samples, plain or compressed.
     pub fn any_in(streams: Streams) -> bool {
         streams.bits() & RawForm::Any.streams().bits() != 0
     }
@@ -189,7 +187,7 @@ pub fn with_codes(streams: Streams) -> Streams {
 }
 
 choice! {
-    /// Point of a frame that its stamp refers to.
+    /// What the stamp of a frame refers to.
     StampPoint {
         First = "first":
             "Time at which the frame's first sample was at the electrodes (filter delay removed).",
@@ -200,7 +198,7 @@ choice! {
 }
 
 choice! {
-    /// Replacement for lost codes, packed blocks, samples and steps.
+    /// What is published in place of lost codes, packed blocks, samples and steps.
     FillerPolicy {
         Last = "last":
             "The last code, sample or step that was received; for a packed block, what the model \

@@ -1,5 +1,4 @@
-//! Conversion of the device's messages to NeuroFrames and NeuroEvents, with lost data filled and
-//! counted.
+//! Conversion of the device's messages to NeuroFrames and NeuroEvents; counts and fills lost data.
 
 pub(crate) mod code;
 pub(crate) mod event;

@@ -6,23 +6,24 @@ pub(crate) mod round_trip;
 use neuro_ros::Stamp;
 use rustix::time::{ClockId, clock_gettime};
 
-/// The monotonic clock. On Linux it counts while the host is suspended, as the device's clock does.
+/// The monotonic clock. On Linux it is one that counts while the host is suspended, because the
+/// device's clock counts then too.
 #[cfg(target_os = "linux")]
 const MONOTONIC: ClockId = ClockId::Boottime;
 #[cfg(not(target_os = "linux"))]
 const MONOTONIC: ClockId = ClockId::Monotonic;
 
-/// The time on the host's monotonic clock and on its wall clock, read at the same instant.
+/// Time on the host's monotonic clock and on its wall clock, read at the same instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostTime {
-    /// Time on the monotonic clock, which never steps; microseconds since the host was started.
+    /// Time on the monotonic clock, which never steps, microseconds since the host was started.
     pub monotonic_us: i64,
     /// Time on the wall clock, nanoseconds since 1970. NTP or the user can step this clock.
     pub wall_ns: i64,
 }
 
 impl HostTime {
-    /// Reads the monotonic clock and then the wall clock.
+    /// Returns the present time on both clocks.
     pub fn now() -> HostTime {
         let monotonic = clock_gettime(MONOTONIC);
         HostTime {

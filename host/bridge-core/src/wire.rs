@@ -1,4 +1,4 @@
-//! The commands sent to the device, and the identity that it reports.
+//! Commands to the device, the streams they ask for, and their names in messages to the user.
 
 pub(crate) mod commands;
 pub(crate) mod wanted;

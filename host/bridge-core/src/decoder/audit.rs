@@ -1,5 +1,5 @@
-//! Audits: comparison of a device's code with the float network's code of the same window, and of
-//! the window's signals with those of the packed code.
+//! Audits: compare a device's code with the float network's code of the same window, and the
+//! window's signals with those decoded from packed blocks.
 
 use std::fmt;
 use std::sync::Arc;
@@ -14,9 +14,9 @@ use crate::device::Device;
 /// fraction of the RMS of the latter. Half a level is allowed in addition, for rounding. The limit
 /// is relative because the error of int8 weights and activations grows with the signal.
 ///
-/// Measured on the windows of EEGMMIDB S001 R11 and R12 whose input is not clipped: the integer
-/// reference is compared with the float network. Figures in levels of the code, for the window with
-/// the largest RMS difference:
+/// To set the limit, the integer reference was compared with the float network on the windows of
+/// EEGMMIDB S001 R11 and R12 whose input is not clipped. The figures are in levels of the code, for
+/// the window with the largest RMS difference:
 ///
 /// | model, format | windows | RMS difference | RMS of the code | difference less half a level, as a fraction |
 /// | --- | --- | --- | --- | --- |
@@ -28,13 +28,12 @@ use crate::device::Device;
 /// The limit is twice the largest fraction.
 const RMS_LIMIT: f64 = 0.05;
 
-/// Limit of the difference of any single value between the two codes, as a fraction of the RMS of
+/// Limit of the difference between the two codes in any single value, as a fraction of the RMS of
 /// the float network's code. Half a level is allowed in addition, for rounding.
 ///
 /// In the measurement for [`RMS_LIMIT`], the largest difference less half a level is 0.064 of the
 /// code's RMS with `signal/model/paper`, and 0.082 with `signal/model/artifact`. The limit is about
-/// 1.5 times this fraction. A larger limit would find none of the flipped bits of the next
-/// paragraph.
+/// 1.5 times the larger fraction. A larger limit would miss all the flipped bits described below.
 ///
 /// In one measurement, which no test repeats, a flipped sign bit in one weight of the linear
 /// shortcut changed one value of an int8 code by 1.4 to 2.7 levels on the loudest of 42 windows. A
@@ -42,27 +41,26 @@ const RMS_LIMIT: f64 = 0.05;
 /// convolutions of this model contribute little to the code.
 const LARGEST_LIMIT: f64 = 0.12;
 
-/// Additional allowance for the formats int16 and int8-exponent, in their levels. The biases and
-/// activations of the convolutions are rounded to units that are coarser than these levels, however
-/// quiet the window is. In windows of EEGMMIDB S001 R11 and R12 that are attenuated to between 0
-/// and 3 %, the largest difference with `signal/model/artifact` is 1.35 levels. A level of int8
-/// codes is about 32 times as wide and needs no such allowance.
+/// Additional allowance for the code formats int16 and int8-exponent, in levels. In these formats a
+/// level is finer than the units to which the biases and activations of the convolutions are
+/// rounded, however quiet the window is. In windows of EEGMMIDB S001 R11 and R12 that are
+/// attenuated to between 0 and 3 %, the largest difference with `signal/model/artifact` is 1.35
+/// levels. A level of int8 codes is about 32 times as wide and needs no such allowance.
 const FINE_LEVELS: f64 = 2.0;
 
 /// A window of the encoder's input, and the code that the device computed from this window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AuditedWindow {
-    /// Device that sent the audit. The scales of this device apply to the code.
+    /// Device that sent the window. Its scales apply to the code.
     pub device: Arc<Device>,
-    /// Index of the window since `Start`.
+    /// Index of the window; the first one after the command `Start` has index 0.
     pub window: u32,
-    /// Planes of the window, oldest first, and the cells of a plane row by row; int8, as the
-    /// encoder reads them.
+    /// Planes of the window, oldest first, each row by row; int8, as the encoder reads them.
     pub planes: Vec<i8>,
     /// The device's code, in levels of its format; empty if the device has no network.
     pub levels: Vec<i32>,
-    /// Difference between neighbouring levels that a value can take: `2^exponent` for codes with an
-    /// exponent, 1 for all other codes.
+    /// Smallest difference between two levels of the code: `2^exponent` for codes with an exponent,
+    /// 1 for all other codes.
     pub resolution: u16,
 }
 
@@ -79,8 +77,8 @@ impl AuditedWindow {
         }
     }
 
-    /// Compares the device's code with the code that the float network computes from the same
-    /// planes. Takes several milliseconds. Returns `None` if the device has no network.
+    /// Compares the device's code with the code that the float network of `model` computes from the
+    /// same planes, which takes several milliseconds. Returns `None` if the device has no network.
     pub fn compare(&self, model: &Model) -> Option<AuditResult> {
         if self.levels.is_empty() {
             return None;
@@ -116,8 +114,9 @@ impl AuditedWindow {
         })
     }
 
-    /// Compares the window's signals, as the device measured them, with those of its packed blocks.
-    /// Returns `None` if a block was lost, or if an input was clipped to int8.
+    /// Compares the window's signals, as the device measured them, with the signals that `packed`
+    /// decoded from the same window's packed blocks. Returns `None` if a block was lost, or if an
+    /// input was clipped to int8.
     pub fn compare_packed(
         &self,
         model: &Model,
@@ -136,8 +135,8 @@ impl AuditedWindow {
                 values += 1.0;
             }
         }
-        // The window was rounded to int8, which adds level^2 / 12 to the squared difference. This
-        // part is no error of the packed code.
+        // The measured signals are rounded to int8, which adds level^2 / 12 to the mean squared
+        // difference. Subtract this part, because it is no error of the packed code.
         let rounding = level_uv * level_uv / 12.0;
         let error = (squares / f64::max(values, 1.0) - rounding).max(0.0);
         Some(PackedError {
@@ -146,39 +145,40 @@ impl AuditedWindow {
         })
     }
 
-    /// Returns whether a cell has the smallest or largest int8.
+    /// Returns whether a cell has the smallest or largest int8, as it has if the input was clipped.
     fn is_at_rail(&self) -> bool {
         self.planes.iter().any(|cell| *cell == 127 || *cell == -128)
     }
 }
 
-/// Difference between the signals of a window and those of its packed blocks, without the
-/// correction of a block by the next one.
+/// Difference between the measured signals of a window and those decoded from its packed blocks.
+/// The decoded signals are those before the next block corrects them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PackedError {
-    /// RMS difference over all steps and electrodes, microvolts.
+    /// RMS difference of measured and decoded signals over steps and electrodes, microvolts.
     pub rms_uv: f64,
-    /// Mean squared difference, in units of the variance of the training data, as in
-    /// docs/packed.md.
+    /// Mean squared difference of measured and decoded signals, as a fraction of the variance of
+    /// the model's training data.
     pub of_variance: f64,
 }
 
-/// Difference between a device's code and the float network's, in levels of the code's format.
+/// Difference between a device's code and the float network's code of the same window, in levels of
+/// the code's format.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AuditResult {
-    /// Index of the audited window since `Start`.
+    /// Index of the audited window; the first one after the command `Start` has index 0.
     pub window: u32,
-    /// RMS difference over all values, levels.
+    /// RMS difference between the device's code and the float network's code, levels.
     pub rms: f64,
     /// Upper bound of `rms`, levels, for a device that computes its model correctly.
     pub rms_limit: f64,
-    /// Largest difference of a single value, levels.
+    /// Largest difference between the device's and the float network's code in one value, levels.
     pub largest: f64,
     /// Upper bound of `largest`, levels, for a device that computes its model correctly.
     pub largest_limit: f64,
-    /// Index of the value with the largest difference.
+    /// Index, within the code, of the value with the largest difference.
     pub value: usize,
-    /// Whether a cell of the window has the smallest or largest int8, because the input was
+    /// Whether a cell of the window has the smallest or largest int8 value, because the input was
     /// clipped. The device's activations can then saturate, so the limits do not apply.
     pub at_rail: bool,
 }
@@ -194,8 +194,8 @@ impl fmt::Display for AuditResult {
 }
 
 impl AuditResult {
-    /// Returns whether a difference exceeds its limit. Always false for a window with a clipped
-    /// cell, to which the limits do not apply.
+    /// Returns whether `rms` or `largest` exceeds its limit. Always false for a window with a
+    /// clipped cell, to which the limits do not apply.
     pub fn is_wrong(&self) -> bool {
         !self.at_rail && (self.rms > self.rms_limit || self.largest > self.largest_limit)
     }

@@ -1,25 +1,25 @@
 //! Decides when the bridge stops reading the port until the decoder has caught up.
 
-/// Number of waiting windows above which the port is not read if its source can wait: 16 s of
-/// signal, which take about 1 s to decode.
+/// Number of waiting windows above which the bridge stops reading the port, if the source can wait.
+/// So many windows are 16 s of signal and take about 1 s to decode.
 const WAITING_WINDOWS: u64 = 256;
 
-/// How far the device's time must have run ahead of the host's time before the source counts as
-/// faster than real time, microseconds.
+/// Lead of the device's time over the host's time, microseconds, above which the source counts as
+/// faster than real time.
 const AHEAD_US: i64 = 10_000_000;
-/// Divisor of the elapsed time that gives how far a fast clock may be ahead in addition to
-/// [`AHEAD_US`]: 1/1000, or 1000 ppm. Two crystals never differ by more than 500 ppm.
+/// The allowed lead grows by the elapsed time divided by this number (1000 ppm), so that a fast
+/// crystal never counts as a source faster than real time. Two crystals differ by 500 ppm at most.
 const DRIFT: i64 = 1000;
 
-/// Compares the device's time with the host's. A source that runs ahead of real time, such as
-/// `host-sim run --fast`, waits for its reader and loses nothing when the bridge stops reading. A
-/// device in real time cannot wait: its own queue holds some seconds.
+/// Finds out whether the source is faster than real time, by comparing the device's time with the
+/// host's. Such a source, for example `host-sim run --fast`, waits for its reader and loses nothing
+/// when the bridge stops reading. A device in real time cannot wait: its queue holds some seconds.
 ///
-/// A backlog that arrives after a stall does not run ahead, because the host's time went on during
-/// the stall.
+/// A backlog that arrives after a stall does not count as faster than real time, because the host's
+/// time went on during the stall.
 #[derive(Debug, Default)]
 pub struct BackPressure {
-    /// Device time and host time of the first code since the last restart, microseconds.
+    /// Device time and host time of the first code since the device's last restart, microseconds.
     first: Option<(u64, i64)>,
     newest_device_us: u64,
     runs_ahead: bool,
@@ -29,7 +29,7 @@ impl BackPressure {
     /// Records a code with device time `device_us` that was read at host time `read_us`.
     pub fn record(&mut self, device_us: u64, read_us: i64) {
         if device_us < self.newest_device_us {
-            // The device restarted, so its time starts again at 0.
+            // The device has restarted, so its time began again at 0.
             self.first = None;
         }
         self.newest_device_us = device_us;
@@ -40,7 +40,7 @@ impl BackPressure {
         self.runs_ahead = device_elapsed_us.saturating_sub(host_elapsed_us) > limit_us;
     }
 
-    /// Returns whether reading must pause while `waiting` windows wait for the decoder.
+    /// Returns whether to stop reading the port while `waiting` windows wait for the decoder.
     pub fn must_pause(&self, waiting: u64) -> bool {
         self.runs_ahead && waiting > WAITING_WINDOWS
     }
@@ -76,7 +76,7 @@ mod tests {
     fn a_backlog_of_a_stalled_host_is_read_however_long_the_queue_is() {
         let mut pressure = BackPressure::default();
         pressure.record(0, 0);
-        // The host stood still for 10 minutes and reads all codes at once.
+        // After a stall of 10 minutes, the host reads all codes of that time at once.
         for code in 1..=9600 {
             pressure.record(code * HOP_US, 600_000_000);
             assert!(!pressure.must_pause(code));

@@ -1,4 +1,4 @@
-//! A model's network in floating point, as encoder and decoder, and its packed code.
+//! A model's network in floating point, with encoder and decoder, and the model's packed code.
 
 use std::path::Path;
 
@@ -19,9 +19,9 @@ pub struct Model {
     decoder: WindowDecoder,
     packed: Option<PackedModel>,
     grid: ScalpGrid,
-    /// Standard deviation of the training data, microvolts.
+    /// Standard deviation of the data that the model was trained on, microvolts.
     sd_uv: f64,
-    /// Value at the float network's input that corresponds to one int8 level of the device's input.
+    /// Value at the float network's input that corresponds to one level of the device's int8 input.
     input_scale: f32,
     dimensions: Dimensions,
     hop: usize,
@@ -47,7 +47,7 @@ impl Model {
         )?)
     }
 
-    /// Reads the model in a folder with `model.toml` and its weights; the embedded one for `None`.
+    /// Reads the model in `folder`, from `model.toml` and the weights; `None`: the embedded model.
     ///
     /// # Errors
     ///
@@ -60,7 +60,8 @@ impl Model {
         }
     }
 
-    /// Builds the float networks of an artifact.
+    /// Builds the float encoder and decoder, and the packed code, from the description and tensors
+    /// in `artifact`.
     ///
     /// # Errors
     ///
@@ -85,7 +86,7 @@ impl Model {
         })
     }
 
-    /// Returns the model id: 8 bytes, as in codes and `Hello`.
+    /// Returns the model id, 8 bytes. Codes and the device's `Hello` contain the same id.
     pub fn id(&self) -> [u8; 8] {
         self.id.0
     }
@@ -121,8 +122,8 @@ impl Model {
         })
     }
 
-    /// Decodes a code to the electrode signals of its window, microvolts: all electrodes of the
-    /// first step, then all electrodes of the next step, and so on.
+    /// Decodes the values `z` of a code to the electrode signals of its window, microvolts: all
+    /// electrodes of the first step, then all electrodes of the next step, and so on.
     pub fn decode(&self, z: &[f32]) -> Vec<f32> {
         self.decoder.decode(z)
     }
@@ -132,14 +133,14 @@ impl Model {
         self.packed.as_ref()
     }
 
-    /// Standard deviation of the data that the model was trained on, microvolts.
+    /// Returns the standard deviation of the data that the model was trained on, microvolts.
     pub fn sd_uv(&self) -> f64 {
         self.sd_uv
     }
 
-    /// Returns the electrode signals of a window, microvolts, in the order step, electrode, and the
-    /// voltage of one int8 level, microvolts. `planes` holds the encoder's input for the window;
-    /// missing cells count as 0.
+    /// Returns the electrode signals of a window, all electrodes of one step after those of the
+    /// step before, and the voltage of one int8 level, both in microvolts. `planes` holds the
+    /// encoder's input for the window; missing cells count as 0.
     pub fn electrodes_uv(&self, planes: &[i8]) -> (Vec<f32>, f64) {
         let level_uv = f64::from(self.input_scale) * self.sd_uv;
         let mut cells = vec![0.0; self.window_cells()];
@@ -155,8 +156,8 @@ impl Model {
         self.dimensions.window_cells()
     }
 
-    /// Computes the float code of a window. `planes` holds the device's input for the window: int8
-    /// cells, plane by plane. If `planes` is too short, the missing cells count as 0.
+    /// Computes the code of a window with the float network. `planes` holds the device's input for
+    /// the window: int8 cells, plane by plane. Missing cells count as 0.
     pub fn encode(&self, planes: &[i8]) -> Vec<f32> {
         let mut window = vec![0.0; self.window_cells()];
         for (cell, step) in window.iter_mut().zip(planes) {

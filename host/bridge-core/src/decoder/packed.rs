@@ -1,4 +1,4 @@
-//! Reconstruction of electrode signals from packed blocks.
+//! Reconstruction of the electrode signals from packed blocks.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -11,45 +11,46 @@ use crate::decoder::model::Model;
 use crate::device::Device;
 use crate::settings::{FillerPolicy, Settings};
 
-/// Number of the newest blocks that are kept for audits: 1 s of the default model.
+/// Number of newest blocks whose signals are kept for audits: 1 s with the default model.
 const KEPT_BLOCKS: usize = 16;
 
-/// Input of the decoder: a received block, or a placeholder for a lost one, with its time.
+/// Input of the decoder: a received packed block, or a placeholder for a lost one, with its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimedPackedBlock {
-    /// The block; `None` if it was lost.
+    /// The received block; `None` for a placeholder, whose block was lost.
     pub block: Option<PackedBytes>,
-    /// Whether it is the first block of a recording: it does not follow the block before.
+    /// Whether this is a recording's first block, which does not continue from the block before.
     pub is_first: bool,
     /// Stamp of the `/neurodata_reconstructed` frame with the block's steps.
     pub stamp: Stamp,
-    /// Status words of the block.
+    /// Status words of the block: flags, index, device time, number of losses and trigger level.
     pub words: TriWords,
 }
 
-/// A block of the packed code.
+/// A packed block as received, with its rate, which the decoder needs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PackedBytes {
-    /// The bytes of the received message.
+    /// Content of the block, as the device sent it.
     pub bytes: Vec<u8>,
-    /// Rate of the stream, 0 to 15; with a larger one the block counts as malformed.
+    /// Rate of the packed code, 0 to 15; a block with a larger rate counts as malformed.
     pub rate: u8,
 }
 
 /// Decodes packed blocks to frames of `/neurodata_reconstructed`, one for each block.
 ///
-/// With low latency, a block yields its own frame. Otherwise it yields the frame of the block
-/// before, corrected by the newer block.
+/// With low latency, a block yields its own frame at once. Otherwise it yields the frame of the
+/// block before, which the newer block corrects.
 #[derive(Debug)]
 pub struct PackedReconstruction {
     overlap: PackedOverlap<Label>,
     filler: FillerPolicy,
-    /// Index and uncorrected signals, microvolts, of the newest blocks, for audits.
+    /// For audits, the newest blocks: index of each block, and its signals in microvolts before the
+    /// next block corrects them.
     kept: VecDeque<(u32, Vec<f32>)>,
     frame: NeuroFrame,
 }
 
-/// Stamp and status words of a block, which stay with its signals until they are published.
+/// Stamp and status words of a block. They stay with the block's signals until these are published.
 #[derive(Clone, Copy, Debug)]
 struct Label {
     stamp: Stamp,
@@ -57,14 +58,15 @@ struct Label {
 }
 
 impl PackedReconstruction {
-    /// Creates a reconstruction for a device whose model is `model`; `None` if that model has no
-    /// packed code.
+    /// Creates a reconstruction for packed blocks of `device`, which has the model `model`; `None`
+    /// if that model has no packed code.
     pub fn new(
         device: &Device,
         model: &Arc<Model>,
         settings: Settings,
     ) -> Option<PackedReconstruction> {
-        // A recorder stores values outside the announced range as infinite.
+        // Decoded values are limited to full scale, because a recorder stores values outside the
+        // announced range as infinite.
         #[expect(clippy::cast_possible_truncation, reason = "187500, exact in f32")]
         let full_scale_uv = device.full_scale_uv as f32;
         Some(PackedReconstruction {
@@ -75,46 +77,49 @@ impl PackedReconstruction {
         })
     }
 
-    /// Sets the sequence number of the newest frame on the topic; the next one follows it.
+    /// Sets the sequence number of the newest published frame; the next frame gets the next number.
     pub(crate) fn set_number(&mut self, number: u32) {
         self.frame.header.seq = number;
         self.frame.neuroheader.seq = number;
     }
 
-    /// Sequence number of the newest frame.
+    /// Returns the sequence number of the newest frame.
     pub(crate) fn number(&self) -> u32 {
         self.frame.neuroheader.seq
     }
 
-    /// Continues the frames of `before`, the reconstruction for another device: the frame that
-    /// still waits in `before` comes first. The frames of both must have the same shape.
+    /// Continues the frames of `before`, the reconstruction for the device before: if one of its
+    /// frames still waits for a correction, that frame comes first. The frames of both
+    /// reconstructions must have the same shape.
     pub fn continue_from(&mut self, before: &mut PackedReconstruction) {
         self.set_number(before.number());
         self.overlap.continue_from(&mut before.overlap);
     }
 
-    /// Number of received blocks whose bytes are no block of this model.
+    /// Returns the number of received blocks that could not be decoded, because their bytes are no
+    /// block of this model.
     pub fn malformed(&self) -> u64 {
         self.overlap.malformed()
     }
 
-    /// Returns the signals of block `index` without the correction by the next block, microvolts,
-    /// in the order step, electrode; `None` if the block was lost or is no longer kept.
+    /// Returns the signals of block `index` as they were before the next block corrected them,
+    /// microvolts: all electrodes of one step after those of the step before. `None` if the block
+    /// was lost or is no longer kept.
     pub(crate) fn signals(&self, index: u32) -> Option<&[f32]> {
         let kept = self.kept.iter().find(|(kept, _)| *kept == index);
         kept.map(|(_, microvolts)| microvolts.as_slice())
     }
 
-    /// Returns the frame that waits for the next block, without its correction, because no block
-    /// follows; `None` if none waits, or if its block is lost and lost blocks are not filled.
+    /// Returns the frame that waits for correction by the next block, uncorrected, because no block
+    /// follows. `None` if no frame waits, or if its block is lost and the user wants no fillers.
     pub fn finish(&mut self) -> Option<&NeuroFrame> {
         let hop = self.overlap.finish()?;
         self.filled_frame(hop)
     }
 
     /// Decodes `block` and returns the frame that it completes: that of the block before, or with
-    /// low latency its own. Returns `None` before the second block, or if the completed frame is
-    /// that of a lost block and lost blocks are not filled.
+    /// low latency its own. Returns `None` if there is no block before, or if the block of the
+    /// completed frame is lost and the user wants no fillers.
     pub fn next_frame(&mut self, block: &TimedPackedBlock) -> Option<&NeuroFrame> {
         self.start_recording(block.is_first);
         let received = block.block.as_ref();
@@ -128,8 +133,8 @@ impl PackedReconstruction {
         self.filled_frame(completed?)
     }
 
-    /// Returns the frame that `block` completes as [`Self::next_frame`] does, but with zeros as
-    /// values, because no block is decoded. For a caller that needs only the times.
+    /// Returns the frame that [`Self::next_frame`] would return, but decodes no block and sets all
+    /// values to zero. For a caller that needs only the times.
     pub fn next_times(&mut self, block: &TimedPackedBlock) -> Option<&NeuroFrame> {
         self.start_recording(block.is_first);
         let source = match block.block {
@@ -147,7 +152,7 @@ impl PackedReconstruction {
         self.filled_frame(completed?)
     }
 
-    /// Forgets all blocks if the next one is the first of a recording.
+    /// Forgets all earlier blocks if `is_first`: the next block is the first of a recording.
     fn start_recording(&mut self, is_first: bool) {
         if is_first {
             self.overlap.restart();
@@ -155,7 +160,8 @@ impl PackedReconstruction {
         }
     }
 
-    /// Returns the frame of a hop; `None` if its block is lost and lost blocks are not filled.
+    /// Returns the frame with the signals of `hop`, or a filler if its block is lost; `None` if it
+    /// is lost and the user wants no fillers.
     fn filled_frame(&mut self, mut hop: PackedHop<Label>) -> Option<&NeuroFrame> {
         if hop.source == PackedSource::Prediction {
             match self.filler {

@@ -1,4 +1,4 @@
-//! Reconstruction of electrode signals from codes.
+//! Reconstruction of the electrode signals from codes.
 
 use std::sync::Arc;
 
@@ -13,12 +13,12 @@ use crate::settings::{FillerPolicy, Settings};
 /// Input of the decoder: a received code, or a placeholder for a lost code, with its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimedCode {
-    /// The code, dequantised; `None` if it was lost.
+    /// Dequantised values of the code; `None` if the code was lost.
     pub z: Option<Vec<f32>>,
     /// Stamp of the `/neurodata_reconstructed` frame that this code completes.
     pub stamp: Stamp,
     /// Status words of the code. The published frame has the flags of this window and of the
-    /// earlier windows that contain its steps.
+    /// earlier windows that share its steps.
     pub words: TriWords,
 }
 
@@ -61,35 +61,34 @@ impl Reconstruction {
         HopLayout::lookback_steps(steps[0], steps[1], low_latency)
     }
 
-    /// Sets the sequence number of the newest frame on the topic; the next one follows it.
+    /// Sets the sequence number of the newest published frame; the next frame gets the next number.
     pub(crate) fn set_number(&mut self, number: u32) {
         self.frame.header.seq = number;
         self.frame.neuroheader.seq = number;
     }
 
-    /// Sequence number of the newest frame.
+    /// Returns the sequence number of the newest frame.
     pub(crate) fn number(&self) -> u32 {
         self.frame.neuroheader.seq
     }
 
-    /// Continues the sequence numbers and the last values of `before`. The frames of both
-    /// reconstructions must have the same shape.
+    /// Continues the sequence numbers of `before`, the reconstruction for the device before, and
+    /// keeps its last values for fillers. The frames of both must have the same shape.
     pub fn continue_from(&mut self, before: &Reconstruction) {
         self.set_number(before.number());
         self.frame.eeg.data.clone_from(&before.frame.eeg.data);
     }
 
-    /// Counts the frame of a window that is not decoded because no subscriber would receive it. The
-    /// next frame that is decoded then comes from one window alone.
+    /// Counts the frame of a window that is not decoded because no subscriber would receive the
+    /// frame. Forgets the earlier windows, so the next frame is decoded from one window alone.
     pub(crate) fn skip_frame(&mut self) {
         self.overlap.forget();
         self.count_frame();
     }
 
-    /// Returns the frame that `window` completes. With low latency, the frame holds the window's
-    /// last hop of steps; otherwise it holds the first hop, which the window shares with earlier
-    /// windows. Returns `None` if no code with these steps was received and lost codes are
-    /// not filled.
+    /// Returns the frame that `window` completes. With low latency it holds the window's last hop
+    /// of steps; otherwise the first hop, which the window shares with earlier windows. Returns
+    /// `None` if no code with these steps was received and the user wants no fillers.
     pub fn next_frame(&mut self, window: &TimedCode) -> Option<&NeuroFrame> {
         let decoded = window.z.as_ref().map(|z| self.model.decode(z));
         let data = &mut self.frame.eeg.data;
@@ -132,7 +131,7 @@ impl Reconstruction {
     }
 }
 
-/// Replaces the values of all steps by those of the last step.
+/// Overwrites all steps in `data` by the values of the last step; a step has `electrodes` values.
 fn hold_last_step(data: &mut [f32], electrodes: usize) {
     let last = data.len() - electrodes;
     for step in 0..data.len() / electrodes - 1 {

@@ -19,29 +19,30 @@ use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::diagnostics::audit::AuditCounts;
 
 /// Maximum number of codes and packed blocks that wait for the decoder: 68 minutes at 16 codes per
-/// second, as long as the longest gap that is filled. A waiting code takes about 0.6 KB, so a full
-/// queue takes 40 MB.
+/// second, like the longest gap for which fillers are published. A waiting code takes about 0.6 KB,
+/// so a full queue takes 40 MB.
 const QUEUE_WINDOWS: u64 = 65_536;
 
-/// Maximum number of audits that wait for this thread. One audit arrives every 10 s, and its
-/// comparison takes about 10 ms.
+/// Maximum number of audits that wait for the decoder's thread. One audit arrives every 10 s, and
+/// its comparison takes about 10 ms.
 const QUEUE_AUDITS: usize = 4;
 
-/// Steps of Unix's `nice` by which the decoder's thread is less urgent than the rest of the
-/// program.
+/// Increase of the Unix `nice` value in the decoder's thread, which makes it less urgent than the
+/// rest of the program.
 const NICE: i32 = 10;
 
-/// Longest wait for the thread after it was told to stop. It completes at most one window.
+/// Timeout for the end of the thread after it was told to stop. The thread still completes the
+/// window that it is decoding.
 const STOP_TIMEOUT: Duration = Duration::from_secs(1);
-/// Time between two checks whether the thread has ended.
+/// Time between two checks of whether the thread has ended.
 const POLL: Duration = Duration::from_millis(10);
 
-/// Thread that decodes codes and packed blocks, publishes the reconstructed signals and compares
-/// audits, so that this work does not delay the link.
+/// Thread that decodes codes and packed blocks, publishes the reconstructed signals and evaluates
+/// audits. A separate thread does this so that it does not delay the link.
 #[derive(Debug)]
 pub struct DecoderThread {
     work: Sender<Work>,
-    /// Work that [`DecoderThread::start_work`] has not passed to the thread yet.
+    /// Work that the next [`DecoderThread::start_work`] passes to the thread.
     prepared: Vec<Work>,
     progress: Arc<Progress>,
     thread: JoinHandle<()>,
@@ -49,44 +50,44 @@ pub struct DecoderThread {
     skipped_audits: u64,
 }
 
-/// Lengths of the queues, and counts of the thread's work; see [`DecoderCounts`].
+/// Lengths of the thread's queues, and counts of its work as in [`DecoderCounts`].
 #[derive(Debug, Default)]
 struct Progress {
-    /// Number of queued codes and packed blocks. Placeholders for lost blocks count, those for lost
-    /// codes do not.
+    /// Number of queued codes and packed blocks. Placeholders for lost packed blocks count too,
+    /// those for lost codes do not.
     waiting: AtomicU64,
     decoded: AtomicU64,
     malformed: AtomicU64,
     not_needed: AtomicU64,
     longest_wait_us: AtomicU64,
-    /// Number of frames that were dropped for slow subscribers.
+    /// Number of reconstructed frames that were dropped because a subscriber was too slow.
     dropped: AtomicU64,
     audits_waiting: AtomicUsize,
     audits: Mutex<AuditCounts>,
-    /// Whether the thread shall end before the queue is empty.
+    /// Whether the thread must end before its queue is empty.
     stop: AtomicBool,
 }
 
 #[derive(Debug)]
 enum Work {
-    /// Reconstructions from codes, and from packed blocks if the model has them, for the device
-    /// that sends the codes and blocks that are queued after this item.
+    /// Reconstructions for the device that sends all codes and blocks queued after this item: one
+    /// from codes, and one from packed blocks if the model has them.
     Device(Box<Reconstruction>, Option<Box<PackedReconstruction>>),
-    /// A code, and when it was queued.
+    /// A code, and the time at which it was queued.
     Code(TimedCode, Instant),
-    /// A packed block, and when it was queued.
+    /// A packed block, and the time at which it was queued.
     Block(TimedPackedBlock, Instant),
-    /// No packed block follows the newest one.
+    /// No further packed block follows, so the frame that waits for one must be published.
     FinishBlocks,
     Audit(Box<AuditedWindow>, Arc<Model>),
 }
 
 impl DecoderThread {
-    /// Starts the thread, which publishes to `sink`.
+    /// Starts the thread, which publishes the reconstructed frames to `sink`.
     ///
     /// # Errors
     ///
-    /// The operating system's error if it provides no thread.
+    /// The operating system's error if it cannot start a thread.
     pub fn start(sink: Box<dyn FrameSink>) -> std::io::Result<DecoderThread> {
         let (work, receiver) = channel();
         let progress = Arc::new(Progress::default());
@@ -110,7 +111,8 @@ impl DecoderThread {
         })
     }
 
-    /// Sets the reconstructions for the device that sends the following codes and packed blocks.
+    /// Sets the reconstructions, from codes and from packed blocks, for the device that sends the
+    /// codes and packed blocks which are queued after this call.
     pub fn start_device(
         &mut self,
         reconstruction: Reconstruction,
@@ -122,8 +124,8 @@ impl DecoderThread {
     }
 
     /// Queues a code without blocking. If the queue is full, the code is discarded and counted, and
-    /// a filler is published in its place. Fillers of codes need no decoding and keep the number of
-    /// samples correct.
+    /// a filler is published in its place. A filler needs no decoding, and keeps the number of
+    /// published samples correct.
     pub fn decode(&mut self, mut window: TimedCode) {
         if window.z.is_some() && !self.takes_one_more() {
             window.z = None;
@@ -131,9 +133,9 @@ impl DecoderThread {
         self.prepared.push(Work::Code(window, Instant::now()));
     }
 
-    /// Queues a packed block as [`Self::decode`] does a code. A placeholder for a lost block counts
-    /// as waiting too, because its prediction can take as long as a block; it is queued even if the
-    /// queue is full.
+    /// Queues a packed block without blocking; if the queue is full, a placeholder takes the place
+    /// of the block. A placeholder for a lost block counts as waiting too, because its prediction
+    /// can take as long as decoding a block, but it is queued even if the queue is full.
     pub fn decode_block(&mut self, mut block: TimedPackedBlock) {
         if block.block.is_none() || !self.takes_one_more() {
             block.block = None;
@@ -142,14 +144,14 @@ impl DecoderThread {
         self.prepared.push(Work::Block(block, Instant::now()));
     }
 
-    /// Queues the publication of the frame that waits to be corrected by the next packed block,
-    /// because no block follows.
+    /// Queues the publication of the frame that waits to be corrected by the next packed block.
+    /// Call this when no block follows.
     pub fn finish_blocks(&mut self) {
         self.prepared.push(Work::FinishBlocks);
     }
 
     /// Counts a code or packed block as waiting, or as not decoded if the queue is full. Returns
-    /// whether the queue takes it.
+    /// whether the queue has room for it.
     fn takes_one_more(&mut self) -> bool {
         let has_room = self.progress.waiting.load(Ordering::Relaxed) < QUEUE_WINDOWS;
         if has_room {
@@ -170,13 +172,13 @@ impl DecoderThread {
         self.prepared.push(Work::Audit(Box::new(window), model));
     }
 
-    /// Returns whether work is queued that the thread does not know yet.
+    /// Returns whether work was queued that [`Self::start_work`] has not yet passed to the thread.
     pub fn has_prepared_work(&self) -> bool {
         !self.prepared.is_empty()
     }
 
-    /// Wakes the thread for the queued work. Call this after the codes themselves were written to
-    /// the subscribers, because the thread takes the processor for milliseconds.
+    /// Passes the queued work to the thread. Call this after the codes were written to the
+    /// subscribers, because the thread then takes the processor for milliseconds.
     pub fn start_work(&mut self) {
         for work in self.prepared.drain(..) {
             // Sending fails only if the thread has ended because its sink failed.
@@ -191,13 +193,12 @@ impl DecoderThread {
         counts.status(self.skipped_audits)
     }
 
-    /// Returns the counts of windows that were decoded so far, that wait, and that were not
-    /// decoded.
+    /// Returns how many windows were decoded, are waiting, and were not decoded so far.
     pub fn counts(&self) -> DecoderCounts {
         self.progress.counts(self.not_decoded)
     }
 
-    /// Number of frames that were dropped for slow subscribers.
+    /// Returns the number of reconstructed frames that were dropped for slow subscribers.
     pub fn dropped(&self) -> u64 {
         self.progress.dropped.load(Ordering::Relaxed)
     }
@@ -207,8 +208,8 @@ impl DecoderThread {
         self.thread.is_finished()
     }
 
-    /// Waits until the queue is empty, but not longer than `limit`, and returns the final counts.
-    /// Windows that still wait after `limit` count as not decoded.
+    /// Waits until the queue is empty, but not longer than `limit`, then ends the thread and
+    /// returns the final counts. Windows that still wait after `limit` count as not decoded.
     pub fn finish(mut self, limit: Duration) -> DecoderCounts {
         self.start_work();
         drop(self.work);
@@ -216,7 +217,7 @@ impl DecoderThread {
             self.progress.stop.store(true, Ordering::Relaxed);
             ends_within(&self.thread, STOP_TIMEOUT);
         }
-        // A thread whose sink is blocked is not joined: the process ends without it.
+        // Do not join a thread that is still blocked by its sink; the process ends without it.
         if self.thread.is_finished() && self.thread.join().is_err() {
             tracing::error!("the decoder thread panicked; reconstructed frames are missing");
         }
@@ -226,7 +227,7 @@ impl DecoderThread {
     }
 }
 
-/// Waits until a thread ends. Returns whether it ended within `limit`.
+/// Waits until `thread` ends, but not longer than `limit`. Returns whether it has ended.
 fn ends_within(thread: &JoinHandle<()>, limit: Duration) -> bool {
     let deadline = Instant::now() + limit;
     while !thread.is_finished() && Instant::now() < deadline {
@@ -255,22 +256,22 @@ impl Progress {
     }
 }
 
-/// The thread's own state.
+/// State that belongs to the decoder's thread.
 struct Worker {
     sink: Box<dyn FrameSink>,
     progress: Arc<Progress>,
     codes: Option<Box<Reconstruction>>,
     packed: Option<Box<PackedReconstruction>>,
-    /// Sequence number of the newest frame. Both reconstructions publish on one topic, whose frames
-    /// are numbered without a gap.
+    /// Sequence number of the newest published frame. The reconstructions from codes and from
+    /// packed blocks share it, because both publish on one topic, whose frames are numbered without
+    /// a gap.
     number: u32,
 }
 
 impl Worker {
-    /// Does the queued work until the queue ends, the thread is told to stop or the sink fails.
+    /// Does queued work until the queue is closed, the thread is told to stop or the sink fails.
     fn run(mut self, work: &Receiver<Work>) {
-        // The nice value of this thread alone. Without it the decoder could delay the codes
-        // themselves.
+        // Lower the priority of this thread, so that decoding does not delay publication of codes.
         if let Err(error) = rustix::process::nice(NICE) {
             tracing::debug!(%error, "the decoder is as urgent as the link");
         }
@@ -295,7 +296,8 @@ impl Worker {
         self.finish_blocks()
     }
 
-    /// Replaces the reconstructions by those for another device, which continue their frames.
+    /// Replaces the reconstructions by `codes` and `packed` for another device. They continue the
+    /// frames of the reconstructions before.
     fn replace_device(
         &mut self,
         mut codes: Box<Reconstruction>,
@@ -310,7 +312,7 @@ impl Worker {
         (self.codes, self.packed) = (Some(codes), packed);
     }
 
-    /// Decodes a code, unless nobody receives the frame, and publishes the frame that it completes.
+    /// Publishes the frame that a code completes. Does not decode if nobody receives the frame.
     fn decode(&mut self, window: &TimedCode, queued: Instant) -> Result<(), SinkError> {
         let holds_code = window.z.is_some();
         if holds_code {
@@ -336,8 +338,8 @@ impl Worker {
         Ok(())
     }
 
-    /// Decodes a packed block, on which later blocks build even if nobody receives its frame, and
-    /// publishes the frame that it completes.
+    /// Decodes a packed block and publishes the frame that it completes. The block is decoded even
+    /// if nobody receives the frame, because later blocks depend on it.
     fn decode_block(&mut self, block: &TimedPackedBlock, queued: Instant) -> Result<(), SinkError> {
         self.progress.record_start(queued);
         let Some(packed) = &mut self.packed else {
@@ -360,7 +362,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Publishes the frame that waits to be corrected by another packed block.
+    /// Publishes the frame that waits to be corrected by the next packed block.
     fn finish_blocks(&mut self) -> Result<(), SinkError> {
         let Some(packed) = &mut self.packed else {
             return Ok(());
@@ -375,7 +377,8 @@ impl Worker {
         Ok(())
     }
 
-    /// Compares an audited window with the network's code and with the packed blocks.
+    /// Audits a window: compares the device's code with that of the float network, and the window's
+    /// signals with those of its packed blocks. Counts the results.
     fn audit(&self, window: &AuditedWindow, model: &Model) {
         let result = window.compare(model);
         if let Some(result) = result.filter(AuditResult::is_wrong) {
@@ -388,7 +391,8 @@ impl Worker {
         if let Some(result) = result {
             counts.record(result);
         }
-        // A device with codes need not stream packed blocks, so a missing comparison means nothing.
+        // A device that sends codes need not send packed blocks. So if the code was compared, do
+        // not count it as a failure that there were no blocks.
         if result.is_none() || error.is_some() {
             counts.record_packed(error);
         }
@@ -406,24 +410,23 @@ fn publish(
     Ok(())
 }
 
-/// Numbers of windows that were decoded, that wait, and that were not decoded, by reason. A window
-/// is a code or a packed block. Prints as a part of the program's last line.
+/// Numbers of windows that were decoded, that wait, and that were not decoded, by reason. Here a
+/// window is a code or a packed block. The program prints these numbers in its last line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DecoderCounts {
-    /// Number of windows decoded so far.
+    /// Number of codes and packed blocks decoded so far.
     pub decoded: u64,
-    /// Number of windows that wait for the decoder now.
+    /// Number of codes and packed blocks that wait for the decoder at present.
     pub waiting: u64,
-    /// Longest time that a window has waited for the decoder.
+    /// Longest time that a code or packed block has waited for the decoder.
     pub longest_wait: Duration,
-    /// Number of windows that were replaced by fillers because the decoder's queue was full, or
-    /// that still waited when the program ended.
+    /// Number of codes and packed blocks that were replaced by fillers because the decoder's queue
+    /// was full, or that still waited when the program ended.
     pub not_decoded: u64,
-    /// Number of windows that were not decoded because `/neurodata_reconstructed` had no
-    /// subscriber.
+    /// Number of codes that were not decoded because `/neurodata_reconstructed` had no subscriber.
     pub not_needed: u64,
-    /// Number of packed blocks that arrived intact, but are no blocks of the model; they count as
-    /// lost.
+    /// Number of packed blocks that arrived intact but cannot be decoded, because they are no
+    /// blocks of the model. They count as lost.
     pub malformed: u64,
 }
 

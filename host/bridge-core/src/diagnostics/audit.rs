@@ -5,8 +5,8 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 use crate::decoder::audit::{AuditResult, PackedError};
 use crate::diagnostics::new_status;
 
-/// Number of consecutive audits without a judgement that causes a warning: one minute of audits, at
-/// one audit every 10 s. An audit of a window with a clipped cell is not judged.
+/// After this number of consecutive audits without a verdict, the status is a warning: one minute,
+/// with one audit every 10 s. An audit of a window with a clipped cell has no verdict.
 const UNJUDGED_BEFORE_WARNING: u64 = 6;
 
 /// Numbers of audits by result, and the newest result.
@@ -15,14 +15,14 @@ pub(crate) struct AuditCounts {
     pub(crate) compared: u64,
     pub(crate) wrong: u64,
     pub(crate) at_rail: u64,
-    /// Number of audits with a clipped cell since the last audit without one.
+    /// Number of the newest audits in a row whose windows all have a clipped cell.
     unjudged: u64,
     pub(crate) newest: Option<AuditResult>,
-    /// Number of windows that were compared with packed blocks.
+    /// Number of audited windows that were compared with packed blocks.
     packed_compared: u64,
-    /// Number of windows that could not be compared with packed blocks.
+    /// Number of audited windows that could not be compared with packed blocks.
     packed_skipped: u64,
-    /// Number of windows that could not be compared since the last one that was compared.
+    /// Number of the newest windows in a row that could not be compared with packed blocks.
     packed_unjudged: u64,
     packed_newest: Option<PackedError>,
 }
@@ -36,8 +36,8 @@ impl AuditCounts {
         self.newest = Some(result);
     }
 
-    /// Records the comparison of a window with its packed blocks; `None` if it had a cell at the
-    /// rail or a block was lost.
+    /// Records the comparison of a window with its packed blocks. `error` is `None` if they were
+    /// not compared, because a cell was clipped or a block was lost.
     pub(crate) fn record_packed(&mut self, error: Option<PackedError>) {
         if error.is_some() {
             self.packed_compared += 1;
@@ -50,7 +50,7 @@ impl AuditCounts {
     }
 
     /// Returns the status `audit`; `None` before the first audit. `skipped` is the number of audits
-    /// that were not computed because the queue was full.
+    /// that were not evaluated because the decoder thread's queue was full.
     pub(crate) fn status(&self, skipped: u64) -> Option<DiagnosticStatus> {
         let state = match self.newest {
             Some(newest) => self.state(&newest),
@@ -63,7 +63,7 @@ impl AuditCounts {
         Some(new_status("audit", state, values))
     }
 
-    /// Returns level and message for a device that sends codes.
+    /// Returns the status's level and message for a device that sends codes.
     fn state(&self, newest: &AuditResult) -> (DiagnosticLevel, String) {
         let AuditResult {
             window,
@@ -109,7 +109,8 @@ impl AuditCounts {
         ]
     }
 
-    /// Returns level and message for a device that sends no codes; `None` before the first audit.
+    /// Returns the status's level and message for a device that sends no codes, only packed blocks;
+    /// `None` before the first audit.
     fn packed_state(&self) -> Option<(DiagnosticLevel, String)> {
         if self.packed_unjudged >= UNJUDGED_BEFORE_WARNING {
             let message = format!(
@@ -177,7 +178,7 @@ mod tests {
         let (level, message) = state(Some(error));
         assert_eq!(level, DiagnosticLevel::Ok);
         assert!(message.contains("within 1.00 uV"), "{message}");
-        // The error of an older window is not that of this one.
+        // A window that was not compared must not show the error of an older window.
         assert!(state(None).1.contains("was not compared"));
         let values = counts.status(0).expect("a status").values;
         let value = |key| values.iter().find(|value| value.key == key);

@@ -15,13 +15,13 @@ pub(crate) struct ChainReport {
     off_positive: u64,
     off_negative: u64,
     frames_bad: Vec<u32>,
-    /// Number of bad frames of each chip at the last report to `/diagnostics`.
+    /// Number of bad frames of each chip when `/diagnostics` was last published.
     reported: Vec<u32>,
 }
 
 impl ChainReport {
-    /// Creates the report from the device's message. Bad frames that `before` has already reported
-    /// to `/diagnostics` are not reported again.
+    /// Creates the report from the device's message `converters`. Of the bad frames, those that
+    /// `before` has already reported to `/diagnostics` do not count as new.
     pub(crate) fn from_message(
         before: Option<&ChainReport>,
         converters: &Converters,
@@ -36,7 +36,8 @@ impl ChainReport {
             off_positive: converters.off_positive,
             off_negative: converters.off_negative,
             frames_bad: converters.frames_bad.to_vec(),
-            // Bad frames that the first message counts are not reported as new.
+            // Bad frames in the first message may have occurred before the connection, so they do
+            // not count as new.
             reported: match before {
                 Some(before) => before.reported.clone(),
                 None => converters.frames_bad.to_vec(),
@@ -44,13 +45,13 @@ impl ChainReport {
         }
     }
 
-    /// Returns the labels of all electrodes without contact.
+    /// Returns the labels of all electrodes without contact, by the newest report.
     pub(crate) fn electrodes_off(&self, labels: &[String]) -> Vec<String> {
         off(self.off_positive | self.off_negative, labels)
     }
 
-    /// Returns the status `converters`. The message names faults; the values are the rate of DRDY,
-    /// the electrodes without contact and the bad frames of each chip.
+    /// Returns the status `converters`. The message names faults; the values of the status are the
+    /// DRDY rate, the electrodes without contact and each chip's bad frames.
     pub(crate) fn status(&mut self, adc_rate_hz: u16, labels: &[String]) -> DiagnosticStatus {
         let new = |(chip, bad): (usize, &u32)| {
             let reported = self.reported.get(chip).copied().unwrap_or(0);
@@ -92,7 +93,7 @@ impl ChainReport {
     }
 }
 
-/// Formats the measured rate of DRDY and its deviation, such as "512.010 Hz, +20 ppm off the 512 Hz
+/// Formats the measured DRDY rate and its deviation, such as "512.010 Hz, +20 ppm off the 512 Hz
 /// that were set".
 fn rate(drdy_millihertz: u32, adc_rate_hz: u16) -> String {
     if drdy_millihertz == 0 {
@@ -103,7 +104,7 @@ fn rate(drdy_millihertz: u32, adc_rate_hz: u16) -> String {
     format!("{hz:.3} Hz, {ppm:+.0} ppm off the {adc_rate_hz} Hz that were set")
 }
 
-/// Returns the labels of the channels whose bit is set, bit 0 for the first channel.
+/// Returns the labels of the channels whose bit in `channels` is set. Bit 0 is the first channel.
 fn off(channels: u64, labels: &[String]) -> Vec<String> {
     let off = (0..64).filter(|channel| channels >> channel & 1 == 1);
     off.map(|channel| channel_label(labels, channel)).collect()

@@ -8,8 +8,9 @@ use crate::streams::packed::PackedStream;
 
 const NAME: &str = "packed code";
 
-/// Adds the number of malformed blocks, which only the decoder knows, to the status `packed code`
-/// of a report. `since` of them are new since the last report.
+/// Adds the total number of malformed blocks, `malformed`, to the status `packed code` of a report,
+/// because only the decoder knows it. If `since`, the number since the last report, is not 0, the
+/// status becomes an error.
 pub fn report_malformed(report: &mut DiagnosticArray, malformed: u64, since: u64) {
     let statuses = report.status.iter_mut();
     for status in statuses.filter(|status| status.name.ends_with(NAME)) {
@@ -24,8 +25,7 @@ pub fn report_malformed(report: &mut DiagnosticArray, malformed: u64, since: u64
     }
 }
 
-/// Counts of packed blocks at the last report to `/diagnostics`. The next report shows the
-/// differences.
+/// Counts of packed blocks at the last report to `/diagnostics`; the next report subtracts them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct PackedReport {
     time_us: i64,
@@ -38,13 +38,13 @@ pub(crate) struct PackedReport {
 }
 
 impl PackedReport {
-    /// Returns the number of blocks that are missing since the last report.
+    /// Returns the number of blocks of `stream` that are missing since the last report.
     pub(crate) fn missing_since(&self, stream: &PackedStream) -> u64 {
         stream.timeline.counts().missing() - self.missing
     }
 
-    /// Returns the status `packed code` at the host time `now_us`, and keeps its counts for the
-    /// next one; `None` before the first block.
+    /// Returns the status `packed code` at the host time `now_us`; `None` before the first block.
+    /// Keeps the present counts for the next report.
     pub(crate) fn status(
         &mut self,
         stream: &PackedStream,

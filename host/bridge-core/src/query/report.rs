@@ -1,4 +1,4 @@
-//! The result of a self-test, and its table of text.
+//! The report of a self-test, and its form as a table of text.
 
 use std::fmt;
 
@@ -9,9 +9,9 @@ use serde::Serialize;
 use crate::device::{channel_label, hexadecimal};
 use crate::wire::words;
 
-/// Mask of the bits of the ID register that identify the part: bit 4 is 1, DEV_ID (bits 3 and 2) is
-/// 11, and NU_CH (bits 1 and 0) is 00, 01 or 10 for 4, 6 or 8 channels. The three higher bits are
-/// the revision (data sheet SBAS499, section 9.6.1.1).
+/// Mask of the bits in a chip's ID register that identify the part: bit 4 is 1, DEV_ID (bits 3 and
+/// 2) is 11, and NU_CH (bits 1 and 0) is 00, 01 or 10 for 4, 6 or 8 channels. The three higher bits
+/// are the revision (data sheet SBAS499, section 9.6.1.1).
 const PART_MASK: u8 = 0x1F;
 
 /// Report of a device's self-test, with a verdict for each chip, for each channel and for the
@@ -20,13 +20,13 @@ const PART_MASK: u8 = 0x1F;
 pub struct SelfTestReport {
     /// Device that was tested.
     pub device: DeviceSummary,
-    /// First fault, as the device reports it; empty if there is none.
+    /// First fault in words, as the device reports it; empty if there is none.
     pub fault: String,
     /// Measured rate of the data-ready signal (DRDY), and its faults.
     pub ready: DrdyReport,
     /// Chips in the order of the daisy chain, starting with the chip at MISO.
     pub chips: Vec<ChipReport>,
-    /// Channels of all chips, in the order of the ADC's channels.
+    /// Channels of all chips, in the order of the ADC channels.
     pub channels: Vec<ChannelReport>,
     /// Whether all chips and channels were tested and have no fault.
     pub passed: bool,
@@ -45,21 +45,20 @@ pub struct DeviceSummary {
     pub uid: String,
     /// Cause of the device's last reset, in words.
     pub reset_cause: String,
-    /// Fault that the device found at its last start, or that caused the last reset; empty if there
-    /// is none.
+    /// Fault that was found at the last start or caused the last reset; empty if there is none.
     pub fault: String,
 }
 
-/// Rate and faults of the converters' data-ready signal (DRDY), each edge of which starts the
-/// reading of a sample.
+/// Rate and faults of the data-ready signal (DRDY) of the converters. At each edge of this signal
+/// the device reads a sample.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DrdyReport {
-    /// Rate measured with the device's clock, Hz; `None` if it was not measured.
+    /// Rate of the DRDY edges by the device's clock, Hz; `None` if it was not measured.
     pub rate_hz: Option<f64>,
-    /// Configured rate, Hz.
+    /// Sampling rate to which the converters are set, Hz.
     pub expected_hz: f64,
-    /// Relative deviation of the measured rate from the configured rate, parts per million; `None`
-    /// if either rate is unknown.
+    /// Deviation of `rate_hz` from `expected_hz`, parts per million of the latter; `None` if either
+    /// rate is unknown.
     pub ppm: Option<f64>,
     /// Number of DRDY edges that came too early.
     pub early: u32,
@@ -70,17 +69,17 @@ pub struct DrdyReport {
 /// Identity and faults of one converter chip.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ChipReport {
-    /// Position in the daisy chain, from 0 at MISO.
+    /// Position of the chip in the daisy chain; the chip at MISO has 0.
     pub chip: usize,
-    /// Content of the ID register.
+    /// Content of the chip's ID register.
     pub id: u8,
-    /// Name of the part, from the ID register.
+    /// Name of the chip's type, as the ID register shows it.
     pub part: String,
     /// Number of registers that did not keep the value written to them.
     pub registers_wrong: u8,
-    /// Name and address of the first wrong register; `None` if all registers are correct.
+    /// Name and address of the first register that did not keep its value; `None` if all did.
     pub first_wrong: Option<String>,
-    /// Number of frames from the chip that were damaged or repeated the one before.
+    /// Number of the chip's frames that were damaged, or equal to the frame before.
     pub frames_bad: u32,
     /// Whether the part is an 8-channel ADS1299 and all its registers are correct.
     pub in_order: bool,
@@ -91,26 +90,26 @@ pub struct ChipReport {
 pub struct ChannelReport {
     /// Number of the channel, from 1.
     pub channel: usize,
-    /// Label of the electrode, or exg1, exg2, ... for spare channels.
+    /// Label of the channel's electrode, or exg1, exg2, ... for a spare channel.
     pub label: String,
     /// Relative error of the measured amplitude of the chip's square-wave test signal, percent;
-    /// `None` if not measured.
+    /// `None` if it was not measured.
     pub gain_error_percent: Option<f64>,
-    /// Mean of the two levels of the square wave, microvolt; `None` if not measured.
+    /// Mean of the two levels of the square wave, microvolts; `None` if it was not measured.
     pub offset_uv: Option<f32>,
-    /// Noise around the two levels of the square wave, microvolt RMS; `None` if not measured.
+    /// Noise around the two levels of the square wave, microvolts RMS; `None` if not measured.
     pub noise_uv: Option<f32>,
-    /// Noise with the input shorted, microvolt RMS; `None` if not measured.
+    /// Noise with the input shorted, microvolts RMS; `None` if not measured.
     pub shorted_noise_uv: Option<f32>,
-    /// The fault in words, "not measured", or "in order".
+    /// Verdict on the channel: its fault in words, "not measured", or "in order".
     pub verdict: String,
     /// Whether the channel was measured and has no fault.
     pub in_order: bool,
 }
 
 impl SelfTestReport {
-    /// Creates the report for a device with `channels` ADC channels. `labels` are the electrodes of
-    /// the first channels; the others are spare channels.
+    /// Creates the report of the self-test `test` on a device with `channels` ADC channels.
+    /// `labels` are the electrodes of the first channels; further channels are spare.
     pub(crate) fn new(
         device: DeviceSummary,
         test: &SelfTest,
@@ -158,7 +157,7 @@ impl SelfTestReport {
 }
 
 impl DeviceSummary {
-    /// Copies the identity in `hello`.
+    /// Copies the summary's fields from `hello`.
     pub fn new(hello: &Hello) -> DeviceSummary {
         DeviceSummary {
             board: hello.board.to_owned(),
@@ -208,7 +207,7 @@ fn chip_report((chip, test): (usize, &ChipTest)) -> ChipReport {
     }
 }
 
-/// Returns the name of the part for the content of an ID register.
+/// Returns the name of the part whose ID register has the content `id`.
 fn part_name(id: u8) -> &'static str {
     match (id, id & PART_MASK) {
         (0x00 | 0xFF, _) => "no answer",
@@ -219,8 +218,8 @@ fn part_name(id: u8) -> &'static str {
     }
 }
 
-/// Returns whether the test stopped before both measurements of a channel, with the square wave and
-/// with the input shorted, were complete. After both, a channel has noise in both, or a fault.
+/// Returns whether the test stopped before both measurements of the channel, with the square wave
+/// and with the input shorted, were complete. After both, a channel has noise in both, or a fault.
 fn is_unmeasured(test: &ChannelTest) -> bool {
     let silent = test.noise_uv == 0.0 || test.shorted_noise_uv == 0.0;
     test.fault == ChannelFault::None && silent
@@ -228,8 +227,8 @@ fn is_unmeasured(test: &ChannelTest) -> bool {
 
 fn channel_report(index: usize, test: &ChannelTest, label: String) -> ChannelReport {
     let too_few = test.fault == ChannelFault::Samples;
-    // A device reports zeros and a gain error of -1 for a channel without samples. A gain error of
-    // -1 also means that the samples were too few to measure both levels of the square wave.
+    // For a channel without samples, a device reports zeros and a gain error of -1. It reports -1
+    // also if it had too few samples to measure both levels of the square wave.
     let nothing = test.offset_uv == 0.0 && test.noise_uv == 0.0;
     let square_wave = !(nothing || too_few && test.gain_error <= -1.0);
     let nothing = test.shorted_noise_uv == 0.0;
@@ -358,12 +357,12 @@ fn or_dash(measured: Option<String>) -> String {
     measured.unwrap_or_else(|| "-".to_owned())
 }
 
-/// Writes a header and rows. Every column is as wide as its widest cell; columns marked in `right`
-/// are aligned to the right.
+/// Writes a table with a header. Every column is as wide as its widest cell. `right` states for
+/// each column whether it is aligned to the right.
 ///
 /// # Errors
 ///
-/// Those of `formatter`.
+/// The errors of `formatter`.
 pub fn write_columns<const N: usize>(
     formatter: &mut fmt::Formatter<'_>,
     header: [&str; N],

@@ -1,4 +1,4 @@
-//! The report for `/diagnostics`, once per second.
+//! The report for `/diagnostics`, which is made once per second.
 
 use link::{Counters, Streams};
 use neuro_ros::{DiagnosticArray, DiagnosticLevel, DiagnosticStatus, Header, KeyValue, Stamp};
@@ -11,8 +11,8 @@ use crate::streams::ledger::SampleCounts;
 use crate::time::HostTime;
 
 /// Builds the report for `/diagnostics`: the statuses of device, loss, link and clock, and those of
-/// packed blocks and converters once the device has sent any. The statuses of electrodes and of
-/// deadlines are included only if a new message about them has arrived since the last report.
+/// packed blocks and of converters once the device has sent such messages. The statuses of
+/// electrodes and deadlines are included only if new messages about them have arrived.
 pub(crate) fn diagnose(session: &mut Session, wire: &Counters, now: HostTime) -> DiagnosticArray {
     let header = Header {
         stamp: Stamp::from_nanoseconds(now.wall_ns),
@@ -123,9 +123,9 @@ fn device_status(session: &Session, now: HostTime) -> DiagnosticStatus {
     new_status("device", (level, message), values)
 }
 
-/// Returns level and text for a streaming device. Missing codes, raw samples, filtered steps or
-/// packed blocks cause a warning; missing audits or events do not, because older firmware does not
-/// support them.
+/// Returns level and message of the status `device` while the device streams. If it refuses codes,
+/// samples, filtered steps or packed blocks, that is a warning. If it refuses only audits or events
+/// it is not, because older firmware does not have them.
 fn streaming_state(session: &Session) -> (DiagnosticLevel, String) {
     let refused = session.commands.refused_streams();
     if refused.is_empty() {
@@ -245,7 +245,7 @@ fn link_status(session: &mut Session, wire: &Counters) -> DiagnosticStatus {
     let damaged = damaged.into_iter().fold(0, u32::wrapping_add);
     let since = damaged.wrapping_sub(session.counts.damaged_reported);
     session.counts.damaged_reported = damaged;
-    // Before the first valid frame, the bytes can be those of a device that is no board.
+    // Before the first valid frame, the bytes may come from a device of another kind.
     if wire.frames > 0 {
         session.link_log.add_damaged(since);
     }

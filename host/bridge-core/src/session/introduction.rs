@@ -36,7 +36,7 @@ impl Session {
         if reset {
             tracing::warn!("the device was reset or replaced: {identity}");
             self.counts.resets += 1;
-            // Codes of the restarted device cannot be interpreted until its `Capabilities` arrive.
+            // Codes after the restart cannot be interpreted until `Capabilities` arrive.
             self.commands.device_restarted();
             self.restart_streams();
         } else {
@@ -132,11 +132,11 @@ impl Session {
         });
     }
 
-    /// Announces the device again if, since the last announcement, another stream is decoded, or
-    /// the stream that `/acquisition/get_info` describes has been dropped from those asked for or
-    /// has returned to them, because the device began or ceased to refuse some streams. Call this
-    /// when the device has started or refused to start, and for each code and packed block, because
-    /// the acknowledgement of the start can be lost.
+    /// Announces the device again if an announced fact has changed: which stream is decoded, or
+    /// whether the device is asked for the stream that `/acquisition/get_info` describes. Both
+    /// change when the device begins or ceases to refuse streams. Call this when the device has
+    /// started or refused to start, and for each code and packed block, because the acknowledgement
+    /// of the start can be lost.
     pub(super) fn announce_other_streams(&mut self, read: HostTime, effects: &mut dyn Effects) {
         let Some(codes) = &self.codes else { return };
         let device = Arc::clone(codes.device());
@@ -161,15 +161,15 @@ impl Session {
         }
     }
 
-    /// Returns whether the device is asked for the stream that `/acquisition/get_info` describes,
-    /// and does not refuse to stream.
+    /// Returns whether the bridge asks the device for the stream that `/acquisition/get_info`
+    /// describes, and the device does not refuse to stream.
     fn asks_for_described(&self) -> bool {
         let asked = self.commands.streams();
         self.settings.announced.is_in(asked) && self.commands.start_refusal().is_none()
     }
 
-    /// Returns the stream to decode, of those that the device is asked for. `decodable` is true if
-    /// the bridge's model is the device's.
+    /// Returns which stream to decode, of those that the bridge asks the device for, and whether it
+    /// can be decoded. `decodable` states that the bridge's model is the device's.
     fn decoding(&self, decodable: bool) -> Decoding {
         let stream = DecodedStream::of(self.commands.streams());
         let has_packed = || self.model.as_ref()?.packed();
@@ -181,7 +181,7 @@ impl Session {
 
     fn set_decoding(&mut self, decoding: Decoding, effects: &mut dyn Effects) {
         if self.decoding.stream != decoding.stream {
-            // The frame that waits for the next packed block comes before those of codes.
+            // A frame that waits for the next packed block comes before the first frame of a code.
             effects.finish_blocks();
         }
         self.decoding = decoding;
@@ -194,8 +194,8 @@ impl Session {
         self.side.set_event_shift(decoding.stream);
     }
 
-    /// Returns the answer to `/acquisition/get_info`; `None` if the selected stream is not
-    /// published, because the device refused it or the model cannot decode it.
+    /// Returns the answer to `/acquisition/get_info`; `None` if the stream that the user selected
+    /// is not published, because the device refused it or the model cannot decode it.
     fn acquisition_info(
         &self,
         device: &Device,
@@ -223,8 +223,8 @@ impl Session {
         AcquisitionInfo::new(&model, &device.uid, frame).map(Some)
     }
 
-    /// Ignores the device's codes from now on, for the reason `why`. In the place of a device whose
-    /// codes were published, this is an event on the bus.
+    /// Ignores the device's codes from now on, for the reason `why`. If codes of an earlier device
+    /// were published, publishes an event about this.
     fn refuse(&mut self, why: String, read: HostTime, effects: &mut dyn Effects) {
         tracing::error!("{why}");
         if self.announced.is_some() {

@@ -1,4 +1,4 @@
-//! Summary of the streaming bridge's counts, which the program prints as its last line.
+//! Summary of the counts of streamed data, which the program prints as its last line.
 
 use std::fmt;
 
@@ -9,16 +9,16 @@ use crate::diagnostics::worst_of_deadline;
 use crate::session::Session;
 use crate::streams::packed::PackedStream;
 
-/// Counts of received, lost and filled data so far; prints as one line.
+/// Counts of received, lost and filled data so far. Its display form is one line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// Number of codes that the device has made, derived from their indices: received plus lost.
+    /// Number of codes that the device has made, by their indices: those received plus those lost.
     pub made: u64,
     /// Number of codes that arrived; replays do not count.
     pub received: u64,
     /// Number of codes that did not arrive.
     pub lost: u64,
-    /// Number of codes missing between two runs of the device, which did not make them.
+    /// Number of codes that the device would have made in the time between two of its runs.
     pub between_runs: u64,
     /// Number of bursts; a burst is a sequence of consecutive lost codes.
     pub bursts: u64,
@@ -26,9 +26,9 @@ pub struct Summary {
     pub longest_burst: u32,
     /// Number of fillers published in place of lost codes.
     pub fillers: u64,
-    /// Numbers of packed blocks; all 0 if none was streamed.
+    /// Numbers of packed blocks; all 0 if no packed blocks were streamed.
     pub packed: PackedSummary,
-    /// Number of wire frames, of any kind, that did not arrive.
+    /// Number of frames on the wire, of any kind, that did not arrive.
     pub frames_lost: u64,
     /// Counts of the frame decoder: bytes, frames, and errors of each kind.
     pub wire: Counters,
@@ -39,30 +39,30 @@ pub struct Summary {
     /// Number of received codes that were not published: the device had not introduced itself or
     /// was refused, or the code's model or format is not the one that the device reported.
     pub unused: u64,
-    /// Drift: rate of the host's clock relative to the device's clock, minus 1, in parts per
+    /// Drift: rate of the host's clock divided by that of the device's clock, minus 1, in parts per
     /// million.
     pub drift_ppm: f64,
-    /// The device's stage with the largest ratio of worst time to deadline so far; `None` if the
-    /// device reports no stages.
+    /// Of the device's stages, the one with the largest ratio of worst time to deadline so far;
+    /// `None` if the device reports no stages.
     pub worst_stage: Option<StageTiming>,
-    /// Counts of the decoder, which is no part of the core; all 0 in a summary of the core alone.
+    /// Counts of the decoder thread, which is not part of the core. A core sets all of them to 0.
     pub decoder: DecoderCounts,
 }
 
 /// Numbers of packed blocks so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PackedSummary {
-    /// Number of blocks that the device has made: received plus lost.
+    /// Number of blocks that the device has made: those received plus those lost.
     pub made: u64,
     /// Number of blocks that arrived; replays do not count.
     pub received: u64,
     /// Number of blocks that did not arrive.
     pub lost: u64,
-    /// Number of placeholders that were decoded in the place of missing blocks.
+    /// Number of placeholders that were decoded in place of missing blocks.
     pub fillers: u64,
-    /// Number of blocks missing between two runs of the device, which did not make them.
+    /// Number of blocks that the device would have made in the time between two of its runs.
     pub between_runs: u64,
-    /// Number of bits of the blocks that arrived, without those of their frames.
+    /// Number of bits in the blocks that arrived, without the overhead of the frames around them.
     pub bits: u64,
 }
 

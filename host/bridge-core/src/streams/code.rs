@@ -13,20 +13,19 @@ use crate::streams::hop_timeline::{HopPlace, HopTimeline};
 use crate::streams::ledger::CodeCounts;
 use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
 
-/// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Fillers replace lost
-/// codes.
+/// Converts codes to NeuroFrames for `/encoded` and to input for the decoder. Replaces lost codes
+/// by fillers.
 ///
-/// Shape of the frames, sequence numbers and counts persist while the bridge runs, across restarts
-/// of the device.
+/// When the device restarts, the frames keep their shape, and sequence numbers and counts go on.
 #[derive(Debug)]
 pub(crate) struct CodeStream {
     pub(crate) timeline: HopTimeline,
     frame: NeuroFrame,
     z: Vec<f32>,
-    /// Whether `z` holds a code of this recording.
+    /// Whether `z` holds the newest code of this recording, which a filler can repeat.
     has_last: bool,
-    /// Whether packed blocks were decoded until now. Codes that are missing before the first code
-    /// of this run are then no gap in the signals, and are not passed to the decoder.
+    /// Whether packed blocks were decoded until now. In this case, codes missing before the first
+    /// code of this run are no gap in the decoded signals, so they are not passed to the decoder.
     follows_other: bool,
     pub(crate) counts: CodeCounts,
     encoded_stamps: MonotoneStamps,
@@ -47,8 +46,8 @@ impl CodeStream {
         }
     }
 
-    /// Switches to another device of the same shape, or to the same device with another mains
-    /// frequency. Sequence numbers, counts and stamps continue.
+    /// Switches to another device with frames of the same shape, or to the same device with another
+    /// mains frequency. Sequence numbers, counts and stamps continue.
     pub(crate) fn replace_device(&mut self, device: Arc<Device>) {
         let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
         self.frame = device.encoded_frame();
@@ -56,7 +55,7 @@ impl CodeStream {
         self.timeline.device = device;
     }
 
-    /// Sets which stream is decoded to `/neurodata_reconstructed`.
+    /// Sets which stream is decoded for `/neurodata_reconstructed`.
     pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
         if self.timeline.decoding.stream != decoding.stream {
             self.follows_other = decoding.stream == DecodedStream::Codes;
@@ -64,27 +63,26 @@ impl CodeStream {
         self.timeline.decoding = decoding;
     }
 
-    /// Ends the recording, because the user stopped the stream. The time until the next start is
-    /// not filled.
+    /// Ends the recording, because the user has stopped the stream. The pause is not filled.
     pub(crate) fn end_recording(&mut self) {
         self.timeline.end_recording();
         self.has_last = false;
         self.z.fill(0.0);
     }
 
-    /// Properties of the device that makes the codes.
+    /// Returns the properties of the device that makes the codes.
     pub(crate) fn device(&self) -> &Arc<Device> {
         &self.timeline.device
     }
 
-    /// Returns the number of stamps that were moved forwards, because they were not at least 1 us
-    /// later than the previous stamp.
+    /// Returns the number of stamps that were moved forwards, so that each is at least 1 us later
+    /// than the stamp before.
     pub(crate) fn moved_stamps(&self) -> u64 {
         self.encoded_stamps.moved + self.window_stamps.moved
     }
 
     /// Publishes a code, after fillers for the codes lost before it. The device made the code at
-    /// `reception.device_us`; if that time is impossible, it is computed from the window index.
+    /// `reception.device_us`; if that is `None`, the time is computed from the window index.
     pub(crate) fn receive(
         &mut self,
         code: &Code,
@@ -113,7 +111,7 @@ impl CodeStream {
     }
 
     /// Publishes fillers for all codes before index `next` that have not arrived. `next` is the
-    /// index of the device's next code, according to the `Stats` message of `reception`.
+    /// index of the code that the device makes next, as its `Stats` message reports it.
     pub(crate) fn fill_before(
         &mut self,
         next: u32,
@@ -125,7 +123,7 @@ impl CodeStream {
         self.fill(&missing, reception, effects);
     }
 
-    /// Publishes a filler for each missing code.
+    /// Publishes a filler at the place of each missing code.
     fn fill(&mut self, missing: &[HopPlace], reception: Reception<'_>, effects: &mut dyn Effects) {
         if missing.is_empty() {
             return;

@@ -1,4 +1,4 @@
-//! Events of the device and about its data, published on `/events/bus`.
+//! Events on `/events/bus`: edges of the trigger input, and what happens to device and data.
 
 use std::collections::VecDeque;
 
@@ -9,31 +9,31 @@ use crate::core::Effects;
 use crate::streams::ledger::{Arrival, Ledger};
 use crate::streams::stamps::Reception;
 
-/// Converts trigger edges to events on `/events/bus` and counts lost edges.
+/// Converts edges of the trigger input to events on `/events/bus`, and counts lost edges.
 #[derive(Debug, Default)]
 pub(crate) struct EventStream {
     pub(crate) ledger: Ledger,
-    /// Number of events of a kind that this bridge does not know.
+    /// Number of received events whose kind this bridge does not know.
     pub(crate) unknown: u64,
     /// Number of lost events at the last report to `/diagnostics`.
     reported: u64,
 }
 
 impl EventStream {
-    /// Accepts any number for the next event. While no stream is active, the device numbers events
-    /// but does not send them.
+    /// Accepts any number for the next event. Needed because, while no stream is active, the device
+    /// numbers events but does not send them.
     pub(crate) fn restart(&mut self) {
         self.ledger.expect_any();
     }
 
-    /// Returns the number of events lost since the last call.
+    /// Returns the number of events that were lost since the last call.
     pub(crate) fn lost_since_report(&mut self) -> u64 {
         let reported = std::mem::replace(&mut self.reported, self.ledger.lost);
         self.ledger.lost - reported
     }
 
     /// Publishes an event that happened at `reception.device_us` and returns the trigger's new
-    /// level. If that device time is impossible, the stamp is the time at which the event was read.
+    /// level. If that time is `None`, the stamp is the time at which the event was read.
     ///
     /// Returns `None` for a replay and for an event of an unknown kind, which are not published.
     pub(crate) fn receive(
@@ -72,14 +72,14 @@ impl EventStream {
     }
 }
 
-/// Number of edges that are kept. A sample is published at most one frame after the edges before
-/// it, and a frame of 62.5 ms is not expected to contain 256 edges.
+/// Number of newest edges that are kept. A sample is published at most one frame later than an edge
+/// before it, and a frame of 62.5 ms is not expected to contain 256 edges.
 const MAX_EDGES: usize = 256;
 
-/// Level of the trigger input at each sample, reconstructed from the edges that arrived.
+/// Level of the trigger input at each ADC sample, reconstructed from the received edges.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Trigger {
-    /// Level before the oldest edge in `edges`.
+    /// Level of the trigger input before the oldest edge in `edges`.
     level_before: u16,
     edges: VecDeque<Edge>,
 }
@@ -110,57 +110,56 @@ impl Trigger {
     }
 
     /// Returns the trigger level, 0 or 1, at the ADC sample with index `sample` since `Start`.
-    /// Before the first edge of the run, returns the level at the end of the previous run, at first
-    /// 0.
+    /// Before a run's first edge, this is the level at the end of the previous run, initially 0.
     pub(crate) fn level_at(&self, sample: u64) -> u16 {
         let newest = self.edges.iter().rev().find(|edge| edge.sample <= sample);
         newest.map_or(self.level_before, |edge| edge.level)
     }
 }
 
-/// Content of an event on the bus.
+/// An event on the bus, with its data.
 ///
-/// The codes of lost data, lost edges and refused devices are the project's own; they are outside
-/// GDF's user codes (1 to 255), which belong to the experiment.
+/// The project has defined the GDF codes for lost data, lost edges and refused devices. They lie
+/// outside GDF's user codes (1 to 255), which belong to the experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum BusEvent {
     /// Rising edge of the trigger input.
     TriggerHigh,
     /// Falling edge of the trigger input.
     TriggerLow,
-    /// Electrodes have lost contact, with the labels of all that have none now.
+    /// Electrodes have lost contact. Holds the labels of all electrodes without contact.
     ElectrodesOff(Vec<String>),
-    /// All electrodes have contact again.
+    /// All electrodes have regained contact.
     ElectrodesOn,
-    /// The bridge did not receive data that the device made, with their duration in seconds.
+    /// The device made data that the bridge did not receive. Holds their duration in seconds.
     DataLost(f32),
-    /// The bridge did not receive this number of edges of the trigger input.
+    /// The bridge did not receive some edges of the trigger input. Holds their number.
     EdgesLost(u32),
-    /// The device was replaced by one whose codes cannot be published, with the reason.
+    /// Another device was connected, and its codes cannot be published. Holds the reason.
     DeviceRefused(String),
-    /// The device restarted, or another one was connected for some time, with the duration in
-    /// seconds in which no data were made.
+    /// The device restarted, or another device was connected for some time. Holds the duration
+    /// without data, in seconds.
     DeviceRestarted(f32),
 }
 
 impl BusEvent {
-    /// Returns the code of the event in the table of GDF, or the project's own.
+    /// Returns the event's code: from GDF's table of events, or one that the project has defined.
     fn code(&self) -> i32 {
         match self {
             BusEvent::TriggerHigh => NeuroEvent::trigger_edge(true).0,
             BusEvent::TriggerLow => NeuroEvent::trigger_edge(false).0,
-            // GDF's event table: artifact, failing electrode.
+            // GDF's table of events names this code "artifact, failing electrode".
             BusEvent::ElectrodesOff(_) => 0x0105,
             BusEvent::ElectrodesOn => 0x0105 | NeuroEvent::END,
             BusEvent::DataLost(_) => 0x7f01,
             BusEvent::EdgesLost(_) => 0x7f02,
             BusEvent::DeviceRefused(_) => 0x7f03,
-            // GDF's event table: start of a new segment, after a break.
+            // GDF's table of events names this code "start of a new segment, after a break".
             BusEvent::DeviceRestarted(_) => 0x7ffe,
         }
     }
 
-    /// Returns the duration in seconds; 0 for an instant.
+    /// Returns the duration of the event in seconds; 0 if it has none.
     fn duration_s(&self) -> f32 {
         match self {
             BusEvent::DataLost(seconds) | BusEvent::DeviceRestarted(seconds) => *seconds,
@@ -182,13 +181,13 @@ impl BusEvent {
     }
 }
 
-/// Numbers the events of the bus and moves their stamps to where a recorder expects them.
+/// Publishes events, numbers them, and moves their stamps to where a recorder expects them.
 #[derive(Debug)]
 pub(crate) struct EventBus {
     message: NeuroEvent,
-    /// Whether the topic exists: the user asked for events.
+    /// Whether events are published, because the user asked for them.
     enabled: bool,
-    /// Time that is added to every stamp, microseconds.
+    /// Time that is added to the stamp of every event, microseconds.
     shift_us: i64,
 }
 
@@ -205,7 +204,7 @@ impl EventBus {
         self.shift_us = shift_us;
     }
 
-    /// Publishes an event that happened at `wall_ns` on the wall clock, nanoseconds since 1970.
+    /// Publishes an event that happened at the wall-clock time `wall_ns`, nanoseconds since 1970.
     pub(crate) fn publish(&mut self, event: &BusEvent, wall_ns: i64, effects: &mut dyn Effects) {
         if !self.enabled {
             return;

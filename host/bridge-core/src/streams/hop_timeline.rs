@@ -1,4 +1,4 @@
-//! Places in time of the codes, or of the packed blocks, of which a device makes one per hop.
+//! Time and index of each code or packed block, one of which a device makes per hop.
 
 use std::sync::Arc;
 
@@ -13,42 +13,44 @@ use crate::streams::stamps::{Decoding, FrameSteps, Reception, frame_time_ns};
 /// Index, time and counts of the items of one stream, which are codes or packed blocks. Finds the
 /// items that are missing within a run of the device and between two runs.
 ///
-/// The counts persist while the bridge runs, across restarts of the device.
+/// A restart of the device does not reset the counts.
 #[derive(Debug)]
 pub(crate) struct HopTimeline {
-    /// Plural name of the items, for the log.
+    /// Name in the plural of what the stream contains, codes or packed blocks, for the log.
     items: &'static str,
     pub(crate) settings: Settings,
     pub(crate) device: Arc<Device>,
-    /// Stream that `/neurodata_reconstructed` is decoded from.
+    /// Which stream is decoded for `/neurodata_reconstructed`, and whether it can be decoded.
     pub(crate) decoding: Decoding,
-    /// Whether an item, a `Stats` message or an acknowledgement has shown that the stream runs.
+    /// Whether the device is known to send the stream since its last restart: a code, packed block,
+    /// `Stats` message or acknowledgement has shown it.
     running: bool,
-    /// Device time of the newest item, received or missing, microseconds.
+    /// Device time of the newest code or packed block, received or missing, microseconds.
     last_device_us: Option<u64>,
-    /// Index of the newest item, received or filled.
+    /// Index of the newest code or packed block, received or filled.
     last_index: u32,
     continuity: Continuity,
-    /// Newest stretch of missing items, until the bus has reported it.
+    /// Newest stretch of missing codes or packed blocks, until it is reported as an event.
     missing: Option<MissingStretch>,
     counts: HopCounts,
 }
 
-/// Index and time of an item, received or missing.
+/// Index and time of an item (a code or packed block) that was received or is missing.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HopPlace {
     pub(crate) index: u32,
-    /// Device time of the item's last step by the clock of the newest run, microseconds; negative
-    /// for items from before that run.
+    /// Device time of the last step of the code or packed block by the clock of the newest run,
+    /// microseconds. Negative for one from before that run.
     pub(crate) device_us: i128,
-    /// Number of items that are missing up to and including this one.
+    /// Total number of missing codes or packed blocks, counted up to and including this one.
     pub(crate) missing: u64,
-    /// Whether the device made the item; false for an item that is missing between two runs.
+    /// Whether the device made the code or packed block; false if it is missing between two runs.
     pub(crate) is_made: bool,
 }
 
 impl HopPlace {
-    /// Returns the status words of the item's frame, whose last ADC sample is `last_sample`.
+    /// Returns the status words of this item's frame, for which `last_sample` is the index of the
+    /// last ADC sample.
     pub(crate) fn words(
         self,
         flags: Flags,
@@ -65,18 +67,18 @@ impl HopPlace {
     }
 }
 
-/// Items that are missing directly before a received one.
+/// Codes or packed blocks that are missing directly before a received one.
 #[derive(Clone, Copy, Debug)]
 struct Gap {
-    /// Number of items of this run that the device made and that never arrived.
+    /// Number of codes or packed blocks of this run that the device made but that never arrived.
     lost: u32,
-    /// Number of items that fit into the time between the previous run and this one, during which
-    /// the device made none.
+    /// Number of codes or packed blocks that the device would have made between the previous run
+    /// and this one.
     between_runs: u64,
 }
 
 impl HopTimeline {
-    /// Creates the timeline of a stream of `items`, such as "codes".
+    /// Creates the timeline of a stream. `items` names its items in the plural, such as "codes".
     pub(crate) fn new(
         items: &'static str,
         device: Arc<Device>,
@@ -97,21 +99,21 @@ impl HopTimeline {
         }
     }
 
-    /// Returns the time from one item to the next, microseconds.
+    /// Returns the time from one code or packed block to the next, microseconds.
     fn hop_us(&self) -> i64 {
         self.device.steps_us(u32::from(self.device.hop_steps))
     }
 
-    /// Returns the time from the first step of an announced frame, at the electrodes, to the last
-    /// step of the item that completes the frame, microseconds.
+    /// Returns the time from the first step of a frame of the announced stream to the last step of
+    /// the item that completes this frame, microseconds.
     fn lookback_us(&self) -> i64 {
         let (settings, decoded) = (&self.settings, self.decoding.stream);
         self.device
             .frame_lookback_us(settings.announced, decoded, settings)
     }
 
-    /// Returns the time of a frame of `length` steps, which begins `lookback` steps before the last
-    /// one of the item at `place`, nanoseconds since 1970.
+    /// Returns the time for a frame's stamp, nanoseconds since 1970. The frame has `length` steps
+    /// and begins `lookback` steps before the last step of the item at `place`.
     pub(crate) fn frame_time_ns(
         &self,
         place: HopPlace,
@@ -123,8 +125,8 @@ impl HopTimeline {
         frame_time_ns(&self.device, point, place.device_us, steps, reception)
     }
 
-    /// Starts another run. Call this when the device counts from 0 again. The time between the last
-    /// item of the previous run and the first one of this run is filled when that one arrives.
+    /// Starts another run. Call this when the device counts from 0 again. When the first item of
+    /// the new run arrives, the time since the last item of the previous run is filled.
     pub(crate) fn restart(&mut self) {
         self.counts.ledger.expect_next(0);
         self.running = false;
@@ -132,25 +134,24 @@ impl HopTimeline {
         self.continuity.end_run();
     }
 
-    /// Ends the recording, because the user stopped the stream. The time until the next start is
-    /// not filled.
+    /// Ends the recording, because the user has stopped the stream. The pause is not filled.
     pub(crate) fn end_recording(&mut self) {
         self.restart();
         self.continuity = Continuity::default();
     }
 
-    /// Records that the stream runs.
+    /// Records that the device sends the stream.
     pub(crate) fn mark_running(&mut self) {
         self.running = true;
     }
 
-    /// Returns whether the stream is known to run since the last restart.
+    /// Returns whether the device is known to send the stream since its last restart.
     pub(crate) fn is_running(&self) -> bool {
         self.running
     }
 
-    /// Returns the newest stretch of missing items, and `None` until the next one is found. It
-    /// starts at the time of the first filler's stamp.
+    /// Returns the newest stretch of missing items, each stretch once; otherwise `None`. A stretch
+    /// starts at the stamp of its first filler.
     pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
         self.missing.take()
     }
@@ -159,20 +160,20 @@ impl HopTimeline {
         &self.counts
     }
 
-    /// Counts fillers that were published.
+    /// Adds `fillers` to the number of published fillers.
     pub(crate) fn count_fillers(&mut self, fillers: usize) {
         self.counts.fillers += fillers as u64;
     }
 
     /// Returns whether an item with this index, in a new frame, shows that the device restarted its
-    /// stream without a command: the index was already counted.
+    /// stream without a command. This is so if an item of this index was already counted.
     pub(crate) fn is_restart(&self, index: u32) -> bool {
         self.counts.ledger.is_old(index)
     }
 
-    /// Returns the places of the missing items before a received item, at most `max_fillers` and
-    /// oldest first, and the place of that item, which the device made at `reception.device_us`. If
-    /// this device time is impossible, the time is computed from the index.
+    /// Returns the place of the received item `index`, and before it the places of the items
+    /// missing before it, oldest first and at most `max_fillers`. The device made the item at
+    /// `reception.device_us`; if that is `None`, the time is computed from the index.
     pub(crate) fn receive(
         &mut self,
         index: u32,
@@ -208,9 +209,8 @@ impl HopTimeline {
         Some((fillers, place))
     }
 
-    /// Returns the places of all missing items before index `next`, at most `max_fillers` and
-    /// oldest first. `next` is the index of the device's next item, according to the `Stats`
-    /// message of `reception`.
+    /// Returns the places of all missing items before index `next`, oldest first and at most
+    /// `max_fillers`. The device's `Stats` message states `next`, the index of its next item.
     pub(crate) fn fill_before(
         &mut self,
         next: u32,
@@ -222,7 +222,7 @@ impl HopTimeline {
             return Vec::new();
         }
         // Before the first item of a stream, only the time of the `Stats` message is known. The
-        // device made its last item at most one hop before that time.
+        // device made its last item at most one hop earlier.
         let next_us = self.time_of_next(lost, reception.device_us.unwrap_or_default());
         let host_us = reception.clock.host_us(next_us.into());
         let gap = Gap {
@@ -234,7 +234,7 @@ impl HopTimeline {
         fillers
     }
 
-    /// Records the host time of the item at `place`, which is published, or filled, now.
+    /// Records the host time of the item at `place`, which is being published or filled.
     pub(crate) fn record(&mut self, place: HopPlace, reception: Reception<'_>) {
         #[expect(clippy::cast_precision_loss, reason = "within 2^53 us (285 years)")]
         let read_us = reception.read.monotonic_us as f64;
@@ -243,7 +243,7 @@ impl HopTimeline {
     }
 
     /// Returns the number of items missing between two runs; 0 within a run. `host_us` is the host
-    /// time of an item of the newer run, of which `lost` items before it are lost.
+    /// time of the received item of the newer run, before which `lost` items of this run were lost.
     fn missing_between_runs(
         &mut self,
         host_us: Option<f64>,
@@ -259,8 +259,8 @@ impl HopTimeline {
         missing
     }
 
-    /// Returns the device time of the item that follows `lost` lost items, microseconds. If the
-    /// time of no item is known, returns the time one hop after `fallback_us`.
+    /// Returns the device time of the item that arrives after `lost` lost items, microseconds. If
+    /// no item has a known time, returns the time one hop after `fallback_us`.
     fn time_of_next(&self, lost: u32, fallback_us: u64) -> u64 {
         let (known_us, hops) = match self.last_device_us {
             Some(last_us) => (last_us, i64::from(lost) + 1),
@@ -269,7 +269,7 @@ impl HopTimeline {
         known_us.saturating_add_signed(hops * self.hop_us())
     }
 
-    /// Returns the places of the items missing directly before index `index`, at most
+    /// Returns the places of the items missing directly before the item of index `index`, at most
     /// `max_fillers`. The item of index `index` has the device time `device_us`.
     fn fillers(&mut self, index: u32, gap: Gap, device_us: u64, max_fillers: u64) -> Vec<HopPlace> {
         let missing = gap.between_runs + u64::from(gap.lost);
@@ -301,8 +301,8 @@ impl HopTimeline {
         }
         let mut places = Vec::with_capacity(usize::try_from(filled).unwrap_or_default());
         for back in (1..=filled).rev() {
-            // Items of this run have indices that end before the received one. The device never
-            // numbered items between two runs: they continue the numbers of the previous run.
+            // Lost items of this run have the indices directly before the received item. Items
+            // between two runs never had an index; they continue the indices of the previous run.
             let lost = u32::try_from(back).ok().filter(|back| *back <= gap.lost);
             self.last_index = match lost {
                 Some(back) => index.wrapping_sub(back),
@@ -318,11 +318,11 @@ impl HopTimeline {
         places
     }
 
-    /// Counts items that are missing and not filled.
+    /// Counts `unfilled` missing items without a filler, because the gap is too long.
     fn skip_unfilled(&mut self, unfilled: u64, gap: Gap) {
         self.counts.unfilled += unfilled;
-        // The indices of the next fillers show the gap, although the device has numbered no items
-        // between two runs.
+        // Skip the indices of the unfilled items between the runs too, although the device never
+        // numbered them, so that the indices of the next fillers show the gap.
         let between_runs = unfilled.min(gap.between_runs);
         #[expect(clippy::cast_possible_truncation, reason = "indices wrap")]
         let between_runs = between_runs as u32;
@@ -339,17 +339,17 @@ impl HopTimeline {
 /// many items are missing between the two runs.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Continuity {
-    /// Host time of the newest item, microseconds; `None` before the first item of a recording.
+    /// Host time of the newest item, microseconds; `None` before a recording's first item.
     newest_us: Option<f64>,
-    /// Whether the device has restarted after the newest item.
+    /// Whether the device has restarted since the newest code, packed block or sample.
     run_ended: bool,
-    /// Remainder of the last gap, microseconds, after its rounding to whole items. It is added to
+    /// Remainder of the last gap after it was rounded to whole items, microseconds. It is added to
     /// the next gap, so the errors of many restarts never add up to more than half an item.
     left_over_us: f64,
 }
 
 impl Continuity {
-    /// Records the host time of an item that is published, microseconds.
+    /// Records the host time of an item that is being published, microseconds.
     pub(crate) fn record(&mut self, host_us: f64) {
         self.newest_us = Some(host_us);
     }
@@ -359,9 +359,9 @@ impl Continuity {
         self.run_ended = self.newest_us.is_some();
     }
 
-    /// Returns the number of items between the newest one and the first of the next run, which is
-    /// at the host time `first_us`. Items follow each other every `period_us` microseconds. Returns
-    /// 0 within a run.
+    /// Returns the number of items missing between the newest item and the first item of the next
+    /// run, which is at the host time `first_us`; 0 within a run. Items follow each other every
+    /// `period_us` microseconds.
     pub(crate) fn missing_before(&mut self, first_us: f64, period_us: f64) -> u64 {
         let (Some(newest_us), true) = (self.newest_us, self.run_ended) else {
             return 0;
@@ -369,8 +369,8 @@ impl Continuity {
         self.run_ended = false;
         let gap_us = first_us - newest_us + self.left_over_us;
         let periods = (gap_us / period_us).round().max(1.0);
-        // If the next run seems to begin before the previous one ended, a time is wrong, and must
-        // not shorten later gaps by more than one item.
+        // If the next run seems to begin before the previous one ended, one of the times is wrong.
+        // This error must not shorten later gaps by more than one item.
         self.left_over_us = (gap_us - periods * period_us).max(-period_us);
         #[expect(
             clippy::cast_possible_truncation,
@@ -382,14 +382,14 @@ impl Continuity {
     }
 }
 
-/// Consecutive missing data of a topic, which the bus reports as one event.
+/// Consecutive missing data of a topic, for one event on the bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MissingStretch {
     /// Device time at which the first missing sample was at the electrodes, microseconds.
     pub(crate) start_us: i128,
-    /// Duration, seconds.
+    /// Duration of the missing data, seconds.
     pub(crate) seconds: f32,
-    /// Whether the device restarted in this time.
+    /// Whether the device restarted during the time of the missing data.
     pub(crate) restarted: bool,
 }
 
@@ -406,7 +406,7 @@ mod tests {
         continuity.record(now_us);
         for _ in 0..1000 {
             continuity.end_run();
-            // 2.4 items pass, of which the last is the first of the next run.
+            // The next run begins 2.4 periods later; the 1 that is added is its first item.
             now_us += 2.4 * 62_500.0;
             items += continuity.missing_before(now_us, 62_500.0) + 1;
             assert_eq!(

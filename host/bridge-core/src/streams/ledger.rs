@@ -1,7 +1,7 @@
-//! Counts of received, lost and filled data of a stream.
+//! Counts of the received, lost and filled data of a stream.
 
-/// Counts numbered items, such as codes. The number of made items is always the sum of received and
-/// lost items, also when the sequence numbers wrap.
+/// Counts numbered items, such as codes, as received or lost. Their sum is always the number of
+/// items that the sender made, even when the sequence numbers wrap.
 ///
 /// The counts depend only on the sequence numbers, not on times or rates. A gap of up to 2^31 - 1
 /// numbers is a loss; a number below the next expected number, modulo 2^32, is a replay.
@@ -12,24 +12,23 @@ pub(crate) struct Ledger {
     pub(crate) received: u64,
     /// Number of items that never arrived.
     pub(crate) lost: u64,
-    /// Number of bursts; a burst is a sequence of consecutive lost items.
+    /// Number of bursts. A burst is a run of consecutive lost items.
     pub(crate) bursts: u64,
     /// Number of items in the longest burst.
     pub(crate) longest_burst: u32,
-    /// Number of arrivals with a number below the expected number.
+    /// Number of items that arrived with a number below the next expected number.
     pub(crate) replays: u64,
 }
 
 /// Result of recording the number of an item that arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Arrival {
-    /// The item has the expected number or a later number.
+    /// The item's number is the expected number or a later one.
     New {
-        /// Number of items that are missing directly before this item; usually 0.
+        /// Number of items that are missing directly before this item; mostly 0.
         lost: u32,
     },
-    /// The item's number is below the next expected number: the item is a duplicate, or the sender
-    /// restarted.
+    /// The item's number is below the expected one: it was sent twice, or the sender restarted.
     Old,
 }
 
@@ -39,7 +38,7 @@ impl Ledger {
         self.expected = Some(number);
     }
 
-    /// Accepts any number for the next item, without counting a loss or a replay.
+    /// Accepts any number for the next item, and counts neither a loss nor a replay for it.
     pub(crate) fn expect_any(&mut self) {
         self.expected = None;
     }
@@ -53,7 +52,7 @@ impl Ledger {
         number.wrapping_sub(self.expected.unwrap_or(number))
     }
 
-    /// Records the arrival of item `number`. An old number is counted as a replay, not as received.
+    /// Records the arrival of item `number`. An old number counts as a replay, not as received.
     pub(crate) fn record(&mut self, number: u32) -> Arrival {
         if self.is_old(number) {
             self.replays += 1;
@@ -66,8 +65,8 @@ impl Ledger {
         Arrival::New { lost }
     }
 
-    /// Counts every item before number `next` that has not arrived as lost, and returns how many
-    /// there are. `next` is the number of the sender's next item, as the sender reports it.
+    /// Counts as lost all items before number `next` that have not arrived, and returns their
+    /// number. `next` is the number of the item that the sender sends next, by its own report.
     pub(crate) fn count_lost_before(&mut self, next: u32) -> u32 {
         if self.is_old(next) {
             return 0;
@@ -84,7 +83,7 @@ impl Ledger {
         self.longest_burst = self.longest_burst.max(lost);
     }
 
-    /// Number of items that the sender has made, derived from their numbers: received plus lost.
+    /// Returns the number of items that the sender has made: those received plus those lost.
     pub(crate) fn made(&self) -> u64 {
         self.received + self.lost
     }
@@ -94,22 +93,22 @@ impl Ledger {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct HopCounts {
     pub(crate) ledger: Ledger,
-    /// Number of items that are missing between two runs of the device, which did not make them.
+    /// Number of items that the device would have made in the time between two of its runs.
     pub(crate) between_runs: u64,
     pub(crate) fillers: u64,
-    /// Number of missing items without a filler, because more are missing than fit into the queues
-    /// of subscribers.
+    /// Number of missing items without a filler, because the gap was longer than what fits into the
+    /// queues of subscribers.
     pub(crate) unfilled: u64,
 }
 
 impl HopCounts {
-    /// Number of items that the bridge did not receive: lost ones, and those between two runs.
+    /// Returns the number of items that the bridge did not receive, lost or between two runs.
     pub(crate) fn missing(&self) -> u64 {
         self.ledger.lost + self.between_runs
     }
 }
 
-/// Numbers of unusable and clipped codes.
+/// Numbers of codes that could not be used, and of values that were clipped.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CodeCounts {
     /// Number of codes whose model or format is not the one that the device reported.
@@ -121,44 +120,44 @@ pub(crate) struct CodeCounts {
     pub(crate) clipped_values: u64,
 }
 
-/// Numbers of packed blocks by their status.
+/// Numbers of packed blocks by kind, and of their bits and clipped values.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PackedCounts {
-    /// Number of bits of all blocks, without those of their frames.
+    /// Number of bits in all blocks, without the overhead of the frames around them.
     pub(crate) bits: u64,
-    /// Number of blocks without prediction.
+    /// Number of blocks that the device coded without prediction from the block before.
     pub(crate) resets: u64,
-    /// Number of blocks with the flag `MISFIT`, after the filters have settled: until then, no
-    /// signal fits.
+    /// Number of blocks with the flag `MISFIT`. Blocks before the filters have settled do not
+    /// count, because the model fits none of them.
     pub(crate) misfits: u64,
-    /// Number of blocks with the flag `BLANK`, after the filters have settled.
+    /// Number of blocks with the flag `BLANK`, except those before the filters have settled.
     pub(crate) blanks: u64,
-    /// Number of blocks that the device quantised more coarsely than its rate, because they were
-    /// too long.
+    /// Number of blocks that the device quantised more coarsely than the set rate, because they
+    /// would have been too long.
     pub(crate) coarser: u64,
-    /// Number of electrode values that the device clipped to the range of the inputs.
+    /// Number of electrode values that the device clipped to the range of the encoder's input.
     pub(crate) clipped: u64,
 }
 
-/// Numbers of received, lost and unpublished samples of a stream.
+/// Numbers of received, lost and unpublished ADC samples or filtered steps of a stream.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct SampleCounts {
     pub(crate) received: u64,
     pub(crate) lost: u64,
-    /// Number of samples that are missing between two runs of the device, which did not make them.
+    /// Number of samples that the device would have made in the time between two of its runs.
     pub(crate) between_runs: u64,
     /// Number of samples that no published frame contains: those of a frame that was unfinished
-    /// when the stream ended, those of a gap beyond its first two minutes, and, without fillers,
-    /// all samples of a frame that would contain a lost one.
+    /// when the stream ended, those of a gap after its first two minutes, and, if the user wants no
+    /// fillers, all samples of a frame in which one is lost.
     pub(crate) unpublished: u64,
     /// Number of messages whose content does not match the device's capabilities.
     pub(crate) malformed: u64,
-    /// Value of `missing` at the last report to `/diagnostics`, which shows the difference.
+    /// Value of `missing` at the last report to `/diagnostics`; the next report subtracts it.
     pub(crate) reported: u64,
 }
 
 impl SampleCounts {
-    /// Number of samples that the bridge did not receive: lost ones, and those between two runs.
+    /// Returns the number of samples that the bridge did not receive, lost or between two runs.
     pub(crate) fn missing(&self) -> u64 {
         self.lost.saturating_add(self.between_runs)
     }
@@ -224,7 +223,7 @@ mod tests {
         assert_eq!(ledger.record(77), Arrival::New { lost: 0 });
         assert_eq!(ledger.count_lost_before(80), 2);
         assert_eq!((ledger.made(), ledger.lost), (3, 2));
-        // A reported next number that is below the numbers already received changes nothing.
+        // A report that the next number is one that was already received changes nothing.
         assert_eq!(ledger.count_lost_before(5), 0);
         assert_eq!(ledger.record(80), Arrival::New { lost: 0 });
     }

@@ -4,15 +4,15 @@ use neuro_ros::{NeuroDataInfo, NeuroFrame};
 
 use crate::device::{Device, channel_label};
 
-/// Value of `header.frame_id`, and start of `transducter`, in frames of signals that were decoded
-/// from packed blocks.
+/// In frames of signals decoded from packed blocks: value of `header.frame_id`, and start of
+/// `transducter`.
 const PACKED: &str = "packed code";
-/// Value of `header.frame_id`, and start of `transducter`, in frames of voltages that the amplifier
-/// measured.
+/// In frames of voltages that the amplifier measured: value of `header.frame_id`, and start of
+/// `transducter`.
 const AMPLIFIER: &str = "electrodes";
 
 impl Device {
-    /// Returns a frame for `/encoded` that holds one code, all zeros.
+    /// Returns a frame for `/encoded`, with room for one code; all values are zero.
     pub fn encoded_frame(&self) -> NeuroFrame {
         let eeg = NeuroDataInfo {
             transducter: self.transducter(NeuroFrame::NETWORK),
@@ -23,14 +23,14 @@ impl Device {
         NeuroFrame::encoded(self.codes_per_second(), self.numbers(), eeg)
     }
 
-    /// Returns a frame for `/neurodata_reconstructed`, from codes, that holds the steps of one hop,
-    /// all zeros.
+    /// Returns a frame for signals decoded from codes, for `/neurodata_reconstructed`. It has room
+    /// for the steps of one hop; all values are zero.
     pub fn reconstructed_frame(&self) -> NeuroFrame {
         self.hop_frame(NeuroFrame::NETWORK)
     }
 
-    /// Returns a frame for `/neurodata_reconstructed`, from packed blocks, that holds the steps of
-    /// one hop, all zeros.
+    /// Returns a frame for signals decoded from packed blocks, for `/neurodata_reconstructed`. It
+    /// has room for the steps of one hop; all values are zero.
     pub fn unpacked_frame(&self) -> NeuroFrame {
         self.hop_frame(PACKED)
     }
@@ -43,14 +43,14 @@ impl Device {
         NeuroFrame::zeros(self.step_rate_hz, origin, eeg, NeuroDataInfo::default())
     }
 
-    /// Returns a frame for `/neurodata_corticode` that holds the steps of one hop, all zeros.
+    /// Returns a frame for `/neurodata_corticode`, with room for a hop of steps; all values are 0.
     pub fn filtered_frame(&self) -> NeuroFrame {
         let eeg = self.electrodes(u16::from(self.hop_steps));
         NeuroFrame::zeros(self.step_rate_hz, AMPLIFIER, eeg, NeuroDataInfo::default())
     }
 
-    /// Returns a frame for `/neurodata` that holds the samples of about one hop, all zeros, with
-    /// the spare channels in `exg`.
+    /// Returns a frame for `/neurodata`, with room for the samples of about one hop; all values are
+    /// zero. The spare channels are in `exg`.
     pub fn raw_frame(&self) -> NeuroFrame {
         let eeg = NeuroDataInfo {
             prefiltering: "none".to_owned(),
@@ -67,8 +67,8 @@ impl Device {
     }
 
     /// Returns the number of samples in a frame of `/neurodata`: the largest divisor of the ADC's
-    /// rate that does not exceed the number of samples per hop. It must be a divisor because
-    /// consumers compute the frame rate in integers.
+    /// rate that is not larger than the number of samples per hop. Consumers compute the frame rate
+    /// by an integer division, which must be exact.
     fn raw_samples(&self) -> u16 {
         let hop = u32::from(self.adc_rate_hz) * u32::from(self.hop_steps);
         let most = u16::try_from(hop / u32::from(self.step_rate_hz)).unwrap_or(u16::MAX);
@@ -76,7 +76,7 @@ impl Device {
         (1..=most).rev().find(divides).unwrap_or(1)
     }
 
-    /// Returns `origin`, followed by the electrodes whose signal was not recorded.
+    /// Returns `origin`, followed by the electrodes without a recorded signal, if there are any.
     fn transducter(&self, origin: &str) -> String {
         match self.unrecorded() {
             Some(unrecorded) => format!("{origin}; {unrecorded}"),

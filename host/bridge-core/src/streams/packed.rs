@@ -1,4 +1,4 @@
-//! The stream of packed blocks, which are decoded to `/neurodata_reconstructed`.
+//! The stream of packed blocks, from which the decoder reconstructs electrode signals.
 
 use std::sync::Arc;
 
@@ -13,17 +13,16 @@ use crate::streams::hop_timeline::{HopPlace, HopTimeline};
 use crate::streams::ledger::PackedCounts;
 use crate::streams::stamps::{DecodedStream, Decoding, MonotoneStamps, Reception};
 
-/// Places packed blocks in time and passes them to the decoder, with a placeholder for each missing
-/// one.
+/// Places packed blocks in time, and passes them and placeholders for missing ones to the decoder.
 ///
-/// Counts and stamps persist while the bridge runs, across restarts of the device.
+/// Counts and stamps continue when the device restarts.
 #[derive(Debug)]
 pub(crate) struct PackedStream {
     pub(crate) timeline: HopTimeline,
     pub(crate) counts: PackedCounts,
-    /// Rate of the newest block; `None` before the first one.
+    /// Rate of the newest packed block; `None` before the first block.
     pub(crate) rate: Option<u8>,
-    /// Whether the next block is the first of a recording.
+    /// Whether the next block will be the first of a recording.
     is_first: bool,
     pub(crate) stamps: MonotoneStamps,
 }
@@ -39,8 +38,8 @@ impl PackedStream {
         }
     }
 
-    /// Sets which stream is decoded to `/neurodata_reconstructed`. The time in which codes were
-    /// decoded is not filled with packed blocks.
+    /// Sets which stream is decoded for `/neurodata_reconstructed`. If this changes, a new
+    /// recording begins, so the time in which codes were decoded is not filled with packed blocks.
     pub(crate) fn set_decoding(&mut self, decoding: Decoding) {
         if self.timeline.decoding.stream != decoding.stream {
             self.end_recording();
@@ -48,16 +47,14 @@ impl PackedStream {
         self.timeline.decoding = decoding;
     }
 
-    /// Ends the recording, because the user stopped the stream. The time until the next start is
-    /// not filled.
+    /// Ends the recording, because the user has stopped the stream. The pause is not filled.
     pub(crate) fn end_recording(&mut self) {
         self.timeline.end_recording();
         self.is_first = true;
     }
 
     /// Passes a block to the decoder, after placeholders for the blocks lost before it. The device
-    /// made the block at `reception.device_us`; if that time is impossible, it is computed from the
-    /// block's index.
+    /// made the block at `reception.device_us`; if that is `None`, its index gives the time.
     pub(crate) fn receive(
         &mut self,
         code: &PackedCode,
@@ -83,7 +80,7 @@ impl PackedStream {
         self.pass_on(place, code.flags, Some(block), reception, effects);
     }
 
-    /// Counts a block by its status. The decoder counts malformed blocks.
+    /// Counts a received block, by its flags and header. The decoder counts malformed blocks.
     fn count(&mut self, code: &PackedCode) {
         self.rate = Some(code.rate);
         let counts = &mut self.counts;

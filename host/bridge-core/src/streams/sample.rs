@@ -9,18 +9,18 @@ use crate::streams::hop_timeline::{Continuity, MissingStretch};
 use crate::streams::ledger::SampleCounts;
 use crate::streams::stamps::{MonotoneStamps, Reception};
 
-/// Longest part of a gap that is filled, seconds. At 16 frames per second it takes 1,920 frames,
-/// which fit into a subscriber's queue. After a longer outage a new recording is needed.
+/// Largest part of a gap that is filled, seconds. At 16 frames per second this takes 1,920 frames,
+/// which fit into a subscriber's queue. After a longer gap a new recording is needed.
 const MAX_FILL_SECONDS: u64 = 120;
 
 /// Converts ADC samples to NeuroFrames of `/neurodata`, or filtered steps to NeuroFrames of
 /// `/neurodata_corticode`, and fills gaps. In this file, "sample" means an ADC sample or a filtered
 /// step.
 ///
-/// Samples have an index in the topic. It continues when the device restarts, and the time between
-/// two runs of the device is filled. The index of a frame's first sample is always a multiple of
-/// the number of samples per frame, so the number of samples on the topic matches the time that has
-/// passed. Sequence numbers and counts persist while the bridge runs.
+/// Each sample has an index within the topic. The index continues when the device restarts, and the
+/// time between two runs of the device is filled. The index of a frame's first sample is always a
+/// multiple of the number of samples per frame, so the number of samples on the topic matches the
+/// time that has passed. Sequence numbers and counts continue when the device restarts.
 #[derive(Debug)]
 pub(crate) struct SampleStream {
     filler: FillerPolicy,
@@ -29,39 +29,40 @@ pub(crate) struct SampleStream {
     frame: NeuroFrame,
     nsamples: usize,
     electrodes: usize,
-    /// Values of the newest sample, uV; zeros before the first sample.
+    /// Values of the newest sample or filler, uV; zeros before the first sample.
     newest: Vec<f32>,
-    /// Index and device time of the newest sample that was received; fillers do not count.
+    /// Index and device time of the newest received sample; fillers do not count.
     timeline: Option<SampleTimeline>,
     /// Number of samples in the unfinished frame.
     filled: usize,
-    /// Whether the unfinished frame has a filler.
+    /// Whether the unfinished frame contains a filler.
     holds_filler: bool,
     /// Device time of the unfinished frame's first sample, microseconds.
     first_us: i128,
-    /// Index of the next sample to publish.
+    /// Index, within the topic, of the next sample to publish.
     next: u64,
-    /// Index of the first sample of the device's run; `None` from a restart to the next message.
+    /// Index, within the topic, of the present run's first sample; `None` from a restart of the
+    /// device until its next message.
     run_start: Option<u64>,
     continuity: Continuity,
-    /// Newest stretch of missing samples, until the bus has reported it.
+    /// Newest stretch of missing samples, until it is reported as an event.
     missing: Option<MissingStretch>,
     pub(crate) counts: SampleCounts,
     pub(crate) stamps: MonotoneStamps,
 }
 
-/// Samples of one message from the device.
+/// Consecutive samples that one message from the device contains.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Samples<'a> {
     /// Index of the message's first sample, counted by the device since `Start`.
     pub(crate) first: u64,
     pub(crate) flags: Flags,
-    /// Values in uV, sample by sample. The values of a sample are those of the electrodes, then
-    /// those of the spare channels.
+    /// Values in uV, one sample after the other. Each sample has first the values of the
+    /// electrodes, then those of the spare channels.
     pub(crate) microvolts: &'a [f32],
 }
 
-/// Index and device time of one sample, from which the times of all others are extrapolated.
+/// Index and device time of one sample, from which the times of all other samples follow.
 #[derive(Clone, Copy, Debug)]
 struct SampleTimeline {
     index: u64,
@@ -70,8 +71,7 @@ struct SampleTimeline {
 }
 
 impl SampleTimeline {
-    /// Returns the device time of a sample, microseconds, rounded towards the time of the known
-    /// sample.
+    /// Returns the device time of sample `index`, microseconds, rounded towards the known time.
     fn device_us_at(self, index: u64) -> i128 {
         let samples = i128::from(index) - i128::from(self.index);
         i128::from(self.us) + samples * 1_000_000 / i128::from(self.rate_hz.max(1))
@@ -79,8 +79,8 @@ impl SampleTimeline {
 }
 
 impl SampleStream {
-    /// Creates a stream that publishes frames of the shape of `frame`. `delay_us` is the delay of
-    /// the filters, microseconds, which is subtracted from stamps.
+    /// Creates a stream that publishes frames of the same shape as `frame`. Their stamps are
+    /// earlier by the delay of the filters, `delay_us` microseconds.
     pub(crate) fn new(frame: NeuroFrame, delay_us: u32, settings: Settings) -> SampleStream {
         let eeg = usize::from(frame.eeg.info.nchannels);
         let width = eeg + usize::from(frame.exg.info.nchannels);
@@ -105,8 +105,8 @@ impl SampleStream {
         }
     }
 
-    /// Switches to another device of the same shape, or to the same device with another mains
-    /// frequency. Sequence numbers, counts and stamps continue.
+    /// Switches to another device with frames of the same shape, or to the same device with another
+    /// mains frequency. Sequence numbers, counts and stamps continue.
     pub(crate) fn replace_device(&mut self, frame: NeuroFrame, delay_us: u32) {
         let numbers = (self.frame.header.seq, self.frame.neuroheader.seq);
         self.frame = frame;
@@ -115,16 +115,16 @@ impl SampleStream {
         self.restart();
     }
 
-    /// Starts another run. Call this when the device counts samples from 0 again. The gap between
-    /// the previous run and the first sample of this one is filled when that sample arrives.
+    /// Starts another run. Call this when the device counts samples from 0 again. When the first
+    /// sample of the new run arrives, the gap since the previous run is filled.
     pub(crate) fn restart(&mut self) {
         self.run_start = None;
         self.timeline = None;
         self.continuity.end_run();
     }
 
-    /// Ends the recording, because the user stopped the stream. Samples of an unfinished frame are
-    /// not published, and the time until the next start is not filled.
+    /// Ends the recording, because the user has stopped the stream. The samples of an unfinished
+    /// frame are not published, and until the next start nothing is filled.
     pub(crate) fn end_recording(&mut self) {
         self.count_unpublished(self.filled as u64);
         self.next = 0;
@@ -135,29 +135,29 @@ impl SampleStream {
         self.newest.fill(0.0);
     }
 
-    /// Counts samples that no published frame will contain. Saturates, because a faulty device can
-    /// skip 2^63 samples.
+    /// Adds `samples` to the number of samples that no published frame contains. Saturates, because
+    /// a faulty device can skip 2^63 samples.
     fn count_unpublished(&mut self, samples: u64) {
         self.counts.unpublished = self.counts.unpublished.saturating_add(samples);
     }
 
-    /// Number of channels in a sample: electrodes plus spare channels.
+    /// Returns the number of values in a sample: one for each electrode and spare channel.
     pub(crate) fn width(&self) -> usize {
         self.newest.len()
     }
 
-    /// Returns the newest stretch of missing samples, and `None` until the next one is found.
+    /// Returns the newest stretch of missing samples, each stretch once; otherwise `None`.
     pub(crate) fn take_missing(&mut self) -> Option<MissingStretch> {
         self.missing.take()
     }
 
-    /// Returns the number of samples missing since the last call.
+    /// Returns the number of samples that are missing since the last call of this method.
     pub(crate) fn missing_since_report(&mut self) -> u64 {
         let missing = self.counts.missing();
         missing - std::mem::replace(&mut self.counts.reported, missing)
     }
 
-    /// Counts a message whose content does not match the device. The message's samples count as
+    /// Counts a message that does not match the device, for the reason `why`. Its samples count as
     /// lost when the next valid message arrives.
     pub(crate) fn reject(&mut self, why: &str) {
         if self.counts.malformed == 0 {
@@ -169,9 +169,9 @@ impl SampleStream {
         self.counts.malformed += 1;
     }
 
-    /// Publishes the samples of a message, the last of which was made at `reception.device_us`.
-    /// Fillers for the samples lost before them are published first. `trigger_sample` converts a
-    /// sample index of this stream to an ADC sample index.
+    /// Publishes the samples of a message, after fillers for the samples lost before them. The last
+    /// sample was made at `reception.device_us`. `trigger_sample` converts the index of a sample in
+    /// this stream to that of an ADC sample, to find the trigger level.
     pub(crate) fn receive(
         &mut self,
         samples: Samples<'_>,
@@ -189,7 +189,8 @@ impl SampleStream {
             tracing::warn!(sample = samples.first, "the device restarted its samples");
             self.restart();
         }
-        // If the message's time is impossible, the time of its last sample follows from its index.
+        // If the message's device time is impossible, compute its last sample's time from the
+        // index.
         let extrapolated = || {
             let last = self.run_start?.checked_add(end - 1)?;
             let us = self.timeline?.device_us_at(last).max(0);
@@ -230,8 +231,8 @@ impl SampleStream {
         self.continuity.record(host_us);
     }
 
-    /// Begins the device's next run and returns the index of its first sample in the topic.
-    /// `host_us` is the host time, microseconds, of the run's sample `index`.
+    /// Begins the device's next run and returns the index of its first sample within the topic. The
+    /// run's sample number `index` was made at the host time `host_us`, microseconds.
     fn begin_run(&mut self, host_us: f64, index: u64) -> u64 {
         let period_us = 1e6 / f64::from(self.frame.sr.max(1));
         #[expect(clippy::cast_precision_loss, reason = "below 2^53 (500,000 years)")]
@@ -243,8 +244,7 @@ impl SampleStream {
         start
     }
 
-    /// Appends fillers for all samples before the sample `first`, which is the first of the
-    /// message.
+    /// Appends fillers for all samples before index `first`, that of the message's first sample.
     fn fill_gap(&mut self, first: u64, batch: &mut Batch<'_>) {
         let missing = first - self.next;
         if missing == 0 {
@@ -273,8 +273,8 @@ impl SampleStream {
             self.append(Flags::FILLER, batch);
             left -= 1;
         }
-        // The part of a gap that is too long to fill is skipped in whole frames, so that frames
-        // stay aligned. The rest of the gap gets fillers.
+        // Of a gap that is too long, skip as many whole frames as needed, so that frames stay
+        // aligned. Fillers take the place of the rest.
         let most = match self.filler {
             FillerPolicy::Off => 0,
             FillerPolicy::Last | FillerPolicy::Zeros => u64::from(self.frame.sr) * MAX_FILL_SECONDS,
@@ -296,7 +296,7 @@ impl SampleStream {
         }
     }
 
-    /// Appends the newest sample to the frame, and publishes the frame when it is full.
+    /// Appends the values in `newest` to the unfinished frame, and publishes it when it is full.
     fn append(&mut self, flags: Flags, batch: &mut Batch<'_>) {
         let us = batch.timeline.device_us_at(self.next);
         if self.filled == 0 {
@@ -356,44 +356,44 @@ impl SampleStream {
     }
 }
 
-/// Data that all samples of one message share while they are published.
+/// What all samples of one message have in common while they are published.
 struct Batch<'a> {
     timeline: SampleTimeline,
-    /// Index in the topic of the first sample of the device's run.
+    /// Index, within the topic, of the first sample of the device's present run.
     run_start: u64,
     trigger_sample: &'a dyn Fn(u64) -> u64,
     reception: Reception<'a>,
     publish: &'a mut dyn FnMut(&NeuroFrame),
 }
 
-/// Largest number of channels that a message can state.
+/// Largest number of channels that a message can state, which sizes the decoder.
 const CHANNELS: usize = u8::MAX as usize;
 
-/// Decodes compressed samples to those of a [`Raw`] message.
+/// Decodes a message of compressed samples to a [`Raw`] message.
 #[derive(Debug, Default)]
 pub(crate) struct CompressedSamples {
-    /// Decoder, once a message has arrived.
+    /// The decoder; `None` until the first message arrives.
     decoder: Option<Box<Decoder<CHANNELS>>>,
-    /// Index of the sample after the newest decoded one.
+    /// Index of the sample that follows the newest message.
     next: u64,
-    /// Number of samples that arrived and could not be decoded, because the blocks that they
-    /// continue from were lost. They count as lost too.
+    /// Number of samples that arrived but could not be decoded, because a block that they continue
+    /// from was lost. They also count as lost.
     pub(crate) undecodable: u64,
 }
 
 impl CompressedSamples {
-    /// Forgets what was decoded. Call this when the device counts samples from 0 again.
+    /// Forgets all decoded samples. Call this when the device counts samples from 0 again.
     pub(crate) fn forget(&mut self) {
         if let Some(decoder) = &mut self.decoder {
             decoder.forget();
         }
     }
 
-    /// Returns the samples of a message; `None` if the samples that it continues from were lost.
+    /// Decodes the samples of a message; `None` if samples from which it continues were lost.
     ///
     /// # Errors
     ///
-    /// [`Refusal`] if a correct device would not send the message.
+    /// [`Refusal`] if no correct device would send the message.
     pub(crate) fn decode<'d>(
         &'d mut self,
         message: &CompressedRaw,
@@ -425,8 +425,8 @@ impl CompressedSamples {
                 flags: message.flags,
                 counts: counts.as_flattened(),
             })),
-            // A wrong checksum shows that the block continues from samples which were lost,
-            // although the indices have no gap.
+            // A block was lost although the indices have no gap, which a restart can cause: the
+            // checksum shows that this block continues from other samples.
             Err(DecodeError::NoKey | DecodeError::Sum) => {
                 self.undecodable = self.undecodable.saturating_add(samples);
                 Ok(None)
@@ -436,10 +436,10 @@ impl CompressedSamples {
     }
 }
 
-/// Reason why a message was refused.
+/// Why a message of compressed samples was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum Refusal {
-    /// The form is newer than this bridge.
+    /// This bridge does not know the block's form, which has the given number.
     #[error("compressed samples have the unknown form {0}")]
     Form(u8),
     #[error("compressed samples cannot be decoded: {0}")]

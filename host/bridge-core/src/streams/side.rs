@@ -1,4 +1,4 @@
-//! The optional streams of a device: samples, filtered steps, events and audits.
+//! The side streams of a device, which are optional: samples, filtered steps, events and audits.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use crate::streams::event::{EventBus, EventStream};
 use crate::streams::sample::{CompressedSamples, SampleStream, Samples};
 use crate::streams::stamps::{DecodedStream, Reception};
 
-/// Checks the messages of the optional streams and converts them to frames, events and audits.
+/// Checks the messages of the side streams and converts them to frames, events and audits.
 #[derive(Debug)]
 pub(crate) struct SideStreams {
     settings: Settings,
@@ -24,14 +24,12 @@ pub(crate) struct SideStreams {
     pub(crate) filtered: Option<SampleStream>,
     pub(crate) events: EventStream,
     pub(crate) bus: EventBus,
-    /// Number of messages that were ignored: they were not requested, arrived before the device's
-    /// introduction or from a refused device, or were audits of a model that the bridge does not
-    /// have.
+    /// Number of messages that were ignored: not requested, from before the device's introduction
+    /// or from a refused device, or audits of a model that the bridge does not have.
     pub(crate) unused: u64,
-    /// Number of audits that were not compared, because their model, format or size is not the
-    /// device's.
+    /// Number of audits that were not evaluated: model, format or size are not the device's.
     pub(crate) audits_unusable: u64,
-    /// Samples of the current message, uV. The buffer is reused to avoid allocations.
+    /// Samples of the message that is being handled, uV; kept to avoid allocations.
     microvolts: Vec<f32>,
 }
 
@@ -51,11 +49,11 @@ impl SideStreams {
         }
     }
 
-    /// Sets the device that the following messages belong to.
+    /// Sets the device from which the following messages come.
     pub(crate) fn set_device(&mut self, device: &Arc<Device>) {
         let asked = self.settings.streams;
         self.compressed.forget();
-        // Raw samples have not passed the filters, so their filter delay is 0.
+        // Raw samples do not pass the filters, so their stamps need no correction for the delay.
         let streams = [
             (&mut self.raw, RawForm::any_in(asked), device.raw_frame(), 0),
             (
@@ -77,8 +75,8 @@ impl SideStreams {
         self.device = Some(Arc::clone(device));
     }
 
-    /// Sets by how much later than the events their stamps are. Call this after
-    /// [`Self::set_device`], with the stream that `/neurodata_reconstructed` is decoded from.
+    /// Sets by how much the stamps of events are later than the events. Call this after
+    /// [`Self::set_device`]. `decoded` is the stream decoded for `/neurodata_reconstructed`.
     pub(crate) fn set_event_shift(&mut self, decoded: DecodedStream) {
         let Some(device) = &self.device else { return };
         let settings = &self.settings;
@@ -91,7 +89,7 @@ impl SideStreams {
         self.bus.set_shift(shift_us);
     }
 
-    /// Ends the recording of all streams, because the user stopped them.
+    /// Ends the recording of all side streams, because the user has stopped them.
     pub(crate) fn end_recording(&mut self) {
         for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
             stream.end_recording();
@@ -100,7 +98,7 @@ impl SideStreams {
         self.events.restart();
     }
 
-    /// Restarts all streams. Call this when the device counts samples and steps from 0 again.
+    /// Restarts all side streams. Call this when the device counts samples and steps from 0 again.
     pub(crate) fn restart(&mut self) {
         for stream in [&mut self.raw, &mut self.filtered].into_iter().flatten() {
             stream.restart();
@@ -132,8 +130,8 @@ impl SideStreams {
         stream.receive(samples, |sample| sample, at, publish);
     }
 
-    /// Decodes the ADC samples of a message and publishes them as [`Self::receive_raw`] does.
-    /// Samples that cannot be decoded count as lost when the next ones are published.
+    /// Decodes a message of compressed ADC samples and publishes them in microvolts. Samples that
+    /// cannot be decoded count as lost when the next message is published.
     pub(crate) fn receive_compressed(
         &mut self,
         message: &CompressedRaw,
@@ -175,8 +173,8 @@ impl SideStreams {
         let range_uv = device.full_scale_uv;
         #[expect(clippy::cast_possible_truncation, reason = "clamped to 187500 uV")]
         let microvolt =
-            // Limit the value to the announced range: a recorder stores values outside this range
-            // as infinite.
+            // Limit the value to the announced range, because a recorder stores values outside that
+            // range as infinite.
             |value| (f64::from(value) * value_uv).clamp(-range_uv, range_uv) as f32;
         self.microvolts.clear();
         self.microvolts.extend(filtered.values().map(microvolt));
@@ -191,7 +189,7 @@ impl SideStreams {
     }
 
     /// Publishes an event and returns the trigger's new level; `None` if the event is not
-    /// published.
+    /// published, because it was not requested, is a replay or has an unknown kind.
     pub(crate) fn receive_event(
         &mut self,
         event: Event,
@@ -205,8 +203,8 @@ impl SideStreams {
         self.events.receive(event, at, &mut self.bus, effects)
     }
 
-    /// Requests the comparison of an audit from the decoder. `model` is the device's model; `None`
-    /// if this bridge does not have it.
+    /// Requests the evaluation of an audit from the decoder thread. `model` is the device's model;
+    /// `None` if this bridge does not have it.
     pub(crate) fn receive_audit(
         &mut self,
         audit: &Audit,
@@ -214,7 +212,7 @@ impl SideStreams {
         effects: &mut dyn Effects,
     ) {
         let is_asked = self.settings.streams.contains(Streams::AUDIT);
-        // A missing model is not logged, because `/diagnostics` already reports it.
+        // Log nothing if the model is missing, because `/diagnostics` already reports it.
         let (true, Some(device), Some(model)) = (is_asked, &self.device, model) else {
             self.unused += 1;
             return;

@@ -1,4 +1,5 @@
-//! Time stamps of published frames, and the time from the electrodes to a recorder.
+//! Stamps of published frames, and the time from a sample at the electrodes to the end of its
+//! frame.
 
 use link::Streams;
 use neuro_ros::Stamp;
@@ -10,11 +11,11 @@ use crate::streams::event::Trigger;
 use crate::time::HostTime;
 use crate::time::clock::Clock;
 
-/// Context for the conversion of a message: the times at which the device made it and the host
-/// read it, the fitted clock that relates them, and the trigger input.
+/// What the conversion of a message needs besides its content: the times at which the device made
+/// it and the host read it, the fitted clock that relates them, and the trigger input.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reception<'a> {
-    /// Device time from the message's header, microseconds; `None` if that time is impossible.
+    /// Device time in the message's header, microseconds; `None` if that time is impossible.
     pub(crate) device_us: Option<u64>,
     /// Host time at which the message was read.
     pub(crate) read: HostTime,
@@ -22,17 +23,18 @@ pub(crate) struct Reception<'a> {
     pub(crate) trigger: &'a Trigger,
 }
 
-/// Place of a frame's steps relative to the code or packed block that completes the frame.
+/// Where the steps of a frame lie, relative to the code or packed block that completes it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FrameSteps {
-    /// Number of steps from the frame's first step to the last step of the code or packed block.
+    /// Number of steps from the frame's first step to the last step of the code or packed block
+    /// that completes the frame.
     pub(crate) lookback: u32,
     /// Number of steps in the frame.
     pub(crate) length: u32,
 }
 
-/// Returns the time for the stamp of a frame, nanoseconds since 1970. `device_us` is the device
-/// time of the last step of the code or packed block that completes the frame.
+/// Returns the time for a frame's stamp, nanoseconds since 1970. `device_us` is the device time of
+/// the last step of the code or packed block that completes the frame.
 pub(crate) fn frame_time_ns(
     device: &Device,
     point: StampPoint,
@@ -50,13 +52,13 @@ pub(crate) fn frame_time_ns(
     wall_ns.unwrap_or(reception.read.wall_ns)
 }
 
-/// Generator of increasing stamps. Each stamp is at least 1 us later than the previous stamp,
-/// unless the wall clock was set back by more than 30 s.
+/// Makes stamps that increase: each is at least 1 us later than the one before, unless the wall
+/// clock was set back by more than 30 s.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct MonotoneStamps {
     last_ns: i64,
-    /// Number of stamps that were moved forwards, because they were not at least 1 us later than
-    /// the previous stamp.
+    /// Number of stamps that were moved forwards, so that each is at least 1 us later than the
+    /// stamp before.
     pub(crate) moved: u64,
     /// Number of times so far that the wall clock was set back by more than 30 s.
     steps_back: u32,
@@ -79,29 +81,28 @@ impl MonotoneStamps {
     }
 }
 
-/// The stream that `/neurodata_reconstructed` is decoded from, and whether the bridge's model
-/// decodes it.
+/// Stream decoded for `/neurodata_reconstructed`, and whether the bridge's model can decode it.
 ///
-/// Which stream it is follows from the streams that the device is asked for, so it changes when the
-/// device refuses one of them.
+/// The stream follows from those that the bridge asks the device for, so it changes when the device
+/// refuses one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Decoding {
     pub(crate) stream: DecodedStream,
-    /// Whether the bridge's model is the device's, and decodes the stream.
+    /// Whether the bridge has the device's model, and this model can decode the stream.
     pub(crate) is_possible: bool,
 }
 
-/// A stream that yields electrode signals when it is decoded.
+/// A stream from which electrode signals can be decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum DecodedStream {
-    /// Codes of the network.
+    /// Codes of the autoencoder network.
     Codes,
-    /// Packed blocks, also where the device sends codes with them.
+    /// Packed blocks. They are decoded even if the device sends codes too.
     Packed,
 }
 
 impl DecodedStream {
-    /// Returns which of the streams that a device is asked for is decoded.
+    /// Returns which stream is decoded if the bridge asks the device for the streams `asked`.
     pub(crate) fn of(asked: Streams) -> DecodedStream {
         if asked.contains(Streams::PACKED) {
             DecodedStream::Packed
@@ -112,7 +113,7 @@ impl DecodedStream {
 }
 
 impl Decoding {
-    /// Returns whether `stream` is decoded.
+    /// Returns whether electrode signals are decoded from `stream`.
     pub(crate) fn decodes(self, stream: DecodedStream) -> bool {
         self.is_possible && self.stream == stream
     }
@@ -120,8 +121,8 @@ impl Decoding {
 
 impl Device {
     /// Returns the time from a frame's first sample at the electrodes until all data of the frame
-    /// are acquired and filtered, microseconds, without their transfer to the host. `decoded` is
-    /// the stream that `/neurodata_reconstructed` is decoded from.
+    /// are acquired and filtered, microseconds. The transfer to the host is not included. `decoded`
+    /// is the stream decoded for `/neurodata_reconstructed`.
     pub(crate) fn frame_lookback_us(
         &self,
         stream: AnnouncedStream,
@@ -140,7 +141,7 @@ impl Device {
                         Reconstruction::lookback_steps(self, low_latency)
                     }
                     (DecodedStream::Packed, true) => hop - 1,
-                    // The block after the frame's own completes it.
+                    // A frame is complete when the block after its own has corrected it.
                     (DecodedStream::Packed, false) => 2 * hop - 1,
                 };
                 self.steps_us(steps) + filters_us
@@ -171,7 +172,7 @@ impl Device {
         self.frame_lookback_us(stream, decoded, settings) + halves_us(3 - 2 * i64::from(samples))
     }
 
-    /// Returns the number of samples in a frame of this stream, and their rate in Hz.
+    /// Returns the number of samples in a frame of `stream`, and their rate in Hz.
     fn frame_length(&self, stream: AnnouncedStream) -> (u16, u16) {
         let frame = match stream {
             AnnouncedStream::Encoded => return (1, self.codes_per_second()),

@@ -27,71 +27,72 @@ use std::collections::VecDeque;
 use crate::time::HostTime;
 
 /// Device time over which the offset's minimum is taken, microseconds. A change of drift by 20 ppm
-/// shifts stamps by 0.2 ms within these 10 s. A host that reads every 16 ms adds a delay that takes
-/// all its values within 2 s, because 62.5 ms between codes is not a multiple of 16 ms.
+/// shifts stamps by 0.2 ms within these 10 s. If the host reads every 16 ms, the wait for its read
+/// takes all values within 2 s, because 62.5 ms between codes is not a multiple of 16 ms.
 const OFFSET_SPAN_US: f64 = 10e6;
-/// Device time that one block spans, microseconds. The least delayed frame of each block is one
-/// point of the drift's fit.
+/// Device time that one block spans, microseconds. A block groups frames; the one with the least
+/// delay is one point of the drift's fit.
 const BLOCK_US: f64 = 2e6;
-/// Number of newest blocks from which the drift is fitted: 2 minutes.
+/// Number of newest blocks from which the drift is fitted; they span 2 minutes.
 const BLOCKS: usize = 60;
-/// Least number of blocks from which the drift is fitted: 10 s. An error of 1 ms in a time over
-/// 10 s makes an error of 100 ppm in the drift.
+/// Least number of blocks from which the drift is fitted; they span 10 s. An error of 1 ms in one
+/// of the times then makes an error of 100 ppm in the drift.
 const MIN_BLOCKS: usize = 5;
-/// Limit of the fitted drift in both directions, dimensionless. The drift between two crystals is
+/// Limit of the fitted drift, as a fraction, in both directions. The drift between two crystals is
 /// always smaller.
 const MAX_DRIFT: f64 = 500e-6;
-/// Fastest rise of the offset, host seconds per device second: the largest error of the fitted
-/// drift that is expected.
+/// Fastest rise of the offset, host seconds per device second. It is the largest error that is
+/// expected in the fitted drift.
 const MAX_RISE: f64 = 200e-6;
-/// Lag, microseconds, above which a frame counts as part of a backlog: it waited in a buffer while
-/// the host did not read. The lags of a host that reads every 16 ms stay below this limit.
+/// Lag behind the fit, microseconds, above which a frame counts as part of a backlog: it has waited
+/// in a buffer while the host did not read. A host that reads every 16 ms causes smaller lags.
 const BACKLOG_LAG_US: f64 = 25_000.0;
-/// Device time, microseconds, for which no backlog must have occurred before the offset may rise by
-/// all of `unseen_drift` at once.
+/// Device time without a backlog, microseconds, after which the offset may rise by all of
+/// `unseen_drift` at once.
 const PROMPT_SPAN_US: f64 = 5e6;
 /// Fastest change of the smoothed wall clock relative to the monotonic clock, seconds per second.
-/// NTP slews a clock by at most 500 ppm.
+/// NTP slews the wall clock by at most 500 ppm, so the smoothed one can follow.
 const WALL_SLEW: f64 = 600e-6;
-/// Jump of the wall clock relative to the monotonic clock above which the wall clock counts as
+/// Difference between the wall clock and the smoothed one above which the wall clock counts as
 /// stepped, nanoseconds.
 const WALL_STEP_NS: i64 = 20_000_000;
-/// Fraction by which stamps advance more slowly after the wall clock was stepped backwards, until
-/// the wall clock has caught up. Stamps therefore never go backwards.
+/// After a backward step of the wall clock, stamps advance more slowly by this fraction until the
+/// wall clock has caught up. They therefore never go backwards.
 const WALL_CATCH_UP: f64 = 0.1;
-/// Longest backward step of the wall clock that is corrected by slower stamps, nanoseconds. After a
-/// longer step the stamps go back at once, because the correction would take more than 5 minutes.
+/// Longest backward step of the wall clock for which stamps advance more slowly, nanoseconds. After
+/// a longer step the stamps go back at once, because catching up would take more than 5 minutes.
 const WALL_WAIT_NS: i64 = 30_000_000_000;
-/// Longest time by which a frame may seem to be read before it was made, microseconds. The fit is
-/// correct to some milliseconds, so a frame beyond this limit has a wrong device time.
+/// Longest time by which a frame may seem to have been read before it was made, microseconds. The
+/// fit is correct to some milliseconds, so a frame beyond this limit has a wrong device time.
 const MAX_EARLY_US: f64 = 1e6;
-/// Number of consecutive impossible device times, half a second of codes, after which the fit
-/// restarts, because then the fit itself must be wrong.
+/// Number of consecutive impossible device times after which the fit itself must be wrong and
+/// restarts: half a second of codes.
 const REFUSED_TO_RESTART: u32 = 8;
 
-/// Fit of the device's clock to the host's monotonic clock, and the smoothed wall clock.
+/// Fit of the device's clock to the host's monotonic clock, and the smoothed wall clock. Converts
+/// device times to host times.
 #[derive(Clone, Debug, Default)]
 pub struct Clock {
-    /// Device time and host time, microseconds, to which all points are relative. Relative times
-    /// are small enough to be exact in f64.
+    /// Device time and host time of the first frame, microseconds. All points are relative to them,
+    /// so that they are small enough to be exact in f64.
     origin: Option<(u64, i64)>,
     recent: VecDeque<Point>,
     blocks: VecDeque<Point>,
     block: Option<Point>,
-    /// Host seconds per device second, minus 1; dimensionless.
+    /// Drift of the clocks: host seconds per device second, minus 1.
     drift: f64,
     /// Fitted host time at the device time of `origin`, microseconds relative to `origin`.
     offset: f64,
-    /// Latest device time of all points, microseconds relative to `origin`.
+    /// Latest device time of all frames so far, microseconds relative to `origin`.
     newest: f64,
-    /// Upper bound on the change of the offset during backlogs, which the fit could not follow,
-    /// microseconds. It is added to the permitted rise after [`PROMPT_SPAN_US`] without a backlog.
+    /// Upper bound of the change of the offset during backlogs, when the fit could not follow it,
+    /// microseconds. The offset may rise by it after [`PROMPT_SPAN_US`] without a backlog.
     unseen_drift: f64,
-    /// Device time of the last frame from a backlog, microseconds relative to `origin`.
+    /// Device time of the newest frame from a backlog, microseconds relative to `origin`.
     newest_backlog: f64,
-    /// The newest frame, whether it is from a backlog or not.
+    /// The newest frame with a possible device time, from a backlog or not.
     newest_frame: Option<Point>,
-    /// Number of frames that the fit did not use, because they were from a backlog.
+    /// Number of frames that were left out of the fit, because they were part of a backlog.
     backlog: u64,
     wall: Option<Wall>,
     wall_steps: u32,
@@ -100,17 +101,17 @@ pub struct Clock {
     refused_in_a_row: u32,
 }
 
-/// Smoothed difference between wall clock and monotonic clock.
+/// Wall-clock time minus monotonic time, smoothed.
 #[derive(Clone, Copy, Debug)]
 struct Wall {
     offset_ns: i64,
     read_at_us: i64,
-    /// Whether stamps advance more slowly because of a backward step.
+    /// Whether stamps advance more slowly, because the wall clock was stepped backwards.
     catching_up: bool,
 }
 
 impl Clock {
-    /// Discards the fit. Call this when the device was reset. The state of the wall clock is kept.
+    /// Discards the fit, but keeps the wall clock's state. Call this when the device was reset.
     pub fn restart(&mut self) {
         *self = Clock {
             wall: self.wall,
@@ -122,27 +123,27 @@ impl Clock {
         };
     }
 
-    /// Returns whether a frame can have this device time: the time is not before the newest frame
-    /// in the fit and not after the frame was read. False before the first observation.
+    /// Returns whether a new frame that was read at `read` can have this device time: not before
+    /// that of the newest frame so far, and not after `read`. False before the first observation.
     pub fn admits(&self, device_us: u64, read: HostTime) -> bool {
         let is_old = |(origin, _)| difference(device_us, origin) < self.newest;
         !self.origin.is_some_and(is_old) && self.is_possible(device_us, read)
     }
 
-    /// Returns whether this device time is possible for a frame that was read at this host time:
-    /// the frame was not read before it was made. False before the first observation.
+    /// Returns whether a frame that was read at `read` can have this device time: it was made
+    /// before it was read. False before the first observation.
     pub fn is_possible(&self, device_us: u64, read: HostTime) -> bool {
         let lag_us = self.lag_us(device_us, read.monotonic_us);
         lag_us.is_some_and(|lag| lag >= -MAX_EARLY_US)
     }
 
-    /// Returns whether any frame was observed since creation or the last restart.
+    /// Returns whether a frame was observed since this clock was created or last restarted.
     pub fn is_known(&self) -> bool {
         self.origin.is_some()
     }
 
-    /// Returns the time from the fitted host time of `device_us` to `host_us`, microseconds; `None`
-    /// before the first observation.
+    /// Returns by how much the host time `host_us` is later than the fitted host time of
+    /// `device_us`, microseconds; `None` before the first observation.
     pub(crate) fn lag_us(&self, device_us: u64, host_us: i64) -> Option<f64> {
         let (device_origin, host_origin) = self.origin?;
         let device = difference(device_us, device_origin);
@@ -150,9 +151,9 @@ impl Clock {
         Some(host - device * (1.0 + self.drift) - self.offset)
     }
 
-    /// Adds a frame to the fit, with its device time and the host time at which it was read. If the
-    /// device time is impossible, ignores the frame and returns false; the eighth consecutive
-    /// impossible time restarts the fit instead.
+    /// Adds a frame to the fit, by its device time and the host time `read` at which it was read.
+    /// If the device time is impossible, ignores the frame and returns false. The eighth
+    /// consecutive impossible time restarts the fit instead.
     pub fn observe(&mut self, device_us: u64, read: HostTime) -> bool {
         self.follow_wall(read);
         if self.origin.is_some() && !self.admits(device_us, read) {
@@ -194,7 +195,7 @@ impl Clock {
         true
     }
 
-    /// Returns by how much a point is later than the fit, microseconds.
+    /// Returns by how much a frame was read later than the fit predicts, microseconds.
     fn lag(&self, point: Point) -> f64 {
         point.host - point.device * (1.0 + self.drift) - self.offset
     }
@@ -217,7 +218,7 @@ impl Clock {
                 if self.blocks.len() >= MIN_BLOCKS {
                     let drift = slope_at_middle(self.blocks.make_contiguous()) - 1.0;
                     let drift = drift.clamp(-MAX_DRIFT, MAX_DRIFT);
-                    // Rotate the fitted line about the newest point, so that stamps do not jump.
+                    // Rotate the fitted line about the newest frame, so that stamps do not jump.
                     self.offset += (self.drift - drift) * self.newest;
                     self.drift = drift;
                 }
@@ -225,8 +226,8 @@ impl Clock {
         }
     }
 
-    /// Moves the offset to the least lag of the recent frames, and limits its rise. `elapsed` is
-    /// the device time since the previous frame, microseconds.
+    /// Sets the offset to the least lag of the recent frames, but limits its rise. `elapsed` is the
+    /// device time since the newest frame before this one, microseconds.
     fn update_offset(&mut self, elapsed: f64, is_first: bool) {
         let lags = self
             .recent
@@ -284,8 +285,8 @@ impl Clock {
         wall.offset_ns += off.clamp(-most, most);
     }
 
-    /// Returns the time on the host's monotonic clock at a device time, microseconds; `None` before
-    /// the first observation.
+    /// Returns the fitted time on the host's monotonic clock at the device time `device_us`,
+    /// microseconds; `None` before the first observation.
     pub(crate) fn host_us(&self, device_us: i128) -> Option<f64> {
         let (device_origin, host_origin) = self.origin?;
         #[expect(
@@ -296,8 +297,8 @@ impl Clock {
         Some(to_f64(host_origin) + self.offset + device * (1.0 + self.drift))
     }
 
-    /// Returns the wall-clock time at a device time, nanoseconds since 1970; `None` before the
-    /// first observation.
+    /// Returns the time on the smoothed wall clock at the device time `device_us`, nanoseconds
+    /// since 1970; `None` before the first observation.
     pub fn wall_ns(&self, device_us: i128) -> Option<i64> {
         let (device_origin, host_origin) = self.origin?;
         let wall = self.wall?;
@@ -313,7 +314,7 @@ impl Clock {
         Some(host_ns.saturating_add(wall.offset_ns))
     }
 
-    /// Returns the time of the smoothed wall clock at a host time, nanoseconds since 1970.
+    /// Returns the time on the smoothed wall clock at the host time `read`, nanoseconds since 1970.
     pub fn wall_of_host_ns(&self, read: HostTime) -> i64 {
         let offset_ns = self
             .wall
@@ -322,42 +323,42 @@ impl Clock {
         host_ns.saturating_add(offset_ns)
     }
 
-    /// Drift: rate of the host's clock relative to the device's clock, minus 1, in parts per
-    /// million.
+    /// Returns the drift: rate of the host's clock divided by that of the device's clock, minus 1,
+    /// in parts per million.
     pub fn drift_ppm(&self) -> f64 {
         self.drift * 1e6
     }
 
-    /// Median residual of the fit, microseconds. The residual of a block is the time by which its
-    /// least delayed frame was read later than the fit predicts.
+    /// Returns the median residual of the fit, microseconds. A block's residual is the time by
+    /// which its least delayed frame was read later than the fit predicts.
     pub fn residual_us(&self) -> f64 {
         let mut residuals: Vec<f64> = self.blocks.iter().map(|point| self.lag(*point)).collect();
         residuals.sort_by(f64::total_cmp);
         residuals.get(residuals.len() / 2).copied().unwrap_or(0.0)
     }
 
-    /// Time by which the newest frame was read later than the fit predicts, microseconds.
+    /// Returns by how much the newest frame was read later than the fit predicts, microseconds.
     pub fn newest_delay_us(&self) -> f64 {
         self.newest_frame.map_or(0.0, |point| self.lag(point))
     }
 
-    /// Number of times the host's wall clock was stepped, in either direction.
+    /// Returns how often the host's wall clock was stepped, in either direction.
     pub fn wall_steps(&self) -> u32 {
         self.wall_steps
     }
 
-    /// Number of times the wall clock was set back by more than 30 s. The stamps went back each
-    /// time.
+    /// Returns how often the host's wall clock was set back by more than 30 s. The stamps went back
+    /// each time.
     pub fn wall_steps_back(&self) -> u32 {
         self.wall_steps_back
     }
 
-    /// Number of frames that the fit did not use, because they had waited in a buffer.
+    /// Returns the number of frames left out of the fit, because they had waited in a buffer.
     pub fn backlog(&self) -> u64 {
         self.backlog
     }
 
-    /// Number of frames with an impossible device time.
+    /// Returns the number of observed frames with an impossible device time.
     pub fn refused(&self) -> u64 {
         self.refused
     }
@@ -381,19 +382,19 @@ fn to_f64(microseconds: i64) -> f64 {
     microseconds
 }
 
-/// Device time at which a frame was made and host time at which it was read, both in microseconds
-/// since an origin.
+/// Device time at which a frame was made, and host time at which it was read. Both are in
+/// microseconds relative to an origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Point {
     pub(crate) device: f64,
     pub(crate) host: f64,
 }
 
-/// Returns the slope of the line that has the least mean distance to the points among all lines
-/// below them. That line is the edge of the lower convex hull that spans the mean device time.
+/// Returns the slope of one line: of all lines below the points, the one that has the least mean
+/// distance to them. It is the edge of the lower convex hull that spans the mean device time.
 ///
-/// `points` must be sorted by device time, as Andrew's monotone chain algorithm needs them. Returns
-/// 1 if there are fewer than two distinct device times.
+/// `points` must be sorted by device time, for Andrew's monotone chain algorithm. Returns 1 if
+/// there are fewer than two distinct device times.
 pub(crate) fn slope_at_middle(points: &[Point]) -> f64 {
     let mut hull: Vec<Point> = Vec::with_capacity(points.len());
     for &point in points {

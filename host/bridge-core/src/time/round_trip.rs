@@ -20,14 +20,14 @@ use link::ClockReading;
 use crate::time::HostTime;
 use crate::time::clock::Clock;
 
-/// Time after which a round trip is discarded, microseconds.
+/// Age at which a round trip is discarded, microseconds.
 const RETENTION_US: i64 = 60_000_000;
 
-/// Clock queries of the last minute with their answers.
+/// Round trips of the last minute. A round trip is a clock query and its answer.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RoundTrips {
     recent: VecDeque<RoundTrip>,
-    /// Number of answers without a matching query, or with impossible times.
+    /// Number of answers that match no clock query or contain impossible times.
     pub(crate) impossible: u64,
 }
 
@@ -35,21 +35,21 @@ pub(crate) struct RoundTrips {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RoundTrip {
     read: HostTime,
-    /// Transfer time of query and answer together, microseconds; the time inside the device is not
-    /// included.
+    /// Transfer times of query and answer together, microseconds; excludes the time in the device.
     pub(crate) transit_us: f64,
-    /// Lower and upper bound of the delay of stamps, microseconds; `None` if the clock had no fit.
+    /// Lower and upper bound of the time by which stamps are late, microseconds; `None` if the
+    /// clock had no fit yet.
     pub(crate) late_us: Option<[f64; 2]>,
 }
 
 impl RoundTrips {
-    /// Discards all round trips, because the device was reset or replaced.
+    /// Discards all round trips, because the device was reset or another one was connected.
     pub(crate) fn clear(&mut self) {
         self.recent.clear();
     }
 
-    /// Records an answer that the device made at `made_us` (device time). `sent_us` is the host
-    /// time at which the newest query was sent; `None` if no query was sent.
+    /// Records the answer `reading`, which the device made at its time `made_us` and the host read
+    /// at `read`. `sent_us` is the host time of the newest query; `None` if none was sent.
     pub(crate) fn record(
         &mut self,
         sent_us: Option<i64>,
@@ -85,8 +85,8 @@ impl RoundTrips {
         }
     }
 
-    /// Returns the round trip with the shortest transfer time of the last minute; `None` if the
-    /// last minute has no round trip.
+    /// Returns, of the round trips in the last minute, the one with the shortest transfer time;
+    /// `None` if there is none.
     pub(crate) fn shortest(&self, now: HostTime) -> Option<RoundTrip> {
         let fresh = |trip: &&RoundTrip| trip.read.monotonic_us >= now.monotonic_us - RETENTION_US;
         let by_length = |a: &&RoundTrip, b: &&RoundTrip| a.transit_us.total_cmp(&b.transit_us);

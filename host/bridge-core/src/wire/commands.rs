@@ -1,52 +1,53 @@
-//! Schedule of the commands to the device: which one is due, and when it is repeated.
+//! Decides which command to the device is due, and when it must be repeated.
 
 use link::{AckResult, Start, Streams, ToDevice};
 
 use crate::wire::wanted::{ClockQuery, WantedStreams};
 use crate::wire::words;
 
-/// Silence after which the device is pinged, microseconds. A device sends `Stats` every second.
+/// Time without a frame after which the device is pinged, microseconds. A working device sends
+/// `Stats` every second.
 const PING_AFTER_US: i64 = 2_000_000;
 /// Time without a code, packed block or `Stats` after which a streaming device is asked to identify
-/// itself again, microseconds. It may have been reset and its `Hello` lost, or another program may
-/// have sent it `Stop`.
+/// itself again, microseconds. It may have restarted and its `Hello` may be lost, or another
+/// program may have sent it `Stop`.
 const STARVED_AFTER_US: i64 = 2_000_000;
 /// Time between two calls of `next_command`, microseconds, above which the host must have been
-/// suspended or this program stopped. Messages that the device sent during that time are still
-/// unread, so the silence timeouts restart.
+/// suspended or this program stopped. What the device sent in this time is still unread, so the
+/// time without frames counts anew.
 const HOST_SUSPENDED_AFTER_US: i64 = 1_000_000;
 
-/// Decides which command is due for the device: first `Identify`, then `Stop` if a stream runs that
-/// this bridge did not start, then `Start`. Every command is repeated until it is acknowledged.
+/// Decides which command is due: first `Identify`, then `Stop` if a stream runs that this bridge
+/// did not start, then `Start`. Every command is repeated until the device acknowledges it.
 #[derive(Clone, Debug)]
 pub(crate) struct Commands {
     mains_hz: u8,
-    /// Rate of the packed code that the device is to have; `None` leaves the choice to the device.
+    /// Rate to which the packed code is to be set; `None` leaves the choice to the device.
     rate: Option<u8>,
-    /// Newest rate whose command the device has answered, with any result.
+    /// Newest rate for which the device has answered the command, with any result.
     answered_rate: Option<u8>,
     streams: WantedStreams,
     streaming_wanted: bool,
     device: Introduction,
-    /// Whether any stream that runs on the device was started by this bridge. Set when the device
-    /// acknowledges a `Stop`, because only this bridge starts streams from then on; cleared when
+    /// Whether this bridge has started every stream that may run on the device. Set when the device
+    /// acknowledges a `Stop`, because only this bridge starts streams from then on. Cleared when
     /// the device restarts or another device is connected.
     owns_stream: bool,
     stream: StreamState,
     pending: Option<PendingCommand>,
     connected: bool,
-    /// The newest `Start` that the device refused, if no choice of fewer streams is left to try.
+    /// The newest `Start` that the device refused, if asking for fewer streams cannot help.
     refused_start: Option<RefusedStart>,
     last_frame_us: i64,
-    /// Host time of the newest code, packed block or `Stats`, or of the stream's start,
-    /// microseconds; `None` while none of them is expected.
+    /// Host time of the newest code, packed block or `Stats`, microseconds; before the first, host
+    /// time of the stream's start. `None` while no stream is expected.
     last_stream_us: Option<i64>,
     last_identify_us: i64,
     clock_query: ClockQuery,
     last_tick_us: i64,
 }
 
-/// Result of the device's introduction since the port was opened.
+/// Whether the device has introduced itself since the port was opened, and with which result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Introduction {
     Missing,
@@ -55,32 +56,32 @@ enum Introduction {
     Unusable,
 }
 
-/// Whether the device streams, according to its acknowledgements.
+/// Whether the device streams, as far as its acknowledgements show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum StreamState {
     Stopped,
-    /// A `Start` has no acknowledgement yet, or the port was reopened.
+    /// The device may stream: a `Start` is not acknowledged yet, or the port was reopened.
     Unconfirmed,
     Running,
 }
 
-/// Effect of an acknowledgement on the rest of the bridge.
+/// What an acknowledgement means for the rest of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AckEffect {
     NoChange,
-    /// A `Start` was acknowledged.
+    /// The device has acknowledged `Start`.
     Started,
-    /// A `Stop` was acknowledged.
+    /// The device has acknowledged `Stop`.
     Stopped {
-        /// Whether the user wants no stream any more.
+        /// Whether the device was stopped because the user wants no stream.
         by_user: bool,
     },
-    /// A command was refused for a reason other than `Busy` or `Failed`.
+    /// The device has refused a command, for a reason other than `Busy` or `Failed`.
     Refused(ToDevice, AckResult),
 }
 
 impl Commands {
-    /// Creates the state before the first connection. Streaming is wanted from the beginning.
+    /// Creates the state before the first connection, in which the user wants the device to stream.
     pub(crate) fn new(mains_hz: u8, streams: Streams, rate: Option<u8>) -> Commands {
         Commands {
             mains_hz,
@@ -102,8 +103,8 @@ impl Commands {
         }
     }
 
-    /// Records that a port was opened. The device must identify itself again, and a stream that
-    /// this bridge started before may still be running.
+    /// Records that the port was opened at `now_us`. The device must identify itself again, and a
+    /// stream that this bridge started earlier may still run.
     pub(crate) fn connected(&mut self, now_us: i64) {
         self.device = Introduction::Missing;
         self.stream = StreamState::Unconfirmed;
@@ -115,7 +116,7 @@ impl Commands {
         self.last_stream_us = None;
     }
 
-    /// Records that the port was closed or lost. No command is due until the next connection.
+    /// Records that the port was closed or lost. Until the next connection, no command is due.
     pub(crate) fn disconnected(&mut self) {
         self.device = Introduction::Missing;
         self.stream = StreamState::Stopped;
@@ -128,13 +129,13 @@ impl Commands {
         self.streaming_wanted = streaming;
     }
 
-    /// Sets the rate of the packed code, which the next [`Self::next_command`] sends.
+    /// Sets the rate of the packed code. [`Self::next_command`] then gives the command to set it.
     pub(crate) fn set_rate(&mut self, rate: u8) {
         self.rate = Some(rate);
         self.answered_rate = None;
     }
 
-    /// Records an introduction. `usable` is true if the device's codes can be published.
+    /// Records that the device has introduced itself. `usable`: its codes can be published.
     pub(crate) fn device_introduced(&mut self, usable: bool) {
         self.device = if usable {
             Introduction::Usable
@@ -143,8 +144,8 @@ impl Commands {
         };
     }
 
-    /// Records that the device rebooted or another device is connected. The device must be
-    /// identified and then stopped, because another program may have started its stream.
+    /// Records that the device restarted or another device was connected. It must be identified and
+    /// then stopped, because another program may have started its stream.
     pub(crate) fn device_restarted(&mut self) {
         self.device = Introduction::Missing;
         self.owns_stream = false;
@@ -157,30 +158,31 @@ impl Commands {
         self.clock_query = ClockQuery::default();
     }
 
-    /// Requests a new introduction, because the device's frames contradict the last one.
+    /// Asks the device to introduce itself again, because its frames contradict its introduction.
     pub(crate) fn identify_again(&mut self) {
         self.device = Introduction::Missing;
     }
 
-    /// Restarts the silence timeout. Call this for every valid frame.
+    /// Records that a valid frame was read. Call this for every frame, so that the device does not
+    /// count as silent.
     pub(crate) fn frame_received(&mut self, now_us: i64) {
         self.last_frame_us = now_us;
     }
 
-    /// Restarts the timeout of the stream. Call this for every code, and for every `Stats` that
-    /// reports a running stream.
+    /// Records that the stream runs. Call this for every code and packed block, and for every
+    /// `Stats` that reports a running stream.
     pub(crate) fn stream_received(&mut self, now_us: i64) {
         self.last_stream_us = Some(now_us);
     }
 
-    /// Records that the device reported no stream although this bridge did not stop it.
+    /// Records that the device reports no running stream, although this bridge did not stop it.
     pub(crate) fn device_stopped(&mut self) {
         self.stream = StreamState::Stopped;
         self.last_stream_us = None;
     }
 
-    /// Returns whether the device should be streaming, but neither codes nor `Stats` have arrived
-    /// for 2 s.
+    /// Returns whether the device should be streaming, but has sent neither codes, packed blocks
+    /// nor a `Stats` with a running stream for 2 s.
     pub(crate) fn is_starved(&self, now_us: i64) -> bool {
         let last_stream_us = self
             .last_stream_us
@@ -188,63 +190,64 @@ impl Commands {
         last_stream_us.is_some_and(|last_stream_us| now_us - last_stream_us > STARVED_AFTER_US)
     }
 
-    /// Streams that `Start` asks the device for: those that the user wants, less those that the
+    /// Returns the streams that `Start` asks the device for: what the user wants, less what the
     /// device refused.
     pub(crate) fn streams(&self) -> Streams {
         self.streams.asked()
     }
 
-    /// Streams that the user wants and the device refused.
+    /// Returns the streams that the user wants but the device refused.
     pub(crate) fn refused_streams(&self) -> Streams {
         self.streams.refused()
     }
 
-    /// Returns why the device refuses to stream, with all wanted streams and with fewer, and what
-    /// the user can do; `None` if the device streams or was not asked.
+    /// Returns why the device refuses to stream at all, and what the user can do; `None` if the
+    /// device streams or was not asked.
     pub(crate) fn start_refusal(&self) -> Option<String> {
         let refused = self.refused_start.filter(|_| self.streaming_wanted)?;
         Some(words::refusal(&refused.command, refused.result))
     }
 
-    /// Host time of the newest clock query, microseconds.
+    /// Returns the host time of the newest clock query, microseconds; `None` if none was sent.
     pub(crate) fn clock_query_sent_us(&self) -> Option<i64> {
         self.clock_query.sent_us()
     }
 
-    /// Returns whether streaming is wanted and the device was not refused.
+    /// Returns whether the user wants the device to stream, and the bridge has not refused it.
     pub(crate) fn wants_stream(&self) -> bool {
         self.streaming_wanted && self.device != Introduction::Unusable
     }
 
-    /// Returns whether codes can be published: the device introduced itself since the port was
-    /// opened, and this bridge started its stream.
+    /// Returns whether the device's codes can be published. This needs that the device has
+    /// introduced itself since the port was opened, and that this bridge started its stream.
     pub(crate) fn accepts_codes(&self) -> bool {
         self.device == Introduction::Usable && self.owns_stream
     }
 
-    /// Returns whether a `Start` was acknowledged and not followed by a `Stop` or a reconnection.
+    /// Returns whether the device has acknowledged `Start`, without a `Stop` or reconnection since.
     pub(crate) fn is_streaming(&self) -> bool {
         self.stream == StreamState::Running
     }
 
-    /// Returns whether this bridge's stream runs on the device, or may run because a `Start` has no
-    /// acknowledgement yet.
+    /// Returns whether this bridge's stream runs on the device, or may run because a `Start` is not
+    /// acknowledged yet.
     pub(crate) fn is_possibly_streaming(&self) -> bool {
         self.accepts_codes() && self.stream != StreamState::Stopped
     }
 
-    /// Returns whether no stream is wanted and, by the last acknowledgement, none runs.
+    /// Returns whether the user wants no stream and, by the last acknowledgement, none is running.
     pub(crate) fn is_stopped(&self) -> bool {
         !self.streaming_wanted && self.stream == StreamState::Stopped
     }
 
-    /// Returns whether the connected device has been silent for more than `limit_us`, microseconds.
+    /// Returns whether the connected device has sent no frame for more than `limit_us`
+    /// microseconds.
     pub(crate) fn is_unresponsive(&self, now_us: i64, limit_us: i64) -> bool {
         self.connected && now_us - self.last_frame_us > limit_us
     }
 
-    /// Returns the command that is due now, if any. The caller sends it in the frame with number
-    /// `seq`.
+    /// Returns the command that is due at `now_us`, if any. The caller must send it in the frame
+    /// with sequence number `seq`.
     pub(crate) fn next_command(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         if now_us - self.last_tick_us > HOST_SUSPENDED_AFTER_US {
             self.last_frame_us = now_us;
@@ -304,22 +307,22 @@ impl Commands {
         }
     }
 
-    /// Returns the rate of the packed code if the device is to be sent it.
+    /// Returns the rate of the packed code, if the device must be set to it now.
     fn due_rate(&self) -> Option<u8> {
         let has_packed = self.streams.asked().contains(Streams::PACKED);
         let is_due = |rate: &u8| has_packed && self.answered_rate != Some(*rate);
         self.rate.filter(is_due)
     }
 
-    /// Returns the clock query when it is due. It is due only after codes have arrived, because the
-    /// answer is compared with the clock's fit to codes.
+    /// Returns the clock query if it is due. It is due only while codes arrive, because the answer
+    /// is compared with the clock's fit, which needs codes.
     fn clock_query(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         let last_us = self.last_stream_us?;
         let codes_arrive = now_us - last_us < RETRY_US && self.stream == StreamState::Running;
         codes_arrive.then(|| self.clock_query.next(now_us, seq))?
     }
 
-    /// Handles the acknowledgement of the command in frame number `of`.
+    /// Handles the acknowledgement of the command in the frame with sequence number `of`.
     pub(crate) fn handle_ack(&mut self, of: u32, result: AckResult, now_us: i64) -> AckEffect {
         if self.clock_query.handle_ack(of, result) {
             return AckEffect::NoChange;
@@ -368,7 +371,7 @@ impl Commands {
                 self.pending = None;
             }
             // The device did not restart, so another program may have stopped its stream. If the
-            // stream still runs, the `Start` that follows changes nothing.
+            // stream still runs after all, the `Start` that follows changes nothing.
             (ToDevice::Identify, _) if self.is_starved(now_us) => {
                 self.stream = StreamState::Unconfirmed;
             }
@@ -388,25 +391,25 @@ impl Commands {
     }
 }
 
-/// Time without an acknowledgement after which a command is sent again, microseconds.
+/// Time after which a command without an acknowledgement is sent again, microseconds.
 pub(crate) const RETRY_US: i64 = 500_000;
 
-/// A command without an acknowledgement, and the sequence numbers of the first and last frame that
-/// carried it.
+/// A command that is not acknowledged yet, and the sequence numbers of the first and last frame
+/// that carried it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PendingCommand {
     command: ToDevice,
-    /// Sequence number of the frame that carried the command first.
+    /// Sequence number of the first frame that carried the command.
     first_seq: u32,
-    /// Sequence number of the most recent frame that carried the command.
+    /// Sequence number of the last frame that carried the command.
     last_seq: u32,
-    /// Host time of the last transmission, microseconds.
+    /// Host time at which the command was last sent, microseconds.
     sent_us: i64,
 }
 
 impl PendingCommand {
-    /// Records that frame `seq` carried `command` at the host time `now_us`. `before` is the
-    /// pending command if this is one more transmission of it.
+    /// Records that the frame with number `seq` carried `command` at the host time `now_us`.
+    /// `before` is the pending command if this is a repetition of it.
     pub(crate) fn sent(
         before: Option<PendingCommand>,
         command: ToDevice,
@@ -421,32 +424,32 @@ impl PendingCommand {
         }
     }
 
-    /// Returns whether the command must be sent again, because it has had no acknowledgement for
-    /// [`RETRY_US`].
+    /// Returns whether the command must be sent again at `now_us`, because it has been without an
+    /// acknowledgement for [`RETRY_US`].
     pub(crate) fn retry_is_due(&self, now_us: i64) -> bool {
         now_us >= self.sent_us + RETRY_US
     }
 
-    /// Returns whether more than one frame carried the command.
+    /// Returns whether more than one frame has carried the command.
     pub(crate) fn was_sent_again(&self) -> bool {
         self.first_seq != self.last_seq
     }
 
-    /// Returns whether an acknowledgement of frame number `of` belongs to any transmission of this
-    /// command, also if the sequence number has wrapped.
+    /// Returns whether the frame number `of` in an acknowledgement belongs to any transmission of
+    /// this command, even if the sequence number has wrapped.
     pub(crate) fn is_acknowledged_by(&self, of: u32) -> bool {
         of.wrapping_sub(self.first_seq) <= self.last_seq.wrapping_sub(self.first_seq)
     }
 }
 
-/// Delay before a refused `Start` is sent again, microseconds.
+/// Time after which a refused `Start` is sent again, microseconds.
 const REFUSED_RETRY_US: i64 = 10_000_000;
 
-/// A refused `Start` after which no choice of fewer streams is left to try.
+/// A refused `Start` for which asking for fewer streams cannot help.
 #[derive(Clone, Copy, Debug)]
 struct RefusedStart {
     command: ToDevice,
     result: AckResult,
-    /// Host time of the refusal, microseconds.
+    /// Host time at which the refusal arrived, microseconds.
     refused_us: i64,
 }

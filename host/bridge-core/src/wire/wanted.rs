@@ -1,20 +1,20 @@
-//! Streams that the bridge wants from a device, and its queries of the device's clock.
+//! Streams that the bridge wants from a device, and the schedule of its clock queries.
 
 use link::{AckResult, Streams, ToDevice};
 
 use crate::settings::{RawForm, with_codes};
 
-/// Streams that the user wants, and those of them that `Start` asks for: fewer after the device
-/// refused some.
+/// Streams that the user wants, and those that `Start` asks the device for. After a refusal,
+/// `Start` asks for fewer.
 #[derive(Clone, Debug)]
 pub(crate) struct WantedStreams {
-    /// Streams that the user requested, with the stream of codes added unless packed blocks are
-    /// among them. Samples can be requested in both forms, of which the device sends one.
+    /// Streams that the user wants, with codes added unless packed blocks are among them. ADC
+    /// samples can be wanted in both forms; the device sends one of these forms.
     wanted: Streams,
-    /// Sets of streams to ask for, one after the other until the device accepts one, because a
-    /// refusal does not say which stream the device lacks.
+    /// Sets of streams to ask the device for, one after the other until it accepts one. Trial is
+    /// needed because a refusal does not say which stream the device lacks.
     choices: Vec<Streams>,
-    /// Index in `choices` of the set that `Start` asks for.
+    /// Index in `choices` of the set that `Start` asks for at present.
     asked: usize,
 }
 
@@ -28,17 +28,17 @@ impl WantedStreams {
         }
     }
 
-    /// Asks for all streams again, because the device may be another one.
+    /// Asks for all wanted streams again, because the device may be another one.
     pub(crate) fn ask_for_all(&mut self) {
         self.asked = 0;
     }
 
-    /// Streams that `Start` asks for.
+    /// Returns the streams that `Start` asks for at present.
     pub(crate) fn asked(&self) -> Streams {
         self.choices[self.asked]
     }
 
-    /// Streams that the user wants and the device refused.
+    /// Returns the streams that the user wants but the device refused.
     pub(crate) fn refused(&self) -> Streams {
         let asked = self.asked();
         let refused = self.wanted.without(asked);
@@ -49,7 +49,7 @@ impl WantedStreams {
         }
     }
 
-    /// Asks for the next choice after a refused `Start`. Returns false if that was the last one.
+    /// Chooses the next set of streams after a refused `Start`. Returns false if there is none.
     pub(crate) fn ask_for_fewer(&mut self) -> bool {
         let has_fewer = self.asked + 1 < self.choices.len();
         self.asked += usize::from(has_fewer);
@@ -57,9 +57,9 @@ impl WantedStreams {
     }
 }
 
-/// Returns the sets of streams to ask for, best first: each choice of encoders with each choice of
-/// samples, then codes alone, which firmware before 0.2 is limited to. Last come packed blocks in
-/// place of codes, for a device without the network.
+/// Returns the sets of streams to ask the device for, best first: each choice of encoders with each
+/// choice of samples, then codes alone, because firmware before 0.2 has no other stream. Last come
+/// packed blocks in place of codes, for a device without the network.
 fn choices(wanted: Streams) -> Vec<Streams> {
     let with_encoders = encoder_choices(wanted).into_iter().flat_map(sample_choices);
     let without_network = sample_choices(wanted.without(Streams::CODES) | Streams::PACKED);
@@ -72,8 +72,8 @@ fn choices(wanted: Streams) -> Vec<Streams> {
     choices
 }
 
-/// Returns `wanted` with the encoders that a device may have: network and packed code; the packed
-/// code alone, so without codes; the network alone, so with codes in place of packed blocks.
+/// Returns `wanted` for each kind of device: one with network and packed code; one with the packed
+/// code alone, so without codes; one with the network alone, so with codes, not packed blocks.
 fn encoder_choices(wanted: Streams) -> Vec<Streams> {
     if !wanted.contains(Streams::PACKED) {
         return vec![wanted];
@@ -85,8 +85,8 @@ fn encoder_choices(wanted: Streams) -> Vec<Streams> {
     ]
 }
 
-/// Returns `wanted` with the samples that a device's port may be fast enough for: plain raw ones,
-/// compressed raw ones, filtered ones without raw ones, none.
+/// Returns `wanted` for each speed of the device's port, fastest first: with plain ADC samples;
+/// with compressed ones; with filtered steps but no ADC samples; without samples and steps.
 fn sample_choices(wanted: Streams) -> [Streams; 4] {
     let [raw, compressed] = [Streams::RAW, Streams::COMPRESSED_RAW];
     let first = if wanted.contains(raw) {
@@ -103,30 +103,30 @@ fn sample_choices(wanted: Streams) -> [Streams; 4] {
     ]
 }
 
-/// Delay from the start of a stream to the first clock query, microseconds. The fit of the clock,
-/// with which the answer is compared, needs this time.
+/// Time from the start of a stream to the first clock query, microseconds. The clock needs this
+/// time for its fit, with which the answer is compared.
 const FIRST_US: i64 = 2_000_000;
 /// Time between two clock queries, microseconds.
 const INTERVAL_US: i64 = 10_000_000;
 
-/// Schedule of the clock queries. A lost query is not repeated; the next one follows 10 s later.
+/// Schedule of the clock queries. A lost query is not repeated; the next one follows after 10 s.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ClockQuery {
-    /// Host time at which the next query is due, microseconds; `None` before the first stream.
+    /// Host time at which the next clock query is due, microseconds; `None` before any stream.
     due_us: Option<i64>,
-    /// Sequence number and host time, microseconds, of the newest query.
+    /// Sequence number of the newest clock query, and its host time in microseconds.
     sent: Option<(u32, i64)>,
-    /// Whether the device refused a query, because its firmware is older; no more are sent.
+    /// Whether the device, with older firmware, has refused a clock query; then no more are sent.
     refused: bool,
 }
 
 impl ClockQuery {
-    /// Records that a stream has started. The first query follows 2 s after the first start.
+    /// Records that a stream has started. The first clock query follows 2 s after the first start.
     pub(crate) fn start(&mut self, now_us: i64) {
         self.due_us.get_or_insert(now_us + FIRST_US);
     }
 
-    /// Returns the query if it is due. The caller sends it in the frame with number `seq`.
+    /// Returns the clock query if it is due. The caller must send it in frame number `seq`.
     pub(crate) fn next(&mut self, now_us: i64, seq: u32) -> Option<ToDevice> {
         if self.refused || self.due_us? > now_us {
             return None;
@@ -137,12 +137,13 @@ impl ClockQuery {
         Some(ToDevice::SyncTime { host_time_us })
     }
 
-    /// Host time of the newest query, microseconds.
+    /// Returns the host time of the newest clock query, microseconds; `None` if none was sent.
     pub(crate) fn sent_us(&self) -> Option<i64> {
         self.sent.map(|(_, host_us)| host_us)
     }
 
-    /// Returns whether frame `of` is the newest query, and records whether the device refused it.
+    /// Returns whether an acknowledgement of frame number `of` belongs to the newest clock query.
+    /// If it does, records whether the device refused the query.
     pub(crate) fn handle_ack(&mut self, of: u32, result: AckResult) -> bool {
         let is_query = self.sent.is_some_and(|(seq, _)| seq == of);
         self.refused |= is_query && !matches!(result, AckResult::Done | AckResult::Busy);

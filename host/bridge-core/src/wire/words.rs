@@ -1,8 +1,8 @@
-//! Names of commands, answers and causes of a start, for messages to the user.
+//! Names of commands, answers and reset causes in messages to the user.
 
 use link::{AckResult, ResetCause, ToDevice};
 
-/// Returns the name of a command, as docs/wire-format.md has it.
+/// Returns the name of a command, as docs/wire-format.md spells it.
 pub(crate) fn command(command: &ToDevice) -> &'static str {
     match command {
         ToDevice::Start(_) => "Start",
@@ -16,7 +16,7 @@ pub(crate) fn command(command: &ToDevice) -> &'static str {
     }
 }
 
-/// Returns why a device refused a command, as a clause about the device.
+/// Returns why a device refused a command, as a clause whose subject is the device.
 pub(crate) fn reason(result: AckResult) -> String {
     match result {
         AckResult::Done => "done".to_owned(),
@@ -48,7 +48,7 @@ pub(crate) fn refusal(refused: &ToDevice, result: AckResult) -> String {
     )
 }
 
-/// Returns the cause of a device's start as a phrase that follows "started by".
+/// Returns the cause of a device's last reset, worded to follow "started by".
 pub(crate) fn reset_cause(cause: ResetCause) -> String {
     match cause {
         ResetCause::NotKnown => "an unknown cause".to_owned(),

@@ -1,4 +1,4 @@
-//! Audits: comparison of a device's codes with those of the float network.
+//! Audits: comparison of a device's codes with the codes of the float network.
 #![allow(
     clippy::cast_possible_truncation,
     reason = "scales and zero points within their types"
@@ -19,7 +19,7 @@ const AUDIT: Settings = Settings {
     ..SETTINGS
 };
 
-/// Folder of the model of the paper's montage. It does not change, so figures can be stated of it.
+/// Folder of the model with the paper's montage. It never changes, so tests can state its figures.
 fn folder() -> &'static Path {
     Path::new(concat!(
         env!("CARGO_MANIFEST_DIR"),
@@ -27,14 +27,14 @@ fn folder() -> &'static Path {
     ))
 }
 
-/// Returns the model in [`folder`], which is read once per process.
+/// Returns the model in [`folder`]; it is read once per process.
 fn paper() -> &'static Model {
     static MODEL: LazyLock<Model> =
         LazyLock::new(|| Model::new(&Artifact::read(folder()).unwrap()).unwrap());
     &MODEL
 }
 
-/// Returns the golden windows and codes of the model in `folder` as audits from a device with the
+/// Returns the golden windows and codes of the model in `folder`, as audits from a device with this
 /// model's scales.
 fn golden(folder: &Path) -> Vec<AuditedWindow> {
     let artifact = Artifact::read(folder).unwrap();
@@ -52,8 +52,8 @@ fn golden(folder: &Path) -> Vec<AuditedWindow> {
         .collect()
 }
 
-/// Returns a device with the scales that model-gen computes: those of int8 codes cover twice the
-/// calibrated range, those of the other formats 16 times its larger end.
+/// Returns a device with the scales that model-gen would compute: scales of int8 codes cover twice
+/// the calibrated range, those of other formats cover 16 times the larger end of that range.
 fn device(artifact: &Artifact) -> Device {
     let ends = |name| {
         let ends = artifact.calibration.tensor(name, &[NUMBERS]).unwrap();
@@ -82,7 +82,7 @@ fn device(artifact: &Artifact) -> Device {
     Device::clone(device)
 }
 
-/// Compares a window of a device with the network.
+/// Compares a device's code for a window with that of the float network.
 fn judge(window: &AuditedWindow, model: &Model) -> AuditResult {
     window.compare(model).expect("a code")
 }
@@ -97,9 +97,8 @@ fn codes_of_the_integer_encoder_are_within_the_limits() {
     let judged = results.iter().filter(|result| !result.at_rail);
     for result in judged.clone() {
         assert!(!result.is_wrong(), "{result:?}");
-        // The difference is mostly rounding, whose RMS is 1/sqrt(12) = 0.29 levels. The largest
-        // measured value is 0.34 levels, just below the limit of 0.36; for a window of zeros it is
-        // 0.01.
+        // The difference is mostly rounding error, whose RMS is 1/sqrt(12) = 0.29 levels. The
+        // largest measured value is 0.34 levels; for a window of zeros it is 0.01.
         assert!(result.rms < 0.36, "{result:?}");
     }
     assert_eq!(
@@ -124,8 +123,8 @@ fn codes_of_the_built_in_model_are_right_by_its_float_network() {
 }
 
 /// Returns the model in [`folder`] with one weight of the shortcut changed by 128 int8 levels, the
-/// value of the weight's sign bit. A correct device differs from this model as much as a device
-/// with that bit flipped differs from the correct model.
+/// value of the weight's sign bit. A correct device differs from this model just as a device with
+/// that bit flipped differs from the correct model.
 fn flipped(value: usize, feature: usize) -> Model {
     let mut artifact = Artifact::read(folder()).unwrap();
     let (name, shape) = ("encoder.shortcut.weight", [NUMBERS, 976]);
@@ -167,7 +166,7 @@ fn a_flipped_sign_bit_is_found_only_at_the_value_that_it_changes() {
 #[test]
 fn a_code_of_another_window_is_found_on_every_window() {
     let windows = golden(folder());
-    // Give each window the code of the next window.
+    // Give each window the code of the window after it.
     for pair in windows.windows(2) {
         let mut wrong = pair[0].clone();
         wrong.levels.clone_from(&pair[1].levels);

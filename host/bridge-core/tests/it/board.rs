@@ -1,4 +1,4 @@
-//! A simulated board whose properties and time are set by a test.
+//! A simulated board. Tests set its properties and its time.
 
 use std::sync::{Arc, LazyLock};
 
@@ -8,10 +8,10 @@ use link::{
     MAX_FRAME, ResetCause, SelfTest, Stats, Streams, Substitutes, ToDevice, ToHost,
 };
 
-/// Wall-clock time at which host and device start, nanoseconds since 1970.
+/// Wall-clock time at which host and device begin their test, nanoseconds since 1970.
 pub(crate) const WALL_START_NS: i64 = 1_700_000_000_000_000_000;
 
-/// Returns the host time `us` microseconds after the start, with a correct wall clock.
+/// Returns the host time `us` microseconds after the start; its wall clock has no error.
 pub(crate) fn at(us: i64) -> HostTime {
     HostTime {
         monotonic_us: us,
@@ -19,7 +19,7 @@ pub(crate) fn at(us: i64) -> HostTime {
     }
 }
 
-/// Checks that a text has all of these parts.
+/// Checks that `text` contains each of the `parts`.
 #[track_caller]
 pub(crate) fn assert_has<const N: usize>(text: &str, parts: [&str; N]) {
     for part in parts {
@@ -27,21 +27,21 @@ pub(crate) fn assert_has<const N: usize>(text: &str, parts: [&str; N]) {
     }
 }
 
-/// Returns the built-in model, which is read once per process.
+/// Returns the model that is embedded in the bridge; it is read once per process.
 pub(crate) fn model() -> Arc<Model> {
     static MODEL: LazyLock<Arc<Model>> = LazyLock::new(|| Arc::new(Model::embedded().unwrap()));
     Arc::clone(&MODEL)
 }
 
-/// Returns the built-in model's electrode of a channel, counted from 0.
+/// Returns the label of a channel's electrode in the embedded model; channels count from 0.
 pub(crate) fn electrode(channel: usize) -> String {
     model().electrodes()[channel].clone()
 }
 
-/// Number of values in a code of the board.
+/// Number of values in a code of the simulated board.
 pub(crate) const NUMBERS: usize = 128;
 
-/// A board that answers commands as the firmware does. Tests set its properties.
+/// A board that answers commands as the firmware does. Tests set its fields.
 pub(crate) struct Board {
     pub(crate) encoder: Encoder,
     pub(crate) commands: Decoder<256>,
@@ -49,13 +49,13 @@ pub(crate) struct Board {
     pub(crate) session_id: u32,
     pub(crate) labels: String,
     pub(crate) hop_steps: u8,
-    /// Electrodes that the board does not measure.
+    /// Electrodes whose signal the board reports as interpolated or zero.
     pub(crate) substitutes: Substitutes,
     pub(crate) code_format: CodeFormat,
-    /// Whether the board's model has a network. Without one, its codes have 0 numbers.
+    /// Whether the board's model has a network. Without one, the board reports codes of 0 numbers.
     pub(crate) has_network: bool,
     pub(crate) code_scale: [f32; NUMBERS],
-    /// Zero points of int8 codes. In the other formats all zero points are 0.
+    /// Zero points of int8 codes. With the other formats, the board reports all of them as 0.
     pub(crate) code_zero_point: [i8; NUMBERS],
     pub(crate) step_rate_hz: u16,
     pub(crate) next_window: u32,
@@ -63,21 +63,21 @@ pub(crate) struct Board {
     pub(crate) chip_uid: [u8; 12],
     /// Device time of the newest code, microseconds.
     pub(crate) now_us: u64,
-    /// Streams that the simulated firmware supports. A `Start` with any other stream is refused as
-    /// `BadArgument`.
+    /// Streams that the simulated firmware supports. The board refuses a `Start` with any other
+    /// stream as `BadArgument`.
     pub(crate) supported: Streams,
-    /// Result in the acknowledgements of self-test, clock query and reset.
+    /// Result in the acknowledgements of the commands for self-test, clock query and reset.
     pub(crate) ack_result: AckResult,
-    /// Result that the board sends directly after a self-test command; with `None` it sends no
-    /// result.
+    /// Self-test result that the board sends at once after a self-test command; with `None` it
+    /// sends no result.
     pub(crate) self_test: Option<SelfTest>,
-    /// Whether the board reboots at once after a reset command.
+    /// Whether the board restarts at once after a reset command.
     pub(crate) restarts_on_reset: bool,
-    /// Rate of the packed code that the host has set: 0 the finest, 15 the coarsest.
+    /// Rate of the packed code that the host has set, 0 (finest) to 15 (coarsest).
     pub(crate) rate: u8,
     /// Streams in the last `Start` that the board received.
     pub(crate) streams: Streams,
-    /// Commands that the board received, with their sequence numbers, oldest first.
+    /// Commands that the board received, oldest first, each with its sequence number.
     pub(crate) received: Vec<(u32, ToDevice)>,
 }
 
@@ -111,7 +111,7 @@ impl Board {
         }
     }
 
-    /// Creates a board whose firmware supports these streams.
+    /// Creates a board that refuses a `Start` with any stream outside `supported`.
     pub(crate) fn supporting(supported: Streams) -> Board {
         Board {
             supported,
@@ -119,7 +119,7 @@ impl Board {
         }
     }
 
-    /// Restarts the board: a new session starts, and all numbers start at 0.
+    /// Restarts the board: it gets a new session id, and all its numbers start at 0 again.
     pub(crate) fn reboot(&mut self) {
         self.encoder = Encoder::default();
         self.session_id += 1;
@@ -184,13 +184,12 @@ impl Board {
         bytes
     }
 
-    /// Handles the commands in `bytes` and returns the answers.
+    /// Handles the commands in `bytes`, and returns the frames that the board answers.
     pub(crate) fn answer(&mut self, mut bytes: &[u8]) -> Vec<u8> {
         let mut answers = Vec::new();
         let mut commands = Vec::new();
         while let Some(outcome) = self.commands.next::<ToDevice>(&mut bytes) {
-            // Before raw mode is set, the terminal echoes the board's answers. Skip whatever does
-            // not decode as a command.
+            // Skip what is no command: a terminal not yet in raw mode echoes the board's answers.
             let Ok(frame) = outcome else { continue };
             commands.push((frame.header.seq, frame.message));
         }
@@ -202,7 +201,7 @@ impl Board {
                 ToDevice::Start(start) if !self.supported.contains(start.streams) => {
                     result = AckResult::BadArgument;
                 }
-                // A `Start` changes nothing while streams are running.
+                // A `Start` changes nothing while the board is streaming.
                 ToDevice::Start(_) if self.streaming => {}
                 ToDevice::Start(start) => {
                     self.next_window = 0;
@@ -240,8 +239,7 @@ impl Board {
         answers
     }
 
-    /// Returns the frame of the next code, with device time `device_us` and `value` in all 128
-    /// places.
+    /// Returns the frame of the next code, made at `device_us`; all its 128 values are `value`.
     pub(crate) fn code(&mut self, device_us: u64, value: i8) -> Vec<u8> {
         self.code_of(
             device_us,
@@ -249,7 +247,7 @@ impl Board {
         )
     }
 
-    /// Returns the frame of the next code, with device time `device_us` and these values.
+    /// Returns the frame of the next code, with `values`, made at the device time `device_us`.
     pub(crate) fn code_of(&mut self, device_us: u64, values: &CodeValues) -> Vec<u8> {
         let window = self.next_window;
         self.now_us = device_us;

@@ -1,5 +1,5 @@
-//! Events that a recording needs: where `rosneuro_recorder` places them, and what they tell about
-//! the data.
+//! Events on the bus: the place in a recording where `rosneuro_recorder` puts them, and what they
+//! state about missing data.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
@@ -21,10 +21,9 @@ const EVENTS: Settings = Settings {
     ..SETTINGS
 };
 
-/// Returns the sample at which a reader of GDF finds an event of this stamp. `rosneuro_recorder`
-/// takes for the time of its first sample the arrival of the first frame minus the frame's
-/// duration; its library rounds the place of an event down and counts from 0, and readers count
-/// from 1.
+/// Returns the sample at which a reader of GDF finds an event with this stamp. `rosneuro_recorder`
+/// assumes that its first sample was taken one frame's duration before the first frame arrived. Its
+/// library rounds the place of an event down and counts from 0, but readers count from 1.
 fn recorded_at(first: &NeuroFrame, first_arrival_us: i64, event_ns: i64) -> f64 {
     let rate = f64::from(first.sr);
     let start_us = first_arrival_us as f64 - f64::from(first.eeg.info.nsamples) / rate * 1e6;
@@ -36,9 +35,8 @@ fn recorded_at(first: &NeuroFrame, first_arrival_us: i64, event_ns: i64) -> f64 
 #[test]
 fn an_event_is_recorded_at_the_sample_that_was_at_the_electrodes() {
     for (announced, expected) in [
-        // The group delay of the simulated board is 10 ms. The first window is at the electrodes
-        // from 0 s on, and the edge at 0.5 s: sample 256 of 512 Hz, and row 8 of 16 codes per
-        // second.
+        // The group delay is 10 ms. The first window begins at the electrodes at 0 s, and the edge
+        // is at 0.5 s: at sample 256 of 512 per second, or at code 8 of 16 per second.
         (AnnouncedStream::Raw, 256.0),
         (AnnouncedStream::Encoded, 8.0),
     ] {
@@ -61,8 +59,8 @@ fn an_event_is_recorded_at_the_sample_that_was_at_the_electrodes() {
                     raw_us.get_or_insert(harness.now_us);
                 }
             }
-            // The window of code n is complete at step 15 + 8 n; its last sample passed the filters
-            // 10 ms before it left them.
+            // The last step of the window of code n is step 15 + 8 n. It leaves the filters 10 ms
+            // after it was at the electrodes.
             let device_us = 10_000 + 117_187 + hop * 62_500;
             harness.now_us = start_us + device_us.cast_signed();
             let code = harness.board.code(device_us, 1);
@@ -94,8 +92,8 @@ fn an_event_is_recorded_at_the_sample_that_was_at_the_electrodes() {
 fn the_shift_of_each_topic_is_in_the_diagnostics() {
     let mut harness = Harness::streaming(EVENTS, Board::new());
     harness.code(1, false);
-    // Window of 16 steps, hop of 8, group delay 10 ms; each frame is 62.5 ms long, and 1.5 samples
-    // are 93.75 ms of codes, 11.7 ms of steps, 2.9 ms of ADC samples.
+    // Window of 16 steps, hop of 8, group delay 10 ms. Each frame is 62.5 ms long. The last number
+    // in a sum is 1.5 samples: 93.75 ms of codes, 11.7 ms of steps, 2.9 ms of ADC samples.
     for (topic, shift_us) in [
         ("encoded", 117_187 + 10_000 - 62_500 + 93_750),
         (
@@ -114,7 +112,7 @@ fn the_shift_of_each_topic_is_in_the_diagnostics() {
     }
 }
 
-/// Returns code, duration and stamp (microseconds since the start) of each event on the bus.
+/// Returns code, duration (seconds) and stamp (microseconds since the start) of each event.
 fn events(harness: &Harness) -> Vec<(i32, f32, i64)> {
     let events = harness.recorder.events.iter();
     let of = |event: &NeuroEvent| {

@@ -12,23 +12,23 @@ use crate::board::{WALL_START_NS, at};
 
 /// Time between codes, microseconds.
 const HOP_US: f64 = 62_500.0;
-/// Time that the host takes to read and handle one code of a backlog, microseconds.
+/// Time that the host takes to read and handle one code when it reads a backlog, microseconds.
 const BACKLOG_READ_US: f64 = 150.0;
 
-/// One run of device and host: drift, reads, stalls of the host, steps of the wall clock.
+/// Conditions of a simulated run: drift, reads, delays, stalls of the host, wall-clock steps.
 struct Run {
-    /// Drift (host seconds per device second minus 1), ppm, at a host time in seconds.
+    /// Drift in ppm (host seconds per device second minus 1), by host time in seconds.
     ppm: fn(f64) -> f64,
-    /// Interval at which the host reads, microseconds; 0 for a read at each arrival.
+    /// Interval at which the host reads, microseconds; with 0 it reads each code when it arrives.
     bunch_us: f64,
-    /// Least time from a code's last sample to its arrival, microseconds.
+    /// Smallest time from a code's last sample to its arrival, microseconds.
     least_delay_us: f64,
-    /// Longest time by which the arrival is later than the least, microseconds. Most arrivals are
-    /// less than a quarter of it later.
+    /// Largest delay of an arrival in excess of `least_delay_us`, microseconds. For most arrivals
+    /// the excess is less than a quarter of it.
     jitter_us: f64,
-    /// Times at which the host stops reading, and at which it continues, seconds.
+    /// Stalls of the host: times at which it stops reading and continues, seconds.
     stalls: &'static [[f64; 2]],
-    /// Sum of all steps of the wall clock until a host time in seconds, nanoseconds.
+    /// Sum of all steps of the wall clock so far, nanoseconds, by host time in seconds.
     wall_step_ns: fn(f64) -> i64,
     seconds: f64,
 }
@@ -44,12 +44,12 @@ const QUIET: Run = Run {
 };
 
 impl Run {
-    /// Returns the host time, seconds, and the error of the stamp, microseconds, of each code after
-    /// the first minute. A stamp is judged right after its code was read, as it is published then.
+    /// Returns host time in seconds and error of the stamp in microseconds, for each code after the
+    /// first minute. The stamp is taken right after its code was read, as when it is published.
     ///
     /// # Panics
     ///
-    /// Panics if a stamp is earlier than the one before.
+    /// Panics if a stamp is not later than the one before.
     fn errors(&self) -> Vec<(f64, f64)> {
         let mut clock = Clock::default();
         let mut state = 5_u32;
@@ -58,7 +58,7 @@ impl Run {
         while sent_us < self.seconds * 1e6 {
             device_us += HOP_US;
             sent_us += HOP_US * (1.0 + (self.ppm)(sent_us / 1e6) * 1e-6);
-            // The noise is uniform in 0..1 (linear congruential generator of Numerical Recipes).
+            // Noise, uniform in 0..1, from the linear congruential generator of Numerical Recipes.
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let noise = f64::from(state >> 8) / f64::from(1 << 24);
             let jitter_us = self.jitter_us * noise.powi(3);
@@ -70,7 +70,7 @@ impl Run {
             let stall = self.stalls.iter().rfind(stalled);
             let free_us = stall.map_or(0.0, |[_, until]| until * 1e6);
             read_us = arrival_us.max(free_us).max(read_us + BACKLOG_READ_US);
-            // The wall clock's steps are applied to what is read after them.
+            // A step of the wall clock shows in all codes that are read after it.
             let step_ns = (self.wall_step_ns)(read_us / 1e6);
             let wall_ns = |us: f64| WALL_START_NS + (us * 1000.0) as i64 + step_ns;
             let read = HostTime {
@@ -89,13 +89,13 @@ impl Run {
         errors
     }
 
-    /// Checks the requirement on all stamps after the first minute.
+    /// Checks that all stamps after the first minute are as exact as required.
     fn check(&self, name: &str) {
         check(name, &self.errors());
     }
 }
 
-/// Checks the requirement on stamps: 99 % are at most 0.5 ms wrong, and all at most 1 ms.
+/// Checks that stamps are exact enough: 99 % of the errors are at most 0.5 ms, all at most 1 ms.
 fn check(name: &str, errors: &[(f64, f64)]) {
     let mut sizes: Vec<f64> = errors.iter().map(|(_, error)| error.abs()).collect();
     sizes.sort_by(f64::total_cmp);
@@ -108,7 +108,7 @@ fn check(name: &str, errors: &[(f64, f64)]) {
 #[test]
 fn a_constant_drift_is_followed_with_reads_at_any_interval() {
     let drifts: [fn(f64) -> f64; 5] = [|_| 100.0, |_| -100.0, |_| 0.0, |_| 40.0, |_| 3.0];
-    // Reads at each arrival, in USB frames of 1 ms, and in bunches of 16 ms.
+    // The host reads at each arrival, in USB frames of 1 ms, or every 16 ms.
     for (bunch_us, jitter_us) in [(0.0, 4_000.0), (1_000.0, 4_000.0), (16_000.0, 0.0)] {
         for ppm in drifts {
             let run = Run {
@@ -176,7 +176,7 @@ fn a_backlog_of_up_to_5_minutes_does_not_move_the_stamps() {
 
 #[test]
 fn a_clock_that_drifted_during_an_hour_of_stall_is_followed_again() {
-    // During the stall the drift differs by 30 ppm from the one before, which adds up to 108 ms.
+    // During the stall of 3,600 s the drift differs by 30 ppm, which adds up to 108 ms.
     let run = Run {
         ppm: |t| {
             if (100.0..3_700.0).contains(&t) {
@@ -208,8 +208,8 @@ fn a_step_of_the_wall_clock_is_followed_without_going_backwards() {
         wall_step_ns: |t| if t < 100.0 { 0 } else { -1_000_000_000 },
         ..QUIET
     };
-    // A backward step of 1 s is corrected at 0.1 s per second within 10 s, except for the last 20
-    // ms: at the slew rate of 600 ppm these take 33 s. Errors count again 45 s after the step.
+    // After a backward step of 1 s, stamps catch up by 0.1 s per second within 10 s, except for the
+    // last 20 ms: at the slew rate of 600 ppm these take 33 s. Check errors again after 45 s.
     let mut errors = backwards.errors();
     errors.retain(|(t, _)| !(100.0..145.0).contains(t));
     check("step backwards", &errors);
@@ -217,7 +217,7 @@ fn a_step_of_the_wall_clock_is_followed_without_going_backwards() {
 
 #[test]
 fn stamps_are_late_by_the_least_delay() {
-    // Each frame takes 3 ms in the encoder and at least 2 ms on the link, so stamps are 5 ms late.
+    // The encoder delays each frame by 3 ms and the link by at least 2 ms, so stamps are 5 ms late.
     let run = Run {
         least_delay_us: 5_000.0,
         ..QUIET
@@ -228,7 +228,7 @@ fn stamps_are_late_by_the_least_delay() {
     }
 }
 
-/// Returns a clock that has observed 10 s of codes, and the host time of the newest code.
+/// Returns a clock that has observed 10 s of codes, and the host time of the newest one.
 fn settled() -> (Clock, i64) {
     let mut clock = Clock::default();
     for code in 1..=160 {
@@ -266,7 +266,7 @@ fn one_impossible_device_time_changes_nothing() {
         assert_eq!(clock.wall_ns(10_000_000), before);
         assert_eq!(clock.refused(), 1);
         assert!(clock.observe(10_125_000, at(now + 125_000)));
-        // The conversion of a refused device time must not overflow.
+        // Converting a refused device time must not overflow.
         clock.wall_ns(i128::from(wrong));
     }
 }
@@ -298,8 +298,8 @@ fn a_step_back_is_counted_and_one_beyond_30_s_is_followed_at_once() {
         assert_eq!((clock.wall_steps(), clock.wall_steps_back()), (1, back));
         let true_ns = at(11_000_000).wall_ns + step_ns;
         let error_ns = clock.wall_ns(11_000_000).unwrap() - true_ns;
-        // After a step of up to 30 s, 0.1 s is corrected in the first second. A longer step is
-        // followed at once.
+        // After a step of up to 30 s, stamps have caught up by 0.1 s in the first second. They
+        // follow a longer step at once.
         let expected = if back == 1 { 0 } else { -step_ns - 100_000_000 };
         assert!((error_ns - expected).abs() < 1000, "{step_s} s: {error_ns}");
     }

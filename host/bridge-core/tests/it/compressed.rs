@@ -1,4 +1,4 @@
-//! Compressed ADC samples yield the frames that the samples themselves yield.
+//! Compressed ADC samples must yield the same frames as samples sent plain.
 
 use bridge_core::Settings;
 use link::{BlockForm, CompressedRaw, Flags, Streams, ToHost};
@@ -12,7 +12,7 @@ const COMPRESSED: Settings = Settings {
     ..SETTINGS
 };
 
-/// A device that compresses its samples.
+/// A device that sends its ADC samples compressed.
 struct Device {
     encoder: Encoder,
     state: EncoderState<64>,
@@ -26,13 +26,13 @@ impl Device {
         }
     }
 
-    /// Compresses eight samples from sample `first` on, and delivers them to the bridge unless they
-    /// are `lost`. Returns the form of their block.
+    /// Compresses eight samples, starting with sample `first`, and delivers their block to the
+    /// bridge unless it is `lost`. Returns the form of the block.
     fn send(&mut self, harness: &mut Harness, first: u64, lost: bool) -> BlockForm {
         self.send_as(harness, first, first, lost)
     }
 
-    /// As [`Self::send`], but with the values of the samples from sample `origin` on.
+    /// Does the same as [`Self::send`], but the samples have the values of those from `origin` on.
     fn send_as(&mut self, harness: &mut Harness, origin: u64, first: u64, lost: bool) -> BlockForm {
         let counts = counts(origin, 8, 64);
         let counts: Vec<Count> = counts.as_chunks().0.to_vec();
@@ -61,7 +61,7 @@ impl Device {
     }
 }
 
-/// Checks values of the status "loss".
+/// Checks that the status "loss" contains each key with its value.
 #[track_caller]
 fn assert_loss<const N: usize>(harness: &mut Harness, expected: [(&str, &str); N]) {
     for (key, value) in expected {
@@ -100,7 +100,7 @@ fn after_a_lost_block_fillers_replace_what_cannot_be_decoded_up_to_the_next_key_
             ("raw samples undecodable", "88"),
         ],
     );
-    // Samples 160 to 255 are fillers: the lost block, and the 11 blocks that continue from it.
+    // Fillers replace samples 160 to 255: the lost block, and the 11 blocks that continue from it.
     for (index, is_filler) in fillers(&harness.recorder.raw).into_iter().enumerate() {
         assert_eq!(is_filler, (160..256).contains(&index), "sample {index}");
     }
@@ -142,8 +142,8 @@ fn a_block_of_another_run_is_not_decoded_with_the_past_of_this_one() {
     let mut harness = harness(COMPRESSED);
     let mut device = Device::new();
     device.send(&mut harness, 0, false);
-    // The first block after a restart is lost. By its index, the second one would continue from the
-    // last block of the previous run.
+    // The first block after a restart is lost. By its index, the second one seems to continue from
+    // the last block of the previous run.
     let mut restarted = Device::new();
     restarted.send(&mut harness, 1_600, true);
     let block = restarted.send_as(&mut harness, 1_608, 8, false);

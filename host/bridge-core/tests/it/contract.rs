@@ -1,4 +1,4 @@
-//! Contents of frames on `/encoded` and of the announcement.
+//! Contents of the frames on `/encoded` and of the answer to `/acquisition/get_info`.
 
 use bridge_core::{AnnouncedStream, Settings, StampPoint, TRI_LABELS};
 use link::{Streams, Substitutes, ToDevice};
@@ -28,7 +28,7 @@ fn encoded_frames_have_the_fields_that_ros_neuro_expects() {
     );
     assert_eq!(info.isint, 0);
     assert!(!info.unit.is_empty());
-    // Range of (level - 1) * 0.5 for int8 levels from -128 to 127.
+    // The range of (level - 1) * 0.5, for int8 levels from -128 to 127.
     assert_eq!(info.minmax, [-64.5, 63.0]);
     assert_eq!(frame.eeg.data, [-64.5; 128]);
     assert_eq!(frame.exg.info.nchannels, 0);
@@ -78,11 +78,11 @@ fn electrodes_that_were_not_recorded_are_named_until_another_device_answers() {
 
 #[test]
 fn stamps_refer_to_the_chosen_point_of_the_frame() {
-    // Device clock and host clock are equal. The code is made and read at device time 1.0625 s.
+    // Device clock and host clock show the same time. The code is made and read at 1.0625 s.
     let made_ns = WALL_START_NS + 1_062_500_000;
     for (stamp, expected) in [
-        // The window's first step is 15 steps of 7.8125 ms before its last step (117,187 us,
-        // rounded down). The filter delay is 10 ms.
+        // The first step of the window is 15 steps of 7.8125 ms before its last step: 117,187 us,
+        // rounded down. The filters delay by 10 ms.
         (StampPoint::First, made_ns - 117_187_000 - 10_000_000),
         (StampPoint::Last, made_ns - 10_000_000),
         (StampPoint::Arrival, made_ns),

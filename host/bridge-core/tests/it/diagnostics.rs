@@ -1,5 +1,5 @@
-//! The statuses `converters`, `signal quality` and `timing` of `/diagnostics`, and the worst stage in
-//! the summary.
+//! The statuses `converters`, `signal quality` and `timing` of `/diagnostics`, and the worst stage
+//! in the summary.
 
 use link::{Converters, ElectrodeQuality, Quality, Stage, StageTiming, Timing, ToHost};
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
@@ -7,7 +7,8 @@ use neuro_ros::{DiagnosticLevel, DiagnosticStatus};
 use crate::board::{Board, electrode};
 use crate::recorder::{Harness, SETTINGS, state, value};
 
-/// Sends a report about two chips without faults, as modified by `change`, and returns the status.
+/// Sends a report about two chips without faults, modified by `change`, and returns the status
+/// `converters` that results.
 fn report_status(harness: &mut Harness, change: impl FnOnce(&mut Converters)) -> DiagnosticStatus {
     let mut converters = Converters {
         fault: heapless::String::new(),
@@ -41,14 +42,14 @@ fn bad_frames_are_a_warning_that_names_the_chip_until_there_are_no_new_ones() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     let mut bad =
         |count| report_status(&mut harness, |converters| converters.frames_bad[1] = count);
-    // Bad frames that the first report contains already are not reported as new.
+    // Bad frames that the first report already contains do not count as new.
     assert_eq!(bad(2).level, DiagnosticLevel::Ok);
     let status = bad(5);
     let message = "frames bad since the last report: chip 1 (3)";
     assert_eq!(state(&status), (DiagnosticLevel::Warn, message));
     assert_eq!(bad(5).level, DiagnosticLevel::Ok);
     assert!(bad(10).message.ends_with("chip 1 (5)"));
-    // Without a new message, the next report does not repeat the warning.
+    // Without a new message from the device, the warning is not repeated.
     let status = harness.status("converters").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Ok);
 }
@@ -94,7 +95,7 @@ const GOOD: ElectrodeQuality = ElectrodeQuality {
     flat: false,
 };
 
-/// Returns a report about 61 good electrodes, as modified by `change`.
+/// Returns a signal-quality report about 61 good electrodes, modified by `change`.
 fn quality(change: impl FnOnce(&mut Quality)) -> ToHost<'static> {
     let mut quality = Quality {
         first_sample: 5120,
@@ -176,7 +177,7 @@ const ACQUIRE: StageTiming = StageTiming {
     histogram: [512, 0, 0, 0, 0, 0, 0, 0, 0],
 };
 
-/// A stage that exactly meets its deadline, and is closer to it than `ACQUIRE`.
+/// A stage whose worst time equals its deadline, so it is closer to it than `ACQUIRE` is.
 const CODE: StageTiming = StageTiming {
     stage: Stage::Code,
     deadline_ns: 7_812_500,
@@ -184,8 +185,8 @@ const CODE: StageTiming = StageTiming {
     histogram: [0, 9, 0, 0, 0, 0, 0, 1, 0],
 };
 
-/// Returns a report about two stages that met their deadlines and a stack of which 3/4 was used, the
-/// most that is no warning. `change` modifies the report.
+/// Returns a timing report about two stages that met their deadlines and a stack of which 3/4 was
+/// used, the most that causes no warning. `change` modifies the report.
 fn timing(change: impl FnOnce(&mut Timing)) -> ToHost<'static> {
     let mut timing = Timing {
         stages: [ACQUIRE, CODE].into_iter().collect(),

@@ -1,4 +1,5 @@
-//! Edges of the trigger input: events on `/events/bus`, and the trigger level of every sample.
+//! Edges of the trigger input: they become events on `/events/bus`, and set the trigger level of
+//! every sample.
 
 use bridge_core::Settings;
 use link::{Event, EventKind, Flags, Raw, Streams, ToHost};
@@ -24,7 +25,7 @@ fn event(kind: EventKind, number: u32, sample: u64) -> ToHost<'static> {
 fn an_edge_becomes_an_event_at_its_own_time() {
     let mut harness = Harness::streaming(EVENTS, Board::new());
     harness.code(1, false);
-    // The edge happens 10 ms after a code, and its event is read 20 ms after the edge.
+    // The edge happens 10 ms after a code, and the bridge reads its event 20 ms after the edge.
     let happened = harness.now_us.unsigned_abs() + 10_123;
     harness.now_us += 30_000;
     harness.send(happened, &event(EventKind::TriggerRise, 7, 40));
@@ -32,8 +33,8 @@ fn an_edge_becomes_an_event_at_its_own_time() {
     let [rise, fall] = &harness.recorder.events[..] else {
         panic!("{:?}", harness.recorder.events)
     };
-    // A rising edge has the first user code of GDF's event table, 1. A falling edge has the same
-    // code with the bit that marks the end of an event, 0x8000.
+    // A rising edge has the code 1, the first user code in GDF's event table. A falling edge has
+    // the same code with the bit 0x8000, which marks the end of an event.
     assert_eq!((rise.event, fall.event), (1, 0x8001));
     assert_eq!(
         (&*rise.description, &*fall.description),
@@ -65,9 +66,9 @@ fn lost_events_are_counted_and_reported_once() {
         )
     );
     assert_eq!(harness.status("loss").unwrap().level, DiagnosticLevel::Ok);
-    // Three edges, and one event for those that were lost.
+    // Three events are edges, and one states that edges were lost.
     assert_eq!(harness.recorder.events.len(), 4);
-    // Neither a replayed event nor an event kind of a later release is published.
+    // Neither a replay nor an event of a kind from a later release is published.
     harness.send(now, &event(EventKind::TriggerRise, 4, 0));
     harness.send(now, &event(EventKind::Newer(9), 5, 0));
     assert_eq!(harness.recorder.events.len(), 4);
@@ -96,8 +97,8 @@ fn every_sample_and_code_carries_the_trigger_level() {
     let levels: Vec<i32> = words.map(|words| words[7]).collect();
     assert_eq!(levels[..10], [0; 10]);
     assert_eq!(levels[10..], [1; 22]);
-    // Window 0 ends at ADC sample 60, when the trigger is high; window 1 at sample 92, after the
-    // falling edge.
+    // Window 0 ends at ADC sample 60, while the trigger is high; window 1 ends at sample 92, after
+    // the falling edge.
     harness.code(1, false);
     harness.code(1, false);
     let level = |frame: usize| harness.recorder.encoded[frame].tri.data[7];
@@ -122,8 +123,8 @@ fn events_before_an_introduction_are_not_published() {
     assert!(harness.recorder.events.is_empty());
 }
 
-/// Returns the numbers of lost events (`events lost`) and of replays (`events behind others`) in
-/// `/diagnostics`.
+/// Returns the numbers of lost events (`events lost`) and of replayed events (`events behind
+/// others`) in `/diagnostics`.
 fn figures(harness: &mut Harness) -> [String; 2] {
     ["events lost", "events behind others"].map(|key| harness.figure("loss", key))
 }
@@ -144,12 +145,12 @@ fn event_numbers_that_advance_while_stopped_or_restart_with_a_boot_are_no_loss()
     rise(&mut harness, 3);
     assert_eq!(harness.recorder.events.len(), 3);
     assert_eq!(figures(&mut harness), ["0", "0"]);
-    // The port is closed and reopened while the device keeps streaming. Events 4 and 5 are lost.
+    // The port is closed and opened again while the device streams on. Events 4 and 5 are lost.
     harness.core.disconnected();
     harness.connect();
     rise(&mut harness, 6);
     rise(&mut harness, 6);
-    // Four edges, and one event for those that were lost.
+    // Four events are edges, and one states that edges were lost.
     assert_eq!(harness.recorder.events.len(), 5);
     assert_eq!(figures(&mut harness), ["2", "1"]);
 }

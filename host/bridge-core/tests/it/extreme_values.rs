@@ -1,4 +1,4 @@
-//! Valid frames with extreme numbers, which no working device sends.
+//! Valid frames whose fields hold extreme numbers, as no working device sends them.
 
 use bridge_core::{AuditedWindow, Core, Effects, FillerPolicy};
 use link::{
@@ -10,7 +10,7 @@ use neuro_ros::{NeuroEvent, NeuroFrame};
 use crate::board::{Board, at, model};
 use crate::recorder::SETTINGS;
 
-/// Collects the bytes for the device, and counts published frames and events.
+/// Keeps the bytes for the device, and counts published frames and events.
 #[derive(Default)]
 struct Counter {
     sent: Vec<u8>,
@@ -44,7 +44,7 @@ impl Effects for Counter {
     }
 }
 
-/// Numbers for all fields: limits of the integer types, numbers near a wrap, and some in between.
+/// Numbers to try in every field: limits of integer types, numbers near a wrap, and some between.
 const NUMBERS: [u64; 10] = [
     0,
     1,

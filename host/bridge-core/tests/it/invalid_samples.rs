@@ -1,4 +1,4 @@
-//! Samples that do not match the device's capabilities, that restart, or that were not requested.
+//! Samples that do not match the device's capabilities, restart, or were not requested.
 
 use link::{Filtered, Flags, Raw, ToHost};
 
@@ -51,7 +51,7 @@ fn samples_that_do_not_match_the_device_are_counted_and_not_published() {
         assert_eq!(harness.figure("loss", key), expected, "{key}");
     }
     assert!(harness.recorder.raw.is_empty());
-    // The device's codes are still accepted after its invalid samples.
+    // After its invalid samples, the device's codes are still accepted.
     harness.code(1, false);
     assert_eq!(harness.core.summary().received, 2);
 }
@@ -86,8 +86,7 @@ fn stamps_that_were_moved_forwards_are_counted() {
     for first in (0..32).step_by(8) {
         send_samples(&mut harness, first, Flags::empty());
     }
-    // The next samples carry device time 1 s, although the previous samples carry times from 2 s
-    // on.
+    // These samples carry the device time 1 s, although those before them carry times from 2 s on.
     for first in (32..64).step_by(8) {
         send_samples_at(&mut harness, 1_000_000, first, Flags::empty());
     }

@@ -1,4 +1,4 @@
-//! Lost codes are counted exactly, filled and flagged.
+//! Lost codes must be counted exactly, replaced by fillers and flagged.
 
 use bridge_core::{FillerPolicy, Settings};
 use link::{Encoder, Streams};
@@ -30,8 +30,7 @@ proptest! {
         prop_assert_eq!(summary.received + summary.lost, summary.made);
         prop_assert_eq!((summary.fillers, summary.frames_lost), (lost, lost));
         assert_evenly_spaced(&harness.recorder.encoded);
-        // Every frame, fillers included, carries its window index, its device time and the number
-        // of codes lost so far.
+        // Every frame, also a filler, has the window index, the device time and the losses so far.
         for (frame, index) in harness.recorder.encoded.iter().zip(0..) {
             prop_assert_eq!(frame.tri.data[1], index);
             let device_us = 1_000_000 + 62_500 * (i64::from(index) + 1);
@@ -88,8 +87,8 @@ fn fillers_repeat_the_last_code_are_zeros_or_are_not_published() {
         let values: Vec<f32> = encoded.map(|frame| frame.eeg.data[127]).collect();
         assert_eq!(values, expected, "{filler:?}");
         assert_eq!(harness.core.summary().lost, 2);
-        // The decoder also gets a placeholder for every lost code, because it must average only
-        // windows of consecutive codes.
+        // The decoder gets a placeholder for every lost code too, because it must average only
+        // consecutive windows.
         let windows = harness.recorder.windows.iter();
         let known: Vec<bool> = windows.map(|window| window.z.is_some()).collect();
         assert_eq!(known, [true, false, false, true]);

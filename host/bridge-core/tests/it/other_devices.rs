@@ -1,4 +1,5 @@
-//! Devices with another model, shape or code format than announced, newer devices, and noise.
+//! Devices whose model, shape or code format differs from the announced device's, newer devices,
+//! and noise on the line.
 
 use link::{AckResult, CodeFormat, CodeValues, ToHost};
 
@@ -40,7 +41,7 @@ fn a_device_of_another_shape_is_refused_until_the_first_one_returns() {
     harness.board = right;
     harness.connect();
     harness.code(1, false);
-    // The code of the refused device has a filler in its place.
+    // A filler takes the place of the refused device's code.
     assert_eq!(harness.fillers(), [false, true, false]);
     assert_has(&harness.report("device"), ["streaming"]);
 }
@@ -112,8 +113,8 @@ fn connected(code_format: CodeFormat) -> Harness {
     Harness::connected(SETTINGS, board)
 }
 
-/// Sends a code from a board whose code scale is 0.5. Returns the value that all places of the
-/// frame on `/encoded` have, and the announced range.
+/// Sends a code from a board whose code scale is 0.5. Returns the value in the frame on `/encoded`,
+/// which all places share, and the announced range.
 fn published(values: &CodeValues) -> (f32, Vec<f64>) {
     let mut harness = connected(values.format());
     harness.code_of(values);
@@ -165,7 +166,7 @@ fn a_device_with_a_newer_code_format_is_refused_with_advice() {
     assert_has(&harness.report("device"), ["number 3", "same release"]);
 }
 
-/// Messages of a later release, which has one kind more than this release.
+/// Messages of a simulated later release, which has one kind of message more than this release.
 #[derive(serde::Serialize, serde::Deserialize)]
 enum LaterToHost {
     Hello,

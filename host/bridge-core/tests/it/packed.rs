@@ -1,4 +1,4 @@
-//! Packed blocks: commands for them, their reconstruction, losses and the report about them.
+//! Packed blocks: the commands for them, their decoding, their loss and the status about them.
 
 use std::sync::Arc;
 
@@ -26,8 +26,8 @@ fn with_low_latency_each_block_yields_its_signals_at_once() {
     assert_eq!(frames[0].eeg.info.transducter, "packed code");
     for (index, frame) in (0..).zip(&frames) {
         assert_eq!(frame.neuroheader.seq, index + 1);
-        // Stamps follow each other by a hop. A stamp is that of the frame's first step, which was at
-        // the electrodes 7 steps and the filters' delay before its last step left the filters.
+        // Stamps are one hop apart. A stamp is the time at which the frame's first step was at the
+        // electrodes: 7 steps before its last step, which left the filters 10 ms late.
         let stamp_us = frame.header.stamp.nanoseconds() / 1000;
         let last_step_us = 1_000_000 + 62_500 * (i64::from(index) + 1);
         let expected_us = at(last_step_us - 7 * 7_812 - 4 - 10_000).wall_ns / 1000;
@@ -51,7 +51,7 @@ fn otherwise_a_block_yields_the_frame_before_it_with_its_correction() {
     let (plain, smoothed) = decode((0..70).map(Some));
     assert_eq!(frames.len(), 69, "the newest block waits");
     for (index, frame) in frames.iter().enumerate() {
-        // A block without prediction corrects nothing.
+        // A block without prediction does not correct the block before it.
         let expected = smoothed[index + 1].as_ref().unwrap_or(&plain[index]);
         assert_eq!(&frame.eeg.data, expected, "block {index}");
         assert_eq!(smoothed[index + 1].is_none(), index == 63);
@@ -88,7 +88,7 @@ fn a_lost_block_is_predicted_and_flagged_until_the_state_has_healed() {
         (80, 76, 4, 4)
     );
     assert_eq!(summary.frames_lost, 4);
-    // The policy selects the values of lost blocks' frames, and does not affect later frames.
+    // The filler policy decides the values in frames of lost blocks, not in later frames.
     for (filler, due) in [(FillerPolicy::Zeros, 80), (FillerPolicy::Off, 76)] {
         let settings = Settings { filler, ..PACKED };
         let mut other = Packed::new(settings);
@@ -115,7 +115,7 @@ fn a_restarted_device_continues_the_frames_with_fillers_between() {
     assert_eq!(frames.len(), 14);
     let are_fillers = flags(&frames)[5..9].iter().all(|flags| flags & 0x8000 != 0);
     assert!(are_fillers);
-    // The first block of a run needs no prediction, so nothing has to heal.
+    // The first block of a run has no prediction, so the decoder's state is correct at once.
     let (run, _) = decode((0..5).map(Some));
     assert_eq!(frames[9].eeg.data, run[0]);
     assert!(flags(&frames)[9..].iter().all(|flags| *flags == 0));
@@ -152,7 +152,7 @@ fn codes_beside_blocks_are_published_and_not_decoded() {
     let recorder = &device.harness.recorder;
     assert_eq!(recorder.encoded.len(), 4);
     assert_eq!((recorder.windows.len(), recorder.blocks.len()), (0, 4));
-    // The blocks before the first code have their own times too.
+    // Each block has its own device time, also the first one, before any code.
     for (block, device_us) in recorder.blocks.iter().zip((1_062_500..).step_by(62_500)) {
         assert_eq!(block.words.device_time_us, device_us);
     }
@@ -190,7 +190,7 @@ fn the_report_states_rate_bits_and_what_does_not_fit_the_model() {
     let status = device.harness.status("packed code").unwrap();
     assert!(status.message.starts_with("1 of 1 blocks were too long"));
 
-    // The stream has rate 4; the device quantised a block at rate 7.
+    // The stream has rate 4, but the device quantised this block at rate 7.
     device.flags = Flags::empty();
     let coarser = coarser_block(device.next, 0, [4, 7]);
     device.send_bytes(&coarser, false);
@@ -198,7 +198,7 @@ fn the_report_states_rate_bits_and_what_does_not_fit_the_model() {
     assert_has(&status.message, ["1 of 1 blocks too long and coarser"]);
     assert_eq!(value(&status, "too long, coarser"), "1");
 
-    // The head names a rate that does not exist in this release.
+    // Rate 16 does not exist in this release, so the block cannot be decoded.
     device.flags = Flags::empty();
     device.rate = 16;
     device.send_bytes(&[1, 2, 3], false);
@@ -221,12 +221,13 @@ fn a_device_of_another_model_is_counted_and_not_decoded() {
     assert!(!message.contains("codes are"), "{message}");
 }
 
-/// Returns a window with these signals, microvolts in the order step, electrode, rounded to int8.
+/// Returns an audited window with index `window` and `signals`, rounded to int8. `signals` are in
+/// microvolts, all electrodes of one step after those of the step before.
 pub(crate) fn window(device: &Packed, window: u32, signals: &[f32]) -> AuditedWindow {
     let model = model();
     let electrodes = model.electrodes().len();
     let (_, level_uv) = model.electrodes_uv(&[]);
-    // The cell of an electrode is the one that changes its signal.
+    // Find the cell of each electrode: setting it changes the electrode's signal.
     let cells = model.window_cells() / 16;
     let mut planes = vec![0_i8; model.window_cells()];
     for cell in 0..cells {
@@ -265,7 +266,7 @@ fn an_audit_measures_the_error_of_the_blocks_in_its_window() {
     let frames: Vec<Vec<f32>> = blocks
         .map(|block| decoder.next_frame(block).unwrap().eeg.data.clone())
         .collect();
-    // The measured signal differs from the blocks by 6 uV, with either sign.
+    // The measured signals differ from those of the blocks by 6 uV, alternately up and down.
     let measured = |first: usize| -> Vec<f32> {
         let signals = frames[first..first + 2].concat();
         let signs = [6.0, -6.0].into_iter().cycle();
@@ -278,16 +279,16 @@ fn an_audit_measures_the_error_of_the_blocks_in_its_window() {
     let error = window(&device, 2, &measured(2)).compare_packed(&model(), &decoder);
     let error = error.expect("both blocks came");
     assert!((error.rms_uv - 6.0).abs() < 0.1, "{error:?}");
-    // A device without the network sends no code to compare.
+    // A device without the network sends no code that could be compared.
     let without_code = window(&device, 2, &measured(2));
     assert_eq!(without_code.compare(&model()), None);
     let of_variance = (error.rms_uv / model().sd_uv()).powi(2);
     assert!((error.of_variance / of_variance - 1.0).abs() < 1e-6);
-    // Without a difference, the rounding to int8 alone is no error.
+    // For equal signals, the rounding of the window to int8 does not count as an error.
     let exact = window(&device, 2, &frames[2..4].concat());
     let exact = exact.compare_packed(&model(), &decoder).unwrap();
     assert!(exact.rms_uv < 0.5, "{exact:?}");
-    // A block is lost; one is too new; an input is at the rail.
+    // Nothing is compared if a block is lost (5), not yet received (8), or an input is at the rail.
     for first in [4, 7] {
         let window = window(&device, first, &measured(2));
         assert_eq!(window.compare_packed(&model(), &decoder), None);
@@ -316,7 +317,7 @@ fn the_rate_is_set_before_the_start_and_while_blocks_arrive() {
     device.harness.exchange();
     assert_eq!(device.harness.board.rate, 2);
     assert_eq!(commands(&device.harness).last(), Some(&"set rate"));
-    // A device that is asked for no packed blocks is sent no rate.
+    // A device that is not asked for packed blocks gets no command that sets their rate.
     let codes = Settings {
         streams: Streams::CODES,
         ..asked

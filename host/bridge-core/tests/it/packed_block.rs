@@ -1,18 +1,18 @@
-//! Blocks of the built-in model's packed code.
+//! Makes blocks of the embedded model's packed code.
 
 use packed::{Context, Header, Magnitude, Rate, Tables};
 
 use crate::board::model;
 
-/// Blocks from one without prediction to the next.
+/// Number of blocks from one block without prediction to the next such block.
 const RESET_BLOCKS: u32 = 64;
 
-/// Returns block `index` of a run: pseudo-random magnitudes, which depend on `seed`.
+/// Returns block `index` of a run, with pseudo-random magnitudes that depend on `seed`.
 pub(crate) fn block(index: u32, seed: u32, rate: u8) -> Vec<u8> {
     coarser_block(index, seed, [rate, rate])
 }
 
-/// Returns a block as [`block`] does, in a stream of rate `announced`, at another `rate`.
+/// Returns a block as [`block`] does, but quantised at `rate` in a stream of the rate `announced`.
 pub(crate) fn coarser_block(index: u32, seed: u32, [announced, rate]: [u8; 2]) -> Vec<u8> {
     let model = model();
     let packed = model.packed().unwrap();

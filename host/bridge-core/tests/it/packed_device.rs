@@ -1,4 +1,4 @@
-//! A device that streams packed blocks with the built-in model.
+//! A simulated device that streams packed blocks of the embedded model.
 
 use artifact::reconstruction::PackedDecoder;
 use bridge_core::{AnnouncedStream, PackedReconstruction, Settings};
@@ -10,7 +10,7 @@ use crate::board::{Board, model};
 use crate::packed_block::block;
 use crate::recorder::{Harness, Recorder, SETTINGS};
 
-/// Settings of a bridge that reconstructs from packed blocks and asks for nothing else.
+/// Settings of a bridge that asks for packed blocks alone and decodes signals from them.
 pub(crate) const PACKED: Settings = Settings {
     streams: Streams::PACKED,
     announced: AnnouncedStream::Reconstructed,
@@ -18,7 +18,7 @@ pub(crate) const PACKED: Settings = Settings {
     ..SETTINGS
 };
 
-/// Returns the frames that the bridge's decoder makes of the blocks that the core has passed to it.
+/// Returns the frames that the decoder makes from the blocks that the core passed to `recorder`.
 pub(crate) fn frames(recorder: &Recorder, settings: Settings) -> Vec<NeuroFrame> {
     let announced = &recorder.announced[0].device;
     let mut decoder = PackedReconstruction::new(announced, &model(), settings).unwrap();
@@ -33,16 +33,16 @@ pub(crate) fn frames(recorder: &Recorder, settings: Settings) -> Vec<NeuroFrame>
     frames
 }
 
-/// Returns the flags of frames.
+/// Returns the flags of each frame's first step.
 pub(crate) fn flags(frames: &[NeuroFrame]) -> Vec<u16> {
     let words = frames.iter().map(|frame| frame.tri.data[0]);
     words.map(|word| u16::try_from(word).unwrap()).collect()
 }
 
-/// Signals of blocks at once, and of the block before each one, corrected by it.
+/// For each block of a run: its own signals, and the block before's signals, corrected by it.
 type Decoded = (Vec<Vec<f32>>, Vec<Option<Vec<f32>>>);
 
-/// Decodes the blocks `received` of a run as the library does: `None` for a lost one.
+/// Decodes blocks of a run with the library. `received` gives their indices; `None` is a lost one.
 pub(crate) fn decode(received: impl Iterator<Item = Option<u32>>) -> Decoded {
     let mut decoder = PackedDecoder::new(model().packed().unwrap());
     let rate = Rate::new(4).unwrap();
@@ -57,10 +57,10 @@ pub(crate) fn decode(received: impl Iterator<Item = Option<u32>>) -> Decoded {
         .unzip()
 }
 
-/// A bridge, and a device that streams packed blocks to it.
+/// A bridge, and a simulated device that streams packed blocks to it.
 pub(crate) struct Packed {
     pub(crate) harness: Harness,
-    /// Index of the next block.
+    /// Index of the block that the device makes next.
     pub(crate) next: u32,
     pub(crate) rate: u8,
     pub(crate) flags: Flags,
@@ -71,7 +71,7 @@ impl Packed {
         Packed::of(Harness::connected(settings, Board::new()))
     }
 
-    /// Creates a device whose next block is the first of a run.
+    /// Creates a device on the board of `harness`. Its next block is the first of a run.
     pub(crate) fn of(harness: Harness) -> Packed {
         Packed {
             harness,
@@ -81,20 +81,20 @@ impl Packed {
         }
     }
 
-    /// Advances time by one hop, in which the device makes the next block. It reaches the bridge
-    /// unless `lost`.
+    /// Advances time by one hop, in which the device makes its next block. The block reaches the
+    /// bridge unless it is `lost`.
     pub(crate) fn send(&mut self, lost: bool) {
         let bytes = block(self.next, 0, self.rate);
         self.send_bytes(&bytes, lost);
     }
 
-    /// Advances time by `count` hops as [`Self::send`] does.
+    /// Sends `count` blocks, one per hop. If `lost`, none of them reaches the bridge.
     pub(crate) fn send_all(&mut self, count: u32, lost: bool) {
         (0..count).for_each(|_| self.send(lost));
     }
 
-    /// Advances time by one hop, in which the device makes a block with these bytes. It reaches the
-    /// bridge unless `lost`.
+    /// Advances time by one hop, in which the device makes a block with these `bytes`. The block
+    /// reaches the bridge unless it is `lost`.
     pub(crate) fn send_bytes(&mut self, bytes: &[u8], lost: bool) {
         self.harness.now_us += 62_500;
         let us = self.harness.now_us.unsigned_abs();

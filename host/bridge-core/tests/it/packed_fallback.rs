@@ -1,5 +1,5 @@
-//! Devices that refuse packed blocks or codes: what is announced, streamed and reconstructed
-//! instead.
+//! Devices that refuse packed blocks or codes: what the bridge announces, streams and decodes in
+//! their place.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -15,11 +15,11 @@ use crate::board::{Board, WALL_START_NS, assert_has};
 use crate::packed_device::{PACKED, Packed, flags, frames};
 use crate::recorder::{Harness, SETTINGS};
 
-/// Streams of an image without the packed code.
+/// Streams of a firmware image that has the network but not the packed code.
 const NETWORK: Streams = Streams::ALL.without(Streams::PACKED);
 
-/// Returns a bridge that wants packed blocks and events, and a board with `supported` streams and a
-/// hop of 4 steps.
+/// Returns a bridge that wants packed blocks and events, with a board that has the `supported`
+/// streams and a hop of 4 steps.
 fn harness(supported: Streams, low_latency: bool) -> Harness {
     let settings = Settings {
         streams: Streams::PACKED | Streams::EVENTS,
@@ -35,7 +35,7 @@ fn harness(supported: Streams, low_latency: bool) -> Harness {
     Harness::connected(settings, board)
 }
 
-/// Returns where the recorder's signals come from, by the answer to `/acquisition/get_info`.
+/// Returns from what the announced signals are decoded, as `/acquisition/get_info` states it.
 fn origin(announced: &Announcement) -> &str {
     let info = announced.info.as_ref().unwrap();
     &info.frame().eeg.info.transducter
@@ -47,7 +47,7 @@ fn codes_in_the_place_of_blocks_are_announced_and_decoded() {
     assert_eq!(origins(&harness), ["packed code", "autoencoder"]);
     harness.code(1, false);
     assert_eq!(harness.recorder.windows.len(), 1);
-    // The same device with an image that has the packed code.
+    // Now the same device runs an image that has the packed code.
     restart_with(&mut harness, Streams::ALL);
     assert_eq!(origins(&harness)[2..], ["packed code"]);
     let mut device = Packed::of(harness);
@@ -63,11 +63,12 @@ fn a_device_that_streams_what_it_is_asked_for_is_announced_once() {
 
 #[test]
 fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
-    // Four steps are 31.25 ms, a window of sixteen 125 ms; frames of four steps, group delay 10 ms,
-    // 1.5 steps.
+    // The part of the shift that does not depend on the stream: group delay 10 ms, less a frame of
+    // four steps (31.25 ms), plus 1.5 steps.
     let rest_us = 10_000 - 31_250 + 11_718;
     for (supported, low_latency, steps_us) in [
-        // The window that a hop begins is complete 15 steps later; the next block 7 steps later.
+        // A frame is complete 15 steps after its first step if it is decoded from codes, and 7
+        // steps after it if it is decoded from blocks; with low latency, 3 steps after it.
         (NETWORK, false, 117_187),
         (Streams::ALL, false, 54_687),
         (NETWORK, true, 23_437),
@@ -96,8 +97,8 @@ fn events_are_shifted_by_the_delay_of_the_stream_that_is_decoded() {
     }
 }
 
-/// Restarts the board with another image, which supports these streams. The restart takes one hop,
-/// because the first window of a run is complete after two hops.
+/// Restarts the board with another image, which supports the `supported` streams. The restart takes
+/// one hop. With the hop of the first code this makes the two hops of a run's first window.
 fn restart_with(harness: &mut Harness, supported: Streams) {
     harness.board.supported = supported;
     harness.reboot(62_500);
@@ -112,7 +113,7 @@ fn the_time_in_which_codes_were_decoded_is_not_filled_when_packed_blocks_return(
     let mut device = Packed::new(settings);
     device.send_all(5, false);
     restart_with(&mut device.harness, NETWORK);
-    // The last block's frame comes before those of codes.
+    // The frame of the last block is published before the first frame of a code.
     assert_eq!(device.harness.recorder.finished, [5]);
     device.harness.codes(160, 1);
     restart_with(&mut device.harness, Streams::ALL);
@@ -138,13 +139,13 @@ fn the_time_in_which_packed_blocks_were_decoded_is_filled_among_codes_alone() {
     };
     let mut harness = Harness::connected(settings, Board::supporting(NETWORK));
     harness.codes(5, 1);
-    // The image without the network.
+    // Now the device runs an image without the network.
     restart_with(&mut harness, Streams::PACKED);
     let mut device = Packed::of(harness);
     device.send_all(20, false);
     let mut harness = device.harness;
     restart_with(&mut harness, NETWORK);
-    // A code of the new run is lost.
+    // The first code of the new run is lost.
     harness.code(1, true);
     harness.codes(5, 1);
     let fillers = [&[false; 5][..], &[true; 23], &[false; 5]].concat();
@@ -168,7 +169,7 @@ fn signals_are_decoded_although_the_acknowledgement_of_the_start_was_lost() {
     assert_eq!(origins(&harness), ["packed code", "autoencoder"]);
     let recorder = &harness.recorder;
     assert_eq!((recorder.encoded.len(), recorder.windows.len()), (6, 6));
-    // The same after a restart with the packed code.
+    // Now the same happens after a restart with an image that has the packed code.
     harness.board.reboot();
     harness.board.supported = Streams::ALL;
     let hello = harness.board.hello();
@@ -195,10 +196,10 @@ fn codes_that_a_device_refuses_are_not_described_until_it_streams_them() {
     }
 }
 
-/// Streams of a device whose model has no network.
+/// Streams of a device whose model has no network, so no codes.
 const SUPPORTED: Streams = Streams::ALL.without(Streams::CODES);
 
-/// Returns the packed code of the built-in model as a model of its own.
+/// Returns a model that has the packed code of the embedded model, but no network.
 fn model() -> Arc<Model> {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/artifact");
     let built_in = Artifact::read(Path::new(folder)).unwrap();
@@ -210,7 +211,7 @@ fn model() -> Arc<Model> {
     Arc::new(Model::new(&alone).unwrap())
 }
 
-/// Returns a bridge and a device whose model has no network.
+/// Returns a bridge and a device that both have the model without a network.
 fn device(settings: Settings) -> Packed {
     let model = model();
     let board = Board {
@@ -234,7 +235,7 @@ fn blocks_of_a_device_without_a_network_are_announced_and_reconstructed() {
     let announced = &recorder.announced[0];
     assert!(announced.decodable && announced.info.is_some());
     assert!(recorder.encoded.is_empty());
-    // The built-in model has the same packed code.
+    // The embedded model, which `frames` uses, has the same packed code and must decode alike.
     let mut decoder = PackedReconstruction::new(&announced.device, &model(), PACKED).unwrap();
     for (block, expected) in recorder.blocks.iter().zip(frames(recorder, PACKED)) {
         assert_eq!(decoder.next_frame(block).unwrap().eeg, expected.eeg);

@@ -8,20 +8,20 @@ use crate::board::{assert_has, model};
 use crate::packed_device::{PACKED, Packed, decode, flags, frames};
 use crate::recorder::commands;
 
-/// Settings of a bridge that corrects each block by the next one.
+/// Settings of a bridge that corrects the signals of each block by the next block.
 const SMOOTH: Settings = Settings {
     low_latency: false,
     ..PACKED
 };
 
-/// Restarts the device, which is away for `hops` hops.
+/// Restarts the device. The restart takes `hops` hops.
 fn restart(device: &mut Packed, hops: i64) {
     device.harness.reboot(hops * 62_500);
     device.next = 0;
 }
 
-/// Returns the signals of the first `blocks` blocks of a run, each corrected by the next one but
-/// the last.
+/// Returns the signals of the first `blocks` blocks of a run. The next block has corrected each of
+/// them except the last.
 fn corrected(blocks: u32) -> Vec<Vec<f32>> {
     let (plain, smoothed) = decode((0..blocks).map(Some));
     let next = smoothed.into_iter().skip(1).chain([None]);
@@ -52,7 +52,7 @@ fn after_a_stop_all_blocks_have_frames_and_the_next_recording_starts_anew() {
     device.harness.now_us += 3_000_000;
     device.harness.set_streaming(true);
     device.next = 0;
-    // The block without prediction is lost.
+    // The first block of this recording, the one without prediction, is lost.
     for index in 0..5 {
         device.send(index == 0);
     }
@@ -66,7 +66,7 @@ fn after_a_stop_all_blocks_have_frames_and_the_next_recording_starts_anew() {
         firsts,
         [&[true][..], &[false; 4], &[true], &[false; 4]].concat()
     );
-    // Nothing of the run before is the start of a prediction.
+    // The prediction for the lost block starts from nothing, not from blocks of the run before.
     let (_, smoothed) = decode([None, Some(1)].into_iter());
     assert_eq!(Some(&frames[5].eeg.data), smoothed[1].as_ref());
     let filler = flags(&frames).iter().position(|flags| flags & 0x8000 != 0);
@@ -89,7 +89,7 @@ fn an_audit_after_a_stop_is_not_compared_with_blocks_of_the_recording_before() {
     for block in &recorder.blocks {
         decoder.next_frame(block);
     }
-    // Blocks 2 and 3 belong to the recording before.
+    // The window covers blocks 2 and 3, which belong to the recording before.
     let window = crate::packed::window(&device, 2, &[0.0; 16 * 61]);
     assert_eq!(window.compare_packed(&model, &decoder), None);
 }
@@ -155,7 +155,7 @@ fn the_predictions_of_a_long_gap_come_to_a_standstill_until_the_next_block() {
     let lost = (0..5 + gap + 5).map(|index| (!(5..5 + gap).contains(&index)).then_some(index));
     let (expected, _) = decode(lost);
     assert_eq!(signals(&frames), expected.iter().collect::<Vec<_>>());
-    // They decay first. Rounding leaves half a microvolt.
+    // The predictions first decay. Rounding then keeps them at about half a microvolt.
     let gap = &frames[5..4_005];
     let largest = |frame: &NeuroFrame| {
         let values = frame.eeg.data.iter();
@@ -179,7 +179,7 @@ fn the_rate_is_set_again_after_a_reconnection_and_after_a_restart() {
     };
     assert_eq!(rates(&device), 1);
     device.harness.core.disconnected();
-    // The cable was at another host meanwhile.
+    // Meanwhile another host, to which the cable was moved, has set another rate.
     device.harness.board.rate = 3;
     device.harness.connect();
     assert_eq!((rates(&device), device.harness.board.rate), (2, 7));

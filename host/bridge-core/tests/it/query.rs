@@ -15,7 +15,7 @@ const FINE: ChannelTest = ChannelTest {
     fault: ChannelFault::None,
 };
 
-/// Returns the self-test result of eight chips without faults, as modified by `change`.
+/// Returns a self-test result of eight chips without faults, modified by `change`.
 fn result(change: impl FnOnce(&mut SelfTest)) -> SelfTest {
     let chip = ChipTest {
         id: 0x3E,
@@ -34,7 +34,7 @@ fn result(change: impl FnOnce(&mut SelfTest)) -> SelfTest {
     test
 }
 
-/// A query and a board that exchange bytes in virtual time. The board's electrodes are E1, E2, ...
+/// A query and a board that exchange bytes in virtual time. The electrodes are named E1, E2, ...
 struct Harness {
     query: Query,
     board: Board,
@@ -53,7 +53,7 @@ impl Harness {
         }
     }
 
-    /// Exchanges bytes for `us` microseconds, or until the query has a result.
+    /// Lets query and board exchange bytes for `us` microseconds, or until the query has a result.
     fn exchange_for(&mut self, us: i64) -> Option<QueryResult> {
         let end_us = self.now_us + us;
         while self.now_us < end_us {
@@ -110,7 +110,7 @@ fn a_device_is_identified_stopped_and_tested() {
         [ToDevice::Identify, ToDevice::Stop, ToDevice::SelfTest]
     );
     assert!(!harness.board.streaming);
-    // The query ignores messages that are neither an acknowledgement nor a result.
+    // The query ignores messages that are neither an acknowledgement nor a result of a self-test.
     let stats = harness.board.stats(Streams::empty());
     assert!(harness.query.receive(&stats, harness.now_us).is_none());
     let outcome = harness.send(&ToHost::SelfTest(result(|_| {})));
@@ -193,9 +193,9 @@ fn a_test_that_stopped_early_is_not_in_order() {
 #[test]
 fn a_missing_figure_is_a_dash_in_the_table_and_null_in_json() {
     let report = report(result(|test| {
-        // Channel 0: not measured, because DRDY was missing. 1: only bad frames. 2: too few samples
-        // to separate the two levels of the square wave. 3: the test stopped before the inputs were
-        // shorted. 4: measured, but without a signal.
+        // Channel 0 was not measured, because DRDY was missing. 1 had only bad frames. 2 had too
+        // few samples to separate the two levels of the square wave. On 3 the test stopped before
+        // the inputs were shorted. 4 was measured, but has no signal.
         test.channels[0] = ChannelTest::default();
         test.channels[1] = ChannelTest {
             gain_error: -1.0,
@@ -290,7 +290,7 @@ fn a_silent_device_times_out() {
     let (us, error) = silent(&mut harness);
     assert_eq!((us, error.exit_code()), (5_100_000, 3));
     assert_has(&error.to_string(), ["the identification request"]);
-    // After the acknowledgement of the command, the device has 15 s to send the result.
+    // After it has acknowledged the command, the device has 15 s to send the result.
     let mut harness = Harness::new(Request::SelfTest, Board::new());
     assert!(harness.exchange_for(15_000_000).is_none());
     let outcome = harness.exchange_for(1_000_000);

@@ -16,7 +16,7 @@ fn device(board: Board) -> Arc<Device> {
     Arc::clone(&harness.recorder.announced[0].device)
 }
 
-/// Returns a float code for a window. Different windows get different codes.
+/// Returns the values of a code for a window. Different windows get different values.
 fn z(window: u16) -> Vec<f32> {
     let phases = (0..128_u16).map(|index| f32::from(window) * 0.7 + f32::from(index));
     phases.map(|phase| 3.0 * phase.sin()).collect()
@@ -33,8 +33,8 @@ fn window(index: u32, z: Option<Vec<f32>>) -> TimedCode {
     }
 }
 
-/// Returns the frames that consecutive windows complete, starting with window 0. `windows[i]` is
-/// true if the code of window `i` was received.
+/// Returns the frames that consecutive windows complete, from window 0 on. `windows[i]` states
+/// whether the code of window `i` was received.
 fn frames(settings: Settings, windows: &[bool]) -> Vec<Option<Vec<f32>>> {
     let mut reconstruction = Reconstruction::new(&device(Board::new()), model(), settings);
     let mut index = 0;
@@ -74,13 +74,13 @@ fn frames_keep_the_contract_and_are_numbered() {
 #[test]
 fn two_windows_are_averaged_where_they_overlap() {
     let frames = frames(SETTINGS, &[true, true]);
-    // There is nothing to average the first hop with.
+    // No earlier window shares the first hop, so it is not averaged.
     assert_eq!(frames[0], Some(steps(0, 0..8)));
     let (old, new) = (steps(0, 8..16), steps(1, 0..8));
     let averaged = frames[1].as_ref().unwrap();
     for (index, value) in averaged.iter().enumerate() {
         let mean = f32::midpoint(old[index], new[index]);
-        // The limit allows for rounding: at 100 uV, neighbouring f32 numbers are 8e-6 apart.
+        // The limit allows for rounding: neighbouring f32 numbers at 100 uV are 8e-6 apart.
         assert!((value - mean).abs() < 1e-4, "value {index}: {value}");
     }
 }
@@ -98,7 +98,7 @@ fn low_latency_publishes_the_newest_steps_of_each_window() {
 #[test]
 fn one_lost_window_is_reconstructed_from_its_neighbours() {
     let frames = frames(SETTINGS, &[true, false, true, true]);
-    // The previous window contains the steps of the lost one's hop.
+    // The hop of the lost window is also part of the previous window, which was received.
     assert_eq!(frames[1], Some(steps(0, 8..16)));
     assert_eq!(frames[2], Some(steps(2, 0..8)), "nothing to average with");
 }
@@ -159,7 +159,7 @@ fn windows_of_two_streams_are_not_averaged() {
     let frame = reconstruction.next_frame(&window(0, Some(z(1)))).unwrap();
     assert_eq!(frame.eeg.data, steps(1, 0..8));
     reconstruction.next_frame(&window(0, Some(z(0))));
-    // The previous window is of another stream, so its steps are not used.
+    // The previous window belongs to another stream, so its steps cannot replace the lost ones.
     let frame = reconstruction.next_frame(&window(0, None)).unwrap();
     assert_eq!(frame.tri.data[0] & 0x8000, 0x8000);
 }

@@ -1,4 +1,4 @@
-//! A core with a simulated board, and a recorder of the core's effects.
+//! A core with a simulated board, and a recorder of everything that the core requests.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ pub(crate) const SETTINGS: Settings = Settings {
     event_stamps: EventStamps::Scalp,
 };
 
-/// Records every effect of the core. Checks shape, number and stamp of every frame.
+/// Records everything that the core requests. Checks shape, number and stamp of every frame.
 #[derive(Default)]
 pub(crate) struct Recorder {
     pub(crate) sent: Vec<u8>,
@@ -30,7 +30,7 @@ pub(crate) struct Recorder {
     pub(crate) encoded: Vec<NeuroFrame>,
     pub(crate) windows: Vec<TimedCode>,
     pub(crate) blocks: Vec<TimedPackedBlock>,
-    /// Number of blocks so far at each effect `finish_blocks`.
+    /// Number of blocks recorded so far, at each call of `finish_blocks`.
     pub(crate) finished: Vec<usize>,
     pub(crate) raw: Vec<NeuroFrame>,
     pub(crate) filtered: Vec<NeuroFrame>,
@@ -83,8 +83,8 @@ impl Effects for Recorder {
     }
 }
 
-/// Checks that a frame has the shape of the first frame and that its number and stamp increase, and
-/// records it.
+/// Checks that a frame has the shape of the first frame, the next number and a later stamp than the
+/// frame before, and records it.
 fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
     let shape = Shape::from_frame(frames.first().unwrap_or(frame)).unwrap();
     shape.admit(frame).unwrap();
@@ -100,7 +100,7 @@ fn keep(frames: &mut Vec<NeuroFrame>, frame: &NeuroFrame) {
     frames.push(frame.clone());
 }
 
-/// A core and a board that exchange bytes in virtual time.
+/// A core and a simulated board that exchange bytes in virtual time.
 pub(crate) struct Harness {
     pub(crate) core: Core,
     pub(crate) board: Board,
@@ -109,14 +109,14 @@ pub(crate) struct Harness {
 }
 
 impl Harness {
-    /// Creates a harness whose board is already identified and streaming.
+    /// Creates a harness whose board is identified and streams.
     pub(crate) fn streaming(settings: Settings, board: Board) -> Harness {
         let harness = Harness::connected(settings, board);
         assert_eq!(commands(&harness), ["identify", "stop", "start"]);
         harness
     }
 
-    /// Creates a harness whose board has acknowledged or refused the first commands.
+    /// Creates a harness whose board has answered the first commands, perhaps with a refusal.
     pub(crate) fn connected(settings: Settings, board: Board) -> Harness {
         let mut harness = Harness::new(settings, board);
         harness.connect();
@@ -127,7 +127,7 @@ impl Harness {
         Harness::with_model(settings, model(), board)
     }
 
-    /// Creates a harness whose bridge has `model`.
+    /// Creates a harness whose core has `model` and is not connected yet.
     pub(crate) fn with_model(settings: Settings, model: Arc<Model>, board: Board) -> Harness {
         Harness {
             core: Core::new(settings, Some(model)),
@@ -142,7 +142,7 @@ impl Harness {
         self.exchange();
     }
 
-    /// Exchanges bytes between core and board until the core has nothing more to send.
+    /// Lets core and board exchange bytes until the core has nothing more to send.
     pub(crate) fn exchange(&mut self) {
         loop {
             let commands = std::mem::take(&mut self.recorder.sent);
@@ -154,24 +154,24 @@ impl Harness {
         }
     }
 
-    /// Opens the port; the board gets no bytes yet.
+    /// Opens the port, but does not deliver the core's bytes to the board yet.
     pub(crate) fn open(&mut self) {
         self.core.connected(at(self.now_us), &mut self.recorder);
     }
 
-    /// Lets the core send a command that is due.
+    /// Lets the core send the command that is due, if any.
     pub(crate) fn tick(&mut self) {
         self.core.tick(at(self.now_us), &mut self.recorder);
     }
 
-    /// Lets the user start or stop the streams.
+    /// Starts or stops the streams, as the user would.
     pub(crate) fn set_streaming(&mut self, is_wanted: bool) {
         self.core.set_streaming(is_wanted);
         self.tick();
         self.exchange();
     }
 
-    /// Restarts the board, which is away for `outage_us` microseconds and introduces itself again.
+    /// Restarts the board. After `outage_us` microseconds the board introduces itself again.
     pub(crate) fn reboot(&mut self, outage_us: i64) {
         self.board.reboot();
         self.now_us += outage_us;
@@ -180,13 +180,13 @@ impl Harness {
         self.exchange();
     }
 
-    /// Delivers a `Stats` message of the board that streams `streams`.
+    /// Delivers a `Stats` message in which the board states that it streams `streams`.
     pub(crate) fn stats(&mut self, streams: Streams) {
         let stats = self.board.stats(streams);
         self.receive(&stats);
     }
 
-    /// Lets the board answer until it streams. The acknowledgement of its start is lost.
+    /// Lets the board answer until it streams, but loses its acknowledgement of `Start`.
     pub(crate) fn start_unacknowledged(&mut self) {
         while !self.board.streaming {
             let commands = std::mem::take(&mut self.recorder.sent);
@@ -202,8 +202,8 @@ impl Harness {
             .receive(bytes, at(self.now_us), &mut self.recorder);
     }
 
-    /// Advances time by 62.5 ms. The board makes a code with this value, which reaches the core
-    /// unless `lost`.
+    /// Advances time by 62.5 ms, in which the board makes a code. All its values are `value`. It
+    /// reaches the core unless it is `lost`.
     pub(crate) fn code(&mut self, value: i8, lost: bool) {
         self.now_us += 62_500;
         let bytes = self.board.code(self.now_us.unsigned_abs(), value);
@@ -212,17 +212,17 @@ impl Harness {
         }
     }
 
-    /// Delivers `count` codes of this value, 62.5 ms apart.
+    /// Delivers `count` codes whose values are all `value`, 62.5 ms apart.
     pub(crate) fn codes(&mut self, count: u64, value: i8) {
         (0..count).for_each(|_| self.code(value, false));
     }
 
-    /// Advances time by `count` codes, none of which reaches the core.
+    /// Advances time by `count` hops. The core receives none of their codes.
     pub(crate) fn lose(&mut self, count: u64) {
         (0..count).for_each(|_| self.code(1, true));
     }
 
-    /// Advances time by 62.5 ms. The board makes a code with these values, which reaches the core.
+    /// Advances time by 62.5 ms, in which the board makes a code with `values`; delivers it.
     pub(crate) fn code_of(&mut self, values: &CodeValues) {
         self.now_us += 62_500;
         let bytes = self.board.code_of(self.now_us.unsigned_abs(), values);
@@ -235,37 +235,36 @@ impl Harness {
         self.receive(&bytes);
     }
 
-    /// Returns the status `corticode: {part}` of a new report; `None` if the report has no such
-    /// status.
+    /// Makes a new report and returns its status `corticode: {part}`; `None` if it has none.
     pub(crate) fn status(&mut self, part: &str) -> Option<DiagnosticStatus> {
         let statuses = self.core.diagnostics(at(self.now_us)).status;
         let name = format!("corticode: {part}");
         statuses.into_iter().find(|status| status.name == name)
     }
 
-    /// Delivers a message and returns the status `corticode: {part}` of a new report.
+    /// Delivers a message, then makes a new report and returns its status `corticode: {part}`.
     pub(crate) fn status_after(&mut self, message: &ToHost, part: &str) -> DiagnosticStatus {
         self.send(0, message);
         self.status(part).unwrap()
     }
 
-    /// Returns the value `key` in the status `corticode: {part}` of a new report.
+    /// Makes a new report and returns the value `key` of its status `corticode: {part}`.
     pub(crate) fn figure(&mut self, part: &str, key: &str) -> String {
         value(&self.status(part).unwrap(), key).to_owned()
     }
 
-    /// Returns all parts of the status `corticode: {part}` of a new report, as text.
+    /// Makes a new report and returns its status `corticode: {part}` as text.
     pub(crate) fn report(&mut self, part: &str) -> String {
         format!("{:?}", self.status(part).unwrap())
     }
 
-    /// Returns, for each announcement from the oldest on, whether it describes a stream.
+    /// Returns, for each announcement, oldest first, whether it describes a stream.
     pub(crate) fn described(&self) -> Vec<bool> {
         let announced = self.recorder.announced.iter();
         announced.map(|device| device.info.is_some()).collect()
     }
 
-    /// Returns, for each frame on `/encoded` from the oldest on, whether the frame is a filler.
+    /// Returns, for each frame on `/encoded`, oldest first, whether it is a filler.
     pub(crate) fn fillers(&self) -> Vec<bool> {
         fillers(&self.recorder.encoded)
     }
@@ -286,7 +285,7 @@ pub(crate) fn commands(harness: &Harness) -> Vec<&'static str> {
     harness.board.received.iter().map(name).collect()
 }
 
-/// Returns the value `key` of a status.
+/// Returns the value that belongs to `key` in a status.
 pub(crate) fn value<'a>(status: &'a DiagnosticStatus, key: &str) -> &'a str {
     let mut values = status.values.iter();
     let found = values.find(|value| value.key == key);
@@ -295,13 +294,13 @@ pub(crate) fn value<'a>(status: &'a DiagnosticStatus, key: &str) -> &'a str {
         .value
 }
 
-/// Returns the stamps of frames, nanoseconds since 1970.
+/// Returns the stamp of each frame, nanoseconds since 1970.
 pub(crate) fn stamps(frames: &[NeuroFrame]) -> Vec<i64> {
     let stamps = frames.iter().map(|frame| frame.header.stamp.nanoseconds());
     stamps.collect()
 }
 
-/// Checks that frames follow each other by a hop of 62.5 ms.
+/// Checks that the stamps of consecutive frames are 62.5 ms (one hop) apart.
 #[track_caller]
 pub(crate) fn assert_evenly_spaced(frames: &[NeuroFrame]) {
     for pair in stamps(frames).windows(2) {
@@ -309,13 +308,13 @@ pub(crate) fn assert_evenly_spaced(frames: &[NeuroFrame]) {
     }
 }
 
-/// Returns, for each row of the frames, whether it is a filler.
+/// Returns, for each sample in the frames, whether it is a filler.
 pub(crate) fn fillers(frames: &[NeuroFrame]) -> Vec<bool> {
     let rows = frames.iter().flat_map(|frame| frame.tri.data.chunks(8));
     rows.map(|words| words[0] & 0x8000 != 0).collect()
 }
 
-/// Returns level and message of a status.
+/// Returns the level and the message of a status.
 pub(crate) fn state(status: &DiagnosticStatus) -> (DiagnosticLevel, &str) {
     (status.level, &status.message)
 }

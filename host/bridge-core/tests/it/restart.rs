@@ -1,4 +1,4 @@
-//! Restarts of the device: the time without data is filled on every topic.
+//! Restarts of the device: on every topic, fillers replace the time without data.
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
@@ -18,12 +18,12 @@ use crate::samples::{SAMPLES, send_samples_at};
 /// Time from one code to the next, microseconds.
 const HOP_US: i64 = 62_500;
 
-/// A board that streams codes, samples and filtered steps, and a count of its restarts.
+/// A board that streams codes, ADC samples and filtered steps, and the state of its present run.
 struct Recording {
     harness: Harness,
     /// Host time at which the device's present run began, microseconds.
     run_us: i64,
-    /// Number of hops that the present run has made.
+    /// Number of hops in the present run so far.
     hops: u64,
 }
 
@@ -38,7 +38,7 @@ impl Recording {
         }
     }
 
-    /// Delivers the data of one hop, each message at the time at which it was made.
+    /// Delivers all messages of one hop, each at the time at which the device made it.
     fn hop(&mut self) {
         for message in 0..4 {
             let first = self.hops * 32 + message * 8;
@@ -64,24 +64,23 @@ impl Recording {
         self.harness.receive(&code);
     }
 
-    /// Moves the host's clock to `device_us` microseconds after the start of the run and returns
-    /// that time.
+    /// Sets the host's time to `device_us` after the start of the run, and returns `device_us`.
     fn at(&mut self, device_us: u64) -> u64 {
         self.harness.now_us = self.run_us + device_us.cast_signed();
         device_us
     }
 
-    /// Restarts the device, which begins to stream `outage_us` microseconds after its last code.
+    /// Restarts the device. Its new run begins `outage_us` microseconds after its last code.
     fn restart(&mut self, outage_us: i64) {
         self.harness.reboot(outage_us);
         self.run_us = self.harness.now_us;
         self.hops = 0;
     }
 
-    /// Returns the seconds of data on each topic: codes, raw samples, filtered steps.
+    /// Returns the length of the data on each topic, seconds: codes, ADC samples, filtered steps.
     fn seconds(&self) -> [f64; 3] {
         let recorder = &self.harness.recorder;
-        // All three topics have 16 frames per second.
+        // Each of the three topics has 16 frames per second.
         [&recorder.encoded, &recorder.raw, &recorder.filtered]
             .map(|frames| frames.len() as f64 / 16.0)
     }
@@ -96,7 +95,7 @@ fn the_time_of_a_restart_is_filled_flagged_and_counted_on_every_topic() {
     (0..16).for_each(|_| recording.hop());
     let passed = (recording.harness.now_us - start_us) as f64 / 1e6;
     for (topic, seconds) in ["codes", "raw", "filtered"].iter().zip(recording.seconds()) {
-        // The last frame of samples can be unfinished: the run began within a frame.
+        // The last frame of samples may be unfinished, because the new run began within a frame.
         assert!(
             (passed - seconds).abs() < 0.0625,
             "{topic}: {seconds} s of {passed} s"
@@ -104,7 +103,8 @@ fn the_time_of_a_restart_is_filled_flagged_and_counted_on_every_topic() {
     }
     let summary = recording.harness.core.summary();
     assert_eq!((summary.received, summary.lost, summary.resets), (32, 0, 1));
-    // 2.05 s are 32.8 hops, rounded to 33; the code that ends the last of them was made.
+    // 2.05 s and the new run's first hop are 33.8 hops, rounded to 34. The code of the last of them
+    // was made, so 33 are missing.
     assert_eq!((summary.between_runs, summary.fillers), (33, 33));
     let fillers = recording.harness.fillers();
     assert_eq!(fillers.iter().filter(|filler| **filler).count(), 33);
@@ -112,7 +112,7 @@ fn the_time_of_a_restart_is_filled_flagged_and_counted_on_every_topic() {
     assert_has(&text, ["lost 0", "missing between runs 33"]);
     let loss = recording.harness.status("loss").unwrap();
     assert_eq!(loss.level, DiagnosticLevel::Warn);
-    // 2.05 s at 512 Hz.
+    // 2.05 s at 512 Hz, rounded.
     assert_eq!(value(&loss, "raw samples missing between runs"), "1050");
 }
 
@@ -129,7 +129,7 @@ fn after_a_restart_too_long_to_fill_the_indices_of_codes_show_the_gap() {
         i64::from(words[1]) | i64::from(words[2]) << 16
     });
     let windows: Vec<i64> = windows.collect();
-    // 16 codes, 65,536 fillers with the last indices of the older run, and the code of the new run.
+    // 16 codes, 65,536 fillers with the last indices of the older run, and a code of the new run.
     assert_eq!(windows.len(), 16 + 65_536 + 1);
     assert_eq!(windows[15..17], [15, 16 + missing - 65_536]);
     assert_eq!(windows[16 + 65_535..], [15 + missing, 0]);
@@ -199,7 +199,7 @@ fn the_time_in_which_another_device_is_refused_is_filled() {
     recording.run_us = recording.harness.now_us;
     recording.hops = 0;
     recording.hop();
-    // 16 hops pass while the other device is connected; the code after them was made.
+    // 16 hops pass while the other device is connected. The code of the hop after them was made.
     assert_eq!(recording.harness.core.summary().between_runs, 16);
     assert_eq!(recording.harness.recorder.encoded.len(), 16 + 16 + 1);
 }
@@ -212,7 +212,7 @@ fn a_pause_by_the_user_is_not_filled() {
     harness.set_streaming(false);
     harness.now_us += 10_000_000;
     harness.set_streaming(true);
-    // The device's clock has gone on; its indices start at 0.
+    // During the pause the device's clock went on. The indices of its codes start at 0 again.
     let device_us = harness.board.now_us + 10_000_000 + HOP_US as u64;
     harness.now_us += HOP_US;
     let code = harness.board.code(device_us, 1);

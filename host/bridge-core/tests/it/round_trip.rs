@@ -1,11 +1,11 @@
-//! Clock queries, whose answers bound the delay of stamps.
+//! Clock queries, whose answers bound the time by which stamps are late.
 
 use link::{AckResult, ClockReading, ToDevice, ToHost};
 
 use crate::board::Board;
 use crate::recorder::{Harness, SETTINGS, commands};
 
-/// Delivers codes for `seconds` seconds. The board answers all commands of the core.
+/// Delivers codes for `seconds` seconds, and lets the board answer the core's commands.
 fn run(harness: &mut Harness, seconds: u32) {
     for _ in 0..seconds * 16 {
         harness.code(1, false);
@@ -22,7 +22,7 @@ fn clock_queries(harness: &Harness) -> Vec<u64> {
     .collect()
 }
 
-/// Checks that the report states no round trip.
+/// Checks that the status `clock` contains no round trip.
 #[track_caller]
 fn assert_no_round_trip(harness: &mut Harness) {
     let report = harness.report("clock");
@@ -57,8 +57,8 @@ fn a_device_that_does_not_know_the_query_is_not_queried_again() {
 #[test]
 fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
     // The host reads each code 4 ms after the code's last sample, a delay that the fit cannot
-    // detect. A query takes 0.3 ms to the device. The device makes the answer 0.1 ms later, and the
-    // answer takes 0.5 ms to the host, plus `longer`.
+    // detect. A query takes 0.3 ms to the device. The device makes the answer 0.1 ms later. The
+    // answer takes 0.5 ms to the host, plus `longer` microseconds.
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     for longer in [700, 0, 2000] {
         let before = clock_queries(&harness).len();
@@ -81,10 +81,10 @@ fn the_shortest_round_trip_bounds_the_delay_of_stamps() {
     let mut figure = |key| harness.figure("clock", key);
     assert_eq!(figure("round trip us"), "800");
     assert_eq!(figure("offset known to +- us"), "400");
-    // Lower bound: 4000 us minus the 500 us of the answer. Upper bound: 4000 us plus the 300 us of
+    // Lower bound: 4000 us less the 500 us of the answer. Upper bound: 4000 us plus the 300 us of
     // the query.
     assert_eq!(figure("stamps late by us"), "3500 to 4300");
-    // Round trips older than a minute are discarded.
+    // After a minute the round trips are discarded.
     run(&mut harness, 61);
     assert_no_round_trip(&mut harness);
 }
@@ -105,7 +105,7 @@ fn answers_without_a_query_or_with_impossible_times_are_counted() {
     for (host, received, made) in [
         (asked + 1, 10, 20),
         (asked, 20, 10),
-        // Impossible, because the time inside the device exceeds the time from query to answer.
+        // Here the time inside the device would be longer than the time from query to answer.
         (asked, 0, u64::MAX),
         (asked, 0, 3_000_000),
     ] {

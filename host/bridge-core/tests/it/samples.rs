@@ -18,11 +18,11 @@ pub(crate) const SAMPLES: Settings = Settings {
     ..SETTINGS
 };
 
-/// Scale of the board's ADC, microvolt per count, from the f32 in `Capabilities`.
+/// Scale of the board's ADC, microvolts per count, rounded to f32 as in `Capabilities`.
 const COUNT_UV: f64 = 22.351_742_f32 as f64 / 1000.0;
 
-/// Returns the packed counts of `samples` consecutive ADC samples, starting with sample `first`.
-/// Every count identifies its sample and its channel.
+/// Returns the counts of `samples` consecutive ADC samples from sample `first` on, packed as on the
+/// wire. Every count identifies its sample and channel.
 pub(crate) fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
     let count = |sample: u64, channel: u8| (sample % 50_000 * 100) as i32 - i32::from(channel);
     let samples = (first..first + samples)
@@ -35,27 +35,26 @@ pub(crate) fn counts(first: u64, samples: u64, channels: u8) -> Vec<u8> {
         .collect()
 }
 
-/// Returns a harness with a fitted clock: it has read one code, at the time at which the code was
-/// made.
+/// Returns a harness whose clock is fitted to one code, which was read at the time it was made.
 pub(crate) fn harness(settings: Settings) -> Harness {
     let mut harness = Harness::streaming(settings, Board::new());
     harness.code(0, false);
     harness
 }
 
-/// Returns the device time of an ADC sample, microseconds; sample 0 is at 2 s.
+/// Returns the device time of ADC sample `sample`, microseconds. Sample 0 is at 2 s.
 pub(crate) fn time(sample: u64) -> u64 {
     2_000_000 + sample * 1_000_000 / 512
 }
 
-/// Delivers eight ADC samples from sample `first` on, at the device time of the last of them.
+/// Delivers eight ADC samples, from sample `first` on, at the device time of the last one.
 pub(crate) fn send_samples(harness: &mut Harness, first: u64, flags: Flags) {
     let us = time(first + 7);
     harness.now_us = us.cast_signed();
     send_samples_at(harness, us, first, flags);
 }
 
-/// Delivers eight ADC samples, starting with sample `first`, in a message made at `device_us`.
+/// Delivers eight ADC samples, from sample `first` on, in a message made at `device_us`.
 pub(crate) fn send_samples_at(harness: &mut Harness, device_us: u64, first: u64, flags: Flags) {
     let counts = counts(first, 8, 64);
     let raw = Raw {
@@ -67,7 +66,7 @@ pub(crate) fn send_samples_at(harness: &mut Harness, device_us: u64, first: u64,
     harness.send(device_us, &ToHost::Raw(raw));
 }
 
-/// Returns the values of one sample in a frame: those of 61 electrodes and of 3 spare channels.
+/// Returns one sample of a frame: values of its 61 electrodes, and of its 3 spare channels.
 fn row(frame: &NeuroFrame, sample: usize) -> (&[f32], &[f32]) {
     let (eeg, exg) = (&frame.eeg.data, &frame.exg.data);
     (&eeg[sample * 61..][..61], &exg[sample * 3..][..3])
@@ -121,11 +120,11 @@ fn raw_samples_become_frames_of_one_hop_with_spare_channels_in_exg() {
 #[test]
 fn the_delay_of_the_filters_is_removed_from_stamps_of_steps_only() {
     for (stamp, raw_us, filtered_us) in [
-        // The second frames start at sample 32 and step 8, both 62.5 ms after the first sample.
-        // Steps are stamped 10 ms earlier, because the filter delay is subtracted.
+        // The second frame begins at sample 32 or step 8, 62.5 ms after the first sample. Stamps of
+        // steps are 10 ms earlier, because the filter delay is subtracted.
         (StampPoint::First, 62_500, 52_500),
-        // The last sample of a frame is 31 samples (60,546 us) after its first; the last step is 7
-        // steps (54,687 us) after the first.
+        // A frame's last sample is 31 samples (60,546 us) after its first; its last step is 7 steps
+        // (54,687 us) after its first.
         (StampPoint::Last, 62_500 + 60_546, 52_500 + 54_687),
     ] {
         let mut harness = harness(Settings { stamp, ..SAMPLES });
@@ -148,8 +147,7 @@ fn the_delay_of_the_filters_is_removed_from_stamps_of_steps_only() {
     }
 }
 
-/// Delivers four filtered steps from step `first` on. All values of a step, in counts, are the
-/// step's index.
+/// Delivers four filtered steps from step `first` on. All counts of a step are the step's index.
 fn steps(harness: &mut Harness, first: u64, electrodes: u8, fraction_bits: u8) {
     let values = (first..first + 4).flat_map(|step| {
         let value = i32::try_from(step << fraction_bits).unwrap();
@@ -266,14 +264,14 @@ fn without_fillers_a_frame_with_a_lost_sample_is_not_published() {
 fn an_outage_too_long_to_fill_is_counted_and_frames_stay_aligned() {
     let mut harness = harness(SAMPLES);
     send_samples(&mut harness, 0, Flags::empty());
-    // Samples are missing for 200 s, more than the 120 s that are filled.
+    // Samples are missing for 200 s. Only 120 s are filled.
     let first = 512 * 200 + 8;
     for message in 0..7 {
         send_samples(&mut harness, first + message * 8, Flags::empty());
     }
     let frames = harness.recorder.raw.clone();
-    // Published are the first frame, completed with fillers, about 1,920 frames of fillers (120 s),
-    // and the frame with the newest samples.
+    // The published frames are the first one, completed with fillers, about 1,920 frames of fillers
+    // (120 s), and the one with the newest samples.
     let last = frames.last().unwrap();
     assert_eq!(row(last, 31).0[0], microvolt(first + 55, 0));
     assert!((1921..=1923).contains(&frames.len()), "{}", frames.len());

@@ -10,7 +10,7 @@ use crate::recorder::{Harness, SETTINGS, commands};
 
 #[test]
 fn a_device_is_identified_stopped_and_started() {
-    // `streaming` checks the commands.
+    // `streaming` also checks which commands the core sent.
     let harness = Harness::streaming(SETTINGS, Board::new());
     assert_eq!(harness.recorder.announced.len(), 1);
     assert!(harness.recorder.announced[0].decodable);
@@ -26,7 +26,7 @@ fn commands_without_an_answer_are_repeated() {
     }
     let sent = std::mem::take(&mut harness.recorder.sent);
     harness.board.answer(&sent);
-    // `Identify` is sent at 0 s and then every 0.5 s, for the fifth time at 2 s.
+    // The core sends `Identify` at 0 s and then every 0.5 s, for the fifth time at 2 s.
     assert_eq!(commands(&harness), ["identify"; 5]);
 }
 
@@ -38,7 +38,7 @@ fn a_lost_acknowledgement_of_start_costs_no_code() {
     assert_eq!(commands(&harness), ["identify", "stop", "start"]);
     for _ in 0..20 {
         harness.code(1, false);
-        // A streaming board acknowledges a repeated `Start` and keeps streaming.
+        // A board that streams acknowledges a repeated `Start` and goes on streaming.
         harness.exchange();
     }
     assert_eq!(commands(&harness).len(), 4);
@@ -96,7 +96,7 @@ fn a_thousand_outages_are_counted_exactly() {
     for outage in 0..1000 {
         let missing = outage % 7;
         harness.core.disconnected();
-        // The cable is unplugged during a frame, so only half of the frame arrives.
+        // The cable is unplugged during a frame, so only half of that frame arrives.
         let stats = ToHost::Stats(link::Stats::default());
         let half = harness.board.frame(0, &stats);
         harness.receive(&half[..half.len() / 2]);
@@ -171,7 +171,7 @@ fn an_unacknowledged_start_is_stopped_at_shutdown() {
     harness.exchange();
     assert_eq!(commands(&harness), ["identify", "stop", "start", "stop"]);
     assert!(harness.core.is_stopped());
-    // The report at the stop counts the lost code.
+    // The `Stats` that the board sends when it is stopped reveals the lost code.
     let summary = harness.core.summary();
     assert_eq!((summary.made, summary.lost), (2, 1));
 }
@@ -181,8 +181,8 @@ fn a_report_from_before_the_start_counts_no_loss() {
     let mut harness = Harness::streaming(SETTINGS, Board::new());
     harness.codes(20, 1);
     harness.set_streaming(false);
-    // After a reconnection the device is stopped again. The `Stats` that follow still count the
-    // codes of the previous stream.
+    // After a reconnection the core stops the device again. The `Stats` that follows still counts
+    // the codes of the previous stream.
     harness.core.disconnected();
     harness.connect();
     assert_eq!(commands(&harness)[3..], ["stop", "identify", "stop"]);
@@ -196,10 +196,10 @@ fn a_report_from_before_the_start_counts_no_loss() {
     assert_eq!(summary.fillers, 0);
 }
 
-/// Silence after which a serial port is reopened.
+/// Time without a frame after which the bridge reopens a serial port.
 const LIMIT: Duration = Duration::from_secs(5);
 
-/// Lets 5.1 s pass in which the device is silent, and checks that it is unresponsive after 5 s.
+/// Lets 5.1 s pass without a frame from the device, and checks that it is unresponsive after 5 s.
 fn stay_silent(harness: &mut Harness) {
     for tick in 1..=51 {
         harness.now_us += 100_000;
@@ -254,15 +254,15 @@ fn a_refused_start_is_not_repeated_for_ten_seconds() {
         match start.copied() {
             Some((of, _)) => {
                 let result = AckResult::BadArgument;
-                // The test discards the board's own acknowledgement, and the core counts a lost
-                // frame. This test does not check that count.
+                // The board's own acknowledgement is discarded, so the core counts a lost frame,
+                // which does not matter here.
                 harness.send(0, &ToHost::Ack(link::Ack { of, result }));
             }
             None => harness.receive(&answers),
         }
         harness.tick();
     }
-    // Codes, packed blocks in their place, and then nothing for 10 s.
+    // The core asked for codes, then for packed blocks in their place, and then not again for 10 s.
     let commands_before = commands(&harness);
     let starts = commands_before.iter().filter(|name| **name == "start");
     assert_eq!(starts.count(), 2, "{commands_before:?}");
@@ -279,7 +279,7 @@ fn a_device_that_falls_silent_at_the_start_is_unresponsive() {
     stay_silent(&mut harness);
 }
 
-/// Advances time by `seconds` seconds. The board answers commands but sends no codes.
+/// Advances time by `seconds` seconds, in which the board answers commands but sends no codes.
 fn starve(harness: &mut Harness, seconds: i64) {
     for _ in 0..seconds * 10 {
         harness.now_us += 100_000;

@@ -1,4 +1,4 @@
-//! Streams that `Start` requests, and devices that refuse some of them.
+//! Streams that `Start` asks the device for, and devices that refuse some of them.
 
 use bridge_core::{AnnouncedStream, RawForm, Settings};
 use link::{Streams, ToDevice};
@@ -7,10 +7,10 @@ use neuro_ros::DiagnosticLevel;
 use crate::board::{Board, assert_has};
 use crate::recorder::{Harness, SETTINGS, commands, state};
 
-/// Streams of the wire before packed blocks.
+/// All streams of releases that have no packed blocks.
 const EVERYTHING: Streams = Streams::from_bits(0b11_1111);
 
-/// Returns the stream bits in every `Start` that the board received, oldest first.
+/// Returns the stream bits of every `Start` that the board received, oldest first.
 fn starts(harness: &Harness) -> Vec<u16> {
     let received = harness.board.received.iter();
     let streams = received.filter_map(|(_, command)| match command {
@@ -34,10 +34,10 @@ fn the_device_is_asked_for_the_chosen_streams_and_for_codes_unless_for_packed_bl
         (0b01_1001, 0b01_1001),
         (0b00_0010, 0b00_0011),
         (0b10_0000, 0b10_0001),
-        // Packed blocks need no codes.
+        // If packed blocks are wanted, the bridge does not add codes.
         (0b100_1000, 0b100_1000),
         (0b100_0001, 0b100_0001),
-        // Samples in either form: plain ones come first.
+        // If samples may have either form, the bridge asks for plain ones first.
         (0b10_0010, 0b00_0011),
         (0, 1),
     ] {
@@ -58,7 +58,7 @@ fn an_older_device_is_asked_for_codes_alone_without_a_warning() {
     let status = harness.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Ok);
     assert_has(&status.message, ["does not stream audit events"]);
-    // After a reconnection, the refused streams are not requested again.
+    // After a reconnection, the core does not ask for the refused streams again.
     harness.core.disconnected();
     harness.board.streaming = false;
     harness.connect();
@@ -73,10 +73,10 @@ fn a_device_whose_port_is_too_slow_is_asked_for_compressed_samples() {
     harness.code(1, false);
     let status = harness.status("device").unwrap();
     assert_eq!(state(&status), (DiagnosticLevel::Ok, "streaming"));
-    // An older device is never asked for a form that it does not know.
+    // An older device, which accepts plain samples, is not asked for compressed ones.
     let older = self::harness(EVERYTHING, Streams::from_bits(0b11111));
     assert_eq!(starts(&older), [0b01_1111]);
-    // One that is not wanted in the other form gets a warning.
+    // If the user wants only the compressed form, the same device causes a warning.
     let wanted = EVERYTHING.without(Streams::RAW);
     let mut forced = self::harness(wanted, Streams::from_bits(0b11111));
     assert_eq!(starts(&forced), [0b11_1101, 0b01_1101]);
@@ -89,16 +89,16 @@ fn a_device_whose_port_is_too_slow_is_asked_for_compressed_samples() {
 #[test]
 fn packed_blocks_are_asked_for_without_the_network_and_codes_in_their_place() {
     let wanted = Streams::PACKED | Streams::AUDIT | Streams::EVENTS;
-    // An image with the packed code alone.
+    // A device whose image has the packed code but no network.
     let alone = wanted | Streams::FILTERED;
     let with_filtered = harness(alone | Streams::CODES, alone);
     assert_eq!(starts(&with_filtered), [0b101_1101, 0b101_1001, 0b101_1100]);
-    // The refusal of codes is a warning.
+    // If the user wants codes too, their refusal is a warning.
     let mut without_codes = harness(wanted | Streams::CODES, alone);
     let status = without_codes.status("device").unwrap();
     assert_eq!(status.level, DiagnosticLevel::Warn);
     assert_has(&status.message, ["has no network; choose packed"]);
-    // An image with the network alone, or older firmware.
+    // A device whose image has the network but no packed code, or whose firmware is older.
     let mut network = harness(wanted, EVERYTHING);
     assert_eq!(starts(&network), [0b101_1000, 0b001_1001]);
     network.code(1, false);
@@ -106,7 +106,7 @@ fn packed_blocks_are_asked_for_without_the_network_and_codes_in_their_place() {
     assert_eq!(status.level, DiagnosticLevel::Warn);
     assert_has(&status.message, ["does not stream packed"]);
     assert_eq!(network.recorder.windows.len(), 1, "codes are decoded");
-    // The oldest firmware.
+    // The oldest firmware has no stream but codes.
     assert_eq!(
         starts(&harness(wanted, Streams::CODES)),
         [0b101_1000, 0b001_1001, 1]
@@ -116,16 +116,16 @@ fn packed_blocks_are_asked_for_without_the_network_and_codes_in_their_place() {
 #[test]
 fn a_device_without_packed_blocks_still_streams_the_samples_that_are_wanted() {
     let wanted = Streams::PACKED | RawForm::Any.streams();
-    // An image with the network alone, on a USB port.
+    // A device whose image has the network but no packed code, on a USB port.
     let usb = harness(wanted, EVERYTHING);
     assert_eq!(
         starts(&usb),
         [0b100_0010, 0b110_0000, 0b100_0000, 0b000_0011]
     );
-    // The same on a UART.
+    // The same device on a UART, which is too slow for plain samples.
     let uart = harness(wanted, EVERYTHING.without(Streams::RAW));
     assert_eq!(starts(&uart).last(), Some(&0b010_0001));
-    // A device that has packed blocks and no samples keeps the blocks.
+    // A device that supports packed blocks but no samples keeps streaming the blocks.
     let slow = harness(wanted, Streams::CODES | Streams::PACKED);
     assert_eq!(starts(&slow), [0b100_0010, 0b110_0000, 0b100_0000]);
 }

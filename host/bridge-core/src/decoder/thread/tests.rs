@@ -1,4 +1,4 @@
-//! Tests of the decoder thread, whose frames a sink records.
+//! Tests of the decoder thread. A sink records the frames that the thread publishes.
 
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
@@ -15,19 +15,19 @@ use crate::decoder::reconstruction::{Reconstruction, TimedCode};
 use crate::device::Device;
 use crate::settings::Settings;
 
-/// Timeout of each wait, sufficient for a busy machine.
+/// Timeout of each wait for the thread, long enough for a busy machine.
 const TIMEOUT: Duration = Duration::from_mins(1);
 
-/// Number and stamp of each frame that a sink received.
+/// Sequence number of each frame that the sink received, and nanoseconds of its stamp.
 type Frames = Arc<Mutex<Vec<(u32, i64)>>>;
 
 /// Sink that records the sequence number and the stamp of every frame.
 #[derive(Clone, Default)]
 struct Places {
     frames: Frames,
-    /// Whether nobody receives the frames.
+    /// Whether the sink says that nobody receives the frames.
     is_unused: Arc<AtomicBool>,
-    /// Time that the sink takes for each frame.
+    /// Time for which the sink blocks the thread at each frame.
     delay: Duration,
 }
 
@@ -55,21 +55,21 @@ impl Sink<NeuroFrame> for Places {
     }
 }
 
-/// Starts a decoder whose frames are recorded.
+/// Starts a decoder thread, and returns it with the record of its frames.
 fn start() -> (Frames, DecoderThread) {
     let places = Places::default();
     let decoder = places.start();
     (places.frames, decoder)
 }
 
-/// Returns the numbers of recorded frames.
+/// Returns the sequence numbers of the recorded frames.
 fn numbers(frames: &Frames) -> Vec<u32> {
     let frames = frames.lock().unwrap();
     frames.iter().map(|(number, _)| *number).collect()
 }
 
-/// Returns the code of a window, all zeros, or its placeholder. Its steps begin `window`
-/// nanoseconds after 1970.
+/// Returns a code with all values zero, or the placeholder for a lost one. To make each frame
+/// recognisable, its stamp is `window` nanoseconds after 1970.
 fn code(window: u32, is_received: bool) -> TimedCode {
     TimedCode {
         z: is_received.then(|| vec![0.0; 128]),
@@ -130,7 +130,7 @@ fn codes_beyond_a_full_queue_are_counted() {
         decoder.decode(code(0, true));
     }
     progress.waiting.store(0, Ordering::Relaxed);
-    // No device was announced with `start_device`, so there is nothing to publish.
+    // No device was announced with `start_device`, so the thread can publish nothing.
     assert_eq!(decoder.finish(TIMEOUT).not_decoded, 3);
     assert!(count.lock().unwrap().is_empty());
 }
@@ -149,8 +149,8 @@ fn every_filler_of_a_long_outage_is_published_and_numbers_continue_with_another_
     assert_eq!(numbers(&count), (1..=5000).collect::<Vec<u32>>());
 }
 
-/// Returns a block with these bytes, or a lost block. Its steps begin `index` nanoseconds after
-/// 1970.
+/// Returns a packed block with the given bytes, or for `None` the placeholder for a lost one. To
+/// make each frame recognisable, its stamp is `index` nanoseconds after 1970.
 fn block(index: u32, bytes: Option<Vec<u8>>, is_first: bool) -> TimedPackedBlock {
     TimedPackedBlock {
         block: bytes.map(|bytes| PackedBytes { bytes, rate: 4 }),
@@ -239,7 +239,7 @@ fn an_audit_without_a_code_measures_the_error_of_its_blocks() {
     let model = Arc::new(Model::embedded().unwrap());
     let (_, mut decoder) = start();
     decoder.start_device(reconstruction(), Some(unpacked()));
-    // Blocks without bytes are silence at the start of a run.
+    // Blocks without bytes decode to silence at the start of a run.
     for window in 0..2 {
         decoder.decode_block(block(window, Some(Vec::new()), window == 0));
     }
@@ -267,7 +267,7 @@ fn an_audit_without_a_code_measures_the_error_of_its_blocks() {
 fn every_code_of_a_burst_after_a_stall_is_decoded() {
     let (count, mut decoder) = start();
     decoder.start_device(reconstruction(), None);
-    // 37 s of codes at once, far more than the thread decodes meanwhile.
+    // Queue 37 s of codes at once, faster than the thread can decode them.
     for window in 0..600 {
         decoder.decode(code(window, true));
     }
@@ -306,7 +306,7 @@ fn the_end_does_not_wait_for_a_long_queue_and_counts_what_is_left() {
     };
     let mut decoder = slow.start();
     decoder.start_device(reconstruction(), None);
-    // 60 s of work.
+    // Queue codes whose frames take the slow sink 60 s.
     for window in 0..1200 {
         decoder.decode(code(window, true));
     }
