@@ -11,7 +11,7 @@ const INSTALL_RULE: &str = "corticode-bridge ports --udev-rule | sudo tee \
                             && sudo udevadm trigger --action=add --subsystem-match=usb \
                             --subsystem-match=tty";
 
-/// Command that applies an installed rule to a board that is plugged in.
+/// Shell command that applies the installed udev rule to a board that is already plugged in.
 const APPLY_RULE: &str = "sudo udevadm control --reload && sudo udevadm trigger --action=add \
                           --subsystem-match=usb --subsystem-match=tty";
 
@@ -77,7 +77,8 @@ impl UdevRule {
     }
 }
 
-/// Checks that the port exists, can be opened, and is protected by the udev rule.
+/// Returns the findings about a port: existence, permission, other programs, udev rule,
+/// ModemManager.
 pub(crate) fn check_port(facts: &PortFacts) -> Vec<Check> {
     let (path, access, usb) = match &facts.place {
         PortPlace::Network(address) => return vec![Check::ok("port", address.as_str())],

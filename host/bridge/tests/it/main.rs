@@ -1,5 +1,5 @@
-//! Tests of the program `corticode-bridge`, between a simulated board and this project's ROS
-//! master.
+//! Tests of the program `corticode-bridge`, between a simulated board and the ROS master of the
+//! crate `ros1`.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod abuse;
