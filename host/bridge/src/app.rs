@@ -187,8 +187,7 @@ fn run_master(options: &MasterOptions, ros: &NodeOptions) -> Result<(), BridgeEr
     Runtime::new()?.block_on(master::run(options))
 }
 
-/// Sends one request to the device and prints the answer. The exit status is 1 if a self-test
-/// failed.
+/// Sends one request to the device and prints the answer. Exit status 1 means a failed self-test.
 fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCode, BridgeError> {
     let runtime = one_thread()?;
     let text = match runtime.block_on(query_port(&at.port, at.baud, request))? {

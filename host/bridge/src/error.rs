@@ -81,8 +81,7 @@ pub enum BridgeError {
         /// Full name of the parameter.
         name: String,
     },
-    /// The port does not open, or disappears, while one request is sent. Such a request does not
-    /// wait for a port.
+    /// The port does not open, or is lost, during a single request, which does not wait for a port.
     #[error("{port} {what}; {remedy}")]
     Unreachable {
         /// Address from `--port`.

@@ -290,8 +290,8 @@ struct Input<'a, P> {
 }
 
 impl<R: Read, P: Fn(File, &'static str) -> R> Input<'_, P> {
-    /// Plays the whole recording to `listener`. Calls `check` after every record, and stops if it
-    /// returns an error.
+    /// Plays the whole recording to `listener`. An error of `check`, called after each record, ends
+    /// it.
     fn play<L: Listener>(
         &self,
         listener: L,

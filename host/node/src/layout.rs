@@ -6,8 +6,7 @@ use neuro_ros::NeuroFrame;
 
 use crate::refusal::Refusal;
 
-/// Supported sampling rates, Hz. Frames of a lower rate would lack a part of the model's frequency
-/// band.
+/// Supported sampling rates, Hz. A lower rate lacks a part of the model's frequency band.
 pub(crate) const RATES_HZ: std::ops::RangeInclusive<u16> = 250..=1024;
 
 /// Units that mean microvolts, in small letters. Simple publishers leave the unit empty.

@@ -2,8 +2,7 @@
 
 use neuro_ros::NeuroFrame;
 
-/// Longest gap that is filled, microseconds. After a longer gap the acquisition counts as
-/// restarted.
+/// Longest gap that is filled, microseconds. A longer gap counts as a restart of the acquisition.
 const LONGEST_GAP_US: i64 = 120_000_000;
 
 /// How much later than the end of the previous frame a frame with the next number can begin,
@@ -33,8 +32,8 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// Takes note of a frame, which lasts `frame_us` microseconds, and returns how it follows the
-    /// previous one.
+    /// Takes note of a frame that lasts `frame_us`, microseconds. Returns how it follows the
+    /// others.
     pub fn record(&mut self, frame: &NeuroFrame, frame_us: i64) -> Arrival {
         let seq = frame.neuroheader.seq;
         let stamp_us = frame.header.stamp.nanoseconds() / 1000;
@@ -71,8 +70,7 @@ mod tests {
 
     use super::{Arrival, Sequence};
 
-    /// Returns the arrivals of frames of 62.5 ms, given as pairs of number and stamp in
-    /// milliseconds.
+    /// Returns the arrivals of frames of 62.5 ms; `frames` are pairs of number and stamp in ms.
     fn arrivals(frames: &[(u32, i64)]) -> Vec<Arrival> {
         let mut sequence = Sequence::default();
         let mut record = |(seq, ms): &(u32, i64)| {

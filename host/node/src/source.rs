@@ -37,8 +37,7 @@ pub struct Source {
     arrivals: VecDeque<(u64, HostTime)>,
     /// Indices of the lost samples in each gap that is not completely converted, oldest first.
     lost: VecDeque<Range<u64>>,
-    /// Bytes for the host, each with the time of arrival of the samples from which the device made
-    /// them.
+    /// Bytes for the host, each with the time of arrival of the samples that they were made of.
     outgoing: VecDeque<(HostTime, Vec<u8>)>,
     counts: SourceCounts,
 }
@@ -119,8 +118,7 @@ impl Source {
     ///
     /// # Errors
     ///
-    /// [`Refusal`] if the frame must not be encoded. The frame counts as lost when the next one
-    /// comes.
+    /// [`Refusal`] if the frame must not be encoded. It counts as lost when the next one comes.
     pub fn check(&mut self, frame: &NeuroFrame) -> Result<Arrival, Refusal> {
         self.layout.admit(frame)?;
         match self.sequence.record(frame, self.layout.frame_us()) {
@@ -235,8 +233,7 @@ impl Source {
         [position / adc_rate, position.div_ceil(adc_rate)]
     }
 
-    /// Returns whether a sample was lost directly before or after the next sample of the virtual
-    /// ADC.
+    /// Returns whether a sample beside the next sample of the virtual ADC, in time, was lost.
     fn is_lost(&mut self) -> bool {
         let [before, after] = self.input_around();
         while self.lost.front().is_some_and(|lost| lost.end <= before) {
@@ -246,8 +243,7 @@ impl Source {
         lost.is_some_and(|lost| lost.contains(&before) || lost.contains(&after))
     }
 
-    /// Queues the device's bytes for the host, with the time of arrival of the newest sample that
-    /// was converted.
+    /// Queues the device's bytes for the host, with the arrival of the newest converted sample.
     fn collect(&mut self) {
         let bytes = self.device.take_bytes();
         if bytes.is_empty() {

@@ -54,8 +54,7 @@ impl Publication {
         Ok(Arc::new(model.map_err(BridgeError::Model)?))
     }
 
-    /// Returns the settings. If they leave the rate of the packed code open, it becomes the
-    /// model's.
+    /// Returns the settings, with the model's rate of the packed code if they do not give one.
     ///
     /// # Errors
     ///
@@ -208,8 +207,7 @@ impl<F: Feed> Bridge<F> {
         let outcome = self.run(shutdown).await;
         let mut summary = self.core.summary();
         let outlets = self.outlets;
-        // Waits in a thread of its own, because the tasks that write the sockets must continue
-        // meanwhile.
+        // Waits in another thread, because the tasks that write the sockets must continue.
         let finished = tokio::task::spawn_blocking(move || outlets.finish()).await;
         summary.decoder = finished.unwrap_or_default();
         (summary, outcome)
@@ -223,8 +221,8 @@ impl<F: Feed> Bridge<F> {
         let mut deadline: Option<Instant> = None;
         let mut failure = None;
         loop {
-            // Checked again at every tick. During a pause the port is not read, so the source has
-            // to wait.
+            // Checked again at every tick. During a pause the port is not read, so the source
+            // waits.
             let paused = self.outlets.must_pause();
             tokio::select! {
                 event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing), if !paused => self.handle_connection(event?, &buffer),

@@ -236,8 +236,8 @@ impl Task {
     }
 }
 
-/// Returns the command line with all subcommands. An environment variable that is set to nothing
-/// sets no option.
+/// Returns the command line with all subcommands. Environment variables set to nothing set no
+/// option.
 pub(crate) fn command() -> Command {
     let command = all_options().mut_args(ignore_empty_variable);
     command.mut_subcommands(|subcommand| subcommand.mut_args(ignore_empty_variable))

@@ -71,8 +71,7 @@ impl GivenOptions {
         self.known.iter().any(|known| known == id)
     }
 
-    /// Returns whether the command line or the environment sets the option with the identifier
-    /// `id`.
+    /// Returns whether the command line or the environment sets the option with identifier `id`.
     pub(crate) fn is_set(&self, id: &str) -> bool {
         let source = self.matches.value_source(id);
         matches!(

@@ -56,8 +56,8 @@ pub(crate) struct SilenceLog {
 }
 
 impl SilenceLog {
-    /// Logs that `port` is silent, unless this silence is logged already. `wire` counts what the
-    /// port has sent.
+    /// Logs that `port` is silent, unless this is logged already. `wire` counts what the port has
+    /// sent.
     pub(crate) fn log(&mut self, port: &str, wire: &Counters) {
         if self.frames.replace(wire.frames) == Some(wire.frames) {
             return;

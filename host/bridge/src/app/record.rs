@@ -105,8 +105,7 @@ struct ModelRate {
 }
 
 impl ModelRate {
-    /// Returns the model's rate, or `None` if no packed blocks are recorded or the user chose a
-    /// rate.
+    /// Returns the model's rate; `None` if the user chose a rate, or no packed blocks are recorded.
     fn new(settings: Settings) -> Result<Option<ModelRate>, BridgeError> {
         if settings.packed_rate.is_some() || !settings.streams.contains(Streams::PACKED) {
             return Ok(None);
@@ -175,8 +174,7 @@ impl Recording {
     }
 
     fn handle_connection(&mut self, event: Event, buffer: &[u8]) {
-        // Read the clock directly after the bytes, because the device's clock is fitted to this
-        // time.
+        // Read the clock directly after the bytes: the device's clock is fitted to this time.
         let now = self.port.set_now();
         match event {
             Event::Opened => {

@@ -190,9 +190,8 @@ impl ReplayPort {
         }
     }
 
-    /// Waits until bytes from the host are read into `buffer` or a part of `outgoing` is written,
-    /// and before that for a host if there is none. A host that disconnects is no error. Cancel
-    /// safe.
+    /// Waits until bytes from the host are read into `buffer` or a part of `outgoing` is written;
+    /// if there is no host, waits for one. A host that disconnects is no error. Cancel safe.
     ///
     /// # Errors
     ///

@@ -17,8 +17,7 @@ const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
 
 /// Topic on which an experiment sets the rate of the packed code.
 const RATE_TOPIC: &str = "~packed_rate";
-/// Number of received rates that can wait to be handled; a rate that does not fit replaces the
-/// oldest.
+/// Number of received rates that can wait to be handled; another one replaces the oldest.
 const QUEUE_RATES: usize = 4;
 
 /// The bridge's ROS node, with a task that logs when the master appears or disappears.
@@ -85,8 +84,7 @@ impl RosNode {
             };
             let services = AcquisitionServices::serve(&node, &get_info, on_info, on_command).await;
             match services {
-                // Keeps the services until the node shuts down, because dropping them unregisters
-                // them.
+                // Keeps the services until the node shuts down; dropping them unregisters them.
                 Ok(_services) => std::future::pending().await,
                 Err(error) => tracing::error!(
                     %error,
@@ -97,8 +95,8 @@ impl RosNode {
     }
 }
 
-/// Passes each rate that arrives on `~packed_rate` to `commands`. Logs a warning for a number that
-/// is not a valid rate.
+/// Passes each rate that arrives on `~packed_rate` to `commands`. Logs a warning for an invalid
+/// rate.
 async fn receive_rates(node: Arc<Node>, commands: UnboundedSender<NodeCommand>) {
     let subscribed = node.subscribe(RATE_TOPIC, UInt8::TYPE, QUEUE_RATES).await;
     let mut rates = match subscribed {
@@ -165,8 +163,7 @@ pub struct Namespace {
 }
 
 impl Namespace {
-    /// Joins ROS's namespace `ros` and `prefix`. A prefix that starts with a slash replaces the
-    /// namespace.
+    /// Joins ROS's namespace `ros` and `prefix`. A prefix that starts with a slash replaces `ros`.
     pub fn new(ros: &str, prefix: &str) -> Namespace {
         let joined = if prefix.starts_with('/') {
             prefix.to_owned()

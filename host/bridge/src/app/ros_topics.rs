@@ -252,8 +252,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Number of checks in a row in which no other node may publish a topic before the bridge does,
-/// once another node has published it. After a restart of the ROS master, publishers register again
-/// within two checks.
+/// once another node has published it. After a restart of the ROS master, nodes register within
+/// two.
 const FREE_CHECKS: u32 = 3;
 
 /// The bridge's claim to be the only publisher of a topic. A recorder allocates by the shape of one

@@ -12,11 +12,10 @@ use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 
-/// Number of lines that can wait to be published, and for each subscriber. Further lines are only
-/// on stderr.
+/// Number of lines that can wait to be published, and for each subscriber; others are only on
+/// stderr.
 const QUEUE_LINES: usize = 1024;
-/// Longest time for which the first lines wait for a subscriber, which needs several milliseconds
-/// to connect.
+/// Longest wait of the first lines for a subscriber, which needs several milliseconds to connect.
 const FIRST_SUBSCRIBER_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Passes the log's lines of level info and above to the channel from which [`publish`] reads.

@@ -9,7 +9,7 @@ use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 
 /// Time after the first signal from which another signal ends the process at once. A closing
 /// terminal sends several signals within this time; a later one means that the user will not wait
-/// for the shutdown.
+/// any longer.
 const FORCE_EXIT_AFTER: Duration = Duration::from_millis(500);
 
 /// Collects requests to shut down from signals, the ROS master and the service `~quit`.

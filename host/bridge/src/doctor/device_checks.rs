@@ -176,8 +176,8 @@ impl Probe {
         frame.map(<[u8]>::to_vec).unwrap_or_default()
     }
 
-    /// Handles bytes from the device. Returns whether its introduction (`Hello` and `Capabilities`)
-    /// is complete.
+    /// Handles bytes from the device. Returns whether `Hello` and `Capabilities` have been
+    /// received.
     pub(crate) fn receive(&mut self, mut bytes: &[u8]) -> bool {
         while let Some(frame) = self.decoder.next::<ToHost>(&mut bytes) {
             let Ok(frame) = frame else { continue };

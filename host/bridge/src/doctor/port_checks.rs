@@ -77,8 +77,7 @@ impl UdevRule {
     }
 }
 
-/// Returns the findings about a port: existence, permission, other programs, udev rule,
-/// ModemManager.
+/// Checks a port: its existence, permission, other programs, the udev rule, ModemManager.
 pub(crate) fn check_port(facts: &PortFacts) -> Vec<Check> {
     let (path, access, usb) = match &facts.place {
         PortPlace::Network(address) => return vec![Check::ok("port", address.as_str())],

@@ -29,8 +29,7 @@ pub(crate) enum Membership {
     RootOnly,
     /// This user is not a member of the group.
     Outsider { group: String },
-    /// This user is a member of the group, but became one after logging in, which has no effect
-    /// yet.
+    /// This user joined the group after logging in, which has no effect until the next login.
     FromNextLogin { group: String },
 }
 

@@ -7,8 +7,7 @@ use thiserror::Error;
 
 use crate::ports::system_root::{Likeness, SerialPort, SystemRoot};
 
-/// Searches the ports for one board. After the first success, accepts only a board with the same
-/// serial number.
+/// Searches the ports for one board. Once it has found a board, accepts only its serial number.
 #[derive(Clone, Debug)]
 pub(crate) struct BoardFinder {
     root: SystemRoot,
@@ -76,8 +75,7 @@ fn listed(boards: &[String]) -> String {
 }
 
 impl BoardFinder {
-    /// Creates a finder for the board with the serial number `serial`, or, if this is `None`, for
-    /// the only board.
+    /// Creates a finder for the board with the serial number `serial`; `None` for the only board.
     pub(crate) fn new(root: SystemRoot, serial: Option<String>) -> BoardFinder {
         BoardFinder { root, serial }
     }
@@ -120,8 +118,7 @@ fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, Find
             present: boards.iter().map(|port| name(port)).collect(),
         });
     }
-    // While udev is still working on the port of one board, another board that is ready is not the
-    // only one.
+    // While udev still works on the port of one board, another board is not the only one.
     let mut unsettled = ports.iter().filter(|port| !port.is_settled);
     if let Some(port) = unsettled.find(|port| port.likeness() == Likeness::Board) {
         let port = port.path.clone();

@@ -77,8 +77,7 @@ impl SystemRoot {
         !has_udev || record.is_some_and(|record| !record.contains("E:ID_PROCESSING=1"))
     }
 
-    /// Returns the link to `port` whose name stays the same in whatever order devices are plugged
-    /// in.
+    /// Returns the link to `port` whose name does not depend on the order of plugging devices in.
     fn stable_link(&self, port: &Path) -> Option<PathBuf> {
         let own = entries(&self.path("dev"));
         let own = own.into_iter().filter(|path| {

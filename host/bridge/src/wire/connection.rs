@@ -32,8 +32,7 @@ pub(crate) struct Connection {
     /// Time at which the device began to accept none of the outgoing bytes; `None` if no bytes
     /// wait.
     stuck_since: Option<Instant>,
-    /// Kind of the last failure that was logged; the log does not repeat it while the device is
-    /// absent.
+    /// Kind of the last failure that was logged; it is logged once, however long it lasts.
     reported: Option<String>,
     /// Whether the next opening of the port shall not be logged.
     silently: bool,
@@ -150,8 +149,7 @@ impl Feed for Connection {
                     self.state = State::Opening(opening);
                 }
                 State::Opening(opening) => {
-                    // Waiting for the task fails only if it panicked or the runtime is shutting
-                    // down.
+                    // Waiting fails only if the task panicked or the runtime is shutting down.
                     let opened = match opening.await {
                         Ok((opener, opened)) => {
                             self.opener = opener;
@@ -247,8 +245,7 @@ impl Feed for Connection {
 /// Connection to a device, as the loop that publishes its streams uses it.
 pub trait Feed {
     /// Waits for the next event; bytes from the device then stand at the front of `buffer`.
-    /// Meanwhile passes `outgoing` to the device and removes what the device has accepted. Cancel
-    /// safe.
+    /// Meanwhile passes `outgoing` to the device and removes what was accepted. Cancel safe.
     ///
     /// # Errors
     ///
@@ -276,8 +273,7 @@ pub trait Feed {
         Duration::MAX
     }
 
-    /// Disconnects from a silent device, without a message in the log. The next event connects
-    /// again.
+    /// Disconnects from a silent device, without logging it. The next event connects again.
     fn close_silently(&mut self) {}
 
     /// Sets whether the device has so far sent only bytes that form no valid frame.

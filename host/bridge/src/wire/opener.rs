@@ -106,8 +106,7 @@ mod tests {
     use crate::wire::connection::{Connection, Event, Feed};
     use crate::wire::port::PortAddress;
 
-    /// Returns the device's end of a new pseudoterminal, and the path at which a host opens the
-    /// other.
+    /// Returns the device's end of a new pseudoterminal, and the path of the host's end.
     fn pseudoterminal() -> (File, PathBuf) {
         let device = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
         grantpt(&device).unwrap();

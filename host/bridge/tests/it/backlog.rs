@@ -61,8 +61,7 @@ fn fast_board(codes: u32) -> String {
             let bytes = board.code(code * 62_500, 3);
             stream.write_all(&bytes).unwrap();
         }
-        // Read the bridge's commands to the end, because closing a socket that has unread bytes
-        // resets the connection.
+        // Read the commands too: closing a socket that has unread bytes resets the connection.
         stream.shutdown(std::net::Shutdown::Write).unwrap();
         while let Ok(count) = stream.read(&mut buffer)
             && count > 0

@@ -79,8 +79,7 @@ fn tick_of(table: &Table, stream: &str, row: usize) -> Option<f64> {
         return None;
     }
     if stream != "codes" {
-        // The first channel follows four other columns and eight status words. 1 count is 22.351742
-        // nV.
+        // The first channel follows four columns and eight status words. 1 count is 22.351742 nV.
         let microvolts: f64 = table.rows[row][12].parse().unwrap();
         return Some((microvolts / 0.022_351_742).round());
     }
@@ -122,8 +121,7 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
             let Some((at, tick)) = found else { continue };
             let tick = tick - (at - row) as f64 * ticks;
             let event = *us as f64 * TICKS_PER_SECOND as f64 / 1e6;
-            // The pause of the restart is filled with whole rows, so later rows are off by a part
-            // of one.
+            // The pause of the restart is filled with whole rows, so later rows are off a little.
             worst = worst.max((tick - event).abs() / ticks);
             checked += 1;
         }
@@ -131,8 +129,7 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
         assert!(checked >= times_us.len() - 1, "{stream}: {checked}");
         assert!(worst <= 1.1, "{stream}: {worst} rows");
         assert!((0..table.rows.len()).any(|row| table.is_filler(row)));
-        // From the first row to the last, the time that the values of a row tell agrees with the
-        // row's index.
+        // From the first row to the last, the time in a row's values agrees with its index.
         let mut at_start = None;
         for row in 0..table.rows.len() {
             let Some(tick) = tick_of(&table, stream, row) else {

@@ -130,8 +130,7 @@ fn listed(section: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// Adds the paths of all fields in a JSON value that stands at `path`. A list counts as its
-/// elements.
+/// Adds the paths of all fields in the JSON value at `path`. A list counts as its elements.
 fn collect(value: &Value, path: &str, fields: &mut BTreeSet<String>) {
     match value {
         Value::Object(object) => {
@@ -188,8 +187,7 @@ fn the_lines_have_exactly_the_fields_of_the_page() {
     }
 }
 
-/// Replays a recording to a bridge. Returns the bridge's messages, each with its topic, and its
-/// log.
+/// Replays a recording to a bridge. Returns its messages, each with its topic, and its log.
 fn messages(recording: PackedRecording) -> (Vec<(String, Value)>, String) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recording");

@@ -67,8 +67,7 @@ fn bridge_on(machine: &SimulatedMachine, arguments: &[&str]) -> Command {
     command
 }
 
-/// Plugs `board` into a socket, once the pseudoterminal exists to which `link` leads; it becomes
-/// the board's port.
+/// Waits for the pseudoterminal to which `link` leads, and plugs it in as the port of `board`.
 fn plug(machine: &SimulatedMachine, socket: u32, tty: &str, board: Descriptor<'_>, link: &Path) {
     let deadline = Instant::now() + TIMEOUT;
     let node = loop {

@@ -1,5 +1,4 @@
-//! Tests of the program `corticode-bridge`, between a simulated board and the ROS master of the
-//! crate `ros1`.
+//! Tests of the program `corticode-bridge`, between a simulated board and a ROS master.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod abuse;

@@ -1,5 +1,4 @@
-//! The subcommand `record`: what a file holds if the program is killed, the disk is full, or the
-//! file exists already.
+//! The subcommand `record`: files of a killed program, a full disk, and an existing file.
 
 use std::fs::File;
 use std::io::Read;
@@ -82,8 +81,7 @@ fn a_recording_that_was_killed_is_readable_to_its_last_whole_frame() {
         let path = folder.path().join(format!("recording-{round}"));
         let device = Device::tcp(Board::new());
         let bridge = start(&device, &path, &[]);
-        // 28 bytes are the header, which is written at once. The time until the kill differs from
-        // round to round.
+        // 28 bytes are the header, which is written at once. Each round kills at another time.
         wait_for_bytes(&path, 28);
         std::thread::sleep(Duration::from_micros(round * 7_919 % 150_000));
         bridge.signal(Signal::KILL);

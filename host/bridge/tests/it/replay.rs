@@ -35,8 +35,7 @@ fn recorded_codes(path: &Path) -> Vec<Vec<f64>> {
     codes
 }
 
-/// Replays a recording to a bridge. Returns the codes that the bridge published, without fillers,
-/// and its log.
+/// Replays a recording to a bridge. Returns the published codes without fillers, and both logs.
 fn replayed_codes(arguments: &[&str], port: &str, streams: &str) -> (Vec<Vec<f64>>, String) {
     let replay = Bridge::start(&[&["replay"], arguments].concat());
     let arguments = ["--port", port, "--sink", "ndjson", "--streams", streams];

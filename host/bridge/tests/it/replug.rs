@@ -79,8 +79,7 @@ fn a_pseudoterminal_that_returns_under_another_name_is_reopened() {
     assert_eq!((received + lost, fillers), (made, lost), "{log}");
     assert!(lost > 0);
     println!("{log}");
-    // The bridge must reconnect within 1 s; the test allows one more, because the machine may be
-    // busy.
+    // The bridge must reconnect within 1 s; a busy machine may take one more.
     let limit = Duration::from_secs(2);
     assert!(outages.iter().all(|outage| *outage < limit), "{outages:?}");
 }

@@ -1,5 +1,4 @@
-//! Blocks of rows and events: what the recording's streams are converted to before they are
-//! written.
+//! Blocks of rows and events, to which a recording's streams are converted before writing.
 
 use bridge_core::TRI_LABELS;
 use link::Flags;
@@ -15,7 +14,7 @@ pub(crate) enum Stream {
 }
 
 impl Stream {
-    /// All streams, ordered by their discriminants, which are indices into arrays that have an
+    /// All streams, in the order of their discriminants, which are indices into arrays with an
     /// element per stream.
     pub(crate) const ALL: [Stream; 4] = [
         Stream::Codes,

@@ -148,8 +148,7 @@ impl<L: Listener> Collector<L> {
     }
 
     /// Returns the time from when the first step of a code or packed block was at the electrodes to
-    /// the device time of the code or block, microseconds. `steps` returns the number of steps in
-    /// it.
+    /// its device time, microseconds. `steps` returns the number of steps in it.
     fn delay_us(&self, steps: impl Fn(&Device) -> u8) -> i64 {
         self.device.as_ref().map_or(0, |device| {
             let lookback = u32::from(steps(device)) - 1;

@@ -117,8 +117,7 @@ impl<L: Listener> Playback<L> {
         self.newest = Some(time);
     }
 
-    /// Publishes the last packed block, which waits for a next one. Call this after the last
-    /// record.
+    /// Publishes the last packed block, which otherwise waits for a next one. Call this at the end.
     pub(crate) fn finish(&mut self) {
         self.collector.finish_blocks();
     }
@@ -130,8 +129,8 @@ impl<L: Listener> Playback<L> {
         }
     }
 
-    /// Ticks the core through the time until `time`, as the bridge does, so that timeouts of the
-    /// core expire.
+    /// Ticks the core through the time until `time`, as the bridge does, so that its timeouts
+    /// expire.
     fn pass_time(&mut self, time: HostTime) {
         let Some(newest) = self.newest else { return };
         let mut now = newest;

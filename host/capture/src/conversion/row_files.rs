@@ -194,8 +194,7 @@ impl RowWriter for RecordRows {
     }
 }
 
-/// Returns the description of a stream's file, whose signals are the channels, then the status
-/// words.
+/// Returns the description of a stream's file; its signals are channels, then status words.
 fn file_to_write(file: &StreamFile<'_>) -> FileToWrite {
     let frame = file.first;
     let groups = [&frame.eeg.info, &frame.exg.info, &frame.tri.info];

@@ -113,8 +113,8 @@ impl<R: Read + Seek> Replayer<R> {
         self.counts
     }
 
-    /// Returns when to send the next frame, in microseconds on the host's clock; `None` while
-    /// nothing is played.
+    /// Returns when to send the next frame, microseconds of the host's clock; `None` if nothing
+    /// plays.
     pub fn due_us(&self, now_us: i64) -> Option<i64> {
         let (State::Playing, Some((time_us, _))) = (self.state, &self.next) else {
             return None;
@@ -275,8 +275,7 @@ impl<R: Read + Seek> Replayer<R> {
                 let streams = self.recorded_starts.acknowledged_by(payload);
                 if let Some(streams) = streams.filter(|_| self.restarted) {
                     self.recorded_streams = streams;
-                    // The replay's host has to start the streams at the same place of the
-                    // recording.
+                    // The replay's host has to send `Start` at the same place of the recording.
                     self.state = State::AwaitsStart;
                     self.started_us = time_us;
                 }

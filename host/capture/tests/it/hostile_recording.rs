@@ -89,8 +89,7 @@ fn replay(recording: Vec<u8>) -> u64 {
     replayer.counts().codes
 }
 
-/// Converts a recording, and asserts limits for the time and the size of the files. Returns the
-/// summary as text.
+/// Converts a recording within limits of time and size. Returns the summary as text.
 fn convert(recording: &[u8]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.wire");

@@ -86,7 +86,7 @@ impl PackedRecording {
     }
 
     /// Advances time by a hop, in which the device sends a packed block, and a code if it streams
-    /// codes.
+    /// any.
     pub(crate) fn hop(&mut self) {
         let bytes = block(self.next, 0, 4);
         self.hop_of(&bytes);

@@ -1,5 +1,4 @@
-//! Recordings have the bytes that docs/recording-format.md shows, and what is whole in a damaged
-//! file can be read.
+//! Recordings have the bytes in docs/recording-format.md, and damaged ones are read where whole.
 
 use std::io::Cursor;
 
@@ -28,8 +27,7 @@ fn dump(name: &str) -> Vec<u8> {
         .collect()
 }
 
-/// Returns bytes as a hex dump like those in docs/recording-format.md, for the message of a
-/// failure.
+/// Returns a hex dump as in docs/recording-format.md, for the message of a failed test.
 fn printed(bytes: &[u8]) -> String {
     let rows = bytes.chunks(16).map(|row| {
         let row: Vec<String> = row.iter().map(|byte| format!("{byte:02x}")).collect();

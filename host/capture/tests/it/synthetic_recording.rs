@@ -1,5 +1,4 @@
-//! Makes recordings without waiting: a simulated board, the core and the recorder run in virtual
-//! time.
+//! Makes recordings in virtual time, with a simulated board, the core and the recorder.
 
 use bridge_core::{Core, Effects, FillerPolicy, HostTime, Settings};
 use capture::{FileHeader, Recorder};
@@ -103,8 +102,7 @@ impl Rig {
         self.core.receive(bytes, at(read_us), &mut self.port);
     }
 
-    /// Restarts the board, which is away for `outage_us` microseconds; its clock and indices start
-    /// again.
+    /// Restarts the board after `outage_us` microseconds; its clock and indices start again.
     pub(crate) fn restart(&mut self, outage_us: i64) {
         self.board.reboot();
         self.boot_us = self.now_us + outage_us;
@@ -206,8 +204,7 @@ impl Rig {
     fn filtered(&mut self, first: i64) {
         let mut values = Vec::new();
         for step in first..first + 4 {
-            // The filters delay the signal: a step shows what happened on the scalp that much
-            // earlier.
+            // The filters delay what happens on the scalp, so a step shows an earlier time.
             let us = self.sample_us(step * 4) - FILTER_DELAY_US;
             let tick = i32::try_from(us * TICKS_PER_SECOND / 1_000_000).unwrap();
             values.extend((tick << 5).to_le_bytes());

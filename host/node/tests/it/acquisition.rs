@@ -1,5 +1,4 @@
-//! A simulated acquisition: frames of synthetic EEG, and the codes that host-sim would make of a
-//! recording of them.
+//! A simulated acquisition: frames of synthetic EEG, and the codes of a recording of them.
 
 use std::io::Cursor;
 
@@ -77,8 +76,7 @@ impl Acquisition {
         values.collect()
     }
 
-    /// Returns the dequantised codes that host-sim makes of a recording of the first `frames`
-    /// frames.
+    /// Returns the dequantised codes that host-sim makes of a recording of `frames` frames.
     pub(crate) fn codes_of_recording(&self, frames: u32, mains: Mains) -> Vec<Vec<f32>> {
         let signal = |label: &String| SignalToWrite {
             label: label.clone(),

@@ -143,13 +143,11 @@ fn stamps_are_the_times_of_the_windows_also_when_codes_come_in_bursts() {
         let frame_us = u64::from(samples) * 1_000_000 / u64::from(rate_hz);
         let hop_ns = 1_000_000_000 * model::HOP as u64 / u64::from(model::STEP_RATE_HZ);
         for (window, frame) in (0_u64..).zip(&harness.recorder.encoded) {
-            // The first frame arrived one frame's duration after its first sample was at the
-            // electrodes.
+            // The first frame arrived one frame after its first sample was at the electrodes.
             let first_ns = START.wall_ns - i64::try_from((frame_us + delay_us) * 1000).unwrap();
             let expected_ns = first_ns + i64::try_from(window * hop_ns).unwrap();
             let error_ns = frame.header.stamp.nanoseconds() - expected_ns;
-            // The clock is fitted to arrivals of frames, so it is late by less than a frame's
-            // duration.
+            // The clock is fitted to arrivals of frames, so it is late by less than one frame.
             let most_ns = i64::try_from(frame_us * 1000).unwrap() + 10_000_000;
             assert!(
                 (-10_000_000..most_ns).contains(&error_ns),
