@@ -56,7 +56,7 @@ const UDEV_RULE: &str = include_str!("../../../packaging/60-corticode.rules");
 /// until a signal or ROS ends it. `selftest` and `reset` send the device one request and print its
 /// answer. `record` writes everything on the wire to a file, which `replay` and `convert` read.
 /// `ports` and `doctor` print the state of this machine. `master` runs a ROS master until a signal
-/// ends it; `completions` and `man` print.
+/// ends it. `completions` prints a shell completion script, and `man` the manual page.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
     let done = read_task(&ros, arguments).and_then(|(task, config)| match task {
@@ -83,9 +83,10 @@ pub fn run() -> ExitCode {
     }
 }
 
-/// Reads the options. The command line overrides the environment, this the parameter server, and
-/// this the configuration file. Wrong usage and requests for help end the process. Also returns the
-/// path of the configuration file, for the log, if the file sets an option.
+/// Reads the options from the command line, the environment, the parameter server and the
+/// configuration file; each of these overrides those after it. Wrong usage and requests for help
+/// end the process. Also returns the configuration file's path, for the log, if the file sets an
+/// option.
 fn read_task(
     ros: &NodeOptions,
     arguments: Vec<String>,
@@ -116,7 +117,8 @@ fn read_task(
         let runtime = one_thread()?;
         let names = Options::parameter_names();
         let parameters = runtime.block_on(parameters::read(ros, master_uri, &names));
-        // Does not wait for a lookup of the master's host name that is still trying.
+        // Dropping the runtime would wait for a lookup of the master's host name that has not
+        // ended.
         runtime.shutdown_background();
         for (name, argument) in parameters? {
             if !given.is_set(&name) {
@@ -128,7 +130,7 @@ fn read_task(
     let task = Task::parse_from(values(&others).into_iter().map(Into::into));
     let task = task.unwrap_or_else(|error| error.exit());
     if let (Task::SelfTest(_) | Task::Reset(_), Some(path)) = (&task, &path) {
-        // `selftest` and `reset` have no log that could name the file.
+        // These two subcommands have no log in which the file could be named.
         eprintln!("corticode-bridge: options from {}", path.display());
     }
     Ok((task, path))
@@ -219,7 +221,7 @@ fn list_ports(options: &PortsOptions) -> Result<ExitCode, BridgeError> {
 fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, BridgeError> {
     let runtime = one_thread()?;
     let report = runtime.block_on(doctor::examine(options, ros));
-    // Does not wait for a lookup of a host name that is still trying.
+    // Dropping the runtime would wait for a lookup of a host name that has not ended.
     runtime.shutdown_background();
     print_report(&report, options.json)?;
     Ok(ExitCode::from(u8::from(report.errors > 0)))
@@ -248,7 +250,7 @@ fn print(text: &[u8]) -> Result<(), BridgeError> {
     }
 }
 
-/// Starts the log, and names `config` in it, the configuration file that was read. Returns the
+/// Starts the log, and notes in it which configuration file `config` was read, if any. Returns the
 /// lines of the log for `/rosout`.
 fn init_log(ros: &NodeOptions, config: Option<PathBuf>) -> Result<Receiver<Log>, BridgeError> {
     let lines = log::start(ros, "info")?;

@@ -14,7 +14,7 @@ use serde::Serialize;
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Level {
     Ok,
-    /// The bridge works, but not in full.
+    /// The bridge works, but the user should know of a restriction.
     Warning,
     /// The bridge does not work.
     Error,

@@ -18,7 +18,7 @@ use crate::app::config_file::ConfigError;
 /// for the streaming bridge, which waits.
 #[derive(Debug, Error)]
 pub enum BridgeError {
-    /// Codes are to be computed, but the model in this program has no network.
+    /// Codes are to be computed, but the model in this program has no network that encodes them.
     #[error(
         "this program was built with a model without a network, which has no codes; build it with another model \
          (CORTICODE_ARTIFACT)"
@@ -81,7 +81,8 @@ pub enum BridgeError {
         /// Full name of the parameter.
         name: String,
     },
-    /// The port does not open, or is lost, during a single request, which does not wait for a port.
+    /// The port does not open or is lost while one request is sent; `selftest` and `reset` do not
+    /// wait.
     #[error("{port} {what}; {remedy}")]
     Unreachable {
         /// Address from `--port`.

@@ -11,7 +11,7 @@ use crate::error::BridgeError;
 use crate::wire::opener::{OpenError, PortOpener};
 use crate::wire::port::{Port, PortAddress, Transfer};
 
-/// Time between two checks of the timeout, and between two attempts to reopen a lost port.
+/// Time between two checks of the timeouts, and between two attempts to reopen a lost port.
 const TICK: Duration = Duration::from_millis(100);
 
 /// Sends a request to the device at a port and returns the answer. Shows a spinner meanwhile if
@@ -52,7 +52,8 @@ async fn run_query(
         }
         let Some(open_port) = &mut port else {
             sleep(TICK).await;
-            // The port is absent while the device restarts; `query` limits how long that may take.
+            // The port is absent while the device restarts; `query` times out if that takes too
+            // long.
             port = opener.open().await.ok();
             if port.is_some() {
                 outgoing.clear();

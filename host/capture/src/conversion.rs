@@ -38,7 +38,7 @@ use crate::recording::{FileHeader, RecordingError};
 pub struct Conversion {
     /// Path of the recording to read.
     pub file: PathBuf,
-    /// Format of the files to write. Each file's name consists of those of the recording, the
+    /// Format of the files to write. The name of a file consists of the names of the recording, the
     /// stream and the format.
     pub to: FileFormat,
     /// Whether existing files with the names of the new ones are replaced.
@@ -290,8 +290,7 @@ struct Input<'a, P> {
 }
 
 impl<R: Read, P: Fn(File, &'static str) -> R> Input<'_, P> {
-    /// Plays the whole recording to `listener`. An error of `check`, called after each record, ends
-    /// it.
+    /// Plays the recording to `listener` until it ends or `check`, called after each record, fails.
     fn play<L: Listener>(
         &self,
         listener: L,
@@ -316,7 +315,7 @@ impl<R: Read, P: Fn(File, &'static str) -> R> Input<'_, P> {
     }
 }
 
-/// Returns the settings of the core: streams and mains frequency are those of the recording.
+/// Returns the settings of the bridge's core: streams and mains frequency are the recording's.
 fn settings(header: &FileHeader) -> Settings {
     Settings {
         mains_hz: header.mains_hz,

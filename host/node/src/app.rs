@@ -69,7 +69,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
         Ok(SourceFeed::new(subscriber, mains, Stamp::now().nsecs))
     };
     let summary = runtime.block_on(Box::pin(publication.publish(log, connect)))?;
-    // Does not wait for a lookup of a host name that is still trying.
+    // Dropping the runtime would wait for a lookup of a host name that has not ended.
     runtime.shutdown_background();
     eprintln!("corticode-node: {summary}");
     Ok(())

@@ -27,12 +27,12 @@ pub(crate) struct SourceFeed {
     subscriber: Subscriber,
     mains: Mains,
     session_id: u32,
-    /// The device; `None` before the first frame that can be encoded.
+    /// Encoder of the frames; `None` before the first frame that can be encoded.
     source: Option<Source>,
     /// First frame of the device, its arrival, and a deadline: the frame is encoded when the bridge
     /// has started the streams, at the latest at the deadline.
     held: Option<(NeuroFrame, HostTime, Instant)>,
-    /// Host time at which the samples arrived from which the bytes read last were made.
+    /// Arrival of the frame from which the bytes that were read last were made.
     read: HostTime,
     /// Time at which bytes were last passed to the host.
     passed: Instant,

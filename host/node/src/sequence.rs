@@ -5,9 +5,9 @@ use neuro_ros::NeuroFrame;
 /// Longest gap that is filled, microseconds. A longer gap counts as a restart of the acquisition.
 const LONGEST_GAP_US: i64 = 120_000_000;
 
-/// How much later than the end of the previous frame a frame with the next number can begin,
-/// microseconds; if later, the acquisition counts as restarted. Stamps vary by some frames, because
-/// they are taken when a frame is read from the amplifier.
+/// Longest time from the end of a frame to the beginning of the one with the next number,
+/// microseconds; after a longer time the acquisition counts as restarted. Stamps vary by some
+/// frames, because they are taken when a frame is read from the amplifier.
 const LONGEST_PAUSE_US: i64 = 1_000_000;
 
 /// How a frame follows the frames before it, judged by its number and stamp.
@@ -32,8 +32,8 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// Takes note of a frame that lasts `frame_us`, microseconds. Returns how it follows the
-    /// others.
+    /// Takes note of a frame of `frame_us` microseconds. Returns how it follows the frame before
+    /// it.
     pub fn record(&mut self, frame: &NeuroFrame, frame_us: i64) -> Arrival {
         let seq = frame.neuroheader.seq;
         let stamp_us = frame.header.stamp.nanoseconds() / 1000;

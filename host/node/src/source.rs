@@ -233,7 +233,7 @@ impl Source {
         [position / adc_rate, position.div_ceil(adc_rate)]
     }
 
-    /// Returns whether a sample beside the next sample of the virtual ADC, in time, was lost.
+    /// Returns whether the next sample of the virtual ADC lies beside a lost sample or at its time.
     fn is_lost(&mut self) -> bool {
         let [before, after] = self.input_around();
         while self.lost.front().is_some_and(|lost| lost.end <= before) {

@@ -7,7 +7,7 @@ use crate::source::SourceCounts;
 /// Time without a frame after which the acquisition's status is an error, seconds.
 const SILENCE_S: f64 = 2.0;
 
-/// What the status of the acquisition is made of.
+/// Facts about the acquisition from which its status for `/diagnostics` is made.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SourceFacts {
     /// Full name of the topic with the acquisition's frames.

@@ -34,7 +34,7 @@ const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 /// Configuration of a program that publishes the streams of a device.
 #[derive(Clone, Debug)]
 pub struct Publication {
-    /// Settings of the core, such as the streams and the meaning of their time stamps.
+    /// Settings of the state machine [`Core`], such as which streams to publish.
     pub settings: Settings,
     /// Folder of the model with which codes are decoded; `None` for the built-in model.
     pub model: Option<PathBuf>,
@@ -43,7 +43,7 @@ pub struct Publication {
     /// Prefix of the names of topics and services. It extends the node's namespace, but a prefix
     /// that starts with a slash replaces the namespace.
     pub topic_prefix: String,
-    /// Name of the service that tells a recorder the shape and rate of the frames.
+    /// Name of the service that tells recorders and other subscribers the shape and rate of frames.
     pub get_info: &'static str,
 }
 
@@ -54,7 +54,8 @@ impl Publication {
         Ok(Arc::new(model.map_err(BridgeError::Model)?))
     }
 
-    /// Returns the settings, with the model's rate of the packed code if they do not give one.
+    /// Returns the settings. A rate of the packed code that they leave open becomes the model's
+    /// rate.
     ///
     /// # Errors
     ///
@@ -111,9 +112,9 @@ impl Publication {
     }
 }
 
-/// Runs the bridge until a signal (such as SIGTERM), a call of `~quit`, `rosnode kill`, or the
-/// reader of the JSON lines, by closing the pipe, ends it. Then stops the device, unregisters the
-/// node and closes the port.
+/// Runs the bridge until one of these ends it: a signal (such as SIGTERM), a call of `~quit`,
+/// `rosnode kill`, or the reader of the JSON lines by closing the pipe. Then stops the device,
+/// unregisters the node and closes the port.
 ///
 /// # Errors
 ///
@@ -155,7 +156,7 @@ async fn print_lines(
     let model = publication.model()?;
     let namespace = Namespace::new(&publication.ros.namespace, &publication.topic_prefix);
     let settings = publication.settings(&model)?;
-    // Without ROS nobody sends commands, but the channel must stay open while it is polled.
+    // Without ROS nobody sends commands, but the channel that the bridge polls must stay open.
     let (_command_sender, commands) = mpsc::unbounded_channel();
     let lines = NdjsonWriter::start(WholeLines::stdout()?);
     let sinks = Sinks::ndjson(&lines, settings.streams, &namespace)?;
@@ -164,7 +165,7 @@ async fn print_lines(
         .run_to_end(&mut shutdown)
         .await;
     let written = lines.finish(DRAIN_TIMEOUT);
-    // A sink reports only that the thread which writes has ended; `finish` has returned why.
+    // A sink reports only that the thread which writes has ended; `written` holds the reason.
     let outcome = match outcome {
         Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => written.map_err(BridgeError::Sink),
         error => error,
@@ -176,7 +177,8 @@ async fn print_lines(
     }
 }
 
-/// The core with its connection to the device, the commands from ROS, and outlets for its effects.
+/// A running bridge: the state machine [`Core`] with its connection to the device, the commands
+/// from ROS, and the outlets that execute the core's effects.
 struct Bridge<F> {
     core: Box<Core>,
     connection: F,
@@ -207,7 +209,7 @@ impl<F: Feed> Bridge<F> {
         let outcome = self.run(shutdown).await;
         let mut summary = self.core.summary();
         let outlets = self.outlets;
-        // Waits in another thread, because the tasks that write the sockets must continue.
+        // Waits in another thread, because the tasks that write the sockets need this one.
         let finished = tokio::task::spawn_blocking(move || outlets.finish()).await;
         summary.decoder = finished.unwrap_or_default();
         (summary, outcome)
@@ -221,8 +223,7 @@ impl<F: Feed> Bridge<F> {
         let mut deadline: Option<Instant> = None;
         let mut failure = None;
         loop {
-            // Checked again at every tick. During a pause the port is not read, so the source
-            // waits.
+            // Checked again at every tick. A device whose port is not read waits or drops frames.
             let paused = self.outlets.must_pause();
             tokio::select! {
                 event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing), if !paused => self.handle_connection(event?, &buffer),
@@ -279,8 +280,8 @@ impl<F: Feed> Bridge<F> {
     }
 
     fn handle_connection(&mut self, event: Event, buffer: &[u8]) {
-        // Read the clock directly after the bytes: the fit of the device's clock needs the time at
-        // which the bytes arrived.
+        // Read the clock directly after the bytes: the device's clock is fitted to the times at
+        // which bytes arrive.
         let now = self.connection.read_time();
         match event {
             Event::Opened => self.core.connected(now, &mut self.outlets),

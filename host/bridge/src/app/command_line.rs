@@ -97,7 +97,7 @@ impl Options {
         ids.map(str::to_owned).collect()
     }
 
-    /// Returns the settings of the core that the options describe.
+    /// Returns the settings that these options describe, for `bridge_core::Core`.
     pub(crate) fn settings(&self) -> Settings {
         let streams = self.asked.streams();
         let default = if streams.contains(Streams::CODES) {
@@ -118,7 +118,7 @@ impl Options {
     }
 }
 
-/// Action of the program, selected by the subcommand.
+/// What the program shall do, as the subcommand says.
 #[derive(Clone, Debug)]
 pub(crate) enum Task {
     /// Stream until shutdown; the default without a subcommand.
@@ -347,7 +347,7 @@ pub(crate) struct RosOptions {
     pub(crate) topic_prefix: String,
 }
 
-/// Options that say which streams to ask the device for; for the bridge, `record` and `doctor`.
+/// Options for what to ask the device to send; for the bridge, `record` and `doctor`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct StreamOptions {
     /// Mains frequency that the device shall remove, Hz; the device chooses by default

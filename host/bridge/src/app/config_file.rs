@@ -113,7 +113,7 @@ fn holds<T: 'static>(option: &Arg) -> bool {
     option.get_value_parser().type_id() == TypeId::of::<T>()
 }
 
-/// Returns an option's value as on the command line; `None` if its type is not the option's.
+/// Returns an option's value as on the command line; `None` if the option needs another type.
 fn to_text(option: &Arg, value: &DeValue<'_>) -> Option<String> {
     let is_number = holds::<u32>(option) || holds::<u8>(option);
     let is_list = option.get_value_delimiter().is_some();
@@ -151,7 +151,7 @@ fn check(option: &Arg, argument: &str) -> Result<(), String> {
     let parsed = command.try_get_matches_from(["config", argument]);
     parsed.map(drop).map_err(|error| {
         let text = error.to_string();
-        // Below an empty line the message refers to --help, which is no help for a file.
+        // clap's message continues after an empty line with a hint at --help, which is left out.
         let lines = text.lines().take_while(|line| !line.is_empty());
         let lines: Vec<&str> = lines.map(str::trim).collect();
         let message = lines.join(" ");
@@ -198,7 +198,7 @@ pub enum ConfigError {
         /// Type that the option needs.
         expected: &'static str,
     },
-    /// The value of a key in the file is none that its option can have.
+    /// An option cannot have the value that the file gives it.
     #[error("line {line}: {key}: {message}")]
     Value {
         /// Number of the line in the file, from 1.

@@ -67,7 +67,7 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
     Report::new(checks)
 }
 
-/// Returns where the port is, and its address if it exists. `auto` becomes the board's port.
+/// Returns where the port is, and its address if it exists. For `auto` that is the board's port.
 fn locate(address: &PortAddress, root: &SystemRoot) -> (PortPlace, Option<PortAddress>) {
     let path = match address {
         PortAddress::Tcp(_) => {

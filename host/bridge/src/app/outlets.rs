@@ -25,16 +25,17 @@ use crate::error::BridgeError;
 /// that does not end in time: systemd after 90 s.
 const DECODER_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Executes the core's effects: publishes frames, queues codes for the decoder's thread and
-/// collects bytes for the device. No effect waits for the network or the device.
+/// Executes the effects that the state machine [`Core`](bridge_core::Core) asks for: publishes
+/// frames, queues codes for the decoder's thread and collects bytes for the device. No effect waits
+/// for the network or the device.
 pub(crate) struct Outlets {
     settings: Settings,
     model: Arc<Model>,
     sinks: Sinks,
     back_pressure: BackPressure,
-    /// Channel to the task that serves `/acquisition/get_info`; `None` if frames go to stdout.
+    /// Channel to the task that serves `get_info`; `None` if frames go to stdout.
     announcements: Option<Sender<Option<AcquisitionInfo>>>,
-    /// Announcement that was sent last; an equal one is not sent again.
+    /// What `get_info` was last told to answer; it is not told the same again.
     announced: Option<AcquisitionInfo>,
     /// Sum of all dropped and undecoded frames in the previous report to `/diagnostics`.
     reported: u64,
@@ -67,8 +68,8 @@ impl Outlets {
         }
     }
 
-    /// Passes queued codes and audits to the decoder after everything that was published has been
-    /// written to the subscribers' sockets, so that decoding does not delay a code.
+    /// Passes queued codes and audits to the decoder, but first lets everything that was published
+    /// be written to the subscribers' sockets, so that decoding does not delay a code.
     pub(crate) async fn start_decoding(&mut self) {
         if self.sinks.decoder.has_prepared_work() {
             // Yields to the tasks that write the sockets, which run in this thread.
@@ -110,7 +111,8 @@ impl Outlets {
     }
 
     /// Publishes the core's report on `/diagnostics`, after adding the status of sinks and decoder,
-    /// the result of the audits, and the malformed packed blocks that the decoder has found.
+    /// the result of audits (codes compared with the model), and the number of malformed packed
+    /// blocks.
     pub(crate) fn publish_diagnostics(&mut self, mut report: DiagnosticArray) {
         let malformed = self.sinks.decoder.counts().malformed;
         let before = std::mem::replace(&mut self.reported_malformed, malformed);
@@ -276,8 +278,9 @@ impl Effects for Outlets {
 /// Number of frames with codes or reconstructed signals that can wait for each subscriber: 8.5
 /// minutes at 16 frames per second. A frame takes about 3 KB, and only slow subscribers have any.
 const QUEUE_FRAMES: usize = 8192;
-/// Largest number of fillers published at once after an outage: 4.3 minutes of codes. They take
-/// half of a subscriber's queue; the codes that follow take the other half and push no filler out.
+/// Largest number of fillers, which replace lost codes, that are published at once: 4.3 minutes.
+/// They take half of a subscriber's queue; the codes that follow fit into the rest and push none
+/// out.
 const MAX_FILLERS: u64 = QUEUE_FRAMES as u64 / 2;
 /// Number of frames with samples or filtered steps that can wait for each subscriber: more than the
 /// 1,920 fillers (120 s at 16 per second, about 9 KB each) of the longest outage that is filled.
@@ -321,7 +324,7 @@ impl Names {
             raw: raw.then(|| namespace.resolve("neurodata")),
             filtered: requested(Streams::FILTERED, "neurodata_corticode"),
             events: requested(Streams::EVENTS, "events/bus"),
-            // Has no namespace: one aggregator collects the diagnostics of all.
+            // Has no namespace, because one aggregator collects the diagnostics of all bridges.
             diagnostics: "/diagnostics",
         }
     }

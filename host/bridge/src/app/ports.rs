@@ -27,7 +27,7 @@ struct ListedPort {
 }
 
 impl PortList {
-    /// Lists the serial ports below `root`, without opening any.
+    /// Lists the serial ports of the machine whose files are below `root`. Opens none of them.
     pub(super) fn read(root: &SystemRoot) -> PortList {
         let list = |port: SerialPort| {
             let objection = root.port_access(&port.path).objection(&port.path);

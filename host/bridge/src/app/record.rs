@@ -1,4 +1,5 @@
-//! The subcommand `record`: connects the core to a port and to the recording's file.
+//! The subcommand `record`: connects the state machine [`Core`] to a port and to a recording's
+//! file.
 
 use std::fmt;
 use std::io::{self, Write};
@@ -119,7 +120,8 @@ impl ModelRate {
     }
 }
 
-/// A recording in progress: the core with its connection to the device and its file.
+/// A recording in progress: the state machine `Core` with its connection to the device, and the
+/// file.
 struct Recording {
     core: Core,
     connection: Connection,
@@ -226,12 +228,12 @@ impl Recording {
     }
 }
 
-/// Records the core's commands and keeps them for the port. Ignores the other effects of the core,
-/// because `record` publishes nothing.
+/// Records the commands that the core sends, and keeps them for the port. Ignores the core's other
+/// effects, because `record` publishes nothing.
 struct RecordedPort {
     recorder: Recorder,
     outgoing: Vec<u8>,
-    /// Time of the event that the core is handling.
+    /// Host time of the event that is being handled.
     now: HostTime,
     /// Model of a device that has just introduced itself; the main loop takes it.
     announced: Option<[u8; 8]>,

@@ -26,7 +26,7 @@ use crate::wire::port::{Port, PortAddress, Transfer};
 const LINGER: Duration = Duration::from_secs(1);
 /// Longest time to wait at the end of the replay until the host has read everything.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(5);
-/// Number of bytes not yet read by the host above which the replay sends no more frames.
+/// Number of bytes that may wait for the host before the replay stops sending further frames.
 const MAX_WAITING: usize = 64 * 1024;
 /// Time between two updates of the progress display.
 const TICK: Duration = Duration::from_millis(100);
@@ -145,8 +145,8 @@ pub(super) async fn replay(options: &ReplayOptions) -> Result<ReplaySummary, Bri
     })
 }
 
-/// Returns when to send the next frame; `None` while nothing is played or `waiting` bytes are too
-/// many for the host to get more.
+/// Returns when to send the next frame; `None` while nothing is played, or while the `waiting`
+/// bytes for the host reach [`MAX_WAITING`].
 fn next_due(replayer: &Replayer<File>, waiting: usize) -> Option<Instant> {
     let now_us = HostTime::now().monotonic_us;
     let due_us = replayer.due_us(now_us).filter(|_| waiting < MAX_WAITING)?;
@@ -171,7 +171,7 @@ pub(crate) enum ReplayPort {
 }
 
 impl ReplayPort {
-    /// Makes the pseudoterminal with its link, or listens at the TCP port.
+    /// Makes a pseudoterminal with a link to it, or listens at a TCP port.
     ///
     /// # Errors
     ///

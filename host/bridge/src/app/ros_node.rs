@@ -12,7 +12,7 @@ use tokio::sync::mpsc::UnboundedSender;
 use tokio::sync::watch::Receiver;
 use tokio::task::JoinHandle;
 
-/// Time after the node's start before which a missing ROS master is not logged.
+/// Time after the node's start in which a missing ROS master is not logged yet.
 const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
 
 /// Topic on which an experiment sets the rate of the packed code.
@@ -36,7 +36,8 @@ impl RosNode {
         Ok(RosNode { node, master_log })
     }
 
-    /// Stops the log of the master, unregisters topics and services, and closes all connections.
+    /// Stops logging the master's state, unregisters topics and services, and closes all
+    /// connections.
     pub(crate) async fn shutdown(self) {
         self.master_log.abort();
         self.node.shutdown().await;
@@ -130,7 +131,7 @@ fn command_name(command: AcquisitionCommand) -> &'static str {
     }
 }
 
-/// Logs when the ROS master appears or disappears, at first after [`REGISTRATION_GRACE`], because
+/// Logs when the ROS master appears or disappears. Starts after [`REGISTRATION_GRACE`], because
 /// even a running master takes several milliseconds to answer.
 async fn log_master_changes(mut online: Receiver<bool>, uri: String) {
     let mut logged = None;

@@ -9,10 +9,10 @@ use neuro_ros::{
     DiagnosticLevel, KeyValue, NeuroFrame, RosMessage, RosSink, Sink, SinkError, Wire,
 };
 
-/// Time between two checks of the ROS master's list of publishers for another one of the topics.
+/// Time between two checks whether another node publishes one of the topics too.
 const CHECK_PERIOD: Duration = Duration::from_secs(1);
 
-/// All topics of the bridge. It publishes a topic of frames only while no other node does.
+/// All topics of the bridge. A topic of frames is published only while no other node publishes it.
 #[derive(Debug)]
 pub(crate) struct RosTopics {
     node: Arc<Node>,
@@ -121,8 +121,8 @@ impl RosTopics {
         }
     }
 
-    /// Returns level and message of a status for `/diagnostics` if another node publishes one of
-    /// the bridge's topics, so that the bridge does not.
+    /// Returns level and message for `/diagnostics` if one of the topics is not published because
+    /// another node publishes it.
     pub(crate) fn objection(&self) -> Option<(DiagnosticLevel, String)> {
         let frames = lock(&self.frames);
         let objections: Vec<String> = frames.iter().filter_map(|t| t.objection()).collect();
@@ -158,8 +158,8 @@ impl RosTopics {
 }
 
 impl FrameTopic {
-    /// Compares the claim to the topic with `publishers`, the ROS master's list for it, and stops
-    /// publishing if that requires it. `own` is the bridge's node.
+    /// Decides from `publishers`, the nodes that the ROS master lists for this topic, what the
+    /// bridge must do with it, and stops publishing if necessary. `own` is the bridge's node.
     fn observe(&self, own: &str, publishers: &[String]) -> Change {
         let mut state = lock(&self.state);
         let before = state.claim.others().to_vec();
@@ -251,13 +251,12 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Number of checks in a row in which no other node may publish a topic before the bridge does,
-/// once another node has published it. After a restart of the ROS master, nodes register within
-/// two.
+/// Number of checks in a row in which no other node may publish a topic before the bridge does, if
+/// another node has published it before. After a restart of the master, nodes register within two.
 const FREE_CHECKS: u32 = 3;
 
-/// The bridge's claim to be the only publisher of a topic. A recorder allocates by the shape of one
-/// publisher's frames and then copies those of all publishers, so a second one would corrupt it.
+/// The bridge's claim to be the only publisher of a topic: a recorder that allocates for the frames
+/// of one publisher would copy frames of another publisher into the same memory.
 #[derive(Debug, Default)]
 pub(crate) struct Claim {
     published: bool,
@@ -284,8 +283,8 @@ impl Claim {
         &self.others
     }
 
-    /// Compares the claim with `publishers` of the topic, in the order of their registration; `own`
-    /// is the bridge's node.
+    /// Decides what to do with the topic, whose `publishers` are in the order of their
+    /// registration; `own` is the bridge's node.
     ///
     /// A bridge that registered first withdraws only at the second check in a row that finds
     /// another publisher. If the other one is a bridge too, it withdraws at its first check,

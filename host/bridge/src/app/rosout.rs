@@ -12,13 +12,13 @@ use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 
-/// Number of lines that can wait to be published, and for each subscriber; others are only on
-/// stderr.
+/// Number of lines that can wait to be published, and then wait for each subscriber. Further lines
+/// are only on stderr.
 const QUEUE_LINES: usize = 1024;
 /// Longest wait of the first lines for a subscriber, which needs several milliseconds to connect.
 const FIRST_SUBSCRIBER_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Passes the log's lines of level info and above to the channel from which [`publish`] reads.
+/// A layer of the log that passes lines of level info and above to the task of [`publish`].
 #[derive(Debug)]
 pub(crate) struct RosoutLayer {
     lines: Sender<Log>,
@@ -61,7 +61,7 @@ impl<S: Subscriber> Layer<S> for RosoutLayer {
     }
 }
 
-/// Collects the text of a log event: its message, then its other fields.
+/// Text of a log event, as it is collected: the message, then the other fields.
 #[derive(Default)]
 struct Text {
     message: String,
@@ -102,7 +102,7 @@ pub(crate) fn publish(node: Arc<Node>, mut lines: Receiver<Log>) {
                 tokio::time::sleep(Duration::from_millis(50)).await;
             }
         };
-        // If no subscriber comes, nobody needs the lines.
+        // If no subscriber comes in this time, nobody needs the lines.
         let _ = tokio::time::timeout(FIRST_SUBSCRIBER_TIMEOUT, connected).await;
         let mut seq = 0;
         while let Some(mut line) = lines.recv().await {

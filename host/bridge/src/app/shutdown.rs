@@ -8,8 +8,7 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 
 /// Time after the first signal from which another signal ends the process at once. A closing
-/// terminal sends several signals within this time; a later one means that the user will not wait
-/// any longer.
+/// terminal sends several signals within this time; a later one is from a user who will not wait.
 const FORCE_EXIT_AFTER: Duration = Duration::from_millis(500);
 
 /// Collects requests to shut down from signals, the ROS master and the service `~quit`.
@@ -38,8 +37,8 @@ impl Shutdown {
                         tracing::error!("second signal ({reason}): exiting at once");
                         std::process::exit(1);
                     }
-                    // Sending fails only if the bridge is already shutting down; a second signal
-                    // then ends the process above.
+                    // Sending fails only if the bridge is already shutting down. The check above
+                    // still handles a second signal.
                     let _ = reason_sender.send(reason);
                 }
             });

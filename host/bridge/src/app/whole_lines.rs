@@ -75,7 +75,8 @@ mod tests {
 
     #[test]
     fn the_end_is_removed_unless_another_program_can_append() {
-        // File is in append mode; another program has appended to it; content expected afterwards.
+        // Each case: whether the file is in append mode, whether another program has appended to
+        // it, and the content that must be left.
         for (appends, is_shared, expected) in [
             (false, false, "line\n"),
             (false, true, "line\n{\"other\n"),

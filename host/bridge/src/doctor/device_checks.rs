@@ -125,7 +125,7 @@ fn check_model(device: &IdentifiedDevice, model: &Result<Model, String>) -> Chec
 pub(crate) enum DeviceAnswer {
     /// The port was not opened, because an earlier check found an error.
     NotAsked,
-    /// The port cannot be opened.
+    /// The port cannot be opened, with the reason and the remedy.
     NotOpen { why: String, remedy: String },
     /// The connection broke before the device introduced itself.
     Lost { why: String },

@@ -45,7 +45,7 @@ pub(crate) enum UsbPort {
     Board(UdevRule),
     /// Another USB device, such as an ST-LINK.
     Other,
-    /// No USB device.
+    /// The port is not on USB.
     None,
 }
 
@@ -77,7 +77,7 @@ impl UdevRule {
     }
 }
 
-/// Checks a port: its existence, permission, other programs, the udev rule, ModemManager.
+/// Returns the findings about a port: existence, permission, other programs, rule, ModemManager.
 pub(crate) fn check_port(facts: &PortFacts) -> Vec<Check> {
     let (path, access, usb) = match &facts.place {
         PortPlace::Network(address) => return vec![Check::ok("port", address.as_str())],

@@ -4,7 +4,7 @@ use std::net::IpAddr;
 
 use crate::doctor::Check;
 
-/// What the checks of ROS need to know.
+/// The facts about ROS that the checks are made of.
 #[derive(Clone, Debug)]
 pub(crate) struct RosFacts {
     pub(crate) master_uri: String,
@@ -37,7 +37,7 @@ pub(crate) struct OwnHost {
     pub(crate) addresses: Result<Vec<(IpAddr, bool)>, String>,
 }
 
-/// Checks the master, the own address, other publishers and simulated time.
+/// Checks the ROS master, the bridge's own address, other publishers and simulated time.
 pub(crate) fn check_ros(facts: &RosFacts) -> Vec<Check> {
     let mut checks = vec![match &facts.master {
         Ok(_) => Check::ok("ROS master", facts.master_uri.as_str()),

@@ -48,7 +48,7 @@ pub(crate) enum FindError {
     },
 }
 
-/// Prints the ports that may lead to boards, as the end of a sentence.
+/// Prints, as the end of a sentence, the ports that may lead to boards.
 struct MaybeBoards<'a>(&'a [PathBuf]);
 
 impl fmt::Display for MaybeBoards<'_> {
@@ -108,7 +108,8 @@ fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, Find
     let boards: Vec<&SerialPort> = with(Likeness::Board).collect();
     if let Some(wanted) = wanted {
         let mut candidates = boards.iter().copied().chain(with(Likeness::Maybe));
-        // Ignore case: the firmware prints the serial number in other case than USB reports it.
+        // Ignore case: the firmware and the USB descriptor write the serial number in different
+        // case.
         let port = candidates.find(|port| {
             port.serial()
                 .is_some_and(|serial| serial.eq_ignore_ascii_case(wanted))
@@ -118,7 +119,7 @@ fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, Find
             present: boards.iter().map(|port| name(port)).collect(),
         });
     }
-    // While udev still works on the port of one board, another board is not the only one.
+    // While udev still works on the port of one board, a second board is not the only one.
     let mut unsettled = ports.iter().filter(|port| !port.is_settled);
     if let Some(port) = unsettled.find(|port| port.likeness() == Likeness::Board) {
         let port = port.path.clone();
@@ -192,7 +193,7 @@ mod tests {
         machine.write("run/udev/data/c166:0", "E:ID_PROCESSING=1\n");
         assert_eq!(finder.find(), settling("dev/ttyACM0"));
         machine.write("run/udev/data/c166:0", "");
-        // A board that is ready is not chosen either while udev works on the port of another one.
+        // The first board is not chosen either while udev works on the port of a second one.
         machine.plug(3, "ttyACM1", OTHER, None);
         assert_eq!(finder.find(), settling("dev/ttyACM1"));
         machine.unplug(3, "ttyACM1");

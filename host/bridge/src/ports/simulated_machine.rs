@@ -1,4 +1,4 @@
-//! A folder with files below `sys` and `dev` as on a Linux machine, for tests.
+//! A folder with files and links like those in `/sys` and `/dev` of a Linux machine, for tests.
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -62,8 +62,9 @@ impl SimulatedMachine {
         fs::write(path, text).unwrap();
     }
 
-    /// Plugs a USB device with a CDC ACM port into socket `socket`. The port is a link to `node`,
-    /// or an empty file if `node` is `None`. Also makes the links that udev makes.
+    /// Plugs a USB device with a CDC ACM port into `socket`. The port is a link to `node`, or an
+    /// empty file if `node` is `None`. The links of udev and of the project's udev rule are made as
+    /// well.
     pub(crate) fn plug(&self, socket: u32, tty: &str, usb: Descriptor<'_>, node: Option<&Path>) {
         let device = format!("{CONTROLLER}/1-{socket}");
         self.describe(&device, usb);
@@ -87,7 +88,8 @@ impl SimulatedMachine {
         symlink(format!("../../{tty}"), link).unwrap();
     }
 
-    /// Plugs in FTDI's USB serial converter, in whose case sysfs has the port one folder deeper.
+    /// Plugs in a USB serial converter of FTDI. In sysfs its port is one folder deeper than a CDC
+    /// port.
     pub(crate) fn plug_ftdi(&self, socket: u32, tty: &str) {
         let device = format!("{CONTROLLER}/1-{socket}");
         let usb = Descriptor {
@@ -151,7 +153,7 @@ impl SimulatedMachine {
     /// Adds the port `tty` of `device`, with a link to the device's driver.
     fn terminal(&self, device: &str, driver: &str, tty: &str) {
         let terminal = format!("{device}/tty/{tty}");
-        // Minor device number; that of ttyACM1 is 1.
+        // Digits at the end of the port's name, which are its minor device number: 1 for ttyACM1.
         let minor = tty.trim_start_matches(char::is_alphabetic);
         self.write(&format!("{terminal}/dev"), &format!("166:{minor}\n"));
         self.link(&format!("sys/bus/{driver}"), &format!("{device}/driver"));

@@ -36,8 +36,8 @@ pub(crate) struct Connection {
     reported: Option<String>,
     /// Whether the next opening of the port shall not be logged.
     silently: bool,
-    /// Whether the port has sent bytes but no valid frame, so that it may belong to another device.
-    /// The log is then silent about its interruptions.
+    /// Whether the port has sent bytes but no valid frame, as the port of another device would.
+    /// Interruptions of such a port are not logged.
     is_stranger: bool,
 }
 
@@ -242,7 +242,7 @@ impl Feed for Connection {
         self.is_stranger
     }
 }
-/// Connection to a device, as the loop that publishes its streams uses it.
+/// Connection to a device, in the form that the loop needs which publishes the device's streams.
 pub trait Feed {
     /// Waits for the next event; bytes from the device then stand at the front of `buffer`.
     /// Meanwhile passes `outgoing` to the device and removes what was accepted. Cancel safe.
@@ -284,8 +284,8 @@ pub trait Feed {
         false
     }
 
-    /// Returns a status for `/diagnostics` with what this program measures at the device; `None` if
-    /// the device reports everything itself. Called once a second.
+    /// Returns a status for `/diagnostics` with what this program has measured; `None` if the
+    /// device measures and reports everything itself. Called once a second.
     fn status(&mut self) -> Option<DiagnosticStatus> {
         None
     }

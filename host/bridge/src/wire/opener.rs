@@ -1,4 +1,4 @@
-//! Opens the port at an address, again and again if it is lost.
+//! Opens the port at an address, and opens it again if it was lost.
 
 use std::{fmt, io};
 

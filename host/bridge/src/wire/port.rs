@@ -20,8 +20,8 @@ pub(crate) const PORT_TIMEOUT: Duration = Duration::from_secs(3);
 
 #[derive(Debug)]
 pub(crate) enum Port {
-    /// A serial port or a pseudoterminal in raw mode, as the two ends of a Tokio pipe: these accept
-    /// any descriptor that epoll accepts, and need no unsafe code here.
+    /// A serial port or a pseudoterminal in raw mode. Tokio's pipe ends are used because they
+    /// accept any descriptor that epoll accepts, and need no unsafe code here.
     Tty(Receiver, Sender),
     Tcp(TcpStream),
 }
@@ -107,7 +107,7 @@ fn detect_broken_connection(stream: &TcpStream) -> io::Result<()> {
     sockopt::set_tcp_keepidle(stream, Duration::from_secs(4))?;
     sockopt::set_tcp_keepintvl(stream, Duration::from_secs(2))?;
     sockopt::set_tcp_keepcnt(stream, 3)?;
-    // While written bytes are unacknowledged, TCP does not probe; this timeout applies.
+    // TCP sends no keepalive probes while bytes are unacknowledged; this timeout covers that case.
     #[cfg(target_os = "linux")]
     sockopt::set_tcp_user_timeout(stream, 10_000)?;
     Ok(())
@@ -299,7 +299,7 @@ mod tests {
             "tcp:[::1]:5".parse(),
             Ok(PortAddress::Tcp("[::1]:5".to_owned()))
         );
-        // A path with a colon in it is not a TCP address.
+        // A colon does not make a path a TCP address.
         let by_id = PortAddress::Tty("/dev/serial/by-path/pci-0:1".into());
         assert_eq!("/dev/serial/by-path/pci-0:1".parse(), Ok(by_id));
         assert_eq!("auto".parse(), Ok(PortAddress::Auto(None)));

@@ -69,7 +69,7 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
     let api = uri.trim_start_matches("http://").trim_end_matches('/');
 
     let mut held = Vec::new();
-    // Clients that connect to the topic's port or the API's port and send nothing.
+    // Clients that connect to the topic's port or the XML-RPC port and send nothing.
     for _ in 0..20 {
         held.push(send(&topic, b"").await);
         held.push(send(api, b"").await);

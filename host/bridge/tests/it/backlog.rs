@@ -61,7 +61,7 @@ fn fast_board(codes: u32) -> String {
             let bytes = board.code(code * 62_500, 3);
             stream.write_all(&bytes).unwrap();
         }
-        // Read the commands too: closing a socket that has unread bytes resets the connection.
+        // Read until the host closes: closing a socket that has unread bytes resets the connection.
         stream.shutdown(std::net::Shutdown::Write).unwrap();
         while let Ok(count) = stream.read(&mut buffer)
             && count > 0
@@ -86,7 +86,7 @@ fn a_board_faster_than_real_time_waits_for_the_decoder() {
 fn a_tcp_board_that_stands_still_for_8_s_loses_no_code() {
     let device = Device::tcp(Board::new());
     let mut bridge = Bridge::ndjson(&device.port);
-    // The frames from before the stall, and those of all codes that arrive at once after it.
+    // Frames of the 20 codes before the stall and of the 420 codes after it.
     let wanted = 440;
     let frames = reconstructed(&mut bridge, wanted);
     let made_at_least = |codes| {

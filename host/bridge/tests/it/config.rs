@@ -80,7 +80,7 @@ fn the_file_of_the_user_is_found_and_applies_to_subcommands() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("corticode/bridge.toml");
     std::fs::create_dir(path.parent().unwrap()).unwrap();
-    // `selftest` has no option --streams; the file may still set it for the bridge.
+    // The file may set --streams for the bridge, although `selftest` has no such option.
     std::fs::write(&path, "port = \"/nowhere\"\nstreams = [\"raw\"]\n").unwrap();
     let home = ("XDG_CONFIG_HOME", folder.path().to_str().unwrap());
     let recording = folder.path().join("a.wire");

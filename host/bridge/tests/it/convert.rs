@@ -115,13 +115,14 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
         assert_eq!(events.len(), times_us.len(), "{stream}");
         let (mut worst, mut checked) = (0.0_f64, 0);
         for (row, us) in events.into_iter().zip(&times_us) {
-            // If the sample of the event is lost, the next sample that is not tells the time.
+            // If the event's own sample is lost, look for the next row that is not a filler.
             let found =
                 (row..table.rows.len()).find_map(|at| Some((at, tick_of(&table, stream, at)?)));
             let Some((at, tick)) = found else { continue };
             let tick = tick - (at - row) as f64 * ticks;
             let event = *us as f64 * TICKS_PER_SECOND as f64 / 1e6;
-            // The pause of the restart is filled with whole rows, so later rows are off a little.
+            // The pause of the restart is filled with whole rows, so later rows are off by a
+            // fraction.
             worst = worst.max((tick - event).abs() / ticks);
             checked += 1;
         }
@@ -129,7 +130,7 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
         assert!(checked >= times_us.len() - 1, "{stream}: {checked}");
         assert!(worst <= 1.1, "{stream}: {worst} rows");
         assert!((0..table.rows.len()).any(|row| table.is_filler(row)));
-        // From the first row to the last, the time in a row's values agrees with its index.
+        // In every row, the time that its values tell agrees with the row's index.
         let mut at_start = None;
         for row in 0..table.rows.len() {
             let Some(tick) = tick_of(&table, stream, row) else {
@@ -410,7 +411,7 @@ fn events_beside_a_restart_stand_at_their_rows() {
     let table = signals(recording);
     let fillers = (0..table.rows.len()).filter(|row| table.is_filler(*row));
     assert!(fillers.eq(160..224));
-    // The last event happens after the last row, so no row has it.
+    // No row is late enough for the last event, so it stands at none.
     let after = (0..19).map(|block| 224 + 8 * block + 9);
     let expected: Vec<usize> = std::iter::once(158).chain(after).collect();
     assert_eq!(table.events(), expected);

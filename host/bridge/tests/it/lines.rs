@@ -218,7 +218,7 @@ fn malformed_blocks_are_an_error_of_the_packed_code_and_do_not_count_as_decoded(
         }
     }
     let (messages, log) = messages(recording);
-    // The log counts the packed blocks that are received, and does not speak of codes.
+    // The log names the stream that is received: packed blocks, not codes.
     assert_has(&log, ["packed blocks: 16 per second"]);
     assert!(!log.contains("codes: 16 per second"), "{log}");
     // A replay refuses to set any rate. That it refuses the model's rate is not worth a warning.

@@ -157,7 +157,7 @@ fn selftest_reset_and_record_find_the_board_by_its_serial_number() {
     let device = Device::pty(board, &link);
     plug(&machine, 2, "ttyACM3", BOARD, &link);
     machine.plug(3, "ttyACM0", OTHER, None);
-    // Small letters, as the device prints its serial number; USB reports it in capitals.
+    // The device prints its serial number in small letters, USB reports it in capital letters.
     let auto = format!("auto:{}", BOARD.serial.to_lowercase());
     for task in ["selftest", "reset"] {
         let output = bridge_on(&machine, &[task, "--port", &auto]).output();

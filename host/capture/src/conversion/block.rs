@@ -38,7 +38,7 @@ impl Stream {
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
     pub(crate) stream: Stream,
-    /// The frame that the core has published: values, status words, rate and labels of the rows.
+    /// The frame that the bridge's core has published: values, status words, rate and labels.
     pub(crate) frame: NeuroFrame,
     /// Number of restarts of the device before these rows. Device times before and after a restart
     /// cannot be compared.

@@ -1,4 +1,4 @@
-//! Turns what the core publishes into blocks of rows and into events.
+//! Turns what the bridge's core publishes while it replays a recording into blocks and events.
 
 use std::sync::Arc;
 
@@ -21,8 +21,8 @@ const MAX_FILLERS_S: u64 = 86_400;
 
 /// Receives the blocks and events of a recording, in the order in which the core publishes them.
 pub(crate) trait Listener {
-    /// Whether the listener reads the values of reconstructed rows. If not, they are not decoded,
-    /// which takes most of the time of a pass.
+    /// Whether the listener reads the values of reconstructed rows. They are decoded only if it
+    /// does, because decoding takes most of the time of a pass.
     const DECODES: bool;
 
     /// Receives the next rows of a stream.

@@ -1,4 +1,4 @@
-//! Plays a recording to the core: the device's frames, each at its time, and its answers.
+//! Plays a recording to the bridge's core: the device's frames, each at its time, and its answers.
 
 use std::collections::HashMap;
 use std::mem::discriminant;
@@ -129,8 +129,7 @@ impl<L: Listener> Playback<L> {
         }
     }
 
-    /// Ticks the core through the time until `time`, as the bridge does, so that its timeouts
-    /// expire.
+    /// Ticks the core through the time until `time`, as the bridge would, so that timeouts expire.
     fn pass_time(&mut self, time: HostTime) {
         let Some(newest) = self.newest else { return };
         let mut now = newest;
@@ -167,8 +166,8 @@ impl<L: Listener> Playback<L> {
         self.core.handle(bytes, read, &mut self.collector);
     }
 
-    /// Returns a frame as `frame`, whose acknowledgement `ack` gets the number of the core's own
-    /// command. `None` if the recording lacks the command that was acknowledged.
+    /// Returns the bytes of `frame` after its acknowledgement `ack` is changed to name the core's
+    /// own command. `None` if the recording lacks the command that was acknowledged.
     fn own_answer(&self, frame: &Frame<ToHost>, ack: Ack) -> Option<Vec<u8>> {
         let recorded = discriminant(self.recorded.get(&ack.of)?);
         let mut own = self.own.iter().rev();

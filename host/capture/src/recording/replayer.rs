@@ -113,8 +113,8 @@ impl<R: Read + Seek> Replayer<R> {
         self.counts
     }
 
-    /// Returns when to send the next frame, microseconds of the host's clock; `None` if nothing
-    /// plays.
+    /// Returns when to send the next frame, microseconds of the host's clock; `None` unless
+    /// playing.
     pub fn due_us(&self, now_us: i64) -> Option<i64> {
         let (State::Playing, Some((time_us, _))) = (self.state, &self.next) else {
             return None;
@@ -177,7 +177,8 @@ impl<R: Read + Seek> Replayer<R> {
             ToDevice::Ping => AckResult::Done,
             ToDevice::Start(start) => return self.start(start),
             ToDevice::Stop => {
-                // After a restart of the device, a host sends `Stop` before `Start`, to be sure.
+                // After a restart the host sends `Stop` first, to make sure that nothing streams;
+                // the replay goes on waiting for its `Start`.
                 if !self.restarted {
                     self.state = State::Stopped;
                 }
@@ -257,7 +258,7 @@ impl<R: Read + Seek> Replayer<R> {
                 RecordKind::Sent => {
                     self.recorded_starts.note(record.payload);
                 }
-                // What follows is how the recorded host stopped; the replay's host does so itself.
+                // What follows stops the recorded device; the replay's host sends a `Stop` itself.
                 RecordKind::Ending => return Ok(None),
                 RecordKind::Opened | RecordKind::Closed | RecordKind::Newer(_) => {}
             }
@@ -265,8 +266,8 @@ impl<R: Read + Seek> Replayer<R> {
         Ok(None)
     }
 
-    /// Sends a recorded frame, or does with it what a frame of its kind requires, such as to wait
-    /// for the host's `Start`.
+    /// Sends a recorded frame or leaves it out. Where the recorded host started the device again
+    /// after a restart, waits for the `Start` of the replay's host.
     fn pass_on(&mut self, payload: &[u8], time_us: i64) {
         let mut decoder = std::mem::take(&mut self.from_device);
         let mut bytes = payload;

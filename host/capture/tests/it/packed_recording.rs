@@ -85,8 +85,7 @@ impl PackedRecording {
         self.recorder.received(&frame, at(self.now_us));
     }
 
-    /// Advances time by a hop, in which the device sends a packed block, and a code if it streams
-    /// any.
+    /// Advances time by a hop: the device sends a packed block, and a code if it streams codes.
     pub(crate) fn hop(&mut self) {
         let bytes = block(self.next, 0, 4);
         self.hop_of(&bytes);

@@ -1,4 +1,4 @@
-//! Recordings have the bytes in docs/recording-format.md, and damaged ones are read where whole.
+//! Recordings have the bytes in docs/recording-format.md, and can be read around damage.
 
 use std::io::Cursor;
 

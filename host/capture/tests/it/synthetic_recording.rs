@@ -184,7 +184,7 @@ impl Rig {
     }
 
     fn raw(&mut self, first: i64) {
-        // Ticks of the host's clock at a time in microseconds.
+        // Converts a host time from microseconds to ticks.
         let ticks = |us: i64| us * TICKS_PER_SECOND / 1_000_000;
         let mut counts = Vec::new();
         for sample in first..first + 8 {
@@ -204,7 +204,7 @@ impl Rig {
     fn filtered(&mut self, first: i64) {
         let mut values = Vec::new();
         for step in first..first + 4 {
-            // The filters delay what happens on the scalp, so a step shows an earlier time.
+            // A filtered step shows what was on the scalp [`FILTER_DELAY_US`] earlier.
             let us = self.sample_us(step * 4) - FILTER_DELAY_US;
             let tick = i32::try_from(us * TICKS_PER_SECOND / 1_000_000).unwrap();
             values.extend((tick << 5).to_le_bytes());

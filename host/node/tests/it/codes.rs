@@ -24,8 +24,8 @@ fn equals_recording(acquisition: &Acquisition, seconds: u32) -> Harness {
     for (window, (code, expected)) in codes.iter().zip(&expected).enumerate() {
         assert_eq!(*code, expected, "window {window}");
     }
-    // With resampling, the last samples wait for their block to be complete, and a recording does
-    // not: up to one and a half blocks of codes are still missing.
+    // A live resampler still waits for the end of the last block, which a recording's has
+    // converted: up to one and a half blocks of codes are missing.
     let waiting_us = harness.source.block_us() * 3 / 2;
     let missing = expected.len() - codes.len();
     let hop_us = 1_000_000 * model::HOP as u64 / u64::from(model::STEP_RATE_HZ);
@@ -65,7 +65,8 @@ fn the_program_decodes_the_codes_of_the_model_that_it_was_built_with() {
 fn no_bounds_of_a_delay_are_shown_because_the_device_has_no_clock() {
     let acquisition = Acquisition::new(model::ADC_RATE_HZ, model::ADC_RATE_HZ / 16);
     let mut harness = Harness::new(&acquisition.frame(0));
-    // 5 s: for a board, the core queries the clock 2 s after the start.
+    // The core would query a board's clock after 2 s, so 5 s show that it does not query this
+    // device.
     harness.receive_all(&acquisition, 1..16 * 5);
     let clock = harness.status("corticode: clock");
     let keys: Vec<&str> = clock.values.iter().map(|value| &*value.key).collect();

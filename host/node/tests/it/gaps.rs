@@ -35,7 +35,8 @@ fn codes_next_to_lost_frames_are_fillers_and_counted_and_later_ones_keep_their_i
         .map(|frame| word(frame, "seq_lo"))
         .collect();
     // A window has two hops, and five hops are lost after hop 39. The first step after the gap is
-    // made of samples since the step before it, which are lost, so that hop has no code either.
+    // made of samples since the step before it, which are lost, so the hop after the gap is lost
+    // too.
     let hops = i32::try_from(model::STEPS / model::HOP).unwrap();
     let first = 40 - (hops - 1);
     let expected: Vec<i32> = (first..=45).collect();
