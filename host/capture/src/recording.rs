@@ -177,7 +177,7 @@ impl RecordKind {
 /// One record of a recording's file: something that happened at the port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record<'a> {
-    /// What happened.
+    /// What happened at the port.
     pub kind: RecordKind,
     /// When it happened. The monotonic clock counts from the start of the host's machine.
     pub time: HostTime,

@@ -116,7 +116,7 @@ impl SourceFeed {
                 source.restart(read)?;
                 self.held = Some((frame, read, Instant::now() + START_TIMEOUT));
             }
-            // `check` returns an error for a repeated frame.
+            // `check` returns an error for a repeated frame, so `Repeated` does not occur here.
             Arrival::Next | Arrival::Repeated => source.encode(&frame, 0, read)?,
         }
         Ok(false)

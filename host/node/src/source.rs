@@ -233,7 +233,7 @@ impl Source {
         [position / adc_rate, position.div_ceil(adc_rate)]
     }
 
-    /// Returns whether the next sample of the virtual ADC lies beside a lost sample or at its time.
+    /// Returns whether a sample just before or after the virtual ADC's next sample was lost.
     fn is_lost(&mut self) -> bool {
         let [before, after] = self.input_around();
         while self.lost.front().is_some_and(|lost| lost.end <= before) {

@@ -68,8 +68,8 @@ impl Outlets {
         }
     }
 
-    /// Passes queued codes and audits to the decoder, but first lets everything that was published
-    /// be written to the subscribers' sockets, so that decoding does not delay a code.
+    /// Passes queued codes and audits (codes with their input) to the decoder, but first lets
+    /// everything that was published reach the sockets, so that decoding does not delay a code.
     pub(crate) async fn start_decoding(&mut self) {
         if self.sinks.decoder.has_prepared_work() {
             // Yields to the tasks that write the sockets, which run in this thread.
@@ -78,8 +78,8 @@ impl Outlets {
         }
     }
 
-    /// Returns whether the port must not be read for now: many windows wait for the decoder, and the
-    /// device runs ahead of real time (as a fast replay does), so it can wait.
+    /// Returns whether the port must not be read for now: many windows wait for the decoder, and
+    /// the device runs ahead of real time (as a fast replay does), so it can wait.
     pub(crate) fn must_pause(&self) -> bool {
         let decoder = &self.sinks.decoder;
         !decoder.has_ended() && self.back_pressure.must_pause(decoder.counts().waiting)
@@ -111,8 +111,7 @@ impl Outlets {
     }
 
     /// Publishes the core's report on `/diagnostics`, after adding the status of sinks and decoder,
-    /// the result of audits (codes compared with the model), and the number of malformed packed
-    /// blocks.
+    /// the result of audits (codes compared with the model), and the malformed packed blocks.
     pub(crate) fn publish_diagnostics(&mut self, mut report: DiagnosticArray) {
         let malformed = self.sinks.decoder.counts().malformed;
         let before = std::mem::replace(&mut self.reported_malformed, malformed);
@@ -278,9 +277,8 @@ impl Effects for Outlets {
 /// Number of frames with codes or reconstructed signals that can wait for each subscriber: 8.5
 /// minutes at 16 frames per second. A frame takes about 3 KB, and only slow subscribers have any.
 const QUEUE_FRAMES: usize = 8192;
-/// Largest number of fillers, which replace lost codes, that are published at once: 4.3 minutes.
-/// They take half of a subscriber's queue; the codes that follow fit into the rest and push none
-/// out.
+/// Largest number of fillers for lost codes that are published at once: 4.3 minutes. They take half
+/// of a subscriber's queue; the codes that follow take the other half and push no filler out.
 const MAX_FILLERS: u64 = QUEUE_FRAMES as u64 / 2;
 /// Number of frames with samples or filtered steps that can wait for each subscriber: more than the
 /// 1,920 fillers (120 s at 16 per second, about 9 KB each) of the longest outage that is filled.

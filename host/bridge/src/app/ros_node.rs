@@ -155,8 +155,8 @@ async fn log_master_changes(mut online: Receiver<bool>, uri: String) {
     }
 }
 
-/// Namespace of topics and services: ROS's, from `ROS_NAMESPACE` or `__ns:=`, extended or replaced
-/// by `--topic-prefix`.
+/// Namespace of topics and services: that of ROS (`ROS_NAMESPACE` or `__ns:=`), extended or
+/// replaced by `--topic-prefix`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Namespace {
     /// Full name without a slash at its end; empty for the namespace `/`.

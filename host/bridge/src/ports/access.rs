@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::ports::system_root::{SystemRoot, entries};
 
-/// Whether this user can open a port; found without opening it, because that resets some devices.
+/// Whether this user can open a port. Found without opening it, as opening resets some devices.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum PortAccess {
     /// The port can be opened.

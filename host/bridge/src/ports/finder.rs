@@ -108,8 +108,7 @@ fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, Find
     let boards: Vec<&SerialPort> = with(Likeness::Board).collect();
     if let Some(wanted) = wanted {
         let mut candidates = boards.iter().copied().chain(with(Likeness::Maybe));
-        // Ignore case: the firmware and the USB descriptor write the serial number in different
-        // case.
+        // Ignore case, which differs between the firmware's messages and the USB descriptor.
         let port = candidates.find(|port| {
             port.serial()
                 .is_some_and(|serial| serial.eq_ignore_ascii_case(wanted))
@@ -119,7 +118,8 @@ fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, Find
             present: boards.iter().map(|port| name(port)).collect(),
         });
     }
-    // While udev still works on the port of one board, a second board is not the only one.
+    // A board whose port udev is still working on is present too, so a second board is not the only
+    // one.
     let mut unsettled = ports.iter().filter(|port| !port.is_settled);
     if let Some(port) = unsettled.find(|port| port.likeness() == Likeness::Board) {
         let port = port.path.clone();

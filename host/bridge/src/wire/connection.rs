@@ -29,8 +29,7 @@ const TCP_SILENCE_LIMIT: Duration = Duration::from_mins(1);
 pub(crate) struct Connection {
     opener: PortOpener,
     state: State,
-    /// Time at which the device began to accept none of the outgoing bytes; `None` if no bytes
-    /// wait.
+    /// Since when the device has accepted none of the outgoing bytes; `None` if none wait.
     stuck_since: Option<Instant>,
     /// Kind of the last failure that was logged; it is logged once, however long it lasts.
     reported: Option<String>,

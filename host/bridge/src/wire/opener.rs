@@ -16,7 +16,7 @@ pub(crate) struct PortOpener {
     baud: u32,
     /// Searches for the board if the address is `auto`; otherwise `None`.
     finder: Option<BoardFinder>,
-    /// Board at the port that was opened last.
+    /// Board found at the port that was opened last; `None` unless the address is `auto`.
     found: Option<FoundBoard>,
 }
 

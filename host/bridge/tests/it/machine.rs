@@ -133,7 +133,7 @@ fn a_board_that_is_silent_is_named_with_its_port() {
     let mut bridge = Bridge::spawn_command(command.process_group(0));
     let stdout = bridge.stdout();
     let reader = std::thread::spawn(move || std::io::read_to_string(stdout));
-    // The bridge logs a silence after 5 s.
+    // Long enough for the bridge to log the silence, which it does after 5 s.
     std::thread::sleep(Duration::from_secs(12));
     let log = bridge.end(Signal::TERM);
     let board = format!("/dev/ttyACM0 (board {})", BOARD.serial);

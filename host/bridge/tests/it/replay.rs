@@ -1,4 +1,4 @@
-//! The subcommand `replay`: a bridge that is connected to it publishes the recorded codes.
+//! The subcommand `replay`: a bridge that connects to a replay publishes the recorded codes.
 
 use std::fs::File;
 use std::io::Cursor;

@@ -45,7 +45,7 @@ pub(crate) struct Collector<L> {
     block_run: u32,
     /// Number of restarts of the device so far.
     pub(crate) run: u32,
-    /// Device time in the header of the device's frame that the core is handling, microseconds.
+    /// Device time, microseconds, in the header of the frame that the bridge's core is handling.
     pub(crate) frame_us: u64,
     /// Commands that the core has sent and the caller has not taken yet.
     pub(crate) commands: Vec<Vec<u8>>,

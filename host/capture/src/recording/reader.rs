@@ -12,8 +12,7 @@ const BLOCK: usize = 64 * 1024;
 /// Limit of the host's monotonic clock, microseconds; a record with a later time is damaged. It is
 /// 285 years, and the largest range that is exact in a float64.
 const MAX_MONOTONIC_US: i64 = 1 << 53;
-/// Limit of the wall clock, nanoseconds since 1970; a record with a later time is damaged: year
-/// 2116.
+/// Limit of the wall clock, nanoseconds since 1970: the year 2116. A later time counts as damage.
 const MAX_WALL_NS: i64 = 1 << 62;
 /// Longest possible time from one record to the next, microseconds: 366 days.
 const MAX_PAUSE_US: i64 = 366 * 86_400 * 1_000_000;

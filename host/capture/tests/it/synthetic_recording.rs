@@ -204,7 +204,7 @@ impl Rig {
     fn filtered(&mut self, first: i64) {
         let mut values = Vec::new();
         for step in first..first + 4 {
-            // A filtered step shows what was on the scalp [`FILTER_DELAY_US`] earlier.
+            // A filtered step shows what was on the scalp `FILTER_DELAY_US` earlier.
             let us = self.sample_us(step * 4) - FILTER_DELAY_US;
             let tick = i32::try_from(us * TICKS_PER_SECOND / 1_000_000).unwrap();
             values.extend((tick << 5).to_le_bytes());
