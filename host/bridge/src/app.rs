@@ -1,4 +1,4 @@
-//! The program `corticode-bridge`: tasks, log and exit status.
+//! The program `corticode-bridge`: reads the options, runs a task and returns the exit status.
 
 pub(crate) mod bridge;
 pub(crate) mod command_line;
@@ -45,7 +45,7 @@ use crate::error::BridgeError;
 use crate::ports::system_root::SystemRoot;
 use crate::query::query_port;
 
-/// udev's rule for boards on USB.
+/// Text of the udev rule that lets users open boards on USB and gives each board a fixed name.
 const UDEV_RULE: &str = include_str!("../../../packaging/60-corticode.rules");
 
 /// Runs `corticode-bridge` with the arguments and environment of this process and returns its exit
@@ -56,7 +56,7 @@ const UDEV_RULE: &str = include_str!("../../../packaging/60-corticode.rules");
 /// until a signal or ROS ends it. `selftest` and `reset` send the device one request and print its
 /// answer. `record` writes everything on the wire to a file, which `replay` and `convert` read.
 /// `ports` and `doctor` print the state of this machine. `master` runs a ROS master until a signal
-/// ends it; `completions` and `man` print.
+/// ends it. `completions` prints a shell completion script, and `man` the manual page.
 pub fn run() -> ExitCode {
     let (ros, arguments) = NodeOptions::from_env_and_args("acquisition");
     let done = read_task(&ros, arguments).and_then(|(task, config)| match task {
@@ -83,9 +83,10 @@ pub fn run() -> ExitCode {
     }
 }
 
-/// Reads the options from command line, environment, parameter server and configuration file, in
-/// this order of precedence. Wrong usage and requests for help end the process. Also returns the
-/// path of the file, for the log, if it has options.
+/// Reads the options from the command line, the environment, the parameter server and the
+/// configuration file; each of these overrides those after it. Wrong usage and requests for help
+/// end the process. Also returns the configuration file's path, for the log, if the file sets an
+/// option.
 fn read_task(
     ros: &NodeOptions,
     arguments: Vec<String>,
@@ -116,8 +117,8 @@ fn read_task(
         let runtime = one_thread()?;
         let names = Options::parameter_names();
         let parameters = runtime.block_on(parameters::read(ros, master_uri, &names));
-        // A name that does not resolve would hold the runtime's end for as long as the resolver
-        // tries.
+        // Dropping the runtime would wait for a lookup of the master's host name that has not
+        // ended.
         runtime.shutdown_background();
         for (name, argument) in parameters? {
             if !given.is_set(&name) {
@@ -129,14 +130,14 @@ fn read_task(
     let task = Task::parse_from(values(&others).into_iter().map(Into::into));
     let task = task.unwrap_or_else(|error| error.exit());
     if let (Task::SelfTest(_) | Task::Reset(_), Some(path)) = (&task, &path) {
-        // `selftest` and `reset` have no log.
+        // These two subcommands have no log in which the file could be named.
         eprintln!("corticode-bridge: options from {}", path.display());
     }
     Ok((task, path))
 }
 
-/// Returns whether `__master:=` or `ROS_MASTER_URI` names the ROS master. They override the
-/// configuration file.
+/// Returns whether `__master:=` or `ROS_MASTER_URI` names the ROS master; both override the master
+/// in the configuration file.
 fn names_master() -> bool {
     let variable = std::env::var_os("ROS_MASTER_URI");
     let mut arguments = std::env::args_os();
@@ -146,8 +147,8 @@ fn names_master() -> bool {
 
 fn stream(options: Options, ros: NodeOptions, config: Option<PathBuf>) -> Result<(), BridgeError> {
     let lines = init_log(&ros, config)?;
-    // One thread reads the port and writes the sockets: passing a code to another thread would
-    // delay it by the time in which that thread wakes up.
+    // One thread reads the port and writes the sockets: a code passed to another thread would wait
+    // until that thread wakes up.
     let runtime = one_thread()?;
     let summary = runtime.block_on(bridge::stream(options, ros, lines))?;
     eprintln!("corticode-bridge: {summary}");
@@ -188,8 +189,7 @@ fn run_master(options: &MasterOptions, ros: &NodeOptions) -> Result<(), BridgeEr
     Runtime::new()?.block_on(master::run(options))
 }
 
-/// Sends one request to the device and prints the answer. The exit status is 1 if a self-test
-/// failed.
+/// Sends one request to the device and prints the answer. Exit status 1 means a failed self-test.
 fn send_request(at: &PortOptions, request: Request, json: bool) -> Result<ExitCode, BridgeError> {
     let runtime = one_thread()?;
     let text = match runtime.block_on(query_port(&at.port, at.baud, request))? {
@@ -217,17 +217,17 @@ fn list_ports(options: &PortsOptions) -> Result<ExitCode, BridgeError> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Checks this machine and prints the findings. The exit status is 1 if one is an error.
+/// Checks what the bridge needs and prints the findings. Exit status 1 means that one is an error.
 fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Result<ExitCode, BridgeError> {
     let runtime = one_thread()?;
     let report = runtime.block_on(doctor::examine(options, ros));
-    // A name that does not resolve would hold the runtime's end for as long as the resolver tries.
+    // Dropping the runtime would wait for a lookup of a host name that has not ended.
     runtime.shutdown_background();
     print_report(&report, options.json)?;
     Ok(ExitCode::from(u8::from(report.errors > 0)))
 }
 
-/// Returns a runtime whose tasks run in the thread that waits for it.
+/// Returns a tokio runtime that runs all tasks in the thread that calls `block_on`.
 fn one_thread() -> std::io::Result<Runtime> {
     Builder::new_current_thread().enable_all().build()
 }
@@ -242,17 +242,16 @@ fn print_report(report: &(impl Serialize + fmt::Display), json: bool) -> Result<
     print(format!("{text}\n").as_bytes())
 }
 
-/// Writes text to stdout.
+/// Writes text to stdout. A reader that has closed the pipe, such as `head`, is not an error.
 fn print(text: &[u8]) -> Result<(), BridgeError> {
     match std::io::stdout().write_all(text) {
-        // The process that reads the output, such as `head`, has closed the pipe, which is not an
-        // error.
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
         written => Ok(written?),
     }
 }
 
-/// Starts the log. `config` is the configuration file that was read.
+/// Starts the log, and notes in it which configuration file `config` was read, if any. Returns the
+/// lines of the log for `/rosout`.
 fn init_log(ros: &NodeOptions, config: Option<PathBuf>) -> Result<Receiver<Log>, BridgeError> {
     let lines = log::start(ros, "info")?;
     if let Some(path) = config {

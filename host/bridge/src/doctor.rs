@@ -1,5 +1,5 @@
-//! Checks of what a laboratory needs before the bridge runs: pure functions of facts about the
-//! machine, which the program collects.
+//! Checks of what a laboratory needs before the bridge runs, as pure functions of facts about the
+//! machine that the program has collected.
 
 pub(crate) mod device_checks;
 pub(crate) mod port_checks;
@@ -9,12 +9,12 @@ use std::fmt;
 
 use serde::Serialize;
 
-/// Severity of a check's finding.
+/// Severity of what a check found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Level {
     Ok,
-    /// The bridge works, with a restriction.
+    /// The bridge works, but the user should know of a restriction.
     Warning,
     /// The bridge does not work.
     Error,
@@ -22,14 +22,14 @@ pub(crate) enum Level {
     Unknown,
 }
 
-/// Finding of one check, with the remedy if the finding is not ok.
+/// What one check found, with the remedy if the level is not ok.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Check {
     #[serde(rename = "check")]
     pub(crate) name: &'static str,
     pub(crate) level: Level,
     pub(crate) finding: String,
-    /// Command to type, or what else helps.
+    /// Command that helps, or other advice; `None` if the level is ok.
     pub(crate) remedy: Option<String>,
 }
 
@@ -78,7 +78,7 @@ impl Check {
     }
 }
 
-/// All checks; prints one line for each, and a second one with the remedy.
+/// The findings of all checks. Prints a line for each, and below it a line with the remedy if any.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Report {
     pub(crate) checks: Vec<Check>,
@@ -123,10 +123,10 @@ impl fmt::Display for Report {
     }
 }
 
-/// Space below which the disk is a warning, bytes: two hours of all streams, at 8 MB a minute.
+/// Free disk space below which the check warns, bytes: two hours of all streams, at 8 MB a minute.
 const LEAST_SPACE: u64 = 120 * 8_000_000;
 
-/// Checks the clock. `synchronised` is `None` if the state cannot be read.
+/// Checks that NTP has set the clock. `synchronised` is `None` if this cannot be found out.
 pub(crate) fn check_clock(synchronised: Option<bool>) -> Check {
     const NAME: &str = "clock";
     match synchronised {
@@ -144,7 +144,7 @@ pub(crate) fn check_clock(synchronised: Option<bool>) -> Check {
     }
 }
 
-/// Checks the space that is free in the current folder, bytes. `None` if it cannot be read.
+/// Checks the disk space that is free in the current folder, bytes; `None` if it is not known.
 pub(crate) fn check_disk(free: Option<u64>) -> Check {
     const NAME: &str = "disk";
     let remedy = "df -h . (record in a folder with more space)";

@@ -14,11 +14,11 @@ use thiserror::Error;
 
 use crate::app::config_file::ConfigError;
 
-/// Error that ends the bridge or a query. The streaming bridge waits for an absent device or ROS
-/// master, without an error.
+/// Error that ends the bridge or one of its subcommands. An absent device or ROS master is no error
+/// for the streaming bridge, which waits.
 #[derive(Debug, Error)]
 pub enum BridgeError {
-    /// Codes are to be computed, and the model of this program has none.
+    /// Codes are to be computed, but the model in this program has no network that encodes them.
     #[error(
         "this program was built with a model without a network, which has no codes; build it with another model \
          (CORTICODE_ARTIFACT)"
@@ -72,7 +72,7 @@ pub enum BridgeError {
         name: String,
         /// Advice for the user.
         remedy: String,
-        /// Names of all known parameters.
+        /// Names of all parameters that the bridge knows.
         known: String,
     },
     /// A parameter on the parameter server has a value that no option can have.
@@ -81,7 +81,8 @@ pub enum BridgeError {
         /// Full name of the parameter.
         name: String,
     },
-    /// During a query, the port does not open or disappears. Queries do not wait for a port.
+    /// The port does not open or is lost while one request is sent; `selftest` and `reset` do not
+    /// wait.
     #[error("{port} {what}; {remedy}")]
     Unreachable {
         /// Address from `--port`.
@@ -93,7 +94,7 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// A request to the device has no answer, or a refusal.
+    /// The device does not answer a request, or refuses it.
     #[error(transparent)]
     Query(#[from] QueryError),
     /// The ROS node's name or the master's URI is invalid, or the node's network ports cannot be
@@ -123,8 +124,8 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// A file cannot be written under its name: it exists, it is the recording to read, or it
-    /// cannot be created or completed.
+    /// A file cannot be written under its name: a file with this name exists, the name is that of
+    /// the recording to read, or the operating system cannot create or complete the file.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
     /// A recording's file cannot be written any further, because the disk is full or fails.
@@ -138,7 +139,7 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// The port at which a recording shall be played cannot be made.
+    /// `replay` cannot make the port at which to play the recording.
     #[error(
         "{output} cannot be made a port; choose pty:PATH with a path in a writable folder that no \
          file has, or tcp:HOST:PORT with a free port"
@@ -149,7 +150,7 @@ pub enum BridgeError {
         /// The operating system's error.
         source: std::io::Error,
     },
-    /// A recording cannot be played.
+    /// The file to play is not a usable recording.
     #[error("{path} cannot be used as a recording")]
     Recording {
         /// Path of the file.
@@ -157,7 +158,7 @@ pub enum BridgeError {
         /// What is wrong with it.
         source: RecordingError,
     },
-    /// A recording cannot be converted.
+    /// The recording cannot be converted.
     #[error(transparent)]
     Convert(#[from] ConvertError),
     /// The operating system does not provide a signal handler, a thread or stdout.

@@ -1,4 +1,4 @@
-//! A single request to the device at a port.
+//! Sends the device at a port a single request, such as a self-test.
 
 use std::io;
 use std::time::Duration;
@@ -11,11 +11,11 @@ use crate::error::BridgeError;
 use crate::wire::opener::{OpenError, PortOpener};
 use crate::wire::port::{Port, PortAddress, Transfer};
 
-/// Interval at which timeouts are checked and a lost port is reopened.
+/// Time between two checks of the timeouts, and between two attempts to reopen a lost port.
 const TICK: Duration = Duration::from_millis(100);
 
-/// Sends a request to the device at a port and waits for the answer. Shows a spinner if stderr is a
-/// terminal.
+/// Sends a request to the device at a port and returns the answer. Shows a spinner meanwhile if
+/// stderr is a terminal.
 ///
 /// # Errors
 ///
@@ -52,8 +52,8 @@ async fn run_query(
         }
         let Some(open_port) = &mut port else {
             sleep(TICK).await;
-            // While the device restarts, its port is absent and cannot be opened. `query` times out
-            // if the restart takes too long.
+            // The port is absent while the device restarts; `query` times out if that takes too
+            // long.
             port = opener.open().await.ok();
             if port.is_some() {
                 outgoing.clear();

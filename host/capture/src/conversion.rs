@@ -5,8 +5,8 @@
 //!                                                         └──► Rows (second pass): files
 //! ```
 //!
-//! A recording is played twice. An event can arrive after its sample, so the first pass finds the
-//! sample of each event, and the second one writes.
+//! A recording is played twice: an event can arrive after its sample, so the first pass finds the
+//! sample of each event, and the second one writes the files.
 
 mod block;
 mod collector;
@@ -36,27 +36,27 @@ use crate::recording::{FileHeader, RecordingError};
 /// A recording to convert, and the files to write.
 #[derive(Clone, Debug)]
 pub struct Conversion {
-    /// Recording to read.
+    /// Path of the recording to read.
     pub file: PathBuf,
-    /// Format of the files to write. Their names are those of the recording, the stream and the
-    /// format.
+    /// Format of the files to write. The name of a file consists of the names of the recording, the
+    /// stream and the format.
     pub to: FileFormat,
-    /// Whether files that exist are replaced.
+    /// Whether existing files with the names of the new ones are replaced.
     pub force: bool,
 }
 
 /// Reason why a recording cannot be converted.
 #[derive(Debug, Error)]
 pub enum ConvertError {
-    /// The file to read is not a usable recording.
+    /// The file to convert is not a usable recording.
     #[error("{path} cannot be used as a recording")]
     Recording {
         /// Path of the file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// What is wrong with the file.
         source: RecordingError,
     },
-    /// A file cannot be written.
+    /// A file cannot be created or written.
     #[error(transparent)]
     NewFile(#[from] NewFileError),
 }
@@ -64,18 +64,18 @@ pub enum ConvertError {
 /// Format of the files that `convert` writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileFormat {
-    /// GDF 2.20: float32, and the events in a table.
+    /// GDF 2.20: values as float32, and a table of events.
     Gdf,
-    /// BDF+: 24 bits, and the events as annotations.
+    /// BDF+: values of 24 bits, and the events as annotations.
     Bdf,
-    /// Comma-separated values with a header line.
+    /// CSV: comma-separated values below a line with the names of the columns.
     Csv,
-    /// Arrays for numpy.
+    /// NPZ: arrays for numpy.
     Npz,
 }
 
 impl FileFormat {
-    /// Returns the extension of a file's name.
+    /// Returns the extension of a file's name in this format.
     pub fn extension(self) -> &'static str {
         let named = FileFormat::CHOICES.iter();
         let name = named.filter(|(_, _, format)| *format == self);
@@ -104,13 +104,13 @@ impl Choice for FileFormat {
     ];
 }
 
-/// Files that a conversion wrote, and counts of what it left out; prints as lines.
+/// Files that a conversion wrote, and counts of what it left out. Prints as lines of text.
 #[derive(Debug)]
 pub struct ConvertSummary {
     files: Vec<(PathBuf, u64)>,
     events: usize,
     left_out: LeftOut,
-    /// Number of missing rows for which there are no fillers.
+    /// Number of missing rows that have no fillers, because they would be too many.
     unfilled: u64,
     core: Summary,
 }
@@ -147,8 +147,8 @@ impl fmt::Display for ConvertSummary {
     }
 }
 
-/// Converts a recording. `progress` wraps the file of each of the two passes, to show how far it is
-/// read; it gets the name of the pass.
+/// Converts a recording in two passes. In each, `progress` gets the recording's file and the name
+/// of the pass, and returns a reader that shows how far the file is read.
 ///
 /// # Errors
 ///
@@ -163,7 +163,7 @@ pub fn convert<R: Read>(
         model,
         progress,
     };
-    // Both passes would log the same, so the first one logs nothing.
+    // Both passes would log the same messages, so the first one logs none.
     let silent = NoSubscriber::default();
     let survey = tracing::subscriber::with_default(silent, || {
         input.play(Survey::default(), "looking for events", |_| Ok(()))
@@ -214,22 +214,22 @@ pub fn convert<R: Read>(
     })
 }
 
-/// Returns the error of a file that cannot be written.
+/// Returns the error for a failure to write the file at `path`.
 fn failed(path: &Path, source: std::io::Error) -> ConvertError {
     let path = path.to_owned();
     NewFileError::Write { path, source }.into()
 }
 
 impl Conversion {
-    /// Creates an output file, which must not be the recording.
+    /// Creates an output file, and refuses to write to the recording that is read.
     fn create(&self, path: &Path) -> Result<NewFile, NewFileError> {
         let inputs = [self.file.clone()];
         NewFile::create(path, Existing::from_force(self.force), &inputs)
     }
 }
 
-/// Returns the names of the files to write: one for each stream of the recording. `objection` is why
-/// the core did not publish the device's streams, if it had a reason.
+/// Returns the files to write: one for each stream that has rows. `objection` is the reason why the
+/// core published nothing from the device, if it had one.
 fn outputs(
     options: &Conversion,
     survey: &Survey,
@@ -249,14 +249,14 @@ fn outputs(
         };
         return Err(ConvertError::Recording { path, source });
     }
-    // All names are checked before the first file is written.
+    // Checks that every file can be created before the first one is written.
     for (_, path) in &outputs {
         options.create(path)?;
     }
     Ok(outputs)
 }
 
-/// Creates the writer of a stream's file; `None` if the stream has no rows.
+/// Creates the writer of a stream's file in `format`; `None` if the stream has no rows.
 fn writer(
     format: FileFormat,
     file: File,
@@ -282,7 +282,7 @@ fn writer(
     }))
 }
 
-/// A recording to read, and the model to decode it with.
+/// The recording to read, the model to decode it with, and what shows the progress.
 struct Input<'a, P> {
     path: &'a Path,
     model: Arc<Model>,
@@ -290,7 +290,7 @@ struct Input<'a, P> {
 }
 
 impl<R: Read, P: Fn(File, &'static str) -> R> Input<'_, P> {
-    /// Plays the whole recording to a listener. `check` is called after every record.
+    /// Plays the recording to `listener` until it ends or `check`, called after each record, fails.
     fn play<L: Listener>(
         &self,
         listener: L,
@@ -315,7 +315,7 @@ impl<R: Read, P: Fn(File, &'static str) -> R> Input<'_, P> {
     }
 }
 
-/// Settings of the core: those of the recording, and fillers for everything that is missing.
+/// Returns the settings of the bridge's core: streams and mains frequency are the recording's.
 fn settings(header: &FileHeader) -> Settings {
     Settings {
         mains_hz: header.mains_hz,

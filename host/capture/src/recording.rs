@@ -20,16 +20,16 @@ use crc::{CRC_32_ISCSI, Crc};
 use link::{MAX_FRAME, Streams};
 use thiserror::Error;
 
-/// Reason why a file cannot be read as a recording.
+/// Reason why a file cannot be used as a recording.
 #[derive(Debug, Error)]
 pub enum RecordingError {
-    /// The file does not start as a recording does; holds its first bytes, escaped.
+    /// The file does not begin as a recording does. Holds the first bytes, escaped.
     #[error(
         "it is not a recording of corticode-bridge: it starts with \"{0}\"; name a file that \
          `corticode-bridge record` has written"
     )]
     NotARecording(String),
-    /// The file ends before its header does; holds the length of the file in bytes.
+    /// The file is shorter than a recording's header. Holds the length of the file in bytes.
     #[error(
         "it holds only {0} bytes, less than the header of a recording; `corticode-bridge \
          record` was ended before it could write anything"
@@ -38,18 +38,18 @@ pub enum RecordingError {
     /// The header's checksum does not match.
     #[error("its header is damaged (CRC); copy the file again from where it was recorded")]
     HeaderDamaged,
-    /// The file has a newer format than this program; holds the version in the file.
+    /// The file's format is newer than this program. Holds the version of the format.
     #[error(
         "it has version {0} of the recording's format, and this program reads versions up to \
          {VERSION}; update corticode-bridge"
     )]
     Version(u16),
-    /// The file holds no code or sample of a device that introduced itself.
+    /// The file has no code or sample from a device that has introduced itself.
     #[error(
         "it holds no codes or samples of a device; record again, and check that the device answers"
     )]
     NoDevice,
-    /// The file holds nothing that this program can publish; holds the reason and the remedy.
+    /// The file has nothing that this program can publish. Holds the reason and the remedy.
     #[error("nothing in it can be converted: {0}")]
     NothingUsable(String),
     /// The operating system cannot read the file.
@@ -61,22 +61,22 @@ pub enum RecordingError {
 pub(crate) const VERSION: u16 = 1;
 /// First bytes of every recording.
 const MAGIC: [u8; 8] = *b"CORTIREC";
-/// CRC-32C, the checksum of header and records; the wire's frames use the same.
+/// Checksum of header and records: CRC-32C, as in the frames on the wire.
 pub(crate) const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISCSI);
 
-/// Header of a recording's file.
+/// Header at the beginning of a recording's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FileHeader {
     /// Wall clock when the file was created, nanoseconds since 1970.
     pub created_ns: i64,
-    /// Streams that the device was asked for.
+    /// Streams that the host asked the device for.
     pub streams: Streams,
-    /// Mains frequency that the device was asked to remove, Hz; 0 if the device chose it.
+    /// Mains frequency that the host asked the device to remove, Hz; 0 if the device chose it.
     pub mains_hz: u8,
 }
 
 impl FileHeader {
-    /// Length of a header, bytes.
+    /// Length of the header in bytes.
     pub const BYTES: usize = 28;
 
     /// Returns the header's bytes, as docs/recording-format.md describes them.
@@ -92,8 +92,8 @@ impl FileHeader {
         bytes
     }
 
-    /// Reads a header from the first bytes of a file; `bytes` is shorter than a header only if the
-    /// file is.
+    /// Reads a header from the first bytes of a file. `bytes` must hold [`FileHeader::BYTES`]
+    /// bytes, unless the file is shorter.
     ///
     /// # Errors
     ///
@@ -107,7 +107,7 @@ impl FileHeader {
         let Some(bytes) = bytes.first_chunk::<{ Self::BYTES }>() else {
             return Err(RecordingError::HeaderCutOff(bytes.len()));
         };
-        // A newer version may place its checksum elsewhere, so the version comes first.
+        // Check the version first: a newer version may have its checksum in another place.
         let version = u16::from_le_bytes([bytes[8], bytes[9]]);
         if version > VERSION {
             return Err(RecordingError::Version(version));
@@ -124,29 +124,29 @@ impl FileHeader {
     }
 }
 
-/// Bytes of a record before its payload: length, kind, zero, two times.
+/// Length of what precedes a record's payload, bytes: length, kind, a zero, two times.
 const HEAD: usize = 20;
-/// Bytes of a record after its payload: the CRC.
+/// Length of what follows a record's payload, bytes: the CRC.
 const TAIL: usize = 4;
-/// Longest payload, bytes: a frame, or a stretch of bytes of that length without a zero.
+/// Length of the longest payload, bytes: a frame, or as many bytes of garbage.
 pub(crate) const MAX_PAYLOAD: usize = MAX_FRAME;
-/// Longest record, bytes.
+/// Length of the longest record, bytes.
 pub(crate) const MAX_RECORD: usize = HEAD + MAX_PAYLOAD + TAIL;
 
-/// Event at the port.
+/// What happened at the port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RecordKind {
     /// The port was opened.
     Opened,
-    /// The port was closed or lost.
+    /// The port was closed, or was lost.
     Closed,
-    /// Bytes from the device: a frame as it came, or what a damaged line made of it.
+    /// Bytes came from the device: a frame, or what a bad line has made of one.
     Received,
-    /// A command to the device.
+    /// A command was sent to the device.
     Sent,
-    /// The user ended the recording; the commands and frames that follow stop the device.
+    /// The user ended the recording. The commands and frames after this record stop the device.
     Ending,
-    /// Something that a newer program has written.
+    /// A kind of record that only newer programs know. Holds its number.
     Newer(u8),
 }
 
@@ -174,31 +174,31 @@ impl RecordKind {
     }
 }
 
-/// One record.
+/// One record of a recording's file: something that happened at the port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Record<'a> {
-    /// Event that is recorded.
+    /// What happened at the port.
     pub kind: RecordKind,
-    /// When it happened. The monotonic clock counts from the start of the host.
+    /// When it happened. The monotonic clock counts from the start of the host's machine.
     pub time: HostTime,
-    /// Bytes that were received or sent; otherwise empty.
+    /// Bytes that were received or sent; empty for other events.
     pub payload: &'a [u8],
 }
 
 /// Result of [`Record::parse`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Parsed<'a> {
-    /// A whole record and its length in the file, bytes.
+    /// A whole record, and its length in the file in bytes.
     Whole(Record<'a>, usize),
-    /// The bytes may be the start of a record.
+    /// The bytes may be the beginning of a record; more bytes are needed.
     Incomplete,
-    /// The bytes do not start with a record.
+    /// The bytes are not the beginning of a record.
     Damaged,
 }
 
 impl<'a> Record<'a> {
-    /// Appends the record's bytes, as docs/recording-format.md describes them. A payload has at
-    /// most [`MAX_PAYLOAD`] bytes.
+    /// Appends the record's bytes to `out`, as docs/recording-format.md describes them. The payload
+    /// must not be longer than [`MAX_PAYLOAD`].
     pub(crate) fn encode(&self, out: &mut Vec<u8>) {
         debug_assert!(self.payload.len() <= MAX_PAYLOAD);
         let start = out.len();

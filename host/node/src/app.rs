@@ -1,4 +1,4 @@
-//! The program `corticode-node`: options, log and exit status.
+//! The program `corticode-node`: reads the options, starts the log and publishes codes.
 
 use std::process::ExitCode;
 
@@ -14,7 +14,7 @@ use neuro_ros::{NeuroFrame, RosMessage, Stamp};
 use crate::command_line::Options;
 use crate::feed::SourceFeed;
 
-/// Number of frames that wait when this program does not run: 64 s at 16 frames per second.
+/// Number of received frames that can wait for this program: 64 s at 16 frames per second.
 const QUEUE_FRAMES: usize = 1024;
 
 /// Runs `corticode-node` with the arguments and environment of this process and returns its exit
@@ -31,8 +31,8 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
     if !model::HAS_NETWORK {
         return Err(BridgeError::NoNetwork);
     }
-    // One thread reads the frames and writes the sockets: passing a code to another thread would
-    // delay it by the time in which that thread wakes up.
+    // One thread reads the frames and writes the sockets: a code passed to another thread would
+    // wait until that thread wakes up.
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
@@ -69,7 +69,7 @@ fn publish(mut ros: NodeOptions, arguments: Vec<String>) -> Result<(), BridgeErr
         Ok(SourceFeed::new(subscriber, mains, Stamp::now().nsecs))
     };
     let summary = runtime.block_on(Box::pin(publication.publish(log, connect)))?;
-    // A name that does not resolve would hold the runtime's end for as long as the resolver tries.
+    // Dropping the runtime would wait for a lookup of a host name that has not ended.
     runtime.shutdown_background();
     eprintln!("corticode-node: {summary}");
     Ok(())

@@ -1,4 +1,4 @@
-//! Command-line options, which are also private parameters.
+//! Command-line options, which can also be set as private ROS parameters.
 
 use std::path::PathBuf;
 
@@ -100,7 +100,7 @@ impl Options {
         ids.map(str::to_owned).collect()
     }
 
-    /// Converts the options to the settings of the bridge's core.
+    /// Returns the settings of the bridge's core that the options describe.
     pub(crate) fn settings(&self) -> Settings {
         Settings {
             stamp: self.stamp,
@@ -114,12 +114,12 @@ impl Options {
         }
     }
 
-    /// Returns the mains frequency to remove.
+    /// Returns the mains frequency that the notch filter shall remove.
     pub(crate) fn mains(&self) -> Mains {
         Mains::from_hz(self.mains).unwrap_or(Mains::Hz50)
     }
 
-    /// Returns the least severe level of the log.
+    /// Returns the least severe level that the log shows.
     pub(crate) fn log_level(&self) -> &'static str {
         match (self.quiet, self.verbose) {
             (true, _) => "warn",

@@ -1,4 +1,4 @@
-//! A device in this process: encodes samples and speaks the wire format.
+//! A device inside this process, which encodes samples and speaks the wire format.
 
 use device::{
     Abilities, AcquiredSample, Counts, FrameQueue, Identity, Marks, Order, Output, Payload,
@@ -7,7 +7,7 @@ use device::{
 use link::{ResetCause, Streams, Substitutes};
 use pipeline::{Acquisition, EncoderMemory, Mains, Sample};
 
-/// What the device can do for its host.
+/// What the device tells its host that it can do.
 const ABILITIES: Abilities = Abilities {
     streams: STREAMS,
     self_test: false,
@@ -15,12 +15,12 @@ const ABILITIES: Abilities = Abilities {
     clock: false,
 };
 
-/// Streams that the device makes: codes, and audits with which the bridge checks them.
+/// Streams that the device offers: codes, and audits with which the bridge checks the codes.
 pub(crate) const STREAMS: Streams =
     Streams::from_bits(Streams::CODES.bits() | Streams::AUDIT.bits());
 
-/// A device that gets its samples from a program instead of converters. It runs the code of the
-/// boards: session, acquisition and encoder.
+/// A device that gets its samples from this program instead of converters. It runs the code of a
+/// board: session, acquisition and encoder.
 ///
 /// Methods take the device time as an argument, in microseconds since the device's start.
 pub struct EncoderDevice {
@@ -28,16 +28,16 @@ pub struct EncoderDevice {
     sender: Sender<Outgoing>,
     acquisition: Acquisition,
     producer: Box<Producer<EncoderMemory>>,
-    /// Parameters of a run that starts with the next sample; otherwise `None`.
+    /// Parameters of a run that begins with the next sample; `None` while a run continues.
     new_run: Option<Run>,
-    /// Steps since the last `Start`.
+    /// Number of steps since the last `Start`.
     steps: u64,
     counts: Counts,
-    /// Number of electrode values clipped to int8 before the last `Start`; wraps.
+    /// Number of electrode values clipped to int8 in the runs before the present one; wraps.
     clipped_before: u32,
 }
 
-/// Bytes for the host.
+/// Queue of bytes for the host, which the program takes out.
 #[derive(Clone, Debug, Default)]
 struct Outgoing {
     bytes: Vec<u8>,
@@ -59,8 +59,8 @@ impl FrameQueue for Outgoing {
 }
 
 impl EncoderDevice {
-    /// Creates a device that introduces itself. `session_id` must differ from that of the device
-    /// before.
+    /// Creates a device, which introduces itself to the host. A host tells two starts apart by
+    /// `session_id`, so it must differ from that of the previous device.
     pub fn new(session_id: u32, substitutes: Substitutes, mains: Mains) -> EncoderDevice {
         let identity = Identity {
             firmware: env!("CARGO_PKG_VERSION"),
@@ -85,7 +85,7 @@ impl EncoderDevice {
         }
     }
 
-    /// Reads bytes from the host and answers the commands that they complete.
+    /// Reads bytes from the host, and answers the commands in them.
     pub fn receive(&mut self, bytes: &[u8], now_us: u64) {
         let counts = self.counts();
         let mut started = None;
@@ -103,13 +103,13 @@ impl EncoderDevice {
         }
     }
 
-    /// Returns true between a `Start` and the next `Stop`.
+    /// Returns whether the streams run: true from a `Start` to the next `Stop`.
     pub fn is_streaming(&self) -> bool {
         self.session.is_streaming()
     }
 
-    /// Encodes a sample. Codes of windows with a sample that `is_lost` are dropped, so that the
-    /// host finds them missing. Ignores the sample outside a run.
+    /// Encodes a sample, or ignores it while no streams run. If the sample `is_lost`, codes of
+    /// windows that contain it are not sent, so that the host finds them missing.
     pub fn process(&mut self, sample: &Sample, is_lost: bool, at_us: u64) {
         if !self.is_streaming() {
             return;
@@ -151,13 +151,13 @@ impl EncoderDevice {
         self.producer.process(&acquired, &mut emit);
     }
 
-    /// Sends the counters, so that the host knows that the device still runs.
+    /// Sends the device's counters, from which the host knows that the device still runs.
     pub fn send_stats(&mut self, at_us: u64) {
         let counts = self.counts();
         self.session.send_stats(at_us, counts, &mut self.sender);
     }
 
-    /// Removes and returns the bytes for the host.
+    /// Removes and returns the bytes to pass to the host.
     pub fn take_bytes(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.sender.queue().bytes)
     }

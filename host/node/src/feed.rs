@@ -1,4 +1,4 @@
-//! Connects the subscribed topic to the bridge's core.
+//! Connects the topic with the acquisition's frames to the bridge's core.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -15,34 +15,34 @@ use crate::sequence::Arrival;
 use crate::source::Source;
 use crate::source_status::{SourceFacts, status};
 
-/// How long the first frame of the device waits for the bridge to start the streams, which takes
-/// microseconds unless the user has stopped them.
+/// Longest time for which the first frame waits until the bridge has started the device's streams.
+/// That takes microseconds, unless the user has stopped them.
 const START_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Time without bytes for the host after which the device sends its counters.
 const STATS_PERIOD: Duration = Duration::from_secs(1);
 
-/// The acquisition as a device that the bridge's core commands.
+/// The acquisition, which the bridge's core takes for a device that it commands.
 pub(crate) struct SourceFeed {
     subscriber: Subscriber,
     mains: Mains,
     session_id: u32,
-    /// `None` until a frame can be encoded.
+    /// Encoder of the frames; `None` before the first frame that can be encoded.
     source: Option<Source>,
-    /// First frame of the device and its arrival. It waits until the bridge has started the
-    /// streams, at the latest until this instant.
+    /// First frame of the device, its arrival, and a deadline: the frame is encoded when the bridge
+    /// has started the streams, at the latest at the deadline.
     held: Option<(NeuroFrame, HostTime, Instant)>,
-    /// Host time of the bytes that were read last.
+    /// Arrival of the frame from which the bytes that were read last were made.
     read: HostTime,
-    /// Instant at which bytes were last passed to the host.
+    /// Time at which bytes were last passed to the host.
     passed: Instant,
-    /// Arrival of the newest frame.
+    /// Time at which the newest frame arrived.
     newest: Option<HostTime>,
-    /// Kinds of refusals that were logged.
+    /// Kinds of refusals that the log has already reported.
     logged: BTreeSet<&'static str>,
     refused: u64,
     refusal: Option<String>,
-    /// Facts of the previous report, with which the next one is compared.
+    /// Facts of the previous report, which the next report is compared with.
     reported: SourceFacts,
 }
 
@@ -65,7 +65,7 @@ impl SourceFeed {
         }
     }
 
-    /// Moves bytes from the device to `buffer`, and returns their number.
+    /// Moves bytes for the host to `buffer`, and returns how many; `None` if there are none.
     fn pass_bytes(&mut self, buffer: &mut [u8]) -> Option<usize> {
         let source = self.source.as_mut()?;
         let (read, mut bytes) = source.next_bytes()?;
@@ -80,8 +80,8 @@ impl SourceFeed {
         Some(count)
     }
 
-    /// Handles a message that arrived at `read`. Returns whether the device is connected now and
-    /// was not before.
+    /// Handles a message that arrived at `read`. Returns whether it has created the device, which
+    /// then counts as connected.
     fn handle_message(&mut self, body: &[u8], read: HostTime) -> bool {
         self.newest = Some(read);
         let handled = match (NeuroFrame::from_bytes(body), self.subscriber.publishers()) {
@@ -116,13 +116,13 @@ impl SourceFeed {
                 source.restart(read)?;
                 self.held = Some((frame, read, Instant::now() + START_TIMEOUT));
             }
-            // The source refuses repeated frames.
+            // `check` returns an error for a repeated frame, so `Repeated` does not occur here.
             Arrival::Next | Arrival::Repeated => source.encode(&frame, 0, read)?,
         }
         Ok(false)
     }
 
-    /// Counts a refused frame, and logs the first of each kind.
+    /// Counts a refused frame. Logs the first refusal of each kind.
     fn refuse(&mut self, refusal: &Refusal) {
         self.refused += 1;
         self.refusal = Some(refusal.to_string());
@@ -185,10 +185,10 @@ impl Feed for SourceFeed {
                     continue;
                 }
             }
-            // The caller drops this future at each of its ticks, so the deadline is absolute.
+            // An absolute deadline, because the caller drops this future at each of its ticks.
             let deadline = self.passed + STATS_PERIOD;
             let message = timeout_at(deadline, self.subscriber.recv()).await;
-            // The time at which the frame arrived, before it is encoded.
+            // Read the clock before the frame is encoded: this is the time at which it arrived.
             let read = HostTime::now();
             match message {
                 Ok(Some(body)) => {
@@ -196,7 +196,7 @@ impl Feed for SourceFeed {
                         return Ok(FeedEvent::Opened);
                     }
                 }
-                // The node has shut down, and the program ends for another reason.
+                // The node has shut down, so the program is about to end anyway.
                 Ok(None) => std::future::pending().await,
                 Err(_) => {}
             }
@@ -229,10 +229,10 @@ impl Feed for SourceFeed {
     }
 }
 
-/// Logs what is encoded, and what subscribers should know about it.
+/// Logs what is encoded, which channels are not used, and how late codes are.
 fn log_source(source: &Source, topic: &str) {
     tracing::info!("encoding {topic}: {}", source.layout());
-    // The bridge's core names the interpolated electrodes when the device introduces itself.
+    // Interpolated electrodes are left out: the core logs them when the device introduces itself.
     let unused = source.map().unused();
     if !unused.is_empty() {
         tracing::info!("channels that no electrode uses: {}", unused.join(" "));

@@ -1,4 +1,4 @@
-//! Layout of an acquisition's frames: rate, size and labels.
+//! Layout of an acquisition's frames: rate, number of samples, and labels.
 
 use std::fmt;
 
@@ -6,25 +6,25 @@ use neuro_ros::NeuroFrame;
 
 use crate::refusal::Refusal;
 
-/// Supported sampling rates, Hz. A lower rate would not cover the model's frequency band.
+/// Supported sampling rates, Hz. A lower rate lacks a part of the model's frequency band.
 pub(crate) const RATES_HZ: std::ops::RangeInclusive<u16> = 250..=1024;
 
-/// Units that mean microvolt. An empty one is accepted because simple publishers leave it out.
+/// Units that mean microvolts, in small letters. Simple publishers leave the unit empty.
 const UNITS: [&str; 5] = ["", "uv", "µv", "μv", "microvolt"];
 
-/// Layout of an acquisition's frames, which must not change.
+/// Layout of an acquisition's frames, which must stay the same from frame to frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// Sampling rate, Hz.
     pub rate_hz: u16,
-    /// Samples per frame.
+    /// Number of samples per frame.
     pub samples: u16,
-    /// Labels of the channels, in the order of the values in a sample.
+    /// Labels of the channels, in the order of the values within a sample.
     pub labels: Vec<String>,
 }
 
 impl Layout {
-    /// Reads the layout of a frame.
+    /// Returns the layout of a frame.
     ///
     /// # Errors
     ///
@@ -54,7 +54,7 @@ impl Layout {
         })
     }
 
-    /// Checks that a frame has this layout and that all its values are numbers.
+    /// Checks that a frame has this layout, and that no value in it is NaN or infinite.
     ///
     /// # Errors
     ///

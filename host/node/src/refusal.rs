@@ -1,24 +1,24 @@
-//! The reasons for which a frame of the acquisition is refused.
+//! Reasons for not encoding a frame of the acquisition.
 
 use recordings::{MontageMapError, RecordingError};
 use thiserror::Error;
 
 use crate::layout::RATES_HZ;
 
-/// Why a frame of the acquisition is not encoded. A refused frame counts as lost.
+/// Why a frame of the acquisition is not encoded. The frame then counts as lost.
 #[derive(Debug, Error)]
 pub enum Refusal {
-    /// The message is no `NeuroFrame`.
+    /// The message is not a `NeuroFrame`.
     #[error("a message is no NeuroFrame ({0}); publish rosneuro_msgs/NeuroFrame")]
     Message(#[from] neuro_ros::WireError),
-    /// The rate, Hz, is outside the supported range.
+    /// The sampling rate is not supported. Holds the rate in Hz.
     #[error(
         "the rate is {0} Hz; set sr to the sampling rate of the amplifier, {least} to {most} Hz",
         least = RATES_HZ.start(),
         most = RATES_HZ.end()
     )]
     Rate(u16),
-    /// The numbers of labels, channels, samples and values do not belong together.
+    /// The numbers of labels, channels, samples and values contradict each other.
     #[error(
         "eeg has {values} values and {labels} labels for {nsamples} samples of {nchannels} channels; \
          publish nsamples * nchannels values and one label per channel"
@@ -26,56 +26,56 @@ pub enum Refusal {
     Shape {
         /// Number of values in `eeg.data`.
         values: usize,
-        /// Number of labels in `eeg.info`.
+        /// Number of labels in `eeg.info.labels`.
         labels: usize,
-        /// Samples per channel that `eeg.info` announces.
+        /// Number of samples per channel, as `eeg.info` states it.
         nsamples: u16,
-        /// Number of channels that `eeg.info` announces.
+        /// Number of channels, as `eeg.info` states it.
         nchannels: u16,
     },
-    /// The unit in `eeg.info` is not microvolt.
+    /// The unit in `eeg.info` is not microvolts. Holds the unit.
     #[error("the unit is \"{0}\"; publish microvolts with the unit uV")]
     Unit(String),
     /// A value is NaN or infinite.
     #[error("sample {sample} of {label} is {value}; publish numbers only")]
     NotFinite {
-        /// Index of the sample in the frame.
+        /// Index of the sample within the frame.
         sample: usize,
-        /// Label of the channel.
+        /// Label of the value's channel.
         label: String,
-        /// The value.
+        /// The value that is NaN or infinite.
         value: f32,
     },
-    /// The labels do not fit the model's montage.
+    /// The labels of the channels do not fit the model's montage.
     #[error(transparent)]
     Labels(#[from] MontageMapError),
-    /// The layout differs from that of the first frame.
+    /// The layout is not that of the first frame.
     #[error(
         "{what} changed from {expected} to {found}; restart this node and the recorder to use the new \
          layout"
     )]
     Changed {
-        /// Property that differs.
+        /// Property of the layout that differs, such as the rate.
         what: &'static str,
-        /// Value in the first frame.
+        /// The property in the first frame.
         expected: String,
-        /// Value in the refused frame.
+        /// The property in the refused frame.
         found: String,
     },
-    /// The frame has the same number, `neuroheader.seq`, as the one before.
+    /// The frame has the same number, `neuroheader.seq`, as the frame before it. Holds the number.
     #[error("frame {0} came twice; stop one of the nodes that publish the topic")]
     Repeated(u32),
-    /// Several nodes publish the topic, and their frames cannot be distinguished. Holds the number
-    /// of connected publishers.
+    /// Several nodes publish the topic, and nothing in a frame tells from which node it comes.
+    /// Holds the number of these nodes.
     #[error("{0} nodes publish the topic and their frames are mixed; stop all but one")]
     Mixed(usize),
-    /// The samples cannot be converted.
+    /// The virtual ADC cannot convert the samples.
     #[error("the samples cannot be converted: {0}")]
     Conversion(#[from] RecordingError),
 }
 
 impl Refusal {
-    /// Returns a name for `/diagnostics` and for logging each kind once.
+    /// Returns the name of this kind of refusal, of which the log shows only the first.
     pub fn kind(&self) -> &'static str {
         match self {
             Refusal::Message(_) => "message",

@@ -1,39 +1,39 @@
-//! Finds lost frames and restarts of the acquisition in the numbers and stamps of its frames.
+//! Finds lost frames and restarts of the acquisition from the numbers and stamps of its frames.
 
 use neuro_ros::NeuroFrame;
 
-/// Longest gap that is bridged by fillers, microseconds. After a longer one the acquisition counts
-/// as restarted.
+/// Longest gap that is filled, microseconds. A longer gap counts as a restart of the acquisition.
 const LONGEST_GAP_US: i64 = 120_000_000;
 
-/// How much later than its predecessor's end a consecutive frame can begin before the acquisition
-/// counts as restarted, microseconds. Stamps are taken when a frame is read from the amplifier, so
-/// they vary by some frames.
+/// Longest time from the end of a frame to the beginning of the one with the next number,
+/// microseconds; after a longer time the acquisition counts as restarted. Stamps vary by some
+/// frames, because they are taken when a frame is read from the amplifier.
 const LONGEST_PAUSE_US: i64 = 1_000_000;
 
-/// Relation of a frame to the frames before it, according to its number.
+/// How a frame follows the frames before it, judged by its number and stamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arrival {
-    /// The frame follows the previous one, or is the first.
+    /// The frame follows the previous one directly, or is the first.
     Next,
-    /// This many frames between the previous one and this one are lost.
+    /// As many frames as this number are missing between the previous frame and this one.
     Lost(u32),
-    /// The acquisition started again; nothing is known about the time since the previous frame.
+    /// The acquisition has restarted; how much is missing since the previous frame is not known.
     Restarted,
-    /// The frame has the number of the previous one.
+    /// The frame has the same number as the previous one.
     Repeated,
 }
 
-/// Number and stamp of the newest frame.
+/// Number and stamp of the newest frame, with which the next frame is compared.
 #[derive(Clone, Debug, Default)]
 pub struct Sequence {
     newest: Option<(u32, i64)>,
-    /// Whether the acquisition leaves all numbers 0.
+    /// Whether the acquisition does not number its frames: all have the number 0.
     is_unnumbered: bool,
 }
 
 impl Sequence {
-    /// Records a frame that takes `frame_us` microseconds.
+    /// Takes note of a frame of `frame_us` microseconds. Returns how it follows the frame before
+    /// it.
     pub fn record(&mut self, frame: &NeuroFrame, frame_us: i64) -> Arrival {
         let seq = frame.neuroheader.seq;
         let stamp_us = frame.header.stamp.nanoseconds() / 1000;
@@ -58,7 +58,7 @@ impl Sequence {
         }
     }
 
-    /// Returns whether the acquisition does not number its frames, so that no loss can be found.
+    /// Returns whether the acquisition does not number its frames, so that losses are not found.
     pub fn is_unnumbered(&self) -> bool {
         self.is_unnumbered
     }
@@ -70,7 +70,7 @@ mod tests {
 
     use super::{Arrival, Sequence};
 
-    /// Records frames of 62.5 ms with these numbers, stamped at these times in milliseconds.
+    /// Returns the arrivals of frames of 62.5 ms; `frames` are pairs of number and stamp in ms.
     fn arrivals(frames: &[(u32, i64)]) -> Vec<Arrival> {
         let mut sequence = Sequence::default();
         let mut record = |(seq, ms): &(u32, i64)| {

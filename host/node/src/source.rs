@@ -1,4 +1,4 @@
-//! The acquisition as a device: frames in, bytes of the wire format out.
+//! The acquisition as a device: takes its frames, and returns bytes of the wire format.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -16,10 +16,10 @@ use crate::sequence::{Arrival, Sequence};
 
 const _: () = assert!(model::CHANNELS <= recordings::virtual_adc::CHANNELS);
 
-/// An acquisition whose frames are encoded by a device in this process.
+/// An acquisition whose frames a device inside this process encodes.
 ///
-/// The device's time counts samples at their nominal rate, as a board's converters do. The bridge
-/// fits it to the arrival of the frames.
+/// The device time counts samples at their nominal rate, as a board's converters do. The bridge
+/// fits it to the times at which the frames arrive.
 pub struct Source {
     layout: Layout,
     map: MontageMap,
@@ -28,36 +28,35 @@ pub struct Source {
     sequence: Sequence,
     adc: LiveAdc,
     device: EncoderDevice,
-    /// Number of samples of the acquisition since the device's start, lost ones included.
+    /// Number of samples of the acquisition since the device's start, with those lost.
     inputs: u64,
     /// Number of samples that the virtual ADC has made since the device's start.
     outputs: u64,
-    /// Index of the first sample, and time of arrival, of each frame whose samples are not all
-    /// converted, oldest first. The newest frame stays in the queue after its conversion.
+    /// Index of the first sample and time of arrival of each frame that is not completely
+    /// converted, oldest first. The newest frame stays in the queue even after its conversion.
     arrivals: VecDeque<(u64, HostTime)>,
-    /// Indices of the lost samples of each gap that is not completely converted, oldest first.
+    /// Indices of the lost samples in each gap that is not completely converted, oldest first.
     lost: VecDeque<Range<u64>>,
-    /// Bytes for the host, each with the time at which the samples arrived of which the device made
-    /// them.
+    /// Bytes for the host, each with the time of arrival of the samples that they were made of.
     outgoing: VecDeque<(HostTime, Vec<u8>)>,
     counts: SourceCounts,
 }
 
-/// Numbers of frames since the first one.
+/// Numbers of frames and restarts since the program's start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SourceCounts {
-    /// Frames that were encoded.
+    /// Number of frames that were encoded.
     pub encoded: u64,
-    /// Frames that are missing in the acquisition's numbers, refused ones included.
+    /// Number of frames missing from the acquisition's numbering; refused frames count as missing.
     pub lost: u64,
-    /// Restarts of the acquisition.
+    /// Number of restarts of the acquisition.
     pub restarts: u64,
 }
 
 impl Source {
-    /// Creates a source with the layout of `frame`, its first frame, without encoding it. The notch
-    /// filter removes `mains` until the host selects another frequency. `session_id` identifies the
-    /// device's start and should differ at each start of the program.
+    /// Creates a source for frames with the layout of `frame`, which is not encoded yet. The notch
+    /// filter removes `mains` until the host selects another frequency. `session_id` identifies
+    /// this start of the device, and should differ each time that the program starts.
     ///
     /// # Errors
     ///
@@ -86,28 +85,28 @@ impl Source {
         })
     }
 
-    /// Layout of all frames.
+    /// Returns the layout that all frames must have.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }
 
-    /// Map from the acquisition's channels to the model's electrodes.
+    /// Returns the map from the acquisition's channels to the model's electrodes.
     pub fn map(&self) -> &MontageMap {
         &self.map
     }
 
-    /// Numbers of frames since the first one.
+    /// Returns the numbers of frames and restarts so far.
     pub fn counts(&self) -> SourceCounts {
         self.counts
     }
 
-    /// Returns whether the acquisition does not number its frames, so that no loss can be found.
+    /// Returns whether the acquisition does not number its frames, so that losses are not found.
     pub fn is_unnumbered(&self) -> bool {
         self.sequence.is_unnumbered()
     }
 
-    /// Returns the time that the acquisition takes for the samples that are resampled together,
-    /// microseconds; 0 without resampling.
+    /// Returns the duration of a block of samples that are resampled together, microseconds; 0 if
+    /// the samples need no resampling.
     pub fn block_us(&self) -> u64 {
         match self.adc.block() {
             1 => 0,
@@ -115,12 +114,11 @@ impl Source {
         }
     }
 
-    /// Checks a frame and its number.
+    /// Checks layout, values and number of a frame. Returns how it follows the previous frame.
     ///
     /// # Errors
     ///
-    /// [`Refusal`] if the frame must not be encoded. It then counts as lost when the next one
-    /// comes.
+    /// [`Refusal`] if the frame must not be encoded. It counts as lost when the next one comes.
     pub fn check(&mut self, frame: &NeuroFrame) -> Result<Arrival, Refusal> {
         self.layout.admit(frame)?;
         match self.sequence.record(frame, self.layout.frame_us()) {
@@ -129,13 +127,13 @@ impl Source {
         }
     }
 
-    /// Starts the device again, because the acquisition started again with a frame that arrived at
-    /// `read`. The new device introduces itself to the host, which then starts its streams. Samples
-    /// that wait for the resampler are discarded.
+    /// Replaces the device by a new one, because the acquisition has restarted; the first frame
+    /// after that arrived at `read`. The new device introduces itself to the host, which then
+    /// starts its streams. Samples that wait for the resampler are dropped.
     ///
     /// # Errors
     ///
-    /// [`Refusal::Conversion`], a defect of this program.
+    /// [`Refusal::Conversion`], which would be a defect of this program.
     pub fn restart(&mut self, read: HostTime) -> Result<(), Refusal> {
         self.adc = adc(&self.layout, &self.map)?;
         self.session_id = self.session_id.wrapping_add(1);
@@ -149,12 +147,12 @@ impl Source {
         Ok(())
     }
 
-    /// Encodes a frame that [`Source::check`] has accepted, `lost` frames after the previous one.
-    /// It arrived at `read`.
+    /// Encodes a frame that [`Source::check`] has accepted and that arrived at `read`. `lost`
+    /// frames are missing before it.
     ///
     /// # Errors
     ///
-    /// [`Refusal::Conversion`], a defect of this program.
+    /// [`Refusal::Conversion`], which would be a defect of this program.
     pub fn encode(&mut self, frame: &NeuroFrame, lost: u32, read: HostTime) -> Result<(), Refusal> {
         self.counts.encoded += 1;
         self.counts.lost += u64::from(lost);
@@ -174,7 +172,7 @@ impl Source {
             let is_lost = self.is_lost();
             let at_us = self.device_us();
             self.outputs += 1;
-            // The virtual ADC fills the channels of the longest chain.
+            // The virtual ADC has at least as many channels as a sample; the others are left out.
             let sample = Sample {
                 counts: std::array::from_fn(|channel| counts[channel]),
             };
@@ -184,10 +182,10 @@ impl Source {
         Ok(())
     }
 
-    /// Passes bytes from the host to the device at `now`.
+    /// Passes bytes from the host to the device; the present host time is `now`.
     pub fn receive(&mut self, bytes: &[u8], now: HostTime) {
-        // Between two frames the device's time advances, but not beyond the samples of the next
-        // one.
+        // Between two frames the device time follows the host's clock, by one frame at most: later
+        // times belong to the samples of the next frame.
         let since_us = self.arrivals.back().map_or(0, |(_, arrival)| {
             now.monotonic_us.saturating_sub(arrival.monotonic_us)
         });
@@ -203,8 +201,8 @@ impl Source {
         self.device.is_streaming()
     }
 
-    /// Sends the device's counters, as a device does every second. The resampler makes codes less
-    /// often.
+    /// Sends the device's counters, as a device does every second. With a resampler, codes come
+    /// more rarely than that.
     pub fn send_stats(&mut self) {
         if self.is_streaming() {
             self.device.send_stats(self.device_us());
@@ -212,12 +210,12 @@ impl Source {
         }
     }
 
-    /// Returns bytes for the host, and when the samples that they were made of arrived.
+    /// Removes and returns bytes for the host, with the time of arrival of their samples.
     pub fn next_bytes(&mut self) -> Option<(HostTime, Vec<u8>)> {
         self.outgoing.pop_front()
     }
 
-    /// Puts bytes back that the host has not taken.
+    /// Puts bytes back in front that the host has not taken yet.
     pub(crate) fn put_back(&mut self, read: HostTime, bytes: Vec<u8>) {
         self.outgoing.push_front((read, bytes));
     }
@@ -227,15 +225,15 @@ impl Source {
         self.outputs * 1_000_000 / u64::from(model::ADC_RATE_HZ)
     }
 
-    /// Returns the indices of the acquisition's samples before and after the time of the next
-    /// sample of the virtual ADC; both are equal if one is at that time.
+    /// Returns the indices of the acquisition's samples around the next sample of the virtual ADC:
+    /// the last one at or before its time, and the first one at or after it.
     fn input_around(&self) -> [u64; 2] {
         let position = self.outputs * u64::from(self.layout.rate_hz);
         let adc_rate = u64::from(model::ADC_RATE_HZ);
         [position / adc_rate, position.div_ceil(adc_rate)]
     }
 
-    /// Returns whether the next sample of the virtual ADC is next to a lost sample.
+    /// Returns whether a sample just before or after the virtual ADC's next sample was lost.
     fn is_lost(&mut self) -> bool {
         let [before, after] = self.input_around();
         while self.lost.front().is_some_and(|lost| lost.end <= before) {
@@ -245,8 +243,7 @@ impl Source {
         lost.is_some_and(|lost| lost.contains(&before) || lost.contains(&after))
     }
 
-    /// Moves the device's bytes to the outgoing ones, with the arrival of the newest sample that
-    /// was converted.
+    /// Queues the device's bytes for the host, with the arrival of the newest converted sample.
     fn collect(&mut self) {
         let bytes = self.device.take_bytes();
         if bytes.is_empty() {
@@ -280,7 +277,7 @@ fn adc(layout: &Layout, map: &MontageMap) -> Result<LiveAdc, Refusal> {
     )?)
 }
 
-/// Returns which electrodes of the montage are interpolated.
+/// Returns the set of the montage's electrodes that are interpolated.
 fn substitutes(map: &MontageMap) -> Substitutes {
     let interpolated = map.interpolated();
     let bits = map

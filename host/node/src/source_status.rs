@@ -1,16 +1,16 @@
-//! The status of the acquisition in `/diagnostics`.
+//! The acquisition's status in `/diagnostics`.
 
 use neuro_ros::{DiagnosticLevel, DiagnosticStatus, KeyValue};
 
 use crate::source::SourceCounts;
 
-/// Silence of the acquisition after which its status is an error, seconds.
+/// Time without a frame after which the acquisition's status is an error, seconds.
 const SILENCE_S: f64 = 2.0;
 
-/// Facts about the acquisition.
+/// Facts about the acquisition from which its status for `/diagnostics` is made.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SourceFacts {
-    /// Full name of the topic.
+    /// Full name of the topic with the acquisition's frames.
     pub(crate) topic: String,
     /// Layout of the frames; `None` before the first frame that can be encoded.
     pub(crate) layout: Option<String>,
@@ -21,18 +21,18 @@ pub(crate) struct SourceFacts {
     pub(crate) refused: u64,
     /// Why the newest refused frame was refused.
     pub(crate) refusal: Option<String>,
-    /// Number of frames that were dropped because this program did not read them in time.
+    /// Number of frames dropped because this program did not read them in time.
     pub(crate) dropped: u64,
     /// Time since the newest frame, seconds; `None` before the first.
     pub(crate) silent_s: Option<f64>,
-    /// Whether the frames have no numbers.
+    /// Whether the acquisition does not number its frames.
     pub(crate) is_unnumbered: bool,
     /// Longest time that a sample waits for the resampler, seconds.
     pub(crate) block_s: f64,
 }
 
 /// Returns the status. `before` are the facts of the previous report, one second earlier: losses
-/// and refusals are warnings only in the first report after them.
+/// and refusals are a warning only in the first report after they happen.
 pub(crate) fn status(facts: &SourceFacts, before: &SourceFacts) -> DiagnosticStatus {
     let lost = facts.counts.lost - before.counts.lost;
     let refused = facts.refused - before.refused;

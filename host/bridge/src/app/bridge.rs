@@ -1,4 +1,4 @@
-//! The streaming bridge: connects the core to the port, to ROS and to the clock.
+//! The streaming bridge: connects the state machine [`Core`] to the port, to ROS and to the clock.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -23,9 +23,9 @@ use crate::wire::connection::{Connection, Event, Feed};
 
 /// Time between two calls of [`Core::tick`].
 const TICK: Duration = Duration::from_millis(100);
-/// Silence of the device that is logged.
+/// Time without a frame from the device after which the log reports the silence.
 const SILENCE: Duration = Duration::from_secs(5);
-/// Number of ticks per report to `/diagnostics`: one report per second.
+/// Number of ticks between two reports to `/diagnostics`: one report per second.
 const TICKS_PER_REPORT: u32 = 10;
 /// Timeout of each of the two waits at shutdown: until the device has stopped, and until queued
 /// JSON lines are written.
@@ -34,27 +34,28 @@ const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 /// Configuration of a program that publishes the streams of a device.
 #[derive(Clone, Debug)]
 pub struct Publication {
-    /// Settings of the core.
+    /// Settings of the state machine [`Core`], such as which streams to publish.
     pub settings: Settings,
-    /// Folder of the model to decode with; `None` for the built-in one.
+    /// Folder of the model with which codes are decoded; `None` for the built-in model.
     pub model: Option<PathBuf>,
-    /// Options of the ROS node.
+    /// Options of the ROS node, such as its name and the address of its master.
     pub ros: NodeOptions,
-    /// Prefix of the names of topics and services. It extends the node's namespace, or replaces it
-    /// if it starts with a slash.
+    /// Prefix of the names of topics and services. It extends the node's namespace, but a prefix
+    /// that starts with a slash replaces the namespace.
     pub topic_prefix: String,
-    /// Name of the service that announces the frames.
+    /// Name of the service that tells recorders and other subscribers the shape and rate of frames.
     pub get_info: &'static str,
 }
 
 impl Publication {
-    /// Reads the model to decode with.
+    /// Reads the model with which codes are decoded.
     fn model(&self) -> Result<Arc<Model>, BridgeError> {
         let model = Model::read(self.model.as_deref());
         Ok(Arc::new(model.map_err(BridgeError::Model)?))
     }
 
-    /// Returns the settings, with the rate of the model's packed code unless another was chosen.
+    /// Returns the settings. A rate of the packed code that they leave open becomes the model's
+    /// rate.
     ///
     /// # Errors
     ///
@@ -71,10 +72,10 @@ impl Publication {
         })
     }
 
-    /// Publishes the streams of a device at a ROS node, until it is ended by a signal (such as
-    /// SIGTERM), by `~quit` or by `rosnode kill`. Then stops the device and unregisters the node.
-    /// `connect` returns the connection to the device, once the node has started. `log` are the
-    /// lines for `/rosout`.
+    /// Publishes the streams of a device through a ROS node until a signal (such as SIGTERM), a
+    /// call of `~quit` or `rosnode kill` ends the program. Then stops the device and unregisters
+    /// the node. `connect` is called when the node has started, and returns the connection to the
+    /// device. `log` yields the lines for `/rosout`.
     ///
     /// # Errors
     ///
@@ -111,9 +112,9 @@ impl Publication {
     }
 }
 
-/// Runs the bridge until it is ended by a signal (such as SIGTERM), by `~quit`, by `rosnode kill`,
-/// or because the reader of the JSON lines closes the pipe. Then stops the device, unregisters the
-/// node and closes the port.
+/// Runs the bridge until one of these ends it: a signal (such as SIGTERM), a call of `~quit`,
+/// `rosnode kill`, or the reader of the JSON lines by closing the pipe. Then stops the device,
+/// unregisters the node and closes the port.
 ///
 /// # Errors
 ///
@@ -155,7 +156,7 @@ async fn print_lines(
     let model = publication.model()?;
     let namespace = Namespace::new(&publication.ros.namespace, &publication.topic_prefix);
     let settings = publication.settings(&model)?;
-    // Without ROS nobody sends commands, but the channel must stay open while it is polled.
+    // Without ROS nobody sends commands, but the channel that the bridge polls must stay open.
     let (_command_sender, commands) = mpsc::unbounded_channel();
     let lines = NdjsonWriter::start(WholeLines::stdout()?);
     let sinks = Sinks::ndjson(&lines, settings.streams, &namespace)?;
@@ -164,7 +165,7 @@ async fn print_lines(
         .run_to_end(&mut shutdown)
         .await;
     let written = lines.finish(DRAIN_TIMEOUT);
-    // A sink reports only that the writer has ended; the writer knows why.
+    // A sink reports only that the thread which writes has ended; `written` holds the reason.
     let outcome = match outcome {
         Ok(()) | Err(BridgeError::Sink(SinkError::Closed)) => written.map_err(BridgeError::Sink),
         error => error,
@@ -176,7 +177,8 @@ async fn print_lines(
     }
 }
 
-/// The core with its port, the commands from ROS services, and the outlets for its effects.
+/// A running bridge: the state machine [`Core`] with its connection to the device, the commands
+/// from ROS, and the outlets that execute the core's effects.
 struct Bridge<F> {
     core: Box<Core>,
     connection: F,
@@ -202,12 +204,12 @@ impl<F: Feed> Bridge<F> {
         }
     }
 
-    /// Runs until a shutdown, then lets the decoder finish. Returns the counts in any case.
+    /// Runs until a shutdown, then lets the decoder finish. Returns the counts even after an error.
     async fn run_to_end(mut self, shutdown: &mut Shutdown) -> (Summary, Result<(), BridgeError>) {
         let outcome = self.run(shutdown).await;
         let mut summary = self.core.summary();
         let outlets = self.outlets;
-        // In a thread of its own, because the tasks that write the sockets must go on meanwhile.
+        // Waits in another thread, because the tasks that write the sockets need this one.
         let finished = tokio::task::spawn_blocking(move || outlets.finish()).await;
         summary.decoder = finished.unwrap_or_default();
         (summary, outcome)
@@ -221,8 +223,7 @@ impl<F: Feed> Bridge<F> {
         let mut deadline: Option<Instant> = None;
         let mut failure = None;
         loop {
-            // Every tick checks this again. During a pause the source waits, and its data stays in
-            // the port.
+            // Checked again at every tick. A device whose port is not read waits or drops frames.
             let paused = self.outlets.must_pause();
             tokio::select! {
                 event = self.connection.next_event(&mut buffer, &mut self.outlets.outgoing), if !paused => self.handle_connection(event?, &buffer),
@@ -271,7 +272,7 @@ impl<F: Feed> Bridge<F> {
         }
     }
 
-    /// Publishes the diagnostics.
+    /// Publishes the state of core, connection and outlets on `/diagnostics`.
     fn report(&mut self, now: HostTime) {
         let mut report = self.core.diagnostics(now);
         report.status.extend(self.connection.status());
@@ -279,8 +280,8 @@ impl<F: Feed> Bridge<F> {
     }
 
     fn handle_connection(&mut self, event: Event, buffer: &[u8]) {
-        // Read the time directly after the bytes, because the fit of the device's clock needs the
-        // time at which the bytes arrived.
+        // Read the clock directly after the bytes: the device's clock is fitted to the times at
+        // which bytes arrive.
         let now = self.connection.read_time();
         match event {
             Event::Opened => self.core.connected(now, &mut self.outlets),

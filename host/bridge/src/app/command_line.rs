@@ -21,10 +21,10 @@ use crate::app::master::MasterOptions;
 use crate::app::replay::ReplayOptions;
 use crate::wire::port::PortAddress;
 
-/// Identifier and name of the option for the configuration file.
+/// Identifier and name of the option that names the configuration file.
 pub(crate) const CONFIG: &str = "config";
 
-/// Headings of the options in `--help`.
+/// Headings under which `--help` groups the options.
 const DEVICE: &str = "Device";
 const OUTPUTS: &str = "Outputs";
 const DECODING: &str = "Decoding and time";
@@ -88,7 +88,7 @@ pub(crate) struct Options {
 
 impl Options {
     /// Returns the names of the private parameters that set options. The address of the ROS master
-    /// is none of them, because the parameters are read from that master.
+    /// is not among them, because the parameters are read from that master.
     pub(crate) fn parameter_names() -> Vec<String> {
         let command = Options::command();
         let options = command.get_arguments();
@@ -97,7 +97,7 @@ impl Options {
         ids.map(str::to_owned).collect()
     }
 
-    /// Converts the options to the settings of the core.
+    /// Returns the settings that these options describe, for `bridge_core::Core`.
     pub(crate) fn settings(&self) -> Settings {
         let streams = self.asked.streams();
         let default = if streams.contains(Streams::CODES) {
@@ -118,31 +118,30 @@ impl Options {
     }
 }
 
-/// Action of the program, selected by the subcommand.
+/// What the program shall do, as the subcommand says.
 #[derive(Clone, Debug)]
 pub(crate) enum Task {
     /// Stream until shutdown; the default without a subcommand.
     Bridge(Box<Options>),
     /// `selftest`: the device tests its converters, and the program prints the results.
     SelfTest(SelfTestOptions),
-    /// `reset`: the device restarts, and the program prints the cause of the restart that the
-    /// device reports.
+    /// `reset`: the device restarts and reports the cause of the restart, which the program prints.
     Reset(ResetOptions),
-    /// `record`: writes everything on the wire to a file.
+    /// `record`: writes every byte from the port to a file.
     Record(RecordOptions),
-    /// `replay`: plays a recording as a device.
+    /// `replay`: plays a recording to a host as the recorded device would.
     Replay(ReplayOptions),
-    /// `convert`: writes a recording as files of samples.
+    /// `convert`: writes a recording as files of codes and samples.
     Convert(ConvertOptions),
     /// `ports`: lists the serial ports.
     Ports(PortsOptions),
     /// `doctor`: checks port, device, ROS and clock.
     Doctor(DoctorOptions),
-    /// `master`: runs a ROS master.
+    /// `master`: runs a ROS master, for machines without ROS.
     Master(MasterOptions),
-    /// `completions`: prints a script for a shell.
+    /// `completions`: prints a shell completion script.
     Completions(CompletionsOptions),
-    /// `man`: writes manual pages.
+    /// `man`: prints the manual page, or writes those of all subcommands to a folder.
     Man(ManOptions),
 }
 
@@ -237,14 +236,14 @@ impl Task {
     }
 }
 
-/// Returns the command line with all subcommands. An empty variable of the environment sets no
+/// Returns the command line with all subcommands. Environment variables set to nothing set no
 /// option.
 pub(crate) fn command() -> Command {
     let command = all_options().mut_args(ignore_empty_variable);
     command.mut_subcommands(|subcommand| subcommand.mut_args(ignore_empty_variable))
 }
 
-/// Returns an option that takes no value from a variable of the environment that is set to nothing.
+/// Returns the option so that it ignores its environment variable if that is set to nothing.
 pub fn ignore_empty_variable(option: Arg) -> Arg {
     let value = option.get_env().and_then(std::env::var_os);
     match value {
@@ -271,7 +270,7 @@ fn all_options() -> Command {
 }
 
 /// Option that names the configuration file. The file is read before the other options are
-/// complete, so this option is no field of their structs.
+/// complete, so the structs of the options have no field for this one.
 fn config_option() -> Arg {
     Arg::new(CONFIG)
         .long(CONFIG)
@@ -327,7 +326,7 @@ pub(crate) struct DoctorOptions {
     pub(crate) json: bool,
 }
 
-/// Destination and names of the frames; options of the bridge and of `doctor`.
+/// Options that say where frames go and what topics are called; for the bridge and `doctor`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct RosOptions {
     /// ROS master [env: ROS_MASTER_URI] [default: http://localhost:11311/]
@@ -348,7 +347,7 @@ pub(crate) struct RosOptions {
     pub(crate) topic_prefix: String,
 }
 
-/// Streams and settings that the device is asked for; options of the bridge, `record` and `doctor`.
+/// Options for what to ask the device to send; for the bridge, `record` and `doctor`.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct StreamOptions {
     /// Mains frequency that the device shall remove, Hz; the device chooses by default
@@ -383,7 +382,7 @@ impl StreamOptions {
         }
     }
 
-    /// Returns the streams to ask for, codes included unless packed blocks are.
+    /// Returns the streams to ask for; codes are among them unless packed blocks are.
     pub(crate) fn streams(&self) -> Streams {
         let asked = self.streams.iter();
         with_codes(asked.fold(Streams::empty(), |streams, kind| match kind {
@@ -401,7 +400,7 @@ fn mains(text: &str) -> Result<u8, String> {
     }
 }
 
-/// Address and speed of the port; options of the bridge and of its subcommands.
+/// Options with address and speed of the port; for the bridge and its subcommands.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct PortOptions {
     /// Serial port, pseudoterminal, tcp:HOST:PORT, or auto: the only board on USB, or the one with
@@ -426,7 +425,7 @@ pub(crate) struct PortOptions {
     pub(crate) baud: u32,
 }
 
-/// Destination of the frames.
+/// Where the bridge publishes frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum SinkKind {
     /// ROS 1 topics.
@@ -436,7 +435,7 @@ pub(crate) enum SinkKind {
     Ndjson,
 }
 
-/// Returns the parser of an option that takes one of the values of `T`.
+/// Returns a parser that accepts the names of the choices of `T` and describes them in `--help`.
 pub fn choice<T: Choice>() -> impl TypedValueParser<Value = T> {
     let values = T::CHOICES.iter().map(|(name, help, _)| {
         let help = help.strip_suffix('.').unwrap_or(help);

@@ -1,4 +1,4 @@
-//! A TOML file with options, which all other sources of options override.
+//! A TOML file with options, the source of options that all others override.
 
 use std::any::TypeId;
 use std::ffi::OsString;
@@ -14,20 +14,20 @@ use crate::app::command_line::Options;
 use crate::app::parameters::to_flag;
 use crate::error::BridgeError;
 
-/// Path of the file below the folder for configuration.
+/// Path of the file below each folder for configuration, such as `~/.config`.
 const NAME: &str = "corticode/bridge.toml";
 
-/// Options of a configuration file.
+/// The options that a configuration file sets.
 #[derive(Debug)]
 pub(crate) struct ConfigFile {
     pub(crate) path: PathBuf,
-    /// Identifier of each option, and the option as an argument `--name=value`.
+    /// Pairs: identifier of an option, and the option as an argument `--name=value`.
     pub(crate) options: Vec<(String, String)>,
 }
 
 impl ConfigFile {
-    /// Reads the file `named`, or else the first one that exists in the folders for configuration.
-    /// `variable` returns a variable of the environment.
+    /// Reads the file `named`, or without a name the first one that exists in the folders for
+    /// configuration. `variable` returns the value of an environment variable.
     ///
     /// # Errors
     ///
@@ -48,8 +48,8 @@ impl ConfigFile {
     }
 }
 
-/// Returns whether a path exists, also if this user may not look it up: reading the file then fails
-/// with the reason.
+/// Returns whether a path exists. A path that this user may not look up counts as existing, because
+/// reading it then fails with the reason.
 fn is_there(path: &Path) -> bool {
     match path.try_exists() {
         Ok(exists) => exists,
@@ -57,7 +57,7 @@ fn is_there(path: &Path) -> bool {
     }
 }
 
-/// Returns the paths at which a configuration file is looked for, first the user's, as the XDG Base
+/// Returns the paths at which to look for a configuration file, the user's first, as the XDG Base
 /// Directory Specification says.
 fn places(variable: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
     let absolute = |name: &str| {
@@ -70,7 +70,7 @@ fn places(variable: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
     folders.map(|folder| folder.join(NAME)).collect()
 }
 
-/// Returns the options in the text of a file, in its order.
+/// Returns the options that the text of a file sets, in the order of the text.
 fn parse(text: &str) -> Result<Vec<(String, String)>, ConfigError> {
     let line_of = |span: Range<usize>| 1 + text[..span.start].matches('\n').count();
     let table = DeTable::parse(text).map_err(|error| ConfigError::Syntax {
@@ -113,7 +113,7 @@ fn holds<T: 'static>(option: &Arg) -> bool {
     option.get_value_parser().type_id() == TypeId::of::<T>()
 }
 
-/// Returns an option's value as on the command line; `None` if it has another type than the option.
+/// Returns an option's value as on the command line; `None` if the option needs another type.
 fn to_text(option: &Arg, value: &DeValue<'_>) -> Option<String> {
     let is_number = holds::<u32>(option) || holds::<u8>(option);
     let is_list = option.get_value_delimiter().is_some();
@@ -132,7 +132,7 @@ fn to_text(option: &Arg, value: &DeValue<'_>) -> Option<String> {
     }
 }
 
-/// Returns the type of an option's value, as an error names it.
+/// Returns the type that an option's value must have, as an error message names it.
 fn expected_type(option: &Arg) -> &'static str {
     if holds::<u32>(option) || holds::<u8>(option) {
         "an integer"
@@ -145,13 +145,13 @@ fn expected_type(option: &Arg) -> &'static str {
     }
 }
 
-/// Parses the value of one option. Returns what is wrong with it.
+/// Checks that the option accepts the value in `argument`; the error says what is wrong with it.
 fn check(option: &Arg, argument: &str) -> Result<(), String> {
     let command = Command::new("config").arg(option.clone().required(false));
     let parsed = command.try_get_matches_from(["config", argument]);
     parsed.map(drop).map_err(|error| {
         let text = error.to_string();
-        // After an empty line, the message refers to --help.
+        // clap's message continues after an empty line with a hint at --help, which is left out.
         let lines = text.lines().take_while(|line| !line.is_empty());
         let lines: Vec<&str> = lines.map(str::trim).collect();
         let message = lines.join(" ");
@@ -171,41 +171,41 @@ pub enum ConfigError {
          quotation marks"
     )]
     Syntax {
-        /// Line, from 1.
+        /// Number of the line in the file, from 1.
         line: usize,
         /// Message of the TOML parser.
         message: String,
     },
-    /// A key is the name of no option.
+    /// A key in the file is not the name of an option.
     #[error("line {line}: the key {key} is not known; known are {known}")]
     UnknownKey {
-        /// Line, from 1.
+        /// Number of the line in the file, from 1.
         line: usize,
-        /// Key in the file.
+        /// Key that no option has.
         key: String,
-        /// All keys, separated by commas.
+        /// All keys that the file may have, separated by commas.
         known: String,
     },
-    /// A value has another type than the option.
+    /// A value in the file has another type than its option.
     #[error("line {line}: {key} is of type {found}, and must be {expected}")]
     Type {
-        /// Line, from 1.
+        /// Number of the line in the file, from 1.
         line: usize,
-        /// Key in the file.
+        /// Name of the option.
         key: String,
-        /// Type in the file.
+        /// Type of the value in the file, such as `string`.
         found: &'static str,
-        /// Type of the option.
+        /// Type that the option needs.
         expected: &'static str,
     },
-    /// The option cannot have this value.
+    /// An option cannot have the value that the file gives it.
     #[error("line {line}: {key}: {message}")]
     Value {
-        /// Line, from 1.
+        /// Number of the line in the file, from 1.
         line: usize,
-        /// Key in the file.
+        /// Name of the option.
         key: String,
-        /// Reason, and the possible values.
+        /// Why the option refuses the value, and the values that it accepts.
         message: String,
     },
 }
@@ -279,7 +279,7 @@ mod tests {
         let home = ("HOME", "/home/ada");
         let in_home = Path::new("/home/ada/.config/corticode/bridge.toml");
         assert_eq!(with(&[home]), [in_home, machine]);
-        // The specification says that a relative path shall be ignored.
+        // The XDG specification says that a relative path shall be ignored.
         let relative = ("XDG_CONFIG_HOME", "config");
         assert_eq!(with(&[home, relative]), [in_home, machine]);
         let folder = ("XDG_CONFIG_HOME", "/config");

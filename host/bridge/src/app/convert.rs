@@ -1,4 +1,4 @@
-//! The subcommand `convert`: reads a recording twice and writes one file per stream.
+//! The subcommand `convert`: reads a recording twice and writes one file for each stream in it.
 
 use std::fs::File;
 use std::io::Read;
@@ -55,7 +55,7 @@ pub(super) fn convert(options: &ConvertOptions) -> Result<ConvertSummary, Bridge
     Ok(capture::convert(&conversion, model, with_progress)?)
 }
 
-/// Returns a file that moves a progress bar while it is read. The bar disappears with the file.
+/// Returns a reader of `file` that shows its progress in a bar until it is dropped.
 fn with_progress(file: File, what: &'static str) -> impl Read {
     let bytes = file.metadata().map_or(0, |metadata| metadata.len());
     let bar = ProgressBar::new(bytes).with_message(what);

@@ -23,19 +23,20 @@ use crate::ports::finder::{BoardFinder, FindError};
 use crate::ports::system_root::{Likeness, SystemRoot};
 use crate::wire::port::{Port, PortAddress, Transfer};
 
-/// Time for the device to introduce itself, and for each answer of another program.
+/// Longest wait for the device's introduction, and for each answer of the ROS master or a resolver.
 const TIMEOUT: Duration = Duration::from_secs(3);
-/// Time between two transmissions of `Identify`, until the device has introduced itself.
+/// Time between two transmissions of `Identify` while the device has not introduced itself.
 const RETRY: Duration = Duration::from_millis(500);
 
-/// Places of the udev rule: the administrator's, and those of packages.
+/// Files that can hold the udev rule, below the root of the file system: the administrator's first,
+/// then those of packages.
 const RULE_FILES: [&str; 3] = [
     "etc/udev/rules.d/60-corticode.rules",
     "usr/lib/udev/rules.d/60-corticode.rules",
     "lib/udev/rules.d/60-corticode.rules",
 ];
 
-/// Makes all checks.
+/// Makes all checks of the subcommand `doctor` and returns their findings.
 pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Report {
     let root = SystemRoot::machine();
     let (place, address) = locate(&options.at.port, &root);
@@ -66,7 +67,7 @@ pub(super) async fn examine(options: &DoctorOptions, ros: &NodeOptions) -> Repor
     Report::new(checks)
 }
 
-/// Returns where the port is, and its address if it exists; for `auto`, that of the board's port.
+/// Returns where the port is, and its address if it exists. For `auto` that is the board's port.
 fn locate(address: &PortAddress, root: &SystemRoot) -> (PortPlace, Option<PortAddress>) {
     let path = match address {
         PortAddress::Tcp(_) => {
@@ -125,7 +126,7 @@ fn usb_port(path: &Path, root: &SystemRoot) -> UsbPort {
     }
 }
 
-/// Opens the port and asks the device to introduce itself. Does not disturb its streams.
+/// Opens the port and asks the device to introduce itself, which leaves its streams as they are.
 async fn ask(address: &PortAddress, baud: u32) -> DeviceAnswer {
     let mut port = match Port::open(address, baud).await {
         Ok(port) => port,
@@ -208,7 +209,7 @@ async fn master_state(
             .map(|state| state.publishers(&topic).to_vec());
         (topic, nodes.unwrap_or_default())
     });
-    // The master refuses both calls for what it does not know.
+    // The master answers with an error if the node is not registered or the parameter is not set.
     let arguments = [caller.clone(), Value::from(node.as_str())];
     let registered = call_ros(uri, "lookupNode", &arguments).await.is_ok();
     let simulated = call_ros(uri, "getParam", &[caller, Value::from("/use_sim_time")]).await;
@@ -220,14 +221,14 @@ async fn master_state(
     })
 }
 
-/// Returns the host of `http://HOST:PORT/`.
+/// Returns HOST of `http://HOST:PORT/`; an IPv6 address without its brackets.
 fn host_of(uri: &str) -> Option<&str> {
     let (_, rest) = uri.split_once("://")?;
     let (host, _) = rest.rsplit_once(':')?;
     Some(host.trim_start_matches('[').trim_end_matches(']'))
 }
 
-/// Returns the addresses of a host, each with whether this machine has it.
+/// Returns the addresses of a host, each with whether it is an address of this machine.
 async fn addresses(host: &str) -> Result<Vec<(IpAddr, bool)>, String> {
     let found = match timeout(TIMEOUT, tokio::net::lookup_host((host, 0))).await {
         Ok(found) => found.map_err(|error| error.to_string())?,
@@ -308,10 +309,10 @@ mod tests {
     async fn an_address_of_this_machine_is_told_from_a_foreign_one() {
         let loopback = addresses("127.0.0.1").await.unwrap();
         assert!(loopback[0].1);
-        // TEST-NET-1, RFC 5737: no machine has it.
+        // No machine has this address: RFC 5737 reserves it for documentation.
         let foreign = addresses("192.0.2.1").await.unwrap();
         assert!(!foreign[0].1);
-        // RFC 6761: `.invalid` never resolves.
+        // A name that never resolves: RFC 6761 reserves `.invalid`.
         assert!(addresses("no-such-host.invalid").await.is_err());
         assert_eq!(host_of("http://[::1]:11311/"), Some("::1"));
         assert_eq!(host_of("http://lab:11311"), Some("lab"));

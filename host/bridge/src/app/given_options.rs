@@ -1,4 +1,4 @@
-//! Options that the command line and the environment set.
+//! The options that the command line and the environment set, before other sources add theirs.
 
 use std::path::PathBuf;
 
@@ -7,13 +7,13 @@ use clap::{Arg, ArgMatches, Command, Error};
 
 use crate::app::command_line::{CONFIG, SinkKind, command};
 
-/// Options on the command line and in the environment, without those that the parameter server and
-/// the configuration file set.
+/// The options that the command line and the environment set. Those from the parameter server and
+/// the configuration file are not among them.
 #[derive(Debug)]
 pub(crate) struct GivenOptions {
-    /// Matches of the subcommand, or of the bridge without one.
+    /// Parsed options of the subcommand, or of the bridge if there is no subcommand.
     matches: ArgMatches,
-    /// Identifiers of all options of the subcommand or of the bridge.
+    /// Identifiers of all options that the subcommand, or the bridge without one, can have.
     known: Vec<String>,
     has_subcommand: bool,
 }
@@ -45,7 +45,7 @@ impl GivenOptions {
         })
     }
 
-    /// Returns whether the bridge shall stream to ROS.
+    /// Returns whether the program is to stream to ROS: no subcommand, and ROS as the sink.
     pub(crate) fn is_ros_bridge(&self) -> bool {
         let sink = || self.matches.get_one::<SinkKind>("sink");
         !self.has_subcommand && sink().is_none_or(|sink| *sink == SinkKind::Ros)
@@ -56,7 +56,7 @@ impl GivenOptions {
         self.matches.get_one("ros_master_uri")
     }
 
-    /// Returns the configuration file that an option or the environment names.
+    /// Returns the configuration file that an option or an environment variable names.
     pub(crate) fn config(&self) -> Option<&PathBuf> {
         self.matches.get_one(CONFIG)
     }
@@ -71,7 +71,7 @@ impl GivenOptions {
         self.known.iter().any(|known| known == id)
     }
 
-    /// Returns whether the option with the identifier `id` is set.
+    /// Returns whether the command line or the environment sets the option with identifier `id`.
     pub(crate) fn is_set(&self, id: &str) -> bool {
         let source = self.matches.value_source(id);
         matches!(
@@ -80,8 +80,8 @@ impl GivenOptions {
         )
     }
 
-    /// Returns `arguments` with the options `others` inserted after the name of the program and of
-    /// the subcommand, because the arguments can end with names of files after `--`.
+    /// Returns `arguments` with the options `others` inserted after the names of the program and of
+    /// the subcommand. At the end they could come after `--`, where only names of files stand.
     pub(crate) fn extend(
         &self,
         arguments: &[String],

@@ -1,4 +1,4 @@
-//! The log of a program that is a ROS node, and its messages about a silent port.
+//! The log of a program that is a ROS node, with its messages about a port that sends nothing.
 
 use std::fs::File;
 use std::sync::Arc;
@@ -47,17 +47,17 @@ pub fn start(ros: &NodeOptions, level: &str) -> Result<Receiver<Log>, BridgeErro
     Ok(lines)
 }
 
-/// Logs each silence of a port once, however often the port is reopened.
+/// Logs each silence of a port once, even if the port is reopened several times meanwhile.
 #[derive(Debug, Default)]
 pub(crate) struct SilenceLog {
-    /// Number of frames that had been received when the last silence was logged. A silence with the
-    /// same number is the same one.
+    /// Number of frames received before the last silence that was logged. While the number stays
+    /// the same, the silence is the same.
     frames: Option<u32>,
 }
 
 impl SilenceLog {
-    /// Logs a silence of `port`, unless it is the one that was logged last. `wire` counts what the
-    /// port has sent.
+    /// Logs that `port` is silent, unless this is logged already. `wire` counts what the port has
+    /// sent.
     pub(crate) fn log(&mut self, port: &str, wire: &Counters) {
         if self.frames.replace(wire.frames) == Some(wire.frames) {
             return;

@@ -1,4 +1,4 @@
-//! The subcommands `man` and `completions`: manual pages and scripts for shells.
+//! The subcommands `man` and `completions`: manual pages and shell completion scripts.
 
 use std::io;
 use std::path::PathBuf;
@@ -31,7 +31,7 @@ pub(crate) struct ManOptions {
 /// [`BridgeError::NewFile`] if the folder or a page cannot be written.
 pub(crate) fn pages(options: &ManOptions, command: Command) -> Result<Vec<u8>, BridgeError> {
     let mut command = command.disable_help_subcommand(true);
-    // Completes the names of the subcommands' pages, such as corticode-bridge-record.
+    // Gives the subcommands' pages their full names, such as corticode-bridge-record.
     command.build();
     let Some(folder) = &options.folder else {
         let mut page = Vec::new();
@@ -71,14 +71,14 @@ pub(crate) struct CompletionsOptions {
     pub(crate) shell: Shell,
 }
 
-/// Returns the script for a command line.
+/// Returns the completion script of a command line for the shell in `options`.
 pub(crate) fn script(options: &CompletionsOptions, mut command: Command) -> String {
     let name = command.get_name().to_owned();
     let mut script = Vec::new();
     clap_complete::generate(options.shell, &mut command, name, &mut script);
     let script = String::from_utf8_lossy(&script);
-    // For a program whose name has a hyphen, clap_complete 4.6.11 sets the state
-    // `corticode__bridge__subcmd__record` in bash, and compares it with another spelling.
-    // Subcommands would have no completion.
+    // For a program whose name has a hyphen, clap_complete 4.6.11 makes a bash script that sets the
+    // state `corticode__bridge__subcmd__record` and compares it with another spelling. Without this
+    // replacement, subcommands would have no completion.
     script.replace("corticode__subcmd__bridge", "corticode__bridge")
 }

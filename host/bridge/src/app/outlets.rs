@@ -1,4 +1,4 @@
-//! Outputs of the bridge: sinks, decoder thread and bytes for the device.
+//! Outputs of the bridge: the sinks of frames, the decoder's thread, and the bytes for the device.
 
 use std::io;
 use std::sync::Arc;
@@ -21,28 +21,29 @@ use crate::app::ros_node::{Namespace, RosNode};
 use crate::app::ros_topics::RosTopics;
 use crate::error::BridgeError;
 
-/// Longest time at the end to wait for the decoder. A service manager kills a program that does not
-/// end, systemd after 90 s.
+/// Longest time to wait for the decoder when the bridge ends. A service manager kills a program
+/// that does not end in time: systemd after 90 s.
 const DECODER_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Executes the core's effects: publishes frames, queues codes for the decoder thread, and collects
-/// bytes for the device. None of the effects waits for the network or the device.
+/// Executes the effects that the state machine [`Core`](bridge_core::Core) asks for: publishes
+/// frames, queues codes for the decoder's thread and collects bytes for the device. No effect waits
+/// for the network or the device.
 pub(crate) struct Outlets {
     settings: Settings,
     model: Arc<Model>,
     sinks: Sinks,
     back_pressure: BackPressure,
-    /// Channel to the task that serves `/acquisition/get_info`; `None` if frames go to stdout.
+    /// Channel to the task that serves `get_info`; `None` if frames go to stdout.
     announcements: Option<Sender<Option<AcquisitionInfo>>>,
-    /// Last announcement that was sent. An equal announcement is not sent again.
+    /// What `get_info` was last told to answer; it is not told the same again.
     announced: Option<AcquisitionInfo>,
-    /// Sum of all dropped and undecoded frames at the last report to `/diagnostics`.
+    /// Sum of all dropped and undecoded frames in the previous report to `/diagnostics`.
     reported: u64,
-    /// Number of malformed packed blocks at the last report.
+    /// Number of malformed packed blocks in the previous report to `/diagnostics`.
     reported_malformed: u64,
     /// Bytes for the device that have not been written to the port yet.
     pub(crate) outgoing: Vec<u8>,
-    /// Error of the sink that failed most recently. The main loop takes the error and shuts down.
+    /// Error of the sink that failed most recently. The main loop takes it and shuts down.
     pub(crate) sink_error: Option<SinkError>,
 }
 
@@ -67,26 +68,26 @@ impl Outlets {
         }
     }
 
-    /// Passes queued codes and audits to the decoder after everything that was published has been
-    /// written to the subscribers' sockets, so that decoding does not delay a code.
+    /// Passes queued codes and audits (codes with their input) to the decoder, but first lets
+    /// everything that was published reach the sockets, so that decoding does not delay a code.
     pub(crate) async fn start_decoding(&mut self) {
         if self.sinks.decoder.has_prepared_work() {
-            // The tasks that write the sockets run in this thread while this task yields.
+            // Yields to the tasks that write the sockets, which run in this thread.
             tokio::task::yield_now().await;
             self.sinks.decoder.start_work();
         }
     }
 
-    /// Returns whether the decoder lags far behind a source that can wait. The port is then not
-    /// read.
+    /// Returns whether the port must not be read for now: many windows wait for the decoder, and
+    /// the device runs ahead of real time (as a fast replay does), so it can wait.
     pub(crate) fn must_pause(&self) -> bool {
         let decoder = &self.sinks.decoder;
         !decoder.has_ended() && self.back_pressure.must_pause(decoder.counts().waiting)
     }
 
     /// Waits until queued codes are decoded, at most for [`DECODER_TIMEOUT`], and returns the
-    /// decoder's counts. Logs the number of codes that were not decoded, and of frames on
-    /// `/encoded` that were dropped for slow subscribers.
+    /// decoder's counts. Logs how many codes were not decoded, and how many frames on `/encoded`
+    /// were dropped for slow subscribers.
     pub(crate) fn finish(self) -> DecoderCounts {
         let dropped = self.sinks.encoded.dropped();
         let not_decoded = self.sinks.decoder.counts().not_decoded;
@@ -109,8 +110,8 @@ impl Outlets {
         counts
     }
 
-    /// Publishes the core's report, extended by the status of the outlets and of the audits, and by
-    /// the decoder's findings about packed blocks.
+    /// Publishes the core's report on `/diagnostics`, after adding the status of sinks and decoder,
+    /// the result of audits (codes compared with the model), and the malformed packed blocks.
     pub(crate) fn publish_diagnostics(&mut self, mut report: DiagnosticArray) {
         let malformed = self.sinks.decoder.counts().malformed;
         let before = std::mem::replace(&mut self.reported_malformed, malformed);
@@ -181,7 +182,8 @@ impl Outlets {
         }
     }
 
-    /// Records the device time of a received code or packed block for the decision to pause.
+    /// Notes the device time of a received code or packed block, from which
+    /// [`Outlets::must_pause`] tells whether the device runs ahead of real time.
     fn record_device_time(&mut self, device_us: u64) {
         let read_us = HostTime::now().monotonic_us;
         self.back_pressure.record(device_us, read_us);
@@ -272,24 +274,22 @@ impl Effects for Outlets {
     }
 }
 
-/// Queue length per subscriber for frames of codes and of reconstructed signals: 8.5 minutes at 16
-/// frames per second. A frame takes about 3 KB, and only slow subscribers have frames waiting.
+/// Number of frames with codes or reconstructed signals that can wait for each subscriber: 8.5
+/// minutes at 16 frames per second. A frame takes about 3 KB, and only slow subscribers have any.
 const QUEUE_FRAMES: usize = 8192;
-/// Largest number of fillers that are published at once after an outage: 4.3 minutes of codes. They
-/// take half of a subscriber's queue, so that the codes after them, which take the other half, push
-/// no filler out of it.
+/// Largest number of fillers for lost codes that are published at once: 4.3 minutes. They take half
+/// of a subscriber's queue; the codes that follow take the other half and push no filler out.
 const MAX_FILLERS: u64 = QUEUE_FRAMES as u64 / 2;
-/// Queue length per subscriber for frames of samples and of filtered steps. It has room for the
-/// filler frames of the longest outage that is filled: 120 s at 16 frames per second, 1,920 frames
-/// of about 9 KB each.
+/// Number of frames with samples or filtered steps that can wait for each subscriber: more than the
+/// 1,920 fillers (120 s at 16 per second, about 9 KB each) of the longest outage that is filled.
 const QUEUE_SAMPLES: usize = 2048;
-/// Queue length per subscriber for messages with events and diagnostics. Few of them arrive per
-/// second, so the queue covers a recorder's pauses while it writes to disk.
+/// Number of messages with events or diagnostics that can wait for each subscriber. Few arrive per
+/// second, so the queue outlasts the pauses in which a recorder writes to disk.
 const QUEUE_EVENTS: usize = 1024;
 
-/// One sink per topic; that of `/neurodata_reconstructed` is in the decoder's thread. Each sink has
-/// its own queue, so a slow reader of samples loses samples but no codes. Streams that are not
-/// requested have no topic.
+/// One sink per topic; that of `/neurodata_reconstructed` belongs to the decoder's thread. Each
+/// sink has a queue of its own, so a slow reader of samples loses samples but no codes. Streams
+/// that are not requested have no topic.
 pub(crate) struct Sinks {
     encoded: Box<dyn FrameSink>,
     decoder: DecoderThread,
@@ -297,12 +297,12 @@ pub(crate) struct Sinks {
     filtered: Option<Box<dyn FrameSink>>,
     events: Option<Box<dyn Sink<NeuroEvent>>>,
     diagnostics: Box<dyn Sink<DiagnosticArray>>,
-    /// The topics of the sinks; `None` if frames go to stdout.
+    /// The ROS topics that the sinks publish; `None` if frames go to stdout.
     topics: Option<Arc<RosTopics>>,
     namespace: Namespace,
 }
 
-/// Full names of the topics; `None` for streams that are not requested.
+/// Full names of the topics, each `None` if its stream is not requested.
 struct Names {
     encoded: String,
     reconstructed: String,
@@ -322,14 +322,14 @@ impl Names {
             raw: raw.then(|| namespace.resolve("neurodata")),
             filtered: requested(Streams::FILTERED, "neurodata_corticode"),
             events: requested(Streams::EVENTS, "events/bus"),
-            // One aggregator collects the diagnostics of all namespaces.
+            // Has no namespace, because one aggregator collects the diagnostics of all bridges.
             diagnostics: "/diagnostics",
         }
     }
 }
 
 impl Sinks {
-    /// Advertises the topics at a ROS node.
+    /// Advertises the topics of `streams` at a ROS node and creates their sinks.
     pub(crate) async fn ros(
         ros: &RosNode,
         streams: Streams,

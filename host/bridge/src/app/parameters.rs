@@ -6,8 +6,8 @@ use neuro_ros::ros1::xmlrpc::{CallError, Value, call_ros};
 use crate::app::ros_node::Namespace;
 use crate::error::BridgeError;
 
-/// Replaces `_name:=value` by `--name=value`, and keeps all other arguments. `known` are the names
-/// of the options, with underscores.
+/// Replaces each argument `_name:=value` by `--name=value` and keeps all others. `known` are the
+/// names of the options, with underscores.
 ///
 /// # Errors
 ///
@@ -26,9 +26,9 @@ pub fn to_flags(arguments: Vec<String>, known: &[String]) -> Result<Vec<String>,
     arguments.into_iter().map(flag).collect()
 }
 
-/// Reads the node's private parameters from the parameter server at `master_uri`, as pairs of a
-/// name and an argument `--name=value`. Without a master there are none. `known` are the names of
-/// the options, with underscores.
+/// Reads the node's private parameters from the parameter server at `master_uri`. Returns pairs of
+/// a name and an argument `--name=value`, and none without a master. `known` are the names of the
+/// options, with underscores.
 ///
 /// # Errors
 ///
@@ -47,7 +47,7 @@ pub async fn read(
     let arguments = [Value::from(node.as_str()), Value::from(node.as_str())];
     let members = match call_ros(master_uri, "getParam", &arguments).await {
         Ok(Value::Struct(members)) => members,
-        // The master refuses to read a parameter that is not set.
+        // The master answers with an error if the node has no parameters.
         Ok(_) | Err(CallError::Refused { .. }) => return Ok(Vec::new()),
         Err(error) => {
             tracing::debug!(%error, "no private parameters are read");
@@ -87,12 +87,12 @@ fn check(name: &str, known: &[String], remedy: String) -> Result<(), BridgeError
     })
 }
 
-/// Returns the option `name` with a value as an argument; its name has underscores.
+/// Returns the argument `--name=value` for an option whose name is given with underscores.
 pub(crate) fn to_flag(name: &str, value: &str) -> String {
     format!("--{}={value}", name.replace('_', "-"))
 }
 
-/// Returns the value as on the command line; lists are separated by commas.
+/// Returns the value as it stands on a command line; the items of a list are separated by commas.
 fn to_text(value: &Value) -> Option<String> {
     Some(match value {
         Value::String(text) => text.clone(),

@@ -14,20 +14,20 @@ pub(super) struct PortList {
     ports: Vec<ListedPort>,
 }
 
-/// A port, and what keeps this user from opening it.
+/// A serial port, and what keeps this user from opening it.
 #[derive(Debug, Serialize)]
 struct ListedPort {
     #[serde(flatten)]
     port: SerialPort,
     board: Likeness,
-    /// Why the port cannot be opened; `None` if it can.
+    /// Why this user cannot open the port; `None` if nothing is known to prevent it.
     problem: Option<String>,
-    /// Command that helps.
+    /// Command that removes the problem.
     remedy: Option<String>,
 }
 
 impl PortList {
-    /// Reads the ports below `root`. Opens none of them.
+    /// Lists the serial ports of the machine whose files are below `root`. Opens none of them.
     pub(super) fn read(root: &SystemRoot) -> PortList {
         let list = |port: SerialPort| {
             let objection = root.port_access(&port.path).objection(&port.path);

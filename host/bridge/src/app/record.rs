@@ -1,4 +1,5 @@
-//! The subcommand `record`: connects the core to a port and to a file.
+//! The subcommand `record`: connects the state machine [`Core`] to a port and to a recording's
+//! file.
 
 use std::fmt;
 use std::io::{self, Write};
@@ -19,9 +20,9 @@ use crate::app::shutdown::Shutdown;
 use crate::error::BridgeError;
 use crate::wire::connection::{Connection, Event, Feed};
 
-/// Time between two ticks of the core.
+/// Time between two calls of [`Core::tick`].
 const TICK: Duration = Duration::from_millis(100);
-/// Longest time at the end to wait until the device has stopped.
+/// Longest time to wait at the end of the recording until the device has stopped.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Summary of a finished recording; prints as one line.
@@ -98,14 +99,14 @@ pub(super) async fn record(options: RecordOptions) -> Result<RecordSummary, Brid
     written.and(ended).map(|()| summary)
 }
 
-/// Rate of the built-in model's packed code, for devices with this model.
+/// Rate of the packed code that the built-in model gives, for devices with that model.
 struct ModelRate {
     model: [u8; 8],
     rate: u8,
 }
 
 impl ModelRate {
-    /// Returns the rate if blocks are recorded and the user has not chosen another one.
+    /// Returns the model's rate; `None` if the user chose a rate, or no packed blocks are recorded.
     fn new(settings: Settings) -> Result<Option<ModelRate>, BridgeError> {
         if settings.packed_rate.is_some() || !settings.streams.contains(Streams::PACKED) {
             return Ok(None);
@@ -119,13 +120,14 @@ impl ModelRate {
     }
 }
 
-/// The core with its port and its file.
+/// A recording in progress: the state machine `Core` with its connection to the device, and the
+/// file.
 struct Recording {
     core: Core,
     connection: Connection,
     port: RecordedPort,
-    /// Rate to set on devices with the built-in model; `None` leaves the choice to the device, or
-    /// the user chose one.
+    /// Rate of the packed code to set on devices with the built-in model. `None` if the user chose
+    /// a rate, no packed blocks are recorded, or the model has no packed code.
     model_rate: Option<ModelRate>,
     file: RecordingFile,
     start: Instant,
@@ -174,7 +176,7 @@ impl Recording {
     }
 
     fn handle_connection(&mut self, event: Event, buffer: &[u8]) {
-        // Read the time directly after the bytes, because the clock is fitted to this time.
+        // Read the clock directly after the bytes: the device's clock is fitted to this time.
         let now = self.port.set_now();
         match event {
             Event::Opened => {
@@ -203,7 +205,7 @@ impl Recording {
         self.port.outgoing.clear();
     }
 
-    /// Writes what was recorded, and returns whether the file still accepts bytes.
+    /// Queues what the recorder holds for the file. Returns whether the file still accepts bytes.
     fn write(&mut self) -> bool {
         self.file.append(self.port.recorder.take())
     }
@@ -226,14 +228,14 @@ impl Recording {
     }
 }
 
-/// Records the core's commands and keeps them for the port. The other effects of the core have no
-/// output, because `record` publishes nothing.
+/// Records the commands that the core sends, and keeps them for the port. Ignores the core's other
+/// effects, because `record` publishes nothing.
 struct RecordedPort {
     recorder: Recorder,
     outgoing: Vec<u8>,
-    /// Time of the event that the core handles.
+    /// Host time of the event that is being handled.
     now: HostTime,
-    /// Model of a device that has introduced itself, until the main loop takes it.
+    /// Model of a device that has just introduced itself; the main loop takes it.
     announced: Option<[u8; 8]>,
 }
 
@@ -255,13 +257,13 @@ impl Effects for RecordedPort {
     }
 }
 
-/// Longest time from a byte's arrival until it is on the disk, unless the disk is slower.
+/// Longest time from a byte's arrival until it is on the disk, unless the disk itself is slow.
 const SYNC_INTERVAL: Duration = Duration::from_secs(1);
-/// Number of chunks that wait for the disk: about a minute of all streams. When more wait, reading
-/// from the port waits too, and the device counts what it cannot send.
+/// Number of chunks that can wait for the disk: about a minute of all streams. When the queue is
+/// full, the port is not read, and the device counts the frames that it cannot send.
 const QUEUE_CHUNKS: usize = 8192;
 
-/// A new file that a thread appends to, so that a slow disk does not delay the reading of the port.
+/// A new file, written by a thread of its own so that a slow disk does not delay reading the port.
 #[derive(Debug)]
 pub(crate) struct RecordingFile {
     path: PathBuf,
@@ -270,11 +272,12 @@ pub(crate) struct RecordingFile {
 }
 
 impl RecordingFile {
-    /// Creates the file, or replaces it with [`Existing::Replace`].
+    /// Creates the file; replaces an existing one only with [`Existing::Replace`].
     ///
     /// # Errors
     ///
-    /// [`BridgeError::NewFile`]; [`BridgeError::System`] if no thread can be started.
+    /// [`BridgeError::NewFile`] if the file exists or cannot be created; [`BridgeError::System`] if
+    /// no thread can be started.
     pub(crate) fn create(path: &Path, existing: Existing) -> Result<RecordingFile, BridgeError> {
         let file = GrowingFile::create(path, existing)?;
         let (chunks, receiver) = sync_channel(QUEUE_CHUNKS);
@@ -288,7 +291,7 @@ impl RecordingFile {
         })
     }
 
-    /// Queues bytes for the file and returns whether it still accepts any. If it does not,
+    /// Queues bytes for the file and returns whether the file still accepts bytes. If it does not,
     /// [`RecordingFile::finish`] returns the reason.
     pub(crate) fn append(&self, bytes: Vec<u8>) -> bool {
         bytes.is_empty() || self.chunks.send(bytes).is_ok()
@@ -310,8 +313,8 @@ impl RecordingFile {
     }
 }
 
-/// Appends each chunk as it comes, so that it survives the end of this process, and once a second
-/// waits until the disk has everything, so that it survives a loss of power.
+/// Appends each chunk as it arrives, so that it survives the end of this process. Once a second
+/// waits until the disk holds everything, so that it survives a loss of power.
 fn append_all(mut file: GrowingFile, chunks: &Receiver<Vec<u8>>) -> io::Result<()> {
     let mut synced = Instant::now();
     let mut unsynced = false;

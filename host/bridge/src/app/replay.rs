@@ -1,4 +1,4 @@
-//! The subcommand `replay`: plays a recording at a port.
+//! The subcommand `replay`: plays a recording to a host at a pseudoterminal or TCP port.
 
 use std::fs::File;
 use std::os::fd::OwnedFd;
@@ -24,11 +24,11 @@ use crate::wire::port::{Port, PortAddress, Transfer};
 
 /// Time after the last frame in which the host can still send commands and get answers.
 const LINGER: Duration = Duration::from_secs(1);
-/// Longest time at the end to wait until the host has read everything.
+/// Longest time to wait at the end of the replay until the host has read everything.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(5);
-/// Number of bytes that wait for the host before the replay waits too.
+/// Number of bytes that may wait for the host before the replay stops sending further frames.
 const MAX_WAITING: usize = 64 * 1024;
-/// Time between two updates of the progress.
+/// Time between two updates of the progress display.
 const TICK: Duration = Duration::from_millis(100);
 
 /// Play a recording as the device that was recorded, at a pseudoterminal or a TCP port.
@@ -145,7 +145,8 @@ pub(super) async fn replay(options: &ReplayOptions) -> Result<ReplaySummary, Bri
     })
 }
 
-/// Returns when the next frame is due; `None` while nothing is played, or the host reads slowly.
+/// Returns when to send the next frame; `None` while nothing is played, or while the `waiting`
+/// bytes for the host reach [`MAX_WAITING`].
 fn next_due(replayer: &Replayer<File>, waiting: usize) -> Option<Instant> {
     let now_us = HostTime::now().monotonic_us;
     let due_us = replayer.due_us(now_us).filter(|_| waiting < MAX_WAITING)?;
@@ -153,14 +154,14 @@ fn next_due(replayer: &Replayer<File>, waiting: usize) -> Option<Instant> {
     Some(Instant::now() + Duration::from_micros(wait_us))
 }
 
-/// A port that one host at a time connects to.
+/// A port that the replay makes, to which one host at a time connects.
 #[derive(Debug)]
 pub(crate) enum ReplayPort {
     Tty {
         port: Port,
-        /// Link to the terminal, removed at the end.
+        /// Symbolic link to the terminal; removed when the port is dropped.
         link: PathBuf,
-        /// Kept open, so that a host can close the terminal and open it again.
+        /// The terminal, kept open so that a host can close it and open it again.
         terminal: OwnedFd,
     },
     Tcp {
@@ -170,7 +171,7 @@ pub(crate) enum ReplayPort {
 }
 
 impl ReplayPort {
-    /// Makes the port.
+    /// Makes a pseudoterminal with a link to it, or listens at a TCP port.
     ///
     /// # Errors
     ///
@@ -189,8 +190,8 @@ impl ReplayPort {
         }
     }
 
-    /// Waits until bytes were read from the host into `buffer`, or a part of `outgoing` was
-    /// written. Without a host, waits for one. A host that disconnects is no error. Cancel safe.
+    /// Waits until bytes from the host are read into `buffer` or a part of `outgoing` is written;
+    /// if there is no host, waits for one. A host that disconnects is no error. Cancel safe.
     ///
     /// # Errors
     ///
@@ -221,7 +222,7 @@ impl ReplayPort {
         }
     }
 
-    /// Returns the number of bytes that the host has not read; 0 if it is not known.
+    /// Returns how many written bytes the host has not read; 0 at a TCP port, which cannot tell.
     pub(crate) fn unread(&self) -> u64 {
         match self {
             ReplayPort::Tty { terminal, .. } => rustix::io::ioctl_fionread(terminal).unwrap_or(0),
@@ -253,7 +254,7 @@ fn open_terminal(link: &Path) -> io::Result<ReplayPort> {
     let controller = File::from(controller);
     let receiver = Receiver::from_file_unchecked(controller.try_clone()?)?;
     let port = Port::Tty(receiver, Sender::from_file_unchecked(controller)?);
-    // Replaces only a link to a terminal, which an earlier run has left.
+    // Replaces the file only if it is a link to a terminal, which an earlier run has left behind.
     if std::fs::read_link(link).is_ok_and(|target| target.starts_with("/dev/pts")) {
         std::fs::remove_file(link)?;
     }

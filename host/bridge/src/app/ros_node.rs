@@ -12,12 +12,12 @@ use tokio::sync::mpsc::UnboundedSender;
 use tokio::sync::watch::Receiver;
 use tokio::task::JoinHandle;
 
-/// Time after the node's start at which a missing ROS master is first logged.
+/// Time after the node's start in which a missing ROS master is not logged yet.
 const REGISTRATION_GRACE: Duration = Duration::from_secs(1);
 
 /// Topic on which an experiment sets the rate of the packed code.
 const RATE_TOPIC: &str = "~packed_rate";
-/// Number of received rates that can wait to be handled. The device gets the newest one.
+/// Number of received rates that can wait to be handled; another one replaces the oldest.
 const QUEUE_RATES: usize = 4;
 
 /// The bridge's ROS node, with a task that logs when the master appears or disappears.
@@ -36,24 +36,25 @@ impl RosNode {
         Ok(RosNode { node, master_log })
     }
 
-    /// Unregisters topics and services and closes all connections.
+    /// Stops logging the master's state, unregisters topics and services, and closes all
+    /// connections.
     pub(crate) async fn shutdown(self) {
         self.master_log.abort();
         self.node.shutdown().await;
     }
 
-    /// Sends the rates that arrive on `~packed_rate` to `commands`. Runs in a task of its own,
-    /// because registration can take long.
+    /// Passes the rates that arrive on `~packed_rate` to `commands`. Runs in a task of its own,
+    /// because registration at the master can take long.
     pub(crate) fn subscribe_rate(&self, commands: UnboundedSender<NodeCommand>) {
         tokio::spawn(receive_rates(Arc::clone(&self.node), commands));
     }
 
-    /// Serves the newest announcement as `get_info` in `namespace`, and sends calls of
-    /// `~start`, `~stop` and `~quit` to `commands`. Runs in a task of its own, because registration
-    /// can take long.
+    /// Serves the newest announcement as `get_info` in `namespace`, and passes calls of `~start`,
+    /// `~stop` and `~quit` to `commands`. Runs in a task of its own, because registration at the
+    /// master can take long.
     ///
     /// Before the first announcement a call of `get_info` fails: rosneuro_recorder repeats a failed
-    /// call, but would accept an answer without a frame.
+    /// call, but would accept an answer that describes no frame.
     pub(crate) fn serve(
         &self,
         namespace: &Namespace,
@@ -84,8 +85,7 @@ impl RosNode {
             };
             let services = AcquisitionServices::serve(&node, &get_info, on_info, on_command).await;
             match services {
-                // Dropping the services would unregister them; they are served until the node shuts
-                // down.
+                // Keeps the services until the node shuts down; dropping them unregisters them.
                 Ok(_services) => std::future::pending().await,
                 Err(error) => tracing::error!(
                     %error,
@@ -96,8 +96,8 @@ impl RosNode {
     }
 }
 
-/// Sends each rate that arrives on `~packed_rate` to `commands`. Logs a warning for a number that
-/// is no rate.
+/// Passes each rate that arrives on `~packed_rate` to `commands`. Logs a warning for an invalid
+/// rate.
 async fn receive_rates(node: Arc<Node>, commands: UnboundedSender<NodeCommand>) {
     let subscribed = node.subscribe(RATE_TOPIC, UInt8::TYPE, QUEUE_RATES).await;
     let mut rates = match subscribed {
@@ -131,8 +131,8 @@ fn command_name(command: AcquisitionCommand) -> &'static str {
     }
 }
 
-/// Logs when the ROS master appears or disappears. The first message waits for
-/// [`REGISTRATION_GRACE`], because even a running master takes several milliseconds to answer.
+/// Logs when the ROS master appears or disappears. Starts after [`REGISTRATION_GRACE`], because
+/// even a running master takes several milliseconds to answer.
 async fn log_master_changes(mut online: Receiver<bool>, uri: String) {
     let mut logged = None;
     tokio::time::sleep(REGISTRATION_GRACE).await;
@@ -155,7 +155,8 @@ async fn log_master_changes(mut online: Receiver<bool>, uri: String) {
     }
 }
 
-/// Namespace from `ROS_NAMESPACE` or `__ns:=`, extended or replaced by `--topic-prefix`.
+/// Namespace of topics and services: that of ROS (`ROS_NAMESPACE` or `__ns:=`), extended or
+/// replaced by `--topic-prefix`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Namespace {
     /// Full name without a slash at its end; empty for the namespace `/`.
@@ -163,8 +164,7 @@ pub struct Namespace {
 }
 
 impl Namespace {
-    /// Joins ROS's namespace and a prefix. A prefix that starts with a slash replaces the
-    /// namespace.
+    /// Joins ROS's namespace `ros` and `prefix`. A prefix that starts with a slash replaces `ros`.
     pub fn new(ros: &str, prefix: &str) -> Namespace {
         let joined = if prefix.starts_with('/') {
             prefix.to_owned()
@@ -191,8 +191,8 @@ impl Namespace {
         format!("{}/{}", self.name, name.trim_start_matches('/'))
     }
 
-    /// Returns the name of a status in `/diagnostics`, which all bridges share: `corticode: link`
-    /// becomes `corticode /left: link`.
+    /// Returns the name of a status with the namespace in it, because all bridges share the topic
+    /// `/diagnostics`: `corticode: link` becomes `corticode /left: link`.
     pub fn status_name(&self, name: &str) -> String {
         match name.split_once(": ") {
             Some((program, part)) if !self.name.is_empty() => {
@@ -203,12 +203,12 @@ impl Namespace {
     }
 }
 
-/// A request from the ROS graph.
+/// A request to the bridge from another ROS node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum NodeCommand {
     /// A call of `~start`, `~stop` or `~quit`.
     Acquisition(AcquisitionCommand),
-    /// A message on `~packed_rate`: the rate that the packed code is to have.
+    /// A message on `~packed_rate`: the rate that the packed code shall have.
     PackedRate(u8),
 }
 

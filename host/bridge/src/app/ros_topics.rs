@@ -9,7 +9,7 @@ use neuro_ros::{
     DiagnosticLevel, KeyValue, NeuroFrame, RosMessage, RosSink, Sink, SinkError, Wire,
 };
 
-/// Period at which the publishers of the topics are compared with the ROS master's list.
+/// Time between two checks whether another node publishes one of the topics too.
 const CHECK_PERIOD: Duration = Duration::from_secs(1);
 
 /// All topics of the bridge. A topic of frames is published only while no other node publishes it.
@@ -17,14 +17,14 @@ const CHECK_PERIOD: Duration = Duration::from_secs(1);
 pub(crate) struct RosTopics {
     node: Arc<Node>,
     frames: Mutex<Vec<Arc<FrameTopic>>>,
-    /// Publishers of topics that other nodes publish as well.
+    /// Publishers of topics that other nodes may publish too, such as events.
     shared: Mutex<Vec<Publisher>>,
 }
 
-/// A topic of frames.
+/// A topic of NeuroFrames, which the bridge must be the only one to publish.
 #[derive(Debug)]
 struct FrameTopic {
-    /// Full name after remapping.
+    /// Full name of the topic, after ROS's remapping.
     name: String,
     queue: usize,
     state: Mutex<TopicState>,
@@ -34,9 +34,9 @@ struct FrameTopic {
 struct TopicState {
     claim: Claim,
     publisher: Option<Publisher>,
-    /// Messages dropped by earlier publishers of this topic.
+    /// Number of messages that earlier publishers of this topic, now withdrawn, have dropped.
     dropped: u64,
-    /// Frames made while another node published the topic.
+    /// Number of frames not published, because another node published the topic.
     withheld: u64,
 }
 
@@ -49,8 +49,8 @@ impl RosTopics {
         }
     }
 
-    /// Adds a topic of frames with a queue of `queue` messages for each subscriber. The topic is
-    /// advertised by [`RosTopics::check`].
+    /// Adds a topic of frames with a queue of `queue` messages for each subscriber. Does not
+    /// advertise it; [`RosTopics::check`] does.
     pub(crate) fn frames(&self, name: &str, queue: usize) -> Result<FrameTopicSink, NodeError> {
         let name = self.node.resolve(name)?;
         let mut frames = lock(&self.frames);
@@ -67,7 +67,7 @@ impl RosTopics {
         Ok(FrameTopicSink { topic, body })
     }
 
-    /// Advertises a topic that other nodes publish as well.
+    /// Advertises a topic that other nodes may publish too.
     pub(crate) async fn shared<M: RosMessage>(
         &self,
         name: &str,
@@ -78,7 +78,7 @@ impl RosTopics {
         Ok(sink)
     }
 
-    /// Checks the topics of frames now, and from then on every second in a task of its own.
+    /// Checks who publishes the topics of frames, now and then every second in a task of its own.
     ///
     /// # Errors
     ///
@@ -97,12 +97,12 @@ impl RosTopics {
         Ok(())
     }
 
-    /// Asks the ROS master who publishes the topics of frames. Advertises free ones, and withdraws
-    /// those that another node publishes. Checks again after advertising, because another node can
-    /// have done the same at the same time.
+    /// Asks the ROS master who publishes the topics of frames. Advertises a topic that no other
+    /// node publishes, and withdraws a topic that one does. Checks again after advertising, because
+    /// another node may have advertised it at the same time.
     async fn check(&self) -> Result<(), NodeError> {
         loop {
-            // Without a master no node can subscribe, so topics can wait for its answer.
+            // Without a master no node can subscribe, so the topics need not be advertised yet.
             let Ok(state) = self.node.system_state().await else {
                 return Ok(());
             };
@@ -121,7 +121,8 @@ impl RosTopics {
         }
     }
 
-    /// Returns level and message for `/diagnostics` if a topic is withheld.
+    /// Returns level and message for `/diagnostics` if one of the topics is not published because
+    /// another node publishes it.
     pub(crate) fn objection(&self) -> Option<(DiagnosticLevel, String)> {
         let frames = lock(&self.frames);
         let objections: Vec<String> = frames.iter().filter_map(|t| t.objection()).collect();
@@ -129,7 +130,8 @@ impl RosTopics {
         (!message.is_empty()).then_some((DiagnosticLevel::Error, message))
     }
 
-    /// Returns the number of messages that wait for each subscriber, and the withheld frames.
+    /// Returns the numbers of messages waiting for each subscriber and of withheld frames, as
+    /// values for `/diagnostics`.
     pub(crate) fn values(&self) -> Vec<KeyValue> {
         let mut values = Vec::new();
         let mut publishers = lock(&self.shared).clone();
@@ -156,8 +158,8 @@ impl RosTopics {
 }
 
 impl FrameTopic {
-    /// Checks the topic's list of publishers at the ROS master, and stops publishing if another
-    /// node is among them. `own` is the bridge's node.
+    /// Decides from `publishers`, the nodes that the ROS master lists for this topic, what the
+    /// bridge must do with it, and stops publishing if necessary. `own` is the bridge's node.
     fn observe(&self, own: &str, publishers: &[String]) -> Change {
         let mut state = lock(&self.state);
         let before = state.claim.others().to_vec();
@@ -212,11 +214,11 @@ impl FrameTopic {
     }
 }
 
-/// Sink of a topic of frames.
+/// Sink that publishes frames on a topic, or counts them as withheld.
 #[derive(Debug)]
 pub(crate) struct FrameTopicSink {
     topic: Arc<FrameTopic>,
-    /// Buffer for the encoded message, kept to avoid an allocation per message.
+    /// Buffer for the encoded message; kept so that a message needs no allocation.
     body: Vec<u8>,
 }
 
@@ -249,26 +251,25 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Number of checks in a row in which a topic must be free before it is published, if another node
-/// has published it before. After a restart of the ROS master its publishers register again within
-/// two checks.
+/// Number of checks in a row in which no other node may publish a topic before the bridge does, if
+/// another node has published it before. After a restart of the master, nodes register within two.
 const FREE_CHECKS: u32 = 3;
 
-/// The bridge's claim to one topic. A recorder allocates by the shape of one publisher and then
-/// copies the frames of all of them, so a topic must have one publisher.
+/// The bridge's claim to be the only publisher of a topic: a recorder that allocates for the frames
+/// of one publisher would copy frames of another publisher into the same memory.
 #[derive(Debug, Default)]
 pub(crate) struct Claim {
     published: bool,
-    /// Other nodes that publish the topic, as of the last check.
+    /// Other nodes that published the topic at the last check.
     others: Vec<String>,
-    /// Number of checks in a row that speak against the present state: while the bridge publishes,
-    /// checks that found another publisher; otherwise checks that found none.
+    /// Number of checks in a row that contradict the present state: while the bridge publishes,
+    /// those that found another publisher; while it does not, those that found none.
     checks: u32,
     /// Whether any check so far has found another publisher.
     contested: bool,
 }
 
-/// Action that a check of the publishers requires.
+/// What the bridge must do with a topic after a check of its publishers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Change {
     Keep,
@@ -282,12 +283,12 @@ impl Claim {
         &self.others
     }
 
-    /// Compares the claim with `publishers` of the topic, in the order of their registration; `own`
-    /// is the bridge's node.
+    /// Decides what to do with the topic, whose `publishers` are in the order of their
+    /// registration; `own` is the bridge's node.
     ///
-    /// If the bridge registered first, it withdraws only at the second check in a row that finds
-    /// another publisher. If that one is a bridge too, it came later and withdraws at once, so that
-    /// one of the two keeps publishing.
+    /// A bridge that registered first withdraws only at the second check in a row that finds
+    /// another publisher. If the other one is a bridge too, it withdraws at its first check,
+    /// because it registered later; so one of the two keeps publishing.
     pub(crate) fn check(&mut self, own: &str, publishers: &[String]) -> Change {
         let others = publishers.iter().filter(|node| *node != own);
         self.others = others.cloned().collect();
@@ -309,7 +310,7 @@ impl Claim {
         change
     }
 
-    /// Records that the topic could not be advertised; the next check tries again.
+    /// Notes that advertising the topic has failed; the next check tries again.
     pub(crate) fn refused(&mut self) {
         self.published = false;
     }

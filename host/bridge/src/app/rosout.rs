@@ -1,4 +1,4 @@
-//! The log of the bridge on the topic `/rosout`.
+//! Publishes the log of the bridge on the topic `/rosout`.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -12,21 +12,20 @@ use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 
-/// Maximum number of lines that wait to be published, and that wait for each subscriber. Lines
-/// beyond it are only on stderr.
+/// Number of lines that can wait to be published, and then wait for each subscriber. Further lines
+/// are only on stderr.
 const QUEUE_LINES: usize = 1024;
-/// Longest time for which the first lines wait for a subscriber, which needs several milliseconds
-/// to connect.
+/// Longest wait of the first lines for a subscriber, which needs several milliseconds to connect.
 const FIRST_SUBSCRIBER_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Passes the lines of the log at the level of information and above to [`publish`].
+/// A layer of the log that passes lines of level info and above to the task of [`publish`].
 #[derive(Debug)]
 pub(crate) struct RosoutLayer {
     lines: Sender<Log>,
 }
 
 impl RosoutLayer {
-    /// Creates the layer, and the receiver of its lines.
+    /// Creates the layer, and the receiver of the lines that it passes on.
     pub(crate) fn new() -> (RosoutLayer, Receiver<Log>) {
         let (lines, receiver) = channel(QUEUE_LINES);
         (RosoutLayer { lines }, receiver)
@@ -62,7 +61,7 @@ impl<S: Subscriber> Layer<S> for RosoutLayer {
     }
 }
 
-/// Text of an event: its message, then its other fields.
+/// Text of a log event, as it is collected: the message, then the other fields.
 #[derive(Default)]
 struct Text {
     message: String,
@@ -84,7 +83,7 @@ impl Visit for Text {
     }
 }
 
-/// Publishes the lines on `/rosout` in a task of its own.
+/// Publishes the lines on `/rosout`, in a task of its own.
 pub(crate) fn publish(node: Arc<Node>, mut lines: Receiver<Log>) {
     tokio::spawn(async move {
         let options = PublisherOptions {
@@ -103,7 +102,7 @@ pub(crate) fn publish(node: Arc<Node>, mut lines: Receiver<Log>) {
                 tokio::time::sleep(Duration::from_millis(50)).await;
             }
         };
-        // Without a subscriber the lines are not needed.
+        // If no subscriber comes in this time, nobody needs the lines.
         let _ = tokio::time::timeout(FIRST_SUBSCRIBER_TIMEOUT, connected).await;
         let mut seq = 0;
         while let Some(mut line) = lines.recv().await {

@@ -7,9 +7,8 @@ use neuro_ros::ros1::Node;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc::{UnboundedReceiver, UnboundedSender, unbounded_channel};
 
-/// Time since the first signal after which another signal ends the process at once. A closing
-/// terminal sends several signals within this time; a later signal means that the user does not
-/// want to wait for the shutdown.
+/// Time after the first signal from which another signal ends the process at once. A closing
+/// terminal sends several signals within this time; a later one is from a user who will not wait.
 const FORCE_EXIT_AFTER: Duration = Duration::from_millis(500);
 
 /// Collects requests to shut down from signals, the ROS master and the service `~quit`.
@@ -39,7 +38,7 @@ impl Shutdown {
                         std::process::exit(1);
                     }
                     // Sending fails only if the bridge is already shutting down. The check above
-                    // still handles a second signal then.
+                    // still handles a second signal.
                     let _ = reason_sender.send(reason);
                 }
             });
@@ -50,7 +49,7 @@ impl Shutdown {
         })
     }
 
-    /// Requests a shutdown when the ROS master asks the node to shut down.
+    /// Requests a shutdown as soon as the ROS master asks `node` to shut down.
     pub(crate) fn watch_node(&self, node: Arc<Node>) {
         let reason_sender = self.reason_sender.clone();
         tokio::spawn(async move {
@@ -69,11 +68,11 @@ impl Shutdown {
         let _ = self.reason_sender.send(reason);
     }
 
-    /// Waits for the next shutdown request and returns its reason. Cancel safe.
+    /// Waits for the next request to shut down and returns its reason. Cancel safe.
     pub(crate) async fn requested(&mut self) -> &'static str {
         match self.reasons.recv().await {
             Some(reason) => reason,
-            // Unreachable, because `self` holds a sender.
+            // Unreachable, because `self` holds a sender and so keeps the channel open.
             None => std::future::pending().await,
         }
     }

@@ -6,8 +6,8 @@ use std::os::fd::AsFd;
 
 use rustix::fs::{OFlags, fcntl_getfl};
 
-/// Writes lines, each with one call of [`Write::write_all`]. If a line does not fit, its beginning
-/// is removed again, where the output is a file that this program alone writes.
+/// Writes lines, each with one call of [`Write::write_all`]. If a line does not fit on the disk,
+/// its beginning is removed again, provided that no other program writes to the same file.
 #[derive(Debug)]
 pub(crate) struct WholeLines(File);
 
@@ -47,13 +47,13 @@ impl Write for WholeLines {
     }
 }
 
-/// Removes the last `bytes` bytes that this program wrote, if the output is a file that no other
-/// program appends to.
+/// Removes the last `bytes` bytes that this program wrote, if the output is a file to which no
+/// other program appends.
 fn remove_end(file: &mut File, bytes: u64) -> io::Result<()> {
     let metadata = file.metadata()?;
-    // In append mode other programs can write to the file at any time, so its end cannot be cut off
-    // without a risk. In another mode they have written if the file goes on after this program's
-    // last byte.
+    // In append mode another program may write at any time, so cutting off the end could remove its
+    // bytes. In another mode, a file that continues after this program's last byte has bytes of
+    // another program at its end.
     let appends = fcntl_getfl(&*file)?.contains(OFlags::APPEND);
     if metadata.is_file() && !appends {
         let end = file.stream_position()?;
@@ -75,7 +75,8 @@ mod tests {
 
     #[test]
     fn the_end_is_removed_unless_another_program_can_append() {
-        // Whether the file is in append mode, and whether another program has appended to it.
+        // Each case: whether the file is in append mode, whether another program has appended to
+        // it, and the content that must be left.
         for (appends, is_shared, expected) in [
             (false, false, "line\n"),
             (false, true, "line\n{\"other\n"),

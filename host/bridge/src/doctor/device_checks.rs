@@ -1,4 +1,4 @@
-//! Checks that the device answers, has no fault, and has a model that the bridge decodes.
+//! Checks that the device answers, has no fault, and has a model that the bridge can decode.
 
 use artifact::ModelId;
 use bridge_core::{Device, DeviceError, DeviceSummary, Identity, Model};
@@ -8,8 +8,8 @@ use crate::doctor::Check;
 
 const DEVICE: &str = "device";
 
-/// Checks the answer of the device at the port `port`. `model` is the one that the bridge decodes
-/// with, or the reason why it cannot be read.
+/// Checks the answer of the device at `port`. `model` is the model with which the bridge decodes,
+/// or the reason why it cannot be read.
 pub(crate) fn check_device(
     answer: &DeviceAnswer,
     port: &str,
@@ -120,22 +120,22 @@ fn check_model(device: &IdentifiedDevice, model: &Result<Model, String>) -> Chec
     }
 }
 
-/// Answer at the port to `Identify`.
+/// What came back when a device at the port was asked to `Identify`.
 #[derive(Clone, Debug)]
 pub(crate) enum DeviceAnswer {
-    /// The port was not opened, because of an earlier finding.
+    /// The port was not opened, because an earlier check found an error.
     NotAsked,
-    /// The port does not open.
+    /// The port cannot be opened, with the reason and the remedy.
     NotOpen { why: String, remedy: String },
     /// The connection broke before the device introduced itself.
     Lost { why: String },
     /// The device sent nothing.
     Silent,
-    /// The port sent this number of bytes, and no frame among them.
+    /// The port sent this number of bytes, but no frame.
     Stranger { bytes: u64 },
-    /// The device sent frames of another version of the wire format.
+    /// The device sent only frames of another version of the wire format.
     OtherVersion,
-    /// The device sent frames, and no `Hello` among them.
+    /// The device sent frames, but no `Hello` among them.
     NoHello,
     /// The device introduced itself.
     Identified(Box<IdentifiedDevice>),
@@ -146,7 +146,7 @@ pub(crate) enum DeviceAnswer {
 pub(crate) struct IdentifiedDevice {
     pub(crate) summary: DeviceSummary,
     pub(crate) model_id: [u8; 8],
-    /// Properties of the device; `None` without `Capabilities`.
+    /// Properties of the device, or why it cannot be used; `None` if it sent no `Capabilities`.
     pub(crate) device: Option<Result<Device, DeviceError>>,
 }
 
@@ -169,14 +169,15 @@ impl Probe {
         }
     }
 
-    /// Returns the frame of one more `Identify`.
+    /// Returns the bytes of a frame with one more `Identify`.
     pub(crate) fn identify(&mut self) -> Vec<u8> {
         let mut buffer = [0; MAX_FRAME];
         let frame = self.encoder.encode(0, &ToDevice::Identify, &mut buffer);
         frame.map(<[u8]>::to_vec).unwrap_or_default()
     }
 
-    /// Handles bytes from the device. Returns whether the introduction is complete.
+    /// Handles bytes from the device. Returns whether `Hello` and `Capabilities` have been
+    /// received.
     pub(crate) fn receive(&mut self, mut bytes: &[u8]) -> bool {
         while let Some(frame) = self.decoder.next::<ToHost>(&mut bytes) {
             let Ok(frame) = frame else { continue };
@@ -193,7 +194,7 @@ impl Probe {
         self.device.is_some()
     }
 
-    /// Returns the device's answer, as far as it was received.
+    /// Returns what the device has answered so far.
     pub(crate) fn answer(self) -> DeviceAnswer {
         let counters = self.decoder.counters();
         match self.identity {

@@ -1,36 +1,36 @@
-//! Checks that the port is present, may be opened, is free, and has a name from the udev rule.
+//! Checks that the port exists, may be opened, is not in use, and has a name from the udev rule.
 
 use std::path::PathBuf;
 
 use crate::doctor::Check;
 use crate::ports::access::PortAccess;
 
-/// Command that installs the udev rule.
+/// Shell command that installs the project's udev rule.
 const INSTALL_RULE: &str = "corticode-bridge ports --udev-rule | sudo tee \
                             /etc/udev/rules.d/60-corticode.rules && sudo udevadm control --reload \
                             && sudo udevadm trigger --action=add --subsystem-match=usb \
                             --subsystem-match=tty";
 
-/// Command that applies an installed rule to a board that is plugged in.
+/// Shell command that applies the installed udev rule to a board that is already plugged in.
 const APPLY_RULE: &str = "sudo udevadm control --reload && sudo udevadm trigger --action=add \
                           --subsystem-match=usb --subsystem-match=tty";
 
-/// Facts about the port, found without opening it.
+/// What is known about the port without opening it.
 #[derive(Clone, Debug)]
 pub(crate) struct PortFacts {
     pub(crate) place: PortPlace,
-    /// Whether ModemManager runs.
+    /// Whether ModemManager runs, which probes serial ports.
     pub(crate) modem_manager: bool,
 }
 
-/// Kind and place of the port.
+/// Kind of the port and where it is.
 #[derive(Clone, Debug)]
 pub(crate) enum PortPlace {
-    /// A TCP address.
+    /// A TCP port, with its address.
     Network(String),
-    /// No such port exists.
+    /// A port that does not exist, with the reason and the remedy.
     Missing { why: String, remedy: String },
-    /// A terminal.
+    /// A serial port or a pseudoterminal.
     Terminal {
         path: PathBuf,
         access: PortAccess,
@@ -38,21 +38,21 @@ pub(crate) enum PortPlace {
     },
 }
 
-/// USB device of a terminal.
+/// What USB device a serial port belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum UsbPort {
-    /// A board, with the state of the udev rule.
+    /// A Corticode board, with the state of the udev rule for it.
     Board(UdevRule),
     /// Another USB device, such as an ST-LINK.
     Other,
-    /// The terminal is not on USB.
+    /// The port is not on USB.
     None,
 }
 
 /// State of the project's udev rule for a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum UdevRule {
-    /// udev has named the board by the rule.
+    /// udev has applied the rule: the board has the name that the rule gives.
     Applied,
     /// The rule is installed, but the board was plugged in before its installation.
     Installed,
@@ -77,7 +77,7 @@ impl UdevRule {
     }
 }
 
-/// Checks the port.
+/// Returns the findings about a port: existence, permission, other programs, rule, ModemManager.
 pub(crate) fn check_port(facts: &PortFacts) -> Vec<Check> {
     let (path, access, usb) = match &facts.place {
         PortPlace::Network(address) => return vec![Check::ok("port", address.as_str())],

@@ -1,43 +1,43 @@
-//! Checks of ROS: the master, the own address, other publishers, simulated time.
+//! Checks of ROS: the master, this machine's own address, other publishers, and simulated time.
 
 use std::net::IpAddr;
 
 use crate::doctor::Check;
 
-/// Facts about ROS.
+/// The facts about ROS that the checks are made of.
 #[derive(Clone, Debug)]
 pub(crate) struct RosFacts {
     pub(crate) master_uri: String,
-    /// Whether the master's host is this machine; `None` if its name does not resolve.
+    /// Whether the master runs on this machine; `None` if the name of its host does not resolve.
     pub(crate) master_is_here: Option<bool>,
-    /// State of the master, or the reason why it does not answer.
+    /// What the master reports, or the reason why it does not answer.
     pub(crate) master: Result<MasterState, String>,
     /// The host in `ROS_HOSTNAME` or `ROS_IP`; `None` if neither is set.
     pub(crate) own_host: Option<OwnHost>,
 }
 
-/// State that the master reports.
+/// What the ROS master reports about the bridge's names.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MasterState {
     /// Full name of the bridge's node.
     pub(crate) node: String,
-    /// Whether a node of this name is registered.
+    /// Whether a node with the name in `node` is registered at the master.
     pub(crate) node_is_registered: bool,
-    /// The bridge's topics of frames, each with the nodes that publish it now.
+    /// The bridge's topics of frames, each with the nodes that publish it at present.
     pub(crate) publishers: Vec<(String, Vec<String>)>,
-    /// Value of the parameter `/use_sim_time`.
+    /// Value of the ROS parameter `/use_sim_time`.
     pub(crate) use_sim_time: bool,
 }
 
-/// The host at which other nodes shall reach the bridge.
+/// The host name or address that the bridge gives other nodes to reach it.
 #[derive(Clone, Debug)]
 pub(crate) struct OwnHost {
     pub(crate) name: String,
-    /// Addresses, each with whether this machine has it; or the reason why there are none.
+    /// Addresses of the host, each with whether it is this machine's; or why there are none.
     pub(crate) addresses: Result<Vec<(IpAddr, bool)>, String>,
 }
 
-/// Checks ROS.
+/// Checks the ROS master, the bridge's own address, other publishers and simulated time.
 pub(crate) fn check_ros(facts: &RosFacts) -> Vec<Check> {
     let mut checks = vec![match &facts.master {
         Ok(_) => Check::ok("ROS master", facts.master_uri.as_str()),
@@ -148,7 +148,7 @@ mod tests {
         }
     }
 
-    /// Returns name and level of the only check that is not ok, and its text with the remedy.
+    /// Returns name and level of the only check that is not ok, and its finding with the remedy.
     fn only_fault(facts: &RosFacts) -> (&'static str, Level, String) {
         let mut wrong = check_ros(facts);
         wrong.retain(|check| check.level != Level::Ok);

@@ -1,4 +1,4 @@
-//! Who may open a port, and who has it open.
+//! Checks who may open a port, and which programs have it open.
 
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::ports::system_root::{SystemRoot, entries};
 
-/// Result of checking a port without opening it: opening a port resets some devices.
+/// Whether this user can open a port. Found without opening it, as opening resets some devices.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum PortAccess {
     /// The port can be opened.
@@ -18,18 +18,18 @@ pub(crate) enum PortAccess {
     InUse(Vec<Program>),
     /// The permissions of the port exclude this user.
     Denied(Membership),
-    /// The port cannot be read for another reason.
+    /// The port cannot be opened for another reason, such as that it does not exist.
     Broken(io::ErrorKind),
 }
 
-/// The group that may open a port, and whether this user is a member.
+/// Whether this user belongs to the group that may open the port, if there is one.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Membership {
-    /// Root alone may open the port.
+    /// No group may open the port, only root.
     RootOnly,
-    /// This user is no member of the group.
+    /// This user is not a member of the group.
     Outsider { group: String },
-    /// This user became a member after this session began.
+    /// This user joined the group after logging in, which has no effect until the next login.
     FromNextLogin { group: String },
 }
 
@@ -67,11 +67,12 @@ impl PortAccess {
     }
 }
 
-/// Returns the command that ends a program. A service would be started again after `kill`.
+/// Returns the command that ends a program. For a service that is not `kill`, because the service
+/// manager would start the program again.
 fn remedy(program: &Program) -> String {
     match program.name.as_str() {
         "ModemManager" => "sudo systemctl stop ModemManager".to_owned(),
-        // Linux keeps the first 15 characters of a name.
+        // Linux keeps only the first 15 characters of a program's name.
         "corticode-bridg" | "corticode-bridge" => format!(
             "sudo systemctl stop corticode-bridge, or outside the service: kill {}",
             program.pid
@@ -87,7 +88,7 @@ fn names(programs: &[Program]) -> String {
 }
 
 impl SystemRoot {
-    /// Checks a port without opening it.
+    /// Returns whether this user can open the port. Does not open it.
     pub(crate) fn port_access(&self, port: &Path) -> PortAccess {
         match access(port, Access::READ_OK | Access::WRITE_OK) {
             Ok(()) => match self.holders(port) {
@@ -101,7 +102,7 @@ impl SystemRoot {
         }
     }
 
-    /// Looks up the group of a port, and whether this user is listed as a member.
+    /// Returns the group that may open the port, and whether this user is listed as a member.
     fn membership(&self, port: &Path) -> Membership {
         let Ok(metadata) = std::fs::metadata(port) else {
             return Membership::RootOnly;
@@ -113,7 +114,7 @@ impl SystemRoot {
     }
 }
 
-/// Returns the name of a user in the text of `/etc/passwd`.
+/// Returns the name of the user `uid`, from the text of `/etc/passwd`.
 fn user_name(users: &str, uid: u32) -> Option<&str> {
     let mut lines = users.lines().map(|line| line.split(':'));
     lines.find_map(|mut fields| {
@@ -122,8 +123,8 @@ fn user_name(users: &str, uid: u32) -> Option<&str> {
     })
 }
 
-/// Returns the membership of a user who was denied access, from the text of `/etc/group` and the
-/// group and mode of the port.
+/// Returns whether a user whom the port has refused belongs to its group. `groups` is the text of
+/// `/etc/group`; `gid` and `mode` are the port's.
 fn membership(groups: &str, gid: u32, mode: u32, user: Option<&str>) -> Membership {
     const GROUP_READ_WRITE: u32 = 0o060;
     let mut lines = groups.lines().map(|line| line.split(':'));
@@ -146,7 +147,7 @@ fn membership(groups: &str, gid: u32, mode: u32, user: Option<&str>) -> Membersh
     }
 }
 
-/// A running program.
+/// A program that is running.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub(crate) struct Program {
     pub(crate) pid: u32,
@@ -154,7 +155,7 @@ pub(crate) struct Program {
 }
 
 impl SystemRoot {
-    /// Returns the running programs.
+    /// Returns all programs that are running.
     pub(crate) fn programs(&self) -> Vec<Program> {
         let folders = entries(&self.path("proc"));
         let pids = folders.iter().filter_map(|folder| pid_of(folder));
@@ -162,8 +163,8 @@ impl SystemRoot {
     }
 
     /// Returns the other programs that have the port open. Programs of other users are visible only
-    /// to root, except those that have locked the port, as the bridge does. Of a pseudoterminal
-    /// only these count, because the program that made a pseudoterminal may hold both ends open.
+    /// to root, except those that have locked the port, as the bridge does. At a pseudoterminal
+    /// only programs with a lock count, because the program that made it may hold both ends open.
     pub(crate) fn holders(&self, port: &Path) -> Vec<Program> {
         let Ok(target) = fs::canonicalize(port) else {
             return Vec::new();
@@ -183,8 +184,9 @@ impl SystemRoot {
         pids.into_iter().map(|pid| self.program(pid)).collect()
     }
 
-    /// Returns the processes that have locked the file, from lines of `proc/locks` such as
-    /// `1: FLOCK  ADVISORY  WRITE 1234 00:19:56 0 EOF`: process, device, inode.
+    /// Returns the process ids that hold a lock on the file, from `proc/locks`. In a line such as
+    /// `1: FLOCK  ADVISORY  WRITE 1234 00:19:56 0 EOF`, 1234 is the process and 00:19:56 the device
+    /// and inode of the file.
     fn lockers(&self, file: &Path) -> Vec<u32> {
         let Ok(metadata) = fs::metadata(file) else {
             return Vec::new();
@@ -203,7 +205,7 @@ impl SystemRoot {
 
     fn program(&self, pid: u32) -> Program {
         let name = self.text(format!("proc/{pid}/comm")).unwrap_or_default();
-        // The kernel cuts the name after 15 bytes; the command line has the rest.
+        // The kernel cuts the name after 15 bytes; the command line has it in full.
         let command = self.text(format!("proc/{pid}/cmdline")).unwrap_or_default();
         let path = command.split('\0').next().unwrap_or_default();
         let full = path.rsplit('/').next().unwrap_or_default();
@@ -296,7 +298,7 @@ mod tests {
         fs::write(root.path("proc/41/cmdline"), "/usr/bin/minicom-2\0-D\0").unwrap();
         assert_eq!(holders(), "minicom-2 (pid 41)");
         fs::write(root.path("proc/41/cmdline"), "python3\0x.py\0").unwrap();
-        // The kernel's own list of locks, with a lock of this file by process 42.
+        // Take the kernel's own line about a lock of this file, but with process 42 as the holder.
         let file = fs::File::open(&port).unwrap();
         rustix::fs::flock(&file, rustix::fs::FlockOperation::LockExclusive).unwrap();
         let locked = SystemRoot::machine().text("proc/locks").unwrap_or_default();

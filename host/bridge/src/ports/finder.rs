@@ -7,49 +7,48 @@ use thiserror::Error;
 
 use crate::ports::system_root::{Likeness, SerialPort, SystemRoot};
 
-/// Searches the ports for one board. Remembers the serial number of the board that was found first,
-/// and finds no other board afterwards.
+/// Searches the ports for one board. Once it has found a board, accepts only its serial number.
 #[derive(Clone, Debug)]
 pub(crate) struct BoardFinder {
     root: SystemRoot,
     serial: Option<String>,
 }
 
-/// A port with a board.
+/// The port at which a board was found, and the board's serial number.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct FoundBoard {
     pub(crate) path: PathBuf,
     pub(crate) serial: Option<String>,
 }
 
-/// Why no port can be chosen.
+/// Why [`BoardFinder::find`] cannot choose a port.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub(crate) enum FindError {
-    /// No port has a board on USB.
+    /// No port belongs to a board on USB.
     #[error("no Corticode board is on USB{}", MaybeBoards(.maybe))]
     NoBoard {
-        /// Ports of ST-LINKs.
+        /// Ports of ST-LINKs, which may lead to a board.
         maybe: Vec<PathBuf>,
     },
-    /// udev has not finished with a board's port.
+    /// udev is still setting the names and permissions of a board's port.
     #[error("the board at {} was plugged in just now", .port.display())]
     Settling { port: PathBuf },
-    /// The board with the wanted serial number is absent.
+    /// The board with the wanted serial number is absent, but other boards are present.
     #[error("no board {serial} is on USB; present: {}", listed(.present))]
     OtherBoards {
         serial: String,
-        /// Boards that are present, with their ports.
+        /// Serial numbers and ports of the boards that are present.
         present: Vec<String>,
     },
-    /// There are several boards, and none was chosen.
+    /// There are several boards, and no serial number chooses one.
     #[error("several boards are on USB: {}", listed(.boards))]
     SeveralBoards {
-        /// Serial numbers, with their ports.
+        /// Serial numbers and ports of the boards.
         boards: Vec<String>,
     },
 }
 
-/// Ports that may be boards, as the end of a sentence.
+/// Prints, as the end of a sentence, the ports that may lead to boards.
 struct MaybeBoards<'a>(&'a [PathBuf]);
 
 impl fmt::Display for MaybeBoards<'_> {
@@ -76,13 +75,12 @@ fn listed(boards: &[String]) -> String {
 }
 
 impl BoardFinder {
-    /// Creates a finder for the board with the serial number, or for the only board if it is
-    /// `None`.
+    /// Creates a finder for the board with the serial number `serial`; `None` for the only board.
     pub(crate) fn new(root: SystemRoot, serial: Option<String>) -> BoardFinder {
         BoardFinder { root, serial }
     }
 
-    /// Returns the port that the board has now.
+    /// Returns the port at which the board is now.
     ///
     /// # Errors
     ///
@@ -97,9 +95,9 @@ impl BoardFinder {
     }
 }
 
-/// Returns the port of the board with the serial number `wanted`, or of the only board. A serial
-/// number also chooses an ST-LINK, which is never chosen without. A port that udev has not finished
-/// does not count yet, because its permissions are not set.
+/// Returns the port of the board with the serial number `wanted`, or without one of the only board.
+/// An ST-LINK is chosen only by its serial number. A port that udev has not finished does not
+/// count, because its permissions are not set yet.
 fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, FindError> {
     let settled = || ports.iter().filter(|port| port.is_settled);
     let with = |likeness| settled().filter(move |port| port.likeness() == likeness);
@@ -110,7 +108,7 @@ fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, Find
     let boards: Vec<&SerialPort> = with(Likeness::Board).collect();
     if let Some(wanted) = wanted {
         let mut candidates = boards.iter().copied().chain(with(Likeness::Maybe));
-        // The firmware's own logs have the serial number in other letters than the descriptor.
+        // Ignore case, which differs between the firmware's messages and the USB descriptor.
         let port = candidates.find(|port| {
             port.serial()
                 .is_some_and(|serial| serial.eq_ignore_ascii_case(wanted))
@@ -120,7 +118,7 @@ fn choose(ports: &[SerialPort], wanted: Option<&str>) -> Result<FoundBoard, Find
             present: boards.iter().map(|port| name(port)).collect(),
         });
     }
-    // While udev still processes the port of one board, another board must not be taken for the only
+    // A board whose port udev is still working on is present too, so a second board is not the only
     // one.
     let mut unsettled = ports.iter().filter(|port| !port.is_settled);
     if let Some(port) = unsettled.find(|port| port.likeness() == Likeness::Board) {
@@ -195,7 +193,7 @@ mod tests {
         machine.write("run/udev/data/c166:0", "E:ID_PROCESSING=1\n");
         assert_eq!(finder.find(), settling("dev/ttyACM0"));
         machine.write("run/udev/data/c166:0", "");
-        // Nor is it chosen while another board comes.
+        // The first board is not chosen either while udev works on the port of a second one.
         machine.plug(3, "ttyACM1", OTHER, None);
         assert_eq!(finder.find(), settling("dev/ttyACM1"));
         machine.unplug(3, "ttyACM1");

@@ -1,4 +1,4 @@
-//! A folder with `sys` and `dev` as Linux lays them out, for tests.
+//! A folder with files and links like those in `/sys` and `/dev` of a Linux machine, for tests.
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -9,7 +9,7 @@ use tempfile::TempDir;
 /// A machine whose devices a test plugs in and out.
 pub(crate) struct SimulatedMachine(TempDir);
 
-/// Descriptor of a USB device.
+/// What a USB device reports about itself.
 #[derive(Clone, Copy)]
 pub(crate) struct Descriptor<'a> {
     pub(crate) vendor: &'a str,
@@ -19,7 +19,7 @@ pub(crate) struct Descriptor<'a> {
     pub(crate) serial: &'a str,
 }
 
-/// Descriptor of a board.
+/// USB descriptor of a Corticode board.
 pub(crate) const BOARD: Descriptor<'static> = Descriptor {
     vendor: "1209",
     product_id: "0001",
@@ -28,7 +28,7 @@ pub(crate) const BOARD: Descriptor<'static> = Descriptor {
     serial: "3A0042001951333138363735",
 };
 
-/// Descriptor of a second board.
+/// USB descriptor of a second board, with another serial number.
 pub(crate) const OTHER: Descriptor<'static> = Descriptor {
     serial: "3B",
     ..BOARD
@@ -42,7 +42,7 @@ impl SimulatedMachine {
         for folder in [CONTROLLER, "sys/class/tty", "dev/serial/by-id", "proc"] {
             fs::create_dir_all(machine.path(folder)).unwrap();
         }
-        // The host controller's own hub has a vendor and product too.
+        // The USB controller's own hub has ids too, which the search must not take for a device's.
         machine.write(&format!("{CONTROLLER}/idVendor"), "1d6b\n");
         machine.write(&format!("{CONTROLLER}/idProduct"), "0002\n");
         machine
@@ -62,8 +62,9 @@ impl SimulatedMachine {
         fs::write(path, text).unwrap();
     }
 
-    /// Plugs a USB device with a CDC ACM port into socket `socket`. The port is `node`, or an empty
-    /// file if `node` is `None`; udev's links are those of the project's rule.
+    /// Plugs a USB device with a CDC ACM port into `socket`. The port is a link to `node`, or an
+    /// empty file if `node` is `None`. The links of udev and of the project's udev rule are made as
+    /// well.
     pub(crate) fn plug(&self, socket: u32, tty: &str, usb: Descriptor<'_>, node: Option<&Path>) {
         let device = format!("{CONTROLLER}/1-{socket}");
         self.describe(&device, usb);
@@ -87,7 +88,8 @@ impl SimulatedMachine {
         symlink(format!("../../{tty}"), link).unwrap();
     }
 
-    /// Plugs a USB serial converter of FTDI, whose port is one folder below its interface.
+    /// Plugs in a USB serial converter of FTDI. In sysfs its port is one folder deeper than a CDC
+    /// port.
     pub(crate) fn plug_ftdi(&self, socket: u32, tty: &str) {
         let device = format!("{CONTROLLER}/1-{socket}");
         let usb = Descriptor {
@@ -103,7 +105,7 @@ impl SimulatedMachine {
         self.write(&format!("dev/{tty}"), "");
     }
 
-    /// Adds an 8250 port of the mainboard; `uart_type` is 0 for a number without hardware.
+    /// Adds an 8250 UART of the mainboard. `uart_type` is 0 if the kernel found no hardware for it.
     pub(crate) fn add_uart(&self, tty: &str, uart_type: u32) {
         let device = "sys/devices/pnp0/00:01/00:01:0/00:01:0.0";
         let driver = "sys/devices/pnp0/00:01/driver";
@@ -114,14 +116,14 @@ impl SimulatedMachine {
         self.write(&format!("dev/{tty}"), "");
     }
 
-    /// Adds a terminal without a device, such as a console or the multiplexer of pseudoterminals.
+    /// Adds a terminal without hardware, such as a console or the master of pseudoterminals.
     pub(crate) fn add_virtual(&self, tty: &str) {
         let folder = format!("sys/devices/virtual/tty/{tty}");
         self.write(&format!("{folder}/dev"), "5:2\n");
         self.link(&folder, &format!("sys/class/tty/{tty}"));
     }
 
-    /// Removes the USB device in a socket, and its port.
+    /// Removes the USB device in `socket` and its port `tty`.
     pub(crate) fn unplug(&self, socket: u32, tty: &str) {
         fs::remove_file(self.path(&format!("dev/{tty}"))).unwrap();
         fs::remove_file(self.path(&format!("sys/class/tty/{tty}"))).unwrap();
@@ -148,10 +150,10 @@ impl SimulatedMachine {
         }
     }
 
-    /// Adds the terminal `tty` of `device`, and the device's driver.
+    /// Adds the port `tty` of `device`, with a link to the device's driver.
     fn terminal(&self, device: &str, driver: &str, tty: &str) {
         let terminal = format!("{device}/tty/{tty}");
-        // The minor number of ttyACM1 is 1.
+        // Digits at the end of the port's name, which are its minor device number: 1 for ttyACM1.
         let minor = tty.trim_start_matches(char::is_alphabetic);
         self.write(&format!("{terminal}/dev"), &format!("166:{minor}\n"));
         self.link(&format!("sys/bus/{driver}"), &format!("{device}/driver"));
@@ -159,7 +161,7 @@ impl SimulatedMachine {
         self.link(&terminal, &format!("sys/class/tty/{tty}"));
     }
 
-    /// Makes a link with a relative target, as the kernel does.
+    /// Makes a symbolic link with a relative target, as the kernel does in sysfs.
     fn link(&self, target: &str, link: &str) {
         let path = self.path(link);
         fs::create_dir_all(self.path(target)).unwrap();

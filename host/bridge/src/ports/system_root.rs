@@ -1,4 +1,4 @@
-//! Serial ports of this machine, read from the files of the operating system.
+//! Serial ports of this machine, read from `/sys`, `/dev` and udev's files.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-/// Folder below which the files of the operating system are read.
+/// Folder that stands for `/`: tests read another folder than that of this machine.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct SystemRoot(PathBuf);
 
 impl SystemRoot {
-    /// Returns the root of this machine.
+    /// Returns the root folder of this machine.
     pub(crate) fn machine() -> SystemRoot {
         SystemRoot("/".into())
     }
@@ -21,7 +21,7 @@ impl SystemRoot {
         SystemRoot(folder.to_owned())
     }
 
-    /// Returns a path below the root.
+    /// Returns the path `relative` below the root.
     pub(crate) fn path(&self, relative: impl AsRef<Path>) -> PathBuf {
         self.0.join(relative)
     }
@@ -31,8 +31,7 @@ impl SystemRoot {
         text(&self.path(relative))
     }
 
-    /// Returns the serial ports that have a device, in the order of their names. Empty
-    /// without sysfs.
+    /// Returns the serial ports that have a device, sorted by name. There are none without sysfs.
     pub(crate) fn serial_ports(&self) -> Vec<SerialPort> {
         let terminals = entries(&self.path("sys/class/tty"));
         let mut ports: Vec<SerialPort> = terminals
@@ -43,7 +42,7 @@ impl SystemRoot {
         ports
     }
 
-    /// Returns the port of an entry of `sys/class/tty`. Returns `None` for consoles and
+    /// Returns the serial port of an entry of `sys/class/tty`. Returns `None` for consoles and
     /// pseudoterminals, whose entries have no link `device`, and for the entries `ttyS*` that the
     /// driver of 8250 UARTs creates where the machine has no such UART.
     fn serial_port(&self, class: &Path) -> Option<SerialPort> {
@@ -68,17 +67,17 @@ impl SystemRoot {
         })
     }
 
-    /// Returns whether udev has processed the device of a folder in sysfs. udev then writes a file
-    /// named after the kind and the numbers of the device, such as `c166:0`.
+    /// Returns whether udev has finished with a device, whose folder in sysfs is `folder`. udev
+    /// then writes a file named after the device's kind and numbers, such as `c166:0`.
     fn is_settled(&self, folder: &Path) -> bool {
         let numbers = text(&folder.join("dev")).unwrap_or_default();
-        // The socket of the running udev; a container can lack udev and still have its folders.
+        // The running udev has this socket; a container without udev can still have udev's folders.
         let has_udev = self.path("run/udev/control").exists();
         let record = text(&self.path(format!("run/udev/data/c{numbers}")));
         !has_udev || record.is_some_and(|record| !record.contains("E:ID_PROCESSING=1"))
     }
 
-    /// Returns the link to `port` whose name does not depend on the order of plugging in.
+    /// Returns the link to `port` whose name does not depend on the order of plugging devices in.
     fn stable_link(&self, port: &Path) -> Option<PathBuf> {
         let own = entries(&self.path("dev"));
         let own = own.into_iter().filter(|path| {
@@ -91,7 +90,7 @@ impl SystemRoot {
     }
 }
 
-/// Returns the paths in a folder, sorted; none if it cannot be read.
+/// Returns the paths in a folder, sorted; none if the folder cannot be read.
 pub(crate) fn entries(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten();
     let mut paths: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
@@ -104,8 +103,8 @@ fn text(path: &Path) -> Option<String> {
     Some(String::from_utf8_lossy(&bytes).trim_end().to_owned())
 }
 
-/// Returns the name of the driver of a device's folder. Leaves out `serial-base`, which newer
-/// kernels put between a UART and its driver.
+/// Returns the name of a device's driver; `None` for `serial-base`, which newer kernels put between
+/// a UART and its real driver.
 fn driver(device: &Path) -> Option<String> {
     let driver = fs::canonicalize(device.join("driver")).ok()?;
     let mut parts = driver.components();
@@ -126,10 +125,10 @@ fn usb_identity(device: &Path) -> Option<UsbIdentity> {
     })
 }
 
-/// USB vendor and product of a board (`firmware/board-stm32/src/port/usb.rs`). Other devices use
-/// the pair too, for tests, so the product's name counts as well.
+/// USB ids and product name of a board (`firmware/board-stm32/src/port/usb.rs`). The ids are free
+/// for tests and so not unique; therefore the name must match too.
 const BOARD: (&str, &str) = ("1209:0001", "Corticode");
-/// USB vendor of STMicroelectronics, whose ST-LINK connects a board's UART.
+/// USB vendor id of STMicroelectronics, whose ST-LINK connects a board's UART.
 const ST_VENDOR: &str = "0483:";
 
 /// Start of the names in `/dev` that the project's udev rule assigns
@@ -141,8 +140,8 @@ pub(crate) const OWN_NAME: &str = "corticode-";
 pub(crate) struct SerialPort {
     /// Path of the port, such as `/dev/ttyACM0`.
     pub(crate) path: PathBuf,
-    /// Link to the port whose name does not depend on the order of plugging in:
-    /// `/dev/corticode-SERIAL`, else one in `/dev/serial/by-id`.
+    /// Link to the port whose name stays the same in whatever order devices are plugged in:
+    /// `/dev/corticode-SERIAL`, or else one in `/dev/serial/by-id`.
     pub(crate) link: Option<PathBuf>,
     /// Driver of the port in the kernel, such as `cdc_acm`.
     pub(crate) driver: Option<String>,
@@ -153,21 +152,21 @@ pub(crate) struct SerialPort {
     pub(crate) usb: Option<UsbIdentity>,
 }
 
-/// Identity of a USB device, from its descriptor.
+/// What a USB device reports about itself in its descriptor.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub(crate) struct UsbIdentity {
-    /// Vendor and product in hexadecimal, such as `1209:0001`.
+    /// Ids of vendor and product in hexadecimal, such as `1209:0001`.
     pub(crate) id: String,
     pub(crate) manufacturer: Option<String>,
     pub(crate) product: Option<String>,
     pub(crate) serial: Option<String>,
 }
 
-/// Whether a port leads to a board.
+/// Whether a Corticode board is behind a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Likeness {
-    /// The USB descriptor is a board's.
+    /// The USB descriptor is that of a board.
     Board,
     /// An ST-LINK, which is wired to the UART of the board that it is mounted on.
     Maybe,
@@ -175,7 +174,7 @@ pub(crate) enum Likeness {
 }
 
 impl SerialPort {
-    /// Returns whether the port leads to a board, according to its USB descriptor.
+    /// Returns whether a board is behind the port, judged by its USB descriptor.
     pub(crate) fn likeness(&self) -> Likeness {
         let Some(usb) = &self.usb else {
             return Likeness::Other;
@@ -191,8 +190,7 @@ impl SerialPort {
         }
     }
 
-    /// Returns whether udev has given the port a name by the project's rule,
-    /// `/dev/corticode-SERIAL`.
+    /// Returns whether the project's udev rule has given the port a name, `/dev/corticode-SERIAL`.
     pub(crate) fn has_own_name(&self) -> bool {
         let link = self.link.as_ref();
         let name = link.and_then(|link| link.file_name()?.to_str());

@@ -12,32 +12,31 @@ use crate::error::BridgeError;
 use crate::wire::opener::{OpenError, PortOpener};
 use crate::wire::port::{PORT_TIMEOUT, Port, PortAddress, Transfer};
 
-/// Delay between two attempts to open the port. The requirement is to reconnect a replugged device
-/// within 1 s, which allows several attempts.
+/// Time between two attempts to open the port: several attempts fit into the 1 s within which the
+/// bridge shall reconnect to a replugged device.
 const RETRY: Duration = Duration::from_millis(250);
 
 /// Silence after which a serial port is reopened. A board sends `Stats` every second and keeps at
-/// most 4 s of frames, so a board that is silent for longer has stopped, or its port has.
+/// most 4 s of frames, so after a longer silence either the board or its port has stopped.
 const TTY_SILENCE_LIMIT: Duration = Duration::from_secs(5);
 
-/// Silence after which a TCP port is reopened. A broken connection is detected earlier, by TCP
-/// itself. An intact one keeps the data of a suspended peer, and reopening would lose them.
+/// Silence after which a TCP port is reopened. TCP itself detects a broken connection earlier. An
+/// intact one may hold bytes of a suspended device, which reopening would lose.
 const TCP_SILENCE_LIMIT: Duration = Duration::from_mins(1);
 
-/// A port that is reopened whenever it disappears.
+/// A port that is opened again whenever it is lost.
 #[derive(Debug)]
 pub(crate) struct Connection {
     opener: PortOpener,
     state: State,
-    /// Time since which the device has accepted none of the outgoing bytes; `None` if no bytes
-    /// wait.
+    /// Since when the device has accepted none of the outgoing bytes; `None` if none wait.
     stuck_since: Option<Instant>,
-    /// Kind of the last failure that was logged, so that an absent device does not fill the log.
+    /// Kind of the last failure that was logged; it is logged once, however long it lasts.
     reported: Option<String>,
-    /// Whether the next opening of the port is not logged.
+    /// Whether the next opening of the port shall not be logged.
     silently: bool,
-    /// Whether the port sends bytes and has sent no valid frame yet. Its interruptions are not
-    /// logged.
+    /// Whether the port has sent bytes but no valid frame, as the port of another device would.
+    /// Interruptions of such a port are not logged.
     is_stranger: bool,
 }
 
@@ -78,7 +77,7 @@ impl Connection {
         }
     }
 
-    /// Closes the port, which is opened again.
+    /// Closes the port. The next attempt to open it follows after [`RETRY`].
     pub(crate) fn close(&mut self) {
         self.state = State::Closed {
             retry_at: Instant::now() + RETRY,
@@ -105,12 +104,12 @@ impl Feed for Connection {
         matches!(self.state, State::Open(_))
     }
 
-    /// Returns the address of the port; with `auto`, the port and the board that were found last.
+    /// Returns the address of the port; for `auto`, the port and the board that were found last.
     fn name(&self) -> String {
         self.opener.to_string()
     }
 
-    /// Silence of the device after which the port should be reopened.
+    /// Returns the silence of the device after which the port should be reopened.
     fn silence_limit(&self) -> Duration {
         match self.opener.address() {
             PortAddress::Tty(_) | PortAddress::Auto(_) => TTY_SILENCE_LIMIT,
@@ -118,14 +117,14 @@ impl Feed for Connection {
         }
     }
 
-    /// Closes the port, which is opened again without a message in the log.
+    /// Closes the port, and does not log when it is opened again.
     fn close_silently(&mut self) {
         self.silently = true;
         self.close();
     }
 
-    /// Waits for the next event. Meanwhile writes `outgoing` to the device and removes the written
-    /// bytes. Reads bytes from the device even while the device accepts none. Cancel safe.
+    /// Waits for the next event. Meanwhile writes `outgoing` to the device and removes what was
+    /// written. Reads bytes from the device even if the device accepts none. Cancel safe.
     ///
     /// # Errors
     ///
@@ -149,8 +148,7 @@ impl Feed for Connection {
                     self.state = State::Opening(opening);
                 }
                 State::Opening(opening) => {
-                    // Awaiting the task fails only if the task panicked or the runtime is shutting
-                    // down.
+                    // Waiting fails only if the task panicked or the runtime is shutting down.
                     let opened = match opening.await {
                         Ok((opener, opened)) => {
                             self.opener = opener;
@@ -205,8 +203,8 @@ impl Feed for Connection {
                     };
                     match exchanged {
                         Ok(Transfer::Read(count)) => return Ok(Event::Bytes(count)),
-                        // The other end may be gone, but what it sent before can still be read, and
-                        // reading then reports the end.
+                        // The device may have closed its end. What it sent before can still be
+                        // read; then reading reports the end.
                         Ok(Transfer::NotWritten(error)) => {
                             tracing::debug!(%error, "commands cannot be written");
                             outgoing.clear();
@@ -243,14 +241,14 @@ impl Feed for Connection {
         self.is_stranger
     }
 }
-/// Connection to a device, as the streaming loop of this program uses it.
+/// Connection to a device, in the form that the loop needs which publishes the device's streams.
 pub trait Feed {
-    /// Waits for the next event. Bytes from the device are at the front of `buffer`. Meanwhile
-    /// passes `outgoing` to the device and removes what it has accepted. Cancel safe.
+    /// Waits for the next event; bytes from the device then stand at the front of `buffer`.
+    /// Meanwhile passes `outgoing` to the device and removes what was accepted. Cancel safe.
     ///
     /// # Errors
     ///
-    /// [`BridgeError`] if waiting is of no use, such as for an address that is no port.
+    /// [`BridgeError`] if waiting is of no use, such as for an address that is not a port.
     fn next_event(
         &mut self,
         buffer: &mut [u8],
@@ -260,33 +258,33 @@ pub trait Feed {
     /// Returns whether the device is connected.
     fn is_open(&self) -> bool;
 
-    /// Returns the name of the device's address for the log.
+    /// Returns a name of the device for the log, such as the address of its port.
     fn name(&self) -> String;
 
-    /// Returns the host time at which the bytes of the last event came from the device. The clock
-    /// is fitted to this time.
+    /// Returns the host time at which the bytes of the last event came from the device; the
+    /// device's clock is fitted to it.
     fn read_time(&self) -> HostTime {
         HostTime::now()
     }
 
-    /// Silence of the device after which [`Feed::close_silently`] is called.
+    /// Returns the silence of the device after which [`Feed::close_silently`] is called.
     fn silence_limit(&self) -> Duration {
         Duration::MAX
     }
 
-    /// Disconnects from a silent device. The next event connects again.
+    /// Disconnects from a silent device, without logging it. The next event connects again.
     fn close_silently(&mut self) {}
 
-    /// States whether the device has sent bytes that are no valid frame, and nothing else.
+    /// Sets whether the device has so far sent only bytes that form no valid frame.
     fn mark_stranger(&mut self, _is_stranger: bool) {}
 
-    /// Returns whether the last call of [`Feed::mark_stranger`] stated so.
+    /// Returns what the last call of [`Feed::mark_stranger`] has set.
     fn is_stranger(&self) -> bool {
         false
     }
 
-    /// Returns the status of what the device measures, for `/diagnostics`; `None` if the device
-    /// reports it itself. Called once a second.
+    /// Returns a status for `/diagnostics` with what this program has measured; `None` if the
+    /// device measures and reports everything itself. Called once a second.
     fn status(&mut self) -> Option<DiagnosticStatus> {
         None
     }

@@ -1,4 +1,4 @@
-//! Opens the port of an address, as often as it is lost.
+//! Opens the port at an address, and opens it again if it was lost.
 
 use std::{fmt, io};
 
@@ -8,25 +8,25 @@ use crate::ports::finder::{BoardFinder, FindError, FoundBoard};
 use crate::ports::system_root::SystemRoot;
 use crate::wire::port::{Port, PortAddress};
 
-/// Opens the port of an address. With `auto`, each opening finds the port that the board has now,
-/// which can be another one than before, but the board stays the same.
+/// Opens the port at an address. `auto` stands for a board: each opening finds the port that the
+/// board has at that time, but the board stays the same.
 #[derive(Clone, Debug)]
 pub(crate) struct PortOpener {
     address: PortAddress,
     baud: u32,
-    /// Searches for the board; `None` unless the address is `auto`.
+    /// Searches for the board if the address is `auto`; otherwise `None`.
     finder: Option<BoardFinder>,
-    /// Board at the port that was opened last.
+    /// Board found at the port that was opened last; `None` unless the address is `auto`.
     found: Option<FoundBoard>,
 }
 
-/// Why a port does not open.
+/// Why [`PortOpener::open`] fails.
 #[derive(Debug, Error)]
 pub(crate) enum OpenError {
-    /// The operating system's error, also if no board is found.
+    /// The operating system's error; `NotFound` if `auto` finds no board.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// There are several boards, and the address names none of them.
+    /// Several boards are connected, and the address `auto` has no serial number that chooses one.
     #[error("several Corticode boards are connected: {boards}")]
     Ambiguous {
         /// Serial numbers and ports of the boards.
@@ -40,7 +40,7 @@ impl PortOpener {
         PortOpener::below(SystemRoot::machine(), address, baud)
     }
 
-    /// As [`PortOpener::new`], with boards that are found below `root`.
+    /// As [`PortOpener::new`], but searches for boards below the folder `root`.
     pub(crate) fn below(root: SystemRoot, address: PortAddress, baud: u32) -> PortOpener {
         let finder = match &address {
             PortAddress::Auto(serial) => Some(BoardFinder::new(root, serial.clone())),
@@ -58,7 +58,7 @@ impl PortOpener {
         &self.address
     }
 
-    /// Opens the port; with `auto`, searches for the board first.
+    /// Opens the port; for `auto`, searches for the board first.
     ///
     /// # Errors
     ///
@@ -81,7 +81,7 @@ impl PortOpener {
     }
 }
 
-/// Writes the address, or the port and the board that were found for `auto`.
+/// Writes the address; for `auto`, the port and the board that were found last.
 impl fmt::Display for PortOpener {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Some(FoundBoard { path, serial }) = &self.found else {
@@ -106,7 +106,7 @@ mod tests {
     use crate::wire::connection::{Connection, Event, Feed};
     use crate::wire::port::PortAddress;
 
-    /// Returns the device's end of a new pseudoterminal, and the path of the other end.
+    /// Returns the device's end of a new pseudoterminal, and the path of the host's end.
     fn pseudoterminal() -> (File, PathBuf) {
         let device = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
         grantpt(&device).unwrap();
@@ -126,7 +126,7 @@ mod tests {
         let mut connection = Connection::with(auto(&machine));
         let (mut buffer, mut outgoing) = ([0; 16], Vec::new());
         let waits = std::time::Duration::from_millis(600);
-        // Without a board the connection waits.
+        // While no board is plugged in, the connection waits.
         let event = connection.next_event(&mut buffer, &mut outgoing);
         assert!(tokio::time::timeout(waits, event).await.is_err());
         let (mut device, path) = pseudoterminal();
@@ -137,7 +137,7 @@ mod tests {
         let read = connection.next_event(&mut buffer, &mut outgoing).await;
         let expected = (Event::Bytes(5), &b"first"[..]);
         assert_eq!((read.unwrap(), &buffer[..5]), expected);
-        // The board is unplugged, and another one gets the number of its port.
+        // The board is unplugged, and another board gets the name of its port.
         machine.unplug(2, "ttyACM0");
         drop(device);
         let (_other, other_path) = pseudoterminal();

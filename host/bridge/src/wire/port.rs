@@ -1,4 +1,4 @@
-//! Addresses of ports, and an open port.
+//! Addresses of ports, and a port that is open.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -15,20 +15,20 @@ use tokio::net::TcpStream;
 use tokio::net::unix::pipe::{Receiver, Sender};
 use tokio::time::timeout;
 
-/// Timeout for opening a TCP connection, and for writing outgoing bytes to the port.
+/// Timeout for connecting to a TCP port, and for a port that accepts none of the outgoing bytes.
 pub(crate) const PORT_TIMEOUT: Duration = Duration::from_secs(3);
 
 #[derive(Debug)]
 pub(crate) enum Port {
-    /// A serial port or a pseudoterminal in raw mode. Uses Tokio's pipe ends, which accept any
-    /// descriptor that epoll accepts and need no unsafe code here.
+    /// A serial port or a pseudoterminal in raw mode. Tokio's pipe ends are used because they
+    /// accept any descriptor that epoll accepts, and need no unsafe code here.
     Tty(Receiver, Sender),
     Tcp(TcpStream),
 }
 
 impl Port {
-    /// Opens the port. A terminal is locked for this program and set to raw mode at `baud`, which
-    /// pseudoterminals and USB ignore.
+    /// Opens the port. A serial port or pseudoterminal is locked for this program and set to raw
+    /// mode at `baud`, which has no effect on USB and pseudoterminals.
     ///
     /// # Errors
     ///
@@ -72,14 +72,14 @@ impl Port {
     }
 }
 
-/// Result of [`Port::exchange`].
+/// What [`Port::exchange`] has done.
 #[derive(Debug)]
 pub(crate) enum Transfer {
     /// Number of bytes read into the front of the buffer.
     Read(usize),
     /// Number of bytes written from the front of `outgoing`.
     Written(usize),
-    /// Nothing can be written any more. Bytes that arrived before may still be unread.
+    /// Nothing can be written any more, but bytes that arrived before may still be unread.
     NotWritten(io::Error),
 }
 
@@ -100,14 +100,14 @@ async fn exchange(
     }
 }
 
-/// Makes TCP report a peer whose machine does not answer for 10 s (power cut, unplugged cable). The
-/// machine of a suspended program does answer.
+/// Makes TCP report a broken connection if the peer's machine does not answer for 10 s (power cut,
+/// unplugged cable). The machine of a program that is only suspended does answer.
 fn detect_broken_connection(stream: &TcpStream) -> io::Result<()> {
     sockopt::set_socket_keepalive(stream, true)?;
     sockopt::set_tcp_keepidle(stream, Duration::from_secs(4))?;
     sockopt::set_tcp_keepintvl(stream, Duration::from_secs(2))?;
     sockopt::set_tcp_keepcnt(stream, 3)?;
-    // Keepalive does not apply while commands are unacknowledged.
+    // TCP sends no keepalive probes while bytes are unacknowledged; this timeout covers that case.
     #[cfg(target_os = "linux")]
     sockopt::set_tcp_user_timeout(stream, 10_000)?;
     Ok(())
@@ -125,9 +125,9 @@ fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
             "it is neither a serial port nor a pseudoterminal",
         ));
     }
-    // Lock the port, because two bridges on one port would each read only some of the bytes. The
-    // lock is released when this program ends. TIOCEXCL, in contrast, would stay set as long as
-    // another program, such as host-sim, holds the terminal open.
+    // Lock the port, because two bridges at one port would each read only some of the bytes. The
+    // lock ends with this program. TIOCEXCL, in contrast, would stay set as long as another
+    // program, such as host-sim, holds the terminal open.
     rustix::fs::flock(&fd, FlockOperation::NonBlockingLockExclusive).map_err(
         |error| match error {
             Errno::WOULDBLOCK => io::ErrorKind::ResourceBusy.into(),
@@ -145,8 +145,8 @@ fn open_raw(path: &Path, baud: u32) -> io::Result<File> {
     Ok(fd.into())
 }
 
-/// Explains the error `EINVAL` of a terminal that does not support the baud rate; returns other
-/// errors unchanged.
+/// Turns `EINVAL`, which a terminal returns for a baud rate that it does not support, into an error
+/// that says so. Returns other errors unchanged.
 fn speed_error(error: Errno, baud: u32) -> io::Error {
     match error {
         Errno::INVAL => io::Error::new(
@@ -157,15 +157,15 @@ fn speed_error(error: Errno, baud: u32) -> io::Error {
     }
 }
 
-/// Address of the device, parsed from `--port`.
+/// Address of the device's port, as `--port` gives it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum PortAddress {
     /// Path of a serial port or a pseudoterminal.
     Tty(PathBuf),
     /// Host and port of a TCP server, written `tcp:HOST:PORT`.
     Tcp(String),
-    /// The serial port that a board has now, written `auto`: of the only board, or of the one whose
-    /// serial number follows, `auto:SERIAL`.
+    /// The serial port at which a board is now: for `auto` the only board, for `auto:SERIAL` the
+    /// board with this serial number.
     Auto(Option<String>),
 }
 
@@ -185,7 +185,7 @@ impl FromStr for PortAddress {
                     "`{address}` is not a host and a port of 0 to 65535; write tcp:127.0.0.1:5555"
                 ))
             }
-            // host-sim prints its pseudoterminals as `pty:PATH`.
+            // host-sim prints the path of its pseudoterminal as `pty:PATH`.
             Some(("pty", path)) if !path.is_empty() => Ok(PortAddress::Tty(path.into())),
             Some(("auto", "")) => Err(
                 "the serial number is missing; write auto:SERIAL, as listed by corticode-bridge ports"
@@ -207,15 +207,15 @@ impl FromStr for PortAddress {
     }
 }
 
-/// Returns whether a text looks like `tcp:HOST:PORT` without `tcp:` or without `tcp:HOST:`, and has
-/// no folder.
+/// Returns whether a text looks like a TCP address that lacks `tcp:` or `tcp:HOST:`, such as
+/// `lab:5555`, rather than a path.
 fn is_tcp_without_prefix(text: &str) -> bool {
     let last = text.rsplit(':').next().unwrap_or(text);
     !text.contains('/') && !last.is_empty() && last.bytes().all(|byte| byte.is_ascii_digit())
 }
 
 impl PortAddress {
-    /// Parses the address of a port to make: `pty:PATH` or `tcp:HOST:PORT`.
+    /// Parses the address of a port that the program shall make: `pty:PATH` or `tcp:HOST:PORT`.
     ///
     /// # Errors
     ///
@@ -231,7 +231,7 @@ impl PortAddress {
         }
     }
 
-    /// Returns advice for the user when the port does not open.
+    /// Returns advice for the user if opening the port fails with `error`.
     pub(crate) fn remedy(&self, error: io::ErrorKind) -> String {
         match (error, self) {
             (io::ErrorKind::NotFound, PortAddress::Auto(_)) => {
@@ -299,7 +299,7 @@ mod tests {
             "tcp:[::1]:5".parse(),
             Ok(PortAddress::Tcp("[::1]:5".to_owned()))
         );
-        // A colon alone does not make a TCP address.
+        // A colon does not make a path a TCP address.
         let by_id = PortAddress::Tty("/dev/serial/by-path/pci-0:1".into());
         assert_eq!("/dev/serial/by-path/pci-0:1".parse(), Ok(by_id));
         assert_eq!("auto".parse(), Ok(PortAddress::Auto(None)));

@@ -1,4 +1,4 @@
-//! Misbehaving clients of the bridge's ROS node, which must not affect other subscribers.
+//! Clients that misbehave towards the bridge's ROS node, which must not affect other subscribers.
 
 use std::time::Duration;
 
@@ -14,14 +14,14 @@ use crate::board::assert_has;
 use crate::graph::{Graph, ended, frame, until};
 use crate::process::TIMEOUT;
 
-/// Returns the URI of the bridge's XML-RPC server, or `None` until the ROS master knows it.
+/// Returns the URI of the bridge's XML-RPC server; `None` while the ROS master does not know it.
 async fn bridge_uri(master: &str) -> Option<String> {
     let arguments = ["/test", "/acquisition"].map(|text| Value::String(text.to_owned()));
     let answer = call_ros(master, "lookupNode", &arguments).await.ok()?;
     answer.as_str().map(str::to_owned)
 }
 
-/// Returns the address, HOST:PORT, at which the bridge serves `/encoded` to subscribers.
+/// Returns the address HOST:PORT at which the bridge serves `/encoded` to subscribers.
 async fn tcpros(bridge: &str) -> String {
     let protocol = Value::Array(vec![Value::String("TCPROS".into())]);
     let arguments = [
@@ -69,14 +69,14 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
     let api = uri.trim_start_matches("http://").trim_end_matches('/');
 
     let mut held = Vec::new();
-    // Clients that connect to the topic or the API port and send nothing.
+    // Clients that connect to the topic's port or the XML-RPC port and send nothing.
     for _ in 0..20 {
         held.push(send(&topic, b"").await);
         held.push(send(api, b"").await);
     }
     // A subscriber that never reads its messages.
     held.push(send(&topic, &subscription(NeuroFrame::TYPE.md5)).await);
-    // A header that claims 4 GiB, an incomplete HTTP request, and invalid XML.
+    // A header that claims a length of 4 GiB, an incomplete HTTP request, and invalid XML.
     held.push(send(&topic, &u32::MAX.to_le_bytes()).await);
     held.push(send(api, b"POST / HTTP/1.1\r\nContent-Length: 100\r\n\r\n<").await);
     held.push(send(api, b"POST / HTTP/1.1\r\nContent-Length: 5\r\n\r\n<<>>!").await);
@@ -85,7 +85,7 @@ async fn no_abuse_costs_a_subscriber_a_frame() {
         let stream = send(&topic, &subscription(NeuroFrame::TYPE.md5)).await;
         stream.set_zero_linger().unwrap();
     }
-    // A subscriber with another message definition receives an error.
+    // A subscriber whose message definition is another one receives an error.
     let mut wrong = send(&topic, &subscription("00000000000000000000000000000000")).await;
     let mut answer = Vec::new();
     let read = timeout(TIMEOUT, wrong.read_to_end(&mut answer)).await;

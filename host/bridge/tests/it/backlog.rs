@@ -1,4 +1,4 @@
-//! Codes that arrive faster than they are decoded, or late: none is thrown away.
+//! Codes that arrive faster than they are decoded, or late: the bridge loses none of them.
 
 use std::io::{Read, Write};
 use std::net::TcpListener;
@@ -13,11 +13,11 @@ use crate::board::{Board, assert_has};
 use crate::device::{Device, PACE};
 use crate::process::Bridge;
 
-/// Longest wait for the decoder on a busy machine.
+/// Longest wait for the decoder, sufficient for a busy machine.
 const PATIENCE: Duration = Duration::from_mins(3);
 
-/// Reads lines in a thread until `frames` frames of reconstructed signals have arrived, or the
-/// output ends. Returns the number of frames, and of fillers among them.
+/// Reads the bridge's lines in a thread until `frames` frames of reconstructed signals have arrived
+/// or the output ends. The thread returns the number of these frames, and of fillers among them.
 fn reconstructed(bridge: &mut Bridge, frames: usize) -> JoinHandle<(usize, usize)> {
     let messages = bridge.messages();
     spawn(move || {
@@ -32,7 +32,7 @@ fn reconstructed(bridge: &mut Bridge, frames: usize) -> JoinHandle<(usize, usize
     })
 }
 
-/// Waits for a thread, and interrupts the bridge if that takes too long.
+/// Returns the result of a thread. Interrupts the bridge if the thread does not end in time.
 fn join<T>(thread: JoinHandle<T>, bridge: &Bridge) -> T {
     let deadline = Instant::now() + PATIENCE;
     while !thread.is_finished() && Instant::now() < deadline {
@@ -42,13 +42,13 @@ fn join<T>(thread: JoinHandle<T>, bridge: &Bridge) -> T {
     thread.join().unwrap()
 }
 
-/// Starts a board at a TCP port that sends `codes` codes as fast as the host reads them, and then
-/// hangs up. Returns the port.
+/// Starts a board at a TCP port, which sends `codes` codes as fast as the host reads them and then
+/// closes the connection. Returns the port.
 fn fast_board(codes: u32) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = format!("tcp:{}", listener.local_addr().unwrap());
     spawn(move || {
-        // One client alone: a bridge that connects again would get all codes again.
+        // Serve one client only: a bridge that connects again would get all codes a second time.
         let (mut stream, _) = listener.accept().unwrap();
         let mut board = Board::new();
         let mut buffer = [0; 1024];
@@ -61,7 +61,7 @@ fn fast_board(codes: u32) -> String {
             let bytes = board.code(code * 62_500, 3);
             stream.write_all(&bytes).unwrap();
         }
-        // Read to the end, because closing a port with unread commands resets the connection.
+        // Read until the host closes: closing a socket that has unread bytes resets the connection.
         stream.shutdown(std::net::Shutdown::Write).unwrap();
         while let Ok(count) = stream.read(&mut buffer)
             && count > 0
@@ -86,7 +86,7 @@ fn a_board_faster_than_real_time_waits_for_the_decoder() {
 fn a_tcp_board_that_stands_still_for_8_s_loses_no_code() {
     let device = Device::tcp(Board::new());
     let mut bridge = Bridge::ndjson(&device.port);
-    // The frames from before the stall, and of all codes that arrive in a burst after it.
+    // Frames of the 20 codes before the stall and of the 420 codes after it.
     let wanted = 440;
     let frames = reconstructed(&mut bridge, wanted);
     let made_at_least = |codes| {
@@ -107,7 +107,7 @@ fn a_tcp_board_that_stands_still_for_8_s_loses_no_code() {
     let made = device.controls.made.load(Relaxed);
     let log = bridge.success();
     assert!(log.contains("connections 1 resets 0"), "{log}");
-    // The board can make another code before the bridge ends.
+    // The board may make up to two more codes before the bridge ends.
     let all =
         (made..made + 3).any(|made| log.contains(&format!("made {made} received {made} lost 0")));
     assert!(

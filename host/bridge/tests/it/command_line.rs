@@ -1,4 +1,4 @@
-//! The command line: help, completions of the shell, and manual pages.
+//! The command line: help, shell completions, and manual pages.
 
 use std::path::Path;
 use std::process::Command;
@@ -111,7 +111,7 @@ fn stdout(arguments: &[&str]) -> String {
     text
 }
 
-/// Returns what bash offers for the last of `words`, with the script at `script`.
+/// Returns the completions that bash offers for the last of `words`, using the script at `script`.
 fn completed(script: &Path, words: &str) -> Vec<String> {
     let commands = r#"
         source "$1"
@@ -163,7 +163,7 @@ fn every_shell_has_a_script_that_names_the_program() {
     assert!(log.contains("bash") && log.contains("zsh"), "{log}");
 }
 
-/// Returns the long options and the subcommands in a help text.
+/// Returns the names of the long options and of the subcommands in a help text.
 fn names(help: &str) -> Vec<String> {
     let lines = help.lines().map(str::trim_start);
     let options = lines.filter(|line| line.starts_with('-'));

@@ -1,4 +1,4 @@
-//! The configuration file of the program, and what overrides it.
+//! The configuration file of the program, and the sources of options that override it.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use crate::device::Device;
 use crate::graph::{ended, frame, master, node, subscribe};
 use crate::process::Bridge;
 
-/// Writes a configuration file to a new folder.
+/// Writes a configuration file to a new folder. Returns the folder and the file's path.
 fn config(text: &str) -> (TempDir, String) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bridge.toml");
@@ -21,7 +21,7 @@ fn config(text: &str) -> (TempDir, String) {
     (folder, path)
 }
 
-/// Starts the bridge, waits for a frame on `topic`, and returns the log.
+/// Starts the bridge, waits for a frame on `topic`, ends the bridge and returns its log.
 async fn log_of_bridge_on(
     master: &Master,
     topic: &str,
@@ -80,7 +80,7 @@ fn the_file_of_the_user_is_found_and_applies_to_subcommands() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("corticode/bridge.toml");
     std::fs::create_dir(path.parent().unwrap()).unwrap();
-    // `selftest` has no option --streams, which the file may hold for the bridge.
+    // The file may set --streams for the bridge, although `selftest` has no such option.
     std::fs::write(&path, "port = \"/nowhere\"\nstreams = [\"raw\"]\n").unwrap();
     let home = ("XDG_CONFIG_HOME", folder.path().to_str().unwrap());
     let recording = folder.path().join("a.wire");

@@ -1,4 +1,4 @@
-//! The subcommand `convert`: events at their samples in spite of loss and a restart, and errors.
+//! The subcommand `convert`: events stand at their samples in spite of loss and a restart; errors.
 #![expect(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
@@ -22,13 +22,13 @@ use crate::packed_recording::{HOP_US, PackedRecording};
 use crate::process::{Bridge, wait_for_bytes};
 use crate::synthetic_recording::{Rig, TICKS_PER_SECOND};
 
-/// Runs `convert` and returns exit status and log.
+/// Runs `convert` on a file and returns exit status and log.
 pub(crate) fn convert(file: &Path, to: &str) -> (Option<i32>, String) {
     let (status, log) = Bridge::start(&["convert", file.to_str().unwrap(), "--to", to]).wait();
     (status.code(), log)
 }
 
-/// Columns of a CSV file by name.
+/// A CSV file: its rows, and the index of each column by name.
 pub(crate) struct Table {
     columns: HashMap<String, usize>,
     pub(crate) rows: Vec<Vec<String>>,
@@ -57,7 +57,7 @@ impl Table {
         self.number(row, "flags") >= 32_768.0
     }
 
-    /// Returns the rows of all events; an event that shares its row counts as often.
+    /// Returns the row of each event. A row with several events is returned once for each of them.
     pub(crate) fn events(&self) -> Vec<usize> {
         let rows = (0..self.rows.len()).flat_map(|row| {
             let events = self.text(row, "events");
@@ -72,18 +72,19 @@ impl Table {
     }
 }
 
-/// Time of a row on the scalp in ticks, as its values state it; `None` for a filler.
+/// Returns when a row happened on the scalp, in ticks of 1/512 s: the simulated board encodes this
+/// time in the row's values. `None` for a filler.
 fn tick_of(table: &Table, stream: &str, row: usize) -> Option<f64> {
     if table.is_filler(row) {
         return None;
     }
     if stream != "codes" {
-        // The first channel, after four columns and eight status words. A count is 22.351742 nV.
+        // The first channel follows four columns and eight status words. 1 count is 22.351742 nV.
         let microvolts: f64 = table.rows[row][12].parse().unwrap();
         return Some((microvolts / 0.022_351_742).round());
     }
     let digits = (0..8).map(|place| {
-        // Levels of the simulated board are 2 z + 1.
+        // The simulated board's code has scale 0.5 and zero point 1, so a level is 2 z + 1.
         let level = table.number(row, &format!("z{place:03}")) * 2.0 + 1.0;
         level * f64::from(1 << (4 * place))
     });
@@ -107,20 +108,21 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
     let (status, log) = convert(&path, "csv");
     assert_eq!(status, Some(0), "{log}");
     assert_has(&log, [&format!("events: {}", times_us.len())]);
-    // Ticks of 1/512 s from one row to the next.
+    // For each stream, the number of ticks (1/512 s) from one row to the next.
     for (stream, ticks) in [("raw", 1.0), ("filtered", 4.0), ("codes", 32.0)] {
         let table = Table::read(&folder.path().join(format!("session.{stream}.csv")));
         let events = table.events();
         assert_eq!(events.len(), times_us.len(), "{stream}");
         let (mut worst, mut checked) = (0.0_f64, 0);
         for (row, us) in events.into_iter().zip(&times_us) {
-            // If the sample itself is lost, the next one that is not states the time.
+            // If the event's own sample is lost, look for the next row that is not a filler.
             let found =
                 (row..table.rows.len()).find_map(|at| Some((at, tick_of(&table, stream, at)?)));
             let Some((at, tick)) = found else { continue };
             let tick = tick - (at - row) as f64 * ticks;
             let event = *us as f64 * TICKS_PER_SECOND as f64 / 1e6;
-            // A row after the pause of the restart is off by its rounding.
+            // The pause of the restart is filled with whole rows, so later rows are off by a
+            // fraction.
             worst = worst.max((tick - event).abs() / ticks);
             checked += 1;
         }
@@ -128,8 +130,7 @@ fn events_stand_at_their_samples_in_spite_of_loss_and_a_restart() {
         assert!(checked >= times_us.len() - 1, "{stream}: {checked}");
         assert!(worst <= 1.1, "{stream}: {worst} rows");
         assert!((0..table.rows.len()).any(|row| table.is_filler(row)));
-        // The time that the values of a row state agrees with the row's index, from the first row to
-        // the last.
+        // In every row, the time that its values tell agrees with the row's index.
         let mut at_start = None;
         for row in 0..table.rows.len() {
             let Some(tick) = tick_of(&table, stream, row) else {
@@ -147,7 +148,7 @@ fn events_after_an_outage_longer_than_the_bridge_fills_stand_at_their_samples() 
     let folder = tempfile::tempdir().unwrap();
     let mut rig = Rig::new(5);
     rig.run(200, 7);
-    // The bridge fills 2 minutes of samples, the conversion all.
+    // The bridge would fill only the first 2 minutes of missing samples; `convert` fills all.
     rig.restart(300_000_000);
     rig.run(200, 7);
     let times_us = rig.event_times_us.clone();
@@ -164,7 +165,7 @@ fn events_after_an_outage_longer_than_the_bridge_fills_stand_at_their_samples() 
     let (mut block, mut ticks) = (Block::default(), Vec::new());
     while raw.read_block(&mut block).unwrap() {
         let rows = block.samples[0].iter().zip(&block.samples[flags.unwrap()]);
-        // The first channel states the time of a sample in ticks. A count is 22.351742 nV.
+        // The first channel holds the sample's time in ticks, as counts of 22.351742 nV.
         ticks.extend(rows.map(|(microvolts, flags)| {
             (*flags < 32_768.0).then_some((microvolts / 0.022_351_742).round())
         }));
@@ -195,14 +196,15 @@ fn all_formats_hold_the_rows_and_events_of_csv() {
     for stream in ["raw", "filtered", "codes", "reconstructed"] {
         let file = |to| folder.path().join(format!("session.{stream}.{to}"));
         let table = Table::read(&file("csv"));
-        // CSV has the shortest digits of a float32; BDF has 24 bits of +-187,500 uV.
+        // The last argument is the tolerance in microvolts: none for GDF, because CSV holds enough
+        // digits for a float32; for BDF the rounding to 24 bits of +-187,500 uV.
         compare(&table, Recording::open(file("gdf")).unwrap(), 0, 0.0);
         compare(&table, Recording::open(file("bdf")).unwrap(), 1, 0.012);
         compare_arrays(&table, &file("npz"));
     }
 }
 
-/// Compares the first and the last channel, a status word and the events of a file with a table.
+/// Compares the first and the last channel, two status words and the events of a file with a table.
 /// The file has `more` signals after the status words.
 fn compare(table: &Table, mut recording: Recording, more: usize, tolerance: f64) {
     let rate_hz = recording.signals()[0].rate.unwrap().value();
@@ -230,7 +232,7 @@ fn compare(table: &Table, mut recording: Recording, more: usize, tolerance: f64)
     assert_eq!(row, table.rows.len());
 }
 
-/// Compares the times, a status word and the first channel of all rows of an NPZ file with a table.
+/// Compares an NPZ file with a table: times, one status word and the first channel of all rows.
 fn compare_arrays(table: &Table, path: &Path) {
     let mut archive = zip::ZipArchive::new(File::open(path).unwrap()).unwrap();
     assert_eq!(archive.len(), 5);
@@ -249,8 +251,8 @@ fn compare_arrays(table: &Table, path: &Path) {
     assert!(header.contains(&format!("'shape': ({count},)")), "{header}");
     let width = rows.len() / count;
     assert_eq!(width * count, rows.len());
-    // A row has 16 bytes before the status words, 16 bytes of status words, and 4 bytes for each
-    // value. Twelve columns of the table are no values: four, and the eight status words.
+    // A row has 16 bytes of times, 16 bytes of status words, and 4 bytes for each value. Of the
+    // table's columns, twelve are not values: four, and the eight status words.
     assert_eq!(width, 16 + 16 + 4 * (table.columns.len() - 12));
     for (row, bytes) in rows.chunks(width).enumerate() {
         let time_ns = i64::from_le_bytes(bytes[..8].try_into().unwrap());
@@ -348,7 +350,7 @@ fn write(folder: &Path, bytes: Vec<u8>) -> PathBuf {
     path
 }
 
-/// Converts a recording, and returns the rows of its signals.
+/// Converts a recording, and returns the rows of its reconstructed signals.
 fn signals(recording: PackedRecording) -> Table {
     let folder = tempfile::tempdir().unwrap();
     let path = write(folder.path(), recording.finish());
@@ -398,7 +400,8 @@ fn events_beside_a_restart_stand_at_their_rows() {
     for _ in 0..20 {
         recording.hop();
     }
-    // The last row is 10 ms old, the delay of the filters, and rows are 7.8 ms apart.
+    // The last row happened 10 ms ago, because the filters delay it, and rows are 7.8 ms apart: an
+    // event 20 ms ago belongs to an earlier row.
     recording.event(20_000);
     recording.restart(8 * HOP_US);
     for _ in 0..20 {
@@ -408,7 +411,7 @@ fn events_beside_a_restart_stand_at_their_rows() {
     let table = signals(recording);
     let fillers = (0..table.rows.len()).filter(|row| table.is_filler(*row));
     assert!(fillers.eq(160..224));
-    // The last event comes after the last row.
+    // No row is late enough for the last event, so it stands at none.
     let after = (0..19).map(|block| 224 + 8 * block + 9);
     let expected: Vec<usize> = std::iter::once(158).chain(after).collect();
     assert_eq!(table.events(), expected);

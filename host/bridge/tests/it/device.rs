@@ -1,4 +1,4 @@
-//! A simulated board at a TCP port or a pseudoterminal, in real time.
+//! A simulated board at a TCP port or a pseudoterminal, which runs in real time.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener};
@@ -20,28 +20,28 @@ use crate::board::Board;
 /// Time between two codes. It is shorter than the 62.5 ms of a real board, to keep the tests short.
 pub(crate) const PACE: Duration = Duration::from_millis(20);
 
-/// Controls and counters of a running board, shared with its thread.
+/// What a test sets and reads while a board runs; shared with the board's thread.
 #[derive(Default)]
 pub(crate) struct Controls {
     /// Number of codes that the board makes next but does not send.
     pub(crate) lose: AtomicU32,
-    /// Number of codes by which the index of the next code jumps, as after a long outage.
+    /// Number of codes that the board skips next, as a long outage would.
     pub(crate) jump: AtomicU32,
-    /// Whether a byte of every third code is changed on its way.
+    /// Whether a byte of every third code is changed on its way to the host.
     pub(crate) damage: AtomicBool,
     /// Set by a test to close the connection once, while the board keeps running.
     pub(crate) hang_up: AtomicBool,
     /// Number of codes made so far.
     pub(crate) made: AtomicU32,
-    /// Whether the board refuses connections.
+    /// Whether the board accepts no new connection.
     pub(crate) unplugged: AtomicBool,
-    /// Whether the board is suspended. Afterwards the board makes the codes of that time at once.
+    /// Whether the board is suspended. When this ends, the board makes the missed codes at once.
     pub(crate) stand_still: AtomicBool,
     stop: AtomicBool,
     received: Mutex<Vec<ToDevice>>,
 }
 
-/// A simulated board at a port; a thread runs the board.
+/// A simulated board at a port, run by a thread.
 pub(crate) struct Device {
     pub(crate) port: String,
     pub(crate) controls: Arc<Controls>,
@@ -49,7 +49,7 @@ pub(crate) struct Device {
 }
 
 impl Device {
-    /// Starts the board at a free TCP port.
+    /// Runs the board at a free TCP port.
     pub(crate) fn tcp(board: Board) -> Device {
         let listener = TcpListener::bind(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
         let port = format!("tcp:{}", listener.local_addr().unwrap());
@@ -61,8 +61,8 @@ impl Device {
         })
     }
 
-    /// Starts the board at a pseudoterminal whose name changes with every reconnection. The
-    /// symbolic link `path` points to the current pseudoterminal.
+    /// Runs the board at a pseudoterminal whose name changes with every connection. The symbolic
+    /// link `path` leads to the current pseudoterminal.
     pub(crate) fn pty(board: Board, path: &Path) -> Device {
         let port = path.display().to_string();
         let path = path.to_owned();
@@ -97,8 +97,8 @@ impl Device {
                 }
                 if shared.hang_up.swap(false, Relaxed) {
                     line = None;
-                    // Remove the symbolic link, because another program may get a pseudoterminal of
-                    // this name next.
+                    // Remove the symbolic link, because another program may be given a
+                    // pseudoterminal with this name.
                     link.as_ref().map(std::fs::remove_file);
                 }
                 if line.is_none() && !shared.unplugged.load(Relaxed) {
@@ -172,8 +172,8 @@ impl Drop for Device {
     }
 }
 
-/// Returns the messages that the board sends with its newest code: samples and steps, and with every
-/// tenth code an edge of the trigger and an audit.
+/// Returns the messages that the board sends beside its newest code: samples and steps, and with
+/// every tenth code an edge of the trigger and an audit, all of them only if requested.
 fn side_messages(board: &mut Board, device_us: u64) -> Vec<u8> {
     let window = board.next_window - 1;
     let streams = board.streams;
@@ -236,14 +236,13 @@ trait Line: Read + Write + Send {}
 
 impl<T: Read + Write + Send> Line for T {}
 
-/// Returns whether an error only means that no bytes can be transferred now. EIO (5) means that no
+/// Returns whether an error means only that no bytes can be moved at present. EIO (5) means that no
 /// program has opened the other end of the pseudoterminal.
 fn is_not_ready(error: &io::Error) -> bool {
     error.kind() == ErrorKind::WouldBlock || error.raw_os_error() == Some(5)
 }
 
-/// Sends bytes without waiting, as a board does: bytes that the host does not read in time are
-/// dropped.
+/// Sends bytes as a board does, without waiting: what the host does not read in time is dropped.
 fn send(line: &mut Option<Box<dyn Line>>, bytes: &[u8]) {
     if let Some(open) = line
         && let Err(error) = open.write_all(bytes)

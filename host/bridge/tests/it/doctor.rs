@@ -1,4 +1,4 @@
-//! The subcommand `doctor` of the program, on machines with and without faults.
+//! The subcommand `doctor`, on machines with and without faults.
 
 use link::ToDevice;
 use neuro_ros::ros1::xmlrpc::{Value as RosValue, call_ros};
@@ -11,7 +11,7 @@ use crate::graph::{master, node};
 use crate::process::{Bridge, free_address, serve};
 use crate::trouble::stranger;
 
-/// Runs the doctor until it exits. Returns exit status and stdout.
+/// Runs `doctor` until it exits. Returns exit status and stdout.
 fn doctor(arguments: &[&str], variables: &[(&str, &str)]) -> (Option<i32>, String) {
     let arguments = [&["doctor"], arguments].concat();
     let mut bridge = Bridge::start_with(&arguments, variables);
@@ -21,14 +21,14 @@ fn doctor(arguments: &[&str], variables: &[(&str, &str)]) -> (Option<i32>, Strin
     (status.code(), text)
 }
 
-/// Runs the doctor with `--json`. Returns exit status and the checks.
+/// Runs `doctor --json` until it exits. Returns exit status and the checks.
 fn checks(arguments: &[&str], variables: &[(&str, &str)]) -> (Option<i32>, Vec<Value>) {
     let (code, text) = doctor(&[arguments, &["--json"]].concat(), variables);
     let report: Value = serde_json::from_str(&text).unwrap();
     (code, report["checks"].as_array().unwrap().clone())
 }
 
-/// Returns the finding and the remedy of the check `name`, which must have this level.
+/// Returns finding and remedy of the check `name`, after asserting that its level is `level`.
 fn found<'a>(checks: &'a [Value], name: &str, level: &str) -> (&'a str, &'a str) {
     let check = checks.iter().find(|check| check["check"] == name);
     let check = check.unwrap_or_else(|| panic!("no check {name} in {checks:#?}"));
@@ -37,7 +37,7 @@ fn found<'a>(checks: &'a [Value], name: &str, level: &str) -> (&'a str, &'a str)
     (text("finding"), text("remedy"))
 }
 
-/// Type of the topics that another node publishes.
+/// Message type of the topics that another node publishes in the test.
 static STRING: MessageType = MessageType {
     name: "std_msgs/String",
     md5: "992ce8a1687cec8c8bd883ec73ca41d1",
@@ -54,7 +54,7 @@ async fn a_machine_in_order_is_status_0() {
     let folder = tempfile::tempdir().unwrap();
     let device = Device::pty(Board::new(), &folder.path().join("board"));
     let arguments = ["--port", &device.port, "--ros-master-uri", master.uri()];
-    // The board opens its pseudoterminal in a thread.
+    // Wait until the board's thread has made the pseudoterminal.
     while !folder.path().join("board").exists() {
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
@@ -83,7 +83,7 @@ async fn a_machine_in_order_is_status_0() {
     }
     let (finding, _) = found(&checks, "device", "ok");
     assert!(finding.contains("board, firmware test") && finding.contains("wire format 1"));
-    // The streams of a running device are left as they are.
+    // The doctor only asks a running device to identify itself; it does not change its streams.
     let received = device.received();
     assert!(received.len() >= 2);
     let identify = |command: &ToDevice| *command == ToDevice::Identify;
@@ -136,7 +136,7 @@ async fn faults_of_device_and_ros_graph_are_named() {
         model_id: [9; 8],
         ..Board::new()
     });
-    // TEST-NET-1, RFC 5737: no machine has this address.
+    // No machine has this address: RFC 5737 reserves it for documentation.
     let variables = [("ROS_IP", "192.0.2.1")];
     let arguments = ["--port", &device.port, "--ros-master-uri", master.uri()];
     let (code, checks) = checks(&arguments, &variables);
@@ -192,7 +192,7 @@ fn a_port_of_another_device_or_none_is_status_1() {
         let (finding, remedy) = found(&checks, name, "error");
         assert_has(finding, [expected]);
         assert_has(remedy, [help]);
-        // Without ROS, ROS is not checked.
+        // With --sink ndjson the doctor does not check ROS.
         let is_of_ros = |check: &Value| check["check"] == "ROS master";
         assert!(!checks.iter().any(is_of_ros), "{checks:?}");
     }

@@ -37,7 +37,7 @@ impl Graph {
         }
     }
 
-    /// Starts a bridge between the board and the master, with more arguments.
+    /// Starts a bridge between the board and the master, with `more` arguments added.
     pub(crate) fn bridge_with(&self, more: &[&str]) -> Bridge {
         let (port, uri) = (&*self.device.port, self.master.uri());
         let arguments = ["--port", port, "--ros-master-uri", uri];
@@ -48,7 +48,7 @@ impl Graph {
         self.bridge_with(&[])
     }
 
-    /// Subscribes to a topic of frames.
+    /// Subscribes the node `recorder` to a topic of frames.
     pub(crate) async fn subscribe(&self, topic: &str) -> Subscriber {
         subscribe(&self.node, topic).await
     }
@@ -74,13 +74,13 @@ pub(crate) async fn frame(subscriber: &mut Subscriber) -> NeuroFrame {
     NeuroFrame::from_bytes(&body).unwrap()
 }
 
-/// Subscribes to a topic of frames.
+/// Subscribes `node` to a topic of frames.
 pub(crate) async fn subscribe(node: &Node, topic: &str) -> Subscriber {
     let subscriber = node.subscribe(topic, NeuroFrame::TYPE, 1024).await;
     subscriber.unwrap()
 }
 
-/// Waits until a bridge exits with status 0. Returns its log.
+/// Waits until a bridge exits by itself with status 0. Returns its log.
 pub(crate) async fn ended(bridge: Bridge) -> String {
     let ended = tokio::task::spawn_blocking(|| bridge.success()).await;
     ended.unwrap()
@@ -172,7 +172,7 @@ async fn the_bridge_registers_with_a_late_master_and_again_after_its_restart() {
     let device = Device::tcp(Board::new());
     let bridge = Bridge::start(&["--port", &device.port, "--ros-master-uri", &uri]);
     until("codes", async || device.controls.made.load(Relaxed) > 5).await;
-    // Wait until the bridge has logged the absence of a ROS master, which it does after 1 s.
+    // Wait until the bridge has logged that there is no ROS master, which takes it 1 s.
     sleep(Duration::from_millis(1500)).await;
     for round in 0..2 {
         let master = Master::start(address).await.unwrap();
@@ -277,7 +277,7 @@ async fn a_number_on_packed_rate_becomes_the_rate_of_the_device() {
         let rates = rates.unwrap();
         let asked = || graph.device.rates();
         until("the model's rate", async || asked() == [4]).await;
-        // No rate, and then one.
+        // 16 is not a valid rate, 9 is.
         rates.publish(&UInt8 { data: 16 }.to_bytes());
         rates.publish(&UInt8 { data: 9 }.to_bytes());
         until("the rate of the topic", async || asked() == [4, 9]).await;

@@ -1,4 +1,4 @@
-//! Tests of `--sink ndjson`, with which the bridge writes lines of JSON instead of using ROS.
+//! Tests of `--sink ndjson`, with which the bridge prints lines of JSON and uses no ROS.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::{BufRead, BufReader};
@@ -120,7 +120,7 @@ fn all_streams_are_written_as_lines_and_a_wrong_code_is_an_error() {
 
 const PAGE: &str = include_str!("../../../../docs/json-lines.md");
 
-/// Returns the fields that a section of the page lists.
+/// Returns the names of the fields that a section of docs/json-lines.md lists.
 fn listed(section: &str) -> BTreeSet<String> {
     let title = format!("\n## {section}\n");
     let (_, text) = PAGE.split_once(&title).unwrap();
@@ -130,7 +130,7 @@ fn listed(section: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// Adds the fields of a value below `path`. A list of objects has the fields of its elements.
+/// Adds the paths of all fields in the JSON value at `path`. A list counts as its elements.
 fn collect(value: &Value, path: &str, fields: &mut BTreeSet<String>) {
     match value {
         Value::Object(object) => {
@@ -187,8 +187,7 @@ fn the_lines_have_exactly_the_fields_of_the_page() {
     }
 }
 
-/// Replays a recording to a bridge, and returns the bridge's messages with their topics, and its
-/// log.
+/// Replays a recording to a bridge. Returns its messages, each with its topic, and its log.
 fn messages(recording: PackedRecording) -> (Vec<(String, Value)>, String) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recording");
@@ -219,10 +218,10 @@ fn malformed_blocks_are_an_error_of_the_packed_code_and_do_not_count_as_decoded(
         }
     }
     let (messages, log) = messages(recording);
-    // The log names the stream that is received, and not codes.
+    // The log names the stream that is received: packed blocks, not codes.
     assert_has(&log, ["packed blocks: 16 per second"]);
     assert!(!log.contains("codes: 16 per second"), "{log}");
-    // A replay refuses every rate; that it refuses the model's rate is no warning.
+    // A replay refuses to set any rate. That it refuses the model's rate is not worth a warning.
     let refused = log.lines().find(|line| line.contains("refuses the rate 4"));
     assert!(refused.unwrap().contains("INFO"), "{log}");
     assert_has(&log, ["windows: decoded 23 ", "packed blocks malformed 1"]);

@@ -16,8 +16,8 @@ use crate::device::Device;
 use crate::process::{Bridge, TIMEOUT};
 use crate::simulated_machine::{BOARD, Descriptor, OTHER, SimulatedMachine};
 
-/// Replaces `/sys` and `/dev` by those of the folder `$1`, in a separate namespace, and runs the
-/// rest of the arguments. Pseudoterminals stay those of the real machine.
+/// Shell script that puts `dev` and `sys` of the folder `$1` in place of the machine's, in a
+/// namespace of its own, and runs the rest of its arguments. `/dev/pts` stays the real one.
 const SCRIPT: &str = r#"
 mkdir -p "$1/dev/pts" && touch "$1/dev/null" \
     && mount --bind /dev/null "$1/dev/null" && mount --rbind /dev/pts "$1/dev/pts" \
@@ -25,8 +25,8 @@ mkdir -p "$1/dev/pts" && touch "$1/dev/null" \
     && shift && exec "$@"
 "#;
 
-/// Returns whether this user can create namespaces. If not, reports on stderr that the test is
-/// skipped, or fails if CORTICODE_REQUIRE_ROS is 1.
+/// Returns whether this user can create namespaces, without which `test` cannot run. If not, says
+/// so on stderr, or fails if CORTICODE_REQUIRE_ROS is 1.
 fn namespaces(test: &str) -> bool {
     let status = namespace().arg("true").stderr(Stdio::null()).status();
     if status.is_ok_and(|status| status.success()) {
@@ -49,7 +49,7 @@ fn namespace() -> Command {
     command
 }
 
-/// Prepares the bridge with these arguments on the machine.
+/// Returns a command that runs the bridge with these arguments on the simulated machine.
 fn bridge_on(machine: &SimulatedMachine, arguments: &[&str]) -> Command {
     let mut command = namespace();
     command
@@ -58,7 +58,7 @@ fn bridge_on(machine: &SimulatedMachine, arguments: &[&str]) -> Command {
     command
         .arg(env!("CARGO_BIN_EXE_corticode-bridge"))
         .args(arguments);
-    // The configuration file of the user who runs the tests must not change the results.
+    // Ignore the configuration file of the user who runs the tests.
     command
         .env("CORTICODE_CONFIG", "/dev/null")
         .stdin(Stdio::null())
@@ -67,7 +67,7 @@ fn bridge_on(machine: &SimulatedMachine, arguments: &[&str]) -> Command {
     command
 }
 
-/// Plugs `board` into a socket; its port is the pseudoterminal to which `link` points.
+/// Waits for the pseudoterminal to which `link` leads, and plugs it in as the port of `board`.
 fn plug(machine: &SimulatedMachine, socket: u32, tty: &str, board: Descriptor<'_>, link: &Path) {
     let deadline = Instant::now() + TIMEOUT;
     let node = loop {
@@ -133,7 +133,7 @@ fn a_board_that_is_silent_is_named_with_its_port() {
     let mut bridge = Bridge::spawn_command(command.process_group(0));
     let stdout = bridge.stdout();
     let reader = std::thread::spawn(move || std::io::read_to_string(stdout));
-    // A silence is logged after 5 s.
+    // Long enough for the bridge to log the silence, which it does after 5 s.
     std::thread::sleep(Duration::from_secs(12));
     let log = bridge.end(Signal::TERM);
     let board = format!("/dev/ttyACM0 (board {})", BOARD.serial);
@@ -157,7 +157,7 @@ fn selftest_reset_and_record_find_the_board_by_its_serial_number() {
     let device = Device::pty(board, &link);
     plug(&machine, 2, "ttyACM3", BOARD, &link);
     machine.plug(3, "ttyACM0", OTHER, None);
-    // The device prints its serial number in small letters.
+    // The device prints its serial number in small letters, USB reports it in capital letters.
     let auto = format!("auto:{}", BOARD.serial.to_lowercase());
     for task in ["selftest", "reset"] {
         let output = bridge_on(&machine, &[task, "--port", &auto]).output();

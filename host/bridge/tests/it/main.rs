@@ -1,5 +1,4 @@
-//! Tests of the program `corticode-bridge`, between a simulated board and this project's ROS
-//! master.
+//! Tests of the program `corticode-bridge`, between a simulated board and a ROS master.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod abuse;

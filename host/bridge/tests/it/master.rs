@@ -1,4 +1,4 @@
-//! The program's own ROS master.
+//! The subcommand `master`, the program's own ROS master.
 
 use std::net::SocketAddr;
 
@@ -10,7 +10,7 @@ use crate::device::Device;
 use crate::graph::{ended, frame, node, subscribe, until};
 use crate::process::{Bridge, free_address};
 
-/// Starts the program as a master at an address, and waits until it answers. Returns the URI too.
+/// Runs `corticode-bridge master` at an address and waits until it answers. Returns its URI too.
 async fn master(address: SocketAddr) -> (Bridge, String) {
     let master = Bridge::start(&["master", "--bind", &address.to_string()]);
     let uri = format!("http://127.0.0.1:{}/", address.port());

@@ -27,7 +27,7 @@ async fn diagnostics(node: &Node) -> Subscriber {
     node.subscribe("/diagnostics", type_, 64).await.unwrap()
 }
 
-/// Waits for a report that contains a status for which `wanted` holds, and returns the status.
+/// Waits for a report with a status for which `wanted` is true, and returns this status.
 async fn status(
     reports: &mut Subscriber,
     wanted: impl Fn(&DiagnosticStatus) -> bool,
@@ -74,7 +74,7 @@ async fn frames_are_not_published_beside_another_publisher_until_that_one_is_gon
     drop(other);
     let mut encoded = subscribe(&filter, "/encoded").await;
     frame(&mut encoded).await;
-    // A publisher that comes later ends the bridge's publication.
+    // If another publisher appears, the bridge stops publishing the topic.
     let _other = filter.advertise("/encoded", type_, QUEUE).await.unwrap();
     until("the end of the publication", async || {
         publishers(&filter, "/encoded").await == ["/filterchain"]

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
-/// Timeout of every wait in a test, sufficient for a busy machine.
+/// Timeout of every wait in these tests, sufficient for a busy machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// A running bridge process, which is killed when this value is dropped.
@@ -22,7 +22,7 @@ impl Bridge {
         Bridge::start_with(arguments, &[])
     }
 
-    /// Starts the bridge for the board at `port`, with lines of JSON on stdout.
+    /// Starts the bridge for the board at `port`; it prints frames as lines of JSON on stdout.
     pub(crate) fn ndjson(port: &str) -> Bridge {
         Bridge::start(&["--port", port, "--sink", "ndjson"])
     }
@@ -36,7 +36,7 @@ impl Bridge {
         Bridge::spawn_command(&mut Bridge::command(arguments, variables, stdout))
     }
 
-    /// Starts a command that runs the bridge.
+    /// Starts a command that in turn runs the bridge.
     pub(crate) fn spawn_command(command: &mut Command) -> Bridge {
         Bridge {
             child: command.spawn().unwrap(),
@@ -54,7 +54,7 @@ impl Bridge {
             command.env_remove(variable);
         }
         command.env("ROS_IP", "127.0.0.1").args(arguments);
-        // The configuration file of the user who runs the tests must not change the results.
+        // Ignore the configuration file of the user who runs the tests.
         command.env("CORTICODE_CONFIG", "/dev/null");
         command.envs(variables.iter().copied());
         command
@@ -64,14 +64,14 @@ impl Bridge {
         command
     }
 
-    /// Starts the bridge with the configuration of a user. `home` is the variable that names the
-    /// user's folder.
+    /// Starts the bridge with the configuration file of a user. `home` is the environment variable
+    /// that names the user's folder, and its value.
     pub(crate) fn start_in_home(arguments: &[&str], home: (&str, &str)) -> Bridge {
         let mut command = Bridge::command(arguments, &[home], Stdio::piped());
         Bridge::spawn_command(command.env_remove("CORTICODE_CONFIG"))
     }
 
-    /// Starts the bridge with its output in a file.
+    /// Starts the bridge with its stdout going to a file.
     pub(crate) fn start_into(file: std::fs::File, arguments: &[&str]) -> Bridge {
         Bridge::spawn(arguments, &[], file.into())
     }
@@ -80,7 +80,7 @@ impl Bridge {
         self.child.stdout.take().unwrap()
     }
 
-    /// Returns topic and message of each line of JSON on stdout.
+    /// Returns the topic and message in each line of JSON on stdout.
     pub(crate) fn messages(&mut self) -> impl Iterator<Item = (String, Value)> + Send + use<> {
         let lines = BufReader::new(self.stdout()).lines();
         lines.map_while(Result::ok).map(|line| {
@@ -121,7 +121,7 @@ impl Bridge {
         self.failure(0)
     }
 
-    /// Waits until the bridge exits with this status. Returns its output on stderr.
+    /// Waits until the bridge exits with status `status`. Returns its output on stderr.
     #[track_caller]
     pub(crate) fn failure(self, status: i32) -> String {
         let (ended, log) = self.wait();
@@ -129,8 +129,7 @@ impl Bridge {
         log
     }
 
-    /// Sends a signal, after which the bridge must exit with status 0. Returns its output on
-    /// stderr.
+    /// Sends a signal, upon which the bridge must exit with status 0. Returns its output on stderr.
     #[track_caller]
     pub(crate) fn end(self, signal: Signal) -> String {
         self.signal(signal);
@@ -151,7 +150,7 @@ pub(crate) fn free_address() -> SocketAddr {
     listener.local_addr().unwrap()
 }
 
-/// Listens at a free TCP port, and calls `serve` with each client in a thread. Returns the port.
+/// Listens at a free TCP port and passes each client to `serve`, in a thread. Returns the port.
 pub(crate) fn serve(mut serve: impl FnMut(std::net::TcpStream) + Send + 'static) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = format!("tcp:{}", listener.local_addr().unwrap());
@@ -159,7 +158,7 @@ pub(crate) fn serve(mut serve: impl FnMut(std::net::TcpStream) + Send + 'static)
     port
 }
 
-/// Waits until the file has at least `bytes` bytes.
+/// Waits until the file at `path` has at least `bytes` bytes.
 pub(crate) fn wait_for_bytes(path: &Path, bytes: u64) {
     let deadline = Instant::now() + TIMEOUT;
     while std::fs::metadata(path).map_or(0, |file| file.len()) < bytes {

@@ -1,4 +1,4 @@
-//! The subcommands `selftest` and `reset` of the program.
+//! The subcommands `selftest` and `reset`.
 
 use link::{AckResult, ChannelFault, ChannelTest, ChipTest, SelfTest, ToDevice};
 use serde_json::Value;
@@ -34,7 +34,7 @@ fn board(fault: ChannelFault) -> Board {
     }
 }
 
-/// Runs the bridge with these arguments until it exits. Returns exit status, stdout and stderr.
+/// Runs the program with these arguments until it exits. Returns exit status, stdout and stderr.
 fn run_query(arguments: &[&str]) -> (Option<i32>, String, String) {
     let mut bridge = Bridge::start(arguments);
     let text = std::io::read_to_string(bridge.stdout()).unwrap();

@@ -1,4 +1,4 @@
-//! The subcommand `record`: files of a killed program, a full disk, an existing file.
+//! The subcommand `record`: files of a killed program, a full disk, and an existing file.
 
 use std::fs::File;
 use std::io::Read;
@@ -16,7 +16,7 @@ use crate::board::{Board, assert_has};
 use crate::device::Device;
 use crate::process::{Bridge, wait_for_bytes};
 
-/// Content of a recording that the tests need.
+/// What the tests need to know of a recording.
 #[derive(Debug, Default)]
 struct Content {
     windows: Vec<u32>,
@@ -25,7 +25,7 @@ struct Content {
     left_out: LeftOut,
 }
 
-/// Reads a recording, every received frame of which must be intact.
+/// Reads a recording, and asserts that every received frame in it is intact.
 fn read(path: &Path) -> Content {
     let mut content = Content::default();
     let mut reader = RecordingReader::new(File::open(path).unwrap()).unwrap();
@@ -48,7 +48,7 @@ fn read(path: &Path) -> Content {
     content
 }
 
-/// Starts to record the device to a file, with more arguments.
+/// Starts to record the device to the file at `path`, with `more` arguments.
 fn start(device: &Device, path: &Path, more: &[&str]) -> Bridge {
     let arguments = ["record", path.to_str().unwrap(), "--port", &device.port];
     Bridge::start(&[&arguments[..], more].concat())
@@ -81,7 +81,7 @@ fn a_recording_that_was_killed_is_readable_to_its_last_whole_frame() {
         let path = folder.path().join(format!("recording-{round}"));
         let device = Device::tcp(Board::new());
         let bridge = start(&device, &path, &[]);
-        // The header alone is there at once; the delays after it differ from round to round.
+        // 28 bytes are the header, which is written at once. Each round kills at another time.
         wait_for_bytes(&path, 28);
         std::thread::sleep(Duration::from_micros(round * 7_919 % 150_000));
         bridge.signal(Signal::KILL);
@@ -131,8 +131,8 @@ fn a_full_disk_ends_the_recording_and_keeps_what_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("recording");
     let device = Device::tcp(Board::new());
-    // A limit of the file's size simulates a full disk: 32 blocks of 512 or 1024 bytes. Without
-    // the trap the kernel would end the program by a signal.
+    // A limit on the file's length simulates a full disk: 32 blocks of 512 or 1024 bytes. Without
+    // the `trap` the kernel would end the program by a signal.
     let script = "trap '' XFSZ; ulimit -f 32; exec \"$@\"";
     let mut child = Command::new("sh")
         .args(["-c", script, "sh", env!("CARGO_BIN_EXE_corticode-bridge")])
@@ -169,7 +169,7 @@ fn packed_blocks_have_the_models_rate_unless_the_device_has_another_model() {
         let log = recorder.end(Signal::TERM);
         let received = device.received();
         assert_eq!(device.rates(), rates, "{log}");
-        // The rate is set before the first start.
+        // Before the first `Start` come two other commands, and the one that sets the rate, if any.
         let start = |command: &ToDevice| matches!(command, ToDevice::Start(start) if start.streams == Streams::PACKED);
         let start = received.iter().position(start).unwrap();
         assert_eq!(received[..start].len(), 2 + rates.len(), "{received:?}");

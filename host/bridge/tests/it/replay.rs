@@ -1,4 +1,4 @@
-//! The subcommand `replay`: a bridge at a replay publishes the codes of the recording.
+//! The subcommand `replay`: a bridge that connects to a replay publishes the recorded codes.
 
 use std::fs::File;
 use std::io::Cursor;
@@ -14,7 +14,8 @@ use crate::device::Device;
 use crate::process::{Bridge, free_address, wait_for_bytes};
 use crate::synthetic_recording::Rig;
 
-/// Returns the levels of all codes in a recording whose boards have scale 0.5 and zero point 1.
+/// Returns the dequantised values of all codes in a recording of the simulated board, whose codes
+/// have scale 0.5 and zero point 1.
 fn recorded_codes(path: &Path) -> Vec<Vec<f64>> {
     let mut reader = RecordingReader::new(File::open(path).unwrap()).unwrap();
     let mut decoder = Decoder::<MAX_FRAME>::new();
@@ -34,7 +35,7 @@ fn recorded_codes(path: &Path) -> Vec<Vec<f64>> {
     codes
 }
 
-/// Plays a recording to a bridge and returns the codes that the bridge published, without fillers.
+/// Replays a recording to a bridge. Returns the published codes without fillers, and both logs.
 fn replayed_codes(arguments: &[&str], port: &str, streams: &str) -> (Vec<Vec<f64>>, String) {
     let replay = Bridge::start(&[&["replay"], arguments].concat());
     let arguments = ["--port", port, "--sink", "ndjson", "--streams", streams];

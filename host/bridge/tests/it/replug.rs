@@ -12,8 +12,7 @@ use crate::board::Board;
 use crate::device::Device;
 use crate::process::{Bridge, TIMEOUT};
 
-/// Returns a channel that receives each frame on `/encoded`, with the time at which the frame
-/// arrived.
+/// Returns a channel that yields each frame on `/encoded` with the time at which it arrived.
 fn encoded(bridge: &mut Bridge) -> Receiver<(Instant, Value)> {
     let (frames, receiver) = channel();
     let messages = bridge.messages();
@@ -27,8 +26,8 @@ fn encoded(bridge: &mut Bridge) -> Receiver<(Instant, Value)> {
     receiver
 }
 
-/// Unplugs and replugs the board `times` times. Returns the times from each replugging to the next
-/// code that arrived, and the log.
+/// Unplugs and replugs the board `times` times. Returns for each replugging the time until the next
+/// code arrived, and the bridge's log.
 fn replug(device: &Device, mut bridge: Bridge, times: u32) -> (Vec<Duration>, String) {
     let frames = encoded(&mut bridge);
     let mut outages = Vec::new();
@@ -55,8 +54,8 @@ fn replug(device: &Device, mut bridge: Bridge, times: u32) -> (Vec<Duration>, St
     (outages, log)
 }
 
-/// Returns the numbers after `made`, `received`, `lost`, `fillers` and `connections` in the last
-/// line of the log.
+/// Returns the numbers that follow the words `made`, `received`, `lost`, `fillers` and
+/// `connections` in the last line of the log.
 fn totals(log: &str) -> [u32; 5] {
     let line = log.lines().last().unwrap();
     ["made", "received", "lost", "fillers", "connections"].map(|name| {
@@ -80,7 +79,7 @@ fn a_pseudoterminal_that_returns_under_another_name_is_reopened() {
     assert_eq!((received + lost, fillers), (made, lost), "{log}");
     assert!(lost > 0);
     println!("{log}");
-    // The requirement is 1 s. The test allows another second, because the machine may be busy.
+    // The bridge must reconnect within 1 s; a busy machine may take one more.
     let limit = Duration::from_secs(2);
     assert!(outages.iter().all(|outage| *outage < limit), "{outages:?}");
 }

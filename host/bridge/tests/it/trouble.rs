@@ -1,4 +1,4 @@
-//! What the bridge logs about a full disk, a port of another device, and a bad link.
+//! What the bridge logs about a full disk, the port of another device, and a bad link.
 
 use std::io::Write;
 use std::os::unix::process::CommandExt;
@@ -31,8 +31,8 @@ fn a_full_disk_is_status_1_and_the_log_says_so() {
 fn lines_on_a_disk_that_becomes_full_end_with_a_whole_line() {
     let device = Device::tcp(Board::new());
     let file = tempfile::NamedTempFile::new().unwrap();
-    // A limit of the file's size simulates a full disk: 32 blocks of 512 or 1024 bytes. Without
-    // the trap the kernel would end the program by a signal.
+    // A limit on the file's length simulates a full disk: 32 blocks of 512 or 1024 bytes. Without
+    // the `trap` the kernel would end the program by a signal.
     let script = "trap '' XFSZ; ulimit -f 32; exec \"$@\"";
     let mut command = Command::new("sh");
     command
@@ -50,7 +50,8 @@ fn lines_on_a_disk_that_becomes_full_end_with_a_whole_line() {
     }
 }
 
-/// Starts a server that sends text to each client, and closes the connection after `lines` lines.
+/// Starts a TCP server that is no board: it sends each client `lines` lines of text, and then
+/// closes the connection. Returns its port.
 pub(crate) fn stranger(lines: u32) -> String {
     serve(move |mut client| {
         for _ in 0..lines {
@@ -62,7 +63,7 @@ pub(crate) fn stranger(lines: u32) -> String {
     })
 }
 
-/// Returns the log of a bridge that runs for `time` at `port`.
+/// Runs a bridge at `port` for `time`, and returns its log.
 fn log_of(port: &str, time: Duration) -> String {
     let null = open("/dev/null");
     let bridge = Bridge::start_into(null, &["--port", port, "--sink", "ndjson"]);
@@ -72,7 +73,8 @@ fn log_of(port: &str, time: Duration) -> String {
 
 #[test]
 fn a_port_that_sends_something_else_is_logged_once() {
-    // A silence is logged after 5 s. A port that closes is reopened every 250 ms.
+    // Time enough to log silences (after 5 s), and to reopen a port that always closes (every 250
+    // ms).
     for (lines, time) in [(u32::MAX, 12), (5, 3)] {
         let log = log_of(&stranger(lines), Duration::from_secs(time));
         let said = log.matches("nothing here speaks Corticode").count();

@@ -1,10 +1,10 @@
-//! Blocks of rows of a recording's streams, and its events.
+//! Blocks of rows and events, to which a recording's streams are converted before writing.
 
 use bridge_core::TRI_LABELS;
 use link::Flags;
 use neuro_ros::NeuroFrame;
 
-/// A stream that a recording is converted to.
+/// A stream of a recording; each is written to a file of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stream {
     Codes,
@@ -14,8 +14,8 @@ pub(crate) enum Stream {
 }
 
 impl Stream {
-    /// All streams, in the order of their discriminants, which index arrays with an element for each
-    /// stream.
+    /// All streams, in the order of their discriminants, which are indices into arrays with an
+    /// element per stream.
     pub(crate) const ALL: [Stream; 4] = [
         Stream::Codes,
         Stream::Reconstructed,
@@ -23,7 +23,7 @@ impl Stream {
         Stream::Filtered,
     ];
 
-    /// Returns the part of a file's name that states the stream, such as `raw` in `a.raw.gdf`.
+    /// Returns the part of a file's name that names the stream, such as `raw` in `a.raw.gdf`.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Stream::Codes => "codes",
@@ -34,44 +34,44 @@ impl Stream {
     }
 }
 
-/// Consecutive rows of a stream: codes, samples or steps.
+/// Consecutive rows of one stream; a row is a code, a sample or a step.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
     pub(crate) stream: Stream,
-    /// The published frame: values, status words, rate and labels.
+    /// The frame that the bridge's core has published: values, status words, rate and labels.
     pub(crate) frame: NeuroFrame,
-    /// Number of restarts of the device before these rows. Device times of different runs cannot be
-    /// compared.
+    /// Number of restarts of the device before these rows. Device times before and after a restart
+    /// cannot be compared.
     pub(crate) run: u32,
-    /// Device time at which the first row happened on the scalp, microseconds; negative for rows
-    /// from before the device's start.
+    /// Device time at which the first row happened on the scalp, microseconds. Negative if that was
+    /// before the device started.
     pub(crate) first_us: i64,
-    /// Wall clock at which the first row happened on the scalp, nanoseconds since 1970.
+    /// Wall clock when the first row happened on the scalp, nanoseconds since 1970.
     pub(crate) wall_ns: i64,
-    /// Index of the first row in the stream; `None` for streams without an index.
+    /// Index of the first row in its stream; `None` for codes and reconstructed rows.
     pub(crate) index: Option<u64>,
 }
 
 impl Block {
-    /// Number of rows.
+    /// Returns the number of rows in the block.
     pub(crate) fn rows(&self) -> usize {
         usize::from(self.frame.eeg.info.nsamples)
     }
 
-    /// Returns whether all rows are fillers.
+    /// Returns whether all rows of the block are fillers.
     pub(crate) fn is_filler(&self) -> bool {
         let filler = i32::from(Flags::FILLER.bits());
         let mut words = self.frame.tri.data.chunks_exact(TRI_LABELS.len());
         words.all(|words| words[0] & filler != 0)
     }
 
-    /// Returns the time from the first row to the row `row`, microseconds, rounded down.
+    /// Returns the time from the first row to row `row`, microseconds, rounded down.
     pub(crate) fn offset_us(&self, row: usize) -> i64 {
         let row = i64::try_from(row).unwrap_or(i64::MAX);
         row.saturating_mul(1_000_000) / i64::from(self.frame.sr.max(1))
     }
 
-    /// Returns the values of a row: those of the electrodes, then those of the spare channels.
+    /// Returns the values of row `row`: those of the electrodes, then those of spare channels.
     pub(crate) fn values(&self, row: usize) -> impl Iterator<Item = f32> {
         let of = |data: &'_ [f32], width: u16| {
             let width = usize::from(width);
@@ -84,15 +84,15 @@ impl Block {
             .chain(of(&self.frame.exg.data, self.frame.exg.info.nchannels))
     }
 
-    /// Returns the status words of a row, in the order of [`TRI_LABELS`].
+    /// Returns the status words of row `row`, in the order of [`TRI_LABELS`].
     pub(crate) fn words(&self, row: usize) -> &[i32] {
         let width = TRI_LABELS.len();
         let words = self.frame.tri.data.get(row * width..(row + 1) * width);
         words.unwrap_or(&[0; TRI_LABELS.len()])
     }
 
-    /// Turns all rows into fillers that repeat the values of the last row, with times and an index
-    /// that are `rows` rows later.
+    /// Turns all rows into fillers, which repeat the values of the last row. Times and index become
+    /// those of `rows` rows later.
     pub(crate) fn become_filler(&mut self, rows: u64) {
         let period = u64::from(self.frame.sr.max(1));
         let later_us = i64::try_from(rows.saturating_mul(1_000_000) / period).unwrap_or(i64::MAX);
@@ -112,16 +112,16 @@ impl Block {
     }
 }
 
-/// An edge of the trigger input.
+/// An edge of the trigger input, with its times.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct TimedEvent {
-    /// Number of restarts of the device before the edge.
+    /// Number of restarts of the device before the edge happened.
     pub(crate) run: u32,
     /// Device time of the edge, microseconds.
     pub(crate) device_us: i64,
-    /// Wall clock at the edge, nanoseconds since 1970.
+    /// Wall clock when the edge happened, nanoseconds since 1970.
     pub(crate) wall_ns: i64,
-    /// Type in GDF's event table and on ROS-Neuro's event bus.
+    /// Event code, as in GDF's table of events and on ROS-Neuro's event bus.
     pub(crate) code: u16,
     pub(crate) description: String,
 }

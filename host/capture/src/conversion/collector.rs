@@ -1,4 +1,4 @@
-//! Conversion of the core's effects to blocks of rows and to events.
+//! Turns what the bridge's core publishes while it replays a recording into blocks and events.
 
 use std::sync::Arc;
 
@@ -10,29 +10,29 @@ use neuro_ros::{NeuroEvent, NeuroFrame};
 
 use crate::conversion::block::{Block, Stream, TimedEvent};
 
-/// Event code of the trigger input, without the bit for a falling edge.
+/// Event code of a rising edge of the trigger input; a falling edge has bit 15 as well.
 const TRIGGER: u16 = 1;
 
-/// Time of fillers that each stream can have in addition to the time of the recording, seconds: the
-/// clocks of device and host drift.
+/// Time that the fillers of a stream may exceed the length of the recording by, seconds: the clocks
+/// of device and host drift.
 const SPARE_S: u64 = 120;
-/// Longest time of fillers in each stream, seconds: a day.
+/// Longest time that the fillers of a stream can stand for, seconds: a day.
 const MAX_FILLERS_S: u64 = 86_400;
 
-/// Receives what a recording holds, in the order of publication.
+/// Receives the blocks and events of a recording, in the order in which the core publishes them.
 pub(crate) trait Listener {
-    /// Whether the listener reads the values of reconstructed rows. Decoding these takes most of the
-    /// time of a pass.
+    /// Whether the listener reads the values of reconstructed rows. They are decoded only if it
+    /// does, because decoding takes most of the time of a pass.
     const DECODES: bool;
 
-    /// Receives the rows of a frame.
+    /// Receives the next rows of a stream.
     fn block(&mut self, block: Block);
 
     /// Receives an event.
     fn event(&mut self, event: TimedEvent);
 }
 
-/// Converts the core's effects and passes them to a [`Listener`].
+/// Turns what the core publishes into blocks and events, and passes these to a [`Listener`].
 pub(crate) struct Collector<L> {
     pub(crate) listener: L,
     settings: Settings,
@@ -40,21 +40,22 @@ pub(crate) struct Collector<L> {
     device: Option<Arc<Device>>,
     reconstruction: Option<Reconstruction>,
     packed: Option<PackedReconstruction>,
-    /// Run of the newest packed block, whose frame waits for the next one.
+    /// Run in which the device made the newest packed block. The block's frame is published when
+    /// the next block arrives, which may be after a restart.
     block_run: u32,
     /// Number of restarts of the device so far.
     pub(crate) run: u32,
-    /// Device time in the header of the frame that the core handles, microseconds.
+    /// Device time, microseconds, in the header of the frame that the bridge's core is handling.
     pub(crate) frame_us: u64,
-    /// Commands that the core has sent since the caller took them.
+    /// Commands that the core has sent and the caller has not taken yet.
     pub(crate) commands: Vec<Vec<u8>>,
-    /// Newest block of raw samples, and newest block of filtered steps.
+    /// Newest block of samples, and newest block of filtered steps.
     newest: [Option<Block>; 2],
-    /// Time between the first record and the newest one, seconds.
+    /// Time from the first record to the newest one, seconds.
     pub(crate) elapsed_s: u64,
-    /// Number of rows of each stream so far that are fillers.
+    /// Number of fillers, in rows, that each stream has so far.
     fillers: [u64; 4],
-    /// Number of rows that are missing and not filled.
+    /// Number of missing rows that have no fillers, because they would be too many.
     pub(crate) unfilled: u64,
 }
 
@@ -78,19 +79,19 @@ impl<L: Listener> Collector<L> {
         }
     }
 
-    /// Number of packed blocks that were malformed.
+    /// Returns the number of packed blocks that were malformed.
     pub(crate) fn malformed(&self) -> u64 {
         let packed = self.packed.as_ref();
         packed.map_or(0, PackedReconstruction::malformed)
     }
 
-    /// Passes on a frame of the present run. Its first row happened `delay_us` before the device
-    /// time in its status words.
+    /// Passes a frame of the present run to the listener. The first row happened `delay_us` before
+    /// the device time in the frame's status words.
     fn publish(&mut self, stream: Stream, frame: &NeuroFrame, delay_us: i64) {
         self.publish_of(self.run, stream, frame, delay_us);
     }
 
-    /// Passes on a frame of the run `run`, as [`Self::publish`] does.
+    /// Passes a frame to the listener as [`Self::publish`] does, but a frame of the run `run`.
     fn publish_of(&mut self, run: u32, stream: Stream, frame: &NeuroFrame, delay_us: i64) {
         let word = |index: usize| i64::from(frame.tri.data.get(index).copied().unwrap_or(0));
         let device_us = word(3) | word(4) << 16 | word(5) << 32;
@@ -111,8 +112,8 @@ impl<L: Listener> Collector<L> {
         }
     }
 
-    /// Returns how many of `count` blocks of fillers the stream may have, and counts these. A
-    /// damaged or crafted recording can miss more data than fits on a disk.
+    /// Returns how many of `count` blocks of fillers the stream may still have, and counts them as
+    /// used. The limit exists because a damaged recording can miss more data than a disk holds.
     fn take_fillers(&mut self, block: &Block, count: u64) -> u64 {
         let seconds = self.elapsed_s.saturating_add(SPARE_S).min(MAX_FILLERS_S);
         let most = seconds * u64::from(block.frame.sr);
@@ -125,9 +126,9 @@ impl<L: Listener> Collector<L> {
         taken
     }
 
-    /// Passes on fillers for the frames before `block` that the core skipped, because they would
-    /// not have fitted into the queues of subscribers. The fillers continue the times of the
-    /// previous run.
+    /// Passes fillers to the listener for the frames before `block` that the core skipped, because
+    /// they would not have fitted into the queues of subscribers. After a restart, the times of the
+    /// fillers continue those of the run before it.
     fn fill_skipped(&mut self, block: &Block) {
         let place = match block.stream {
             Stream::Raw => 0,
@@ -147,7 +148,7 @@ impl<L: Listener> Collector<L> {
     }
 
     /// Returns the time from when the first step of a code or packed block was at the electrodes to
-    /// the device time of the code or block, microseconds. `steps` returns the number of its steps.
+    /// its device time, microseconds. `steps` returns the number of steps in it.
     fn delay_us(&self, steps: impl Fn(&Device) -> u8) -> i64 {
         self.device.as_ref().map_or(0, |device| {
             let lookback = u32::from(steps(device)) - 1;
@@ -190,7 +191,7 @@ impl<L: Listener> Effects for Collector<L> {
     fn decode(&mut self, mut window: TimedCode) {
         let delay_us = self.delay_us(|device| device.window_steps);
         if !L::DECODES {
-            // Without the code the frame is a filler, of the same time and length.
+            // Without its code the frame becomes a filler, which has the same time and length.
             window.z = None;
         }
         let Some(mut reconstruction) = self.reconstruction.take() else {
@@ -207,7 +208,7 @@ impl<L: Listener> Effects for Collector<L> {
         let Some(mut packed) = self.packed.take() else {
             return;
         };
-        // The block completes the frame of the block before it, which another run may have made.
+        // The block completes the frame of the block before it, which may be of an earlier run.
         let run = std::mem::replace(&mut self.block_run, self.run);
         let frame = if L::DECODES {
             packed.next_frame(&block)
@@ -250,8 +251,8 @@ impl<L: Listener> Effects for Collector<L> {
             reason = "an event's type has 16 bits"
         )]
         let code = event.event as u16;
-        // The bus also reports missing data, of the announced stream; the rows of all streams are
-        // flagged.
+        // The event bus also reports missing data of the announced stream. Such events are left
+        // out, because missing rows have a flag.
         if code & 0x7fff != TRIGGER {
             return;
         }

@@ -1,4 +1,4 @@
-//! A recording played to the core: the device's frames at their times, and its answers.
+//! Plays a recording to the bridge's core: the device's frames, each at its time, and its answers.
 
 use std::collections::HashMap;
 use std::mem::discriminant;
@@ -10,11 +10,11 @@ use link::{Ack, Decoder, Frame, MAX_FRAME, ToDevice, ToHost};
 use crate::conversion::collector::{Collector, Listener};
 use crate::recording::{Record, RecordKind};
 
-/// Time between two ticks of the core, microseconds.
+/// Time between two calls of [`Core::tick`], microseconds.
 const TICK_US: i64 = 100_000;
 
-/// Longest time that passes for the core tick by tick, microseconds. All timeouts are shorter, so
-/// nothing else happens in a longer pause.
+/// Longest pause in a recording that the core is ticked through, microseconds. All of the core's
+/// timeouts are shorter, so ticks in the rest of a longer pause would change nothing.
 const MAX_TICKS_US: i64 = 120_000_000;
 
 /// Command number that the core never uses, because it counts its commands from 0.
@@ -22,21 +22,21 @@ const NOT_SENT: u32 = u32::MAX;
 
 /// Plays the records of a recording to a core.
 ///
-/// The core sends commands as it did when the recording was made, but not necessarily with the same
-/// numbers: a newer bridge may ask for something else as well. So an acknowledgement in the
-/// recording is passed to the core with the number of the core's own command of that kind, and with
-/// a number that the core does not use if it has sent none.
+/// The core sends commands as the bridge did while it recorded, but their numbers can differ: a
+/// newer bridge may ask for more. So each recorded acknowledgement is passed to the core with the
+/// number of the core's own command of the same kind, or, if it has sent none, with a number that
+/// it does not use.
 pub(crate) struct Playback<L> {
     core: Core,
     pub(crate) collector: Collector<L>,
-    /// Commands of the recording, by number.
+    /// Commands in the recording so far, by their number.
     recorded: HashMap<u32, ToDevice>,
-    /// Newest command of each kind that the core has sent, with its number.
+    /// Newest command of each kind that the core has sent, with its number in front.
     own: Vec<(u32, ToDevice)>,
     from_device: Decoder<MAX_FRAME>,
     from_host: Decoder<MAX_FRAME>,
     identity: Option<Identity>,
-    /// Time of the newest record, until the core has had its tick for this time.
+    /// Time of the newest record if the core has not been ticked for it yet.
     due: Option<HostTime>,
     /// Time of the newest record.
     newest: Option<HostTime>,
@@ -60,25 +60,25 @@ impl<L: Listener> Playback<L> {
         }
     }
 
-    /// Returns the counts of the core.
+    /// Returns the core's counts of received, lost and filled codes.
     pub(crate) fn summary(&self) -> Summary {
         self.core.summary()
     }
 
-    /// Returns the core's objection to the device, which it does not publish; `None` if it has
-    /// none.
+    /// Returns the reason why the core does not publish the device's streams; `None` if it does
+    /// publish them.
     pub(crate) fn objection(&self) -> Option<&str> {
         self.core.objection()
     }
 
-    /// Plays one record.
+    /// Plays one record to the core.
     pub(crate) fn play(&mut self, record: Record<'_>) {
         let time = record.time;
         let first = *self.first.get_or_insert(time);
         let since_first_us = time.monotonic_us - first.monotonic_us;
         self.collector.elapsed_s = u64::try_from(since_first_us / 1_000_000).unwrap_or(0);
-        // Frames of one read have the same time, and the core sends commands after the last of
-        // them.
+        // All frames that were read together have the same time, and the core sends commands only
+        // after the last of them.
         if self
             .due
             .is_some_and(|due| due.monotonic_us != time.monotonic_us)
@@ -117,7 +117,7 @@ impl<L: Listener> Playback<L> {
         self.newest = Some(time);
     }
 
-    /// Passes on what waits for a record that does not follow. Call this after the last record.
+    /// Publishes the last packed block, which otherwise waits for a next one. Call this at the end.
     pub(crate) fn finish(&mut self) {
         self.collector.finish_blocks();
     }
@@ -129,8 +129,7 @@ impl<L: Listener> Playback<L> {
         }
     }
 
-    /// Lets the time until `time` pass for the core as it does in the bridge, so that its timeouts
-    /// fall due.
+    /// Ticks the core through the time until `time`, as the bridge would, so that timeouts expire.
     fn pass_time(&mut self, time: HostTime) {
         let Some(newest) = self.newest else { return };
         let mut now = newest;
@@ -167,8 +166,8 @@ impl<L: Listener> Playback<L> {
         self.core.handle(bytes, read, &mut self.collector);
     }
 
-    /// Returns the frame of an acknowledgement with the number of the core's own command; `None` if
-    /// the recording lacks the command.
+    /// Returns the bytes of `frame` after its acknowledgement `ack` is changed to name the core's
+    /// own command. `None` if the recording lacks the command that was acknowledged.
     fn own_answer(&self, frame: &Frame<ToHost>, ack: Ack) -> Option<Vec<u8>> {
         let recorded = discriminant(self.recorded.get(&ack.of)?);
         let mut own = self.own.iter().rev();

@@ -1,4 +1,4 @@
-//! Files of a stream's rows: CSV, GDF, BDF and arrays for numpy.
+//! Writers of a stream's rows in four formats: CSV, GDF, BDF and arrays for numpy.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -11,41 +11,41 @@ use recordings::{EdfWriter, FileToWrite, GdfWriter, SignalToWrite};
 use crate::conversion::block::{Block, TimedEvent};
 use crate::conversion::collector::Listener;
 
-/// Description of a stream, which its file needs before the first row.
+/// What a writer must know of a stream before its first row.
 pub(crate) struct StreamFile<'a> {
-    /// The stream's first frame: labels, units, ranges, rate.
+    /// First frame of the stream, for its labels, units, ranges and rate.
     pub(crate) first: &'a NeuroFrame,
-    /// Number of rows that will follow.
+    /// Number of rows that will be written.
     pub(crate) rows: u64,
-    /// Wall clock at the first row, nanoseconds since 1970.
+    /// Wall clock when the first row happened, nanoseconds since 1970.
     pub(crate) start_ns: i64,
-    /// Rows of all events, in the order of the rows.
+    /// All events, each with the row at which it stands, in the order of the rows.
     pub(crate) events: Vec<(u64, TimedEvent)>,
 }
 
 impl StreamFile<'_> {
-    /// Returns the labels of the values in a row: electrodes, then spare channels.
+    /// Returns the labels of the values in a row: those of the electrodes, then of spare channels.
     pub(crate) fn labels(&self) -> impl Iterator<Item = &String> {
         let eeg = self.first.eeg.info.labels.iter();
         eeg.chain(&self.first.exg.info.labels)
     }
 }
 
-/// Writes the rows of one stream in a file format.
+/// Writes the rows of one stream to a file in one format.
 pub(crate) trait RowWriter {
-    /// Writes the next rows. The error is the operating system's, or `InvalidInput` for what the
-    /// format cannot hold.
+    /// Writes the rows of a block. The error is the operating system's, or `InvalidInput` if the
+    /// format cannot hold a value.
     fn write(&mut self, block: &Block) -> io::Result<()>;
 
-    /// Completes the file.
+    /// Writes what the format has at its end, and flushes the file.
     fn finish(self: Box<Self>) -> io::Result<()>;
 }
 
-/// The files of all streams, each at the index that is its stream's discriminant.
+/// The writers of all streams. A stream's discriminant is the index of its writer.
 #[derive(Default)]
 pub(crate) struct Rows {
     pub(crate) writers: [Option<Box<dyn RowWriter>>; 4],
-    /// Index of the first file that could not be written, and its error.
+    /// Index of the first writer that failed, and its error.
     pub(crate) failed: Option<(usize, io::Error)>,
 }
 
@@ -64,16 +64,16 @@ impl Listener for Rows {
     fn event(&mut self, _: TimedEvent) {}
 }
 
-/// Writes a header line and one line per row.
+/// Writes a CSV file: a line with the names of the columns, and one line per row.
 pub(crate) struct CsvRows {
     out: BufWriter<File>,
     row: u64,
-    /// Rows and types of the events that are still to be written. The last element is written next.
+    /// Row and event code of each event that is still to be written; the last element comes first.
     events: Vec<(u64, u16)>,
 }
 
 impl CsvRows {
-    /// Writes the header line.
+    /// Writes the line with the names of the columns.
     pub(crate) fn new(out: File, file: &StreamFile<'_>) -> io::Result<CsvRows> {
         let mut out = BufWriter::new(out);
         write!(out, "row,time_s,device_s,events")?;
@@ -121,7 +121,7 @@ impl RowWriter for CsvRows {
     }
 }
 
-/// Returns `units`, each 10^-`digits` seconds, as seconds with all digits.
+/// Returns a time as text in seconds with all digits; `units` is the time in 10^-`digits` seconds.
 fn seconds(units: i64, digits: u32) -> String {
     let one = 10_i64.pow(digits);
     let sign = if units < 0 { "-" } else { "" };
@@ -133,22 +133,22 @@ fn seconds(units: i64, digits: u32) -> String {
     )
 }
 
-/// Writes one record for each block of rows to a GDF or BDF file, in which the status words are
-/// signals of their own.
+/// Writes a GDF or BDF file, with one of the format's records for each block of rows. The status
+/// words are signals of their own.
 pub(crate) struct RecordRows {
     file: RecordFile,
-    /// Values of the block that is written, kept to avoid an allocation per block.
+    /// Values of the block in progress; kept so that a block needs no allocation.
     values: Vec<f32>,
 }
 
 enum RecordFile {
-    /// A GDF file, and the rows and types of the events, which it holds at its end.
+    /// A GDF file, with row and event code of all events, which it stores at its end.
     Gdf(GdfWriter<BufWriter<File>>, Vec<(u64, u16)>),
     Bdf(EdfWriter<BufWriter<File>>),
 }
 
 impl RecordRows {
-    /// Writes the header of a GDF file.
+    /// Creates a GDF file and writes its header.
     pub(crate) fn gdf(out: File, file: &StreamFile<'_>) -> io::Result<RecordRows> {
         let writer = GdfWriter::new(BufWriter::new(out), &file_to_write(file))?;
         let events = file.events.iter().map(|(row, event)| (*row, event.code));
@@ -158,7 +158,7 @@ impl RecordRows {
         })
     }
 
-    /// Writes the header of a BDF file.
+    /// Creates a BDF file and writes its header.
     pub(crate) fn bdf(out: File, file: &StreamFile<'_>) -> io::Result<RecordRows> {
         let events = file.events.iter();
         let texts = events.map(|(row, event)| (*row, event.description.clone()));
@@ -194,7 +194,7 @@ impl RowWriter for RecordRows {
     }
 }
 
-/// Describes a stream's file: the signals are the channels, then the status words.
+/// Returns the description of a stream's file; its signals are channels, then status words.
 fn file_to_write(file: &StreamFile<'_>) -> FileToWrite {
     let frame = file.first;
     let groups = [&frame.eeg.info, &frame.exg.info, &frame.tri.info];
@@ -207,7 +207,7 @@ fn file_to_write(file: &StreamFile<'_>) -> FileToWrite {
     }
 }
 
-/// Returns the signals that a block's description announces.
+/// Returns the signals that `info`, a part of the stream's first frame, describes.
 fn signals(info: &NeuroDataInfo) -> impl Iterator<Item = SignalToWrite> {
     let end = |index: usize| info.minmax.get(index).copied().unwrap_or(0.0);
     let range = [end(0), end(1)];
@@ -224,16 +224,16 @@ fn signals(info: &NeuroDataInfo) -> impl Iterator<Item = SignalToWrite> {
 
 /// Writes a file for `numpy.load`: the arrays `labels`, `words`, `rate_hz`, `events` and `rows`.
 ///
-/// `rows` has one element per row, so it can be written while its values appear; numpy shows its
-/// fields as arrays.
+/// `rows` has one element per row, with its time, words and values as fields, so that a row can be
+/// written as soon as it is known. numpy shows each field as an array.
 pub(crate) struct NpzRows {
     file: NpzWriter<File>,
-    /// Bytes of the row that is written, kept to avoid an allocation per row.
+    /// Bytes of the row in progress; kept so that a row needs no allocation.
     row: Vec<u8>,
 }
 
 impl NpzRows {
-    /// Writes all arrays but `rows`, and the header of `rows`.
+    /// Writes all arrays but `rows`, and then the header of `rows`.
     pub(crate) fn new(out: File, file: &StreamFile<'_>) -> io::Result<NpzRows> {
         let mut npz = NpzWriter::new(out);
         let labels: Vec<&str> = file.labels().map(String::as_str).collect();

@@ -1,4 +1,4 @@
-//! The first pass over a recording: which streams it holds, and the row of each event.
+//! The first pass over a recording: finds which streams it holds, and the row of each event.
 
 use std::sync::Arc;
 
@@ -7,15 +7,15 @@ use neuro_ros::NeuroFrame;
 use crate::conversion::block::{Block, Stream, TimedEvent};
 use crate::conversion::collector::Listener;
 
-/// Largest difference, in microseconds, between the times of an event and of a sample that count as
-/// the same time: the times of samples are rounded to microseconds.
+/// Largest difference between the times of an event and of a sample that count as equal,
+/// microseconds: the times of samples are rounded to microseconds.
 const SAME_US: i64 = 2;
 
-/// Longest time after the last row at which an event is placed, seconds: a day. An event of a later
-/// time, which a damaged recording can hold, is placed at that time too.
+/// Longest time after a stream's last row at which an event is placed, seconds: a day. A later
+/// event, which a damaged recording can hold, is placed there too.
 const MAX_AFTER_END_S: u64 = 86_400;
 
-/// Result of the first pass.
+/// What the first pass has found.
 #[derive(Debug, Default)]
 pub(crate) struct Survey {
     pub(crate) streams: [StreamSurvey; 4],
@@ -31,7 +31,7 @@ pub(crate) struct StreamSurvey {
     anchors: Vec<Anchor>,
 }
 
-/// Index of a block's first row, and its times.
+/// Row and times at which a block begins, from which the row of an event is found.
 #[derive(Clone, Copy, Debug)]
 struct Anchor {
     row: u64,
@@ -61,7 +61,7 @@ impl Listener for Survey {
 }
 
 impl Survey {
-    /// Returns the rows of all events in a stream, in the order of the rows.
+    /// Returns the events with the rows at which they stand in a stream, in the order of the rows.
     pub(crate) fn placed(&self, stream: Stream) -> Vec<(u64, &TimedEvent)> {
         let rows = &self.streams[stream as usize];
         let events = self.events.iter();
@@ -72,13 +72,13 @@ impl Survey {
 }
 
 impl StreamSurvey {
-    /// Wall clock at the first row, nanoseconds since 1970; 0 without rows.
+    /// Returns the wall clock at the first row, nanoseconds since 1970; 0 if there are no rows.
     pub(crate) fn start_ns(&self) -> i64 {
         self.anchors.first().map_or(0, |anchor| anchor.wall_ns)
     }
 
-    /// Returns the first row that happened at the same time as an event or later. An event after
-    /// the last row has the row that would have followed at its time.
+    /// Returns the first row that happened at the same time as the event or later. For an event
+    /// after the last row, returns the row that would have happened at its time.
     pub(crate) fn row_of(&self, event: &TimedEvent) -> u64 {
         let not_later = |anchor: &Anchor| {
             (anchor.run, anchor.device_us) <= (event.run, event.device_us.saturating_add(SAME_US))
@@ -98,8 +98,8 @@ impl StreamSurvey {
             && row > next.row
         {
             row = next.row;
-            // The device made no row of that time before it restarted. The fillers that stand for
-            // the time until its next row have no device time, so the wall clock finds the place.
+            // The event belongs to the time between the device's last row and its restart. Only
+            // fillers stand there; these have no device time, so the wall clock finds the place.
             if next.run != event.run {
                 let fillers = &self.anchors[at..];
                 let past = fillers.partition_point(|anchor| anchor.wall_ns < event.wall_ns);
@@ -109,14 +109,14 @@ impl StreamSurvey {
         row.min(self.rows.saturating_add(MAX_AFTER_END_S * self.rate_hz()))
     }
 
-    /// Rows per second, Hz.
+    /// Returns the number of rows per second.
     fn rate_hz(&self) -> u64 {
         self.first
             .as_ref()
             .map_or(1, |frame| frame.sr.max(1).into())
     }
 
-    /// Returns the number of rows in a time, rounded up.
+    /// Returns the number of rows in `us` microseconds, rounded up.
     fn rows_in(&self, us: i64) -> u64 {
         let us = u64::try_from(us).unwrap_or(0);
         us.saturating_mul(self.rate_hz()).div_ceil(1_000_000)

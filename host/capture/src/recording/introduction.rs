@@ -1,4 +1,4 @@
-//! What a replay keeps of the recorded frames: the introduction of the device, and the `Start`
+//! What a replay remembers of the recorded frames: the introduction of the device, and the `Start`
 //! commands of the recorded host.
 
 use std::collections::HashMap;
@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use bridge_core::Identity;
 use link::{Ack, AckResult, Decoder, Hello, MAX_FRAME, Streams, ToDevice, ToHost};
 
-/// The newest frames with which a device introduced itself, as they were recorded.
+/// The newest recorded frames in which a device introduces itself.
 #[derive(Debug, Default)]
 pub(crate) struct Introduction {
     identity: Option<Identity>,
@@ -18,7 +18,7 @@ pub(crate) struct Introduction {
 }
 
 impl Introduction {
-    /// Keeps a frame if it is part of an introduction.
+    /// Keeps the frame in `payload` if it is part of an introduction.
     pub(crate) fn note(&mut self, payload: &[u8]) {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         let mut bytes = payload;
@@ -43,23 +43,23 @@ impl Introduction {
         }
     }
 
-    /// Returns whether a host can use the device's codes after this introduction.
+    /// Returns whether the introduction is complete enough for a host to use the device's codes.
     pub(crate) fn is_complete(&self) -> bool {
         self.hello.is_some() && self.capabilities.is_some()
     }
 
-    /// Returns whether `hello` was sent by the same device since the same boot.
+    /// Returns whether `hello` comes from the same device and the same start of it.
     pub(crate) fn is_session(&self, hello: &Hello) -> bool {
         let identity = self.identity.as_ref();
         identity.is_some_and(|identity| identity.is_same_session(hello))
     }
 
-    /// Mains frequency that the device's notch filter removes, Hz.
+    /// Returns the mains frequency that the device's notch filter removes, Hz.
     pub(crate) fn mains_hz(&self) -> u8 {
         self.mains_hz
     }
 
-    /// Returns the frames in the order in which a device sends them.
+    /// Returns the bytes of the frames, in the order in which a device sends them.
     pub(crate) fn payloads(&self) -> Vec<Vec<u8>> {
         let frames = [
             &self.hello,
@@ -71,8 +71,8 @@ impl Introduction {
     }
 }
 
-/// The commands of the recorded host so far, by number: the streams that a `Start` asked for,
-/// `None` for every other command.
+/// The commands of the recorded host so far, by number: for a `Start` the streams that it asks for,
+/// for every other command `None`.
 #[derive(Debug, Default)]
 pub(crate) struct RecordedStarts(HashMap<u32, Option<Streams>>);
 
@@ -81,7 +81,7 @@ impl RecordedStarts {
         self.0.clear();
     }
 
-    /// Notes the command in the bytes of a frame to the device.
+    /// Notes the command in `payload`, the bytes of a frame to the device.
     pub(crate) fn note(&mut self, mut payload: &[u8]) {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         if let Some(Ok(frame)) = decoder.next::<ToDevice>(&mut payload) {
@@ -93,8 +93,8 @@ impl RecordedStarts {
         }
     }
 
-    /// Returns the streams of the `Start` that the bytes of a frame from the device acknowledge;
-    /// `None` if they acknowledge none.
+    /// Returns the streams of the `Start` that `payload`, the bytes of a frame from the device,
+    /// acknowledges; `None` if it acknowledges no `Start`.
     pub(crate) fn acknowledged_by(&self, mut payload: &[u8]) -> Option<Streams> {
         let mut decoder = Decoder::<MAX_FRAME>::new();
         match decoder.next::<ToHost>(&mut payload)?.ok()?.message {

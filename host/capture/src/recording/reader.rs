@@ -1,4 +1,4 @@
-//! Reading of recordings, whole or damaged.
+//! Reads recordings, also damaged ones.
 
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 
@@ -6,37 +6,37 @@ use bridge_core::HostTime;
 
 use crate::recording::{FileHeader, MAX_RECORD, Parsed, Record, RecordingError};
 
-/// Number of bytes that are read from the file at once.
+/// Number of bytes that one read from the file asks for.
 const BLOCK: usize = 64 * 1024;
 
-/// Latest possible time of the host's monotonic clock, microseconds: 285 years, and exact in a
-/// float64.
+/// Limit of the host's monotonic clock, microseconds; a record with a later time is damaged. It is
+/// 285 years, and the largest range that is exact in a float64.
 const MAX_MONOTONIC_US: i64 = 1 << 53;
-/// Latest possible wall clock, nanoseconds since 1970: the year 2116.
+/// Limit of the wall clock, nanoseconds since 1970: the year 2116. A later time counts as damage.
 const MAX_WALL_NS: i64 = 1 << 62;
-/// Longest time between two records, microseconds: 366 days.
+/// Longest possible time from one record to the next, microseconds: 366 days.
 const MAX_PAUSE_US: i64 = 366 * 86_400 * 1_000_000;
-/// Longest time by which a record can be earlier than the one before it, microseconds.
+/// Longest possible time by which a record is earlier than the one before it, microseconds.
 const MAX_STEP_BACK_US: i64 = 10_000_000;
 
-/// Reads the records of a recording one by one. Damage costs the records that it hits: the reader
-/// continues at the next whole one. A record with an impossible time counts as damaged.
+/// Reads the records of a recording one by one. Damage costs only the records that it hits, because
+/// the reader continues at the next whole one. A record with an impossible time counts as damaged.
 #[derive(Debug)]
 pub struct RecordingReader<R> {
     source: R,
     header: FileHeader,
-    /// Bytes from the file; those before `position` are used up.
+    /// Bytes from the file. Those before `position` have been used.
     buffer: Vec<u8>,
     position: usize,
     at_end: bool,
     left_out: LeftOut,
-    /// Number of bytes since the last whole record that belong to no whole record.
+    /// Number of bytes since the last whole record that are not part of one.
     damaged: u64,
     /// Time of the newest record.
     newest: Option<HostTime>,
 }
 
-/// Bytes of a file that belong to no whole record.
+/// Numbers of bytes in a file that are not part of a whole record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LeftOut {
     /// Number of bytes between whole records.
@@ -46,7 +46,7 @@ pub struct LeftOut {
 }
 
 impl<R: Read> RecordingReader<R> {
-    /// Reads the header.
+    /// Creates a reader of `source` and reads the header of the recording.
     ///
     /// # Errors
     ///
@@ -72,7 +72,7 @@ impl<R: Read> RecordingReader<R> {
         &self.header
     }
 
-    /// Returns the numbers of bytes so far that belong to no whole record.
+    /// Returns how many of the bytes read so far are not part of a whole record.
     pub fn left_out(&self) -> LeftOut {
         self.left_out
     }
@@ -106,12 +106,12 @@ impl<R: Read> RecordingReader<R> {
         self.position += length;
         match Record::parse(&self.buffer[start..self.position]) {
             Parsed::Whole(record, _) => Ok(Some(record)),
-            // Unreachable: the same bytes were a whole record above.
+            // Unreachable: the same bytes were a whole record in the loop above.
             Parsed::Incomplete | Parsed::Damaged => Ok(None),
         }
     }
 
-    /// Reads until `needed` unused bytes are in the buffer, or the file ends.
+    /// Reads from the file until the buffer has `needed` unused bytes or the file ends.
     fn fill(&mut self, needed: usize) -> Result<(), RecordingError> {
         if self.at_end || self.buffer.len() - self.position >= needed {
             return Ok(());
@@ -139,7 +139,7 @@ impl<R: Read> RecordingReader<R> {
 }
 
 impl<R: Read + Seek> RecordingReader<R> {
-    /// Goes back to the first record and forgets what was counted.
+    /// Goes back to the first record, and sets all counts to 0.
     ///
     /// # Errors
     ///
@@ -157,7 +157,7 @@ impl<R: Read + Seek> RecordingReader<R> {
     }
 }
 
-/// Returns whether a record can have this time after one at `before`.
+/// Returns whether a record can have the time `time` if the record before it has `before`.
 fn is_possible(time: HostTime, before: Option<HostTime>) -> bool {
     let before_us = before.map_or(time.monotonic_us, |before| before.monotonic_us);
     let step_us = time.monotonic_us.saturating_sub(before_us);

@@ -1,27 +1,27 @@
-//! Conversion of what happens at a port to the bytes of a recording.
+//! Turns what happens at a port into the bytes of a recording.
 
 use bridge_core::HostTime;
 
 use crate::recording::{FileHeader, MAX_PAYLOAD, Record, RecordKind};
 
-/// Converts what happens at a port to records. Pure: the caller writes [`Recorder::take`]'s bytes
-/// to a file.
+/// Turns what happens at a port into records. Pure: the caller writes the bytes that
+/// [`Recorder::take`] returns to a file.
 ///
-/// The bytes from the device are split at the ends of frames: the payloads of the records in their
-/// order are all bytes, unchanged. A payload ends with the zero that ends a frame. Only garbage
-/// longer than a frame, and the bytes before a port was lost, end without one.
+/// The bytes from the device are split after each zero that ends a frame, and become the payloads
+/// of records. One after the other, the payloads are all bytes, unchanged. Only garbage longer than
+/// a frame, and the bytes before a port was lost, end without a zero.
 #[derive(Debug)]
 pub struct Recorder {
-    /// Bytes of the frame that is not complete yet.
+    /// Bytes so far of the frame that is not complete yet.
     piece: Vec<u8>,
-    /// Whether `piece` holds more than the zeros before a frame.
+    /// Whether `piece` holds more than zeros, which can precede a frame.
     has_content: bool,
     unwritten: Vec<u8>,
     bytes: u64,
 }
 
 impl Recorder {
-    /// Creates a recorder whose first bytes are the file's header.
+    /// Creates a recorder. The first bytes that it returns are the header of the file.
     pub fn new(header: FileHeader) -> Recorder {
         Recorder {
             piece: Vec::new(),
@@ -36,14 +36,14 @@ impl Recorder {
         self.append(RecordKind::Opened, now, &[]);
     }
 
-    /// Records that the port was closed or lost, after the bytes of an unfinished frame.
+    /// Records that the port was closed or lost; before that, the bytes of an unfinished frame.
     pub fn closed(&mut self, now: HostTime) {
         self.finish_piece(now);
         self.append(RecordKind::Closed, now, &[]);
     }
 
     /// Records bytes from the device that were read at `read`. A frame is recorded when its last
-    /// byte arrives, with the time of that.
+    /// byte arrives, with the time of this byte.
     pub fn received(&mut self, bytes: &[u8], read: HostTime) {
         for &byte in bytes {
             self.piece.push(byte);
@@ -54,7 +54,7 @@ impl Recorder {
         }
     }
 
-    /// Records a command to the device.
+    /// Records a command that was sent to the device.
     pub fn sent(&mut self, frame: &[u8], now: HostTime) {
         self.append(RecordKind::Sent, now, frame);
     }
@@ -64,7 +64,7 @@ impl Recorder {
         self.append(RecordKind::Ending, now, &[]);
     }
 
-    /// Records the bytes of an unfinished frame.
+    /// Records the bytes of an unfinished frame, if there are any.
     pub fn finish_piece(&mut self, now: HostTime) {
         let mut piece = std::mem::take(&mut self.piece);
         if !piece.is_empty() {
@@ -75,13 +75,13 @@ impl Recorder {
         self.has_content = false;
     }
 
-    /// Returns the bytes that were recorded since the last call: whole records, and before them the
-    /// header.
+    /// Returns the bytes that were recorded since the last call: whole records. The first call also
+    /// returns the header, in front of them.
     pub fn take(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.unwritten)
     }
 
-    /// Number of bytes recorded so far, the header included.
+    /// Returns the number of bytes recorded so far, with those of the header.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
@@ -105,7 +105,7 @@ mod tests {
     use super::{FileHeader, HostTime, MAX_PAYLOAD, Recorder};
     use crate::recording::reader::RecordingReader;
 
-    /// Returns the payloads of the records of these bytes, which are read chunk by chunk.
+    /// Records `chunks` as bytes from a device, read one by one. Returns the records' payloads.
     fn split(chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
         let time = HostTime {
             monotonic_us: 0,

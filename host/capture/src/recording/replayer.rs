@@ -1,4 +1,4 @@
-//! A device that sends what a recording holds and answers commands as the recorded one did.
+//! A device that sends what a recording holds, and answers commands as the recorded device did.
 
 use std::io::{Read, Seek};
 
@@ -14,42 +14,43 @@ use crate::recording::{RecordKind, RecordingError};
 /// How fast a recording is played.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
-    /// Each frame at its time.
+    /// Each frame is sent at its time.
     RealTime,
-    /// Each frame as soon as the host has read the ones before it.
+    /// Each frame is sent as soon as the host has read the frames before it.
     Fast,
 }
 
-/// Plays a recording as a device. Pure apart from reading the file: the caller passes bytes from
-/// the host and times, and sends the bytes that it takes.
+/// Plays a recording as a device. Pure apart from reading the file: the caller passes in times and
+/// the bytes from the host, and sends the host the bytes that [`Replayer::take`] returns.
 ///
-/// `Start` plays the recording from its beginning. Where the recorded host started the device
-/// again, because it had restarted, the replay waits for the `Start` of its own host.
+/// A `Start` plays the recording from its beginning. Where the recorded device restarted, and its
+/// host started the streams again, the replay waits for a `Start` from its own host.
 #[derive(Debug)]
 pub struct Replayer<R> {
     reader: RecordingReader<R>,
     pace: Pace,
     from_host: Decoder<MAX_FRAME>,
     from_device: Decoder<MAX_FRAME>,
-    /// Introduction of the device of the current run.
+    /// How the device introduced itself at the present place of the recording.
     introduction: Introduction,
     recorded_starts: RecordedStarts,
-    /// Streams that the recorded device sends.
+    /// Streams that the recorded device sent at the present place of the recording.
     recorded_streams: Streams,
     outgoing: Vec<u8>,
     seq: u32,
     state: State,
-    /// Streams that the host asked for in its last `Start`.
+    /// Streams that the replay's host asked for in its last `Start`.
     streams: Streams,
-    /// Whether the recorded device has restarted, and the host has not started this one since.
+    /// Whether the recorded device has restarted, and the replay's host has not sent `Start` since.
     restarted: bool,
-    /// Time in the recording at which the device was started, microseconds.
+    /// Time in the recording at which the recorded device was started, microseconds.
     started_us: i64,
-    /// Time of the host's clock minus that of the recording, microseconds.
+    /// Time on the host's clock minus time in the recording, microseconds; `None` before the first
+    /// frame of a run is sent.
     offset_us: Option<i64>,
-    /// Next record to send, with its time in the recording.
+    /// Next frame to send: its time in the recording, microseconds, and its bytes.
     next: Option<(i64, Vec<u8>)>,
-    /// Number of the newest recorded frame in its direction.
+    /// Number (`seq`) of the newest recorded frame from the device.
     recorded_seq: Option<u32>,
     device_us: u64,
     next_window: u32,
@@ -58,15 +59,15 @@ pub struct Replayer<R> {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// No host has started the device, or the host has stopped it.
+    /// The host has not sent `Start` yet, or has sent `Stop`.
     Stopped,
     Playing,
-    /// The recorded device restarted; the host has to start this one again.
+    /// The recorded device has restarted; the replay waits for the host's next `Start`.
     AwaitsStart,
 }
 
 impl<R: Read + Seek> Replayer<R> {
-    /// Reads the introduction of the first device in a recording.
+    /// Creates a replay, and reads the recording up to the introduction of the first device.
     ///
     /// # Errors
     ///
@@ -97,23 +98,23 @@ impl<R: Read + Seek> Replayer<R> {
         Ok(replayer)
     }
 
-    /// Returns the bytes for the host since the last call.
+    /// Removes and returns the bytes to send to the host.
     pub fn take(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.outgoing)
     }
 
-    /// Returns whether the whole recording was played.
+    /// Returns whether the recording was played to its end.
     pub fn is_finished(&self) -> bool {
         self.state == State::Playing && self.next.is_none()
     }
 
-    /// Returns the counts of what was sent so far.
+    /// Returns the numbers of frames, codes and packed blocks that were sent so far.
     pub fn counts(&self) -> ReplayCounts {
         self.counts
     }
 
-    /// Returns the time on the host's clock when the next frame is due, microseconds; `None` while
-    /// nothing is played.
+    /// Returns when to send the next frame, microseconds of the host's clock; `None` unless
+    /// playing.
     pub fn due_us(&self, now_us: i64) -> Option<i64> {
         let (State::Playing, Some((time_us, _))) = (self.state, &self.next) else {
             return None;
@@ -124,7 +125,7 @@ impl<R: Read + Seek> Replayer<R> {
         }
     }
 
-    /// Handles bytes from the host.
+    /// Handles bytes from the host, and answers its commands.
     ///
     /// # Errors
     ///
@@ -143,7 +144,7 @@ impl<R: Read + Seek> Replayer<R> {
         Ok(())
     }
 
-    /// Sends the frames that are due at `now_us`; with [`Pace::Fast`] at least one.
+    /// Sends the frames that are due at `now_us`; with [`Pace::Fast`] one frame, due or not.
     ///
     /// # Errors
     ///
@@ -176,7 +177,8 @@ impl<R: Read + Seek> Replayer<R> {
             ToDevice::Ping => AckResult::Done,
             ToDevice::Start(start) => return self.start(start),
             ToDevice::Stop => {
-                // After a restart the host makes sure that nothing streams before it starts.
+                // After a restart the host sends `Stop` first, to make sure that nothing streams;
+                // the replay goes on waiting for its `Start`.
                 if !self.restarted {
                     self.state = State::Stopped;
                 }
@@ -196,7 +198,7 @@ impl<R: Read + Seek> Replayer<R> {
 
     fn start(&mut self, start: Start) -> Result<AckResult, RecordingError> {
         let recorded = self.recorded_streams;
-        // The streams that a replay has only if they were recorded.
+        // Streams that a replay can send only if the recording has them.
         let exact = [
             Streams::CODES,
             Streams::RAW,
@@ -211,7 +213,7 @@ impl<R: Read + Seek> Replayer<R> {
             return Ok(AckResult::BadArgument);
         }
         match self.state {
-            // A `Start` changes nothing while streams are running.
+            // While streams are running, a device ignores `Start`, and so does a replay.
             State::Playing => {}
             State::AwaitsStart => self.offset_us = None,
             State::Stopped => self.rewind()?,
@@ -222,7 +224,7 @@ impl<R: Read + Seek> Replayer<R> {
         Ok(AckResult::Done)
     }
 
-    /// Goes to the beginning of the recording: to the first frame after the recorded `Start`.
+    /// Goes back to the beginning of the recording: the first frame after the recorded `Start`.
     fn rewind(&mut self) -> Result<(), RecordingError> {
         self.reader.rewind()?;
         self.introduction = Introduction::default();
@@ -246,7 +248,7 @@ impl<R: Read + Seek> Replayer<R> {
         Ok(())
     }
 
-    /// Returns the next bytes from the device, and notes the commands before them.
+    /// Returns time and bytes of the next record from the device, and notes the commands before it.
     fn read_frame(&mut self) -> Result<Option<(i64, Vec<u8>)>, RecordingError> {
         while let Some(record) = self.reader.next_record()? {
             match record.kind {
@@ -256,7 +258,7 @@ impl<R: Read + Seek> Replayer<R> {
                 RecordKind::Sent => {
                     self.recorded_starts.note(record.payload);
                 }
-                // The recorded end of the stream follows; this host ends the stream itself.
+                // What follows stops the recorded device; the replay's host sends a `Stop` itself.
                 RecordKind::Ending => return Ok(None),
                 RecordKind::Opened | RecordKind::Closed | RecordKind::Newer(_) => {}
             }
@@ -264,7 +266,8 @@ impl<R: Read + Seek> Replayer<R> {
         Ok(None)
     }
 
-    /// Sends a recorded frame, or changes the state as the frame did for the recorded host.
+    /// Sends a recorded frame or leaves it out. Where the recorded host started the device again
+    /// after a restart, waits for the `Start` of the replay's host.
     fn pass_on(&mut self, payload: &[u8], time_us: i64) {
         let mut decoder = std::mem::take(&mut self.from_device);
         let mut bytes = payload;
@@ -273,14 +276,14 @@ impl<R: Read + Seek> Replayer<R> {
                 let streams = self.recorded_starts.acknowledged_by(payload);
                 if let Some(streams) = streams.filter(|_| self.restarted) {
                     self.recorded_streams = streams;
-                    // The host of this replay starts at the same place of the recording.
+                    // The replay's host has to send `Start` at the same place of the recording.
                     self.state = State::AwaitsStart;
                     self.started_us = time_us;
                 }
                 self.pass_on_frame(&frame, payload);
             }
             Some(Err(_)) => self.counts.unusable += 1,
-            // Only zeros, or bytes of an unfinished frame.
+            // The record holds only zeros, or bytes of an unfinished frame.
             None => {}
         }
         decoder.reset();
@@ -288,7 +291,7 @@ impl<R: Read + Seek> Replayer<R> {
     }
 
     fn pass_on_frame(&mut self, frame: &Frame<ToHost>, payload: &[u8]) {
-        // A gap in the recorded numbers stays one.
+        // A gap in the recorded numbers becomes a gap in the numbers that the replay sends.
         let Header {
             seq,
             device_time_us,
@@ -299,7 +302,8 @@ impl<R: Read + Seek> Replayer<R> {
             Some(before) if !is_hello => seq.wrapping_sub(before).wrapping_sub(1),
             _ => 0,
         };
-        // A number before the last one is a restart whose `Hello` was lost, or a replay.
+        // A lower number than before is no gap: the device restarted and its `Hello` was lost, or
+        // the recorded device was itself a replay.
         if gap < u32::MAX / 2 {
             self.seq = self.seq.wrapping_add(gap);
         }
@@ -330,8 +334,8 @@ impl<R: Read + Seek> Replayer<R> {
         }
     }
 
-    /// Returns whether a message is for this host: one of its streams, and no answer to a command
-    /// of the recorded host.
+    /// Returns whether a message is for the replay's host: it belongs to a stream that the host
+    /// asked for, and does not answer a command of the recorded host.
     fn is_wanted(&self, message: &ToHost) -> bool {
         match message {
             ToHost::Hello(_) | ToHost::Ack(_) | ToHost::ClockReading(_) | ToHost::SelfTest(_) => {
@@ -348,7 +352,7 @@ impl<R: Read + Seek> Replayer<R> {
         }
     }
 
-    /// Sends a message with this device's next number, at the newest device time.
+    /// Sends a message with the replay's next number, and with the device time of the newest frame.
     fn send(&mut self, message: &ToHost) {
         let header = Header {
             version: VERSION,
@@ -357,7 +361,7 @@ impl<R: Read + Seek> Replayer<R> {
         };
         self.seq = self.seq.wrapping_add(1);
         let mut buffer = [0; MAX_FRAME];
-        // Every message came from a frame, so it fits one.
+        // Every message was read from a frame, so it fits into a frame.
         if let Ok(bytes) = link::encode(&header, message, &mut buffer) {
             self.outgoing.extend_from_slice(bytes);
             self.counts.frames += 1;
@@ -384,15 +388,15 @@ impl<R: Read + Seek> Replayer<R> {
     }
 }
 
-/// Counts of what a replay has sent.
+/// Numbers of what a replay has sent, and left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReplayCounts {
-    /// Number of frames sent, answers included.
+    /// Number of frames sent, with answers to commands.
     pub frames: u64,
     /// Number of codes sent.
     pub codes: u64,
     /// Number of packed blocks sent.
     pub blocks: u64,
-    /// Number of recorded frames that are damaged, or newer than this program, and were left out.
+    /// Number of recorded frames left out because they are damaged or newer than this program.
     pub unusable: u64,
 }

@@ -1,4 +1,4 @@
-//! Recordings with impossible times and indices, as a damaged disk or a stranger can make them.
+//! Recordings with impossible times and indices, as from a damaged disk or a malicious sender.
 
 use std::io::Cursor;
 use std::sync::Arc;
@@ -12,11 +12,11 @@ use proptest::prelude::*;
 use crate::board::assert_has;
 use crate::synthetic_recording::Rig;
 
-/// Longest time of a conversion that takes milliseconds on an idle machine.
+/// Longest time that a conversion may take, which on an idle machine takes milliseconds.
 const TIMEOUT: Duration = Duration::from_mins(1);
 
-/// Largest size of all files of a conversion, bytes: those of 122 s of fillers in each stream take
-/// 30 MB.
+/// Largest size that all files of a conversion may have, bytes. With 122 s of fillers in each
+/// stream they have 30 MB.
 const MAX_BYTES: u64 = 60_000_000;
 
 fn good() -> Vec<u8> {
@@ -25,8 +25,8 @@ fn good() -> Vec<u8> {
     rig.finish()
 }
 
-/// Returns a good recording with changes. `change` gets the number of each record, its time, and
-/// the message of the device in it, with its device time.
+/// Returns a sound recording after changes. `change` gets the number and the time of each record,
+/// and, if the record is a frame from the device, the device time and the message of that frame.
 fn changed(
     mut change: impl FnMut(usize, &mut HostTime, Option<(&mut u64, &mut ToHost<'_>)>),
 ) -> Vec<u8> {
@@ -61,7 +61,7 @@ fn changed(
     recorder.take()
 }
 
-/// Returns a replay that a host has started.
+/// Returns a replay to which a host has sent `Start`; `None` if the recording cannot be replayed.
 fn started(recording: Vec<u8>, pace: Pace) -> Option<Replayer<Cursor<Vec<u8>>>> {
     let mut replayer = Replayer::new(Cursor::new(recording), pace).ok()?;
     let start = ToDevice::Start(Start {
@@ -79,7 +79,7 @@ fn started(recording: Vec<u8>, pace: Pace) -> Option<Replayer<Cursor<Vec<u8>>>> 
     Some(replayer)
 }
 
-/// Plays a whole recording as fast as its host reads. Returns the number of codes.
+/// Plays a whole recording as fast as the host reads. Returns the number of codes sent.
 fn replay(recording: Vec<u8>) -> u64 {
     let mut replayer = started(recording, Pace::Fast).unwrap();
     while !replayer.is_finished() {
@@ -89,7 +89,7 @@ fn replay(recording: Vec<u8>) -> u64 {
     replayer.counts().codes
 }
 
-/// Converts a recording. Returns the summary; the time and the size of the files are checked.
+/// Converts a recording within limits of time and size. Returns the summary as text.
 fn convert(recording: &[u8]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.wire");

@@ -1,4 +1,4 @@
-//! Tests of recordings that the recorder writes, and of their replay to the bridge's core.
+//! Tests of recordings: their bytes, damage, conversion, and replay to the bridge's core.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 #[path = "../../../bridge-core/tests/it/board.rs"]

@@ -1,4 +1,4 @@
-//! Recordings of packed blocks, made without waiting.
+//! Makes recordings of packed blocks in virtual time.
 
 use capture::{FileHeader, Recorder};
 use link::{
@@ -9,26 +9,26 @@ use link::{
 use crate::board::{Board, at};
 use crate::packed_block::block;
 
-/// Time of a hop, microseconds.
+/// Duration of a hop, microseconds.
 pub(crate) const HOP_US: i64 = 62_500;
 
-/// Makes a recording step by step.
+/// A recording that a test makes step by step.
 pub(crate) struct PackedRecording {
     board: Board,
     host: Encoder,
     recorder: Recorder,
     streams: Streams,
-    /// Host time, microseconds.
+    /// Present host time, microseconds.
     pub(crate) now_us: i64,
     /// Host time at which the device started, microseconds.
     boot_us: i64,
-    /// Index of the next block.
+    /// Index of the next packed block.
     next: u32,
     events: u32,
 }
 
 impl PackedRecording {
-    /// Starts a recording of a device that streams `streams`.
+    /// Starts to record a device that sends `streams`.
     pub(crate) fn new(board: Board, streams: Streams) -> PackedRecording {
         let header = FileHeader {
             created_ns: at(0).wall_ns,
@@ -60,7 +60,7 @@ impl PackedRecording {
         (self.next, self.events) = (0, 0);
     }
 
-    /// Sends a command of the host, which the device answers.
+    /// Records a command of the host and the device's answers.
     fn command(&mut self, command: ToDevice) {
         let mut buffer = [0; MAX_FRAME];
         let bytes = self.host.encode(0, &command, &mut buffer).unwrap().to_vec();
@@ -71,7 +71,7 @@ impl PackedRecording {
         self.recorder.received(&answers, at(self.now_us));
     }
 
-    /// Returns the present time of the device, microseconds.
+    /// Returns the present device time, microseconds.
     fn device_us(&self) -> u64 {
         (self.now_us - self.boot_us).unsigned_abs()
     }
@@ -85,14 +85,13 @@ impl PackedRecording {
         self.recorder.received(&frame, at(self.now_us));
     }
 
-    /// Advances time by a hop, in which the device makes a block, and a code where it streams
-    /// these.
+    /// Advances time by a hop: the device sends a packed block, and a code if it streams codes.
     pub(crate) fn hop(&mut self) {
         let bytes = block(self.next, 0, 4);
         self.hop_of(&bytes);
     }
 
-    /// Advances time by a hop, in which the device makes a block with these bytes.
+    /// Advances time by a hop, in which the device sends a packed block with these bytes.
     pub(crate) fn hop_of(&mut self, bytes: &[u8]) {
         self.now_us += HOP_US;
         self.send(&ToHost::PackedCode(PackedCode {
@@ -110,7 +109,7 @@ impl PackedRecording {
         }
     }
 
-    /// Sends the device's report of the present second.
+    /// Sends the device's `Stats`, as it does every second.
     pub(crate) fn stats(&mut self) {
         let stats = Stats {
             streams: self.streams,
@@ -132,7 +131,7 @@ impl PackedRecording {
         self.send_at(self.device_us() - ago_us, &ToHost::Event(event));
     }
 
-    /// Restarts the device, which is away for `outage_us`: its clock and indices start again.
+    /// Restarts the device after `outage_us` microseconds; its clock and indices start again.
     pub(crate) fn restart(&mut self, outage_us: i64) {
         self.now_us += outage_us;
         self.boot_us = self.now_us;
@@ -142,7 +141,7 @@ impl PackedRecording {
         self.start();
     }
 
-    /// Returns the file as it is after a loss of power.
+    /// Returns the file as it is after a loss of power, without an end.
     pub(crate) fn cut_off(mut self) -> Vec<u8> {
         self.recorder.take()
     }

@@ -1,4 +1,4 @@
-//! A recording of codes and packed blocks, replayed to a bridge that asks for packed blocks alone.
+//! A recording of codes and packed blocks is replayed to a bridge that asks only for packed blocks.
 
 use std::io::Cursor;
 
@@ -12,7 +12,7 @@ use crate::packed_device::PACKED;
 use crate::packed_recording::PackedRecording;
 use crate::recorder;
 
-/// Returns a recording of `hops` codes and packed blocks, with the device's `Stats` once a second.
+/// Returns a recording with `hops` codes and as many packed blocks, and with `Stats` once a second.
 fn recording(hops: u32) -> Vec<u8> {
     let mut recording = PackedRecording::new(Board::new(), Streams::CODES | Streams::PACKED);
     for index in 0..hops {

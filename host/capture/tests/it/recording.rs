@@ -1,5 +1,4 @@
-//! Recordings: the bytes of a file are those of docs/recording-format.md, and a damaged file is
-//! read up to the damage.
+//! Recordings have the bytes in docs/recording-format.md, and can be read around damage.
 
 use std::io::Cursor;
 
@@ -17,7 +16,7 @@ const HEADER: FileHeader = FileHeader {
     mains_hz: 50,
 };
 
-/// Returns the bytes of the dump `name` on the page.
+/// Returns the bytes of the hex dump `name` in docs/recording-format.md.
 fn dump(name: &str) -> Vec<u8> {
     let start = format!("```hex {name}\n");
     let (_, rest) = PAGE.split_once(&start).expect(name);
@@ -28,7 +27,7 @@ fn dump(name: &str) -> Vec<u8> {
         .collect()
 }
 
-/// Returns bytes as the page prints them, for the message of a failed test.
+/// Returns a hex dump as in docs/recording-format.md, for the message of a failed test.
 fn printed(bytes: &[u8]) -> String {
     let rows = bytes.chunks(16).map(|row| {
         let row: Vec<String> = row.iter().map(|byte| format!("{byte:02x}")).collect();
@@ -78,7 +77,7 @@ fn the_hex_dumps_of_the_page_are_what_the_recorder_writes() {
     check("closed", recorder.take());
 }
 
-/// Returns a file with `frames` frames, and the offsets at which its records end.
+/// Returns a recording with `frames` frames, and the offsets at which its records end.
 fn file(frames: i64) -> (Vec<u8>, Vec<usize>) {
     let mut recorder = Recorder::new(HEADER);
     let mut bytes = recorder.take();
@@ -94,7 +93,7 @@ fn file(frames: i64) -> (Vec<u8>, Vec<usize>) {
     (bytes, ends)
 }
 
-/// Returns the times of all records and the bytes that were left out.
+/// Reads a recording. Returns the times of all records, and the numbers of bytes left out.
 fn read(bytes: &[u8]) -> (Vec<HostTime>, LeftOut) {
     let mut reader = RecordingReader::new(Cursor::new(bytes)).unwrap();
     assert_eq!(*reader.header(), HEADER);

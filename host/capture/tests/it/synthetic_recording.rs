@@ -1,5 +1,4 @@
-//! Recordings that are made without waiting: a simulated board, the core and the recorder in
-//! virtual time.
+//! Makes recordings in virtual time, with a simulated board, the core and the recorder.
 
 use bridge_core::{Core, Effects, FillerPolicy, HostTime, Settings};
 use capture::{FileHeader, Recorder};
@@ -7,31 +6,31 @@ use link::{CodeValues, Event, EventKind, Filtered, Flags, Raw, Streams, ToHost};
 
 use crate::board::{Board, at};
 
-/// Time of an ADC sample in units of 1/512 s of the host's clock, as the values of channel 0 in
-/// counts. It identifies each sample, whatever its index says.
+/// Ticks per second of the host's clock. The board sends the time of each sample in ticks as the
+/// counts of channel 0, which identifies the sample whatever its index is.
 pub(crate) const TICKS_PER_SECOND: i64 = 512;
-/// Delay of the simulated board's filters, microseconds ([`Board`] reports it).
+/// Delay of the simulated board's filters, microseconds, as [`Board`] reports it.
 pub(crate) const FILTER_DELAY_US: i64 = 10_000;
-/// Time between two codes, microseconds.
+/// Time from one code to the next, microseconds.
 const HOP_US: i64 = 62_500;
 
-/// Makes a recording step by step.
+/// A simulated board, the core and a recorder, with which a test makes a recording step by step.
 pub(crate) struct Rig {
     board: Board,
     core: Core,
     port: Port,
-    /// Host time, microseconds.
+    /// Present host time, microseconds.
     now_us: i64,
     /// Host time at which the board started, microseconds.
     boot_us: i64,
-    /// Host time of the first ADC sample of the run, microseconds.
+    /// Host time of the first ADC sample since the board's start, microseconds.
     start_us: i64,
     random: u64,
     loss_percent: u64,
     events: u32,
-    /// Host times of all events, microseconds.
+    /// Host times of all edges of the trigger input, microseconds.
     pub(crate) event_times_us: Vec<i64>,
-    /// Number of frames that did not reach the recorder.
+    /// Number of frames that were lost on the way to the recorder.
     pub(crate) lost: u32,
 }
 
@@ -86,7 +85,7 @@ impl Rig {
         rig
     }
 
-    /// Lets the board answer until it streams.
+    /// Exchanges commands and answers until the board streams.
     fn handshake(&mut self) {
         while !self.board.streaming || !self.port.outgoing.is_empty() {
             self.now_us += 1_000;
@@ -103,7 +102,7 @@ impl Rig {
         self.core.receive(bytes, at(read_us), &mut self.port);
     }
 
-    /// Restarts the board: nothing is made for `outage_us`, and its clock and indices start again.
+    /// Restarts the board after `outage_us` microseconds; its clock and indices start again.
     pub(crate) fn restart(&mut self, outage_us: i64) {
         self.board.reboot();
         self.boot_us = self.now_us + outage_us;
@@ -121,7 +120,7 @@ impl Rig {
         self.random
     }
 
-    /// Sends a message that is lost on the way or arrives up to 9 ms later.
+    /// Sends a message of the board, which arrives up to 9 ms later or is lost on the way.
     fn send(&mut self, host_us: i64, message: &ToHost) {
         let device_us = u64::try_from(host_us - self.boot_us).unwrap();
         let frame = self.board.frame(device_us, message);
@@ -134,18 +133,18 @@ impl Rig {
         }
     }
 
-    /// Returns the host time of an ADC sample of this run, microseconds.
+    /// Returns the host time of ADC sample `sample` since the board's start, microseconds.
     fn sample_us(&self, sample: i64) -> i64 {
         self.start_us + sample * 1_000_000 / TICKS_PER_SECOND
     }
 
-    /// Runs the board for a number of hops. An edge of the trigger input happens in every
-    /// `event_every`-th hop, and arrives up to two hops later.
+    /// Runs the board for `hops` hops. An edge of the trigger input happens in every
+    /// `event_every`-th hop, and its message arrives up to two hops later.
     pub(crate) fn run(&mut self, hops: u32, event_every: u32) {
         let mut late: Option<(i64, Event)> = None;
         for _ in 0..hops {
             let hop = self.board.next_window;
-            // The window ends 16 steps (64 samples) after its start.
+            // First sample of the window's second hop; a hop has 32 samples.
             let first = i64::from(hop) * 32 + 32;
             for part in 0..4 {
                 self.raw(first + part * 8);
@@ -176,7 +175,7 @@ impl Rig {
         }
     }
 
-    /// Sends an event reliably: the test is about places, not about lost events.
+    /// Sends an event without loss, because the tests are about the places of events.
     fn send_event(&mut self, us: i64, event: Event) {
         let device_us = u64::try_from(us - self.boot_us).unwrap();
         let frame = self.board.frame(device_us, &ToHost::Event(event));
@@ -185,7 +184,7 @@ impl Rig {
     }
 
     fn raw(&mut self, first: i64) {
-        // The first samples of a run are sent with the first window.
+        // Converts a host time from microseconds to ticks.
         let ticks = |us: i64| us * TICKS_PER_SECOND / 1_000_000;
         let mut counts = Vec::new();
         for sample in first..first + 8 {
@@ -205,7 +204,7 @@ impl Rig {
     fn filtered(&mut self, first: i64) {
         let mut values = Vec::new();
         for step in first..first + 4 {
-            // What the filters make of a step happened on the scalp a filter delay before it.
+            // A filtered step shows what was on the scalp `FILTER_DELAY_US` earlier.
             let us = self.sample_us(step * 4) - FILTER_DELAY_US;
             let tick = i32::try_from(us * TICKS_PER_SECOND / 1_000_000).unwrap();
             values.extend((tick << 5).to_le_bytes());

@@ -1,5 +1,4 @@
-//! A simulated acquisition: frames of synthetic EEG, and the codes that host-sim makes of a
-//! recording of it.
+//! A simulated acquisition: frames of synthetic EEG, and the codes of a recording of them.
 
 use std::io::Cursor;
 
@@ -9,7 +8,7 @@ use recordings::{
     AdcSpec, FileToWrite, GdfWriter, Missing, MontageMap, Recording, SignalToWrite, VirtualAdc,
 };
 
-/// Frames of an acquisition, made on request.
+/// A simulated acquisition, whose frames are computed on request.
 #[derive(Clone)]
 pub(crate) struct Acquisition {
     pub(crate) rate_hz: u16,
@@ -18,7 +17,7 @@ pub(crate) struct Acquisition {
 }
 
 impl Acquisition {
-    /// Returns an acquisition with the model's electrodes, in the order of the montage.
+    /// Returns an acquisition with all electrodes of the model, in the order of the montage.
     pub(crate) fn new(rate_hz: u16, samples: u16) -> Acquisition {
         let labels = model::LABELS.split(' ').map(str::to_owned).collect();
         Acquisition {
@@ -28,7 +27,7 @@ impl Acquisition {
         }
     }
 
-    /// Returns frame `index`, counted from 0. Its number is one more.
+    /// Returns the frame with the index `index`, counted from 0; its `seq` is `index` + 1.
     pub(crate) fn frame(&self, index: u32) -> NeuroFrame {
         let channels = u16::try_from(self.labels.len()).unwrap();
         let samples = u32::from(self.samples);
@@ -57,8 +56,8 @@ impl Acquisition {
         }
     }
 
-    /// Returns `samples` samples of all channels, the first of which has the index `first`, uV: an
-    /// alpha rhythm, drift and noise on each channel.
+    /// Returns `samples` samples of all channels, beginning with the sample of index `first`, uV.
+    /// Each channel has an alpha rhythm, drift and noise.
     fn values(&self, first: u32, samples: u32) -> Vec<f32> {
         let rows = first..first + samples;
         let values = rows.flat_map(|row| {
@@ -100,7 +99,7 @@ impl Acquisition {
         let recording = Recording::from_source(Cursor::new(bytes)).unwrap();
         let electrodes: Vec<&str> = model::LABELS.split(' ').collect();
         let map = MontageMap::new(&recording.labels(), &electrodes, Missing::Interpolate).unwrap();
-        // The scale of host-sim's virtual ADC.
+        // Rate and counts per microvolt as in host-sim's virtual ADC.
         let spec = AdcSpec {
             rate_hz: model::ADC_RATE_HZ.into(),
             lsb_uv: f64::from(model::LSB_NV) / 1_000.0,
@@ -108,7 +107,7 @@ impl Acquisition {
         let mut pipeline = Pipeline::new(mains);
         let samples = VirtualAdc::new(recording, &map, spec).unwrap();
         let codes = samples.filter_map(|counts| {
-            // The virtual ADC fills the channels of the longest chain.
+            // The virtual ADC has at least as many channels as a sample; the others are left out.
             let counts = counts.unwrap();
             pipeline.encode_sample(&Sample {
                 counts: std::array::from_fn(|channel| counts[channel]),

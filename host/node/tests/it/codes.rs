@@ -1,4 +1,4 @@
-//! Codes are those of host-sim, bit for bit.
+//! Codes of the acquisition's frames are bit for bit those of host-sim.
 
 use bridge_core::Model;
 use neuro_ros::DiagnosticLevel;
@@ -7,8 +7,8 @@ use pipeline::Mains;
 use crate::acquisition::Acquisition;
 use crate::harness::{Harness, START, is_filler, word};
 
-/// Encodes `seconds` of an acquisition and compares the codes with those of a recording. Returns
-/// the harness for further checks.
+/// Encodes `seconds` of an acquisition, and asserts that the codes are those of a recording of it.
+/// Returns the harness for further checks.
 fn equals_recording(acquisition: &Acquisition, seconds: u32) -> Harness {
     let frames = seconds * u32::from(acquisition.rate_hz) / u32::from(acquisition.samples);
     let expected = acquisition.codes_of_recording(frames, Mains::Hz50);
@@ -24,7 +24,8 @@ fn equals_recording(acquisition: &Acquisition, seconds: u32) -> Harness {
     for (window, (code, expected)) in codes.iter().zip(&expected).enumerate() {
         assert_eq!(*code, expected, "window {window}");
     }
-    // A resampled recording continues for up to one and a half blocks, which depend on its end.
+    // A live resampler waits for the end of its last block, and that of a recording does not, so up
+    // to one and a half blocks of codes are missing.
     let waiting_us = harness.source.block_us() * 3 / 2;
     let missing = expected.len() - codes.len();
     let hop_us = 1_000_000 * model::HOP as u64 / u64::from(model::STEP_RATE_HZ);
@@ -64,7 +65,8 @@ fn the_program_decodes_the_codes_of_the_model_that_it_was_built_with() {
 fn no_bounds_of_a_delay_are_shown_because_the_device_has_no_clock() {
     let acquisition = Acquisition::new(model::ADC_RATE_HZ, model::ADC_RATE_HZ / 16);
     let mut harness = Harness::new(&acquisition.frame(0));
-    // The bridge's core queries the clock 2 s after the start, and again every 10 s.
+    // The core would query a board's clock after 2 s, so 5 s show that it does not query this
+    // device.
     harness.receive_all(&acquisition, 1..16 * 5);
     let clock = harness.status("corticode: clock");
     let keys: Vec<&str> = clock.values.iter().map(|value| &*value.key).collect();
@@ -108,8 +110,8 @@ fn labels_can_have_any_order_and_spelling_and_missing_electrodes_are_announced()
         1 => format!("{}.", label.to_lowercase()),
         _ => format!("{label}h"),
     });
-    // Every third label ends with h, which is a position of its own in the 10-5 system for some;
-    // take only the spellings that mean the same electrode.
+    // Some labels with an h at the end name another electrode of the 10-5 system; take only the
+    // spellings that name the same electrode.
     let spelled: Vec<String> = spelled
         .zip(&acquisition.labels)
         .map(|(spelled, label)| {
@@ -142,11 +144,11 @@ fn stamps_are_the_times_of_the_windows_also_when_codes_come_in_bursts() {
         let frame_us = u64::from(samples) * 1_000_000 / u64::from(rate_hz);
         let hop_ns = 1_000_000_000 * model::HOP as u64 / u64::from(model::STEP_RATE_HZ);
         for (window, frame) in (0_u64..).zip(&harness.recorder.encoded) {
-            // The first sample was at the electrodes one frame before the first frame arrived.
+            // The first frame arrived one frame after its first sample was at the electrodes.
             let first_ns = START.wall_ns - i64::try_from((frame_us + delay_us) * 1000).unwrap();
             let expected_ns = first_ns + i64::try_from(window * hop_ns).unwrap();
             let error_ns = frame.header.stamp.nanoseconds() - expected_ns;
-            // The clock is fitted to the arrival of frames, so it is late by less than one frame.
+            // The clock is fitted to arrivals of frames, so it is late by less than one frame.
             let most_ns = i64::try_from(frame_us * 1000).unwrap() + 10_000_000;
             assert!(
                 (-10_000_000..most_ns).contains(&error_ns),

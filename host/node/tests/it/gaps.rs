@@ -19,7 +19,7 @@ fn codes_next_to_lost_frames_are_fillers_and_counted_and_later_ones_keep_their_i
     let mut harness = Harness::new(&acquisition.frame(0));
     harness.receive_all(&acquisition, 1..40);
     assert_eq!(harness.status("corticode: loss").level, DiagnosticLevel::Ok);
-    // Five frames are lost, which are five hops.
+    // Frames 40 to 44 are lost; a frame lasts one hop.
     let arrival = harness.receive(&acquisition.frame(45), 6 * FRAME_US);
     assert_eq!(arrival.unwrap(), Arrival::Lost(5));
     harness.receive_all(&acquisition, 46..80);
@@ -34,8 +34,9 @@ fn codes_next_to_lost_frames_are_fillers_and_counted_and_later_ones_keep_their_i
         .filter(|frame| is_filler(frame))
         .map(|frame| word(frame, "seq_lo"))
         .collect();
-    // A window takes two hops, and the lost five hops begin after hop 39. The first step after them
-    // is made of the samples since the step before, which are lost.
+    // A window has two hops, and five hops are lost after hop 39. The first step after the gap is
+    // made of samples since the step before it, which are lost, so the hop after the gap is lost
+    // too.
     let hops = i32::try_from(model::STEPS / model::HOP).unwrap();
     let first = 40 - (hops - 1);
     let expected: Vec<i32> = (first..=45).collect();
@@ -45,7 +46,7 @@ fn codes_next_to_lost_frames_are_fillers_and_counted_and_later_ones_keep_their_i
     let loss = harness.status("corticode: loss");
     assert_eq!(loss.level, DiagnosticLevel::Warn, "{}", loss.message);
     assert_eq!(harness.source.counts().lost, 5);
-    // Before the gap all codes are those of the recording.
+    // Up to the gap, all codes are those of a recording without a gap.
     let expected = acquisition.codes_of_recording(40, Mains::Hz50);
     let frames = harness.recorder.encoded.iter().zip(&expected);
     for (frame, code) in frames.take(usize::try_from(first).unwrap()) {
@@ -66,7 +67,7 @@ fn an_acquisition_that_counts_from_1_again_is_a_restart_as_of_a_board() {
     let expected = acquisition.codes_of_recording(40, Mains::Hz50);
     let after = &harness.recorder.encoded[before..];
     let fillers = after.iter().filter(|frame| is_filler(frame)).count();
-    // Two seconds without frames are 32 codes; window 0 needs the first two hops of the new run.
+    // The 2 s without frames are 32 codes; window 0 also needs the first two hops of the new run.
     assert!((30..=34).contains(&fillers), "{fillers} fillers");
     let codes: Vec<_> = after.iter().filter(|frame| !is_filler(frame)).collect();
     assert_eq!(codes.len(), expected.len());

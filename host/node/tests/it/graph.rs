@@ -1,4 +1,4 @@
-//! A ROS master, the program, an acquisition and a listener.
+//! A ROS graph: a master, the program, an acquisition and a subscriber to its codes.
 
 use std::fs::{self, File};
 use std::net::SocketAddr;
@@ -12,7 +12,7 @@ use tokio::time::{sleep, timeout};
 
 use crate::acquisition::Acquisition;
 
-/// Longest time for what takes milliseconds on an idle machine.
+/// Longest wait for what takes milliseconds on an idle machine.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(30);
 
 pub(crate) struct Graph {
@@ -26,7 +26,7 @@ pub(crate) struct Graph {
 }
 
 impl Graph {
-    /// Starts everything, with options of the program, and waits for the connections.
+    /// Starts the graph, with `options` for the program, and waits until all are connected.
     pub(crate) async fn start(options: &[&str]) -> Graph {
         let master = Master::start(SocketAddr::from(([127, 0, 0, 1], 0)))
             .await
@@ -39,7 +39,7 @@ impl Graph {
             .env("ROS_HOSTNAME", "127.0.0.1")
             .env_remove("ROS_IP")
             .env_remove("RUST_LOG")
-            // Sets no option.
+            // A variable that is set to nothing sets no option.
             .env("CORTICODE_MAINS", "")
             .stdin(Stdio::null())
             .stderr(File::create(log.path().join("log")).unwrap())
@@ -73,14 +73,14 @@ impl Graph {
         }
     }
 
-    /// Returns another node that publishes frames.
+    /// Returns another node, and its publisher of frames on the same topic.
     pub(crate) async fn another_acquisition(&self) -> (Node, Publisher) {
         let node = node("other", self.master.uri()).await;
         let publisher = publisher(&node).await;
         (node, publisher)
     }
 
-    /// Publishes frames with these numbers, as fast as a real acquisition.
+    /// Publishes frames with these numbers, at the pace of a real acquisition.
     pub(crate) async fn publish(&self, numbers: impl IntoIterator<Item = u32>) {
         for number in numbers {
             self.acquisition.publish(&frame(number).to_bytes());
@@ -88,7 +88,7 @@ impl Graph {
         }
     }
 
-    /// Waits for a report in which the status of this name is as expected.
+    /// Waits for a report in which the status `name` is as expected, and returns this status.
     pub(crate) async fn status(
         &mut self,
         name: &str,
@@ -123,7 +123,7 @@ impl Graph {
 
 impl Drop for Graph {
     fn drop(&mut self) {
-        // Fails if the program has ended.
+        // Killing fails if the program has ended already.
         let _ = self.program.kill();
         let _ = self.program.wait();
     }
@@ -147,8 +147,8 @@ async fn publisher(node: &Node) -> Publisher {
         .unwrap()
 }
 
-/// Returns the frame of this number, 62.5 ms of the model's electrodes, with the present time as
-/// its stamp.
+/// Returns frame `number` of an acquisition with the model's electrodes: it lasts 62.5 ms and is
+/// stamped with the present time.
 pub(crate) fn frame(number: u32) -> NeuroFrame {
     let mut frame = Acquisition::new(model::ADC_RATE_HZ, model::ADC_RATE_HZ / 16).frame(number - 1);
     frame.header.stamp = Stamp::now();

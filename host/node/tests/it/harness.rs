@@ -16,7 +16,7 @@ pub(crate) const START: HostTime = HostTime {
     wall_ns: 1_700_000_000_000_000_000,
 };
 
-/// Effects of the core.
+/// Collects what the core sends, announces and publishes.
 #[derive(Default)]
 pub(crate) struct Recorder {
     sent: Vec<u8>,
@@ -51,7 +51,7 @@ pub(crate) struct Harness {
 }
 
 impl Harness {
-    /// Connects the core to a source, whose first frame this is, and encodes the frame.
+    /// Connects the core to a new source, and encodes `first`, the first frame.
     pub(crate) fn new(first: &NeuroFrame) -> Harness {
         let settings = Settings {
             mains_hz: 50,
@@ -72,7 +72,7 @@ impl Harness {
         harness
     }
 
-    /// Receives a frame `us` microseconds after the previous one.
+    /// Receives a frame that arrives `us` microseconds after the previous one.
     pub(crate) fn receive(&mut self, frame: &NeuroFrame, us: i64) -> Result<Arrival, Refusal> {
         self.now.monotonic_us += us;
         self.now.wall_ns += us * 1000;
@@ -90,7 +90,7 @@ impl Harness {
         Ok(arrival)
     }
 
-    /// Receives the frames with these indices in real time.
+    /// Receives the frames with these indices, each one frame's duration after the previous one.
     pub(crate) fn receive_all(
         &mut self,
         acquisition: &Acquisition,
@@ -107,7 +107,7 @@ impl Harness {
         self.exchange();
     }
 
-    /// Exchanges bytes until neither side has any.
+    /// Passes bytes between source and core until neither has any left.
     fn exchange(&mut self) {
         loop {
             let sent = std::mem::take(&mut self.recorder.sent);
@@ -122,7 +122,7 @@ impl Harness {
         }
     }
 
-    /// Returns the status of this name.
+    /// Returns the status `name` of the core's diagnostics.
     pub(crate) fn status(&mut self, name: &str) -> DiagnosticStatus {
         let report = self.core.diagnostics(self.now);
         let mut statuses = report.status.into_iter();

@@ -1,5 +1,5 @@
-//! The acquisition as a device, without ROS and without a clock, and the program `corticode-node`
-//! in a ROS graph, with the master of `ros1`.
+//! Tests of the acquisition as a device, without ROS and a clock, and of the program
+//! `corticode-node` in a ROS graph with the master of `ros1`.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod acquisition;

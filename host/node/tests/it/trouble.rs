@@ -1,4 +1,4 @@
-//! What the program reports about frames that are lost or cannot be encoded.
+//! What `corticode-node` reports about frames that are lost or cannot be encoded.
 
 use std::time::Duration;
 
@@ -31,7 +31,7 @@ async fn each_kind_of_refusal_is_one_line_of_the_log_and_counted_in_diagnostics(
         assert_eq!(log.matches(part).count(), 1, "{part}: {log}");
     }
     assert_eq!(log.lines().count(), 3, "{log}");
-    // Sound frames are encoded after all.
+    // After refused frames, sound ones are encoded.
     graph.publish(1..=8).await;
     graph.next_code().await;
     let mut infinite = frame(9);
@@ -60,7 +60,7 @@ async fn lost_frames_show_in_diagnostics_and_as_fillers() {
         zeros += u32::from(next.eeg.data.iter().all(|value| *value == 0.0));
         next = graph.next_code().await;
     }
-    // The three lost hops, the window before them and the one after them.
+    // Three hops are lost: their windows, and one window before and one after them, are fillers.
     assert_eq!(zeros, 5);
 }
 
@@ -73,12 +73,12 @@ async fn a_silent_acquisition_and_a_second_one_are_errors_in_diagnostics() {
     assert_eq!(status.level, DiagnosticLevel::Error);
     sleep(Duration::from_secs(3)).await;
     let log = graph.log();
-    // The bridge's core repeats `Start` when a device is silent.
+    // The core repeats `Start` if a device is silent, which must not start the streams anew.
     assert_eq!(log.matches("streaming codes").count(), 1, "{log}");
     let (node, publisher) = graph.another_acquisition().await;
     let is_mixed = |status: &DiagnosticStatus| status.message.starts_with("2 nodes");
     graph.status("corticode: source", is_mixed).await;
-    // Without the refusal, every frame would look like a restart.
+    // If the frames were not refused, each change of publisher would look like a restart.
     for number in 25..=40 {
         graph.publish([number]).await;
         publisher.publish(&frame(number + 500).to_bytes());
@@ -91,7 +91,7 @@ async fn a_silent_acquisition_and_a_second_one_are_errors_in_diagnostics() {
     let log = graph.log();
     assert_eq!(log.matches("2 nodes publish the topic").count(), 1, "{log}");
     assert!(!log.contains("started again"), "{log}");
-    // The first acquisition continues when the second one has ended.
+    // When the second acquisition has ended, frames of the first are encoded again.
     node.shutdown().await;
     let is_alone = |status: &DiagnosticStatus| !status.message.starts_with("2 nodes");
     graph.status("corticode: source", is_alone).await;
@@ -103,7 +103,7 @@ async fn a_silent_acquisition_and_a_second_one_are_errors_in_diagnostics() {
 #[tokio::test]
 async fn a_resampled_acquisition_starts_once_and_names_its_interpolated_electrodes() {
     let mut graph = Graph::start(&[]).await;
-    // Nothing is encoded before a block of the resampler is complete, which takes more than 5 s.
+    // The first block of the resampler is complete, and codes begin, only after more than 5 s.
     for number in 1..=56 {
         let mut slow = frame(number);
         slow.sr = 250;
