@@ -39,7 +39,7 @@ pub(crate) enum BatchError {
     /// A folder cannot be created.
     #[error("the folder {} cannot be created", path.display())]
     Folder { path: PathBuf, source: io::Error },
-    /// Two inputs have the same output.
+    /// Two inputs would be written to the same output file.
     #[error(
         "{} and {} would both become {}; rename one of them, or process them one by one",
         inputs[0].display(),
@@ -55,7 +55,7 @@ pub(crate) enum BatchError {
     Some {
         failed: usize,
         files: usize,
-        /// Smallest exit status of their errors.
+        /// Smallest exit status among the errors of the failed files.
         status: u8,
     },
     /// The signals of the operating system cannot be received.
@@ -78,7 +78,7 @@ impl BatchError {
 pub(crate) struct Job {
     pub(crate) input: PathBuf,
     pub(crate) output: PathBuf,
-    /// Path of the input relative to the folder of the batch; its file name without a folder.
+    /// Path of the input relative to the processed folder; its file name if it was given by itself.
     pub(crate) name: PathBuf,
 }
 
@@ -177,14 +177,14 @@ pub(crate) fn has_extension(path: &Path, extensions: &[&str]) -> bool {
 pub(crate) struct Finished<'j, R> {
     /// Each job that succeeded, with its result, in the order of the jobs.
     pub(crate) results: Vec<(&'j Job, R)>,
-    /// Error of the batch if some of several jobs failed.
+    /// Error that counts the failed jobs; `None` if all succeeded.
     pub(crate) failure: Option<BatchError>,
     pub(crate) elapsed: Duration,
     pub(crate) threads: usize,
 }
 
-/// Runs `work` for all jobs in parallel. Prints the error of each job that fails while others go
-/// on. `seconds` is the duration of the signals of all jobs, if it is known.
+/// Runs `work` for all jobs in parallel. Prints the error of each job that fails, and goes on with
+/// the others. `seconds` is the duration of the signals of all jobs, if it is known.
 ///
 /// # Errors
 /// The error of the job if there is only one; [`OfflineError::Interrupted`] after SIGINT or
@@ -251,7 +251,8 @@ pub(crate) fn run<'j, R: Send>(
     });
     let elapsed = start.elapsed();
     let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
-    // Interrupted jobs come last, after all results that are complete.
+    // Interrupted jobs sort last, so that the loop has counted all complete files before it reports
+    // the interruption.
     results
         .sort_by_key(|(index, result)| (matches!(result, Err(OfflineError::Interrupted)), *index));
     let mut finished = Vec::new();

@@ -80,13 +80,13 @@ pub(crate) struct RunOptions {
     /// Mains frequency of the notch until a host selects another one, Hz.
     #[arg(long, value_parser = mains(), default_value = "50")]
     pub(crate) mains: Mains,
-    /// Stop after this many seconds of signal, or without a host after the rest of this time.
+    /// Stop after this many seconds of signal, or if no host connects for the rest of this time.
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) duration: Option<f64>,
     /// Treatment of montage electrodes that the recording lacks.
     #[arg(long, value_parser = missing(), default_value = "interpolate")]
     pub(crate) missing: Missing,
-    /// Seed of the synthetic EEG: places of the dipoles, and every random stream.
+    /// Seed of the synthetic EEG: it determines where the dipoles are, and all random numbers.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
     /// Drive single electrodes of the synthetic EEG to the ADC's rail at random times.
@@ -131,8 +131,7 @@ pub(crate) struct EncodeOptions {
     pub(crate) batch: BatchOptions,
 }
 
-/// Word for what `encode` writes unless --stream states it: codes, if the built-in model has a
-/// network.
+/// Default of `encode --stream`: codes if the built-in model has a network, else packed blocks.
 const DEFAULT_KIND: &str = if model::HAS_NETWORK {
     "codes"
 } else {
@@ -180,8 +179,8 @@ pub(crate) struct BatchOptions {
     pub(crate) quiet: bool,
 }
 
-/// Returns a parser that accepts the words of `choices`. Each has its help and the value that it
-/// stands for.
+/// Returns a parser that accepts the words of `choices`. Each word has a help text and the value
+/// that it stands for.
 fn one_of<T: Clone + Send + Sync + 'static, const N: usize>(
     choices: [(&'static str, &'static str, T); N],
 ) -> impl TypedValueParser<Value = T> {

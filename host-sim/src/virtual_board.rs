@@ -15,7 +15,7 @@ use crate::fault::Faults;
 use crate::outbox::Outbox;
 use crate::trigger::Trigger;
 
-/// What the virtual board reports about itself and its user can choose.
+/// Those facts that the virtual board reports about itself and that its user can choose.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Identity {
     /// Session id, which should be different at each start of the board. A `Reset` increments it.
@@ -73,7 +73,7 @@ pub struct VirtualBoard {
     producer: Box<Producer<BothEncoders>>,
     /// Parameters of a run that starts with the next sample; otherwise `None`.
     new_run: Option<Run>,
-    /// Number of samples since boot, as for the next two counters.
+    /// Number of samples since boot; `overruns` and `adc_status_bad` also count from boot.
     samples: u64,
     overruns: u32,
     adc_status_bad: u32,

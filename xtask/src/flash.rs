@@ -38,7 +38,7 @@ struct Adc {
 /// Options of `cargo fw` and `cargo flash`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Board
+    /// Board for which the image is built
     #[arg(long, value_enum, default_value_t = Board::H743)]
     board: Board,
     /// Features of the board's crate, separated by commas, such as `uart`

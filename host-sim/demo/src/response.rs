@@ -1,4 +1,4 @@
-//! Frequency response of the filters, measured with impulses, and that of their float64 twin.
+//! Frequency response of the fixed-point filters and of their float64 twin, measured with impulses.
 
 use std::f64::consts::PI;
 
@@ -100,7 +100,7 @@ impl Response {
         let mut frequencies: Vec<f64> = parts
             .map(|part| first * (last / first).powf(part))
             .collect();
-        // Add points around the notch.
+        // Add closely spaced points around the notch, where the curve is steep.
         frequencies.extend((-10..=10).map(|point| MAINS_HZ + 0.04 * f64::from(point)));
         frequencies.sort_by(f64::total_cmp);
         let compared = |hz: f64| [hz, quantity(&self.filters, hz), quantity(&self.twin, hz)];
@@ -130,13 +130,13 @@ fn curves(compared: &[[f64; 3]]) -> Vec<Series> {
 }
 
 /// Height of the impulse, Q27.5: twice the ADC's full scale, so that rounding is small relative to
-/// the response. No node wraps: all have headroom for 8 times full scale, and even for the worst
-/// input of full scale the largest node reaches only 6.8 times (signal/model/manifest.txt). A
-/// single impulse, even of twice full scale, excites a node far less.
+/// the response. No intermediate value of the filters wraps: each has room for 8 times full scale,
+/// and even the worst input within full scale drives none beyond 6.8 times full scale
+/// (signal/model/manifest.txt). A single impulse, even of twice full scale, drives them far less.
 const IMPULSE: i32 = 1 << 29;
 /// Length of the recorded response, s. The slowest poles decay at 0.96 / s, so after 10 s they have
-/// decayed by about e^-10. Later values are mostly rounding errors, and the group delay weights
-/// each value by its time.
+/// decayed by about e^-10. Later values are mostly rounding errors, and would distort the group
+/// delay, which weights each value by its time.
 const SECONDS: usize = 10;
 
 /// Response of a filter to a unit impulse, at the ADC's rate.
@@ -177,7 +177,7 @@ impl ImpulseResponse {
         (moment / sum).re / f64::from(model::ADC_RATE_HZ) * 1000.0
     }
 
-    /// Returns `sum h[n] z^n` and `sum n h[n] z^n`, by Horner's rule.
+    /// Returns `sum h[n] z^n` and `sum n h[n] z^n` at the frequency `hz`, by Horner's rule.
     fn sums(&self, hz: f64) -> [Complex64; 2] {
         let z = Complex64::from_polar(1.0, -2.0 * PI * hz / f64::from(model::ADC_RATE_HZ));
         let [mut sum, mut moment] = [Complex64::ZERO; 2];

@@ -46,7 +46,7 @@ impl DeviceClock {
         }
     }
 
-    /// Starts sampling: the next sample has number 0 and is due now.
+    /// Starts sampling now: sets the number of the next sample to 0.
     pub fn start(&mut self) {
         self.start_us = self.now_us();
         self.samples = 0;

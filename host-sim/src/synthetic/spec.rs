@@ -82,7 +82,7 @@ pub enum SyntheticError {
         /// Mains frequency in the spec, Hz.
         mains_hz: u32,
     },
-    /// A size of a count that is not above 0; holds the size, uV.
+    /// The number of microvolts per count is not above 0; holds that number.
     #[error("a count of {0} uV is no scale; write a number above 0")]
     Scale(f64),
     /// An amplitude that is negative, infinite or not a number.

@@ -1,5 +1,5 @@
-//! Defects of recordings have a warning, with -q too, or an error that says what to do. Values that
-//! repeat exactly are no defect.
+//! A defect of a recording causes a warning, even with -q, or an error that says what to do. Values
+//! that repeat exactly are no defect.
 
 use std::{env, fs, io::Write as _, path::Path};
 

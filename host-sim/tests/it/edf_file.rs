@@ -95,7 +95,8 @@ impl EdfFile {
         for record in 0..self.records {
             for (number, signal) in self.signals.iter().enumerate() {
                 for sample in 0..signal.samples_per_record {
-                    // A ramp of another period for each signal, -500 to 499.
+                    // Each signal is a ramp from -500 to 499 with a different period, or constant
+                    // if it is to be flat.
                     let at = if self.is_flat {
                         40
                     } else {

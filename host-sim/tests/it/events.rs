@@ -69,7 +69,8 @@ fn annotations_of_edf_are_pulses_at_their_samples() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("annotated.edf");
     let mut file = EdfFile::with_all_electrodes(4);
-    // The second record names an event of the first one; the last event is after the end.
+    // By their times, the event "Right" is in the first record, and "Late" is after the end of the
+    // file.
     file.annotations = vec![
         b"+0\x14\x14\0+0.25\x14Left\x14\0",
         b"+1\x14\x14\0+0.125\x152\x14Right\x14\0",
@@ -79,7 +80,7 @@ fn annotations_of_edf_are_pulses_at_their_samples() {
     fs::write(&path, file.bytes()).expect("writable");
     assert_played(&played(&path, &[]), &pulses(&[125, 250, 2500]));
 
-    // Edges at an interval replace those of the recording.
+    // With --trigger-every, the edges at its interval replace those of the recording.
     let numbers: Vec<u64> = played(&path, &["--trigger-every=1"])
         .into_iter()
         .map(|(_, us)| us)

@@ -55,7 +55,7 @@ fn codes_are_lines_of_json_with_the_fields_of_the_bridge() {
     let codes = of_topic(&lines, "/encoded");
     assert_eq!(codes.len(), (2 * 128 - 16) / 8 + 1);
 
-    // The lines have the codes on the wire, dequantised.
+    // The lines must hold the same codes as the frames on the wire, dequantised.
     let (finished, wire) = run_to_stdout(&input, &["-q", "--output=file:-"]);
     assert_eq!((finished.status, &*finished.log), (Some(0), ""));
     let mut scales = Vec::new();

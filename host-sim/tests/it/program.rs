@@ -1,4 +1,5 @@
-//! Runs of the program, their output, and a host at the board's port.
+//! Runs the program `host-sim` for the tests, reads its output, and connects to the board's port as
+//! a host.
 
 use std::{
     ffi::OsStr,
@@ -70,7 +71,7 @@ pub(crate) fn frames<T>(
 pub(crate) struct Finished {
     /// Exit status; `None` after a signal.
     pub(crate) status: Option<i32>,
-    /// Standard error.
+    /// Text that the run wrote to standard error.
     pub(crate) log: String,
 }
 

@@ -38,7 +38,7 @@ pub struct Encoding {
     pub mains: Mains,
     /// Treatment of electrodes that a recording lacks.
     pub missing: Missing,
-    /// Treatment of a file that has the name of the output.
+    /// Whether a file that has the name of the output is replaced.
     pub existing: Existing,
     /// What the file holds.
     pub stream: EncodedStream,
@@ -47,9 +47,9 @@ pub struct Encoding {
 /// Result of encoding one recording.
 #[derive(Debug, Clone)]
 pub struct Encoded {
-    /// Origin of every electrode, as text.
+    /// Text for the user that states where the samples of each electrode come from.
     pub montage: String,
-    /// What is wrong with the recording.
+    /// Defects of the recording, one sentence each.
     pub warnings: Vec<String>,
     /// Counters of the pipeline: samples, codes, clipped values.
     pub stats: Stats,

@@ -22,8 +22,8 @@ pub(crate) struct DecodedHop<'a> {
     pub(crate) flags: Flags,
 }
 
-/// Decodes codes in the order of their windows. Each window completes one hop; after the last one,
-/// [`Self::finish`] completes the others.
+/// Decodes codes in the order of their windows. Each window completes one hop; after the last
+/// window, [`Self::finish`] completes the hops that are left.
 pub(crate) struct Hops<'d> {
     decoder: &'d WindowDecoder,
     announcement: &'d Announcement,
@@ -33,9 +33,9 @@ pub(crate) struct Hops<'d> {
     overlap: Overlap,
     /// Number of windows decoded, missing ones included.
     windows: u32,
-    /// Dequantised values of the code.
+    /// Dequantised values of the code that is being decoded.
     z: Vec<f32>,
-    /// Microvolts of the hop that is passed on.
+    /// Microvolts of the hop that is passed to `emit`.
     uv: Vec<f32>,
 }
 
@@ -88,7 +88,7 @@ impl<'d> Hops<'d> {
         self.complete(Some(values), flags, &mut emit)
     }
 
-    /// Passes the last hops, which only windows decoded before contain, to `emit`.
+    /// Passes the last hops, to which no further window would contribute, to `emit`.
     pub(crate) fn finish(
         mut self,
         mut emit: impl FnMut(DecodedHop) -> Result<(), OfflineError>,
@@ -132,8 +132,8 @@ impl<'d> Hops<'d> {
     }
 }
 
-/// Decodes packed blocks in their order. Each block completes the hop of the block before it,
-/// corrected by what it says about that hop; [`Self::finish`] completes the last one.
+/// Decodes packed blocks in their order. Each block also corrects, and so completes, the hop of the
+/// block before it; [`Self::finish`] completes the hop of the last block.
 pub(crate) struct PackedHops {
     overlap: PackedOverlap<Label>,
     /// Number of rows of a hop.
@@ -203,7 +203,8 @@ impl PackedHops {
         }
     }
 
-    /// Passes a decoded hop to `emit`, with the flags that its source adds to those of its block.
+    /// Passes a decoded hop to `emit`, with the flags of its block. If the decoder is still healing
+    /// or has predicted the hop, the flags also state this.
     fn pass_on(
         &self,
         hop: &PackedHop<Label>,

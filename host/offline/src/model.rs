@@ -11,7 +11,7 @@ use crate::error::OfflineError;
 /// A model with its decoders.
 #[derive(Debug, Clone)]
 pub struct Model {
-    /// Id of the model, as in its codes.
+    /// Id of the model, by which codes name the model they were made with.
     pub id: ModelId,
     /// Dimensions, montage and filters.
     pub description: Description,

@@ -1,4 +1,4 @@
-//! A recording at the model's ADC, and after its filters.
+//! A recording as the model's ADC samples it, and as the model's filters leave it.
 
 use std::path::{Path, PathBuf};
 
@@ -18,7 +18,7 @@ pub struct Played {
     pub adc: VirtualAdc,
     /// Electrodes that the recording lacks.
     pub substitutes: Substitutes,
-    /// Origin of every electrode, as text.
+    /// Text for the user that states where the samples of each electrode come from.
     pub montage: String,
     /// Defects of the recording, one sentence each.
     pub warnings: Vec<String>,
@@ -59,8 +59,8 @@ impl Played {
     }
 }
 
-/// Returns the sample of the model's ADC. The virtual ADC fills the channels of the longest chain;
-/// those beyond the model's carry no electrode.
+/// Returns a sample with the channels of the model's ADC. The virtual ADC fills the channels of the
+/// longest chain; those beyond the model's carry no electrode.
 pub(crate) fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
     Sample {
         counts: std::array::from_fn(|channel| counts[channel]),

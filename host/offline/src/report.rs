@@ -17,7 +17,7 @@ use crate::error::OfflineError;
 
 /// File name of the page.
 const PAGE: &str = "index.html";
-/// File name of the errors of all electrodes.
+/// File name of the table that has the errors of all electrodes.
 const TABLE: &str = "electrodes.csv";
 
 /// A decoded recording, with its name in the report.
@@ -25,7 +25,7 @@ const TABLE: &str = "electrodes.csv";
 pub struct Entry {
     /// Name, such as "S001/S001R11": the folder of its pictures within that of the report.
     pub name: String,
-    /// Result of decoding it.
+    /// Result of decoding the recording's codes.
     pub decoded: Decoded,
 }
 
@@ -54,8 +54,8 @@ pub fn check(folder: &Path, existing: Existing) -> Result<(), OfflineError> {
 
 /// Writes the report of `entries` to `folder`, which is created: `index.html`, `electrodes.csv`,
 /// and the pictures of each recording in a folder with its name. Entries without a comparison have
-/// no error and no traces. Files of an earlier report are replaced; [`check`] refuses that before
-/// the work begins.
+/// no error and no traces. Replaces the files of an earlier report; a caller that must not replace
+/// them calls [`check`] first.
 ///
 /// # Errors
 /// [`OfflineError::Write`] or [`OfflineError::Picture`] if a file cannot be written.

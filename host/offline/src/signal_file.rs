@@ -20,7 +20,7 @@ pub enum SignalFormat {
     Gdf,
     /// Arrays for `numpy.load`: float32.
     Npz,
-    /// One line per step.
+    /// Comma-separated values, one line per step.
     Csv,
 }
 
@@ -60,7 +60,7 @@ pub(crate) struct Signal<'a> {
     /// Delay of the filters, microseconds: a row with the time t shows the electrodes at t less the
     /// delay.
     pub(crate) group_delay_us: u32,
-    /// Largest magnitude of a value, microvolts.
+    /// Largest absolute value that a row can have, microvolts.
     pub(crate) full_scale_uv: f32,
     /// Events in the order of their rows.
     pub(crate) events: Vec<RowEvent>,

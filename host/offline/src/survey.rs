@@ -19,11 +19,11 @@ pub(crate) struct Gap {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Survey {
     pub(crate) announcement: Announcement,
-    /// Kind of the codes.
+    /// Kind of the codes that are decoded.
     pub(crate) kind: CodeKind,
-    /// Number of codes of the other kind.
+    /// Number of codes that are not decoded because they are not of this kind.
     pub(crate) left_out: u64,
-    /// Number of codes.
+    /// Number of codes of this kind.
     pub(crate) codes: u64,
     /// Number of windows from the start of the run to the last code, missing ones included.
     pub(crate) windows: u32,

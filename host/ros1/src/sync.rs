@@ -1,4 +1,4 @@
-//! Locks a mutex even if it is poisoned, and a bounded queue that drops its oldest item.
+//! A lock that can be taken even if it is poisoned, and a bounded queue that drops its oldest item.
 
 use std::{
     collections::VecDeque,

@@ -124,7 +124,7 @@ fn parts(key: &str) -> impl Iterator<Item = &str> {
     key.split('/').filter(|part| !part.is_empty())
 }
 
-/// One notification of all subscribers of a parameter.
+/// A changed parameter, and the subscribers to be notified of it.
 #[derive(Debug, PartialEq)]
 pub(super) struct ParameterUpdate {
     pub(super) registrants: Vec<Registrant>,

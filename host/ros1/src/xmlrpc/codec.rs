@@ -211,7 +211,7 @@ enum Token {
 }
 
 impl Token {
-    /// Returns the error for this token at a place where the grammar wants `expected`.
+    /// Returns the error for this token at a place where XML-RPC's grammar requires `expected`.
     fn unexpected(self, expected: &'static str) -> DecodeError {
         let found = match self {
             Self::Open(tag) => format!("<{tag}>"),

@@ -18,13 +18,13 @@ use crate::{
     },
 };
 
-/// Queue of a publisher whose subscribers lose messages.
+/// A queue so short that it drops messages if a subscriber reads slowly.
 const SHORT_QUEUE: PublisherOptions = PublisherOptions {
     queue: 16,
     latch: false,
 };
 
-/// Encodes the header of a subscriber.
+/// Encodes the connection header of a subscriber to `topic`.
 fn subscription(topic: &str, md5: &str) -> Vec<u8> {
     let header = Header::new()
         .with("callerid", "/abuser")
