@@ -1,4 +1,4 @@
-//! Files of a folder, processed in parallel.
+//! Processes the files of a folder in parallel.
 
 use std::{
     collections::{HashMap, HashSet},
@@ -27,16 +27,16 @@ const TICK: Duration = Duration::from_millis(100);
 /// Why a batch failed.
 #[derive(Debug, Error)]
 pub(crate) enum BatchError {
-    /// A folder cannot be read.
+    /// A folder with files to process cannot be read.
     #[error("{} cannot be read; name a file or a folder that exists", path.display())]
     Unreadable { path: PathBuf, source: io::Error },
-    /// A folder has no file with one of the extensions.
+    /// The folder to process has no file with one of the wanted extensions.
     #[error(
         "{} has no file with the extension {endings}; name another folder, or a file",
         path.display()
     )]
     Nothing { path: PathBuf, endings: String },
-    /// A folder cannot be created.
+    /// A folder for the output cannot be created.
     #[error("the folder {} cannot be created", path.display())]
     Folder { path: PathBuf, source: io::Error },
     /// Two inputs would be written to the same output file.
@@ -138,7 +138,7 @@ pub(crate) fn jobs(
 }
 
 /// Adds the files of a folder and its subfolders that have one of the extensions. `visited` has the
-/// folders that were read already, so that a circle of links ends.
+/// folders that were read already, so that links in a circle cause no endless loop.
 fn collect(
     folder: &Path,
     extensions: &[&str],

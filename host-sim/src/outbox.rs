@@ -49,7 +49,8 @@ struct Queue {
 /// Number of codes per second.
 const CODE_RATE: usize = model::STEP_RATE_HZ as usize / model::HOP;
 
-/// Number of reports per second.
+/// Number of frames per second that report counters, signal quality and the state of the
+/// converters.
 const REPORT_RATE: usize = 5;
 
 /// Number of frames per second of all streams together: raw samples, filtered steps, codes and
@@ -173,8 +174,8 @@ impl Outbox {
         failure == Some(io::ErrorKind::BrokenPipe)
     }
 
-    /// Returns the error of the first frame that could not be written; `None` without one, and from
-    /// the second call on.
+    /// Returns the error of the first frame that could not be written; `None` if there was no such
+    /// frame, and from the second call on.
     pub fn take_failure(&self) -> Option<io::Error> {
         self.lock().failure.take()
     }

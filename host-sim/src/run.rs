@@ -245,7 +245,7 @@ impl OpenedInput {
     }
 }
 
-/// Returns the trigger edges at the events of a recording.
+/// Returns trigger edges that mark the events of a recording. Warns of events outside the signal.
 fn edges(onsets: &Onsets, quiet: bool) -> RecordedEdges {
     let edges = RecordedEdges::new(onsets);
     if onsets.outside > 0 {

@@ -87,7 +87,7 @@ pub enum SessionError {
         #[source]
         source: io::Error,
     },
-    /// The complete file could not be moved to its name.
+    /// The complete file could not be moved from its temporary name to that of the output.
     #[error(transparent)]
     Finish(#[from] NewFileError),
     /// The rest of the recording could not be read; the samples before the error were processed and
@@ -169,8 +169,7 @@ impl Session {
         let mut recorded_edges = self.recorded_edges.clone();
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into());
         if self.output.file().is_some() {
-            // An output that is a file has no host that could send a `Start`, so the board starts
-            // here.
+            // An output that is a file has no host that could send a `Start`; start here.
             let start = Start {
                 streams: self.streams,
                 mains_hz: 0,

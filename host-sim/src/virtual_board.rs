@@ -65,7 +65,7 @@ pub struct VirtualBoard {
     sender: Sender<Outbox>,
     converters: Converters,
     trigger: Option<Trigger>,
-    /// Edges since the last sample, which are sent with the next sample.
+    /// Trigger edges captured since the last sample; they are sent with the next sample.
     captured: VecDeque<CapturedEvent>,
     /// Number of captured edges since boot; wraps.
     edges: u32,
@@ -77,9 +77,9 @@ pub struct VirtualBoard {
     samples: u64,
     overruns: u32,
     adc_status_bad: u32,
-    /// Packed blocks since boot.
+    /// Number of packed blocks made since boot.
     packed_blocks: u64,
-    /// Steps since the last `Start`.
+    /// Number of steps since the last `Start`.
     steps: u64,
     /// Number of electrode values clipped to int8 between boot and the last `Start`; wraps.
     clipped_before: u32,

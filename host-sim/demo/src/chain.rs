@@ -31,11 +31,11 @@ const STRAGGLERS: Duration = Duration::from_millis(700);
 /// Number of messages that each subscription can queue while the progress bar is drawn.
 const QUEUE: usize = 64;
 
-/// Runs the whole path, then stops everything that was started. Returns what the subscriber
+/// Runs the whole signal path, then stops everything that was started. Returns what the subscriber
 /// received.
 ///
 /// # Errors
-/// A part does not start, ends early or stays silent, or the user presses Ctrl-C.
+/// One of the programs does not start, ends early or stays silent, or the user presses Ctrl-C.
 pub(crate) async fn run(seconds: u32, seed: u64, programs: &Path) -> Result<Run, Failure> {
     let folder = tempfile::tempdir().map_err(|error| {
         let next = "is the disk full? is TMPDIR writable?";

@@ -16,12 +16,12 @@ pub const BAND_HZ: [f64; 2] = [0.5, 60.0];
 
 /// Number of points in a curve, evenly spaced over the logarithm of the frequency.
 const POINTS: u32 = 600;
-/// Distance between two circles on the twin's curve, in points of the curve.
+/// Distance between two of the circles that mark the float64 twin's curve, in points of the curve.
 const CIRCLE_DISTANCE: usize = 8;
 
-/// Smallest magnitude at which the filters are compared with the twin, dB. At smaller magnitudes,
-/// rounding hides the response to an impulse, and the truncated end of the impulse response is
-/// significant.
+/// Smallest magnitude at which the filters are compared with their float64 twin, dB. At smaller
+/// magnitudes, rounding hides the response to an impulse, and the truncated end of the impulse
+/// response is significant.
 const COMPARED_DB: f64 = -40.0;
 
 /// Impulse responses of the fixed-point filters and of their float64 twin.
@@ -107,8 +107,8 @@ impl Response {
         frequencies.into_iter().map(compared).collect()
     }
 
-    /// Returns the largest difference between the filters and the twin, among the points at which
-    /// the twin's magnitude exceeds `least_db`.
+    /// Returns the largest difference between the filters and the twin among the points at which
+    /// the twin's magnitude is above `least_db`.
     fn largest_difference(&self, compared: &[[f64; 3]], least_db: f64) -> f64 {
         let compared = compared.iter();
         let passed = compared.filter(|[hz, ..]| self.twin.magnitude_db(*hz) > least_db);

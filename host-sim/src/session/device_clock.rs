@@ -27,7 +27,7 @@ pub struct DeviceClock {
 }
 
 impl DeviceClock {
-    /// Creates a clock that starts at 0 and has `rate_hz` samples per second.
+    /// Creates a clock whose device time starts at 0, for `rate_hz` samples per second.
     pub fn new(pace: Pace, rate_hz: u32) -> Self {
         Self {
             pace,

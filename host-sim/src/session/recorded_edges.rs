@@ -30,7 +30,7 @@ pub(crate) struct DueEdge {
 }
 
 impl RecordedEdges {
-    /// Creates the edges of these events.
+    /// Creates a pulse of two edges at the start of each event.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

@@ -14,11 +14,11 @@ pub struct SyntheticSpec {
     pub lsb_uv: f64,
     /// Labels of the electrodes in the 10-5 system; the first one is on ADC channel 0, and so on.
     pub electrodes: Vec<String>,
-    /// Background, uV RMS within 0.5-60 Hz, over the electrodes of the 10-20 system. Above 0, each
-    /// electrode also has 1 uV RMS of white noise.
+    /// Amplitude of the background, uV RMS within 0.5-60 Hz over the electrodes of the 10-20
+    /// system. If it is above 0, each electrode also has 1 uV RMS of white noise.
     pub background_uv: f64,
-    /// Alpha rhythm during a burst, uV RMS at the electrode over the back of the head where it is
-    /// largest.
+    /// Amplitude of the alpha rhythm during a burst, uV RMS at that electrode over the back of the
+    /// head where it is largest.
     pub alpha_uv: f64,
     /// Mains frequency, Hz, > 0 and below half the rate.
     pub mains_hz: u32,

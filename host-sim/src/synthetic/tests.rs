@@ -1,4 +1,4 @@
-//! Properties of the generated samples.
+//! Tests of the properties of the generated samples.
 
 mod space;
 

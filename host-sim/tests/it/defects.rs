@@ -13,7 +13,7 @@ fn play(path: &Path) -> Finished {
     run(&["run", "-q", &input, "--output=file:/dev/null"])
 }
 
-/// Plays a file with these bytes.
+/// Writes these bytes to a file and plays it as a recording.
 fn play_bytes(name: &str, bytes: &[u8]) -> Finished {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join(name);

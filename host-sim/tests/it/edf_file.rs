@@ -22,7 +22,7 @@ impl Signal {
     }
 }
 
-/// A file of records of 1 s.
+/// Content of an EDF file whose records are 1 s long.
 #[derive(Debug, Clone)]
 pub(crate) struct EdfFile {
     pub(crate) signals: Vec<Signal>,

@@ -12,8 +12,8 @@ use recordings::{FileToWrite, GdfWriter, SignalToWrite};
 use crate::edf_file::EdfFile;
 use crate::program::{connect, frames, free_address, program, run, send, start, wait};
 
-/// Plays a recording to a host that wants events. Returns each event with its time, us after the
-/// run's first sample.
+/// Plays a recording to a host that wants events. Returns each event, with its time since the run's
+/// first sample in microseconds.
 fn played(input: &Path, more: &[&str]) -> Vec<(Event, u64)> {
     let address = free_address();
     let input = format!("--input={}", input.display());
@@ -55,7 +55,7 @@ fn pulses(starts_ms: &[u64]) -> Vec<(Event, u64)> {
     (0..).zip(edges).map(event).collect()
 }
 
-/// Checks events, whose times may be rounded by a microsecond.
+/// Checks the played events against the expected ones; a time may differ by a microsecond.
 fn assert_played(played: &[(Event, u64)], expected: &[(Event, u64)]) {
     let events = |all: &[(Event, u64)]| all.iter().map(|(event, _)| *event).collect::<Vec<_>>();
     assert_eq!(events(played), events(expected));

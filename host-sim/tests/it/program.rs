@@ -75,7 +75,7 @@ pub(crate) struct Finished {
     pub(crate) log: String,
 }
 
-/// Returns the program with these arguments.
+/// Returns a command that runs the program with these arguments.
 pub(crate) fn program<A: AsRef<OsStr>>(arguments: &[A]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
     command

@@ -96,7 +96,7 @@ pub struct NeuroEvent {
     pub version: String,
     /// Event code as in a GDF event table. Bit 15 (0x8000) marks the end of the event.
     pub event: i32,
-    /// Duration, s; 0 if unknown.
+    /// Duration of the event, s; 0 if unknown.
     pub duration: f32,
     /// Group of event codes that `event` belongs to.
     pub family: i32,
@@ -247,7 +247,7 @@ pub struct NeuroDataInfo {
 }
 
 impl NeuroDataInfo {
-    /// Returns the description with these channels.
+    /// Returns this description with other channels, which have the names `labels`.
     #[must_use]
     pub fn with_labels(self, labels: Vec<String>) -> NeuroDataInfo {
         let nchannels = u16::try_from(labels.len()).unwrap_or(u16::MAX);

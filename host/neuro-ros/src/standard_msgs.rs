@@ -139,7 +139,7 @@ impl_wire!(Log {
 /// `std_msgs/UInt8`: one number of 8 bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct UInt8 {
-    /// The number.
+    /// Number that the message carries.
     pub data: u8,
 }
 

@@ -150,7 +150,7 @@ pub(crate) struct Announcement {
     pub(crate) full_scale_uv: f32,
     /// Electrodes that the recording lacks.
     pub(crate) substitutes: Substitutes,
-    /// Delay of the filters, microseconds.
+    /// Group delay of the filters, microseconds.
     pub(crate) group_delay_us: u32,
     /// Mains frequency that the notch filter removed, Hz.
     pub(crate) mains_hz: u8,
@@ -194,7 +194,7 @@ impl Announcement {
     }
 }
 
-/// One code of a file, of the network or packed.
+/// One code of a file: a code of the network or a packed block.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct FileCode {
     /// Index of the window in its run.

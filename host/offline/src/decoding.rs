@@ -52,9 +52,9 @@ pub struct Decoded {
     /// Number of windows whose code is missing, or of missing packed blocks. If no neighbour covers
     /// a window, its steps repeat the last values; a missing block is predicted.
     pub missing: u64,
-    /// Number of damaged frames.
+    /// Number of frames whose content is lost because they are damaged.
     pub damaged: u32,
-    /// Number of rows: steps of the signal.
+    /// Number of rows, one for each step of the signal.
     pub rows: u64,
     /// Rows per second, Hz.
     pub rate_hz: u32,

@@ -18,7 +18,7 @@ use crate::played::{Played, first_channels};
 use crate::progress::Progress;
 use device::Device;
 
-/// Number of bytes of frames written at a time.
+/// Number of waiting bytes at which the frames so far are written to the file.
 const PIECE: usize = 1 << 16;
 
 /// What a file of codes holds.
@@ -145,7 +145,7 @@ impl Encoding {
 /// Counts of the packed blocks of a file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PackedCounts {
-    /// Number of blocks.
+    /// Number of packed blocks in the file.
     pub blocks: u64,
     /// Number of bits of all blocks, without those of their frames.
     pub bits: u64,

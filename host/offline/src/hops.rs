@@ -40,7 +40,7 @@ pub(crate) struct Hops<'d> {
 }
 
 impl<'d> Hops<'d> {
-    /// Creates the decoder of a file.
+    /// Creates the decoder of a file whose device sent `announcement`.
     pub(crate) fn new(
         decoder: &'d WindowDecoder,
         description: &Description,
@@ -150,7 +150,7 @@ struct Label {
 }
 
 impl PackedHops {
-    /// Creates the decoder of a file whose device has this full scale, microvolts.
+    /// Creates the decoder of a file whose device has the full scale `full_scale_uv`, microvolts.
     pub(crate) fn new(model: &PackedModel, description: &Description, full_scale_uv: f32) -> Self {
         Self {
             overlap: PackedOverlap::new(model, false, full_scale_uv),

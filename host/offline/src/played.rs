@@ -14,7 +14,7 @@ const _: () = assert!(model::CHANNELS <= virtual_adc::CHANNELS);
 
 /// A recording as the model's ADC measures it, with its montage, warnings and events.
 pub struct Played {
-    /// Samples of the ADC.
+    /// Virtual ADC, which yields the samples of the recording.
     pub adc: VirtualAdc,
     /// Electrodes that the recording lacks.
     pub substitutes: Substitutes,
@@ -74,7 +74,7 @@ fn bits(map: &MontageMap, wanted: impl Fn(&Origin) -> bool) -> u64 {
     electrodes.fold(0, |bits, (electrode, _)| bits | 1 << electrode)
 }
 
-/// Steps of a recording after the filters, before they become int8.
+/// Computes the steps of a recording after the filters, still before their conversion to int8.
 pub(crate) struct Original {
     path: PathBuf,
     pub(crate) played: Played,

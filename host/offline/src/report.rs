@@ -79,7 +79,7 @@ pub fn write(
     Ok(())
 }
 
-/// Returns one line for each recording and electrode.
+/// Returns the table as CSV: one line for each recording and electrode.
 fn electrodes(description: &Description, entries: &[Entry]) -> String {
     let mut text = "recording,electrode,origin,steps,mse,mse_uv2,prd_percent\n".to_owned();
     let unit = description.input.sd_uv.powi(2);

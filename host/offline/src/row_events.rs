@@ -6,7 +6,7 @@ use recordings::{EventLabel, Onsets};
 use crate::signal_file::RowEvent;
 use crate::survey::Survey;
 
-/// GDF type of missing codes: the highest type without a fixed meaning.
+/// GDF type of the events that mark missing codes: the highest type without a fixed meaning.
 const MISSING_TYPE: u16 = 0x00ff;
 /// Highest GDF type that is assigned to a text. Types above 255 have fixed meanings, and 255 stands
 /// for missing codes.

@@ -28,7 +28,7 @@ pub(crate) struct Survey {
     /// Number of windows from the start of the run to the last code, missing ones included.
     pub(crate) windows: u32,
     pub(crate) gaps: Vec<Gap>,
-    /// Number of damaged frames.
+    /// Number of frames whose content is lost because they are damaged.
     pub(crate) damaged: u32,
 }
 

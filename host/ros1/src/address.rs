@@ -1,4 +1,4 @@
-//! Network addresses: parses those of peers, and chooses those of a node.
+//! Network addresses: parses the addresses of peers, and chooses the address of a node.
 
 use std::{
     fmt, io,

@@ -1,4 +1,4 @@
-//! Properties in space: amplitudes, correlations and principal components.
+//! Tests of the properties in space: amplitudes, correlations and principal components.
 
 use nalgebra::DMatrix;
 

@@ -157,7 +157,7 @@ pub(crate) async fn wait_for_registration(master: &str, nodes: &[&Node]) {
     assert!(back.elapsed() < Duration::from_secs(4));
 }
 
-/// Returns the next message.
+/// Waits for the next message and returns its body; `None` if the node has shut down.
 pub(crate) async fn receive(subscriber: &mut Subscriber) -> Option<Vec<u8>> {
     timeout(TIMEOUT, subscriber.recv()).await.unwrap()
 }
