@@ -299,8 +299,8 @@ pub(crate) fn progress_bar(seconds: Option<u64>, end: &str, quiet: bool) -> Prog
 }
 
 impl<R> Finished<'_, R> {
-    /// Returns a line about `seconds` of signal: how many times faster than real time they were
-    /// processed.
+    /// Returns a line of text that states how many times faster than real time `seconds` of signal
+    /// were processed.
     pub(crate) fn speed(&self, seconds: f64) -> String {
         let times = seconds / self.elapsed.as_secs_f64();
         let per_thread = match self.threads {

@@ -62,7 +62,7 @@ pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
         .map_or(Ok(()), |failure| Err(failure.into()))
 }
 
-/// Returns the length of all recordings, seconds; those that cannot be read count as 0.
+/// Returns the total length of the recordings, seconds; those that cannot be read count as 0.
 fn seconds(jobs: &[Job]) -> u64 {
     let recordings = jobs
         .iter()

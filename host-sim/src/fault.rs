@@ -166,7 +166,7 @@ fn samples(text: &str) -> Result<u64, FaultError> {
     Ok((seconds * f64::from(model::ADC_RATE_HZ)).round() as u64)
 }
 
-/// A change of the simulated chain.
+/// A change of the simulated chain, which begins or ends a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Change {
     Inject(usize, simulation::Fault),

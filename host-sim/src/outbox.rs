@@ -308,7 +308,8 @@ mod tests {
         let outbox = Outbox::new(WhenFull::Wait);
         (0..5).for_each(|_| outbox.push(b"frame"));
         let writer = outbox.clone();
-        // Three frames take longer than the limit, each of them less; the fourth is never written.
+        // Three frames together take longer than `stall`, but each takes less; the fourth is never
+        // written.
         let (pause, stall) = (Duration::from_millis(150), Duration::from_millis(400));
         let thread = std::thread::spawn(move || {
             for _ in 0..3 {

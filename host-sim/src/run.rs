@@ -96,7 +96,7 @@ fn session(
         Pace::Realtime
     };
     let default_id = || match pace {
-        // In virtual time the id is constant, because equal runs must write equal bytes.
+        // In virtual time the session id is constant, because equal runs must write equal bytes.
         Pace::Fast => 1,
         Pace::Realtime => SystemTime::now()
             .duration_since(UNIX_EPOCH)

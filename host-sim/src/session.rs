@@ -46,7 +46,7 @@ const IDLE_POLL: Duration = Duration::from_millis(20);
 pub struct Session {
     /// Destination of the frames; it is opened when the run starts.
     pub output: Output,
-    /// Whether an output that is a file may replace an existing file.
+    /// Which existing files an output that is a file may replace.
     pub file_rules: FileRules,
     /// Streams that an output that is a file receives. A host selects its own streams.
     pub streams: Streams,

@@ -1,4 +1,4 @@
-//! `cargo xtask deb`: the Debian package of the bridge, from the files in `packaging/`.
+//! `cargo xtask deb`: builds the Debian package of the bridge from the files in `packaging/`.
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;

@@ -139,8 +139,8 @@ fn lints_for_target(selection: &str) -> Result<(), Failure> {
 fn lints_for_microcontrollers() -> Result<(), Failure> {
     for board in Board::ALL {
         for [name, selection] in board.images() {
-            // Lint the crates once per board: with its default image, not again with that of its
-            // other port.
+            // Lint the crates once per board: with its default image, not again with its other
+            // images.
             let crates = if *name == board.key() {
                 THUMB_CRATES
             } else {

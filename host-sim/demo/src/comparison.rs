@@ -1,5 +1,5 @@
-//! Comparison of the reconstructed EEG with a reference: the same EEG after the same filters,
-//! neither encoded nor sent.
+//! Compares the reconstructed EEG with a reference: the same EEG after the same filters, neither
+//! encoded nor sent.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! Child processes, each with a log file for its output.
+//! Starts and stops child processes, each with a log file for its output.
 
 use std::fs::File;
 use std::io;

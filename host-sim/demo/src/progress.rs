@@ -1,4 +1,4 @@
-//! Progress bar of the demo, with the counts and the newest code.
+//! Draws the progress bar of the demo, with the counts and the newest code.
 
 use indicatif::{ProgressBar, ProgressStyle};
 

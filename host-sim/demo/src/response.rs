@@ -66,7 +66,7 @@ impl Response {
     pub fn group_delay(&self) -> Curves {
         let mut compared = self.compare(ImpulseResponse::group_delay_ms, [1.0, 100.0]);
         let difference = self.largest_difference(&compared, COMPARED_DB / 2.0);
-        // At the centre of the notch no signal passes, so it has no delay.
+        // At the centre of the notch no signal passes, so there is no delay to draw.
         for [hz, measured, _] in &mut compared {
             if (*hz - MAINS_HZ).abs() <= 0.01 {
                 *measured = f64::NAN;
@@ -197,7 +197,7 @@ fn samples() -> usize {
 /// Mains frequency that the filters stop, Hz.
 pub const MAINS_HZ: f64 = 50.0;
 
-/// Band-pass and notches in float64, with their states.
+/// The band-pass and the notches in float64, as a reference for the fixed-point filters.
 #[derive(Debug, Clone)]
 pub struct Twin {
     /// Coefficients `b0, b1, b2, a1, a2` of each section.

@@ -23,8 +23,8 @@ pub(crate) struct JsonLines {
     trigger: u16,
 }
 
-/// Builds the message for each code: the message itself, and the scales and zero points that
-/// dequantise the code.
+/// Builds the messages of codes: holds the newest message, and the scales and zero points that
+/// dequantise codes.
 struct CodeFrames {
     frame: NeuroFrame,
     scale: Vec<f32>,

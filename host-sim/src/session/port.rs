@@ -283,7 +283,7 @@ impl Port {
 
 impl Drop for Port {
     fn drop(&mut self) {
-        // Another program may have taken over the link.
+        // Remove the link only if it is still ours: another program may have replaced it.
         if let Some(pty) = &self.pty
             && fs::read_link(&pty.link).is_ok_and(|target| target == pty.name)
         {

@@ -8,7 +8,7 @@ use super::{
 
 /// A group of dipoles whose noise has the same low-pass spectrum.
 struct Band {
-    /// Corner frequency, Hz.
+    /// Corner frequency of the low-pass that shapes the noise, Hz.
     corner: f64,
     /// Smallest and largest eccentricity of a dipole, in radii of the scalp.
     eccentricity: (f64, f64),
@@ -67,7 +67,7 @@ pub(super) struct Background {
 #[derive(Debug, Clone)]
 struct Source {
     activity: LowPassNoise,
-    /// Amplitude at each electrode, uV RMS.
+    /// Amplitude of this source at each electrode, uV RMS.
     amplitudes: Vec<f64>,
 }
 

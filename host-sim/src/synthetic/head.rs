@@ -45,8 +45,8 @@ impl Head {
         let transfer = std::array::from_fn(|_| {
             order += 1.0;
             let n = order;
-            // In each sphere the potential of order n is `rising r^n + falling r^-(n+1)`. This
-            // ratio lets no current leave the scalp, where r = 1 and the potential is 2n + 1.
+            // In each sphere the potential of order n is `rising r^n + falling r^-(n+1)`. With
+            // these values no current leaves the scalp, where r = 1 and the potential is 2n + 1.
             let (mut rising, mut falling) = (n + 1.0, n);
             let outer = [skull / brain, scalp / skull];
             for index in [1, 0] {
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn potentials_equal_those_of_mne_python() {
-        // uV of 10 nA m in a head of 90 mm and 0.33 S/m, by MNE-Python 1.13.2:
+        // Potentials, uV, of 10 nA m in a head of 90 mm and 0.33 S/m, by MNE-Python 1.13.2:
         //     sphere = mne.make_sphere_model((0, 0, 0), 0.09, relative_radii=(0.87, 0.92, 1),
         //                                    sigmas=(0.33, 0.022, 0.33))
         //     mne.make_forward_dipole(mne.Dipole([0], [0.09 * place], [1e-8], [moment], [100]),

@@ -1,4 +1,4 @@
-//! Cosine and sine of a linearly growing angle, by rotation.
+//! Computes cosine and sine of a linearly growing angle by rotating a point.
 
 /// A point that rotates on a circle by `frequency / rate` of a turn per sample.
 #[derive(Debug, Clone, Copy)]

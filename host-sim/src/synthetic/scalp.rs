@@ -1,4 +1,4 @@
-//! Electrodes on the head, and the potentials of dipoles at them.
+//! Electrodes on the head, and the potentials that dipoles cause at them.
 
 use recordings::Position;
 

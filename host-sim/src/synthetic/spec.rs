@@ -77,7 +77,7 @@ pub enum SyntheticError {
         "{rate_hz} Hz with {mains_hz} Hz mains cannot be synthesised; give 128..=16000 Hz and a mains frequency below half of it"
     )]
     Rate {
-        /// Rate in the spec, Hz.
+        /// Sample rate in the spec, Hz.
         rate_hz: u32,
         /// Mains frequency in the spec, Hz.
         mains_hz: u32,
@@ -90,7 +90,7 @@ pub enum SyntheticError {
     Amplitude {
         /// Name of the field in [`SyntheticSpec`].
         name: &'static str,
-        /// Value in the spec.
+        /// Amplitude that the spec has in this field.
         value: f64,
     },
 }

@@ -164,7 +164,7 @@ fn a_flat_recording_shows_no_fault_of_a_converter() {
 fn a_real_recording_with_flat_stretches_shows_no_fault_of_a_converter() {
     let Some(folder) = env::var_os("CORTICODE_DATA") else {
         let skipped = "SKIPPED: bdf_edf/test.edf not played, CORTICODE_DATA is not set";
-        // Written to stderr directly, because the test harness captures `eprintln!`.
+        // Write to stderr directly, because the test harness captures `eprintln!`.
         writeln!(std::io::stderr(), "{skipped}").expect("stderr");
         return;
     };

@@ -135,7 +135,7 @@ fn selected_streams_are_in_a_file_in_the_order_of_the_wire() {
     ];
     assert!(edges.eq(expected.map(|(us, event, text)| (json!(us), json!(event), json!(text)))));
 
-    // The trigger is high for 10 ms, in which no code ends.
+    // No code ends in the 10 ms for which the trigger is high, so all codes state the level 0.
     let codes = of_topic(&lines, "/encoded");
     assert!(
         codes

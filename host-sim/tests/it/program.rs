@@ -45,7 +45,7 @@ pub(crate) const fn start(streams: Streams) -> ToDevice {
     })
 }
 
-/// Sends a command in the frame with this number.
+/// Sends a command in a frame whose sequence number is `number`.
 pub(crate) fn send(port: &mut impl Write, number: u32, command: ToDevice) {
     let mut buffer = [0; MAX_FRAME];
     let frame = Encoder::starting_at(number).encode(0, &command, &mut buffer);
@@ -66,10 +66,10 @@ pub(crate) fn frames<T>(
     seen
 }
 
-/// A finished run.
+/// Result of a run that has ended.
 #[derive(Debug)]
 pub(crate) struct Finished {
-    /// Exit status; `None` after a signal.
+    /// Exit status; `None` if a signal ended the program.
     pub(crate) status: Option<i32>,
     /// Text that the run wrote to standard error.
     pub(crate) log: String,

@@ -7,8 +7,8 @@ use artifact::ModelId;
 use link::{Capabilities, CodeFormat, Decoder, Flags, FrameError, Substitutes, ToHost};
 use thiserror::Error;
 
-/// First bytes of a recording of corticode-bridge, which holds frames of both directions with
-/// times.
+/// First bytes of a recording made by corticode-bridge, which holds the frames that host and board
+/// sent, with times.
 const BRIDGE_RECORDING: &[u8] = b"CORTIREC";
 /// Number of bytes read at a time.
 const PIECE: usize = 1 << 16;
@@ -144,7 +144,7 @@ impl CodeKind {
 pub(crate) struct Announcement {
     pub(crate) scale: Vec<f32>,
     pub(crate) zero_point: Vec<i8>,
-    /// Smallest and largest level of a code.
+    /// Smallest and largest level that the format of the codes can hold.
     pub(crate) levels: RangeInclusive<i32>,
     /// Largest input voltage, microvolts.
     pub(crate) full_scale_uv: f32,
@@ -319,7 +319,7 @@ impl<R: Read> CodeFile<R> {
                 Some(Err(FrameError::Version(version))) => {
                     return Err(CodeFileError::Version(version));
                 }
-                // The decoder counts damaged frames.
+                // Skip damaged frames, which the decoder counts.
                 Some(Err(_)) | None => continue,
             };
             match frame.message {

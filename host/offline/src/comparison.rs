@@ -1,4 +1,4 @@
-//! The error of decoded signals, electrode by electrode.
+//! Measures the error of decoded signals, electrode by electrode.
 
 use std::fmt;
 
@@ -76,7 +76,7 @@ pub struct Comparison {
     pub origins: Vec<ElectrodeOrigin>,
     /// Number of compared steps.
     pub steps: u64,
-    /// Some seconds of both signals, from the middle of the recording.
+    /// Some seconds of the original and of the decoded signal, from the middle of the recording.
     pub excerpt: Excerpt,
 }
 

@@ -47,7 +47,7 @@ pub struct Decoding<'m> {
 pub struct Decoded {
     /// Number of codes, or of packed blocks, that were decoded.
     pub codes: u64,
-    /// Number of bits of the packed blocks; `None` for codes of the network.
+    /// Total number of bits of the packed blocks; `None` for codes of the network.
     pub packed_bits: Option<u64>,
     /// Number of windows whose code is missing, or of missing packed blocks. If no neighbour covers
     /// a window, its steps repeat the last values; a missing block is predicted.
@@ -208,7 +208,7 @@ impl Decoding<'_> {
         )))
     }
 
-    /// Describes the signal of a file of codes.
+    /// Describes the decoded signal for the file that is written.
     fn signal(&self, survey: &Survey, events: Vec<RowEvent>) -> Signal<'_> {
         let description = &self.model.description;
         Signal {

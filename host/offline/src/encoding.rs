@@ -27,7 +27,7 @@ pub enum EncodedStream {
     /// Codes of the network.
     #[default]
     Codes,
-    /// Packed blocks, at this rate, 0 to 15; `None` for the model's.
+    /// Packed blocks, at this rate, 0 to 15; `None` for the model's own rate.
     Packed(Option<u8>),
 }
 
@@ -142,14 +142,14 @@ impl Encoding {
     }
 }
 
-/// Counts of the packed blocks of a file.
+/// Counts over all packed blocks of a file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PackedCounts {
     /// Number of packed blocks in the file.
     pub blocks: u64,
-    /// Number of bits of all blocks, without those of their frames.
+    /// Total number of bits of these blocks, without the frames around them.
     pub bits: u64,
-    /// Number of electrode values that were clipped to the range of the inputs.
+    /// Number of electrode values clipped to the range that the encoder's inputs can have.
     pub clipped: u64,
     /// Number of blocks, made after the filters had settled, that the model does not represent
     /// well.

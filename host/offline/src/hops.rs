@@ -1,4 +1,4 @@
-//! Codes and packed blocks, decoded to one continuous signal.
+//! Decodes codes and packed blocks to one continuous signal.
 
 use artifact::reconstruction::{
     HopLayout, Overlap, PackedHop, PackedOverlap, PackedSource, Source, Window, WindowDecoder,

@@ -1,4 +1,4 @@
-//! The report of decoded recordings: pictures, a table, and a page that shows them.
+//! Writes the report of decoded recordings: pictures, a table, and a page that shows them.
 
 mod page;
 mod pictures;
@@ -15,7 +15,7 @@ use crate::comparison::Comparison;
 use crate::decoding::Decoded;
 use crate::error::OfflineError;
 
-/// File name of the page.
+/// File name of the report's page.
 const PAGE: &str = "index.html";
 /// File name of the table that has the errors of all electrodes.
 const TABLE: &str = "electrodes.csv";
@@ -38,7 +38,7 @@ impl Entry {
     }
 }
 
-/// Creates the folder of a report.
+/// Checks that the folder may receive a report, and creates it.
 ///
 /// # Errors
 /// [`OfflineError::NewFile`] if the folder holds a report already and `existing` does not allow to

@@ -1,4 +1,4 @@
-//! Files of decoded signals.
+//! Writes decoded signals to files.
 
 mod csv;
 mod npz;
@@ -25,7 +25,7 @@ pub enum SignalFormat {
 }
 
 impl SignalFormat {
-    /// Returns the extension of a file name.
+    /// Returns the extension of files in this format, without the dot.
     pub const fn extension(self) -> &'static str {
         match self {
             Self::Edf => "edf",
@@ -53,9 +53,9 @@ pub(crate) struct Signal<'a> {
     pub(crate) labels: &'a [String],
     /// Rows per second, Hz.
     pub(crate) rate_hz: u32,
-    /// Number of rows written at a time.
+    /// Number of rows that are written at a time: those of one hop.
     pub(crate) rows_per_hop: u32,
-    /// Number of all rows.
+    /// Number of rows of the whole signal.
     pub(crate) rows: u64,
     /// Group delay of the filters, microseconds: a row with the time t shows the potentials that
     /// the electrodes had earlier by the delay.

@@ -1,4 +1,4 @@
-//! The compressed samples of a board are those of its converters, bit for bit.
+//! Tests that the compressed samples of a board are those of its converters, bit for bit.
 
 use link::{BlockForm, CompressedRaw};
 use lossless::{Block, Count, Kind};

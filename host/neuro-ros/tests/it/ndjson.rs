@@ -9,7 +9,7 @@ use neuro_ros::{NdjsonWriter, NeuroFrame, Sink, SinkError};
 /// Time limit of each wait: far longer than any operation takes, even on a busy machine.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// An output that sends every write to the test.
+/// An output that passes every written piece to the test over a channel.
 struct ChannelOutput(Sender<Vec<u8>>);
 
 impl Write for ChannelOutput {

@@ -136,7 +136,7 @@ impl Device {
         self.sender.queue().0.len()
     }
 
-    /// Returns the frames since the last call.
+    /// Returns the frames that the device has made since the last call.
     pub(super) fn take_frames(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.sender.queue().0)
     }

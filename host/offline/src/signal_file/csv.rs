@@ -1,4 +1,4 @@
-//! Decoded signals as comma-separated values.
+//! Writes decoded signals as comma-separated values.
 
 use std::{
     fs::File,

@@ -1,4 +1,4 @@
-//! Decoded signals as arrays for numpy.
+//! Writes decoded signals as arrays for numpy.
 
 use std::{
     fs::File,

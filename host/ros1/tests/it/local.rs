@@ -136,7 +136,7 @@ pub(crate) async fn wait_for_subscribers(publisher: &Publisher, subscribers: usi
     .await;
 }
 
-/// Waits until the node knows whether its master answers, as `is_online` states.
+/// Waits until the node has noticed that its master answers or, if `is_online` is false, does not.
 pub(crate) async fn wait_for_master(node: &Node, is_online: bool) {
     let mut online = node.master_online();
     let changed = timeout(TIMEOUT, online.wait_for(|online| *online == is_online)).await;

@@ -15,8 +15,7 @@ use crate::{
     local::start_master,
 };
 
-/// Names of two nodes in the script and in the answers; the nodes' real URIs replace them at the
-/// calls.
+/// URIs that stand for two nodes in the script and in the answers; the calls have the real URIs.
 const NODES: [&str; 2] = ["http://node-a/", "http://node-b/"];
 
 type Call = (&'static str, Vec<Value>);
