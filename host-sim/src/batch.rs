@@ -64,7 +64,7 @@ pub(crate) enum BatchError {
 }
 
 impl BatchError {
-    /// Returns the exit status of the program.
+    /// Returns the exit status with which the program ends after this error.
     pub(crate) fn exit_status(&self) -> u8 {
         match self {
             Self::Some { status, .. } => *status,
@@ -73,12 +73,13 @@ impl BatchError {
     }
 }
 
-/// A file to read and the file to write.
+/// A file to read and the file that is written from it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Job {
     pub(crate) input: PathBuf,
     pub(crate) output: PathBuf,
-    /// Path of the input relative to the processed folder; its file name if it was given by itself.
+    /// Path of the input relative to the processed folder, or its file name if no folder is
+    /// processed.
     pub(crate) name: PathBuf,
 }
 

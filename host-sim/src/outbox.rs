@@ -46,7 +46,7 @@ struct Queue {
     failure: Option<io::Error>,
 }
 
-/// Number of codes per second.
+/// Number of codes that the board makes per second.
 const CODE_RATE: usize = model::STEP_RATE_HZ as usize / model::HOP;
 
 /// Number of frames per second that report counters, signal quality and the state of the

@@ -118,11 +118,11 @@ impl SessionError {
 /// Result of a run of the virtual board.
 #[derive(Clone, Copy, Debug)]
 pub struct Report {
-    /// Counters of the board at the end.
+    /// Counters of the board at the end of the run.
     pub stats: Stats,
     /// Number of packed blocks that the board has made.
     pub packed_blocks: u64,
-    /// Counters of the converters' driver at the end.
+    /// Counters of the converters' driver at the end of the run.
     pub converters: SamplerCounters<CHIPS>,
     /// Fault found when the converters were initialised; `None` if there was none.
     pub failure: Option<ads1299::Error>,

@@ -1,5 +1,5 @@
-//! Installs Debian packages and parts of Rust that `cargo xtask test` needs, if this user has the
-//! rights to.
+//! Installs the Debian packages and the parts of Rust that `cargo xtask test` needs, if this user
+//! has the right to install them.
 
 use std::path::Path;
 use std::process::Command;
@@ -159,8 +159,7 @@ mod tests {
     fn a_busy_package_database_is_waited_for() {
         let folder = std::env::temp_dir().join(format!("xtask-apt-{}", std::process::id()));
         fs::create_dir_all(&folder).expect("a folder");
-        // A fake apt-get, whose first two updates fail as if another program were updating the
-        // lists.
+        // A fake apt-get whose first two updates fail, as if another program updated the lists.
         let apt_get = "#!/bin/sh
             cd \"$(dirname \"$0\")\"
             echo \"$*\" >>calls

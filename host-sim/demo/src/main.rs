@@ -96,7 +96,7 @@ fn programs_folder() -> Result<PathBuf, Failure> {
     Ok(folder.to_owned())
 }
 
-/// Failure with which the demo ends.
+/// A failure that ends the demo.
 #[derive(Debug)]
 pub(crate) struct Failure {
     /// Exit status: 1 if a check failed, 2 if a file is missing, 3 if one of the programs did not

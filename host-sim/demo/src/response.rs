@@ -11,7 +11,7 @@ use picture::curves::Curves;
 use picture::lines::{Mark, Series};
 use pipeline::Mains;
 
-/// Pass band of the filters, Hz.
+/// Pass band of the filters: lower and upper corner frequency, Hz.
 pub const BAND_HZ: [f64; 2] = [0.5, 60.0];
 
 /// Number of points in a curve, evenly spaced over the logarithm of the frequency.
@@ -158,14 +158,14 @@ impl ImpulseResponse {
         Self(response.collect())
     }
 
-    /// Computes the response of the float64 twin.
+    /// Computes the response of the float64 twin to an impulse.
     fn from_twin(twin: &Twin) -> Self {
         let mut twin = twin.clone();
         let response = (0..samples()).map(|n| twin.apply(if n == 0 { 1.0 } else { 0.0 }));
         Self(response.collect())
     }
 
-    /// Returns the magnitude at a frequency, dB.
+    /// Returns the magnitude of the filter's response at the frequency `hz`, dB.
     fn magnitude_db(&self, hz: f64) -> f64 {
         10.0 * self.sums(hz)[0].norm_sqr().log10()
     }

@@ -7,7 +7,7 @@ pub(crate) const RATE: usize = 128;
 #[derive(Debug, Clone)]
 pub(crate) struct Signal {
     pub(crate) label: String,
-    /// Digital minimum and maximum, as text.
+    /// Digital minimum and maximum, as the texts of the header.
     pub(crate) digital: [&'static str; 2],
     pub(crate) samples_per_record: usize,
 }

@@ -22,8 +22,7 @@ pub enum CodeFileError {
     /// The path is that of a folder, a device or a pipe, which cannot be read twice.
     #[error("it is no file, and a file of codes is read twice; write the codes to a file first")]
     NoFile,
-    /// The device's notch filter removed a mains frequency that this program cannot remove; holds
-    /// it, Hz.
+    /// The notch filter removed a mains frequency that this program cannot; holds it, Hz.
     #[error(
         "its notch filter removed {0} Hz, which this program cannot; decode it without --original"
     )]
@@ -100,7 +99,7 @@ pub enum CodeFileError {
     Gap {
         /// Index of the first window after the gap.
         before: u32,
-        /// Number of missing windows.
+        /// Number of missing windows in the gap.
         missing: u32,
     },
     /// The frames have another version of the wire format.
@@ -366,8 +365,7 @@ impl<R: Read> CodeFile<R> {
         }
     }
 
-    /// Returns whether a code is of the kind that is to be returned, and counts it as skipped if
-    /// not.
+    /// Returns whether a code is of the kind that is returned; if not, counts it as skipped.
     fn is_wanted(&mut self, code: &FileCode) -> bool {
         let kind = code.content.kind();
         let is_wanted = *self.kind.get_or_insert(kind) == kind;

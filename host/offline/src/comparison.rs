@@ -12,9 +12,9 @@ use crate::played::Original;
 /// Sums over the compared steps of one electrode, or of several, uV^2.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ElectrodeSums {
-    /// Sum of the squared original.
+    /// Sum of the squares of the original signal.
     pub signal: f64,
-    /// Sum of the squared difference between original and decoded signal.
+    /// Sum of the squares of the difference between original and decoded signal.
     pub error: f64,
 }
 
@@ -60,9 +60,9 @@ pub fn settling_s() -> u32 {
 pub struct Excerpt {
     /// Row of the excerpt's first step, counted from the start of the signal.
     pub first_row: u64,
-    /// Original, uV, step by step.
+    /// Original signal at these steps, uV; one entry for each step, with all electrodes.
     pub original_uv: Vec<Vec<f32>>,
-    /// Decoded signal at the same steps, uV.
+    /// Decoded signal at the same steps, uV, in the same layout.
     pub decoded_uv: Vec<Vec<f32>>,
 }
 

@@ -28,7 +28,7 @@ const EXCERPT_S: u64 = 4;
 /// seconds. They differ because the last steps do not fill a hop.
 const LENGTH_TOLERANCE_S: f64 = 0.5;
 
-/// How files of codes are decoded.
+/// Options for decoding files of codes.
 #[derive(Debug)]
 pub struct Decoding<'m> {
     /// Model with which the codes were made, and which decodes them.

@@ -31,7 +31,7 @@ pub enum EncodedStream {
     Packed(Option<u8>),
 }
 
-/// How recordings are encoded.
+/// Options for encoding recordings.
 #[derive(Debug, Clone, Copy)]
 pub struct Encoding {
     /// Mains frequency that the notch filter removes.
@@ -40,7 +40,7 @@ pub struct Encoding {
     pub missing: Missing,
     /// Whether a file that has the name of the output is replaced.
     pub existing: Existing,
-    /// What the file holds.
+    /// Kind of codes that the file gets.
     pub stream: EncodedStream,
 }
 
@@ -160,7 +160,7 @@ pub struct PackedCounts {
 }
 
 impl PackedCounts {
-    /// Counts a block.
+    /// Adds a block to the counts.
     pub(crate) fn add(&mut self, code: &PackedCode) {
         self.blocks += 1;
         self.bits += 8 * code.bytes().len() as u64;

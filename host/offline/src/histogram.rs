@@ -34,7 +34,7 @@ impl LevelHistogram {
         }
     }
 
-    /// Counts the values of a code.
+    /// Adds the values of a code to the counts.
     pub(crate) fn add(&mut self, levels: &[i32]) {
         let (least, greatest) = (*self.range.start(), *self.range.end());
         for level in levels {
@@ -84,7 +84,7 @@ mod tests {
         let mut histogram = LevelHistogram::new(-32_768..=32_767);
         histogram.add(&[-5, 5, 127]);
         histogram.add(&[-300]);
-        // Bins are 16 levels wide now.
+        // Each bin now covers 16 levels.
         assert_eq!(histogram.span, 512);
         assert_eq!(
             [31, 32, 39, 13].map(|bin| histogram.bins[bin]),

@@ -138,7 +138,7 @@ pub(crate) struct PackedHops {
     overlap: PackedOverlap<Label>,
     /// Number of rows of a hop.
     rows: u64,
-    /// Index of the next block.
+    /// Index of the packed block that is expected next.
     next: u32,
 }
 

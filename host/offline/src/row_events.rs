@@ -12,7 +12,7 @@ const MISSING_TYPE: u16 = 0x00ff;
 /// for missing codes.
 const LAST_TEXT_TYPE: usize = 0x00fe;
 
-/// Events in the order of their rows.
+/// Events of a recording, in the order of their rows.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct RowEvents {
     pub(crate) rows: Vec<RowEvent>,

@@ -11,7 +11,7 @@ use crate::code_file::{Announcement, CodeFile, CodeFileError, CodeKind};
 pub(crate) struct Gap {
     /// Index of the first missing window.
     pub(crate) first: u32,
-    /// Number of missing windows.
+    /// Number of missing windows in the gap.
     pub(crate) windows: u32,
 }
 
@@ -72,7 +72,7 @@ impl Survey {
         })
     }
 
-    /// Returns the number of missing windows.
+    /// Returns the number of windows whose codes are missing, over all gaps.
     pub(crate) fn missing(&self) -> u64 {
         self.gaps.iter().map(|gap| u64::from(gap.windows)).sum()
     }

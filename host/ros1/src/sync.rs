@@ -59,7 +59,7 @@ impl<T> DropOldestQueue<T> {
         lock(&self.state).items.len()
     }
 
-    /// Appends an item without waiting.
+    /// Appends an item without waiting; a full queue drops its oldest item.
     pub(crate) fn push(&self, item: T) -> Push {
         let outcome = {
             let mut state = lock(&self.state);

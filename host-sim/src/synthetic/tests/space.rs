@@ -110,8 +110,7 @@ fn slow_activity_is_wider_than_fast_activity() {
     let traces = background(&montage());
     // The means over a quarter of a second contain 0-2 Hz, the rest of the signal 4 Hz and more.
     let [slow, fast] = split(&traces, 128).map(|part| 1.0 - shares(&part)[0]);
-    // Variance outside of ten components, measured: 0.0037 in the slow part, 0.0091 in the fast
-    // one.
+    // Variance outside of ten components, measured: slow part 0.0037, fast part 0.0091.
     assert!(
         slow < 0.5 * fast,
         "outside of ten components: slow {slow}, fast {fast}"

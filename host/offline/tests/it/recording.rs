@@ -99,7 +99,7 @@ impl Fixture {
         self.written(name, &changed)
     }
 
-    /// Writes a file into the folder.
+    /// Writes a file into the folder and returns its path.
     pub(crate) fn written(&self, name: &str, bytes: &[u8]) -> PathBuf {
         fs::write(self.path(name), bytes).expect("writable");
         self.path(name)
@@ -143,7 +143,7 @@ pub(crate) const ENCODING: Encoding = Encoding {
     stream: EncodedStream::Codes,
 };
 
-/// Returns the electrodes of the model.
+/// Returns the labels of the model's electrodes.
 pub(crate) fn labels() -> Vec<&'static str> {
     model::LABELS.split(' ').collect()
 }

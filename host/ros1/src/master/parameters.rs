@@ -7,7 +7,7 @@ use crate::{names::canonical, xmlrpc::Value};
 /// All parameters as one tree.
 #[derive(Debug)]
 pub(super) struct Parameters {
-    /// The whole tree. Invariant: always a struct.
+    /// The whole tree, which is always a struct.
     root: Value,
 }
 
