@@ -282,8 +282,8 @@ impl Session {
         }
     }
 
-    /// Returns whether the run is over without a host: whether as much time has passed since the
-    /// last sample as the remaining samples up to the limit would take.
+    /// Returns whether the time that the samples left up to the limit would take has passed since
+    /// the last sample. If no host streams, the run then ends.
     fn is_over(&self, samples: u64, last_sample: Instant) -> bool {
         self.limit.is_some_and(|limit| {
             let left = limit.saturating_sub(samples);

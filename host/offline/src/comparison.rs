@@ -48,7 +48,7 @@ impl fmt::Display for ElectrodeOrigin {
 }
 
 /// Returns the time after which the filters of the built-in model have settled, seconds, rounded
-/// up: the shortest recording that can be compared is longer.
+/// up. Only a longer recording can be compared.
 pub fn settling_s() -> u32 {
     let samples = [Mains::Hz50, Mains::Hz60].map(|mains| mains.filter().settling_samples);
     let samples = samples.into_iter().max().unwrap_or(0);
