@@ -1,4 +1,4 @@
-//! Files of a folder, processed in parallel.
+//! Processes the files of a folder in parallel.
 
 use std::{
     collections::{HashMap, HashSet},
@@ -27,19 +27,19 @@ const TICK: Duration = Duration::from_millis(100);
 /// Why a batch failed.
 #[derive(Debug, Error)]
 pub(crate) enum BatchError {
-    /// A folder cannot be read.
+    /// A folder with files to process cannot be read.
     #[error("{} cannot be read; name a file or a folder that exists", path.display())]
     Unreadable { path: PathBuf, source: io::Error },
-    /// A folder has no file with one of the extensions.
+    /// The folder to process has no file with one of the wanted extensions.
     #[error(
         "{} has no file with the extension {endings}; name another folder, or a file",
         path.display()
     )]
     Nothing { path: PathBuf, endings: String },
-    /// A folder cannot be created.
+    /// A folder for the output cannot be created.
     #[error("the folder {} cannot be created", path.display())]
     Folder { path: PathBuf, source: io::Error },
-    /// Two inputs have the same output.
+    /// Two inputs would be written to the same output file.
     #[error(
         "{} and {} would both become {}; rename one of them, or process them one by one",
         inputs[0].display(),
@@ -55,7 +55,7 @@ pub(crate) enum BatchError {
     Some {
         failed: usize,
         files: usize,
-        /// Smallest exit status of their errors.
+        /// Smallest exit status among the errors of the failed files.
         status: u8,
     },
     /// The signals of the operating system cannot be received.
@@ -64,7 +64,7 @@ pub(crate) enum BatchError {
 }
 
 impl BatchError {
-    /// Returns the exit status of the program.
+    /// Returns the exit status with which the program ends after this error.
     pub(crate) fn exit_status(&self) -> u8 {
         match self {
             Self::Some { status, .. } => *status,
@@ -73,12 +73,13 @@ impl BatchError {
     }
 }
 
-/// A file to read and the file to write.
+/// A file to read and the file that is written from it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Job {
     pub(crate) input: PathBuf,
     pub(crate) output: PathBuf,
-    /// Path of the input relative to the folder of the batch; its file name without a folder.
+    /// Path of the input relative to the processed folder, or its file name if no folder is
+    /// processed.
     pub(crate) name: PathBuf,
 }
 
@@ -138,7 +139,7 @@ pub(crate) fn jobs(
 }
 
 /// Adds the files of a folder and its subfolders that have one of the extensions. `visited` has the
-/// folders that were read already, so that a circle of links ends.
+/// folders that were read already, so that links in a circle cause no endless loop.
 fn collect(
     folder: &Path,
     extensions: &[&str],
@@ -177,14 +178,14 @@ pub(crate) fn has_extension(path: &Path, extensions: &[&str]) -> bool {
 pub(crate) struct Finished<'j, R> {
     /// Each job that succeeded, with its result, in the order of the jobs.
     pub(crate) results: Vec<(&'j Job, R)>,
-    /// Error of the batch if some of several jobs failed.
+    /// Error that counts the failed jobs; `None` if all succeeded.
     pub(crate) failure: Option<BatchError>,
     pub(crate) elapsed: Duration,
     pub(crate) threads: usize,
 }
 
-/// Runs `work` for all jobs in parallel. Prints the error of each job that fails while others go
-/// on. `seconds` is the duration of the signals of all jobs, if it is known.
+/// Runs `work` for all jobs in parallel. Prints the error of each job that fails, and goes on with
+/// the others. `seconds` is the duration of the signals of all jobs, if it is known.
 ///
 /// # Errors
 /// The error of the job if there is only one; [`OfflineError::Interrupted`] after SIGINT or
@@ -251,7 +252,8 @@ pub(crate) fn run<'j, R: Send>(
     });
     let elapsed = start.elapsed();
     let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
-    // Interrupted jobs come last, after all results that are complete.
+    // Interrupted jobs sort last, so that the loop has counted all complete files before it reports
+    // the interruption.
     results
         .sort_by_key(|(index, result)| (matches!(result, Err(OfflineError::Interrupted)), *index));
     let mut finished = Vec::new();
@@ -298,8 +300,8 @@ pub(crate) fn progress_bar(seconds: Option<u64>, end: &str, quiet: bool) -> Prog
 }
 
 impl<R> Finished<'_, R> {
-    /// Returns a line about `seconds` of signal: how many times faster than real time they were
-    /// processed.
+    /// Returns a line of text that states how many times faster than real time `seconds` of signal
+    /// were processed.
     pub(crate) fn speed(&self, seconds: f64) -> String {
         let times = seconds / self.elapsed.as_secs_f64();
         let per_thread = match self.threads {

@@ -10,7 +10,7 @@ use offline::{CodeKind, SignalFormat};
 use pipeline::Mains;
 use recordings::Missing;
 
-/// Virtual board: plays EEG through the firmware's pipeline, bit for bit.
+/// Virtual board: passes EEG through the firmware's pipeline and makes the same codes, bit for bit.
 #[derive(Debug, Parser)]
 #[command(version)]
 pub(crate) struct CommandLine {
@@ -65,7 +65,8 @@ pub(crate) struct RunOptions {
     /// lines of JSON. The path - is standard output.
     #[arg(long, value_name = "OUTPUT")]
     pub(crate) output: Output,
-    /// What file: and ndjson: hold: by default codes, or packed blocks if the model has no network.
+    /// Streams that file: and ndjson: get; by default codes, or packed blocks if the model has no
+    /// network.
     #[arg(long, value_parser = stream(), value_delimiter = ',')]
     pub(crate) streams: Vec<Streams>,
     /// Replace the file of --output if it exists; the file of --input is never replaced.
@@ -80,13 +81,13 @@ pub(crate) struct RunOptions {
     /// Mains frequency of the notch until a host selects another one, Hz.
     #[arg(long, value_parser = mains(), default_value = "50")]
     pub(crate) mains: Mains,
-    /// Stop after this many seconds of signal, or without a host after the rest of this time.
+    /// Stop after this many seconds of signal, or if no host connects for the rest of this time.
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) duration: Option<f64>,
     /// Treatment of montage electrodes that the recording lacks.
     #[arg(long, value_parser = missing(), default_value = "interpolate")]
     pub(crate) missing: Missing,
-    /// Seed of the synthetic EEG: places of the dipoles, and every random stream.
+    /// Seed of the synthetic EEG: it determines where the dipoles are, and all random numbers.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
     /// Drive single electrodes of the synthetic EEG to the ADC's rail at random times.
@@ -112,7 +113,7 @@ pub(crate) struct RunOptions {
 pub(crate) struct EncodeOptions {
     /// EDF, BDF or GDF file, or a folder whose recordings are encoded.
     pub(crate) input: PathBuf,
-    /// File of codes to write, or a folder for the recordings of a folder: NAME.edf becomes
+    /// File of codes to write, or a folder if the input is a folder: NAME.edf becomes
     /// NAME.edf.codes.
     pub(crate) output: PathBuf,
     /// Mains frequency of the notch, Hz.
@@ -131,8 +132,7 @@ pub(crate) struct EncodeOptions {
     pub(crate) batch: BatchOptions,
 }
 
-/// Word for what `encode` writes unless --stream states it: codes, if the built-in model has a
-/// network.
+/// Default of `encode --stream`: codes if the built-in model has a network, else packed blocks.
 const DEFAULT_KIND: &str = if model::HAS_NETWORK {
     "codes"
 } else {
@@ -143,7 +143,7 @@ const DEFAULT_KIND: &str = if model::HAS_NETWORK {
 pub(crate) struct DecodeOptions {
     /// File of codes or of packed blocks, or a folder with files *.codes.
     pub(crate) input: PathBuf,
-    /// File to write, or a folder for the codes of a folder; by default NAME.decoded.FORMAT next to
+    /// File to write, or a folder if the input is a folder; by default NAME.decoded.FORMAT next to
     /// NAME.codes.
     pub(crate) output: Option<PathBuf>,
     /// Format of the decoded signal.
@@ -155,9 +155,9 @@ pub(crate) struct DecodeOptions {
     /// Folder of the model that decodes; by default the model with which this program was built.
     #[arg(long, value_name = "FOLDER")]
     pub(crate) model: Option<PathBuf>,
-    /// Recording from which the codes were made, or a folder of recordings for those of a folder:
-    /// NAME.edf for NAME.edf.codes. Its events are written to the output, and the decoded signal is
-    /// compared with its own.
+    /// Recording from which the codes were made; for a folder of codes, a folder of recordings,
+    /// with NAME.edf for NAME.edf.codes. Its events are written to the output, and its signal is
+    /// compared with the decoded one.
     #[arg(long, value_name = "FILE|FOLDER")]
     pub(crate) original: Option<PathBuf>,
     /// Write a report to this folder: index.html, electrodes.csv and pictures.
@@ -180,8 +180,8 @@ pub(crate) struct BatchOptions {
     pub(crate) quiet: bool,
 }
 
-/// Returns a parser that accepts the words of `choices`. Each has its help and the value that it
-/// stands for.
+/// Returns a parser that accepts the words of `choices`. Each word has a help text and the value
+/// that it stands for.
 fn one_of<T: Clone + Send + Sync + 'static, const N: usize>(
     choices: [(&'static str, &'static str, T); N],
 ) -> impl TypedValueParser<Value = T> {

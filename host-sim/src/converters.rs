@@ -33,13 +33,13 @@ pub struct Converters {
     simulation: Simulation<CHIPS>,
     sampler: Simulated,
     drdy: SimulatedReady<CHIPS>,
-    /// Counts that the next conversion delivers.
+    /// Input of each channel, in counts, that the next conversion delivers.
     electrodes: Arc<Mutex<Counts>>,
     faults: Faults,
     /// Number of sample periods started, which determines the faults that are due.
     periods: u64,
-    /// Due time of the first DRDY edge since start-up or the last self-test, ns of the chain's
-    /// time, and the number of its period; `None` before that period.
+    /// When the first DRDY edge after start-up or the last self-test is due, ns of the chain's
+    /// time, and the number of its sample period; `None` before that period.
     first_edge: Option<(u64, u64)>,
     /// True if all samples of the current period have been read.
     is_done: bool,
@@ -66,7 +66,7 @@ pub struct ConvertedSample {
     pub sample: Sample,
     /// Status of the chips, and samples missed before this one.
     pub reading: Reading<CHIPS>,
-    /// Time by which DRDY came before it was due, microseconds of device time; above 0 if the chain
+    /// Time by which DRDY came before it was due, microseconds of device time; 0 unless the chain
     /// runs too fast.
     pub early_us: u64,
 }

@@ -9,9 +9,9 @@ use recordings::Recording;
 use crate::batch::{self, Job};
 use crate::command_line::EncodeOptions;
 
-/// Extensions of recordings in a folder.
+/// Extensions of the files in a folder that are encoded.
 pub(crate) const RECORDINGS: [&str; 3] = ["edf", "bdf", "gdf"];
-/// Extension of files of codes in a folder.
+/// Extension of the files in a folder that are decoded.
 pub(crate) const CODES: &str = "codes";
 
 pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
@@ -62,7 +62,7 @@ pub(crate) fn encode(options: &EncodeOptions) -> Result<(), Box<dyn Error>> {
         .map_or(Ok(()), |failure| Err(failure.into()))
 }
 
-/// Returns the length of all recordings, seconds; those that cannot be read count as 0.
+/// Returns the total length of the recordings, seconds; those that cannot be read count as 0.
 fn seconds(jobs: &[Job]) -> u64 {
     let recordings = jobs
         .iter()

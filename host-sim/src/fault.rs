@@ -42,12 +42,12 @@ TO it stays. {numbers} Kinds:
 /// A fault of a converter or an electrode, with its start and end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// Change of the simulated chain at the beginning, and the one that repairs it.
+    /// The change of the simulated chain that begins the fault, and the change that repairs it.
     changes: (Change, Change),
     /// Number of ADC samples before the fault begins; 0 if it is present before the chain is
     /// initialised.
     from: u64,
-    /// Number of ADC samples before the fault is repaired; `None` if it stays.
+    /// Number of ADC samples before the fault is repaired; `None` if it is never repaired.
     to: Option<u64>,
 }
 
@@ -120,13 +120,14 @@ impl FromStr for Fault {
     }
 }
 
-/// Returns the change that a fault of this kind is, and the one that repairs it.
+/// Returns the change of the chain that causes the fault `name` at `place`, and the change that
+/// repairs it.
 fn changes(name: &str, place: &str) -> Result<(Change, Change), FaultError> {
     use simulation::Fault as Broken;
     let broken = match name {
         "dead" => Broken::Dead,
         "stuck" => Broken::StuckData,
-        // ID register of an ADS1298.
+        // Content of the ID register of an ADS1298, a chip of another type.
         "wrong-id" => Broken::WrongId(0x92),
         "forgets" => Broken::Forgets(Register::CH1SET),
         "double-rate" => Broken::DoubleRate,
@@ -165,7 +166,7 @@ fn samples(text: &str) -> Result<u64, FaultError> {
     Ok((seconds * f64::from(model::ADC_RATE_HZ)).round() as u64)
 }
 
-/// A change of the simulated chain.
+/// A change of the simulated chain, which begins or ends a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Change {
     Inject(usize, simulation::Fault),

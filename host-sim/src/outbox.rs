@@ -46,10 +46,11 @@ struct Queue {
     failure: Option<io::Error>,
 }
 
-/// Number of codes per second.
+/// Number of codes that the board makes per second.
 const CODE_RATE: usize = model::STEP_RATE_HZ as usize / model::HOP;
 
-/// Number of reports per second.
+/// Number of frames per second that report counters, signal quality and the state of the
+/// converters.
 const REPORT_RATE: usize = 5;
 
 /// Number of frames per second of all streams together: raw samples, filtered steps, codes and
@@ -173,8 +174,8 @@ impl Outbox {
         failure == Some(io::ErrorKind::BrokenPipe)
     }
 
-    /// Returns the error of the first frame that could not be written; `None` without one, and from
-    /// the second call on.
+    /// Returns the error of the first frame that could not be written; `None` if there was no such
+    /// frame, and from the second call on.
     pub fn take_failure(&self) -> Option<io::Error> {
         self.lock().failure.take()
     }
@@ -307,7 +308,8 @@ mod tests {
         let outbox = Outbox::new(WhenFull::Wait);
         (0..5).for_each(|_| outbox.push(b"frame"));
         let writer = outbox.clone();
-        // Three frames take longer than the limit, each of them less; the fourth is never written.
+        // Three frames together take longer than `stall`, but each takes less; the fourth is never
+        // written.
         let (pause, stall) = (Duration::from_millis(150), Duration::from_millis(400));
         let thread = std::thread::spawn(move || {
             for _ in 0..3 {

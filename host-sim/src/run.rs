@@ -69,8 +69,8 @@ pub(crate) fn run(options: &RunOptions) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Formats the numbers of codes and of packed blocks, each followed by `made`. Leaves out the
-/// stream that no host asked for, whose number is 0.
+/// Formats the numbers of codes and of packed blocks, each followed by `made`. Omits a number that
+/// is 0 because no host asked for the stream.
 fn hops(codes: u32, blocks: u64, made: &str) -> String {
     match (codes, blocks) {
         (0, 1..) => format!("{blocks} packed blocks{made}"),
@@ -96,7 +96,7 @@ fn session(
         Pace::Realtime
     };
     let default_id = || match pace {
-        // In virtual time the id is constant, because equal runs must write equal bytes.
+        // In virtual time the session id is constant, because equal runs must write equal bytes.
         Pace::Fast => 1,
         Pace::Realtime => SystemTime::now()
             .duration_since(UNIX_EPOCH)
@@ -192,7 +192,7 @@ fn summary(report: &Report, source: &Source) -> String {
     text
 }
 
-/// Signal to play, with what its recording says about it.
+/// Signal to play, and what was found in its recording.
 struct OpenedInput {
     source: Source,
     /// Electrodes that the recording lacks.
@@ -202,8 +202,8 @@ struct OpenedInput {
 }
 
 impl OpenedInput {
-    /// Opens the input that the options name, and prints what is wrong with it. Prints how a
-    /// recording fits the montage unless the options forbid it.
+    /// Opens the input that the options name, and prints warnings about its defects. Also prints
+    /// how a recording fits the montage, unless the options forbid it.
     fn new(options: &RunOptions) -> Result<Self, Box<dyn Error>> {
         match &options.input {
             Input::Synthetic => {
@@ -245,7 +245,7 @@ impl OpenedInput {
     }
 }
 
-/// Returns the trigger edges at the events of a recording.
+/// Returns trigger edges that mark the events of a recording. Warns of events outside the signal.
 fn edges(onsets: &Onsets, quiet: bool) -> RecordedEdges {
     let edges = RecordedEdges::new(onsets);
     if onsets.outside > 0 {

@@ -30,15 +30,15 @@ pub use device_clock::{DeviceClock, Pace};
 pub use port::{FileRules, Output, Port, PortError};
 pub use recorded_edges::RecordedEdges;
 
-/// Time limit at the end of a run for writing the queued frames, and again for the host to read
-/// them.
+/// At the end of a run, time limit for writing the queued frames, and separately for the host to
+/// read them.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Longest time in which a file may take no frame at the end of a run. A disk that must first spin
-/// up takes less.
+/// Longest pause between two frames written to a file at the end of a run; after it, the file
+/// counts as failed. A disk that must first spin up takes less.
 const STALL_TIMEOUT: Duration = Duration::from_secs(30);
 
-/// Longest wait for a command or for room in the outbox before the stop flag is checked again.
+/// Longest wait, for a command or for room in the outbox, before the stop flag is checked again.
 const IDLE_POLL: Duration = Duration::from_millis(20);
 
 /// Configuration of a run of the virtual board.
@@ -46,9 +46,9 @@ const IDLE_POLL: Duration = Duration::from_millis(20);
 pub struct Session {
     /// Destination of the frames; it is opened when the run starts.
     pub output: Output,
-    /// Rules for an output that is a file.
+    /// Which existing files an output that is a file may replace.
     pub file_rules: FileRules,
-    /// Streams of an output that is a file. A host selects its own streams.
+    /// Streams that an output that is a file receives. A host selects its own streams.
     pub streams: Streams,
     /// Real time or virtual time; decides whether a slow host loses frames or delays the board.
     pub pace: Pace,
@@ -56,8 +56,9 @@ pub struct Session {
     pub mains: Mains,
     /// Session id and chip id that the board reports in `Hello`.
     pub identity: Identity,
-    /// Number of ADC samples after which the run ends; `None` for no limit. While no host lets the
-    /// board stream, the run ends after the time that the remaining samples would take.
+    /// Number of ADC samples after which the run ends; `None` for no limit. While no host has
+    /// started a stream, the run ends when the time that the remaining samples would take has
+    /// passed.
     pub limit: Option<u64>,
     /// Schedule of the faults of converters and electrodes.
     pub faults: Faults,
@@ -78,7 +79,7 @@ pub enum SessionError {
         "{frames} frames could not be written to {output}; make room on the disk and run again"
     )]
     Write {
-        /// Output as in [`Session::output`].
+        /// Destination of the frames, from [`Session::output`].
         output: Output,
         /// Number of frames that were not written.
         frames: u32,
@@ -86,7 +87,7 @@ pub enum SessionError {
         #[source]
         source: io::Error,
     },
-    /// The complete file could not be moved to its name.
+    /// The complete file could not be moved from its temporary name to that of the output.
     #[error(transparent)]
     Finish(#[from] NewFileError),
     /// The rest of the recording could not be read; the samples before the error were processed and
@@ -117,11 +118,11 @@ impl SessionError {
 /// Result of a run of the virtual board.
 #[derive(Clone, Copy, Debug)]
 pub struct Report {
-    /// Counters of the board at the end.
+    /// Counters of the board at the end of the run.
     pub stats: Stats,
     /// Number of packed blocks that the board has made.
     pub packed_blocks: u64,
-    /// Counters of the converters' driver at the end.
+    /// Counters of the converters' driver at the end of the run.
     pub converters: SamplerCounters<CHIPS>,
     /// Fault found when the converters were initialised; `None` if there was none.
     pub failure: Option<ads1299::Error>,
@@ -168,7 +169,7 @@ impl Session {
         let mut recorded_edges = self.recorded_edges.clone();
         let mut clock = DeviceClock::new(self.pace, model::ADC_RATE_HZ.into());
         if self.output.file().is_some() {
-            // A file has no host that could send a `Start`, so the board starts here.
+            // An output that is a file has no host that could send a `Start`; start here.
             let start = Start {
                 streams: self.streams,
                 mains_hz: 0,
@@ -230,14 +231,16 @@ impl Session {
         if self.output.file().is_some() {
             self.complete_writing(&outbox, &mut port)?;
         }
-        // Without a stream there is nothing that a host could miss.
+        // If no sample was processed, the host has no stream to read to its end, so do not wait for
+        // it.
         let unread_bytes = if samples > 0 && outbox.drain(DRAIN_TIMEOUT) {
             port.wait_until_read(DRAIN_TIMEOUT, stop)
         } else {
             0
         };
         outbox.close();
-        // The file is completed before an error of the source is returned: it has whole frames.
+        // Complete the file before returning an error of the source, because the frames in it are
+        // whole.
         let finished = port.finish_file();
         outcome?;
         finished?;
@@ -255,7 +258,8 @@ impl Session {
     fn complete_writing(&self, outbox: &Outbox, port: &mut Port) -> Result<(), SessionError> {
         let is_drained = outbox.drain_slowly(STALL_TIMEOUT);
         outbox.close();
-        // The thread may never end if its file takes no frames, so it is joined only after a drain.
+        // The thread may never end if its file takes no frames, so join it only if the outbox is
+        // empty.
         let has_ended = is_drained && port.join_writer();
         let unknown = || {
             if is_drained {
@@ -278,8 +282,8 @@ impl Session {
         }
     }
 
-    /// Returns whether the time of the samples that are left up to the limit has passed since the
-    /// last sample.
+    /// Returns whether the time that the samples left up to the limit would take has passed since
+    /// the last sample. If no host streams, the run then ends.
     fn is_over(&self, samples: u64, last_sample: Instant) -> bool {
         self.limit.is_some_and(|limit| {
             let left = limit.saturating_sub(samples);
@@ -330,8 +334,8 @@ impl Source {
     }
 }
 
-/// Returns the sample of the model's ADC. Sources have the channels of the longest chain of
-/// converters; those beyond the model's channels carry no electrode.
+/// Returns a sample with the channels of the model. A source has as many channels as the longest
+/// chain of converters; those beyond the model's channels carry no electrode.
 fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
     Sample {
         counts: std::array::from_fn(|channel| counts[channel]),

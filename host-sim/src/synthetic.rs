@@ -57,13 +57,14 @@ pub use spec::{SyntheticError, SyntheticSpec};
 /// Range of a 24-bit ADC, counts.
 const RAILS: std::ops::RangeInclusive<f64> = -8_388_608.0..=8_388_607.0;
 
-/// White noise of electrode, skin and amplifier, independent at each electrode, uV RMS over half
-/// the sample rate; at 512 Hz, 0.5 of it are within 0.5-60 Hz. An ADS1299 at gain 24 and 512 Hz
-/// contributes about 0.2 (`ads1299::typical_noise_uv`, derived from the data sheet); the rest
-/// represents wet electrodes.
+/// White noise of electrode, skin and amplifier, independent at each electrode, uV RMS up to half
+/// the sample rate; at 512 Hz, 0.5 uV of it lie within 0.5-60 Hz. An ADS1299 at gain 24 and 512 Hz
+/// contributes about 0.2 uV (`ads1299::typical_noise_uv`, from the data sheet); the rest represents
+/// wet electrodes.
 const SENSOR_UV: f64 = 1.0;
 
-/// Generator of synthetic EEG: an endless iterator over samples of 64 counts, i24 in i32.
+/// Generator of synthetic EEG: an endless iterator over samples of 64 counts, each a 24-bit value
+/// in an `i32`.
 #[derive(Debug, Clone)]
 pub struct Generator {
     lsb_uv: f64,

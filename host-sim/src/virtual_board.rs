@@ -15,7 +15,7 @@ use crate::fault::Faults;
 use crate::outbox::Outbox;
 use crate::trigger::Trigger;
 
-/// What the virtual board reports about itself and its user can choose.
+/// Those facts that the virtual board reports about itself and that its user can choose.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Identity {
     /// Session id, which should be different at each start of the board. A `Reset` increments it.
@@ -65,7 +65,7 @@ pub struct VirtualBoard {
     sender: Sender<Outbox>,
     converters: Converters,
     trigger: Option<Trigger>,
-    /// Edges since the last sample, which are sent with the next sample.
+    /// Trigger edges captured since the last sample; they are sent with the next sample.
     captured: VecDeque<CapturedEvent>,
     /// Number of captured edges since boot; wraps.
     edges: u32,
@@ -73,13 +73,13 @@ pub struct VirtualBoard {
     producer: Box<Producer<BothEncoders>>,
     /// Parameters of a run that starts with the next sample; otherwise `None`.
     new_run: Option<Run>,
-    /// Number of samples since boot, as for the next two counters.
+    /// Number of samples since boot; `overruns` and `adc_status_bad` also count from boot.
     samples: u64,
     overruns: u32,
     adc_status_bad: u32,
-    /// Packed blocks since boot.
+    /// Number of packed blocks made since boot.
     packed_blocks: u64,
-    /// Steps since the last `Start`.
+    /// Number of steps since the last `Start`.
     steps: u64,
     /// Number of electrode values clipped to int8 between boot and the last `Start`; wraps.
     clipped_before: u32,

@@ -11,9 +11,9 @@ use crate::figures::{self, Figures, Row};
 use crate::images::{self, Board};
 use crate::install;
 
-/// Figures of a board that are true if all figures that they require were measured: the name of the
-/// figure, the common start of the required figures' names, and the rest of each of these names,
-/// separated by blanks.
+/// Figures that are true if a board has measured all figures of a group. Each entry has the
+/// figure's name, the common start of the names in the group, and their different ends, separated
+/// by blanks.
 #[rustfmt::skip]
 const VERDICTS: [[&str; 3]; 3] = [
     ["reset_cause_ok", "reset_cause_", "hang panic fault overflow wild_stack"],
@@ -29,8 +29,8 @@ const ALWAYS: &str = "booted codes equal_to_host violations unmapped selftest_ok
 /// `None`, and prints the figures.
 pub(crate) fn board(board: Option<Board>, json: bool) -> Result<(), Failure> {
     install::virtual_board_compiler()?;
-    // Builds all programs, as for the acceptance tests: for the bridge alone, cargo would select
-    // other features of its dependencies.
+    // Build all programs, as the acceptance tests do: for the bridge alone, cargo would select
+    // other features of its dependencies and compile them again.
     run(&mut cargo("build --bins"), AFTER_A_BUILD)?;
     let boards = board.map_or(Board::ALL.to_vec(), |board| vec![board]);
     test(&boards, json)
@@ -101,8 +101,8 @@ fn linted(words: &str) -> Command {
     cargo
 }
 
-/// Returns one row with the figures of a board. Figures of its image with the other port have that
-/// port's name in front, such as `uart_codes`.
+/// Returns one row with the figures of a board. Those of the image that uses the board's other port
+/// have the port's name in front, such as `uart_codes`.
 fn row(board: &str, figures: &Figures) -> Row {
     let nothing = ALWAYS.split(' ').map(|key| (key.to_owned(), Value::Null));
     let mut row: Row = nothing.collect();

@@ -16,7 +16,7 @@ pub(crate) const AFTER_A_BUILD: &str = "read the compiler's message above";
 pub(crate) const AFTER_A_TEST: &str =
     "run the failed test alone: `cargo test --package CRATE TEST_NAME`, its name as printed above";
 
-/// Failure with which a verb ends.
+/// A failure that ends a verb.
 #[derive(Debug)]
 pub(crate) struct Failure {
     /// Exit status: 1 if a check failed, 2 if something is missing on this machine.

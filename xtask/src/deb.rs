@@ -1,4 +1,4 @@
-//! `cargo xtask deb`: the Debian package of the bridge, from the files in `packaging/`.
+//! `cargo xtask deb`: builds the Debian package of the bridge from the files in `packaging/`.
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
@@ -27,7 +27,7 @@ const FILES: [(&str, &str); 10] = [
     ("debian/prerm", "DEBIAN/prerm"),
     ("debian/postrm", "DEBIAN/postrm"),
 ];
-/// Shells, each with the path of its completions in the package.
+/// Each shell, with the path in the package of the file by which it completes the bridge's options.
 const COMPLETIONS: [(&str, &str); 3] = [
     ("bash", "bash-completion/completions/corticode-bridge"),
     ("zsh", "zsh/vendor-completions/_corticode-bridge"),
@@ -118,7 +118,8 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     let mut gzip = Command::new("gzip");
     run(gzip.args(["-9nr"]).args([&pages, &changelog]), NEXT)?;
 
-    // dpkg-shlibdeps reads the control file of a source package; these fields are enough for it.
+    // dpkg-shlibdeps reads the control file of a source package, so write one; it needs only these
+    // fields.
     let source = "Source: corticode-bridge\n\nPackage: corticode-bridge\nArchitecture: any\n";
     write("debian/control", source)?;
     let mut libraries = Command::new("dpkg-shlibdeps");
@@ -144,7 +145,7 @@ fn package(program: &Path) -> Result<PathBuf, Failure> {
     write("DEBIAN/control", &control)?;
     let name = format!("corticode-bridge_{version}_{}.deb", architecture.trim());
     let package = folder.join(name);
-    // Set the permissions, because those of the written files depend on the umask.
+    // Set the permissions explicitly, because those of new files depend on the user's umask.
     run(
         Command::new("chmod").args(["-R", "u=rwX,go=rX"]).arg(&tree),
         NEXT,

@@ -10,7 +10,7 @@ use crate::command::{BOARD_TARGET, Failure, OrFail, cargo, replace, root};
 use crate::images::Board;
 use crate::{install, programs};
 
-/// Environment variable with the folder of a model that replaces the default one.
+/// Environment variable that names the folder of the model to use in place of the default one.
 const ARTIFACT: &str = "CORTICODE_ARTIFACT";
 
 /// Number of channels of an ADS1299.
@@ -38,7 +38,7 @@ struct Adc {
 /// Options of `cargo fw` and `cargo flash`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Options {
-    /// Board
+    /// Board for which the image is built
     #[arg(long, value_enum, default_value_t = Board::H743)]
     board: Board,
     /// Features of the board's crate, separated by commas, such as `uart`
@@ -52,7 +52,8 @@ pub(crate) struct Options {
     runner: Vec<String>,
 }
 
-/// Prints what the image is built for, then builds it and, with `flash`, runs it on the board.
+/// Prints for which model and converters the image is, builds it and, with `flash`, runs it on the
+/// board.
 pub(crate) fn image(options: &Options, flash: bool) -> Result<(), Failure> {
     install::board_target()?;
     let board = options.board;

@@ -1,4 +1,4 @@
-//! Images for the boards, built as `cargo flash` builds them.
+//! Builds the images for the boards as `cargo flash` does.
 
 use std::fs;
 use std::path::PathBuf;

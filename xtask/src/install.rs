@@ -1,16 +1,16 @@
-//! Installs Debian packages and parts of Rust that `cargo xtask test` needs, if this user has the
-//! rights to.
+//! Installs the Debian packages and the parts of Rust that `cargo xtask test` needs, if this user
+//! has the right to install them.
 
 use std::path::Path;
 use std::process::Command;
 
 use crate::command::{BOARD_TARGET, Failure, run, succeeds, typed, virtual_board_toolchain};
 
-/// Debian packages: ROS 1 with roscore, rospy, rostopic, rosservice and rosbag; the service types
-/// of the node `acquisition`; numpy, with which tests read arrays; the library with which
-/// ROS-Neuro's recorder writes GDF; the emulator of the microcontrollers; udev, and a testbed with
-/// simulated devices for it; the formatter of manual pages; what catkin builds the packages in
-/// `ros/` with; what makes the Debian package, and the clean Debian and the systemd that check it.
+/// Debian packages that provide ROS 1 (roscore, rospy, rostopic, rosservice, rosbag), the service
+/// types of the node `acquisition`, numpy for tests that read arrays, the library with which
+/// ROS-Neuro's recorder writes GDF, the emulator of the microcontrollers, udev with a testbed that
+/// simulates devices, the formatter of manual pages, the tools to build the catkin packages in
+/// `ros/` and the Debian package, and a clean Debian and a systemd to check the latter.
 const PACKAGES: [&str; 20] = [
     "ros-core",
     "python3-std-srvs",
@@ -101,11 +101,11 @@ fn debian_packages() -> Result<(), Failure> {
     run(shell.args(["-c", &script]), "").map_err(|_| refusal(&missing))
 }
 
-/// Returns the shell script that installs packages.
+/// Returns a shell script that installs `packages` with apt-get.
 fn script(packages: &[&str]) -> String {
     // Noninteractive, because a package's question would block a run without a terminal. The update
-    // comes first, because a fresh machine has no package lists, without which apt-get installs
-    // nothing. Only `install` has an option for waiting, so `update` is repeated, for ten minutes
+    // comes first, because apt-get installs nothing without package lists, which a fresh machine
+    // lacks. Only `install` can wait for another program, so `update` is repeated, for ten minutes
     // at most.
     let install = apt_get_install(packages);
     format!(
@@ -159,7 +159,7 @@ mod tests {
     fn a_busy_package_database_is_waited_for() {
         let folder = std::env::temp_dir().join(format!("xtask-apt-{}", std::process::id()));
         fs::create_dir_all(&folder).expect("a folder");
-        // Another program updates the lists until the third call.
+        // A fake apt-get whose first two updates fail, as if another program updated the lists.
         let apt_get = "#!/bin/sh
             cd \"$(dirname \"$0\")\"
             echo \"$*\" >>calls

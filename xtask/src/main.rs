@@ -1,4 +1,5 @@
-//! `cargo xtask`: verbs that need a condition, an environment variable or two commands.
+//! `cargo xtask`: the project's verbs that need more than a cargo alias, such as a condition, an
+//! environment variable or two commands.
 #![forbid(unsafe_code)]
 
 mod board;

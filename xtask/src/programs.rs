@@ -1,4 +1,4 @@
-//! Verbs that run one program and pass on its output and exit status.
+//! Verbs of `cargo xtask` that run one program and pass on its output and exit status.
 
 use std::process::Command;
 
@@ -21,7 +21,7 @@ pub(crate) fn demo(seconds: u32, seed: u64) -> Result<(), Failure> {
     replace(demo.args([seconds.to_string(), seed.to_string()]))
 }
 
-/// Runs the program `report` of the benchmarks with these arguments. It is optimised only for
+/// Runs the program `report` of the benchmarks with the arguments `words`. It is optimised only for
 /// `host`, `offline`, `training`, `bridge` and `node`, the benchmarks that measure time on this PC.
 pub(crate) fn bench(words: &[String]) -> Result<(), Failure> {
     install::board_target()?;

@@ -13,8 +13,8 @@ use crate::{board, docs, figures, install, programs, qemu};
 const AFTER_A_LINT: &str =
     "mend what clippy names above; a lint that is wrong gets `#[expect(.., reason = \"..\")]`";
 
-/// Cargo arguments for the lints: the crates that run on a microcontroller without a feature for
-/// one board, and the images for emulated microcontrollers.
+/// Cargo arguments that select what is linted for microcontrollers besides the boards: the crates
+/// that need no board's feature, and the images for emulated microcontrollers.
 const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8-nn --package=packed --package=model \
     --package=pipeline --package=link --package=device --package=firmware --package=bench \
     --package=on-target --package=board-qemu";
@@ -23,8 +23,8 @@ const THUMB_CRATES: &str = "--package=ads1299 --package=fixed-dsp --package=int8
 const F446_WITH_BOTH_ENCODERS: &str =
     "--package=board-f446 --no-default-features --features=uart,network,packed";
 
-/// Parts of names of tests that `--fast` leaves out: those that start programs or ROS, and models
-/// of other shapes.
+/// Parts of the names of tests that `--fast` leaves out, because they start programs or ROS, or
+/// build models of other shapes.
 const SLOW_TESTS: [&str; 11] = [
     "program::",
     "_chain::",
@@ -39,8 +39,8 @@ const SLOW_TESTS: [&str; 11] = [
     "events_are_at_their_samples",
 ];
 
-/// Number of tests that run in parallel, at least: most of the time, a test of the whole chain
-/// waits for samples.
+/// Smallest number of tests to run in parallel, even on fewer cores: a test of the whole chain
+/// mostly waits for samples.
 const TESTS_IN_PARALLEL: usize = 6;
 
 /// Name of a stage, and the function that runs it.
@@ -133,13 +133,14 @@ fn lints_for_target(selection: &str) -> Result<(), Failure> {
     lints(&format!("{target} {selection}"))
 }
 
-/// Lints the crates of [`THUMB_CRATES`] twice, with the schedule of each microcontroller, and every
-/// board with each of its ports. The features of the two chips exclude each other, so each image is
-/// a separate call of cargo.
+/// Lints the crates of [`THUMB_CRATES`] with the schedule of each microcontroller, and every board
+/// with each of its ports. The features of the two microcontrollers exclude each other, so each
+/// image is a separate call of cargo.
 fn lints_for_microcontrollers() -> Result<(), Failure> {
     for board in Board::ALL {
         for [name, selection] in board.images() {
-            // The image of the NUCLEO-H743ZI2 selects the schedule of a Cortex-M7.
+            // Lint the crates once per board: with its default image, not again with its other
+            // images.
             let crates = if *name == board.key() {
                 THUMB_CRATES
             } else {

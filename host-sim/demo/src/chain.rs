@@ -21,21 +21,21 @@ pub(crate) const BRIDGE: &str = "corticode-bridge";
 
 /// Rate at which the board makes codes, Hz.
 const CODE_RATE_HZ: u64 = model::STEP_RATE_HZ as u64 / model::HOP as u64;
-/// Longest permitted time between two codes while the board runs: 80 times the normal interval.
+/// Longest permitted time between two codes while the board runs: 80 times the normal 62.5 ms.
 const SILENCE: Duration = Duration::from_secs(5);
 /// Longest permitted time, on a busy machine, for the bridge to announce its topics and for the
 /// first code to arrive.
 const START: Duration = Duration::from_secs(20);
-/// Time without a code, once the board has ended, after which no further code is expected.
+/// Once the board has ended, the run ends after this time without a further code.
 const STRAGGLERS: Duration = Duration::from_millis(700);
-/// Capacity of each subscription's queue: messages that wait while the progress bar is drawn.
+/// Number of messages that each subscription can queue while the progress bar is drawn.
 const QUEUE: usize = 64;
 
-/// Runs the whole path, then stops everything that was started. Returns what the subscriber
+/// Runs the whole signal path, then stops everything that was started. Returns what the subscriber
 /// received.
 ///
 /// # Errors
-/// A part does not start, ends early or stays silent, or the user presses Ctrl-C.
+/// One of the programs does not start, ends early or stays silent, or the user presses Ctrl-C.
 pub(crate) async fn run(seconds: u32, seed: u64, programs: &Path) -> Result<Run, Failure> {
     let folder = tempfile::tempdir().map_err(|error| {
         let next = "is the disk full? is TMPDIR writable?";
@@ -66,8 +66,8 @@ async fn path(seconds: u32, seed: u64, programs: &Path, folder: &Path) -> Result
         run: Run::default(),
     };
 
-    // The bridge starts first and waits for its port. The subscriber is therefore linked before the
-    // board makes its first code.
+    // The bridge starts first and waits for the board's port to appear, so that the subscriber is
+    // linked before the board makes its first code.
     let port = folder.join("board").to_string_lossy().into_owned();
     let arguments = [
         "--port",

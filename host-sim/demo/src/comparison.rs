@@ -1,5 +1,5 @@
-//! Comparison of the reconstructed EEG with a reference: the same EEG after the same filters,
-//! neither encoded nor sent.
+//! Compares the reconstructed EEG with a reference: the same EEG after the same filters, neither
+//! encoded nor sent.
 
 use std::fmt;
 
@@ -61,7 +61,7 @@ impl Comparison {
     }
 }
 
-/// States the error and over which electrodes and times it was taken, such as `PRD 13.1 % over 61
+/// Prints the PRD, the number of electrodes and the compared time span, such as `PRD 13.1 % over 61
 /// electrodes, 9.9 to 14.9 s`.
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -96,10 +96,10 @@ fn programs_folder() -> Result<PathBuf, Failure> {
     Ok(folder.to_owned())
 }
 
-/// Failure with which the demo ends.
+/// A failure that ends the demo.
 #[derive(Debug)]
 pub(crate) struct Failure {
-    /// Exit status: 1 if a check failed, 2 if a file is missing, 3 if a part of the path did not
+    /// Exit status: 1 if a check failed, 2 if a file is missing, 3 if one of the programs did not
     /// start or did not answer, 130 after Ctrl-C.
     pub(crate) status: u8,
     /// What failed, why, and what the user can do next.

@@ -1,4 +1,4 @@
-//! The demo's four pictures, drawn from a run.
+//! Draws the demo's four pictures from a run.
 
 use std::error::Error;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Child processes, each with a log file for its output.
+//! Starts and stops child processes, each with a log file for its output.
 
 use std::fs::File;
 use std::io;
@@ -54,8 +54,8 @@ impl Program {
         Failure::unreachable(&self.name, why, "see its message")
     }
 
-    /// Returns the failure for a program that was given the time `after`. `what` states what did
-    /// not happen, such as "no code came".
+    /// Returns the failure for a program that did not do its part within the time `after`. `what`
+    /// states what did not happen, such as "no code came".
     pub(crate) fn timed_out(&self, what: &str, after: Duration) -> Failure {
         let (name, log) = (&self.name, self.log());
         let why = format!(
@@ -66,12 +66,12 @@ impl Program {
         Failure::unreachable("the path", why, next)
     }
 
-    /// Sends SIGTERM, and waits at most for `deadline` until the program has ended with status 0.
+    /// Sends SIGTERM to the program. Fails unless it ends with status 0 within `deadline`.
     pub(crate) async fn terminate(&mut self, deadline: Duration) -> Result<(), Failure> {
         let pid = self.child.id().map(u32::cast_signed);
         if let Some(pid) = pid.and_then(Pid::from_raw) {
-            // Fails if the program has already ended by itself; the `wait` below then returns its
-            // status.
+            // Sending fails if the program has already ended by itself; the `wait` below then
+            // returns its status.
             let _ = kill_process(pid, Signal::TERM);
         }
         match timeout(deadline, self.child.wait()).await {

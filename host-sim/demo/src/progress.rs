@@ -1,13 +1,13 @@
-//! Progress bar of the demo, with the counts and the newest code.
+//! Draws the progress bar of the demo, with the counts and the newest code.
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::run::Run;
 
-/// Number of components of the code that fit on a line of 80 characters, next to the counts.
+/// Number of components of a code that the bar shows, so that a line of 80 characters holds them
+/// and the counts.
 const SHOWN: usize = 24;
-/// Number of codes after which a line is printed if there is no terminal for a bar: one line every
-/// 5 s.
+/// If no terminal can show a bar, a line is printed after this many codes: one line every 5 s.
 const LINE_EVERY: usize = 80;
 
 /// Returns a progress bar that is full after `codes` codes. Dropping the bar clears it from the

@@ -1,4 +1,4 @@
-//! Frequency response of the filters, measured with impulses, and that of their float64 twin.
+//! Frequency response of the fixed-point filters and of their float64 twin, measured with impulses.
 
 use std::f64::consts::PI;
 
@@ -11,17 +11,17 @@ use picture::curves::Curves;
 use picture::lines::{Mark, Series};
 use pipeline::Mains;
 
-/// Pass band of the filters, Hz.
+/// Pass band of the filters: lower and upper corner frequency, Hz.
 pub const BAND_HZ: [f64; 2] = [0.5, 60.0];
 
 /// Number of points in a curve, evenly spaced over the logarithm of the frequency.
 const POINTS: u32 = 600;
-/// Distance between two circles on the twin's curve, in points of the curve.
+/// Distance between two of the circles that mark the float64 twin's curve, in points of the curve.
 const CIRCLE_DISTANCE: usize = 8;
 
-/// Smallest magnitude at which the filters are compared with the twin, dB. At smaller magnitudes,
-/// rounding hides the response to an impulse, and the truncated end of the impulse response is
-/// significant.
+/// Smallest magnitude at which the filters are compared with their float64 twin, dB. At smaller
+/// magnitudes, rounding hides the response to an impulse, and the truncated end of the impulse
+/// response is significant.
 const COMPARED_DB: f64 = -40.0;
 
 /// Impulse responses of the fixed-point filters and of their float64 twin.
@@ -66,7 +66,7 @@ impl Response {
     pub fn group_delay(&self) -> Curves {
         let mut compared = self.compare(ImpulseResponse::group_delay_ms, [1.0, 100.0]);
         let difference = self.largest_difference(&compared, COMPARED_DB / 2.0);
-        // At the centre of the notch no signal passes, so it has no delay.
+        // At the centre of the notch no signal passes, so there is no delay to draw.
         for [hz, measured, _] in &mut compared {
             if (*hz - MAINS_HZ).abs() <= 0.01 {
                 *measured = f64::NAN;
@@ -100,15 +100,15 @@ impl Response {
         let mut frequencies: Vec<f64> = parts
             .map(|part| first * (last / first).powf(part))
             .collect();
-        // Add points around the notch.
+        // Add closely spaced points around the notch, where the curve is steep.
         frequencies.extend((-10..=10).map(|point| MAINS_HZ + 0.04 * f64::from(point)));
         frequencies.sort_by(f64::total_cmp);
         let compared = |hz: f64| [hz, quantity(&self.filters, hz), quantity(&self.twin, hz)];
         frequencies.into_iter().map(compared).collect()
     }
 
-    /// Returns the largest difference between the filters and the twin, among the points at which
-    /// the twin's magnitude exceeds `least_db`.
+    /// Returns the largest difference between the filters and the twin among the points at which
+    /// the twin's magnitude is above `least_db`.
     fn largest_difference(&self, compared: &[[f64; 3]], least_db: f64) -> f64 {
         let compared = compared.iter();
         let passed = compared.filter(|[hz, ..]| self.twin.magnitude_db(*hz) > least_db);
@@ -130,13 +130,13 @@ fn curves(compared: &[[f64; 3]]) -> Vec<Series> {
 }
 
 /// Height of the impulse, Q27.5: twice the ADC's full scale, so that rounding is small relative to
-/// the response. No node wraps: all have headroom for 8 times full scale, and even for the worst
-/// input of full scale the largest node reaches only 6.8 times (signal/model/manifest.txt). A
-/// single impulse, even of twice full scale, excites a node far less.
+/// the response. No intermediate value of the filters wraps: each has room for 8 times full scale,
+/// and even the worst input within full scale drives none beyond 6.8 times full scale
+/// (signal/model/manifest.txt). A single impulse, even of twice full scale, drives them far less.
 const IMPULSE: i32 = 1 << 29;
 /// Length of the recorded response, s. The slowest poles decay at 0.96 / s, so after 10 s they have
-/// decayed by about e^-10. Later values are mostly rounding errors, and the group delay weights
-/// each value by its time.
+/// decayed by about e^-10. Later values are mostly rounding errors, and would distort the group
+/// delay, which weights each value by its time.
 const SECONDS: usize = 10;
 
 /// Response of a filter to a unit impulse, at the ADC's rate.
@@ -158,14 +158,14 @@ impl ImpulseResponse {
         Self(response.collect())
     }
 
-    /// Computes the response of the float64 twin.
+    /// Computes the response of the float64 twin to an impulse.
     fn from_twin(twin: &Twin) -> Self {
         let mut twin = twin.clone();
         let response = (0..samples()).map(|n| twin.apply(if n == 0 { 1.0 } else { 0.0 }));
         Self(response.collect())
     }
 
-    /// Returns the magnitude at a frequency, dB.
+    /// Returns the magnitude of the filter's response at the frequency `hz`, dB.
     fn magnitude_db(&self, hz: f64) -> f64 {
         10.0 * self.sums(hz)[0].norm_sqr().log10()
     }
@@ -177,7 +177,7 @@ impl ImpulseResponse {
         (moment / sum).re / f64::from(model::ADC_RATE_HZ) * 1000.0
     }
 
-    /// Returns `sum h[n] z^n` and `sum n h[n] z^n`, by Horner's rule.
+    /// Returns `sum h[n] z^n` and `sum n h[n] z^n` at the frequency `hz`, by Horner's rule.
     fn sums(&self, hz: f64) -> [Complex64; 2] {
         let z = Complex64::from_polar(1.0, -2.0 * PI * hz / f64::from(model::ADC_RATE_HZ));
         let [mut sum, mut moment] = [Complex64::ZERO; 2];
@@ -197,7 +197,7 @@ fn samples() -> usize {
 /// Mains frequency that the filters stop, Hz.
 pub const MAINS_HZ: f64 = 50.0;
 
-/// Band-pass and notches in float64, with their states.
+/// The band-pass and the notches in float64, as a reference for the fixed-point filters.
 #[derive(Debug, Clone)]
 pub struct Twin {
     /// Coefficients `b0, b1, b2, a1, a2` of each section.

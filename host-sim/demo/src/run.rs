@@ -47,7 +47,7 @@ pub(crate) struct Run {
     pub(crate) codes: Vec<Received>,
     /// Messages that arrived on `/neurodata_reconstructed`.
     pub(crate) reconstructed: Vec<Received>,
-    /// Number of codes that the board made, from its report.
+    /// Number of codes that the board made, as its report states.
     pub(crate) made: usize,
 }
 

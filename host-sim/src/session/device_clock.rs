@@ -27,7 +27,7 @@ pub struct DeviceClock {
 }
 
 impl DeviceClock {
-    /// Creates a clock that starts at 0 and has `rate_hz` samples per second.
+    /// Creates a clock whose device time starts at 0, for `rate_hz` samples per second.
     pub fn new(pace: Pace, rate_hz: u32) -> Self {
         Self {
             pace,
@@ -46,7 +46,7 @@ impl DeviceClock {
         }
     }
 
-    /// Starts sampling: the next sample has number 0 and is due now.
+    /// Starts sampling now: sets the number of the next sample to 0.
     pub fn start(&mut self) {
         self.start_us = self.now_us();
         self.samples = 0;

@@ -1,4 +1,4 @@
-//! Lines of JSON in place of frames, with the topics and fields of the bridge.
+//! Lines of JSON as output instead of frames, with the topics and fields that the bridge publishes.
 
 use std::io;
 
@@ -23,14 +23,15 @@ pub(crate) struct JsonLines {
     trigger: u16,
 }
 
-/// The message of the newest code, and the scales and zero points that dequantise codes.
+/// Builds the messages of codes: holds the newest message, and the scales and zero points that
+/// dequantise codes.
 struct CodeFrames {
     frame: NeuroFrame,
     scale: Vec<f32>,
     zero_point: Vec<i8>,
 }
 
-/// A packed block with its bytes, which on the wire follow its fields.
+/// Fields of a packed block, and its bytes, which follow the fields on the wire.
 #[derive(Serialize)]
 struct PackedBlock<'a> {
     #[serde(flatten)]
@@ -42,7 +43,8 @@ impl JsonLines {
     /// Returns the line of a whole frame; `None` for a message without one.
     ///
     /// # Errors
-    /// The frame is damaged, or it holds a code before the device's introduction.
+    /// The frame is damaged, or it holds a code although the device has not sent `Capabilities`
+    /// yet.
     pub(crate) fn line(&mut self, mut frame: &[u8]) -> io::Result<Option<Vec<u8>>> {
         let mut decoder = std::mem::take(&mut self.decoder);
         let outcome = decoder.next::<ToHost<'_>>(&mut frame).transpose();
@@ -89,8 +91,8 @@ impl JsonLines {
 }
 
 impl CodeFrames {
-    /// Creates a message without values yet; `None` if the device's codes have a format that is
-    /// newer than this program.
+    /// Creates the message for codes, still without values; `None` if the codes have a format that
+    /// is newer than this program.
     fn new(about: &Capabilities<'_>, substitutes: Substitutes) -> Option<Self> {
         let (scale, zero_point) = (about.code_scale.to_vec(), about.code_zero_point.to_vec());
         let range = code_range(about.code_format.range()?, &scale, &zero_point);

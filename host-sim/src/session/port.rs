@@ -122,7 +122,8 @@ pub enum PortError {
 }
 
 impl PortError {
-    /// Returns whether the user has to choose another name, as opposed to a failure of the system.
+    /// Returns whether the user can mend the failure by another name for the output; otherwise the
+    /// system is at fault.
     pub(crate) fn is_wrong_name(&self) -> bool {
         matches!(self, Self::Occupied(_) | Self::Link(..) | Self::File(_))
     }
@@ -133,11 +134,11 @@ impl PortError {
 pub struct Port {
     commands: mpsc::Receiver<Vec<u8>>,
     pty: Option<Pty>,
-    /// The connected host of a TCP port in virtual time.
+    /// The host of a TCP port in virtual time, which waits for it; `None` for any other output.
     waiting_host: Option<CurrentHost>,
-    /// The file, unless it is standard output.
+    /// The file that is written; `None` if there is none or it is standard output.
     file: Option<NewFile>,
-    /// The thread that writes the file.
+    /// The thread that writes the file; `None` if the output is not a file.
     writer: Option<JoinHandle<()>>,
 }
 
@@ -282,7 +283,7 @@ impl Port {
 
 impl Drop for Port {
     fn drop(&mut self) {
-        // Another program may have taken over the link.
+        // Remove the link only if it is still ours: another program may have replaced it.
         if let Some(pty) = &self.pty
             && fs::read_link(&pty.link).is_ok_and(|target| target == pty.name)
         {
@@ -292,7 +293,8 @@ impl Drop for Port {
     }
 }
 
-/// Returns the number of bytes in a terminal that the host has not read; 4095 means 4095 or more.
+/// Returns the number of bytes in a terminal that the host has not read. The kernel counts at most
+/// 4095.
 fn unread_in(terminal: &OwnedFd) -> u64 {
     rustix::io::ioctl_fionread(terminal).unwrap_or(0)
 }
@@ -316,7 +318,7 @@ fn open_pty(link: &Path) -> Result<(File, Pty), PortError> {
         Ok((controller, name, terminal))
     };
     let (controller, name, terminal) = open().map_err(|errno| PortError::Pty(errno.into()))?;
-    // A link to a terminal was left by an earlier run. Any other file is the user's.
+    // Replace a link to a terminal, which an earlier run has left, but no other file.
     match fs::read_link(link) {
         Ok(target) if target.starts_with("/dev/pts") => drop(fs::remove_file(link)),
         _ if fs::symlink_metadata(link).is_ok() => {

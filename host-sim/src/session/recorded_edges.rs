@@ -21,7 +21,7 @@ pub struct RecordedEdges {
     edges: VecDeque<(u64, EventKind)>,
 }
 
-/// An edge that precedes a sample or coincides with it.
+/// A trigger edge that is due, because it precedes a sample or coincides with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct DueEdge {
     pub(crate) kind: EventKind,
@@ -30,7 +30,7 @@ pub(crate) struct DueEdge {
 }
 
 impl RecordedEdges {
-    /// Creates the edges of these events.
+    /// Creates a pulse of two edges at the start of each event.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

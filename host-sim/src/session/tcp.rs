@@ -18,8 +18,8 @@ use crate::outbox::{Outbox, WhenFull};
 /// Pause before a failed operation is tried again.
 pub(crate) const RETRY: Duration = Duration::from_millis(20);
 
-/// Longest wait for a host to read the last frames from a TCP port in virtual time. The kernel
-/// holds up to some megabytes of them.
+/// Longest wait for a host to read the last frames from a TCP port in virtual time. The kernel can
+/// hold some megabytes of unread frames.
 const CLOSE_TIMEOUT: Duration = Duration::from_mins(1);
 
 /// Forwards the host's bytes to the board until the host disconnects or the board ends.
@@ -42,7 +42,7 @@ pub(crate) fn forward(mut input: impl Read, commands: &mpsc::Sender<Vec<u8>>) {
 /// A host that has connected to the TCP port.
 pub(crate) struct Host {
     stream: TcpStream,
-    /// Set when the host will send no more commands: it has read the end of the frames, or is gone.
+    /// Set when the host will send no more commands, because it has read all frames or is gone.
     ended: AtomicBool,
 }
 

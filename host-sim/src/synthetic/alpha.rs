@@ -12,18 +12,19 @@ const ALPHA_HZ: f64 = 10.0;
 /// Half of the rhythm's bandwidth, Hz. This bandwidth makes the amplitude vary within about a
 /// second, even during a burst.
 const HALF_WIDTH: f64 = 0.5;
-/// Places, in radii of the scalp, and moments of the rhythm's dipoles in the occipital cortex:
-/// left, right and upper.
+/// Place, in radii of the scalp, and moment of each of the rhythm's dipoles in the occipital
+/// cortex: left, right and upper.
 const DIPOLES: [([f64; 3], [f64; 3]); 3] = [
     ([-0.2, -0.6, 0.15], [-0.2, -1.0, 0.3]),
     ([0.2, -0.6, 0.15], [0.2, -1.0, 0.3]),
     ([0.0, -0.55, 0.35], [0.0, -1.0, 0.6]),
 ];
-/// Electrodes at one of which the rhythm is largest: the spec states the amplitude there.
+/// Electrodes over the back of the head; the amplitude in the spec is that of the rhythm at
+/// whichever of them it is largest.
 const SITES: &str = "Pz PO3 POz PO4 O1 Oz O2";
 /// Amplitude between bursts, relative to the amplitude in a burst.
 const REST: f64 = 0.15;
-/// Corner frequency of the envelope's low-pass, Hz.
+/// Corner frequency of the low-pass that smooths the start and end of a burst, Hz.
 const ENVELOPE: f64 = 0.6;
 
 #[derive(Debug, Clone)]

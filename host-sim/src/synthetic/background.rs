@@ -6,11 +6,11 @@ use super::{
     scalp::Scalp,
 };
 
-/// Sources with low-pass noise of one corner frequency.
+/// A group of dipoles whose noise has the same low-pass spectrum.
 struct Band {
-    /// Corner frequency, Hz.
+    /// Corner frequency of the low-pass that shapes the noise, Hz.
     corner: f64,
-    /// Least and largest eccentricity of a source, in radii of the scalp.
+    /// Smallest and largest eccentricity of a dipole, in radii of the scalp.
     eccentricity: (f64, f64),
 }
 
@@ -43,8 +43,8 @@ const BANDS: [Band; 4] = [
 ];
 /// Ratio of the variances of two successive bands: `4^-0.7`.
 const FALL: f64 = 0.379;
-/// Share of the variance within 0.5-60 Hz: the mean, weighted by variance, of
-/// `2/pi (atan(60 / c) - atan(0.5 / c))` over the corners c.
+/// Share of the background's variance that lies within 0.5-60 Hz: the mean, weighted by variance,
+/// of `2/pi (atan(60 / c) - atan(0.5 / c))` over the bands' corner frequencies c.
 const IN_BAND: f64 = 0.6146;
 /// Number of dipoles in each band.
 const DIPOLES: usize = 48;
@@ -63,18 +63,19 @@ pub(super) struct Background {
     sources: Vec<Source>,
 }
 
-/// A dipole or the reference, with independent noise.
+/// A dipole or the reference, whose noise is independent of that of all other sources.
 #[derive(Debug, Clone)]
 struct Source {
     activity: LowPassNoise,
-    /// Amplitude at each electrode, uV RMS.
+    /// Amplitude of this source at each electrode, uV RMS.
     amplitudes: Vec<f64>,
 }
 
 impl Background {
     pub(super) fn new(mut noise: Noise, scalp: &Scalp, rate: f64, rms_uv: f64) -> Self {
         let mut sources = Vec::new();
-        // Variances 1, FALL, FALL^2 and FALL^3 sum to the denominator.
+        // The four bands have the relative variances 1, FALL, FALL^2 and FALL^3; their sum is
+        // `total`.
         let total = 1.0 + FALL * (1.0 + FALL * (1.0 + FALL));
         let mut variance = rms_uv * rms_uv / (total * IN_BAND);
         for band in BANDS {

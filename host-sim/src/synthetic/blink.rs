@@ -4,8 +4,8 @@ use super::{dipole::Dipole, noise::Noise, scalp::Scalp};
 
 /// Electrode at which blinks have their largest amplitude.
 const SITE: &str = "Fpz";
-/// Places of the eyes, in radii of the scalp. Their distance from the midline and their height are
-/// those of a head; they are moved back to where the spheres have brain.
+/// Places of the eyes, in radii of the scalp: as far from the midline and as high as in a real
+/// head, but moved back until they lie in the brain of the spherical head.
 const EYES: [[f64; 3]; 2] = [[-0.33, 0.7, -0.3], [0.33, 0.7, -0.3]];
 /// Moment of each eye while the lid slides over the cornea: forward and up.
 const MOMENT: [f64; 3] = [0.0, 0.8, 0.6];
@@ -18,7 +18,7 @@ const FALL_S: f64 = 0.2;
 pub(super) struct Blinks {
     noise: Noise,
     rate: f64,
-    /// Potential at each electrode, relative to [`SITE`].
+    /// Potential of a blink at each electrode, relative to that at [`SITE`].
     weights: Vec<f64>,
     /// Number of samples until the next blink; decreases between blinks.
     wait: u32,

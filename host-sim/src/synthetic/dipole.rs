@@ -7,15 +7,15 @@ use super::noise::Noise;
 /// Share of the random dipoles that are radial, as in the crowns of gyri. The others are
 /// tangential, as in the walls of sulci.
 const RADIAL: f64 = 0.7;
-/// Smallest height of a random dipole's direction above the centre of the head: about 17 degrees
-/// below the plane through the ears.
+/// Smallest z coordinate of a random dipole's direction, a unit vector: about 17 degrees below the
+/// plane through the ears.
 const LOWEST: f64 = -0.3;
 
 /// Current dipole in the brain.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Dipole {
-    /// Distance from the centre of the head, in radii of the scalp, above 0 and below that of the
-    /// brain.
+    /// Distance from the centre of the head, in radii of the scalp: above 0, and below the radius
+    /// of the brain.
     pub(super) eccentricity: f64,
     /// Direction of the dipole from the centre of the head, of length 1.
     pub(super) direction: Position,
@@ -57,8 +57,8 @@ impl Dipole {
     }
 }
 
-/// Draws a direction, uniform over the sphere: a point of the cube, drawn again where it is not
-/// within the sphere.
+/// Draws a direction, uniform over the sphere: draws points of a cube until one is within the
+/// sphere.
 fn direction(noise: &mut Noise) -> Position {
     loop {
         let mut coordinate = || noise.uniform(-1.0, 1.0);

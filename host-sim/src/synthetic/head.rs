@@ -10,9 +10,9 @@ const RADII: [f64; 2] = [0.87, 0.92];
 /// Conductivities of brain, skull and scalp, relative to that of the brain. The skull conducts 15
 /// times worse than brain and scalp (Oostendorp, Delbeke and Stegeman 2000).
 pub(super) const CONDUCTIVITIES: [f64; 3] = [1.0, 1.0 / 15.0, 1.0];
-/// Number of terms of the series. A term falls with `eccentricity^n`. Measured against 400 terms:
-/// 5e-6 of the largest potential for the eyes, which are farthest out (0.83), below 1e-7 for the
-/// cortex (at most 0.75).
+/// Number of terms of the series for the potential. A term falls with `eccentricity^n`. Largest
+/// error, measured against 400 terms: 5e-6 of the largest potential for the eyes, which are
+/// farthest out (0.83), below 1e-7 for the cortex (at most 0.75).
 const TERMS: usize = 64;
 
 /// Three concentric spheres, each of one conductivity, in air.
@@ -31,7 +31,7 @@ const TERMS: usize = 64;
 /// Only `+ - * /` are used, so the result is the same on every platform.
 #[derive(Debug, Clone)]
 pub(super) struct Head {
-    /// `g_n`, from n = 1 on.
+    /// Factors `g_n` of the series, from n = 1 on.
     transfer: [f64; TERMS],
 }
 
@@ -45,21 +45,23 @@ impl Head {
         let transfer = std::array::from_fn(|_| {
             order += 1.0;
             let n = order;
-            // In each sphere the potential of order n is `rising r^n + falling r^-(n+1)`. This
-            // ratio lets no current leave the scalp, where r = 1 and the potential is 2n + 1.
+            // In each sphere the potential of order n is `rising r^n + falling r^-(n+1)`. With
+            // these values no current leaves the scalp, where r = 1 and the potential is 2n + 1.
             let (mut rising, mut falling) = (n + 1.0, n);
             let outer = [skull / brain, scalp / skull];
             for index in [1, 0] {
-                // From r^(2n-1) at the boundary to r^(2n+1).
+                // Advance the power of the boundary's radius r from r^(2n-1) to r^(2n+1).
                 powers[index] *= RADII[index] * RADII[index];
                 let power = powers[index];
-                // Potential over r^n and radial current over r^(n-1), just inside the boundary.
+                // Potential divided by r^n, and radial current divided by r^(n-1), at the inner
+                // side of the boundary.
                 let potential = rising + falling / power;
                 let current = (n * rising - (n + 1.0) * falling / power) * outer[index];
                 rising = ((n + 1.0) * potential + current) / (2.0 * n + 1.0);
                 falling = power * (n * potential - current) / (2.0 * n + 1.0);
             }
-            // The dipole itself makes the falling part in the brain.
+            // In the brain, the falling part is the dipole's own potential; relate the result to
+            // it.
             (2.0 * n + 1.0) / falling
         });
         Self { transfer }
@@ -71,7 +73,7 @@ impl Head {
         let x = dot(dipole.direction, at);
         let radial = dot(dipole.moment, dipole.direction);
         let tangential = dot(dipole.moment, at) - x * radial;
-        // P_(n-1), P_n and their derivatives, by Bonnet's recurrence and
+        // Legendre polynomials P_(n-1) and P_n and their derivatives, by Bonnet's recurrence and
         // P_(n+1)' = P_(n-1)' + (2n + 1) P_n.
         let (mut before, mut polynomial) = (1.0, x);
         let (mut slope_before, mut slope) = (0.0, 1.0);
@@ -130,8 +132,8 @@ mod tests {
             for label in ELECTRODES {
                 let at = Position::from_label(label).expect("an electrode");
                 let (series, closed) = (head.potential(&dipole, at), one_sphere(&dipole, at));
-                // The terms that the series leaves out. Largest measured: 2e-7, at eccentricity
-                // 0.74.
+                // The series omits its terms of high order. Largest error measured: 2e-7, at
+                // eccentricity 0.74.
                 assert!((series - closed).abs() < 1e-6, "{label}: {series} {closed}");
             }
         }
@@ -139,7 +141,7 @@ mod tests {
 
     #[test]
     fn potentials_equal_those_of_mne_python() {
-        // uV of 10 nA m in a head of 90 mm and 0.33 S/m, by MNE-Python 1.13.2:
+        // Potentials, uV, of 10 nA m in a head of 90 mm and 0.33 S/m, by MNE-Python 1.13.2:
         //     sphere = mne.make_sphere_model((0, 0, 0), 0.09, relative_radii=(0.87, 0.92, 1),
         //                                    sigmas=(0.33, 0.022, 0.33))
         //     mne.make_forward_dipole(mne.Dipole([0], [0.09 * place], [1e-8], [moment], [100]),

@@ -1,4 +1,4 @@
-//! Cosine and sine of a linearly growing angle, by rotation.
+//! Computes cosine and sine of a linearly growing angle by rotating a point.
 
 /// A point that rotates on a circle by `frequency / rate` of a turn per sample.
 #[derive(Debug, Clone, Copy)]
@@ -10,9 +10,10 @@ pub(super) struct Phasor {
 }
 
 impl Phasor {
-    /// Creates a phasor at (1, 0). The platform's cosine and sine are not used, because they differ
-    /// between platforms. Instead, the angle per sample is halved eight times to less than 0.0123,
-    /// where four terms of each series leave an error below 1e-19. Eight doublings follow.
+    /// Creates a phasor at (1, 0). Does not use the platform's cosine and sine, because they differ
+    /// between platforms. Instead, halves the angle per sample eight times to less than 0.0123,
+    /// where four terms of either function's series leave an error below 1e-19, and then doubles it
+    /// eight times.
     pub(super) fn new(frequency: f64, rate: f64) -> Self {
         let angle = std::f64::consts::TAU * frequency / rate / 256.0;
         let square = angle * angle;

@@ -1,4 +1,4 @@
-//! Electrodes on the head, and the potentials of dipoles at them.
+//! Electrodes on the head, and the potentials that dipoles cause at them.
 
 use recordings::Position;
 
@@ -12,8 +12,8 @@ use super::{
 /// had both ear lobes linked.
 const REFERENCE: [&str; 2] = ["T9", "T10"];
 
-/// Positions of the electrodes on the unit sphere, in the order of the spec, and the head under
-/// them.
+/// Positions of the spec's electrodes on the unit sphere, in the order of the spec, and the model
+/// of the head.
 #[derive(Debug, Clone)]
 pub(super) struct Scalp {
     head: Head,
@@ -50,8 +50,7 @@ impl Scalp {
         self.electrodes.len()
     }
 
-    /// Returns the potential of a dipole at the electrode `label`, which need not be one of the
-    /// spec.
+    /// Returns the potential of a dipole at the electrode `label`, which the spec need not contain.
     pub(super) fn potential_at(&self, dipole: &Dipole, label: &str) -> f64 {
         let place = Position::from_label(label);
         let potentials = self.against_reference(dipole, place.as_slice());

@@ -14,11 +14,11 @@ pub struct SyntheticSpec {
     pub lsb_uv: f64,
     /// Labels of the electrodes in the 10-5 system; the first one is on ADC channel 0, and so on.
     pub electrodes: Vec<String>,
-    /// Background, uV RMS within 0.5-60 Hz, over the electrodes of the 10-20 system. Above 0, each
-    /// electrode also has 1 uV RMS of white noise.
+    /// Amplitude of the background, uV RMS within 0.5-60 Hz over the electrodes of the 10-20
+    /// system. If it is above 0, each electrode also has 1 uV RMS of white noise.
     pub background_uv: f64,
-    /// Alpha rhythm during a burst, uV RMS at the electrode over the back of the head where it is
-    /// largest.
+    /// Amplitude of the alpha rhythm during a burst, uV RMS at that electrode over the back of the
+    /// head where it is largest.
     pub alpha_uv: f64,
     /// Mains frequency, Hz, > 0 and below half the rate.
     pub mains_hz: u32,
@@ -77,12 +77,12 @@ pub enum SyntheticError {
         "{rate_hz} Hz with {mains_hz} Hz mains cannot be synthesised; give 128..=16000 Hz and a mains frequency below half of it"
     )]
     Rate {
-        /// Rate in the spec, Hz.
+        /// Sample rate in the spec, Hz.
         rate_hz: u32,
         /// Mains frequency in the spec, Hz.
         mains_hz: u32,
     },
-    /// A size of a count that is not above 0; holds the size, uV.
+    /// The number of microvolts per count is not above 0; holds that number.
     #[error("a count of {0} uV is no scale; write a number above 0")]
     Scale(f64),
     /// An amplitude that is negative, infinite or not a number.
@@ -90,7 +90,7 @@ pub enum SyntheticError {
     Amplitude {
         /// Name of the field in [`SyntheticSpec`].
         name: &'static str,
-        /// Value in the spec.
+        /// Amplitude that the spec has in this field.
         value: f64,
     },
 }

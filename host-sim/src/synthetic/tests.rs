@@ -1,4 +1,4 @@
-//! Properties of the generated samples.
+//! Tests of the properties of the generated samples.
 
 mod space;
 
@@ -85,7 +85,7 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
 
 #[test]
 fn equal_seeds_yield_equal_bytes() {
-    // FNV-1a (64 bits) over the little-endian counts of the first second.
+    // Hash the little-endian counts of the first second with FNV-1a (64 bits).
     let hash = |spec: &SyntheticSpec| {
         let samples = Generator::new(spec)
             .expect("a usable spec")
@@ -141,7 +141,7 @@ fn alpha_is_posterior_and_comes_in_bursts() {
         at("PPO1"),
         at("Fz")
     );
-    // A resonance of half width 0.5 Hz falls to 0.5 / 10 at a distance of 10 Hz. Measured: 0.050.
+    // A resonance at 10 Hz of half width 0.5 Hz falls to 0.5 / 10 at 20 Hz. Measured: 0.050.
     assert!(amplitude(&traces[channel("Pz")], 20.0) < 0.07 * at("Pz"));
     let halves = traces[channel("PPO1")].chunks_exact(256);
     let mut rms: Vec<f64> = halves
@@ -207,7 +207,8 @@ fn offsets_are_millivolts_and_drift_is_slow() {
             .map(|w| (w[1] - w[0]).abs())
             .fold(0.0, f64::max);
         assert!(most < 1.0, "a step of {most} uV");
-        // Lines of a Hann window, 1.5 spectral lines wide. Measured within 1-60 Hz: 0.2 uV RMS.
+        // Sum the power of the spectral lines from 1 to 60 Hz. A Hann window has a noise bandwidth
+        // of 1.5 lines. Measured: 0.2 uV RMS.
         let power = (4..=240).map(|line| amplitude(trace, f64::from(line) / 4.0).powi(2) / 2.0);
         let in_band = (power.sum::<f64>() / 1.5).sqrt();
         assert!(in_band < 1.0, "{in_band} uV RMS within 1-60 Hz");
@@ -313,7 +314,7 @@ fn invalid_specs_are_refused() {
 
 #[test]
 fn counts_follow_the_gain_of_the_adc_and_microvolts_do_not() {
-    // A quarter of the gain, such as 6 instead of 24.
+    // Four times the microvolts per count, as at a gain of 6 instead of 24.
     let quarter = SyntheticSpec {
         lsb_uv: 4.0 * spec().lsb_uv,
         ..spec()
@@ -321,7 +322,7 @@ fn counts_follow_the_gain_of_the_adc_and_microvolts_do_not() {
     let [usual, coarse] = [&spec(), &quarter].map(|spec| generate(spec, 1));
     let mut largest = 0.0_f64;
     for (usual, coarse) in usual.iter().flatten().zip(coarse.iter().flatten()) {
-        // Each value is rounded to its own count.
+        // Each of the two values is rounded by up to half of its own count.
         let rounding = 0.5 * spec().lsb_uv + 0.5 * quarter.lsb_uv + 1e-9;
         assert!(
             (usual - coarse).abs() <= rounding,

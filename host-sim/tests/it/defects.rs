@@ -1,5 +1,5 @@
-//! Defects of recordings have a warning, with -q too, or an error that says what to do. Values that
-//! repeat exactly are no defect.
+//! A defect of a recording causes a warning, even with -q, or an error that says what to do. Values
+//! that repeat exactly are no defect.
 
 use std::{env, fs, io::Write as _, path::Path};
 
@@ -13,7 +13,7 @@ fn play(path: &Path) -> Finished {
     run(&["run", "-q", &input, "--output=file:/dev/null"])
 }
 
-/// Plays a file with these bytes.
+/// Writes these bytes to a file and plays it as a recording.
 fn play_bytes(name: &str, bytes: &[u8]) -> Finished {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join(name);
@@ -164,7 +164,7 @@ fn a_flat_recording_shows_no_fault_of_a_converter() {
 fn a_real_recording_with_flat_stretches_shows_no_fault_of_a_converter() {
     let Some(folder) = env::var_os("CORTICODE_DATA") else {
         let skipped = "SKIPPED: bdf_edf/test.edf not played, CORTICODE_DATA is not set";
-        // Written to stderr directly, because the test harness captures `eprintln!`.
+        // Write to stderr directly, because the test harness captures `eprintln!`.
         writeln!(std::io::stderr(), "{skipped}").expect("stderr");
         return;
     };

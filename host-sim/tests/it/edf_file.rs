@@ -7,7 +7,7 @@ pub(crate) const RATE: usize = 128;
 #[derive(Debug, Clone)]
 pub(crate) struct Signal {
     pub(crate) label: String,
-    /// Digital minimum and maximum, as text.
+    /// Digital minimum and maximum, as the texts of the header.
     pub(crate) digital: [&'static str; 2],
     pub(crate) samples_per_record: usize,
 }
@@ -22,7 +22,7 @@ impl Signal {
     }
 }
 
-/// A file of records of 1 s.
+/// Content of an EDF file whose records are 1 s long.
 #[derive(Debug, Clone)]
 pub(crate) struct EdfFile {
     pub(crate) signals: Vec<Signal>,
@@ -95,7 +95,8 @@ impl EdfFile {
         for record in 0..self.records {
             for (number, signal) in self.signals.iter().enumerate() {
                 for sample in 0..signal.samples_per_record {
-                    // A ramp of another period for each signal, -500 to 499.
+                    // Each signal is a ramp from -500 to 499 with a different period, or constant
+                    // if it is to be flat.
                     let at = if self.is_flat {
                         40
                     } else {

@@ -12,8 +12,8 @@ use recordings::{FileToWrite, GdfWriter, SignalToWrite};
 use crate::edf_file::EdfFile;
 use crate::program::{connect, frames, free_address, program, run, send, start, wait};
 
-/// Plays a recording to a host that wants events. Returns each event with its time, us after the
-/// run's first sample.
+/// Plays a recording to a host that wants events. Returns each event, with its time since the run's
+/// first sample in microseconds.
 fn played(input: &Path, more: &[&str]) -> Vec<(Event, u64)> {
     let address = free_address();
     let input = format!("--input={}", input.display());
@@ -55,7 +55,7 @@ fn pulses(starts_ms: &[u64]) -> Vec<(Event, u64)> {
     (0..).zip(edges).map(event).collect()
 }
 
-/// Checks events, whose times may be rounded by a microsecond.
+/// Checks the played events against the expected ones; a time may differ by a microsecond.
 fn assert_played(played: &[(Event, u64)], expected: &[(Event, u64)]) {
     let events = |all: &[(Event, u64)]| all.iter().map(|(event, _)| *event).collect::<Vec<_>>();
     assert_eq!(events(played), events(expected));
@@ -69,7 +69,8 @@ fn annotations_of_edf_are_pulses_at_their_samples() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("annotated.edf");
     let mut file = EdfFile::with_all_electrodes(4);
-    // The second record names an event of the first one; the last event is after the end.
+    // By their times, the event "Right" is in the first record, and "Late" is after the end of the
+    // file.
     file.annotations = vec![
         b"+0\x14\x14\0+0.25\x14Left\x14\0",
         b"+1\x14\x14\0+0.125\x152\x14Right\x14\0",
@@ -79,7 +80,7 @@ fn annotations_of_edf_are_pulses_at_their_samples() {
     fs::write(&path, file.bytes()).expect("writable");
     assert_played(&played(&path, &[]), &pulses(&[125, 250, 2500]));
 
-    // Edges at an interval replace those of the recording.
+    // With --trigger-every, the edges at its interval replace those of the recording.
     let numbers: Vec<u64> = played(&path, &["--trigger-every=1"])
         .into_iter()
         .map(|(_, us)| us)

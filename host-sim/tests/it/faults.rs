@@ -17,7 +17,7 @@ const BAD: Flags = Flags::ADC_STATUS_BAD;
 const HOP: usize = 32;
 /// Samples per window at 512 Hz.
 const WINDOW: u64 = 64;
-/// Number of samples before a step's own sample whose flags the step includes. At 512 Hz, every
+/// A step includes the flags of its own sample and of this many samples before it. At 512 Hz, every
 /// fourth sample, starting with the first, makes a step.
 const BEFORE: u64 = 3;
 
@@ -82,7 +82,7 @@ fn windows_of(samples: std::ops::Range<u64>) -> Vec<usize> {
         .collect()
 }
 
-/// Time of sample [`FROM`]: 500 / 512 s.
+/// Time of sample [`FROM`], the first faulty one: 500 / 512 s.
 const AT: &str = "0.9765625s";
 /// First faulty sample. It is neither the first nor the last sample of a hop.
 const FROM: u64 = 500;
@@ -91,8 +91,8 @@ const FROM: u64 = 500;
 fn a_fault_is_flagged_in_exactly_the_windows_that_contain_it() {
     let (none, first) = (0..0, FROM..FROM + 1);
     let mut cases = vec![
-        // Each case: the fault, the samples with a bad status, the samples that follow missed ones,
-        // and the number of samples.
+        // Each case has four parts: the fault, the range of samples with a bad status, the range of
+        // samples that follow missed ones, and the number of samples.
         (String::new(), none.clone(), none.clone(), 1024),
         // 1.0703125 s is the time of sample 548, at which the chip is repaired.
         (

@@ -55,7 +55,7 @@ fn codes_are_lines_of_json_with_the_fields_of_the_bridge() {
     let codes = of_topic(&lines, "/encoded");
     assert_eq!(codes.len(), (2 * 128 - 16) / 8 + 1);
 
-    // The lines have the codes on the wire, dequantised.
+    // The lines must hold the same codes as the frames on the wire, dequantised.
     let (finished, wire) = run_to_stdout(&input, &["-q", "--output=file:-"]);
     assert_eq!((finished.status, &*finished.log), (Some(0), ""));
     let mut scales = Vec::new();
@@ -135,7 +135,7 @@ fn selected_streams_are_in_a_file_in_the_order_of_the_wire() {
     ];
     assert!(edges.eq(expected.map(|(us, event, text)| (json!(us), json!(event), json!(text)))));
 
-    // The trigger is high for 10 ms, in which no code ends.
+    // No code ends in the 10 ms for which the trigger is high, so all codes state the level 0.
     let codes = of_topic(&lines, "/encoded");
     assert!(
         codes

@@ -1,4 +1,5 @@
-//! The file of `--output file:PATH`: never the input, replaced only on request, whole or absent.
+//! The file of `--output file:PATH` is never the input, is replaced only on request, and is whole
+//! or absent.
 
 use std::{fs, os::unix::fs::symlink, path::Path};
 
@@ -101,7 +102,7 @@ fn a_link_of_the_user_is_not_replaced_by_the_link_to_a_terminal() {
     );
     assert_eq!(fs::read(at("link")).expect("the data"), b"mine");
 
-    // A link to a terminal, such as a killed run leaves, is replaced.
+    // A link to a terminal, which a killed run can leave behind, is replaced.
     fs::remove_file(at("link")).expect("a link");
     symlink("/dev/pts/4711", at("link")).expect("a link");
     assert_eq!(run(&board).status, Some(0));

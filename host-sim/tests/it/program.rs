@@ -1,4 +1,5 @@
-//! Runs of the program, their output, and a host at the board's port.
+//! Runs the program `host-sim` for the tests, reads its output, and connects to the board's port as
+//! a host.
 
 use std::{
     ffi::OsStr,
@@ -44,7 +45,7 @@ pub(crate) const fn start(streams: Streams) -> ToDevice {
     })
 }
 
-/// Sends a command in the frame with this number.
+/// Sends a command in a frame whose sequence number is `number`.
 pub(crate) fn send(port: &mut impl Write, number: u32, command: ToDevice) {
     let mut buffer = [0; MAX_FRAME];
     let frame = Encoder::starting_at(number).encode(0, &command, &mut buffer);
@@ -65,16 +66,16 @@ pub(crate) fn frames<T>(
     seen
 }
 
-/// A finished run.
+/// Result of a run that has ended.
 #[derive(Debug)]
 pub(crate) struct Finished {
-    /// Exit status; `None` after a signal.
+    /// Exit status; `None` if a signal ended the program.
     pub(crate) status: Option<i32>,
-    /// Standard error.
+    /// Text that the run wrote to standard error.
     pub(crate) log: String,
 }
 
-/// Returns the program with these arguments.
+/// Returns a command that runs the program with these arguments.
 pub(crate) fn program<A: AsRef<OsStr>>(arguments: &[A]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim"));
     command

@@ -150,7 +150,8 @@ fn a_file_on_a_slow_disk_gets_every_code() {
     let output = Output::File(path.clone());
     let reader = thread::spawn(move || {
         let mut pipe = File::open(path).expect("the pipe");
-        // As small as possible, so that the run ends while frames wait for the pause to end.
+        // Make the pipe as small as possible, so that the run ends while frames still wait for the
+        // reader.
         fcntl_setpipe_size(&pipe, 4_096).expect("a page");
         thread::sleep(Duration::from_secs(5));
         let mut bytes = Vec::new();

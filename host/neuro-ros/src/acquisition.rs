@@ -14,8 +14,8 @@ use crate::wire::{Wire, WireError, impl_wire};
 /// shape of all later frames.
 ///
 /// `rosneuro_recorder` waits for this service, allocates its buffers once from the response and
-/// then copies frames without checking their size. Therefore a value of this type always fulfils
-/// the contract.
+/// then copies frames without checking their size. Therefore a value of this type always holds a
+/// frame that fulfils the contract ([`ContractError`] has its rules).
 #[derive(Clone, Debug, PartialEq)]
 pub struct AcquisitionInfo {
     response: Response,

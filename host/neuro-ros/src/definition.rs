@@ -14,7 +14,8 @@ pub trait RosMessage: Wire {
     const TYPE: &'static MessageType;
 }
 
-/// The text of a definition file, from the package `rosneuro_msgs` or from a foreign one.
+/// Includes the text of a definition file, from the package `rosneuro_msgs` or from another
+/// package.
 macro_rules! text {
     ("rosneuro_msgs", $name:literal) => {
         include_str!(concat!("../../../ros/rosneuro_msgs/msg/", $name, ".msg"))
@@ -24,10 +25,10 @@ macro_rules! text {
     };
 }
 
-/// Implements [`RosMessage`]: the Rust type, package and name of the message, its MD5 sum, and
-/// package and name of each embedded type. The full definition has the format of `gendeps --cat`:
-/// the message's definition, then for each embedded type a line of 80 equals signs, a line with the
-/// type's name, and the text of its definition.
+/// Implements [`RosMessage`]. Arguments: the Rust type, the message's package and name, its MD5
+/// sum, and package and name of each embedded type. The full definition has the format of `gendeps
+/// --cat`: the message's definition, then for each embedded type a line of 80 equals signs, a line
+/// with the type's name, and the text of its definition.
 macro_rules! impl_ros_message {
     ($type:ty, $package:tt / $name:tt, $md5:literal $(, $part_package:tt / $part:tt)*) => {
         impl RosMessage for $type {

@@ -154,7 +154,7 @@ pub struct JsonLine<'a, M> {
     /// Device time of the message, microseconds; `None` where `message` has a stamp.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device_time_us: Option<u64>,
-    /// The message.
+    /// Message that was published on the topic.
     pub message: &'a M,
 }
 

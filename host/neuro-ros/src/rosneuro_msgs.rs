@@ -96,7 +96,7 @@ pub struct NeuroEvent {
     pub version: String,
     /// Event code as in a GDF event table. Bit 15 (0x8000) marks the end of the event.
     pub event: i32,
-    /// Duration, s; 0 if unknown.
+    /// Duration of the event, s; 0 if unknown.
     pub duration: f32,
     /// Group of event codes that `event` belongs to.
     pub family: i32,
@@ -105,12 +105,13 @@ pub struct NeuroEvent {
 }
 
 impl NeuroEvent {
-    /// Code of a rising edge of the trigger input. A falling edge is its end.
+    /// Event code of a rising edge of the trigger input. A falling edge has this code with
+    /// [`Self::END`].
     pub const TRIGGER: i32 = 0x0001;
     /// Bit of [`NeuroEvent::event`] that marks the end of an event, which ROS-Neuro calls OFF.
     pub const END: i32 = 0x8000;
 
-    /// Returns an event of the bus without number, time and code.
+    /// Returns an event of the trigger input, still without number, time and event code.
     pub fn on_bus() -> NeuroEvent {
         let mut event = NeuroEvent {
             version: "1".to_owned(),
@@ -120,7 +121,7 @@ impl NeuroEvent {
         event
     }
 
-    /// Returns the code and the description of an edge of the trigger input.
+    /// Returns the event code and the description of an edge of the trigger input.
     pub const fn trigger_edge(is_rising: bool) -> (i32, &'static str) {
         if is_rising {
             (Self::TRIGGER, "trigger high")
@@ -160,12 +161,12 @@ pub struct NeuroFrame {
 }
 
 impl NeuroFrame {
-    /// Value of `header.frame_id`, and start of `transducter`, in frames with values that the
-    /// network computed.
+    /// Value of `header.frame_id`, and start of `transducter`, in frames whose values the network
+    /// computed.
     pub const NETWORK: &'static str = "autoencoder";
 
     /// Creates a frame for `/encoded` that holds one code of `numbers` values, all zeros.
-    /// `eeg` has the transducter, the filters, and the smallest and largest value.
+    /// Transducer, filters, and smallest and largest value are those of `eeg`.
     pub fn encoded(codes_per_second: u16, numbers: usize, eeg: NeuroDataInfo) -> NeuroFrame {
         let eeg = NeuroDataInfo {
             nsamples: 1,
@@ -246,7 +247,7 @@ pub struct NeuroDataInfo {
 }
 
 impl NeuroDataInfo {
-    /// Returns the description with these channels.
+    /// Returns this description with other channels, which have the names `labels`.
     #[must_use]
     pub fn with_labels(self, labels: Vec<String>) -> NeuroDataInfo {
         let nchannels = u16::try_from(labels.len()).unwrap_or(u16::MAX);

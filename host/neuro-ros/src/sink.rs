@@ -88,7 +88,7 @@ impl<M: RosMessage> RosSink<M> {
         })
     }
 
-    /// The topic's publisher.
+    /// Returns the topic's publisher, which counts the subscribers and the dropped messages.
     pub fn publisher(&self) -> &Publisher {
         &self.publisher
     }

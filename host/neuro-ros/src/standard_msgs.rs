@@ -117,11 +117,11 @@ pub struct Log {
 }
 
 impl Log {
-    /// Level of normal messages.
+    /// Value of [`Log::level`] for normal messages.
     pub const INFO: u8 = 2;
-    /// Level of warnings.
+    /// Value of [`Log::level`] for warnings.
     pub const WARN: u8 = 4;
-    /// Level of errors.
+    /// Value of [`Log::level`] for errors.
     pub const ERROR: u8 = 8;
 }
 
@@ -139,7 +139,7 @@ impl_wire!(Log {
 /// `std_msgs/UInt8`: one number of 8 bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct UInt8 {
-    /// The number.
+    /// Number that the message carries.
     pub data: u8,
 }
 

@@ -159,7 +159,7 @@ impl<T: Wire> Wire for Vec<T> {
     }
 }
 
-/// Smallest encoded size of the field that a function returns, bytes.
+/// Returns the smallest encoded size, bytes, of the field to which `_field` returns a reference.
 pub(crate) const fn min_bytes<S, T: Wire>(_field: fn(&S) -> &T) -> usize {
     T::MIN_BYTES
 }

@@ -7,8 +7,8 @@ use artifact::ModelId;
 use link::{Capabilities, CodeFormat, Decoder, Flags, FrameError, Substitutes, ToHost};
 use thiserror::Error;
 
-/// First bytes of a recording of corticode-bridge, which holds frames of both directions with
-/// times.
+/// First bytes of a recording made by corticode-bridge, which holds the frames that host and board
+/// sent, with times.
 const BRIDGE_RECORDING: &[u8] = b"CORTIREC";
 /// Number of bytes read at a time.
 const PIECE: usize = 1 << 16;
@@ -19,10 +19,10 @@ pub enum CodeFileError {
     /// The operating system cannot read the file.
     #[error("it cannot be read; check the path and the permissions")]
     Io(#[from] io::Error),
-    /// The name is that of a folder, a device or a pipe.
+    /// The path is that of a folder, a device or a pipe, which cannot be read twice.
     #[error("it is no file, and a file of codes is read twice; write the codes to a file first")]
     NoFile,
-    /// The notch filter of the file's device is one that this program does not have.
+    /// The notch filter removed a mains frequency that this program cannot; holds it, Hz.
     #[error(
         "its notch filter removed {0} Hz, which this program cannot; decode it without --original"
     )]
@@ -40,37 +40,37 @@ pub enum CodeFileError {
         "it holds no code; the shortest recording that yields a code is one window long ({0} steps)"
     )]
     NoCodes(usize),
-    /// The file holds codes, but none of this kind, which is to be decoded.
+    /// The file holds codes, but none of the kind that is to be decoded; holds that kind.
     #[error("it holds no {}, and {} in their place: decode these with --stream {}", .0.names().0, .0.other().names().0, .0.other().names().1)]
     OtherKind(CodeKind),
-    /// The first code comes before the device's introduction.
+    /// The first code comes before the `Hello` and `Capabilities` of the device.
     #[error(
         "the device does not introduce itself before the first code; the start of the file is \
          missing, so copy the whole file again"
     )]
     NoIntroduction,
-    /// The codes are those of another model.
+    /// The codes were made with another model than the one that is to decode them.
     #[error(
         "its codes are those of model {file}, and {model} is to decode them; name the folder of model \
          {file} with --model"
     )]
     OtherModel {
-        /// Model of the codes.
+        /// Model with which the codes were made.
         file: ModelId,
-        /// Model of the decoder.
+        /// Model that is to decode the codes.
         model: ModelId,
     },
-    /// The scales of the codes cannot be used.
+    /// The number of scales or zero points is not that of the values in a code.
     #[error(
         "it announces {scales} scales and {zero_points} zero points, and the codes of the model have \
          {numbers} numbers; it was made by a defective device"
     )]
     Scales {
-        /// Number of scales.
+        /// Number of scales that the file announces.
         scales: usize,
-        /// Number of zero points.
+        /// Number of zero points that the file announces.
         zero_points: usize,
-        /// Length of the model's codes.
+        /// Number of values in a code of the model.
         numbers: usize,
     },
     /// The format of the codes is newer than this program.
@@ -84,13 +84,14 @@ pub enum CodeFileError {
          them with --model, or decode codes of the same file with --stream codes"
     )]
     NotPacked(ModelId),
-    /// The index of a window is not larger than this one, that of the window before it.
+    /// The index of a window is not larger than that of the window before it; holds the latter
+    /// index.
     #[error(
         "a second run starts after window {0}: a file holds one run, so keep runs in files of their \
          own"
     )]
     SecondRun(u32),
-    /// Too many windows are missing.
+    /// More windows are missing between two codes than an hour contains.
     #[error(
         "{missing} windows are missing before window {before}, more than an hour; the file was joined \
          from several ones, is damaged, or was received from the middle of a run"
@@ -98,7 +99,7 @@ pub enum CodeFileError {
     Gap {
         /// Index of the first window after the gap.
         before: u32,
-        /// Number of missing windows.
+        /// Number of missing windows in the gap.
         missing: u32,
     },
     /// The frames have another version of the wire format.
@@ -120,8 +121,8 @@ pub enum CodeKind {
 }
 
 impl CodeKind {
-    /// Returns what codes of this kind are called in messages, and the value of `--stream` that
-    /// selects them.
+    /// Returns two names of the kind: its name in messages, and the value of `--stream` that
+    /// selects it.
     pub(crate) const fn names(self) -> (&'static str, &'static str) {
         match self {
             Self::Codes => ("codes", "codes"),
@@ -142,13 +143,13 @@ impl CodeKind {
 pub(crate) struct Announcement {
     pub(crate) scale: Vec<f32>,
     pub(crate) zero_point: Vec<i8>,
-    /// Smallest and largest level of a code.
+    /// Smallest and largest level that the format of the codes can hold.
     pub(crate) levels: RangeInclusive<i32>,
     /// Largest input voltage, microvolts.
     pub(crate) full_scale_uv: f32,
     /// Electrodes that the recording lacks.
     pub(crate) substitutes: Substitutes,
-    /// Delay of the filters, microseconds.
+    /// Group delay of the filters, microseconds.
     pub(crate) group_delay_us: u32,
     /// Mains frequency that the notch filter removed, Hz.
     pub(crate) mains_hz: u8,
@@ -192,7 +193,7 @@ impl Announcement {
     }
 }
 
-/// One code of a file, of the network or packed.
+/// One code of a file: a code of the network or a packed block.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct FileCode {
     /// Index of the window in its run.
@@ -206,11 +207,11 @@ pub(crate) struct FileCode {
 pub(crate) enum Content {
     /// Values of a code of the network, in levels of its format.
     Levels(Vec<i32>),
-    /// A packed block, whose index is `window`.
+    /// A packed block; [`FileCode::window`] is its index.
     Block {
         /// The block as the device made it.
         bytes: Vec<u8>,
-        /// Rate of the stream.
+        /// Rate of the block: index of its quantiser's step, 0 finest to 15 coarsest.
         rate: u8,
     },
 }
@@ -236,9 +237,9 @@ pub(crate) struct CodeFile<R> {
     /// Model of the device, from its `Hello`; `None` before it.
     device_model: Option<ModelId>,
     announcement: Option<Announcement>,
-    /// Kind of the codes that are returned; `None` until the first one, which determines it.
+    /// Kind of the codes that are returned; if `None`, the first code of the file determines it.
     kind: Option<CodeKind>,
-    /// Number of codes of the other kind so far.
+    /// Number of codes skipped so far because they are not of this kind.
     left_out: u64,
     at_start: bool,
     last: Option<u32>,
@@ -247,8 +248,9 @@ pub(crate) struct CodeFile<R> {
 }
 
 impl<R: Read> CodeFile<R> {
-    /// Creates a reader that returns the codes of `kind`, or of the kind that comes first. The file
-    /// must be of `model`, and a gap at most `windows_per_hour` windows long.
+    /// Creates a reader that returns the codes of `kind`, or of the kind that comes first. It
+    /// refuses codes of another model than `model`, and gaps of more than `windows_per_hour`
+    /// windows.
     pub(crate) fn new(
         source: R,
         model: ModelId,
@@ -272,23 +274,25 @@ impl<R: Read> CodeFile<R> {
         }
     }
 
-    /// Returns what the device announced before the code returned last.
+    /// Returns what the device has announced about its codes up to the code that was returned last.
     pub(crate) fn announcement(&self) -> Option<&Announcement> {
         self.announcement.as_ref()
     }
 
-    /// Returns the number of frames that were damaged, so that their content is lost.
+    /// Returns the number of damaged frames, whose content is lost.
     pub(crate) fn damaged(&self) -> u32 {
         let counters = self.decoder.counters();
         counters.resyncs.saturating_add(counters.malformed)
     }
 
-    /// Returns the number of codes before the newest one that are of the other kind.
+    /// Returns the number of codes skipped so far because they are not of the kind that is
+    /// returned.
     pub(crate) fn left_out(&self) -> u64 {
         self.left_out
     }
 
-    /// Returns the kind that is to be returned, if all codes so far are of the other one.
+    /// Returns the kind that is to be returned if all codes so far had to be skipped as they are
+    /// not of it.
     pub(crate) fn missing_kind(&self) -> Option<CodeKind> {
         self.kind
             .filter(|_| self.left_out > 0 && self.last.is_none())
@@ -314,11 +318,11 @@ impl<R: Read> CodeFile<R> {
                 Some(Err(FrameError::Version(version))) => {
                     return Err(CodeFileError::Version(version));
                 }
-                // The decoder counts damaged frames.
+                // Skip damaged frames, which the decoder counts.
                 Some(Err(_)) | None => continue,
             };
             match frame.message {
-                // A device sends `Substitutes`, if it has any, between its `Hello` and its
+                // If a device lacks electrodes, it sends `Substitutes` between its `Hello` and its
                 // `Capabilities`.
                 ToHost::Hello(hello) => {
                     self.device_model = Some(ModelId(hello.model_id));
@@ -361,7 +365,7 @@ impl<R: Read> CodeFile<R> {
         }
     }
 
-    /// Returns whether a code is of the kind for which the file is read.
+    /// Returns whether a code is of the kind that is returned; if not, counts it as skipped.
     fn is_wanted(&mut self, code: &FileCode) -> bool {
         let kind = code.content.kind();
         let is_wanted = *self.kind.get_or_insert(kind) == kind;

@@ -1,4 +1,4 @@
-//! The error of decoded signals, electrode by electrode.
+//! Measures the error of decoded signals, electrode by electrode.
 
 use std::fmt;
 
@@ -12,15 +12,15 @@ use crate::played::Original;
 /// Sums over the compared steps of one electrode, or of several, uV^2.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ElectrodeSums {
-    /// Sum of the squared original.
+    /// Sum of the squares of the original signal.
     pub signal: f64,
-    /// Sum of the squared difference between original and decoded signal.
+    /// Sum of the squares of the difference between original and decoded signal.
     pub error: f64,
 }
 
 impl ElectrodeSums {
-    /// Returns the percentage root-mean-square difference, `100 sqrt(error / signal)`; not finite
-    /// without a signal.
+    /// Returns the percentage root-mean-square difference, `100 sqrt(error / signal)`; infinite or
+    /// NaN if the signal is 0.
     pub fn prd_percent(&self) -> f64 {
         100.0 * (self.error / self.signal).sqrt()
     }
@@ -48,21 +48,21 @@ impl fmt::Display for ElectrodeOrigin {
 }
 
 /// Returns the time after which the filters of the built-in model have settled, seconds, rounded
-/// up: the shortest recording that can be compared is longer.
+/// up. Only a longer recording can be compared.
 pub fn settling_s() -> u32 {
     let samples = [Mains::Hz50, Mains::Hz60].map(|mains| mains.filter().settling_samples);
     let samples = samples.into_iter().max().unwrap_or(0);
     samples.div_ceil(model::ADC_RATE_HZ.into())
 }
 
-/// A part of both signals, to be drawn.
+/// A part of the original and of the decoded signal, to be drawn.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Excerpt {
-    /// Row of the first step.
+    /// Row of the excerpt's first step, counted from the start of the signal.
     pub first_row: u64,
-    /// Original, uV, step by step.
+    /// Original signal at these steps, uV; one entry for each step, with all electrodes.
     pub original_uv: Vec<Vec<f32>>,
-    /// Decoded signal, uV, as many steps.
+    /// Decoded signal at the same steps, uV, in the same layout.
     pub decoded_uv: Vec<Vec<f32>>,
 }
 
@@ -70,23 +70,23 @@ pub struct Excerpt {
 /// the filters had settled, and those without a code, are left out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
-    /// Errors by electrode.
+    /// Sums of squares, one entry for each electrode.
     pub electrodes: Vec<ElectrodeSums>,
     /// Where the samples of each electrode come from.
     pub origins: Vec<ElectrodeOrigin>,
     /// Number of compared steps.
     pub steps: u64,
-    /// Some seconds of both signals, from the middle of the recording.
+    /// Some seconds of the original and of the decoded signal, from the middle of the recording.
     pub excerpt: Excerpt,
 }
 
 impl Comparison {
-    /// Returns the errors of all electrodes together.
+    /// Returns the sums over all electrodes.
     pub fn total(&self) -> ElectrodeSums {
         sum(self.electrodes.iter())
     }
 
-    /// Returns the errors of the measured electrodes together.
+    /// Returns the sums over those electrodes that the recording has.
     pub fn total_measured(&self) -> ElectrodeSums {
         let electrodes = self.electrodes.iter().zip(&self.origins);
         sum(electrodes
@@ -101,7 +101,7 @@ impl Comparison {
         (self.total().signal / values.max(1.0)).sqrt()
     }
 
-    /// Returns the mean squared error of `error`, uV^2, which is a sum over `electrodes`
+    /// Returns the mean squared error, uV^2, if `error` holds the sums over `electrodes`
     /// electrodes.
     #[expect(clippy::cast_precision_loss, reason = "far fewer than 2^52 values")]
     pub fn mse_uv2(&self, error: ElectrodeSums, electrodes: usize) -> f64 {
@@ -116,11 +116,11 @@ fn sum<'e>(errors: impl Iterator<Item = &'e ElectrodeSums>) -> ElectrodeSums {
     })
 }
 
-/// Compares hop by hop while they are decoded.
+/// Compares the decoded hops with the original, one by one while they are decoded.
 pub(crate) struct Comparing {
     original: Original,
     comparison: Comparison,
-    /// Rows of the excerpt.
+    /// Range of the rows that the excerpt keeps.
     shown: std::ops::Range<u64>,
 }
 

@@ -24,43 +24,43 @@ use crate::survey::Survey;
 
 /// Length of the excerpt that is kept for a picture, seconds.
 const EXCERPT_S: u64 = 4;
-/// Largest difference between the lengths of a recording and of its decoded signal, seconds: the
-/// last steps fill no hop.
+/// Largest permitted difference between the lengths of a recording and of its decoded signal,
+/// seconds. They differ because the last steps do not fill a hop.
 const LENGTH_TOLERANCE_S: f64 = 0.5;
 
-/// How files of codes are decoded.
+/// Options for decoding files of codes.
 #[derive(Debug)]
 pub struct Decoding<'m> {
-    /// Model of the codes.
+    /// Model with which the codes were made, and which decodes them.
     pub model: &'m Model,
     /// Format of the files to write.
     pub format: SignalFormat,
-    /// Codes to decode of a file that holds codes and packed blocks; `None` for the kind that comes
+    /// Kind of codes to decode from a file that holds both kinds; `None` for the kind that comes
     /// first.
     pub kind: Option<CodeKind>,
-    /// Treatment of a file that has the name of the output.
+    /// Whether a file that has the name of the output is replaced.
     pub existing: Existing,
 }
 
 /// Result of decoding one file of codes.
 #[derive(Debug, Clone)]
 pub struct Decoded {
-    /// Number of codes, or of packed blocks.
+    /// Number of codes, or of packed blocks, that were decoded.
     pub codes: u64,
-    /// Number of bits of the packed blocks; `None` for codes of the network.
+    /// Total number of bits of the packed blocks; `None` for codes of the network.
     pub packed_bits: Option<u64>,
-    /// Number of windows whose code is missing, or of missing packed blocks. Where neighbours do
-    /// not cover a window, the last values are repeated; a missing block is predicted.
+    /// Number of windows whose code is missing, or of missing packed blocks. If no neighbour covers
+    /// a window, its steps repeat the last values; a missing block is predicted.
     pub missing: u64,
-    /// Number of damaged frames.
+    /// Number of frames whose content is lost because they are damaged.
     pub damaged: u32,
-    /// Number of rows: steps of the signal.
+    /// Number of rows, one for each step of the signal.
     pub rows: u64,
     /// Rows per second, Hz.
     pub rate_hz: u32,
     /// Number of values that were limited to the range of the file's format.
     pub limited: u64,
-    /// GDF types of events that are texts in the recording.
+    /// Texts of the recording's events, each with the GDF type that stands for it in a GDF file.
     pub event_types: Vec<(String, u16)>,
     /// Defects of the original recording, differences between it and the codes, and malformed
     /// blocks, one sentence each.
@@ -94,8 +94,8 @@ impl Decoded {
 
 impl Decoding<'_> {
     /// Decodes the file of codes `input` to the file `output`. `original` is the recording from
-    /// which the codes were made: its events are written, and the decoded signal is compared with
-    /// its own.
+    /// which the codes were made: its events are written to the output, and its signal is compared
+    /// with the decoded one.
     ///
     /// # Errors
     /// [`OfflineError`] if a file cannot be read or written, or [`Progress::interrupt`] was called.
@@ -208,7 +208,7 @@ impl Decoding<'_> {
         )))
     }
 
-    /// Describes the signal of a file of codes.
+    /// Describes the decoded signal for the file that is written.
     fn signal(&self, survey: &Survey, events: Vec<RowEvent>) -> Signal<'_> {
         let description = &self.model.description;
         Signal {
@@ -248,7 +248,7 @@ impl Decoding<'_> {
         let mains_hz = survey.announcement.mains_hz;
         let mains = Mains::from_hz(mains_hz)
             .ok_or_else(|| OfflineError::Codes(codes.to_owned(), CodeFileError::Mains(mains_hz)))?;
-        // The same treatment as when the recording was encoded.
+        // Treat missing electrodes as the device did when it encoded the recording.
         let missing = if survey.announcement.substitutes.zero == 0 {
             Missing::Interpolate
         } else {

@@ -18,7 +18,7 @@ use crate::played::{Played, first_channels};
 use crate::progress::Progress;
 use device::Device;
 
-/// Number of bytes of frames written at a time.
+/// Number of waiting bytes at which the frames so far are written to the file.
 const PIECE: usize = 1 << 16;
 
 /// What a file of codes holds.
@@ -27,29 +27,29 @@ pub enum EncodedStream {
     /// Codes of the network.
     #[default]
     Codes,
-    /// Packed blocks, at this rate, 0 to 15; `None` for the model's.
+    /// Packed blocks, at this rate, 0 to 15; `None` for the model's own rate.
     Packed(Option<u8>),
 }
 
-/// How recordings are encoded.
+/// Options for encoding recordings.
 #[derive(Debug, Clone, Copy)]
 pub struct Encoding {
     /// Mains frequency that the notch filter removes.
     pub mains: Mains,
     /// Treatment of electrodes that a recording lacks.
     pub missing: Missing,
-    /// Treatment of a file that has the name of the output.
+    /// Whether a file that has the name of the output is replaced.
     pub existing: Existing,
-    /// What the file holds.
+    /// Kind of codes that the file gets.
     pub stream: EncodedStream,
 }
 
 /// Result of encoding one recording.
 #[derive(Debug, Clone)]
 pub struct Encoded {
-    /// Origin of every electrode, as text.
+    /// Text for the user that states where the samples of each electrode come from.
     pub montage: String,
-    /// What is wrong with the recording.
+    /// Defects of the recording, one sentence each.
     pub warnings: Vec<String>,
     /// Counters of the pipeline: samples, codes, clipped values.
     pub stats: Stats,
@@ -142,14 +142,14 @@ impl Encoding {
     }
 }
 
-/// Counts of the packed blocks of a file.
+/// Counts over all packed blocks of a file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PackedCounts {
-    /// Number of blocks.
+    /// Number of packed blocks in the file.
     pub blocks: u64,
-    /// Number of bits of all blocks, without those of their frames.
+    /// Total number of bits of these blocks, without the frames around them.
     pub bits: u64,
-    /// Number of electrode values that were clipped to the range of the inputs.
+    /// Number of electrode values clipped to the range that the encoder's inputs can have.
     pub clipped: u64,
     /// Number of blocks, made after the filters had settled, that the model does not represent
     /// well.
@@ -160,7 +160,7 @@ pub struct PackedCounts {
 }
 
 impl PackedCounts {
-    /// Counts a block.
+    /// Adds a block to the counts.
     pub(crate) fn add(&mut self, code: &PackedCode) {
         self.blocks += 1;
         self.bits += 8 * code.bytes().len() as u64;

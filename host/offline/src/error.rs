@@ -70,7 +70,7 @@ pub enum OfflineError {
 }
 
 impl OfflineError {
-    /// Returns a closure that makes the error of an output from that of the operating system.
+    /// Returns a closure that turns an error of the operating system into that of writing `path`.
     pub(crate) fn write(path: &std::path::Path) -> impl Fn(io::Error) -> Self + use<> {
         let path = path.to_owned();
         move |error| match error.kind() {

@@ -2,16 +2,18 @@
 
 use std::ops::RangeInclusive;
 
-/// Number of bins.
+/// Number of bins of the histogram.
 pub const BINS: usize = BIN_COUNT as usize;
 const BIN_COUNT: u8 = 64;
-/// Half of the range that the bins cover at first, levels: the bins then cover the range of 8 bits.
+/// Half of the range that the bins cover at first, levels: they then cover the levels of an 8-bit
+/// code.
 const SMALLEST_SPAN: i32 = 128;
 
 /// How often the values of codes lie in each part of the range that they use.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LevelHistogram {
-    /// The bins are equal parts of `-span..span`: 128 levels, doubled until all values are inside.
+    /// The bins divide `-span..span` equally; `span` is 128 levels, doubled until all values are
+    /// inside.
     pub span: i32,
     /// Number of values in each bin.
     pub bins: [u64; BINS],
@@ -32,7 +34,7 @@ impl LevelHistogram {
         }
     }
 
-    /// Counts the values of a code.
+    /// Adds the values of a code to the counts.
     pub(crate) fn add(&mut self, levels: &[i32]) {
         let (least, greatest) = (*self.range.start(), *self.range.end());
         for level in levels {
@@ -47,7 +49,8 @@ impl LevelHistogram {
         }
     }
 
-    /// Doubles the span: pairs of bins become the bins of its inner half.
+    /// Doubles the span: merges each two neighbouring bins into one bin of the inner half of the
+    /// new range.
     fn double(&mut self) {
         let mut bins = [0; BINS];
         for (bin, count) in self.bins.iter().enumerate() {
@@ -57,7 +60,7 @@ impl LevelHistogram {
         self.span *= 2;
     }
 
-    /// Returns the number of values.
+    /// Returns the number of values counted so far.
     pub fn values(&self) -> u64 {
         self.bins.iter().sum()
     }
@@ -81,7 +84,7 @@ mod tests {
         let mut histogram = LevelHistogram::new(-32_768..=32_767);
         histogram.add(&[-5, 5, 127]);
         histogram.add(&[-300]);
-        // Bins are 16 levels wide now.
+        // Each bin now covers 16 levels.
         assert_eq!(histogram.span, 512);
         assert_eq!(
             [31, 32, 39, 13].map(|bin| histogram.bins[bin]),

@@ -1,4 +1,4 @@
-//! Codes and packed blocks, decoded to one continuous signal.
+//! Decodes codes and packed blocks to one continuous signal.
 
 use artifact::reconstruction::{
     HopLayout, Overlap, PackedHop, PackedOverlap, PackedSource, Source, Window, WindowDecoder,
@@ -22,8 +22,8 @@ pub(crate) struct DecodedHop<'a> {
     pub(crate) flags: Flags,
 }
 
-/// Decodes codes in the order of their windows. Each window completes one hop; after the last one,
-/// [`Self::finish`] completes the others.
+/// Decodes codes in the order of their windows. Each window completes one hop; after the last
+/// window, [`Self::finish`] completes the hops that are left.
 pub(crate) struct Hops<'d> {
     decoder: &'d WindowDecoder,
     announcement: &'d Announcement,
@@ -33,14 +33,14 @@ pub(crate) struct Hops<'d> {
     overlap: Overlap,
     /// Number of windows decoded, missing ones included.
     windows: u32,
-    /// Dequantised values of the code.
+    /// Dequantised values of the code that is being decoded.
     z: Vec<f32>,
-    /// Microvolts of the hop that is passed on.
+    /// Microvolts of the hop that is passed to `emit`.
     uv: Vec<f32>,
 }
 
 impl<'d> Hops<'d> {
-    /// Creates the decoder of a file.
+    /// Creates the decoder of a file whose device sent `announcement`.
     pub(crate) fn new(
         decoder: &'d WindowDecoder,
         description: &Description,
@@ -88,7 +88,7 @@ impl<'d> Hops<'d> {
         self.complete(Some(values), flags, &mut emit)
     }
 
-    /// Passes the last hops, which only windows decoded before contain, to `emit`.
+    /// Passes the last hops, to which no further window would contribute, to `emit`.
     pub(crate) fn finish(
         mut self,
         mut emit: impl FnMut(DecodedHop) -> Result<(), OfflineError>,
@@ -132,13 +132,13 @@ impl<'d> Hops<'d> {
     }
 }
 
-/// Decodes packed blocks in their order. Each block completes the hop of the block before it,
-/// corrected by what it says about that hop; [`Self::finish`] completes the last one.
+/// Decodes packed blocks in their order. Each block also corrects, and so completes, the hop of the
+/// block before it; [`Self::finish`] completes the hop of the last block.
 pub(crate) struct PackedHops {
     overlap: PackedOverlap<Label>,
     /// Number of rows of a hop.
     rows: u64,
-    /// Index of the next block.
+    /// Index of the packed block that is expected next.
     next: u32,
 }
 
@@ -150,7 +150,7 @@ struct Label {
 }
 
 impl PackedHops {
-    /// Creates the decoder of a file whose device has this full scale, microvolts.
+    /// Creates the decoder of a file whose device has the full scale `full_scale_uv`, microvolts.
     pub(crate) fn new(model: &PackedModel, description: &Description, full_scale_uv: f32) -> Self {
         Self {
             overlap: PackedOverlap::new(model, false, full_scale_uv),
@@ -203,7 +203,8 @@ impl PackedHops {
         }
     }
 
-    /// Passes a decoded hop to `emit`, with the flags that its source adds to those of its block.
+    /// Passes a decoded hop to `emit`, with the flags of its block. If the decoder is still healing
+    /// or has predicted the hop, the flags also state this.
     fn pass_on(
         &self,
         hop: &PackedHop<Label>,

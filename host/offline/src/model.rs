@@ -11,9 +11,9 @@ use crate::error::OfflineError;
 /// A model with its decoders.
 #[derive(Debug, Clone)]
 pub struct Model {
-    /// Id of the model, as in its codes.
+    /// Id of the model, by which codes name the model they were made with.
     pub id: ModelId,
-    /// Dimensions, montage and filters.
+    /// Dimensions, montage and filters of the model.
     pub description: Description,
     pub(crate) decoder: WindowDecoder,
     pub(crate) packed: Option<PackedModel>,

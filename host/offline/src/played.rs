@@ -1,4 +1,4 @@
-//! A recording at the model's ADC, and after its filters.
+//! A recording as the model's ADC samples it, and as the model's filters leave it.
 
 use std::path::{Path, PathBuf};
 
@@ -14,11 +14,11 @@ const _: () = assert!(model::CHANNELS <= virtual_adc::CHANNELS);
 
 /// A recording as the model's ADC measures it, with its montage, warnings and events.
 pub struct Played {
-    /// Samples of the ADC.
+    /// Virtual ADC, which yields the samples of the recording.
     pub adc: VirtualAdc,
     /// Electrodes that the recording lacks.
     pub substitutes: Substitutes,
-    /// Origin of every electrode, as text.
+    /// Text for the user that states where the samples of each electrode come from.
     pub montage: String,
     /// Defects of the recording, one sentence each.
     pub warnings: Vec<String>,
@@ -59,8 +59,8 @@ impl Played {
     }
 }
 
-/// Returns the sample of the model's ADC. The virtual ADC fills the channels of the longest chain;
-/// those beyond the model's carry no electrode.
+/// Returns a sample with the channels of the model's ADC. The virtual ADC fills the channels of the
+/// longest chain; those beyond the model's carry no electrode.
 pub(crate) fn first_channels(counts: [i32; virtual_adc::CHANNELS]) -> Sample {
     Sample {
         counts: std::array::from_fn(|channel| counts[channel]),
@@ -74,7 +74,7 @@ fn bits(map: &MontageMap, wanted: impl Fn(&Origin) -> bool) -> u64 {
     electrodes.fold(0, |bits, (electrode, _)| bits | 1 << electrode)
 }
 
-/// Steps of a recording after the filters, before they become int8.
+/// Computes the steps of a recording after the filters, still before their conversion to int8.
 pub(crate) struct Original {
     path: PathBuf,
     pub(crate) played: Played,

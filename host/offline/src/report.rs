@@ -1,4 +1,4 @@
-//! The report of decoded recordings: pictures, a table, and a page that shows them.
+//! Writes the report of decoded recordings: pictures, a table, and a page that shows them.
 
 mod page;
 mod pictures;
@@ -15,9 +15,9 @@ use crate::comparison::Comparison;
 use crate::decoding::Decoded;
 use crate::error::OfflineError;
 
-/// File name of the page.
+/// File name of the report's page.
 const PAGE: &str = "index.html";
-/// File name of the errors of all electrodes.
+/// File name of the table that has the errors of all electrodes.
 const TABLE: &str = "electrodes.csv";
 
 /// A decoded recording, with its name in the report.
@@ -25,7 +25,7 @@ const TABLE: &str = "electrodes.csv";
 pub struct Entry {
     /// Name, such as "S001/S001R11": the folder of its pictures within that of the report.
     pub name: String,
-    /// Result of decoding it.
+    /// Result of decoding the recording's codes.
     pub decoded: Decoded,
 }
 
@@ -38,7 +38,7 @@ impl Entry {
     }
 }
 
-/// Creates the folder of a report.
+/// Checks that the folder may receive a report, and creates it.
 ///
 /// # Errors
 /// [`OfflineError::NewFile`] if the folder holds a report already and `existing` does not allow to
@@ -54,8 +54,8 @@ pub fn check(folder: &Path, existing: Existing) -> Result<(), OfflineError> {
 
 /// Writes the report of `entries` to `folder`, which is created: `index.html`, `electrodes.csv`,
 /// and the pictures of each recording in a folder with its name. Entries without a comparison have
-/// no error and no traces. Files of an earlier report are replaced; [`check`] refuses that before
-/// the work begins.
+/// no error and no traces. Replaces the files of an earlier report; a caller that must not replace
+/// them calls [`check`] first.
 ///
 /// # Errors
 /// [`OfflineError::Write`] or [`OfflineError::Picture`] if a file cannot be written.
@@ -79,7 +79,7 @@ pub fn write(
     Ok(())
 }
 
-/// Returns one line for each recording and electrode.
+/// Returns the table as CSV: one line for each recording and electrode.
 fn electrodes(description: &Description, entries: &[Entry]) -> String {
     let mut text = "recording,electrode,origin,steps,mse,mse_uv2,prd_percent\n".to_owned();
     let unit = description.input.sd_uv.powi(2);

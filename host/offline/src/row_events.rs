@@ -6,26 +6,26 @@ use recordings::{EventLabel, Onsets};
 use crate::signal_file::RowEvent;
 use crate::survey::Survey;
 
-/// GDF type of missing codes: the highest type without a fixed meaning.
+/// GDF type of the events that mark missing codes: the highest type without a fixed meaning.
 const MISSING_TYPE: u16 = 0x00ff;
 /// Highest GDF type that is assigned to a text. Types above 255 have fixed meanings, and 255 stands
 /// for missing codes.
 const LAST_TEXT_TYPE: usize = 0x00fe;
 
-/// Events in the order of their rows.
+/// Events of a recording, in the order of their rows.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct RowEvents {
     pub(crate) rows: Vec<RowEvent>,
-    /// GDF types of texts, from 1.
+    /// Texts of events, each with the GDF type assigned to it, numbered from 1.
     pub(crate) types: Vec<(String, u16)>,
-    /// Number of events outside the decoded signal, and of those that would need another type than
-    /// 1 to 254.
+    /// Number of omitted events: they are outside the decoded signal, or no GDF type can state
+    /// them.
     pub(crate) left_out: usize,
 }
 
 impl RowEvents {
-    /// Places the events of a recording, if there is one, at the rows that show them, and an event
-    /// at the first row of each gap.
+    /// Places the events of a recording, if there is one, at the rows that show them, and an
+    /// additional event at the first row of each gap in the codes.
     pub(crate) fn new(onsets: Option<&Onsets>, survey: &Survey, description: &Description) -> Self {
         let mut events = Self::default();
         if let Some(onsets) = onsets {
@@ -49,7 +49,7 @@ impl RowEvents {
         events
     }
 
-    /// Adds an event; `None` if no type is left for its text.
+    /// Adds an event. Returns `None` if the event has no GDF type, or no type is left for its text.
     fn add(&mut self, row: u64, label: &EventLabel) -> Option<()> {
         let kind = match label {
             EventLabel::Type(kind) => *kind,
@@ -64,7 +64,7 @@ impl RowEvents {
         Some(())
     }
 
-    /// Returns the GDF type of a text: the next one for a new text, `None` if there is none.
+    /// Returns the GDF type of a text. A new text gets the next free type; `None` if all are taken.
     fn type_of(&mut self, text: &str) -> Option<u16> {
         if let Some((_, kind)) = self.types.iter().find(|(known, _)| known == text) {
             return Some(*kind);
@@ -78,8 +78,8 @@ impl RowEvents {
     }
 }
 
-/// Returns the row that shows the electrodes at a time of the recording; `None` outside the decoded
-/// signal. The filters delay the signal.
+/// Returns the row that shows the electrodes at `onset_s`, which is later by the delay of the
+/// filters; `None` if the row is not in the decoded signal.
 fn row_of(onset_s: f64, survey: &Survey, description: &Description) -> Option<u64> {
     let delay_s = f64::from(survey.announcement.group_delay_us) / 1e6;
     let row = ((onset_s + delay_s) * f64::from(description.window.rate_hz)).round();

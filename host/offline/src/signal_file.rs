@@ -1,4 +1,4 @@
-//! Files of decoded signals.
+//! Writes decoded signals to files.
 
 mod csv;
 mod npz;
@@ -14,18 +14,18 @@ use link::Flags;
 pub enum SignalFormat {
     /// EDF+: 16 bits, tenths of a microvolt, +-3276.7 uV.
     Edf,
-    /// BDF+: 24 bits over the ADC's full scale.
+    /// BDF+: 24-bit values that span the ADC's full scale.
     Bdf,
     /// GDF 2.20: float32.
     Gdf,
     /// Arrays for `numpy.load`: float32.
     Npz,
-    /// One line per step.
+    /// Comma-separated values, one line per step.
     Csv,
 }
 
 impl SignalFormat {
-    /// Returns the extension of a file name.
+    /// Returns the extension of files in this format, without the dot.
     pub const fn extension(self) -> &'static str {
         match self {
             Self::Edf => "edf",
@@ -42,7 +42,7 @@ impl SignalFormat {
 pub(crate) struct RowEvent {
     pub(crate) row: u64,
     pub(crate) text: String,
-    /// Type in a GDF file.
+    /// Type of the event in a GDF file.
     pub(crate) kind: u16,
 }
 
@@ -53,14 +53,14 @@ pub(crate) struct Signal<'a> {
     pub(crate) labels: &'a [String],
     /// Rows per second, Hz.
     pub(crate) rate_hz: u32,
-    /// Number of rows written at a time.
+    /// Number of rows that are written at a time: those of one hop.
     pub(crate) rows_per_hop: u32,
-    /// Number of all rows.
+    /// Number of rows of the whole signal.
     pub(crate) rows: u64,
-    /// Delay of the filters, microseconds: a row with the time t shows the electrodes at t less the
-    /// delay.
+    /// Group delay of the filters, microseconds: a row with the time t shows the potentials that
+    /// the electrodes had earlier by the delay.
     pub(crate) group_delay_us: u32,
-    /// Largest magnitude of a value, microvolts.
+    /// Largest absolute value that a row can have, microvolts.
     pub(crate) full_scale_uv: f32,
     /// Events in the order of their rows.
     pub(crate) events: Vec<RowEvent>,
@@ -79,15 +79,15 @@ impl Signal<'_> {
 /// Writes the rows of a signal in a file format.
 pub(crate) trait SignalFile {
     /// Writes one hop: [`Signal::rows_per_hop`] rows with a value for each electrode, and the flags
-    /// of all of them. The error is the operating system's, or `InvalidInput` for what the format
-    /// cannot hold.
+    /// that apply to all these rows. The error is the operating system's, or `InvalidInput` for
+    /// values that the format cannot hold.
     fn write_hop(&mut self, uv: &[f32], flags: Flags) -> io::Result<()>;
 
     /// Completes the file. Returns the number of values that were limited to the format's range.
     fn finish(self: Box<Self>) -> io::Result<u64>;
 }
 
-/// Creates the writer of a format.
+/// Creates the writer of `signal` to `file` in a format.
 pub(crate) fn create(
     format: SignalFormat,
     file: File,

@@ -11,7 +11,7 @@ use crate::code_file::{Announcement, CodeFile, CodeFileError, CodeKind};
 pub(crate) struct Gap {
     /// Index of the first missing window.
     pub(crate) first: u32,
-    /// Number of missing windows.
+    /// Number of missing windows in the gap.
     pub(crate) windows: u32,
 }
 
@@ -19,16 +19,16 @@ pub(crate) struct Gap {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Survey {
     pub(crate) announcement: Announcement,
-    /// Kind of the codes.
+    /// Kind of the codes that are decoded.
     pub(crate) kind: CodeKind,
-    /// Number of codes of the other kind.
+    /// Number of codes that are not decoded because they are not of this kind.
     pub(crate) left_out: u64,
-    /// Number of codes.
+    /// Number of codes of this kind.
     pub(crate) codes: u64,
     /// Number of windows from the start of the run to the last code, missing ones included.
     pub(crate) windows: u32,
     pub(crate) gaps: Vec<Gap>,
-    /// Number of damaged frames.
+    /// Number of frames whose content is lost because they are damaged.
     pub(crate) damaged: u32,
 }
 
@@ -72,7 +72,7 @@ impl Survey {
         })
     }
 
-    /// Returns the number of missing windows.
+    /// Returns the number of windows whose codes are missing, over all gaps.
     pub(crate) fn missing(&self) -> u64 {
         self.gaps.iter().map(|gap| u64::from(gap.windows)).sum()
     }

@@ -1,4 +1,4 @@
-//! Network addresses: parses those of peers, and chooses those of a node.
+//! Network addresses: parses the addresses of peers, and chooses the address of a node.
 
 use std::{
     fmt, io,
@@ -46,7 +46,7 @@ impl Address {
         })
     }
 
-    /// Takes an IPv6 address with or without square brackets.
+    /// Creates an address. An IPv6 address in `host` can have square brackets or not.
     pub(crate) fn new(host: &str, port: u16) -> Self {
         Self {
             host: host

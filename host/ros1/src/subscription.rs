@@ -201,7 +201,7 @@ pub(crate) struct PublisherLink {
     /// Total size of the message bodies received, bytes.
     pub(crate) bytes: AtomicU64,
     uri: String,
-    /// The master's latest list of publishers contains this one.
+    /// Whether the master's latest list of publishers contains this publisher.
     listed: AtomicBool,
     connected: AtomicBool,
     retry: Notify,

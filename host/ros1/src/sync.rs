@@ -1,4 +1,4 @@
-//! Locks a mutex even if it is poisoned, and a bounded queue that drops its oldest item.
+//! A lock that can be taken even if it is poisoned, and a bounded queue that drops its oldest item.
 
 use std::{
     collections::VecDeque,
@@ -59,7 +59,7 @@ impl<T> DropOldestQueue<T> {
         lock(&self.state).items.len()
     }
 
-    /// Appends an item without waiting.
+    /// Appends an item without waiting; a full queue drops its oldest item.
     pub(crate) fn push(&self, item: T) -> Push {
         let outcome = {
             let mut state = lock(&self.state);

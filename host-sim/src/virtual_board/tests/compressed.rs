@@ -1,4 +1,4 @@
-//! The compressed samples of a board are those of its converters, bit for bit.
+//! Tests that the compressed samples of a board are those of its converters, bit for bit.
 
 use link::{BlockForm, CompressedRaw};
 use lossless::{Block, Count, Kind};
@@ -34,7 +34,8 @@ struct Bytes {
     counts: usize,
 }
 
-/// Runs a board that sends both forms of the samples, and compares them.
+/// Runs a board that sends the samples both raw and compressed, and checks that both hold the same
+/// counts.
 fn compare(samples: impl Iterator<Item = Sample>) -> Bytes {
     let (mut board, outbox) = board();
     let streams = Streams::RAW | Streams::COMPRESSED_RAW;
@@ -78,7 +79,8 @@ fn synthetic_eeg_takes_less_than_half_of_its_bytes() {
     assert_eq!(bytes.counts, 30 * 512 * CHANNELS);
     let bits = 8.0 * bytes.compressed as f64 / bytes.counts as f64;
     println!("{bits:.2} bits for each count, frames included");
-    // Measured: 11.31, in 723 bytes for each frame. `docs/wire-format.md` states the rate.
+    // Measured: 11.31 bits for each count, 723 bytes for each frame. `docs/wire-format.md` states
+    // the rate.
     assert!((11.0..11.6).contains(&bits), "{bits}");
 }
 

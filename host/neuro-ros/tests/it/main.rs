@@ -1,4 +1,5 @@
-//! Messages, their definitions and serialisation, the contract of frames, and the lines of JSON.
+//! Tests of the messages, their definitions and serialisation, the contract of frames, and the
+//! lines of JSON.
 #![allow(missing_docs, clippy::unwrap_used, reason = "tests")]
 
 mod contract;

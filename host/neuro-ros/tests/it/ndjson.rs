@@ -9,7 +9,7 @@ use neuro_ros::{NdjsonWriter, NeuroFrame, Sink, SinkError};
 /// Time limit of each wait: far longer than any operation takes, even on a busy machine.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// An output that sends every write to the test.
+/// An output that passes every written piece to the test over a channel.
 struct ChannelOutput(Sender<Vec<u8>>);
 
 impl Write for ChannelOutput {
@@ -73,8 +73,8 @@ fn a_blocked_output_loses_lines_but_never_blocks_publishing() {
     for _ in 0..17_000 {
         sink.publish(&NeuroFrame::default()).unwrap();
     }
-    // Of 17,000 lines, 16,384 are queued and one more can be in the output, so 615 or 616 are
-    // dropped.
+    // Of 17,000 lines, 16,384 fit in the queue and the blocked output can have taken one more, so
+    // 615 or 616 are dropped.
     assert!((615..=616).contains(&sink.dropped()), "{}", sink.dropped());
     let kept = 17_000 - sink.dropped();
     drop(sink);
@@ -94,7 +94,8 @@ fn large_lines_of_one_topic_do_not_displace_lines_of_another() {
     for _ in 0..70 {
         raw.publish(&large).unwrap();
     }
-    // About 60 of the 70 lines fit in the queue of 64 MiB, and one more can be in the output.
+    // About 60 of the 70 lines fit in the queue of 64 MiB, and the blocked output can have taken
+    // one more.
     assert!((8..=13).contains(&raw.dropped()), "{}", raw.dropped());
     for _ in 0..10_000 {
         encoded.publish(&NeuroFrame::default()).unwrap();

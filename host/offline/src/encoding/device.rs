@@ -31,7 +31,7 @@ const IDENTITY: Identity<'static> = Identity {
     firmware: env!("CARGO_PKG_VERSION"),
     board: "host-sim",
     chip_uid: *b"\0host-sim\0\0\0",
-    // Equal recordings yield equal files.
+    // The session id is constant, so that equal recordings yield equal files.
     session_id: 1,
     reset_cause: ResetCause::PowerOn,
     fault: "",
@@ -52,7 +52,7 @@ pub(super) struct Device {
     sender: Sender<Frames>,
     acquisition: Acquisition,
     producer: Box<Producer<BothEncoders>>,
-    /// Parameters of the run, which starts with the first sample; then `None`.
+    /// Parameters of the run until the first sample starts it; afterwards `None`.
     new_run: Option<Run>,
     samples: u64,
     steps: u64,
@@ -60,7 +60,7 @@ pub(super) struct Device {
 }
 
 impl Device {
-    /// Creates a device whose introduction is in [`Self::take_frames`].
+    /// Creates a device. The first [`Self::take_frames`] returns its `Hello` and `Capabilities`.
     pub(super) fn new(mains: Mains, substitutes: Substitutes, stream: EncodedStream) -> Self {
         let mut sender = Sender::new(Frames::default());
         let session = Session::new(IDENTITY, ABILITIES, mains);
@@ -136,7 +136,7 @@ impl Device {
         self.sender.queue().0.len()
     }
 
-    /// Returns the frames since the last call.
+    /// Returns the frames that the device has made since the last call.
     pub(super) fn take_frames(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.sender.queue().0)
     }

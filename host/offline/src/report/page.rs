@@ -1,4 +1,4 @@
-//! The page of a report.
+//! Writes the page of a report.
 
 use artifact::Description;
 use picture::page::{Page, escaped, href, image};

@@ -1,4 +1,4 @@
-//! The pictures of one decoded recording.
+//! Draws the pictures of one decoded recording.
 
 use std::path::Path;
 

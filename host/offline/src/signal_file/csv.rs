@@ -1,4 +1,4 @@
-//! Decoded signals as comma-separated values.
+//! Writes decoded signals as comma-separated values.
 
 use std::{
     fs::File,
@@ -40,7 +40,7 @@ impl CsvFile {
         })
     }
 
-    /// Returns the time at the electrodes of the next row, seconds.
+    /// Returns the time at which the electrodes had the values of the next row, seconds.
     fn time_s(&self) -> String {
         let row = i64::try_from(self.row).unwrap_or(i64::MAX);
         let us = row.saturating_mul(1_000_000) / self.rate_hz - self.group_delay_us;

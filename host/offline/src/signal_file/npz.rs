@@ -1,4 +1,4 @@
-//! Decoded signals as arrays for numpy.
+//! Writes decoded signals as arrays for numpy.
 
 use std::{
     fs::File,
@@ -10,8 +10,8 @@ use recordings::npz::NpzWriter;
 
 use super::{Signal, SignalFile};
 
-/// Writes the arrays `labels`, `rate_hz`, `group_delay_us`, `event_rows`, `event_texts`, `uv`
-/// (rows x electrodes) and `flags` (rows).
+/// Writes an NPZ file with the arrays `labels`, `rate_hz`, `group_delay_us`, `event_rows`,
+/// `event_texts`, `uv` (rows x electrodes) and `flags` (rows).
 pub(super) struct NpzFile {
     npz: NpzWriter<File>,
     rows_per_hop: usize,

@@ -1,4 +1,4 @@
-//! Decoded signals as files of records: EDF+, BDF+ and GDF.
+//! Writes decoded signals as files of records: EDF+, BDF+ and GDF.
 
 use std::{
     fs::File,
@@ -24,7 +24,7 @@ pub(super) struct EdfFile {
 }
 
 impl EdfFile {
-    /// Writes the header of an EDF file, or of a BDF file for any other format.
+    /// Writes the header of an EDF file if `format` is EDF, otherwise that of a BDF file.
     pub(super) fn new(file: File, signal: &Signal, format: SignalFormat) -> io::Result<Self> {
         let (range_uv, create): (_, fn(_, &_, _, _) -> _) = match format {
             SignalFormat::Edf => (EDF_RANGE_UV, EdfWriter::edf),

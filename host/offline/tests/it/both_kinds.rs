@@ -1,5 +1,5 @@
-//! A file with codes and packed blocks, as a captured port may hold, is decoded from one of them,
-//! with a warning.
+//! A file with codes and packed blocks, such as a captured stream, is decoded from one of the two,
+//! with a warning about the other.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -89,7 +89,7 @@ fn the_chosen_kind_is_decoded_or_the_first_one_and_the_other_is_named() {
             "--stream packed"
         };
         assert!(warning.contains(other), "{warning}");
-        // The signals are those of a file with this kind alone.
+        // The signal must be that of a file which holds only this kind.
         let input = fixture.path(&format!("{alone}.codes"));
         let alone = fixture.path(&format!("{alone}-alone{}.gdf", kind.is_some()));
         let expected = decode(&model, &input, &alone, None).expect("decoded");

@@ -15,7 +15,7 @@ fn errors_are_those_of_the_settled_steps() {
     let original = filtered(&fixture);
     let settling = usize::try_from(Mains::Hz50.filter().settling_samples).expect("few");
     let settled = settling.div_ceil(usize::from(model::ADC_RATE_HZ / model::STEP_RATE_HZ));
-    // A hop is left out if a window that contains it has a step that was settling.
+    // A hop is left out if a window that contains it has a step at which the filters were settling.
     let first = settled.next_multiple_of(model::HOP) + model::STEPS - model::HOP;
     let compared = usize::try_from(comparison.steps).expect("few steps");
     assert!(compared > 100, "{compared} steps");

@@ -1,4 +1,4 @@
-//! Files of codes that are incomplete, damaged or of something else.
+//! Files of codes that are incomplete or damaged, and files that hold no codes.
 
 use std::error::Error as _;
 use std::fs;
@@ -23,7 +23,7 @@ fn refusal(fixture: &Fixture, bytes: &[u8]) -> String {
 fn missing_codes_are_covered_by_their_neighbours_or_flagged() {
     let fixture = Fixture::new();
     fixture.encode();
-    // One code alone, and three in a row.
+    // Lose one code by itself, and three in a row.
     let lost = [50, 80, 81, 82];
     let path = fixture.changed(
         "lossy.codes",
@@ -41,7 +41,8 @@ fn missing_codes_are_covered_by_their_neighbours_or_flagged() {
         .collect();
     let is_filler = |row: usize| lines[row][2].parse::<u16>().expect("flags") >> 15 == 1;
     let fillers: Vec<usize> = (0..lines.len()).filter(|row| is_filler(*row)).collect();
-    // Window 80 shares its first hop with window 79, and window 82 its second with window 83.
+    // Only two hops have no code: window 79 covers the first hop of window 80, and window 83 the
+    // second of window 82.
     let expected: Vec<usize> = (81 * model::HOP..83 * model::HOP).collect();
     assert_eq!(fillers, expected);
     assert_eq!(lines[81 * model::HOP][4..], lines[81 * model::HOP - 1][4..]);
@@ -63,7 +64,7 @@ fn codes_that_are_missing_at_the_start_keep_the_time_of_the_others() {
     assert_eq!((decoded.missing, decoded.rows), (10, whole.rows));
     let [whole, late] =
         ["whole.csv", "late.csv"].map(|name| fs::read_to_string(fixture.path(name)).expect("text"));
-    // The first hop of window 10 is shared with window 9.
+    // The first hop of window 10 differs, because the lost window 9 also contains it.
     let same = whole.lines().zip(late.lines()).skip(1 + 11 * model::HOP);
     assert!(same.clone().count() > 100);
     assert!(same.clone().all(|(whole, late)| whole == late));
@@ -74,7 +75,8 @@ fn a_damaged_byte_costs_one_code_and_is_reported() {
     let fixture = Fixture::new();
     let encoded = fixture.encode();
     let mut bytes = fs::read(fixture.codes()).expect("codes");
-    // The frames before that of window 100 are as long in a file that ends there.
+    // Write a file that ends before the frame of window 100; its length is the position of that
+    // frame.
     let mut is_before = true;
     let before = fixture.changed("before.codes", |message| {
         is_before &= !matches!(message, ToHost::Code(code) if code.window == 100);

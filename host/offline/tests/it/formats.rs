@@ -9,7 +9,7 @@ use recordings::{EventLabel, Recording};
 
 use crate::recording::{ENCODING, EVENTS, Fixture, decoding, labels, values};
 
-/// Rounding of a 16-bit and of a 24-bit file, and of float32, uV.
+/// Largest rounding error of a 16-bit file, of a 24-bit file and of float32, uV.
 const ROUNDING_UV: [(SignalFormat, f64); 3] = [
     (SignalFormat::Edf, 0.050_01),
     (SignalFormat::Bdf, 0.011_2),

@@ -1,4 +1,4 @@
-//! Files that the crate writes, read back.
+//! Tests that read back the files that the crate writes.
 #![forbid(unsafe_code)]
 
 mod both_kinds;

@@ -13,7 +13,7 @@ use pipeline::{Mains, PackedCode, PackedEncoder, Rate};
 
 use crate::recording::{ENCODING, Fixture, decoding, values};
 
-/// A rate other than the model's.
+/// Rate of the packed blocks in these tests, unlike the model's own.
 const RATE: u8 = 2;
 
 fn encode(fixture: &Fixture, rate: Option<u8>) -> offline::Encoded {
@@ -38,8 +38,8 @@ fn blocks(fixture: &Fixture) -> Vec<PackedCode> {
         .collect()
 }
 
-/// Returns the values of the rows that the library decodes: each block corrected by the next,
-/// `None` for a lost one.
+/// Returns the values of the rows as the library decodes them: each block corrects the one before
+/// it, and `None` stands for a lost block.
 fn expected(blocks: &[Option<&PackedCode>]) -> Vec<f32> {
     let model = offline::Model::embedded().expect("a model");
     let artifact = artifact::Artifact::from_bytes(
@@ -101,8 +101,9 @@ fn rows_are_those_of_the_packed_decoder() {
     assert_eq!(decoded.rows, (blocks.len() * model::HOP) as u64);
     assert!(rows(&fixture, "decoded.gdf") == expected(&all));
     assert_eq!(decoded.warnings, [""; 0]);
-    // A fine rate reproduces the filtered recording: the error of these waves, which no model is
-    // trained on, is 11.5 % with the checked-in model. A third more leaves room for another fit.
+    // A fine rate reproduces the filtered recording. No model is trained on these waves; their
+    // error is 11.5 % with the checked-in model, and the limit is a third higher to allow for other
+    // models.
     let comparison = decoded.comparison.expect("compared with the recording");
     assert!(comparison.steps > 0);
     let prd_percent = comparison.total().prd_percent();
@@ -187,7 +188,7 @@ fn a_malformed_block_is_predicted_and_reported() {
         .map(|(index, block)| (index != 100).then_some(block))
         .collect();
     assert!(rows(&fixture, "malformed.gdf") == expected(&received));
-    // The device's flags of the block stay.
+    // The malformed block keeps the flags that the device gave it.
     fixture
         .decode(&input, "malformed.csv", SignalFormat::Csv, false)
         .expect("decoded");

@@ -14,11 +14,11 @@ use recordings::{
     AdcSpec, FileToWrite, GdfWriter, Missing, MontageMap, Recording, SignalToWrite, VirtualAdc,
 };
 
-/// Length of a recording that is not compared, seconds.
+/// Length of a recording for tests without a comparison, seconds.
 const SHORT_S: u32 = 7;
 /// Length of a recording in which the filters settle, seconds: they take 10 s.
 const LONG_S: u32 = 14;
-/// Rows and types of the recording's events.
+/// Row and GDF type of each event of the recording.
 pub(crate) const EVENTS: [(u64, u16); 3] = [(100, 0x0301), (1_500, 0x0302), (3_000, 0x0301)];
 const ROWS_PER_RECORD: u32 = 64;
 
@@ -32,7 +32,8 @@ impl Fixture {
         Self::with_length(SHORT_S)
     }
 
-    /// Creates a recording whose last seconds the filters have settled for.
+    /// Creates a recording that is long enough for the filters to settle, so that it can be
+    /// compared.
     pub(crate) fn settled() -> Self {
         Self::with_length(LONG_S)
     }
@@ -75,8 +76,8 @@ impl Fixture {
             })
     }
 
-    /// Writes a file of codes with the frames of [`Self::codes`] for whose message `change` returns
-    /// true; it may change the message.
+    /// Writes a file with those frames of [`Self::codes`] for whose message `change` returns true.
+    /// `change` may also change the message.
     pub(crate) fn changed(
         &self,
         name: &str,
@@ -98,7 +99,7 @@ impl Fixture {
         self.written(name, &changed)
     }
 
-    /// Writes a file into the folder.
+    /// Writes a file into the folder and returns its path.
     pub(crate) fn written(&self, name: &str, bytes: &[u8]) -> PathBuf {
         fs::write(self.path(name), bytes).expect("writable");
         self.path(name)
@@ -125,7 +126,7 @@ impl Fixture {
     }
 }
 
-/// Returns a decoding of the kind of codes that comes first in a file, to a file that is new.
+/// Returns options to decode the kind of codes that comes first in a file, and to replace no file.
 pub(crate) fn decoding(model: &Model, format: SignalFormat) -> Decoding<'_> {
     Decoding {
         model,
@@ -142,12 +143,13 @@ pub(crate) const ENCODING: Encoding = Encoding {
     stream: EncodedStream::Codes,
 };
 
-/// Returns the electrodes of the model.
+/// Returns the labels of the model's electrodes.
 pub(crate) fn labels() -> Vec<&'static str> {
     model::LABELS.split(' ').collect()
 }
 
-/// Returns all values of the first signals of a file: one vector for each electrode.
+/// Returns all values of the electrodes, which are the first signals of a file: one vector for
+/// each.
 pub(crate) fn values(path: &Path) -> Vec<Vec<f64>> {
     let mut recording = Recording::open(path).expect("a recording");
     let mut block = recordings::Block::default();

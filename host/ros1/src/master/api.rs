@@ -163,7 +163,7 @@ impl Api {
         }
     }
 
-    /// Executes a method for parameters.
+    /// Executes a method that reads or changes parameters.
     fn dispatch_parameter(
         &self,
         state: &mut State,

@@ -7,7 +7,7 @@ use crate::{names::canonical, xmlrpc::Value};
 /// All parameters as one tree.
 #[derive(Debug)]
 pub(super) struct Parameters {
-    /// The whole tree. Invariant: always a struct.
+    /// The whole tree, which is always a struct.
     root: Value,
 }
 
@@ -124,7 +124,7 @@ fn parts(key: &str) -> impl Iterator<Item = &str> {
     key.split('/').filter(|part| !part.is_empty())
 }
 
-/// One notification of all subscribers of a parameter.
+/// A changed parameter, and the subscribers to be notified of it.
 #[derive(Debug, PartialEq)]
 pub(super) struct ParameterUpdate {
     pub(super) registrants: Vec<Registrant>,

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-/// Kind of a registration, and the index of its register.
+/// Kind of a registration. Its number is the index of the register of this kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Publisher,
@@ -34,7 +34,7 @@ struct NodeEntry {
 #[derive(Debug, Default)]
 pub(super) struct Registrations {
     nodes: HashMap<String, NodeEntry>,
-    /// Registers of each [`Kind`].
+    /// The register of each [`Kind`], with the kind's number as index.
     registers: [Register; 4],
     /// Maps a service name to its provider: (node name, service URI).
     service_uris: HashMap<String, (String, String)>,

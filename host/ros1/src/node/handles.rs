@@ -55,7 +55,7 @@ impl Publisher {
         self.publication.dropped()
     }
 
-    /// Returns the lag of every subscriber with an open connection.
+    /// Returns the number of waiting messages of every subscriber with an open connection.
     pub fn lags(&self) -> Vec<SubscriberLag> {
         self.publication.lags()
     }

@@ -117,8 +117,8 @@ impl Registrar {
                     self.shutdown_requested.send_replace(true);
                     return Vec::new();
                 }
-                // The master has the URI of an earlier node of the same name; registering displaces
-                // that node.
+                // The master has the URI of an earlier node of this name. Registering again
+                // displaces that node.
             }
             Err(CallError::Refused { .. }) => lock(&self.graph).registered.clear(),
             Err(error) => {
@@ -155,14 +155,14 @@ impl Registrar {
             .ok_or_else(|| CallFailure::Shape.of(&self.master_uri, method))
     }
 
-    /// Marks the services that no node provides any more as not registered. A node that registers
-    /// the same service takes it over, and the master does not return it when that node leaves.
+    /// Marks those services of this node as not registered that no node provides according to the
+    /// master. If another node takes a service over and leaves, the master does not give it back.
     async fn find_lost_services(&self) {
         let services = |key: &Key| matches!(key, Key::Service(_));
         if !lock(&self.graph).registered.iter().any(services) {
             return;
         }
-        // An error is left to the calls that follow, which reach the same master.
+        // Ignore the error: the calls that follow reach the same master and report it.
         let Ok(state) = self.system_state().await else {
             return;
         };

@@ -34,7 +34,7 @@ pub enum CallError {
         uri: String,
         /// XML-RPC method, such as `registerPublisher`.
         method: String,
-        /// What the server did instead.
+        /// What the server did instead of returning the method's result.
         #[source]
         failure: CallFailure,
     },
@@ -87,7 +87,7 @@ impl From<HttpError> for CallFailure {
 }
 
 impl CallFailure {
-    /// Returns the error of a call of `method` at `uri` that failed in this way.
+    /// Turns this failure into the error of a call of `method` at `uri`.
     pub(crate) fn of(self, uri: &str, method: &str) -> CallError {
         CallError::Failed {
             uri: uri.to_owned(),

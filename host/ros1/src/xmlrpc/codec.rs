@@ -121,7 +121,7 @@ pub enum DecodeError {
     Unexpected {
         /// Tags or texts that XML-RPC's grammar allows at this place.
         expected: &'static str,
-        /// Tag or text found in the document.
+        /// Tag or text that the document has at this place.
         found: String,
     },
     /// The text of an `<int>` is not a 32-bit integer, that of a `<double>` not a number, or that of
@@ -211,7 +211,7 @@ enum Token {
 }
 
 impl Token {
-    /// Returns the error for this token at a place where the grammar wants `expected`.
+    /// Returns the error for this token at a place where XML-RPC's grammar requires `expected`.
     fn unexpected(self, expected: &'static str) -> DecodeError {
         let found = match self {
             Self::Open(tag) => format!("<{tag}>"),

@@ -136,7 +136,7 @@ pub(crate) async fn wait_for_subscribers(publisher: &Publisher, subscribers: usi
     .await;
 }
 
-/// Waits until the node knows that its master answers, or does not.
+/// Waits until the node has noticed that its master answers or, if `is_online` is false, does not.
 pub(crate) async fn wait_for_master(node: &Node, is_online: bool) {
     let mut online = node.master_online();
     let changed = timeout(TIMEOUT, online.wait_for(|online| *online == is_online)).await;
@@ -157,7 +157,7 @@ pub(crate) async fn wait_for_registration(master: &str, nodes: &[&Node]) {
     assert!(back.elapsed() < Duration::from_secs(4));
 }
 
-/// Returns the next message.
+/// Waits for the next message and returns its body; `None` if the node has shut down.
 pub(crate) async fn receive(subscriber: &mut Subscriber) -> Option<Vec<u8>> {
     timeout(TIMEOUT, subscriber.recv()).await.unwrap()
 }

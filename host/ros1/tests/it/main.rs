@@ -1,5 +1,5 @@
-//! Nodes and masters of this crate with well-behaved and misbehaving peers, and with the programs
-//! of Debian's ROS 1 where they are installed.
+//! Tests of nodes and masters with well-behaved and misbehaving peers, and with the programs of
+//! Debian's ROS 1 where they are installed.
 #![expect(clippy::unwrap_used, reason = "test support code fails by panicking")]
 
 mod codec_properties;

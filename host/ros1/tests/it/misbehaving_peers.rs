@@ -18,13 +18,13 @@ use crate::{
     },
 };
 
-/// Queue of a publisher whose subscribers lose messages.
+/// A queue so short that it drops messages if a subscriber reads slowly.
 const SHORT_QUEUE: PublisherOptions = PublisherOptions {
     queue: 16,
     latch: false,
 };
 
-/// Encodes the header of a subscriber.
+/// Encodes the connection header of a subscriber to `topic`.
 fn subscription(topic: &str, md5: &str) -> Vec<u8> {
     let header = Header::new()
         .with("callerid", "/abuser")
@@ -207,7 +207,7 @@ async fn strings_that_are_not_utf8_are_delivered_unchanged_and_shown_with_replac
     talker.publisher.publish(&body);
     let (_listener, mut subscriber) = talker.listener(4).await;
     assert_eq!(receive(&mut subscriber).await, Some(body));
-    // A connection header with a caller name in Latin-1.
+    // Build a connection header whose caller name is in Latin-1.
     let mut header = subscription("/chat", "*");
     let at = header.windows(7).position(|part| part == b"/abuser");
     header[at.unwrap() + 1] = 0xe9;
@@ -223,7 +223,7 @@ async fn random_bytes_on_every_port_leave_node_and_master_working() {
     let (master, node) = (talker.master.uri(), talker.node.uri());
     let tcpros = talker.address().await;
     let ports = [host_and_port(master), host_and_port(node), &tcpros];
-    // Knuth's MMIX linear congruential generator: the same bytes in every run.
+    // Pseudo-random bytes from Knuth's MMIX generator, so that every run has the same.
     let mut state = 1_u64;
     let mut noise = || {
         state = state

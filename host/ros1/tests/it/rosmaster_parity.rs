@@ -15,7 +15,7 @@ use crate::{
     local::start_master,
 };
 
-/// Placeholders for the URIs of two nodes in the script and in the answers.
+/// URIs that stand for two nodes in the script and in the answers; the calls have the real URIs.
 const NODES: [&str; 2] = ["http://node-a/", "http://node-b/"];
 
 type Call = (&'static str, Vec<Value>);
@@ -24,8 +24,8 @@ fn texts(items: &[&str]) -> Vec<Value> {
     items.iter().map(|text| Value::from(*text)).collect()
 }
 
-/// Returns the call of a method with texts as arguments, all separated by spaces. `A` and `B` are
-/// the URIs of the nodes, `-` is an empty text.
+/// Parses a call: the name of the method, then its arguments as texts, all separated by spaces. `A`
+/// and `B` stand for the URIs of the two nodes, `-` for an empty text.
 fn line(words: &'static str) -> Call {
     let mut words = words.split(' ');
     let method = words.next().unwrap();
@@ -294,8 +294,8 @@ async fn run(master: &str, script: &[Call]) -> Vec<String> {
             Err(error) => panic!("{master} {method}: {error}"),
         };
         lines.push(format!("{method}{arguments:?} -> {answer}"));
-        // rosmaster notifies nodes after it has answered, from threads that poll every 100 ms, and
-        // sends the value that the parameter has then. Wait until rosmaster has sent the
+        // rosmaster notifies nodes only after it has answered, from threads that poll every 100 ms,
+        // and sends the parameter's value at that later time. Wait until it has sent the
         // notification.
         if method.contains("register") || method.ends_with("etParam") || *method == "deleteParam" {
             tokio::time::sleep(Duration::from_millis(200)).await;

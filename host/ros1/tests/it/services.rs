@@ -89,7 +89,7 @@ async fn a_service_returns_when_the_node_that_took_it_over_leaves() {
     let client = start_node("client", &master).await;
     let call = async || client.call("/info", &SET_BOOL, &[0]).await;
     assert_eq!(call().await.unwrap()[0], 2);
-    // The first node does not take the service back while the other one provides it.
+    // Over two check periods, the first node does not take the service back from the second node.
     sleep(Duration::from_millis(2500)).await;
     assert_eq!(call().await.unwrap()[0], 2);
     second.shutdown().await;

@@ -137,7 +137,8 @@ async fn four_hundred_slow_connections_do_not_delay_a_new_subscriber() {
             }
         }
     };
-    // A slow connection is closed after 10 s, so a subscriber that waits for one takes longer.
+    // The node closes a slow connection after 10 s. A subscriber that had to wait for this would
+    // take longer than the limit.
     let began = Instant::now();
     let limit = Duration::from_secs(5);
     timeout(limit, received).await.expect("a message");
