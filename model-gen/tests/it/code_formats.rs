@@ -1,4 +1,4 @@
-//! Code formats of the built-in model: the effect of an exponent and of 16 bits on the error.
+//! Tests of the code formats with the built-in model: how an exponent or 16 bits reduce the error.
 
 use std::path::Path;
 
@@ -16,8 +16,8 @@ fn model(format: CodeFormat) -> IntegerModel {
     quantise(&artifact).expect("quantisable in every format")
 }
 
-/// Returns the golden windows: 10 extreme windows, then three windows of noise for each amplitude
-/// from 0.01 to 1.5 of the input's range.
+/// Returns the checked-in golden windows: 10 extreme windows, then three windows of noise for each
+/// amplitude from 0.01 to 1.5 of the input's range.
 fn windows() -> Vec<Vec<i8>> {
     let golden = Golden::read(&folder()).expect("the checked-in golden is readable");
     assert_eq!(golden.windows.len(), 28);
@@ -30,7 +30,7 @@ fn distance(a: &[f32], b: &[f32]) -> f32 {
     squares.sum::<f32>() / 128.0
 }
 
-/// Returns the float encoder's code of a quantised window.
+/// Returns the code that the encoder in floats computes for a quantised window.
 fn float_code(window: &[i8]) -> Vec<f32> {
     let artifact = Artifact::read(&folder()).expect("the checked-in artifact is readable");
     let encoder = FloatEncoder::new(&artifact).expect("a complete network");
@@ -60,7 +60,8 @@ fn with_an_exponent_small_signals_have_a_finer_code_and_large_ones_are_not_clipp
              {by_exponent:.4}, in 16 bits {by_int16:.4}",
             codes[1].exponent
         );
-        // The 1 % allows for rounding of the last bit, which can favour either format.
+        // The 1 % allows for rounding of the last bit, by which either format may happen to be
+        // closer.
         assert!(by_int16 <= 1.01 * by_exponent, "window {index}");
         if index < 13 {
             assert!(by_exponent < 0.1 * by_int8, "window {index}, small signal");
@@ -86,7 +87,7 @@ fn a_code_with_an_exponent_is_within_half_its_resolution_of_the_16_bit_code() {
     for window in &windows() {
         let (short, long) = (exponent.encode_window(window), int16.encode_window(window));
         let half = 2_i32.pow(short.exponent.into()) / 2;
-        // Outside this range one or both codes are clipped.
+        // Compare only levels within this range: outside of it, one or both codes are clipped.
         let pairs = short.levels().into_iter().zip(long.levels());
         let pairs = pairs.filter(|(_, long)| (-32_767..32_640).contains(long));
         let furthest = pairs.map(|(a, b)| (a - b).abs()).max();

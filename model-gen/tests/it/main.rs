@@ -1,4 +1,5 @@
-//! Filters and resamplers compared with scipy's, code formats, and models for other amplifiers.
+//! Integration tests: filters and resamplers compared with scipy's, code formats, and models for
+//! other amplifiers.
 #![forbid(unsafe_code)]
 
 mod chain;
