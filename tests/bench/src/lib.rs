@@ -47,8 +47,8 @@ mod random;
 pub mod report;
 pub mod tally;
 
-/// Completes a program that is an image: its panic handler, and for a PC a `main` that prints where
-/// it must run.
+/// Adds what a program needs as an image: a panic handler, and for a PC a `main` that prints where
+/// the program must run.
 #[macro_export]
 macro_rules! image {
     ($benchmark:literal) => {
