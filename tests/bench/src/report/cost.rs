@@ -20,7 +20,7 @@ use super::images::{self, Range};
 pub(crate) enum Parts {
     /// Instructions of the encoder, and its codes compared with the reference's.
     Encoder,
-    /// The same, and the flash and RAM of the boards' images, whose builds take most of the time.
+    /// In addition the flash and RAM of the boards' images, whose builds take most of the time.
     EncoderAndBoards,
 }
 

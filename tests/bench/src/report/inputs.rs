@@ -21,8 +21,8 @@ use crate::hop;
 /// File with real EEG for the filters, in the folder that `CORTICODE_DATA` names: 61 electrodes at
 /// 512 Hz.
 const RESAMPLED: &str = "derived/s001r04_61ch_512hz_i16.gdf";
-/// File with real EEG for the encoder, in the same folder: 125 s, mains at 60 Hz, not used in
-/// training.
+/// File with real EEG for the encoder, in the folder that `CORTICODE_DATA` names: 125 s, mains at
+/// 60 Hz, not used in training.
 const HELD_OUT: &str = "eegmmidb_S001/S001R11.edf";
 
 /// Number of time steps that are left out at the start of the packed encoder's inputs: 10 s, in
