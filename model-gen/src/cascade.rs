@@ -15,12 +15,10 @@ pub struct FilterSpec {
     pub rate_hz: f64,
     /// Mains frequency in Hz, removed by a notch.
     pub mains_hz: f64,
-    /// Quality factor of every notch: its frequency divided by its -3 dB width. Notches at
-    /// harmonics have the same factor, because a deviation of the mains moves the k-th harmonic k
-    /// times as far.
+    /// Quality factor of every notch: its frequency divided by its -3 dB width. It is the same at
+    /// harmonics, because a deviation of the mains moves the k-th harmonic k times as far.
     pub notch_q: f64,
-    /// Number of notches at harmonics of the mains frequency: 1 for 2 x, 2 for 2 x and 3 x, and so
-    /// on.
+    /// Number of notches at harmonics of the mains frequency: 1 for 2 x, 2 for 2 x and 3 x, ..
     pub harmonics: u32,
     /// Lower and upper -3 dB edge of the band-pass, Hz.
     pub band_hz: [f64; 2],
@@ -28,8 +26,8 @@ pub struct FilterSpec {
     pub order: usize,
 }
 
-/// Highest order of the band-pass at each edge. At higher orders, the poles are too close together
-/// for quantised coefficients.
+/// Highest order at each edge. At higher orders, poles are too close together for quantised
+/// sections.
 pub(crate) const MAX_ORDER: usize = 8;
 
 /// Designs the cascade of a specification: notches, high-pass sections (low Q first), one band-pass

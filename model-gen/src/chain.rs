@@ -25,8 +25,7 @@ impl Chain<'_> {
             * self.resampler.frequency_response(frequency_hz, rate_hz)
     }
 
-    /// Returns the group delay at `frequency_hz` in seconds, from a signal at the ADC to the time
-    /// of the output in which it appears.
+    /// Returns the group delay at `frequency_hz` from the ADC's input to the output, seconds.
     pub fn group_delay_s(&self, frequency_hz: f64) -> f64 {
         response::group_delay_s(|hz| self.frequency_response(hz), frequency_hz)
     }

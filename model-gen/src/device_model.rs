@@ -213,8 +213,7 @@ fn microseconds(seconds: f64) -> u32 {
     microseconds
 }
 
-/// Returns the text about filters and resampler that recordings store in their `prefiltering`
-/// fields.
+/// Returns the text on filters and resampler for the `prefiltering` fields of recordings.
 fn prefiltering_text(description: &Description, mains_hz: u32) -> String {
     let (filters, rate_hz) = (&description.filters, description.adc.rate_hz);
     let step_rate_hz = description.window.rate_hz;

@@ -1,5 +1,4 @@
-//! Writes the generated source files of the crate `model`: documented constants and statics in
-//! Rust.
+//! Writes the generated source files of the crate `model`: documented constants and statics.
 
 mod chain;
 mod encoder;
@@ -53,8 +52,7 @@ fn constants(model: &DeviceModel) -> String {
         ..
     } = &model.description;
     let (resampler, packed) = (&model.resampler, model.packed.as_ref());
-    // A network without convolutions uses neither padding nor pool, whatever its description
-    // states, so write neutral values.
+    // Padding and pool mean nothing in a network without convolutions: write neutral values.
     let (padding, pool) = if mode.has_convolutions() {
         (network.padding, network.pool)
     } else {

@@ -125,8 +125,7 @@ pub enum FilterError {
          can overflow its 64-bit accumulator: raise [adc] rate_hz in model.toml"
     )]
     ResamplerAccumulator(u32, u64),
-    /// A node of the cascade could overflow 32 bits: the node with its gain, and the upper limit of
-    /// the gain.
+    /// A node of the cascade could overflow 32 bits: the node with its gain, and the gain's limit.
     #[error(
         "{} can reach {:.2} times the input: full-scale ADC counts allow less \
          than {:.2}; lower [filters] order or raise the lower band edge in model.toml",
@@ -184,8 +183,7 @@ pub enum ModelGenError {
     /// A calibrated range is not a positive, finite number: name of the tensor, and its value.
     #[error("the calibrated range of {0} is {1}: run the calibration again")]
     Calibration(&'static str, f64),
-    /// The mains frequencies of the description are not those that this version supports: the list
-    /// that the description states.
+    /// The description states mains frequencies that this version does not support: the list.
     #[error("[filters] mains_hz is {0}, but this version supports only [50, 60]")]
     MainsFrequencies(String),
     /// A generated file could not be written.

@@ -16,9 +16,8 @@ const ADC_BITS: u32 = 24;
 /// filtered sample.
 pub(crate) const GAIN_LIMIT: u32 = 1 << (32 - ADC_BITS - GUARD_BITS);
 
-/// Upper bound of the rounding noise of the whole cascade at any node, as a fraction of full scale:
-/// 2^-17, which is 2^11 units of Q27.5. The noise measured on EEG is a few units rms
-/// (docs/figures.md).
+/// Upper bound of the cascade's rounding noise at any node, as a fraction of full scale: 2^-17,
+/// which is 2^11 units of Q27.5. The noise measured on EEG is a few units rms (docs/figures.md).
 const NOISE: f64 = 1.0 / 131_072.0;
 
 /// Worst-case gain from the input to one node, a signal within the filter chain.
@@ -74,8 +73,7 @@ fn checked_gain(node: String, gain: f64) -> Result<NodeGain, FilterError> {
     }
 }
 
-/// Returns the name and the samples of each signal that must fit 32 bits in a section, which turns
-/// `input` into `output`.
+/// Returns, with names, the signals that must fit 32 bits in a section with this input and output.
 fn nodes(section: &Section, input: &[f64], output: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
     let before = |signal: &[f64], index: usize, age: usize| {
         index

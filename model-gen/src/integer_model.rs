@@ -1,5 +1,4 @@
-//! The encoder in integers, with the weights in the layout of the artifact, and the reference
-//! computation of a code.
+//! The encoder in integers, weights in the artifact's layout, and reference computation of a code.
 
 use artifact::{CONV1_CHANNELS, CodeFormat, Geometry, IntegerCode, KERNEL, Mode};
 
@@ -41,8 +40,7 @@ pub struct IntegerModel {
     pub code_format: CodeFormat,
     /// Scale of each dimension of the code: `z = (level - zero point) * scale`.
     pub code_scale: Vec<f32>,
-    /// Level that stands for 0 in each dimension of the code; always 0 in formats other than
-    /// `Int8`.
+    /// Level that stands for 0 in each dimension of the code; 0 in formats other than `Int8`.
     pub code_zero_point: Vec<i8>,
     /// Index of each electrode's cell on the scalp grid, row by row.
     pub cells: Vec<u8>,
@@ -111,8 +109,7 @@ impl IntegerModel {
             .collect()
     }
 
-    /// Returns the inputs of the fully connected layer for a window,
-    /// `[channel][time][row][column]`.
+    /// Returns the fully connected layer's inputs for a window, `[channel][time][row][column]`.
     fn features(&self, window: &[i8]) -> Vec<i64> {
         let dimensions = &self.geometry.dimensions;
         let input = Volume {

@@ -183,8 +183,7 @@ fn layers(out: &mut String, integers: &IntegerModel) -> std::fmt::Result {
     Ok(())
 }
 
-/// Writes a line with the size of a layer's weights and the largest value that its accumulator can
-/// reach.
+/// Writes a line with the size of a layer's weights and its largest possible accumulator value.
 fn layer(
     out: &mut String,
     name: &str,

@@ -5,8 +5,7 @@ use int8_nn::{Direct, InputConv, Linear, Pair, Winograd};
 
 use crate::integer_model::{IntegerLayer, IntegerModel};
 
-/// Number of weights of a convolution kernel for each pair of input and output channel: steps x
-/// rows x columns.
+/// Number of weights for each pair of input and output channel: steps x rows x columns of a kernel.
 const TAPS: usize = KERNEL.pow(3);
 /// Number of pairs of channels that lead from the first convolution to the second.
 const HIDDEN_PAIRS: usize = CONV1_CHANNELS / 2;
@@ -51,8 +50,8 @@ pub fn input_convolution(conv: &IntegerLayer) -> Vec<Pair> {
     packed
 }
 
-/// Returns the second convolution's weights for its kernel: transformed for the Winograd kernel,
-/// packed for the direct one.
+/// Returns the second convolution's weights, transformed (Winograd kernel) or packed (direct
+/// kernel).
 pub fn convolution(model: &IntegerModel) -> Vec<Pair> {
     // The packed weights do not depend on the input's columns, so any number will do; 6 is used.
     type Transformed = Winograd<'static, HIDDEN_PAIRS, 6>;

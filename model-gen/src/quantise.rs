@@ -153,8 +153,7 @@ impl Convolutions {
             "encoder.conv1",
             &[CONV1_CHANNELS, 1, KERNEL, KERNEL, KERNEL],
         )?;
-        // Use the magnitudes of norm1's factors: `absorb` folds their signs into the weights of
-        // conv2.
+        // Use the magnitudes of norm1's factors: `absorb` folds the signs into conv2's weights.
         let gain1: Vec<f64> = norm1
             .factor
             .iter()
@@ -300,8 +299,7 @@ struct CodeScales {
 }
 
 impl CodeScales {
-    /// Derives scales and zero points from each dimension's smallest and largest value in
-    /// calibration.
+    /// Derives scales and zero points from each dimension's range in calibration.
     fn from_calibration(artifact: &Artifact) -> Result<Self, ModelGenError> {
         let numbers = artifact.description.code.numbers;
         let smallest = artifact.calibration.tensor("code.min", &[numbers])?;

@@ -43,8 +43,8 @@ pub struct ResamplerTable {
 }
 
 impl ResamplerTable {
-    /// Designs the resampler from `rate_hz` to `step_rate_hz`. The number of electrodes determines
-    /// the size of its delay line.
+    /// Designs the resampler from `rate_hz` to `step_rate_hz`, with a delay line for all
+    /// electrodes.
     ///
     /// # Errors
     /// If the rates do not allow this decimation, or the resampler would take too much memory.
@@ -122,8 +122,7 @@ impl ResamplerTable {
     }
 
     /// Returns the complex gain at `frequency_hz` for samples at `rate_hz`; its phase is relative
-    /// to the time of an output. It is the gain of the prototype, which is the mean over all
-    /// phases.
+    /// to the time of an output. The gain is that of the prototype: the mean over all phases.
     ///
     /// A tone above half of the output rate has this gain at its alias frequency. If the input rate
     /// is not a multiple of the output rate, the gain at `k * rate_hz - f` is that of the image of

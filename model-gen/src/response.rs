@@ -47,8 +47,7 @@ pub fn filter(sections: &[Section], input: impl Iterator<Item = f64>) -> impl It
     })
 }
 
-/// Longest impulse response that is computed, samples: takes 32 MiB as f64, and lasts 68 minutes at
-/// 1024 Hz.
+/// Longest impulse response that is computed, samples: 32 MiB as f64, or 68 minutes at 1024 Hz.
 pub(crate) const MAX_SAMPLES: f64 = 4_194_304.0;
 
 /// Returns the number of samples after which the impulse response has decayed: the n for which

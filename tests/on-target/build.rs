@@ -1,5 +1,4 @@
-//! Writes the outputs that the golden vectors expect, and passes the board's memory map to the
-//! linker.
+//! Writes the golden vectors' expected outputs, and passes the board's memory map to the linker.
 #![forbid(unsafe_code)]
 
 use std::{
@@ -159,8 +158,7 @@ fn windows(golden: &mut String) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Writes, as the array `name`, the first [`CODES`] codes that this PC computes for
-/// [`signal::samples`].
+/// Writes the first [`CODES`] codes that this PC computes for [`signal::samples`], as array `name`.
 fn codes(golden: &mut String, name: &str, mains: Mains) -> Result<(), Box<dyn Error>> {
     let mut pipeline = Pipeline::new(mains);
     let codes = signal::samples().filter_map(|sample| pipeline.encode_sample(&sample));

@@ -102,11 +102,10 @@ pub fn any_artifact(
     })
 }
 
-/// Returns a random network like [`any_artifact`], for the built-in model's description as `change`
-/// alters it.
+/// Returns a network as [`any_artifact`] does, for the built-in model's description after `change`.
 ///
 /// # Errors
-/// When the built-in model cannot be read, or no model can have the altered description.
+/// When the built-in model cannot be read, or no model can have the changed description.
 pub fn any_artifact_with(
     seed: u32,
     change: impl FnOnce(&mut Description),
@@ -155,8 +154,7 @@ impl Size {
         let [rows, columns] = self.grid;
         let cells = rows * columns;
         let is_electrode = |cell: usize| {
-            // Spread the electrodes evenly: cell k has one if k * electrodes / cells reaches the
-            // next integer.
+            // Cell k has an electrode if k * electrodes / cells reaches an integer: an even spread.
             (cell + 1) * self.electrodes / cells > cell * self.electrodes / cells
         };
         let label = |cell: usize| {
@@ -217,8 +215,7 @@ pub fn any_artifact_for(
     })
 }
 
-/// Returns a model for a montage that makes only the packed code, with the numbers of
-/// [`any_packed`].
+/// Returns a model for a montage that makes only the packed code, as from [`any_packed`].
 ///
 /// # Errors
 /// When the built-in model cannot be read, or no model has this montage.
@@ -304,8 +301,7 @@ fn dense_weights(noise: &mut Noise, mode: Mode, geometry: &Geometry) -> Tensors 
             }
         }
         if name.contains("norm") && name.ends_with(".weight") {
-            // Make sure that every norm has a negative, a zero and a positive factor, whatever the
-            // seed.
+            // Give every norm a negative, a zero and a positive factor, whatever the seed.
             (values[0], values[1], values[2]) = (-0.7, 0.0, 0.7);
         }
         weights.insert(name, &shape, values);

@@ -92,8 +92,7 @@ mod tests {
     /// Number of cells in which the tests count values, taken from successive planes.
     const COUNTED: usize = 9_000;
 
-    /// Counts how often each int8 value, from -128 at index 0, occurs in the first [`COUNTED`]
-    /// cells.
+    /// Counts each int8 value in the first [`COUNTED`] cells; index 0 is the value 0, 128 is -128.
     fn histogram(stress: Stress) -> [u32; 256] {
         let mut histogram = [0; 256];
         for cell in stress.planes(CELLS).flatten().take(COUNTED) {

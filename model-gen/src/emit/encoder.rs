@@ -1,5 +1,4 @@
-//! Writes the encoder as Rust constants: weights, requantisation factors and the network that
-//! refers to them.
+//! Writes the encoder as Rust constants: weights, factors, and the network that refers to them.
 
 use artifact::CodeFormat;
 use int8_nn::Pair;

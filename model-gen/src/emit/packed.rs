@@ -20,8 +20,7 @@ pub const PACKED: Option<Packed<'static>> = None;
             );
             return;
         };
-        // Write the imports only here: without a packed model they would be unused in the generated
-        // file.
+        // Write the imports only here: without a packed model they would be unused.
         self.line(
             "\
 use ::packed::Tables;

@@ -60,8 +60,7 @@ fn with_an_exponent_small_signals_have_a_finer_code_and_large_ones_are_not_clipp
              {by_exponent:.4}, in 16 bits {by_int16:.4}",
             codes[1].exponent
         );
-        // The 1 % allows for rounding of the last bit, by which either format may happen to be
-        // closer.
+        // The 1 % allows for rounding of the last bit, which can favour either format.
         assert!(by_int16 <= 1.01 * by_exponent, "window {index}");
         if index < 13 {
             assert!(by_exponent < 0.1 * by_int8, "window {index}, small signal");

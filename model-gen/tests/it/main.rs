@@ -1,5 +1,4 @@
-//! Integration tests: filters and resamplers compared with scipy's, code formats, and models for
-//! other amplifiers.
+//! Integration tests: filters and resamplers against scipy, code formats, and other amplifiers.
 #![forbid(unsafe_code)]
 
 mod chain;

@@ -1,5 +1,4 @@
-//! Tests of complete models for other amplifiers: every usual rate, both decimations, and zero to
-//! two harmonics.
+//! Tests of models for other amplifiers: every usual rate, both decimations, up to two harmonics.
 
 use std::{error::Error, path::Path};
 

@@ -145,8 +145,7 @@ impl Contender for Resampling {
     }
 }
 
-/// Contender that runs the whole acquisition: rail detection, filters, decimation, scalp grid,
-/// quantisation.
+/// The whole acquisition as a contender: rails, filters, decimation, scalp grid, quantisation.
 struct Acquiring {
     acquisition: Acquisition,
     samples: [Sample; BLOCK],

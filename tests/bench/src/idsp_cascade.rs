@@ -11,8 +11,7 @@ use crate::{
     contenders::Contender,
 };
 
-/// Second-order section of idsp with five coefficients in Q2.29, because their largest magnitude is
-/// 2.
+/// Second-order section of idsp: five coefficients in Q2.29, because their largest magnitude is 2.
 pub type Section29 = Biquad<Q32<29>>;
 
 /// Our sections for 50 Hz mains, converted to idsp's sections, in the same order and with the same

@@ -1,5 +1,4 @@
-//! Calls each kernel of the encoder alone, with the weights of the built-in network, so that its
-//! instructions can be counted.
+//! Calls each kernel of the encoder alone, with the built-in network's weights, to be counted.
 
 use core::hint::black_box;
 
@@ -59,8 +58,7 @@ pub fn each(mut count: impl FnMut(Kernel, &mut dyn FnMut())) {
     }
 }
 
-/// Calls `count` once for each kernel of the convolutions and for that of the fully connected
-/// layer.
+/// Calls `count` once for each kernel of the convolutions and of the fully connected layer.
 fn each_of_convolutions(count: &mut impl FnMut(&'static str, usize, &mut dyn FnMut())) {
     let cells = black_box([0_i8; CELL_PLANE.len()]);
     let mut input = black_box([[Pair::ZERO; CELL_PLANE.len()]; PLANES]);

@@ -146,8 +146,8 @@ impl Files {
             .ok_or(Refused)
     }
 
-    /// Reads element `index` of an input (a block, a plane or a step) and returns true; returns
-    /// false at the end of the file.
+    /// Reads an input's element `index` (block, plane or step); returns false at the end of the
+    /// file.
     ///
     /// # Errors
     /// The file cannot be read, or ends within an input.

@@ -62,8 +62,7 @@ enum Benchmark {
         #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(65..=1_500))]
         hops: u32,
     },
-    /// Lossless compression of samples: bits per count, and instructions on emulated
-    /// microcontrollers.
+    /// Lossless compression: bits per count, and instructions on emulated microcontrollers.
     Lossless,
     /// Cost of a model: instructions of each time step on emulated microcontrollers, flash and RAM
     /// of the boards' images. Fails when a code differs from the batch reference's, or an image
@@ -71,8 +70,7 @@ enum Benchmark {
     Model {
         /// Folder of the model, as `trainer train` writes it.
         folder: PathBuf,
-        /// Number of windows that are encoded and compared with the batch reference, over all
-        /// inputs.
+        /// Number of windows that are encoded and compared with the reference, over all inputs.
         #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
         windows: u32,
     },
@@ -88,8 +86,7 @@ enum Benchmark {
         #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
         windows: u32,
     },
-    /// Encoder on this PC: codes per second on one core, and those of PyTorch where it is
-    /// installed.
+    /// Encoder on this PC: codes per second on one core, also of PyTorch where it is installed.
     Host,
     /// Recordings encoded and decoded on one core of this PC, as multiples of real time; scipy and
     /// PyTorch for comparison, where they are installed.
@@ -104,8 +101,7 @@ enum Benchmark {
     /// Bridge on this PC: intervals and latency of codes at a subscriber, processor time and
     /// memory; a node in rospy for comparison, where it is installed.
     Bridge {
-        /// Duration of each of the two parts, codes alone and codes with the reconstructed signals,
-        /// seconds.
+        /// Duration of each of the two parts (codes alone; also reconstructed signals), seconds.
         #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(2..=86_400))]
         seconds: u32,
     },

@@ -113,8 +113,8 @@ impl Board {
         qemu
     }
 
-    /// Runs the image with `arguments` to its end. What the UART sends goes to the file `uart` in
-    /// the folder.
+    /// Runs the image with `arguments` to its end. The UART's output goes to the folder's file
+    /// `uart`.
     ///
     /// # Panics
     /// When QEMU fails.
@@ -173,8 +173,7 @@ impl Run {
         self.printed("overruns").max(reported)
     }
 
-    /// Checks that the board has acquired all `samples` samples, and that every frame has arrived
-    /// intact.
+    /// Checks that the board has acquired every sample, and that every frame has arrived intact.
     ///
     /// # Panics
     /// When a sample was not acquired in time, or a frame was dropped, is missing or is damaged.

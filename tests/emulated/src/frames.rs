@@ -28,8 +28,7 @@ pub fn filter_map<T>(
     selected
 }
 
-/// Encodes a message as a frame with the given sequence number and protocol version, at device time
-/// 0.
+/// Encodes a message as a frame of this sequence number and protocol version at device time 0.
 ///
 /// # Panics
 /// When the message is longer than a frame.
@@ -44,8 +43,7 @@ pub fn frame<'m>(seq: u32, version: u8, message: &impl Message<'m>) -> Vec<u8> {
     frame.expect("the message fits a frame").to_vec()
 }
 
-/// Encodes a message as a frame whose header is always the same, so that equal messages have equal
-/// bytes.
+/// Encodes a message as a frame with a constant header, so that equal messages have equal bytes.
 ///
 /// # Panics
 /// When the message is longer than a frame.
@@ -255,8 +253,7 @@ mod tests {
     fn a_code_that_is_late_by_a_microsecond_shows() {
         let sent = simulated(Streams::CODES, &vec![Sample::default(); 512]);
         let mut boot = Boot::only(&sent);
-        // 512 samples are 128 steps, which complete 15 windows: one after 16 steps, and 14 at hops
-        // of 8 steps.
+        // 512 samples are 128 steps: a window of 16 steps and 14 hops of 8 steps, so 15 codes.
         assert_eq!(boot.timed_codes.len(), 15);
         assert_eq!(boot.jitter_us(), 0);
         boot.timed_codes[7].0 += 1;

@@ -18,8 +18,7 @@ pub struct Script {
     pub answers: Vec<Ack>,
     /// All bytes that the board receives, in order, without their times.
     bytes: Vec<u8>,
-    /// Frame of the last command, and its expected answer, for
-    /// [`repeat_command`](Self::repeat_command).
+    /// Frame of the last command, and its expected answer, for a repetition.
     last: Option<(Vec<u8>, Ack)>,
     next_seq: u32,
 }

@@ -20,7 +20,7 @@ pub const LIMIT_BUSY: f64 = 0.9;
 const STACK_LIMIT: f64 = 0.75;
 
 /// Returns the figures in a `Timing`: for each stage its worst time and its deadline, in
-/// nanoseconds and in instructions, and how often it was late; then use and size of the stack,
+/// nanoseconds and in instructions, and how often it was late; then the stack's use and size,
 /// bytes.
 ///
 /// A worst time includes other tasks and interrupts. The worst time of `send` also includes idle
@@ -43,8 +43,7 @@ pub fn figures(timing: &Timing) -> Value {
     })
 }
 
-/// Returns how often a stage missed its deadline: the last class of its histogram counts these
-/// times.
+/// Returns how often a stage missed its deadline, which the last class of its histogram counts.
 fn late(stage: &StageTiming) -> u32 {
     stage.histogram[stage.histogram.len() - 1]
 }

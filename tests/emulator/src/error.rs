@@ -50,14 +50,12 @@ pub enum EmulatorError {
 }
 
 impl EmulatorError {
-    /// Returns whether the user must install something, QEMU or the standard library for the
-    /// target.
+    /// Returns whether the user must install something: QEMU or the target's standard library.
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::QemuMissing | Self::TargetMissing)
     }
 
-    /// Returns a function for `map_err` that turns an error of the file system into one that names
-    /// `path`.
+    /// Returns a function for `map_err` that adds `path` to an error of the file system.
     pub fn file(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         |error| Self::File { path, error }

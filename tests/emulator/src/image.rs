@@ -33,9 +33,8 @@ pub struct OtherModel<'p> {
 }
 
 impl Image {
-    /// Builds the program `bin` of `package` with cargo's profile `firmware`; `features` are
-    /// arguments of cargo. The model is the checked-in one, or the one that `CORTICODE_ARTIFACT`
-    /// names.
+    /// Builds the program `bin` of `package` with cargo's profile `firmware` and the checked-in
+    /// model, or the one that `CORTICODE_ARTIFACT` names; `features` are arguments of cargo.
     ///
     /// Cargo writes the images of all feature sets to the same path, so the image is copied to a
     /// folder named after its features. Compiler messages go to the standard error. If this program
@@ -100,8 +99,7 @@ impl Image {
         let image = Self { path: built };
         let folder = image.create_folder(Path::new("emulator").join(variant))?;
         let [path, copy] = [folder.join(bin), folder.join(format!("{bin}.new"))];
-        // Write the copy under another name first: an emulator that starts now may be reading the
-        // former copy.
+        // Rename the copy into place, because an emulator may be reading the former one.
         let copied = fs::copy(&image.path, &copy).and_then(|_| fs::rename(&copy, &path));
         copied.map_err(EmulatorError::file(&path))?;
         Ok(Self { path })
@@ -117,14 +115,13 @@ impl Image {
         &self.path
     }
 
-    /// Creates the folder `name` in cargo's target folder, for files of a run, and returns its
-    /// path.
+    /// Creates the folder `name` for files of a run in cargo's target folder; returns its path.
     ///
     /// # Errors
     /// The folder cannot be created.
     pub fn create_folder(&self, name: impl AsRef<Path>) -> Result<PathBuf, EmulatorError> {
-        // The image is three levels below the target folder: `target/TRIPLE/PROFILE/bin` or, as a
-        // copy, `target/emulator/VARIANT/bin`.
+        // Both `target/TRIPLE/PROFILE/bin` and the copy `target/emulator/VARIANT/bin` are three
+        // levels deep.
         let target = self.path.ancestors().nth(3).unwrap_or(Path::new("."));
         let folder = target.join(name);
         fs::create_dir_all(&folder).map_err(EmulatorError::file(&folder))?;

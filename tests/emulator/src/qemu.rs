@@ -28,8 +28,7 @@ pub struct Machine {
     pub features: &'static [&'static str],
 }
 
-/// The emulated boards: one with the smaller and one with the larger processor that the firmware
-/// supports.
+/// The emulated boards: with the smaller and with the larger processor that the firmware supports.
 pub const MACHINES: [Machine; 2] = [
     Machine {
         name: "mps2-an386",
@@ -48,8 +47,7 @@ pub const MACHINES: [Machine; 2] = [
 pub enum Uart<'f> {
     /// Nothing; for an image that does not use the UART.
     None,
-    /// A file of this name in the run's folder, for what the image sends; the image receives
-    /// nothing.
+    /// A file of this name in the run's folder, for the image's output; there is no input.
     File(&'f str),
     /// The named pipes `NAME.in` (to the image) and `NAME.out` (from it) in the run's folder.
     Pipes(&'f str),
@@ -88,8 +86,7 @@ impl Qemu {
         self
     }
 
-    /// Connects the first UART to `uart`; without this call, QEMU connects it to the standard
-    /// output.
+    /// Connects the first UART to `uart`; without this call it is QEMU's standard output.
     pub fn uart(&mut self, uart: Uart<'_>) -> &mut Self {
         let serial = match uart {
             Uart::None => "none".to_owned(),

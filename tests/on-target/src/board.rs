@@ -22,8 +22,7 @@ const MISSING: u8 = 2;
 /// Exit status if the image prints no result, because probe-rs does not start or no board responds.
 const UNREACHABLE: u8 = 3;
 
-/// Runs the image that the command line `on-target BOARD IMAGE` names, and returns the program's
-/// exit status.
+/// Runs the image that the command line `on-target BOARD IMAGE` names; returns an exit status.
 pub(crate) fn run() -> ExitCode {
     let words: Vec<String> = env::args().skip(1).collect();
     let chip = |word: &str| CHIPS.into_iter().find(|(board, _)| *board == word);

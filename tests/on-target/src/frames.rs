@@ -9,10 +9,9 @@ use crate::{
     mismatch::{Mismatch, expect_equal},
 };
 
-/// Sequence number and device time in microseconds of the frame with a code in
-/// `docs/wire-format.md`.
+/// Sequence number and device time (us) of the frame with a code in `docs/wire-format.md`.
 const CODE_AT: (u32, u64) = (304, 19_871_093);
-/// Sequence number and time in microseconds of the frame with a command in `docs/wire-format.md`.
+/// Sequence number and device time (us) of the frame with a command in `docs/wire-format.md`.
 const START_AT: (u32, u64) = (1, 0);
 
 /// Checks the encoding and decoding of a frame with a code, which the device sends.

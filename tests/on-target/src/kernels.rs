@@ -118,8 +118,7 @@ fn direct(noise: &mut Noise, sums: &mut [i32]) -> usize {
     })
 }
 
-/// Prepares `sums` for a max-pool by setting all to the smallest value, calls `pool` with them, and
-/// returns their number.
+/// Sets all `sums` to the smallest value, so that `pool` can raise them, and returns their number.
 fn pooled(sums: &mut [i32], pool: impl FnOnce(&mut [i32])) -> usize {
     sums.fill(i32::MIN);
     pool(sums);

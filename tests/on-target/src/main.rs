@@ -1,6 +1,5 @@
-//! Image that runs every golden vector, prints each result on the host's standard output, and ends
-//! with an exit status. Output and exit status use semihosting, which QEMU and `probe-rs run`
-//! support.
+//! Image that runs every golden vector, prints the results on the host's standard output, and ends
+//! with an exit status, all by semihosting, which QEMU and `probe-rs run` support.
 //!
 //! The image configures neither clocks nor caches: on a board it runs with the reset settings.
 #![cfg_attr(target_os = "none", no_std)]
@@ -57,8 +56,7 @@ mod image {
         end(failed == 0)
     }
 
-    /// Creates the state of the pipeline. Not inlined, because its large stack frame would never be
-    /// freed as part of `main`.
+    /// Creates the pipeline's state. Not inlined: `main` would never free the large stack frame.
     #[inline(never)]
     fn device() -> &'static mut Device {
         DEVICE.init_with(Device::new)
@@ -71,8 +69,7 @@ mod image {
     /// Number of times that SysTick has counted down to 0.
     static ENDS: AtomicU32 = AtomicU32::new(0);
 
-    /// Starts the timer SysTick as clock. The cycle counter of the DWT would have 32 bits, but QEMU
-    /// does not emulate it.
+    /// Starts SysTick as clock: the DWT's cycle counter has 32 bits, but QEMU does not emulate it.
     fn start_clock(timer: &mut SYST) {
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(RELOAD);
@@ -99,7 +96,7 @@ mod image {
         ENDS.fetch_add(1, Relaxed);
     }
 
-    /// Ends the emulation or `probe-rs run`, with exit status 0 if `success` is true, otherwise 1.
+    /// Ends the emulation or `probe-rs run`; the exit status is 0 only if `success` is true.
     fn end(success: bool) -> ! {
         loop {
             debug::exit(if success {

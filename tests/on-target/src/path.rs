@@ -1,5 +1,4 @@
-//! Checks the pipeline with the built-in model: checksums of the model in flash, codes, packed
-//! blocks.
+//! Checks the pipeline with the built-in model: checksums in flash, codes, packed blocks.
 
 use core::hint::black_box;
 

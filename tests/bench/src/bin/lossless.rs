@@ -29,8 +29,7 @@ mod image {
         files.count_inputs(|files| count_input(clock, files))
     }
 
-    /// Compresses the next input. Returns the tally of its blocks, or `None` at the end of the
-    /// file.
+    /// Compresses the next input. Returns its blocks' tally, or `None` at the end of the file.
     fn count_input(clock: &Clock, files: &mut Files) -> Result<Option<Tally>, Refused> {
         let mut state = EncoderState::NEW;
         let mut tally = Tally::EMPTY;

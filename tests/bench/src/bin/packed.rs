@@ -21,8 +21,7 @@ mod image {
     use model::HOP;
     use pipeline::{ELECTRODES, PackedEncoder, PackedMemory, Step};
 
-    /// Instruction counts of one input: a tally for each place of a time step in the hop, and one
-    /// for whole hops.
+    /// Instruction counts of one input: a tally for each time step of a hop, and one for hops.
     struct Counts {
         places: [Tally; HOP],
         hops: Tally,
@@ -44,8 +43,8 @@ mod image {
         })
     }
 
-    /// Encodes all inputs. Prints, for each input, a tally of instructions for each place in the
-    /// hop, and one for whole hops.
+    /// Encodes all inputs. Prints, for each input, an instruction tally for each time step of a hop
+    /// and one for whole hops.
     fn count_all(clock: &Clock) -> Result<(), Refused> {
         let mut files = Files::open()?;
         let steps = files.read_steps()?;

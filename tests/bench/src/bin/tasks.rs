@@ -48,8 +48,7 @@ mod image {
         ConstStaticCell::new([const { BulkSlot::empty() }; deadlines::BULK_WAITING]);
     static BULK_CHANNEL: StaticCell<Channel<'static, RawMutex, BulkSlot>> = StaticCell::new();
 
-    /// Converter for linking: it decodes frames whose bytes the compiler cannot predict, so that no
-    /// path is optimised away.
+    /// Converter whose frames the compiler cannot predict, so that no path is optimised away.
     struct Unknown {
         decoder: Decoder<CHIPS>,
         counts: [[i32; CHANNELS]; CHIPS],

@@ -23,8 +23,7 @@ pub(crate) fn artifact() -> anyhow::Result<Artifact> {
     Artifact::read(Path::new(ARTIFACT)).context(failed)
 }
 
-/// Parses `text`, the contents of `tests/bench/FILE`, and returns its table or array of tables
-/// `name`.
+/// Returns the table or array of tables `name` in `text`, the contents of `tests/bench/FILE`.
 ///
 /// # Errors
 /// `text` is no TOML, has no such table, or a table does not have the fields of `T`.

@@ -87,8 +87,7 @@ pub(crate) fn measure(
     Ok(figures)
 }
 
-/// Returns the folder in which images with other models are built; it lies in cargo's target
-/// folder.
+/// Returns the folder, within cargo's target folder, in which images with other models are built.
 ///
 /// # Errors
 /// This program is not where cargo builds programs.

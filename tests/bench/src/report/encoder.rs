@@ -38,8 +38,7 @@ struct Part {
     region: String,
 }
 
-/// Encodes at least `windows` windows on each emulated machine, and returns the report with all
-/// figures.
+/// Encodes at least `windows` windows on each emulated machine, and returns the report.
 ///
 /// # Errors
 /// QEMU or the target is missing, an image does not build or run, or an input cannot be made.
@@ -162,8 +161,7 @@ fn report(
     let steps = inputs.data.iter().map(Vec::len);
     let published = include_str!("../../published.toml");
     let mut figures = json!({
-        // The cycles include those of the shortcut, and assume that code and data are in memory
-        // without wait states.
+        // The cycles include the shortcut, and assume code and data in memory without wait states.
         "cycles_per_code_m4": m4,
         "cycles_per_code_m4_llvm_mca": cycles(0, REST_M4, |each| Some(each.llvm_mca)),
         "cycles_per_code_m7": m7,
@@ -226,8 +224,8 @@ mod tests {
     }
 
     impl Expected {
-        /// Asserts that the expected codes, `windows` of them, are those that this PC's pipeline
-        /// computes from the input file.
+        /// Asserts that this PC's pipeline computes the expected `windows` codes from the input
+        /// file.
         pub(crate) fn assert_codes_of_pipeline(&self, windows: usize) {
             let (steps, cells) = self.input.split_first_chunk().expect("a number of steps");
             let planes = cells.as_chunks::<CELLS>().0.iter();

@@ -33,8 +33,7 @@ struct Round {
     torch: Option<Answer>,
 }
 
-/// Times our encoder and PyTorch alternately, and compares the codes of both with those of the
-/// float network.
+/// Times our encoder and PyTorch alternately, and compares the codes of both with float codes.
 ///
 /// # Errors
 /// PyTorch does not run, or a contender's codes are incomplete.
@@ -79,9 +78,8 @@ fn report(
         "ratio_torch": median(&|round| Some(round.streaming / single(round)?)),
         "ratio_torch_batch": median(&|round| Some(round.streaming / batch(round)?)),
         "ratio_torch_windows_batch": median(&|round| Some(round.by_window / batch(round)?)),
-        // Distances from the codes of the float network: rms difference of the int8 codes in
-        // quantisation levels, and largest difference of PyTorch's codes relative to the largest
-        // code value.
+        // Differences from the codes of the float network: rms in quantisation levels for int8, and
+        // the largest, relative to the largest code value, for PyTorch.
         "int8_rms_steps": int8_rms_levels,
         "torch_relative": torch_relative,
         "arch": env::consts::ARCH,

@@ -1,5 +1,4 @@
-//! Runs images and reads the instruction counts that they print, and reads what they load into
-//! flash.
+//! Runs images, reads the instruction counts that they print, and reads what they load into flash.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -14,12 +13,10 @@ use serde::de::DeserializeOwned;
 use crate::block::{INPUTS, OUTPUTS};
 use crate::tally::Tally;
 
-/// Longest permitted time in which an image prints nothing; the longest measured is 3 s on one busy
-/// core.
+/// Longest permitted time in which an image prints nothing; measured are 3 s on one busy core.
 const SILENCE: Duration = Duration::from_mins(2);
 
-/// Virtual time of one instruction as a power of two: 2^10 ns, on which the images' instruction
-/// counter relies.
+/// Virtual time per instruction, which the images' counter assumes, as a power of two: 2^10 ns.
 const INSTRUCTION_TIME: u8 = 10;
 
 /// Runs an image on `machine` in the subfolder `folder` of cargo's target folder, with `inputs` as
@@ -72,8 +69,7 @@ pub(crate) fn different(expected: &[u8], output: &[u8], length: usize) -> usize 
     blocks.filter(|(block, expected)| block != expected).count()
 }
 
-/// Range over all inputs of the number of instructions of one contender, or of one time step of a
-/// hop.
+/// Range over all inputs of the instructions of one contender, or of one time step of a hop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Range {
     pub(crate) fewest: u32,

@@ -18,15 +18,13 @@ use recordings::{AdcSpec, Missing, MontageMap, Recording, VirtualAdc};
 use crate::block::{BLOCKS, Block};
 use crate::hop;
 
-/// File with real EEG for the filters, in the folder that `CORTICODE_DATA` names: 61 electrodes at
-/// 512 Hz.
+/// Real EEG for the filters, in the folder that `CORTICODE_DATA` names: 61 electrodes at 512 Hz.
 const RESAMPLED: &str = "derived/s001r04_61ch_512hz_i16.gdf";
-/// File with real EEG for the encoder, in the folder that `CORTICODE_DATA` names: 125 s, mains at
-/// 60 Hz, not used in training.
+/// Real EEG for the encoder, in the folder that `CORTICODE_DATA` names: 125 s, mains at 60 Hz, not
+/// used in training.
 const HELD_OUT: &str = "eegmmidb_S001/S001R11.edf";
 
-/// Number of time steps that are left out at the start of the packed encoder's inputs: 10 s, in
-/// which the filters settle.
+/// Number of time steps left out at the start of the packed encoder's inputs: 10 s of settling.
 const SETTLING_STEPS: usize = 1_280;
 
 /// Error message for a recording that cannot be read.
@@ -178,8 +176,7 @@ pub(crate) fn steps(count: usize) -> anyhow::Result<Inputs<Step>> {
 /// Name of a test signal, and its samples without end.
 type Signal = (&'static str, Box<dyn Iterator<Item = Sample>>);
 
-/// Returns four test signals: silence, jumps between the rails, noise over the whole range, and
-/// synthetic EEG.
+/// Returns the test signals silence, jumps between rails, full-range noise, and synthetic EEG.
 fn signals() -> anyhow::Result<[Signal; 4]> {
     let random = ChaCha8Rng::seed_from_u64;
     Ok([
@@ -240,8 +237,7 @@ fn to_planes(mains: Mains, samples: impl IntoIterator<Item = Sample>, steps: usi
     steps_of.map(|step| step.plane).take(steps).collect()
 }
 
-/// Returns `count` time steps that the acquisition computes from the samples, after leaving out the
-/// first [`SETTLING_STEPS`].
+/// Returns `count` steps that the acquisition computes, after leaving out [`SETTLING_STEPS`].
 fn to_steps(mains: Mains, samples: impl IntoIterator<Item = Sample>, count: usize) -> Vec<Step> {
     let mut acquisition = Acquisition::new(mains);
     let samples = samples.into_iter();

@@ -56,8 +56,7 @@ struct Expected {
     bits: Vec<f64>,
 }
 
-/// Runs the image on each machine, counts the instructions, and compares the compressed blocks with
-/// those of this PC.
+/// Runs the image on each machine and compares the compressed blocks with those of this PC.
 ///
 /// # Errors
 /// QEMU or the target is missing, the image does not build or run, or an input cannot be made.
@@ -83,8 +82,7 @@ pub(crate) fn measure() -> anyhow::Result<Report> {
     report(&machines, state_bytes, &inputs.skipped)
 }
 
-/// Returns the mean number of compressed bits per count of synthetic EEG, computed on this PC
-/// alone.
+/// Returns the mean compressed bits per count of synthetic EEG, computed on this PC alone.
 ///
 /// # Errors
 /// An input cannot be made, or a block differs after decompression.

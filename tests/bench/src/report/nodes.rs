@@ -29,8 +29,7 @@ use self::figures::{Figures, Times, Usage};
 use self::subscriber::Subscriber;
 use super::programs::Python;
 
-/// Environment variable that names the folder of our programs; the default is the folder of this
-/// one.
+/// Environment variable that names the folder of our programs; by default it is this program's.
 const FOLDER: &str = "CORTICODE_PROGRAMS";
 /// Address at which a server listens on any free port of this PC.
 const ANY_PORT: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 0);
@@ -40,8 +39,7 @@ const START: Duration = Duration::from_secs(30);
 const WARM_UP: Duration = Duration::from_secs(3);
 /// Longest time to wait after a measurement for its last codes to arrive, on a busy machine.
 const STRAGGLERS: Duration = Duration::from_secs(10);
-/// Time before the end of a wait from which on the thread does not sleep, because a sleep may end
-/// up to this much late.
+/// Last part of a wait, without sleep: a sleep may end up to this much late.
 const BUSY: Duration = Duration::from_millis(2);
 
 /// Folder that contains the programs to be measured.
@@ -144,8 +142,7 @@ impl Ros {
         self.folder.path().join(name).with_extension("log")
     }
 
-    /// Starts a script of this crate, and passes the definition of the message `NeuroFrame` on its
-    /// stdin.
+    /// Starts a script of this crate, with the definition of the message `NeuroFrame` on its stdin.
     fn start_script(
         &self,
         python: Python,
@@ -218,8 +215,7 @@ impl Nodes {
         &self.codes[..=usize::from(self.rospy.is_some())]
     }
 
-    /// Measures both nodes for `seconds`. `sent` returns the times at which each code was sent to
-    /// our node and to the node in rospy.
+    /// Measures both nodes for `seconds`. `sent` returns when each code was sent to each node.
     ///
     /// # Errors
     /// A node has ended.
@@ -243,8 +239,7 @@ impl Nodes {
         })
     }
 
-    /// Waits until all codes that were sent before `end` have arrived, but no longer than
-    /// [`STRAGGLERS`].
+    /// Waits until the codes sent before `end` have arrived, but no longer than [`STRAGGLERS`].
     async fn wait_for_stragglers(&self, end: Instant, sent: &impl Fn() -> [Times; 2]) {
         let deadline = Instant::now() + STRAGGLERS;
         loop {
@@ -297,9 +292,8 @@ impl Pair {
         objects.collect()
     }
 
-    /// Returns the data of the histogram: intervals between arrivals through our node, between
-    /// codes sent to it, and between arrivals through the node in rospy. `from` names the source of
-    /// the codes.
+    /// Returns a histogram of the intervals between arrivals through our node, between codes sent
+    /// to it, and between arrivals through the node in rospy. `from` names the source of the codes.
     fn intervals(&self, [own, source, rospy]: [&str; 3], from: &str) -> Intervals {
         let series = |name: &str, ms: &[f64]| Series {
             name: name.to_owned(),
@@ -318,8 +312,7 @@ impl Pair {
     }
 }
 
-/// Asserts that a measurement of 2 s covers `count` nodes, and that each sent about as many codes
-/// as its rate demands.
+/// Asserts that a measurement of 2 s has `count` nodes, each with about as many codes as are due.
 #[cfg(test)]
 fn assert_two_seconds(report: &super::figures::Report, count: std::ops::RangeInclusive<usize>) {
     assert_eq!(report.faults(), [""; 0]);

@@ -108,8 +108,7 @@ fn report(
     Report::new("offline", figures, next)
 }
 
-/// The model, and a folder with the recording in two forms: GDF for our programs, numbers alone for
-/// Python.
+/// The model, and a folder with the recording as GDF for our programs and as numbers for Python.
 struct Ours {
     folder: TempDir,
     model: Model,

@@ -28,8 +28,7 @@ struct Printed {
     inputs: Vec<Counted>,
 }
 
-/// Instruction counts of one input: a tally for each place of a time step in the hop, and one for
-/// whole hops.
+/// Instruction counts of one input: a tally for each time step of a hop, and one for whole hops.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Counted {

@@ -58,8 +58,7 @@ fn stream(argument: &str, name: &str, streams: Streams) {
         let raw = raw_counts(&run.sent);
         let is_raw_equal = samples.iter().flat_map(|sample| &sample.counts).eq(&raw);
         let events = events(&run.sent);
-        // The first edge coincides with the first DRDY, the converter's signal that a sample is
-        // ready.
+        // The first edge is at the first DRDY (the converter's signal that a sample is ready).
         let expected_events = edges.events(events.first().map_or(0, |(at_us, _)| *at_us));
         let mut received = events.iter().peekable();
         let lost = (0..)
@@ -210,8 +209,7 @@ const BURST_EDGES: usize = 24;
 /// the encoder is busy.
 const BURST_KEPT: usize = 13;
 
-/// Time between two edges of a burst, microseconds; short enough for the whole burst to lie between
-/// two DRDYs.
+/// Time between two edges of a burst, microseconds. The whole burst is between two DRDYs.
 const BOUNCE_US: usize = 20;
 
 /// Edges of the trigger input, rising and falling in turn.

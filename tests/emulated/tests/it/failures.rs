@@ -17,8 +17,7 @@ const FAILURES: [(&str, ResetCause, &str); 3] = [
     ("fault", ResetCause::Fault, "hard fault at 0x"),
 ];
 
-/// Duration of the samples of the scenario, seconds. After its reset, the image reads them from the
-/// start again.
+/// Duration of the samples, seconds. After its reset, the image reads them from the start again.
 const SECONDS: usize = 3;
 
 /// Number of codes that a boot computes if it reads all samples.

@@ -168,8 +168,7 @@ fn add_garbage(script: &mut Script, at_us: u64, random: &mut ChaCha8Rng) {
         })),
         4 => frames::frame(7, VERSION + 1, &ToDevice::Ping),
         _ => {
-            // Send more bytes than any frame has, in pieces that fit the receive buffer of the
-            // UART.
+            // Send more bytes than any frame has, in pieces that fit the UART's receive buffer.
             for piece in 0..5 {
                 script.add_bytes(1, at_us + 800 * piece, &[0x55; 500]);
             }

@@ -1,5 +1,4 @@
-//! Scenario without disturbance: a board sends the same codes as host-sim, and in a second run the
-//! same frames.
+//! Scenario without disturbance: a board sends host-sim's codes, and the same in a second run.
 
 use emulated::board::boards;
 use emulated::compare::{count_differences, first_difference};

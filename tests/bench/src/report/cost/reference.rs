@@ -1,5 +1,4 @@
-//! Inputs of the image `encoder` for any model, and the codes that model-gen's batch reference
-//! computes from them.
+//! Inputs of the image `encoder` for any model, and their codes from model-gen's batch reference.
 
 use any_model::Stress;
 use artifact::{Artifact, CodeFormat, IntegerCode};
@@ -20,8 +19,7 @@ pub(super) struct Reference {
 }
 
 impl Reference {
-    /// Makes inputs that have at least `windows` windows together, and encodes each window on its
-    /// own.
+    /// Makes inputs with at least `windows` windows together, and encodes each window on its own.
     ///
     /// # Errors
     /// The model's ranges do not fit its integers.

@@ -34,8 +34,7 @@ pub(crate) struct Counts {
     kernels: Vec<KernelCount>,
     #[serde(flatten)]
     pub(crate) figures: Figures,
-    /// Number of instructions per code outside the kernels, such as requantisation, sums and
-    /// reordering.
+    /// Number of instructions per code outside the kernels: requantisation, sums, reordering.
     rest_per_code: i64,
     acquisition_per_code: u32,
     #[serde(skip)]

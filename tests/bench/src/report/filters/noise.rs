@@ -1,5 +1,5 @@
-//! Measures the noise that a filter's arithmetic adds to the signal: the fixed-point output minus
-//! that of the same filter in f64, its twin.
+//! Measures the noise that fixed-point arithmetic adds to a filter's output: the output minus that
+//! of the same filter in f64, its twin.
 
 use std::f64::consts::PI;
 
@@ -169,8 +169,8 @@ fn counts([offset, mains, eeg]: Amplitudes, electrode: u64) -> Vec<i32> {
         .collect()
 }
 
-/// Returns noise whose power density is proportional to 1/f from 0.5 Hz upwards, with random phases
-/// and rms 1.
+/// Returns noise of rms 1 with random phases, whose power density is proportional to 1/f from 0.5
+/// Hz.
 fn pink(random: &mut ChaCha8Rng, samples: usize) -> Vec<f64> {
     let transform = RealFftPlanner::<f64>::new().plan_fft_inverse(samples);
     let mut bins = transform.make_input_vec();
@@ -206,8 +206,7 @@ struct Spectrum {
 }
 
 impl Spectrum {
-    /// Returns the average spectrum of Hann-windowed segments that overlap by half, after removing
-    /// the mean of each.
+    /// Averages the spectra of Hann-windowed segments that overlap by half, each without its mean.
     ///
     /// # Panics
     /// When the signal is shorter than a segment.
@@ -290,8 +289,7 @@ mod tests {
         };
         let error = error_nv(&counts(EEG, 0), twin, filter);
         let rms = Spectrum::new(&error, model::ADC_RATE_HZ.into()).rms(BAND_HZ);
-        // The noise of LSB / sqrt(12) rms is spread evenly over all frequencies up to half the
-        // rate.
+        // The noise of LSB / sqrt(12) rms is spread evenly from 0 Hz to half the rate.
         let width = (BAND_HZ[1] - BAND_HZ[0]) / (f64::from(model::ADC_RATE_HZ) / 2.0);
         let expected = f64::from(model::LSB_NV) / 12.0_f64.sqrt() * width.sqrt();
         // The measured and the expected value differ by 1 %. In this band, the rms of 64 s of white

@@ -34,9 +34,8 @@ const ROSPY_TOPIC: &str = "/rospy/encoded";
 /// Name of a part of the measurement, and the figures of both nodes in it.
 type Part = (&'static str, Pair);
 
-/// Measures both nodes in two parts of `seconds` each: first with subscribers of the codes alone,
-/// then also with a subscriber of the reconstructed signals. Without rospy, only the bridge is
-/// measured.
+/// Measures both nodes in two parts of `seconds` each: with subscribers of the codes alone, then
+/// with one of the reconstructed signals too. Without rospy, only the bridge is measured.
 ///
 /// # Errors
 /// A program is missing, does not start, or loses its connection.
@@ -66,16 +65,14 @@ async fn run(programs: &Programs, seconds: u32) -> anyhow::Result<[Part; 2]> {
     let rospy = super::find_rospy();
     let rospy = rospy.map(|python| ros.start_script(python, "rospy_bridge.py", &arguments));
     let rospy = rospy.transpose()?;
-    // Look for a free port: it is free again once the listener is dropped, and host-sim then takes
-    // it.
+    // Look for a free port, which is free again once the listener is dropped; host-sim takes it.
     let port = TcpListener::bind(ANY_PORT)?.local_addr()?.port();
     let signal = Duration::from_secs(2 * u64::from(seconds)) + START + 3 * WARM_UP;
     let duration = format!("--duration={}", signal.as_secs());
     let output = format!("--output=tcp:127.0.0.1:{port}");
     let arguments = ["run", "--input=synthetic", "--realtime", &duration, &output];
     let _board = ros.start_program(programs, BOARD, &arguments)?;
-    // Wait for the connections in another thread, because the ROS master must answer on this one
-    // meanwhile.
+    // Connect in another thread, because the ROS master must answer on this one meanwhile.
     let has_rospy = rospy.is_some();
     let relay = tokio::task::spawn_blocking(move || {
         Relay::start(port, &to_bridge, has_rospy.then_some(&to_rospy))
@@ -135,8 +132,7 @@ mod tests {
     use super::super::figures::{Times, Usage};
     use super::*;
 
-    /// Returns the figures of a node at which code number i arrives `latency_ms[i]` after it was
-    /// sent.
+    /// Returns the figures of a node if code i arrives `latency_ms[i]` after it was sent.
     fn figures(latency_ms: &[u64]) -> Figures {
         let start = Instant::now();
         let sent = |window: u64| {

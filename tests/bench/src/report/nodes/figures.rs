@@ -37,8 +37,7 @@ impl SharedTimes {
     }
 }
 
-/// Figures of one node over a span of time. All times are differences of this PC's monotonic clock,
-/// ms.
+/// Figures of one node over a span of time. Times are differences of this PC's monotonic clock, ms.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct Figures {
     /// Number of codes that arrived from the node.

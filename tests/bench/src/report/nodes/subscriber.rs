@@ -79,8 +79,7 @@ impl Drop for Subscriber {
     }
 }
 
-/// Returns the index of the window, which the frame states in two status words; `None` for a
-/// filler.
+/// Returns the index of the window from two of the frame's status words; `None` for a filler.
 fn window_of(frame: &NeuroFrame) -> Option<u64> {
     let word = |label: &str| {
         let place = frame
