@@ -13,7 +13,7 @@ use crate::error::FilterError;
 pub struct FilterSpec {
     /// Sampling rate of the input, Hz.
     pub rate_hz: f64,
-    /// Mains frequency in Hz, removed by a notch.
+    /// Frequency of the mains, which a notch removes, Hz.
     pub mains_hz: f64,
     /// Quality factor of every notch: its frequency divided by its -3 dB width. It is the same at
     /// harmonics, because a deviation of the mains moves the k-th harmonic k times as far.
@@ -106,16 +106,19 @@ impl FilterSpec {
     }
 }
 
-/// A digital Butterworth band-pass: poles and gain; its zeros are at z = 1 and z = -1.
+/// A digital Butterworth band-pass, given by poles and gain. Half of its zeros are at z = 1 and
+/// half at z = -1.
 ///
 /// The transfer function is `gain * ((z - 1)(z + 1))^order / prod(z - pole)`.
 #[derive(Clone, Debug)]
 pub struct BandPass {
-    /// `2 * order` poles inside the unit circle, closed under conjugation.
+    /// Poles of the transfer function: `2 * order` inside the unit circle, complex ones in
+    /// conjugate pairs.
     pub poles: Vec<Complex64>,
     /// Constant factor `gain` of the transfer function.
     pub gain: f64,
-    /// Order of the low-pass prototype; the band-pass has twice as many poles.
+    /// Order of the low-pass from which the band-pass is derived; the band-pass has twice as many
+    /// poles.
     pub order: usize,
 }
 
@@ -156,7 +159,7 @@ pub fn butterworth_band_pass(order: usize, low_hz: f64, high_hz: f64, rate_hz: f
 pub struct Notch {
     /// Factor of the numerator, `1 / (1 + tan(w0 / 2Q))`, with w0 the notch's angular frequency.
     pub gain: f64,
-    /// Middle coefficient of the numerator without the factor `gain`: `-2 cos(w0)`.
+    /// Middle coefficient of the numerator, `-2 cos(w0)`, before it is multiplied by `gain`.
     pub cosine: f64,
 }
 
@@ -193,7 +196,8 @@ fn notch_section(notch: Notch) -> Section {
     }
 }
 
-/// Denominator `1 - a1 z^-1 - a2 z^-2` of one section, with the signs of [`Section`].
+/// Denominator `1 - a1 z^-1 - a2 z^-2` of one section's transfer function; the signs are those of
+/// [`Section`].
 #[derive(Clone, Copy)]
 struct Feedback {
     a1: f64,
@@ -294,7 +298,7 @@ pub(crate) fn denominator(section: &Section) -> (f64, f64) {
     }
 }
 
-/// Returns `b0`, `b1` and `b2` of the quantised section.
+/// Returns the numerator `b0 + b1 z^-1 + b2 z^-2` of the quantised section as `[b0, b1, b2]`.
 pub(crate) fn numerator(section: &Section) -> [f64; 3] {
     match *section {
         Section::Notch { a1, one_minus_b0 } => {

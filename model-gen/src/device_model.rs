@@ -18,7 +18,7 @@ use crate::{
 /// Mains frequencies for which filters are generated, Hz; the device selects one of them at start.
 pub const MAINS_HZ: [u32; 2] = [50, 60];
 
-/// Frequency at which the group delay is stated, Hz: the middle of the alpha band.
+/// Frequency for which the filters' group delay is stated, Hz: the middle of the alpha band.
 const DELAY_AT_HZ: f64 = 10.0;
 
 /// Level at which the filters count as settled after a step at the input, as a fraction of the
@@ -34,23 +34,23 @@ const MIN_INPUT_MULTIPLIER: i32 = 256;
 pub struct MainsFilter {
     /// Mains frequency that the notch removes, Hz.
     pub mains_hz: u32,
-    /// Quantised cascade, in signal order.
+    /// Sections of the quantised cascade, in signal order.
     pub sections: Vec<Section>,
     /// Worst-case gain from the input to every node of the cascade, in signal order.
     pub gains: Vec<NodeGain>,
-    /// Group delay of cascade and resampler at 10 Hz, microseconds.
+    /// Group delay of cascade and resampler together at 10 Hz, microseconds.
     pub group_delay_us: u32,
     /// Time from the middle of a window, at the electrodes, to the time stamp of the window's code,
     /// microseconds.
     pub scalp_delay_us: u32,
-    /// Number of ADC samples until the response to a step at the input has decayed to 1e-4 at the
-    /// output of the resampler.
+    /// Number of ADC samples after a step at the input until the resampler's output has decayed to
+    /// 1e-4 of the step.
     pub settling_samples: u32,
-    /// Description of the filters in words, which recordings store in their `prefiltering` fields.
+    /// Text that describes the filters; recordings store it in their `prefiltering` fields.
     pub description: String,
 }
 
-/// The integers into which an artifact is turned, and on which the device runs.
+/// A model in the integers with which the device computes, made from an artifact.
 #[derive(Clone, Debug)]
 pub struct DeviceModel {
     /// Id of the artifact; the device sends it with every code.
@@ -61,11 +61,11 @@ pub struct DeviceModel {
     pub filters: Vec<MainsFilter>,
     /// Resampler from the ADC's rate to the step rate; it follows the filters, whatever the mains.
     pub resampler: ResamplerTable,
-    /// Factor from a filtered sample (counts, Q27.5) to a level of the int8 input, Q0.32.
+    /// Factor that turns a filtered sample (counts, Q27.5) into a level of the int8 input, Q0.32.
     pub input_multiplier: i32,
     /// Quantised encoder, with the weights in the layout of the artifact.
     pub integers: IntegerModel,
-    /// The packed model, if the artifact has one.
+    /// The packed model; `None` if the artifact has none.
     pub packed: Option<PackedIntegers>,
 }
 
@@ -119,7 +119,7 @@ impl DeviceModel {
     }
 }
 
-/// Designs the cascade of an artifact's filters for one mains frequency at the ADC's rate.
+/// Designs the cascade of an artifact's filters, for one mains frequency and an ADC's rate.
 ///
 /// # Errors
 /// If the filters cannot be realised, as in [`cascade()`].

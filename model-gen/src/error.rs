@@ -1,4 +1,4 @@
-//! Errors of filter design and of turning an artifact into integers.
+//! Errors of designing filters and of turning an artifact into integers.
 
 use fixed_dsp::MAX_SECTIONS;
 
@@ -9,7 +9,7 @@ use crate::{
     response::MAX_SAMPLES,
 };
 
-/// Why filters or a resampler cannot be realised.
+/// Reason why a filter cascade or a resampler cannot be realised.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FilterError {
     /// A frequency is not positive, or not below half of the sampling rate: its name and value, Hz.
@@ -19,7 +19,8 @@ pub enum FilterError {
         limit = .2.nyquist_hz()
     )]
     OutsideNyquist(&'static str, f64, FilterSpec),
-    /// A harmonic of the mains frequency is not below half of the sampling rate.
+    /// The highest notch, at a harmonic of the mains frequency, is not below half of the sampling
+    /// rate.
     #[error(
         "with {} harmonics of {} Hz mains the last notch is at {} Hz, but it \
          must be below {} Hz, half of the sampling rate: lower [filters] harmonics in \
@@ -27,14 +28,14 @@ pub enum FilterError {
         .0.harmonics, .0.mains_hz, .0.highest_notch_hz(), .0.nyquist_hz()
     )]
     Harmonic(FilterSpec),
-    /// The lower edge of the band is not below the upper one.
+    /// The band-pass's lower edge is not below its upper edge.
     #[error(
         "the band from {} to {} Hz is empty: write [filters] band_hz of model.toml \
          as [lower edge, upper edge]",
         .0.band_hz[0], .0.band_hz[1]
     )]
     EmptyBand(FilterSpec),
-    /// The order of the band-pass is out of range.
+    /// The order of the band-pass is 0 or too high for quantised sections.
     #[error(
         "a band-pass of order {} is out of range: [filters] order of model.toml must be \
          between 1 and {MAX_ORDER}",
@@ -134,20 +135,20 @@ pub enum FilterError {
     Overflow(NodeGain, f64),
 }
 
-/// Why an artifact cannot be turned into integers.
+/// Reason why an artifact cannot be turned into integers.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelGenError {
     /// The artifact is unreadable or invalid.
     #[error(transparent)]
     Artifact(#[from] artifact::ArtifactError),
-    /// The filters for a mains frequency in Hz cannot be realised.
+    /// The filters for one mains frequency cannot be realised: the frequency in Hz, and the reason.
     #[error("the filters for {0} Hz mains cannot be realised")]
     Filter(u32, #[source] FilterError),
     /// The resampler from the ADC's rate to the step rate cannot be realised.
     #[error("the decimation cannot be realised")]
     Resampler(#[source] FilterError),
-    /// The requantisation factor of an output of a layer does not fit Q0.32: name of the layer,
-    /// index of the output, factor.
+    /// A layer's requantisation factor for one of its outputs does not fit Q0.32: name of the
+    /// layer, index of the output, factor.
     #[error(
         "output {1} of {0} needs a factor of {2}, outside of [-0.5, 0.5): the \
          calibrated range is far smaller than the weights can produce; calibrate again on data \
@@ -161,8 +162,8 @@ pub enum ModelGenError {
          together"
     )]
     InputScale(f64),
-    /// The accumulator of an output of a layer could overflow 32 bits: name of the layer, index of
-    /// the output, largest possible magnitude.
+    /// A layer's accumulator for one of its outputs could overflow 32 bits: name of the layer,
+    /// index of the output, largest possible magnitude.
     #[error(
         "an accumulator of {0} (output {1}) can reach {2}, beyond 2^31: the bias is \
          far larger than the weights; train with weight decay or drop the dead channel"
@@ -180,7 +181,8 @@ pub enum ModelGenError {
         /// Value of the padding, in levels of the first convolution's quantised output.
         value: f64,
     },
-    /// A calibrated range is not a positive, finite number: name of the tensor, and its value.
+    /// A range from calibration is not a positive, finite number: name of its tensor, and its
+    /// value.
     #[error("the calibrated range of {0} is {1}: run the calibration again")]
     Calibration(&'static str, f64),
     /// The description states mains frequencies that this version does not support: the list.

@@ -25,11 +25,11 @@ const NOISE: f64 = 1.0 / 131_072.0;
 pub struct NodeGain {
     /// Name of the node, for example "output of section 3".
     pub node: String,
-    /// L1 norm of the impulse response from the input to the node.
+    /// Worst-case gain: the L1 norm of the impulse response from the input to the node.
     pub gain: f64,
 }
 
-/// Returns the worst-case gain of every signal in a cascade that must fit 32 bits.
+/// Returns the worst-case gains of all signals within a cascade that must fit 32 bits.
 ///
 /// These signals are the outputs of all sections, the numerators of the sections that scale them,
 /// and the change (output minus input) and balance (`2 y2 - x0 - x2`) of a notch. Intermediate sums

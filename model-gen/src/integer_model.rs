@@ -2,16 +2,16 @@
 
 use artifact::{CONV1_CHANNELS, CodeFormat, Geometry, IntegerCode, KERNEL, Mode};
 
-/// Integers of one layer. Weights are in PyTorch's order: `[out][in][time][row][column]` in a
-/// convolution, `[out][in]` in a fully connected layer.
+/// Integers of one layer of the encoder. Weights are in PyTorch's order:
+/// `[out][in][time][row][column]` in a convolution, `[out][in]` in a fully connected layer.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct IntegerLayer {
     /// Weights, -127..=127.
     pub weights: Vec<i8>,
     /// Bias of each output, in units of the accumulator.
     pub bias: Vec<i32>,
-    /// Requantisation factor of each output, Q0.32. In a convolution, the factor is negative where
-    /// the weights of the channel are negated, because its batch norm has a negative factor.
+    /// Requantisation factor of each output, Q0.32. Where the batch norm after a convolution has a
+    /// negative factor, the channel's weights are negated and this factor is negative, too.
     pub multipliers: Vec<i32>,
 }
 
@@ -27,10 +27,10 @@ impl IntegerLayer {
     }
 }
 
-/// A quantised encoder. A layer that the mode does not have is empty.
+/// A quantised encoder. Layers that its mode does not have are empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IntegerModel {
-    /// Mode of the artifact: with convolutions, a linear shortcut, or both.
+    /// Mode of the artifact, which says whether the encoder has convolutions, a shortcut, or both.
     pub mode: Mode,
     /// Dimensions of window and code; padding, pool and sizes of the convolutions.
     pub geometry: Geometry,
@@ -59,8 +59,8 @@ pub struct IntegerModel {
 }
 
 impl IntegerModel {
-    /// Returns the largest magnitude of an input of the second convolution: 255, or the magnitude
-    /// of a padding value if that is larger.
+    /// Returns the largest magnitude of an input of the second convolution: 255, or that of a
+    /// padding value if it is larger.
     pub fn largest_hidden(&self) -> i32 {
         largest_hidden(&self.hidden_padding)
     }
@@ -96,7 +96,7 @@ impl IntegerModel {
         integer_code(self.code_format, &levels)
     }
 
-    /// Dequantises a code: `z = (level - zero point) * scale`.
+    /// Returns the values of a code in floats: `z = (level - zero point) * scale`.
     pub fn dequantise(&self, code: &IntegerCode) -> Vec<f32> {
         let levels = code.levels().into_iter();
         levels
@@ -154,7 +154,7 @@ pub fn integer_code(format: CodeFormat, levels: &[i64]) -> IntegerCode {
     }
 }
 
-/// A dense 4-d array, `[channel][time][row][column]`.
+/// A dense 4-d array of integers, in the order `[channel][time][row][column]`.
 struct Volume {
     shape: [usize; 4],
     values: Vec<i32>,
@@ -207,7 +207,7 @@ impl Volume {
     }
 }
 
-/// Computes an unpadded 3x3x3 convolution.
+/// Returns the sums of a 3x3x3 convolution of `input`, which must already be padded.
 fn convolve(conv: &IntegerLayer, input: &Volume) -> Volume {
     /// Number by which the convolution reduces the steps, rows and columns of its input.
     const SHRINK: usize = KERNEL - 1;
@@ -273,7 +273,7 @@ fn dot(weights: &[i8], features: &[i64]) -> i64 {
         .sum()
 }
 
-/// Multiplies a sum by a Q0.32 factor and rounds half up.
+/// Multiplies a sum by a Q0.32 factor, and rounds half up to an integer.
 fn scale(sum: i32, multiplier: i32) -> i32 {
     i32::try_from(round_q32(i64::from(sum) * i64::from(multiplier)))
         .expect("the product of two 32-bit numbers over 2^32 has 31 bits")

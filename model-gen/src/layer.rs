@@ -2,7 +2,7 @@
 
 use crate::{error::ModelGenError, integer_model::IntegerLayer};
 
-/// Quantisation of a layer's input: `value = integer * scale`, |integer| <= `largest`.
+/// Quantisation of a layer's input: `value = integer * scale`, with |integer| <= `largest`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LayerInput {
     pub(crate) scale: f64,

@@ -10,7 +10,7 @@ use crate::{
 
 /// Size of a pair, an accumulator or a requantisation factor, bytes; each has 32 bits.
 const WORD: usize = size_of::<Pair>();
-/// Number of input planes from which a convolution computes one output plane.
+/// Number of planes in time that a convolution reads for one plane of its output.
 const PLANES: usize = KERNEL;
 
 /// Flash and RAM of one part of the encoder.
@@ -52,7 +52,8 @@ pub fn parts(model: &IntegerModel, hop: usize) -> Vec<Part> {
     }
     parts.push(Part {
         name: format!("codes of {open_windows} open windows"),
-        // Each number of a code has a bias, two factors and a zero point of one byte.
+        // Each number of a code has a bias, two factors (fully connected layer and shortcut), and a
+        // zero point of one byte.
         flash_bytes: 3 * WORD * numbers + numbers,
         ram_bytes: open_windows * 2 * WORD * numbers,
     });

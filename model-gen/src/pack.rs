@@ -10,12 +10,12 @@ const TAPS: usize = KERNEL.pow(3);
 /// Number of pairs of channels that lead from the first convolution to the second.
 const HIDDEN_PAIRS: usize = CONV1_CHANNELS / 2;
 
-/// Kernel that computes the second convolution on the device.
+/// Implementation of the second convolution that runs on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConvKernel {
-    /// [`int8_nn::Winograd`]: needs the fewest instructions.
+    /// [`int8_nn::Winograd`], which needs the fewest instructions.
     Winograd,
-    /// [`int8_nn::Direct`]: supports every pool and every input range.
+    /// [`int8_nn::Direct`], which supports every pool and every input range.
     Direct,
 }
 
@@ -70,7 +70,8 @@ pub fn convolution(model: &IntegerModel) -> Vec<Pair> {
     packed
 }
 
-/// Reorders weights from PyTorch's `[out][in][tap]` to `[tap][in][out]`, tap = (time, row, column).
+/// Reorders weights from PyTorch's `[out][in][tap]` to `[tap][in][out]`; a tap is one (time, row,
+/// column) of the kernel.
 fn by_tap(conv: &IntegerLayer) -> Vec<i8> {
     let outputs = conv.bias.len();
     let per_tap = conv.weights.len() / TAPS;
@@ -170,7 +171,7 @@ fn matrices(weights: &[i8], outputs: usize, parts: usize, pairs: usize) -> Vec<V
 /// channel gets an offset, and the bias subtracts what the offsets add to the sums.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnsignedInput {
-    /// Offset added to all inputs of each channel, padding included; >= 0.
+    /// Offset that is added to all inputs of each channel, including the padding; >= 0.
     pub offset: [i16; CONV1_CHANNELS],
     /// Padding of each input channel, with the offset added.
     pub padding: [i16; CONV1_CHANNELS],
@@ -199,7 +200,7 @@ impl UnsignedInput {
         }
     }
 
-    /// Returns the largest input of the second convolution, offsets included.
+    /// Returns the largest input of the second convolution after the offsets are added.
     pub fn largest(&self) -> u16 {
         let offsets = self.offset.iter().map(|offset| 255 + offset.unsigned_abs());
         let paddings = self.padding.iter().map(|padding| padding.unsigned_abs());

@@ -5,15 +5,15 @@
 //!
 //! Batch norm follows the ReLU, so it cannot be folded into the convolution before it. With
 //! `g = weight / sqrt(variance + eps)` and `b = bias - g * mean`, the next layer reads
-//! `g * relu + b`.
-//! |g| is folded into the requantisation factor of the convolution, the sign of g into the weights of
-//! the next layer, and b times these weights into the bias of the next layer; without padding this
-//! is exact. Before the max-pool, a negative g would turn the maximum into a minimum. So the
-//! weights and the bias of such a channel are negated, and its requantisation factor is negative.
+//! `g * relu + b`. The factor |g| becomes part of the requantisation factor of the convolution, the
+//! sign of g part of the next layer's weights, and b times these weights part of its bias; without
+//! padding this is exact. Before the max-pool, a negative g would turn the maximum into a minimum.
+//! So the weights and the bias of such a channel are negated, and its requantisation factor is
+//! negative.
 //!
-//! With padding, the second convolution must read zeros after the first batch norm. Its bias
-//! contains b times all its weights, so a padded cell must cancel b. The cell holds the integer x
-//! that the norm turns into 0: `x = -sign(g) * b / scale`.
+//! With padding, the second convolution must read the padded cells as zeros after the first batch
+//! norm. Its bias contains b times all its weights, so a padded cell must cancel b. The cell holds
+//! the integer x that the norm turns into 0: `x = -sign(g) * b / scale`.
 
 use artifact::{
     Artifact, CONV1_CHANNELS, CONV2_CHANNELS, CodeFormat, Geometry, HEAD_ROOM, KERNEL,
@@ -40,8 +40,8 @@ const WIDE_CODE_HEAD_ROOM: f64 = 16.0;
 /// to all inputs of the channel, which are at most 255, and the sum must fit 16 bits.
 const LARGEST_PADDING: u16 = 32_767 - 255;
 
-/// Quantises the encoder of an artifact. Without a network, the integers are the input's scale and
-/// the grid's cells.
+/// Quantises the encoder of an artifact. For a model without a network, the result holds only the
+/// input's scale and the electrodes' cells.
 ///
 /// # Errors
 /// If a tensor is missing, a calibrated range is not positive, a factor does not fit Q0.32, a

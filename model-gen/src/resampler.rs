@@ -1,4 +1,4 @@
-//! Design and quantisation of the resampler from the ADC's rate to the step rate.
+//! Designs and quantises the resampler from the ADC's rate to the step rate.
 
 use std::f64::consts::PI;
 
@@ -21,7 +21,7 @@ pub const KAISER_BETA: f64 = 5.0;
 /// Reciprocal of the duration of the low-pass's impulse response, per second: it lasts 1/8 s,
 /// rounded up to a multiple of [`TAPS_MULTIPLE`] samples.
 const SPANS_PER_SECOND: u32 = 8;
-/// The number of taps of each phase is a multiple of this number.
+/// Number of which the number of taps of each phase is a multiple.
 const TAPS_MULTIPLE: u32 = 4;
 
 /// Largest permitted size of the delay line of all electrodes, and of the table of taps, bytes. It
@@ -87,8 +87,8 @@ impl ResamplerTable {
         self.taps[0].len()
     }
 
-    /// Returns the largest magnitude of the accumulator for 32-bit samples, including the addend
-    /// for rounding, as a fraction of 2^63.
+    /// Returns the largest magnitude that the accumulator can reach with 32-bit samples, including
+    /// the addend for rounding, as a fraction of 2^63.
     pub fn largest_accumulator(&self) -> f64 {
         #[expect(clippy::cast_precision_loss, reason = "a magnitude has 31 bits")]
         let sum = self.largest_magnitude() as f64 * 2.0_f64.powi(31);
@@ -137,8 +137,8 @@ impl ResamplerTable {
     }
 }
 
-/// Designs the anti-aliasing low-pass in polyphase form. Returns the taps of each phase, normalised
-/// to a gain of 1 at DC and quantised.
+/// Designs the anti-aliasing low-pass and splits it into `phases` phases. Returns the taps of each
+/// phase, normalised to a gain of 1 at DC and quantised.
 fn low_pass(rate_hz: u32, phases: usize, electrodes: usize) -> Result<Vec<Vec<i32>>, FilterError> {
     let taps = rate_hz
         .div_ceil(SPANS_PER_SECOND)

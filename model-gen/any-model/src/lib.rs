@@ -1,8 +1,9 @@
 //! Random models of every mode, padding, pool, size and montage, calibrated like a trained model,
 //! and inputs that are more extreme than any EEG.
 //!
-//! Tests and benchmarks need models of other shapes than the checked-in one, but no training:
-//! neither the codes' agreement nor their cost depends on what the weights are good for.
+//! Tests and benchmarks need models of other shapes than the checked-in one. Random weights
+//! suffice: they show as well as trained ones whether the device computes the same codes as the
+//! reference, and at what cost.
 //!
 //! ```text
 //! signal/model/artifact/model.toml ── change ──> Description ──┐
@@ -39,9 +40,9 @@ use model_gen::IntegerModel;
 pub use packed::any_packed;
 pub use stress::Stress;
 
-/// Folder of the built-in model, whose description the random models start from.
+/// Folder of the built-in model; the random models start from its description.
 const BUILT_IN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../signal/model/artifact");
-/// Folder of the montage files.
+/// Folder of the checked-in montage files, which say what channel carries what electrode.
 pub const MONTAGES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../files/montages");
 
 /// A window on the scalp grid, indexed by step, row and column, in units of the input's standard
@@ -71,7 +72,8 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
             [2, 1, 1],
             [2, 2, 1],
         ] {
-            // A pool of four steps does not fit a window that is padded in time.
+            // Skip the pool of four steps if the window is padded in time, because its steps do not
+            // divide.
             if !(padding.pads_time() && pool[0] == 4) {
                 variants.push((Mode::PaperCodeOnly, padding, pool));
                 variants.push((Mode::Shortcut, padding, pool));
@@ -122,7 +124,7 @@ pub fn any_artifact_with(
     Artifact::new(artifact.description, artifact.weights, calibration)
 }
 
-/// Size of a model: its grid, electrodes, window and code.
+/// Size of a model: scalp grid, electrodes, window, hop and code.
 #[derive(Clone, Copy, Debug)]
 pub struct Size {
     /// Rows and columns of the scalp grid.
@@ -246,7 +248,7 @@ fn apply_montage(montage: &MontageFile, description: &mut Description) {
     card.interpolated.clear();
 }
 
-/// Returns `count` random windows of a model's electrodes, smooth over time.
+/// Returns `count` random windows, which are smooth over time, for the model `artifact`.
 pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     let grid = ScalpGrid::new(&artifact.description);
     let dimensions = artifact.description.dimensions();
@@ -267,7 +269,8 @@ pub fn windows(seed: u32, artifact: &Artifact, count: usize) -> Vec<Window> {
     (0..count).map(|_| window()).collect()
 }
 
-/// Returns the cells of a window, quantised with the model's input scale and clamped to int8.
+/// Returns the window's cells as int8 inputs of the encoder: quantised with the model's input
+/// scale, and clamped.
 pub fn quantised(artifact: &Artifact, model: &IntegerModel, window: &Window) -> Vec<i8> {
     let sd_uv = artifact.description.input.sd_uv;
     let quantise = |x: &f32| {
@@ -341,7 +344,7 @@ fn calibration(artifact: &Artifact, windows: &[Window], traced: &[TracedCode]) -
     calibration
 }
 
-/// Pseudo-random numbers in [-1, 1) (a linear congruential generator, Numerical Recipes).
+/// Generator of pseudo-random numbers in [-1, 1): a linear congruential one (Numerical Recipes).
 pub(crate) struct Noise(pub(crate) u32);
 
 impl Noise {

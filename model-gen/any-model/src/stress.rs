@@ -4,7 +4,7 @@
 /// without an electrode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stress {
-    /// All cells are 0.
+    /// Every cell is always 0.
     Silence,
     /// Every cell is at a rail, -128 or 127, and jumps to the other rail with a probability of 1/8
     /// per plane.
@@ -16,10 +16,10 @@ pub enum Stress {
 }
 
 impl Stress {
-    /// Every sequence, in the order of the reports.
+    /// All sequences, in the order in which reports list them.
     pub const ALL: [Self; 4] = [Self::Silence, Self::Rails, Self::Impulses, Self::Noise];
 
-    /// Returns the name of the sequence in reports.
+    /// Returns the sequence's name in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Silence => "silence",

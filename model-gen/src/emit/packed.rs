@@ -1,4 +1,4 @@
-//! Writes the packed model as Rust constants.
+//! Writes the model of the packed code as Rust constants.
 
 use std::fmt::Display;
 

@@ -41,7 +41,7 @@ impl Source {
     }
 }
 
-/// Formats an integer with a separator every three digits.
+/// Formats an integer with a digit separator after every three digits, as in `65_536`.
 pub(super) fn separated(value: impl Display) -> String {
     let text = value.to_string();
     let (sign, digits) = text
@@ -57,7 +57,8 @@ pub(super) fn separated(value: impl Display) -> String {
     out
 }
 
-/// Formats a float literal that parses to the same bits, with its digits grouped by three.
+/// Formats a float literal that parses to exactly the same value, with its digits in groups of
+/// three.
 pub(super) fn float(value: f32) -> String {
     let text = format!("{value:?}");
     let (number, exponent) = text

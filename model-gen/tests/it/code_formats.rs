@@ -9,7 +9,7 @@ fn folder() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../signal/model/artifact")
 }
 
-/// Returns the built-in model with codes in `format`.
+/// Returns the built-in model, quantised for codes in the format `format`.
 fn model(format: CodeFormat) -> IntegerModel {
     let mut artifact = Artifact::read(&folder()).expect("the checked-in artifact is readable");
     artifact.description.code.format = format;

@@ -9,7 +9,7 @@ use model_gen::{
 
 const GOLDEN: &str = include_str!("scipy_firwin.csv");
 
-/// Usual sampling rates of amplifiers, Hz.
+/// Usual sampling rates of EEG amplifiers, Hz.
 const RATES: [u32; 6] = [250, 256, 500, 512, 1_000, 1_024];
 
 /// Iterates over the lines of the golden file: rate in Hz, number of phases, number of taps of all
@@ -137,7 +137,7 @@ fn the_error_of_an_impossible_rate_states_number_and_remedy() {
         ),
         (Decimation::Fir, 1_025, ["128 phases of 132 taps", "", ""]),
         // 133 Hz is so close to the step rate of 128 Hz that the taps of a phase hardly decay:
-        // their magnitudes sum to 2 or more.
+        // their magnitudes sum to 2 or more, which the accumulator does not allow.
         (Decimation::Fir, 133, ["from 133 Hz add up to", "", ""]),
         (Decimation::Fir, 9_999_999, ["65536", "", ""]),
     ] {

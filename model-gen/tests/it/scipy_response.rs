@@ -80,8 +80,8 @@ fn the_quantised_cascade_has_scipy_s_response_at_every_rate() {
     // exceed half of the rate), two mains frequencies and 17 frequencies.
     assert_eq!(lines, (6 * 3 - 2) * 2 * 17);
     // Coefficients have 32 fraction bits, a rounding error of 1.2e-10. The poles of the 0.5 Hz
-    // high-pass amplify this error by 1 / (1 - r)^2 close to the band edge. Measured maximum:
-    // 2.1e-5, at 0.5 Hz and a rate of 1000 Hz.
+    // high-pass, at radius r, amplify it by 1 / (1 - r)^2 close to the band edge. The largest
+    // measured deviation is 2.1e-5, at 0.5 Hz and a rate of 1000 Hz.
     assert!(worst < 5e-5, "largest deviation {worst:e}");
 }
 

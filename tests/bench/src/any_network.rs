@@ -9,7 +9,7 @@ use crate::random::Random;
 const NETWORKS: usize = 16;
 /// Length in bytes of the digest (hash) of one network's outputs.
 pub const DIGEST_BYTES: usize = size_of::<u64>();
-/// Length of the result of [`digests`] in bytes.
+/// Length of the result of [`digests`], bytes.
 pub const BYTES: usize = NETWORKS * DIGEST_BYTES;
 
 /// Largest number of rows of Winograd tiles in a random convolution.
@@ -23,11 +23,11 @@ const SUMS: usize = 8;
 /// Largest number of input pairs of a random fully connected layer.
 const PAIRS: usize = 128;
 
-/// Number of input columns of the first convolution.
+/// Number of input columns of the random first convolutions.
 const COLUMNS: usize = 11;
-/// Number of input columns of the second convolution.
+/// Number of input columns of the random second convolutions.
 const HIDDEN_COLUMNS: usize = 10;
-/// Number of pairs of input channels of the second convolution.
+/// Number of pairs of input channels of the random second convolutions.
 const HIDDEN_PAIRS: usize = 8;
 
 type First<'w> = InputConv<'w, COLUMNS>;
@@ -49,7 +49,7 @@ pub fn digests() -> [u8; BYTES] {
     bytes
 }
 
-/// 64-bit FNV-1a hash (Fowler, Noll and Vo) that takes words of 32 bits instead of bytes.
+/// 64-bit FNV-1a hash (Fowler, Noll and Vo), but over words of 32 bits instead of bytes.
 struct Hash(u64);
 
 impl Hash {
@@ -68,8 +68,8 @@ impl Draw {
         1 + self.0.next() as usize % most
     }
 
-    /// Draws a weight from -127 to 127. With a probability of 1/8 the weight is 127, and with the
-    /// same probability -127; otherwise it is uniform.
+    /// Draws a weight from -127 to 127: with probabilities of 1/8 each it is 127 or -127, otherwise
+    /// it is uniform.
     fn weight(&mut self) -> i8 {
         let [any, choice, ..] = self.0.next().to_le_bytes();
         match choice % 8 {

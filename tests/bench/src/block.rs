@@ -7,7 +7,7 @@ use model::ELECTRODES;
 /// 2^28.
 pub type Block = [[i32; BLOCK]; ELECTRODES];
 
-/// A block of zeros.
+/// A block whose values are all 0.
 pub const SILENCE: Block = [[0; BLOCK]; ELECTRODES];
 
 /// Length of a block in the files of an image, bytes. Values are stored electrode by electrode, 32
@@ -26,7 +26,7 @@ pub const INPUTS: &str = "inputs.bin";
 /// one block for each contender.
 pub const OUTPUTS: &str = "outputs.bin";
 
-/// Returns the bytes of a block in a file, in the order that [`BYTES`] states.
+/// Returns the bytes that store a block in a file, in the order that [`BYTES`] describes.
 pub fn to_bytes(block: &Block) -> [u8; BYTES] {
     let mut bytes = [0; BYTES];
     let words = bytes.as_chunks_mut().0;

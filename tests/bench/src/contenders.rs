@@ -24,7 +24,7 @@ pub trait Contender {
     fn output(&self) -> Block;
 }
 
-/// Names of the contenders in reports, in the order of [`with_contenders`].
+/// Names of the contenders in reports, in the order in which [`with_contenders`] passes them.
 pub const NAMES: [&str; 8] = [
     "ours-blocks",
     "ours-singles",
@@ -36,7 +36,7 @@ pub const NAMES: [&str; 8] = [
     "idsp-plain",
 ];
 
-/// Calls `use_them` with all contenders, in the order of [`NAMES`] and with all states zero.
+/// Calls `use_them` with all contenders, newly created and in the order of [`NAMES`].
 pub fn with_contenders<R>(use_them: impl FnOnce([&mut dyn Contender; NAMES.len()]) -> R) -> R {
     use_them([
         &mut Blocks::default(),

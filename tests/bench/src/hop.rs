@@ -7,7 +7,7 @@ use model::{HOP, STEPS};
 /// second window is complete, the encoder's buffers fill.
 pub const FILLING: usize = STEPS + HOP;
 
-/// Index, within a hop, of the time step that completes a window.
+/// Index, within a hop, of the time step that completes a window and its code.
 pub const COMPLETING: usize = (STEPS - 1) % HOP;
 
 /// Returns the number of time steps that complete `windows` windows, at least two windows.

@@ -28,9 +28,9 @@ const SHORTCUT_WEIGHTS: &[Pair; SHORTCUT_PAIRS] = match NETWORK.shortcut.first()
 /// A kernel of the encoder, and how often the encoder calls it for each code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kernel {
-    /// Name of the layer in reports.
+    /// Name of the kernel's layer in reports.
     pub name: &'static str,
-    /// Number of calls for each code.
+    /// Number of calls of the kernel for each code.
     pub per_code: u32,
 }
 

@@ -18,7 +18,7 @@ use crate::block::{INPUTS, OUTPUTS};
 /// Address of the load register of the dual timer's timer 1. Registers are those of CMSDK (ARM DDI
 /// 0479), addresses those of the MPS2's FPGA images AN386 and AN500.
 const LOAD: *mut u32 = 0x4000_2000 as *mut u32;
-/// Address of the current value of the dual timer's timer 1, which counts down.
+/// Address of the register with the current value of the dual timer's timer 1, which counts down.
 const VALUE: *const u32 = 0x4000_2004 as *const u32;
 /// Address of the control register of the dual timer's timer 1.
 const CONTROL: *mut u32 = 0x4000_2008 as *mut u32;
@@ -55,7 +55,7 @@ impl Clock {
         let mut clock = Self { overhead: 0 };
         clock.overhead = clock.count(&mut || {});
         let known = clock.count(&mut || {
-            // SAFETY: the block executes NOPs only.
+            // SAFETY: the block consists of NOPs, which touch neither memory nor registers.
             unsafe { asm!(".rept {}", "nop", ".endr", const KNOWN, options(nomem, nostack)) };
         });
         if known == KNOWN {
@@ -225,7 +225,7 @@ impl HostFile {
         }
     }
 
-    /// Fills the buffer and returns true; returns false at the end of the file.
+    /// Fills the buffer from the file and returns true; returns false at the end of the file.
     ///
     /// # Errors
     /// The file ends within the buffer, or cannot be read.
@@ -253,7 +253,7 @@ impl HostFile {
     }
 }
 
-/// Ends the emulation. QEMU's exit status is 0 for `success` and 1 otherwise.
+/// Ends the emulation. The exit status of QEMU is 0 if `success` is true, otherwise 1.
 pub fn exit(success: bool) -> ! {
     loop {
         debug::exit(if success {

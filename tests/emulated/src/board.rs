@@ -26,7 +26,7 @@ pub const INSTRUCTION_SHIFT: u8 = 4;
 pub struct Board {
     /// The board that QEMU emulates, with its processor.
     pub machine: Machine,
-    /// Image that the board runs.
+    /// Image of the application that the board runs.
     pub image: Image,
     /// QEMU's working folder; the image reads and writes its files there.
     pub folder: PathBuf,
@@ -147,7 +147,7 @@ impl Board {
 /// What the image has sent and printed in one run.
 #[derive(Debug)]
 pub struct Run {
-    /// Bytes that the UART has sent.
+    /// All bytes that the UART has sent.
     pub sent: Vec<u8>,
     /// Lines that the image has printed through semihosting, in order.
     pub lines: Vec<String>,

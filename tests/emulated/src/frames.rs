@@ -98,7 +98,7 @@ pub struct Boot {
     /// Times of the pipeline's stages over the whole boot, as the last `Timing` reported them;
     /// empty if there was none.
     pub timing: Timing,
-    /// Answers to commands, in the order in which the board sent them.
+    /// Answers to commands, in the order in which the board has sent them.
     pub acks: Vec<Ack>,
     /// Answers to `SyncTime`, each after the device time of its frame in microseconds.
     pub clock_readings: Vec<(u64, ClockReading)>,
@@ -108,7 +108,7 @@ pub struct Boot {
     pub damaged: Vec<FrameError>,
     /// Number of frames that are missing, by the gaps in the sequence numbers of the intact ones.
     pub missing: u32,
-    /// Device time of the latest frame in microseconds.
+    /// Device time of the latest intact frame, microseconds.
     pub latest_us: u64,
     /// Device time of the frame with the last answer to a command, in microseconds.
     pub last_ack_us: u64,

@@ -12,7 +12,7 @@ pub enum EmulatorError {
         "QEMU is missing: `qemu-system-arm` does not start\n  next: `sudo apt-get install qemu-system-arm`"
     )]
     QemuMissing,
-    /// The compiler has no `core` library for the microcontroller.
+    /// The standard library for the microcontroller is not installed.
     #[error(
         "the standard library for {target} is missing: `rustc --print=target-libdir` names no folder\n  \
          next: `rustup target add {target}`",
@@ -22,7 +22,7 @@ pub enum EmulatorError {
     /// Cargo failed. Its own messages went to the standard error.
     #[error("`{command}` failed: {why}\n  next: read the compiler's message above")]
     Build {
-        /// Command line of cargo, as typed in a shell.
+        /// Command line of cargo, as a user would type it in a shell.
         command: String,
         /// Exit status of cargo, or what its messages lacked.
         why: String,

@@ -6,7 +6,7 @@ use std::io::Write;
 
 use serde::Serialize;
 
-/// Environment variable with the path of the file to which figures are appended.
+/// Environment variable that names the file to which figures are appended.
 pub const FILE: &str = "CORTICODE_FIGURES";
 
 /// Prints figures as one JSON object. If the variable [`FILE`] is set, also appends the object as a

@@ -16,7 +16,7 @@ use crate::qemu::TARGET;
 /// tests run in parallel.
 static BUILDS: Mutex<()> = Mutex::new(());
 
-/// A linked program for a microcontroller, as an ELF file.
+/// A linked program for a microcontroller: the path of its ELF file.
 #[derive(Debug, Clone)]
 pub struct Image {
     path: PathBuf,

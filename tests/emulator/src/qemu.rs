@@ -14,7 +14,7 @@ use crate::image::Image;
 /// Target triple for which images are built: Cortex-M4F, and Cortex-M7 with a single-precision FPU.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Name of the emulator's program, and of the Debian package that contains it.
+/// Name of the emulator's program, which is also that of its Debian package.
 pub const QEMU: &str = "qemu-system-arm";
 
 /// A board that QEMU can emulate.
@@ -24,7 +24,7 @@ pub struct Machine {
     pub name: &'static str,
     /// Processor of the board, as reports name it: "Cortex-M4F".
     pub core: &'static str,
-    /// Arguments of cargo that select the kernels for this processor.
+    /// Arguments of cargo that select the encoder's kernels for this processor.
     pub features: &'static [&'static str],
 }
 
@@ -98,7 +98,7 @@ impl Qemu {
         self
     }
 
-    /// Returns the prepared command, for a caller that manages the process itself.
+    /// Returns the command that starts QEMU, for a caller that manages the process itself.
     pub fn into_command(self) -> Command {
         self.command
     }

@@ -1,4 +1,5 @@
-//! Runs the filters and the resampler on one channel. `build.rs` includes this file as well.
+//! Runs filters and a resampler on one channel, on the device and, included by `build.rs`, on the
+//! PC.
 
 use fixed_dsp::{BLOCK, Cascade, DelayLine, Filter, Position, Resampler};
 

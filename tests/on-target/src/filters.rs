@@ -1,4 +1,4 @@
-//! Checks filters and resamplers that model-gen designs for several ADC rates.
+//! Checks the filters and resamplers that model-gen designs for several ADC rates.
 
 use fixed_dsp::{Cascade, Resampler};
 

@@ -1,5 +1,5 @@
-//! Runs the int8 kernels on small random layers, whose weights and activations often have extreme
-//! values. `build.rs` includes this file as well.
+//! Runs the int8 kernels on small random layers, in which extreme weights and activations are
+//! frequent. `build.rs` includes this file as well.
 
 use int8_nn::{Direct, Linear, Pair, PlaneShape, Winograd};
 
@@ -8,18 +8,18 @@ use crate::signal::Noise;
 /// Number of random layers of each of the three kinds: fully connected, Winograd and direct.
 const LAYERS: usize = 6;
 
-/// Number of pairs of input channels per convolution; the assembler kernels require 8.
+/// Number of pairs of input channels of a convolution; the assembler kernels require 8.
 const PAIRS: usize = 8;
-/// Number of input columns per convolution.
+/// Number of input columns of a convolution.
 const COLUMNS: usize = 6;
-/// Number of output channels per convolution.
+/// Number of output channels of a convolution.
 const OUTPUTS: usize = 2;
 /// Number of weights per convolution: 3 x 3 x 3 for each input and output channel.
 const TAPS: usize = 27 * 2 * PAIRS * OUTPUTS;
 
-/// Number of pairs of inputs per fully connected layer.
+/// Number of pairs of inputs of a fully connected layer.
 const INPUTS: usize = 32;
-/// Number of outputs per fully connected layer.
+/// Number of outputs of a fully connected layer.
 const SUMS: usize = 8;
 
 type Conv<'w> = Winograd<'w, PAIRS, COLUMNS>;

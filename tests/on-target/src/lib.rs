@@ -1,8 +1,8 @@
-//! Golden vectors that a microcontroller checks itself, emulated or on a board.
+//! Golden vectors that a microcontroller, emulated or on a board, checks by itself.
 //!
 //! Each [`Vector`] runs a part of the signal path on a generated input and compares the output with
-//! an expectation that `build.rs` has written. The expectation comes from scipy, from model-gen's
-//! batch reference or from the dumps in `docs/wire-format.md`; where none of these exists, it is
+//! the expected one, which `build.rs` has written. It comes from scipy, from model-gen's batch
+//! reference or from the dumps in `docs/wire-format.md`; for parts that these do not cover, it is
 //! what the portable kernels compute on the PC. A [`Mismatch`] names the first number that differs.
 //!
 //! ```text

@@ -62,8 +62,8 @@ mod image {
         DEVICE.init_with(Device::new)
     }
 
-    /// Value from which SysTick, a timer of 24 bits, counts down to 0 (ARMv7-M Architecture
-    /// Reference Manual, B3.3).
+    /// Value from which SysTick, a timer of 24 bits, counts down to 0 again and again (ARMv7-M
+    /// Architecture Reference Manual, B3.3).
     const RELOAD: u32 = 0x00ff_ffff;
 
     /// Number of times that SysTick has counted down to 0.

@@ -76,7 +76,7 @@ pub(crate) fn check_windows(encoder: &mut Encoder<'static>) -> Result<(), Mismat
     expect_equal("codes", &[golden::WINDOWS_IN_ALL], &[made])
 }
 
-/// Number of integers that [`numbers`] returns for a code.
+/// Number of integers into which [`numbers`] turns a code.
 const NUMBERS: usize = 8;
 
 /// Restarts the device and compares its codes for [`signal::samples`] with `codes`, in every field.

@@ -17,9 +17,9 @@ pub enum Line<'l> {
     },
     /// The output of a vector was not as expected; the line states why.
     Failed,
-    /// The last line of the output: the image has run all vectors.
+    /// The last line: the image has run all vectors.
     End {
-        /// Number of vectors that ran.
+        /// Number of vectors that the image ran.
         vectors: usize,
         /// Number of vectors that failed.
         failed: usize,

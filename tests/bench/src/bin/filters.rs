@@ -27,8 +27,7 @@ mod image {
         files.count_inputs(|files| count_input(clock, files))
     }
 
-    /// Filters the next input. Returns a tally for each contender, or `None` at the end of the
-    /// file.
+    /// Filters the next input. Returns each contender's tally, or `None` at the end of the file.
     fn count_input(
         clock: &Clock,
         files: &mut Files,

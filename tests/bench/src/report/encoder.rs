@@ -34,7 +34,7 @@ struct Part {
     name: String,
     flash_kib: i64,
     ram_kib: i64,
-    /// Name of the memory region that holds a program's variables and stack.
+    /// Name of the microcontroller's memory region that holds a program's variables and stack.
     region: String,
 }
 

@@ -32,7 +32,7 @@ enum Bound {
     Is(bool),
 }
 
-/// Figures of one run of a benchmark, compared with their limits.
+/// Report of one run of a benchmark: its figures, compared with their limits.
 #[derive(Debug)]
 pub(crate) struct Report {
     /// Name of the benchmark, which is its command and its table in `limits.toml`.
@@ -72,7 +72,7 @@ impl fmt::Display for Limit {
 }
 
 impl Report {
-    /// Compares the figures in `object` with the benchmark's limits in `limits.toml`.
+    /// Compares the figures in `object` with the limits of `benchmark` in `limits.toml`.
     ///
     /// # Errors
     /// The limits cannot be read.

@@ -20,7 +20,7 @@ use super::programs::Python;
 /// counted.
 const ROUNDS: usize = 9;
 
-/// Codes per second of the contenders in one round.
+/// Speeds of all contenders in one round, codes per second.
 #[derive(Debug)]
 struct Round {
     /// Our encoder, fed the stream of time steps.
@@ -91,7 +91,8 @@ fn report(
     Report::new("host", figures, next)
 }
 
-/// Number of windows in the input, and in PyTorch's batch.
+/// Number of windows in the input that every contender encodes; PyTorch also gets them as one
+/// batch.
 const WINDOWS: usize = 256;
 
 /// Shortest duration of the timing of one contender; `torch_encoder.py` uses the same value.
@@ -163,7 +164,7 @@ impl Ours {
         timed(|| streamed(&mut self.encoder, &self.steps).len())
     }
 
-    /// Times window after window, each with a new encoder; returns codes per second.
+    /// Times the encoder on single windows, each with a new encoder; returns codes per second.
     fn by_window(&self) -> f64 {
         timed(|| windows(&self.steps).len())
     }
@@ -209,9 +210,9 @@ struct Answer {
     version: String,
     /// Values of the codes of the first [`COMPARED`] windows, one code after the other.
     codes: Vec<f32>,
-    /// Codes per second with one window per call.
+    /// Codes per second with one window per call of the network.
     single: f64,
-    /// Codes per second with all windows in one call.
+    /// Codes per second with all windows in one call of the network.
     batch: f64,
 }
 

@@ -153,7 +153,7 @@ pub(crate) fn check_panics(loaded: &[u8]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Returns the names of all source files that occur in the loaded bytes.
+/// Returns the names of all source files that occur in the bytes of an image.
 fn source_files(loaded: &[u8]) -> BTreeSet<String> {
     let mut files = BTreeSet::new();
     for text in loaded.split(|byte| !byte.is_ascii_graphic()) {

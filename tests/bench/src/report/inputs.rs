@@ -27,7 +27,7 @@ const HELD_OUT: &str = "eegmmidb_S001/S001R11.edf";
 /// Number of time steps left out at the start of the packed encoder's inputs: 10 s of settling.
 const SETTLING_STEPS: usize = 1_280;
 
-/// Error message for a recording that cannot be read.
+/// Error message if a recording of real EEG cannot be read.
 const FAILED: &str = "reading real EEG failed\n  next: does CORTICODE_DATA name the right folder?";
 
 /// Inputs of equal length; an element `T` is a block, a plane, a sample or a step.
@@ -257,7 +257,7 @@ fn impulses(mut random: ChaCha8Rng) -> impl Iterator<Item = Sample> {
     })
 }
 
-/// Adds white noise of 100 uV rms to the first eight electrodes.
+/// Returns the samples with white noise of 100 uV rms added to the first eight electrodes.
 fn eight_noisy(
     samples: impl Iterator<Item = Sample>,
     mut random: ChaCha8Rng,

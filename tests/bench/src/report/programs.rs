@@ -74,7 +74,7 @@ impl Python {
     }
 }
 
-/// Runs a command with `input` on its stdin, and parses the JSON that it prints.
+/// Runs a command with `input` on its stdin, and parses what it prints as JSON.
 fn answer<T: DeserializeOwned>(command: &mut Command, input: &[u8]) -> anyhow::Result<T> {
     let mut process = command
         .stdin(Stdio::piped())

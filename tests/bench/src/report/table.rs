@@ -84,7 +84,7 @@ pub(crate) fn tables(title: &str, value: &Json) -> String {
         }
         rows.push(row);
     }
-    // With more fields than elements, swap rows and columns, so that each element is a column.
+    // If an element has more fields than there are elements, make each element a column.
     if rows[0].len() > rows.len() {
         let columns = 0..rows[0].len();
         let column = |column| {

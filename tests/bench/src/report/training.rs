@@ -45,7 +45,7 @@ struct Round {
 
 /// Number of rounds, each of which times every contender once.
 const ROUNDS: usize = 5;
-/// A round of the trainer, and one of PyTorch where it is installed.
+/// One round's results: of the trainer, and of PyTorch where it is installed.
 type Pair = (Round, Option<Round>);
 
 /// Times the trainer and PyTorch alternately.

@@ -212,7 +212,7 @@ const BURST_KEPT: usize = 13;
 /// Time between two edges of a burst, microseconds. The whole burst is between two DRDYs.
 const BOUNCE_US: usize = 20;
 
-/// Edges of the trigger input, rising and falling in turn.
+/// Edges at the trigger input, which rise and fall in turn.
 #[derive(Debug, Default)]
 struct Edges {
     /// Times of the edges, in microseconds after the first DRDY.

@@ -61,8 +61,8 @@ impl Reference {
     }
 }
 
-/// Returns a code as the pipeline serialises it: exponent, if the format has one, then values,
-/// little-endian.
+/// Returns a code's bytes as the pipeline serialises them: the exponent, if the format has one,
+/// then the values, little-endian.
 fn to_bytes(format: CodeFormat, code: &IntegerCode) -> Vec<u8> {
     let values = code.values.iter().flat_map(|value| value.to_le_bytes());
     match format {

@@ -14,7 +14,7 @@ use crate::tally::Tally;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Printed {
-    /// RAM that the state of acquisition and encoder occupies, bytes.
+    /// RAM for the state of acquisition and encoder, bytes.
     pub(crate) ram_bytes: u32,
     /// Number of instructions of the acquisition for the time steps of one hop.
     pub(crate) acquisition_per_code: u32,

@@ -244,7 +244,7 @@ fn disassemble(image: &Path) -> anyhow::Result<String> {
     programs::output_of(&mut command).context("llvm-objdump fails")
 }
 
-/// Returns the target address of a conditional branch; `None` for other instructions.
+/// Returns the target address if the instruction is a conditional branch, otherwise `None`.
 fn branch_target(instruction: &str) -> Option<u32> {
     let (name, operand) = instruction.split_once(' ')?;
     let name = name.strip_suffix(".w").unwrap_or(name);

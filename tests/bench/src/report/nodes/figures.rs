@@ -67,7 +67,7 @@ pub(super) struct Figures {
 }
 
 impl Figures {
-    /// Computes the figures of the codes that were sent between `start` and `end`.
+    /// Computes the figures from the codes that were sent between `start` and `end`.
     pub(super) fn new(
         sent: &Times,
         arrived: &Times,
@@ -143,7 +143,7 @@ const TICKS_PER_SECOND: u32 = 100;
 pub(super) struct Usage {
     /// Processor time of all threads, in user mode and in the kernel.
     pub(super) processor: Duration,
-    /// Resident memory, 10^6 bytes.
+    /// Resident memory of the process, 10^6 bytes.
     pub(super) resident_mb: f64,
 }
 

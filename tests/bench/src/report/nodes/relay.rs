@@ -14,7 +14,7 @@ use link::{Decoder, ToHost};
 use super::figures::{SharedTimes, Times};
 use super::wait_until;
 
-/// Time from one code to the next.
+/// Time from one code to the next in real time.
 const HOP: Duration =
     Duration::from_micros(model::HOP as u64 * 1_000_000 / model::STEP_RATE_HZ as u64);
 /// Delay with which the node in rospy gets a code after the bridge.
