@@ -26,8 +26,8 @@ pub struct FilterSpec {
     pub order: usize,
 }
 
-/// Highest order at each edge. At higher orders, poles are too close together for quantised
-/// sections.
+/// Highest order of the band-pass per edge. Beyond it, poles are too close together to be
+/// quantised.
 pub(crate) const MAX_ORDER: usize = 8;
 
 /// Designs the cascade of a specification: notches, high-pass sections (low Q first), one band-pass

@@ -12,7 +12,7 @@ pub struct Chain<'a> {
     pub sections: &'a [Section],
     /// Resampler that reads the output of the cascade.
     pub resampler: &'a ResamplerTable,
-    /// Sampling rate of the ADC, for which both are designed, Hz.
+    /// Sampling rate of the ADC, for which cascade and resampler are designed, Hz.
     pub rate_hz: u32,
 }
 

@@ -72,8 +72,7 @@ pub enum FilterError {
          raise the lower edge of [filters] band_hz in model.toml"
     )]
     SlowDecay(f64, f64),
-    /// A pole is so close to the unit circle that the response decays too slowly: the pole's
-    /// distance from the origin, and the number of samples until the response has decayed.
+    /// The poles cannot be paired into sections, because some are too close to the real axis.
     #[error(
         "a band from {} to {} Hz has poles too close to the real axis to be \
          paired: raise the lower edge of [filters] band_hz in model.toml",
@@ -185,7 +184,8 @@ pub enum ModelGenError {
     /// value.
     #[error("the calibrated range of {0} is {1}: run the calibration again")]
     Calibration(&'static str, f64),
-    /// The description states mains frequencies that this version does not support: the list.
+    /// The description states other mains frequencies than those that this version supports: its
+    /// list.
     #[error("[filters] mains_hz is {0}, but this version supports only [50, 60]")]
     MainsFrequencies(String),
     /// A generated file could not be written.

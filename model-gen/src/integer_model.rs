@@ -1,4 +1,4 @@
-//! The encoder in integers, weights in the artifact's layout, and reference computation of a code.
+//! The encoder in integers, in the artifact's layout, and the reference computation of a code.
 
 use artifact::{CONV1_CHANNELS, CodeFormat, Geometry, IntegerCode, KERNEL, Mode};
 

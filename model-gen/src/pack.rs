@@ -7,7 +7,7 @@ use crate::integer_model::{IntegerLayer, IntegerModel};
 
 /// Number of weights for each pair of input and output channel: steps x rows x columns of a kernel.
 const TAPS: usize = KERNEL.pow(3);
-/// Number of pairs of channels that lead from the first convolution to the second.
+/// Number of pairs of channels between the first and the second convolution.
 const HIDDEN_PAIRS: usize = CONV1_CHANNELS / 2;
 
 /// Implementation of the second convolution that runs on the device.

@@ -21,7 +21,7 @@ pub const KAISER_BETA: f64 = 5.0;
 /// Reciprocal of the duration of the low-pass's impulse response, per second: it lasts 1/8 s,
 /// rounded up to a multiple of [`TAPS_MULTIPLE`] samples.
 const SPANS_PER_SECOND: u32 = 8;
-/// Number of which the number of taps of each phase is a multiple.
+/// The number of taps of each phase is a multiple of this number.
 const TAPS_MULTIPLE: u32 = 4;
 
 /// Largest permitted size of the delay line of all electrodes, and of the table of taps, bytes. It
@@ -35,7 +35,7 @@ pub(crate) const LARGEST_BYTES: usize = 65_536;
 /// read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResamplerTable {
-    /// Number of input samples for every [`phases`](Self::phases) outputs.
+    /// Number of input samples that yield [`phases`](Self::phases) outputs.
     pub down: u16,
     /// Impulse response, Q2.30, `[phase][age]`; age 0 is the newest input sample. Every phase sums
     /// to exactly [`UNITY`], so that a constant passes each phase unchanged.

@@ -55,7 +55,7 @@ const CALIBRATION: usize = 16;
 /// Largest input magnitude that a model without a network states for its training data, uV.
 const LARGEST_UV: f32 = 500.0;
 
-/// Code length of the temporary network model whose description [`any_packed_alone`] takes over.
+/// Code length of the network that [`any_packed_alone`] first creates and then removes.
 const NUMBERS: usize = 16;
 
 /// Returns every tested combination of mode, padding and pool (steps, rows, columns). Mode `paper`
@@ -72,8 +72,8 @@ pub fn every_variant() -> Vec<(Mode, Padding, [usize; 3])> {
             [2, 1, 1],
             [2, 2, 1],
         ] {
-            // Skip the pool of four steps if the window is padded in time, because its steps do not
-            // divide.
+            // With padding in time, a model may not have pools of four steps: windows would share
+            // too few.
             if !(padding.pads_time() && pool[0] == 4) {
                 variants.push((Mode::PaperCodeOnly, padding, pool));
                 variants.push((Mode::Shortcut, padding, pool));

@@ -1,4 +1,4 @@
-//! Integration tests: filters and resamplers against scipy, code formats, and other amplifiers.
+//! Integration tests: filters against scipy, code formats, and models for other amplifiers.
 #![forbid(unsafe_code)]
 
 mod chain;

@@ -37,7 +37,8 @@ fn every_usual_rate_yields_a_model_with_all_ranges_proven() {
     }
 }
 
-/// Asserts that the generated source and the manifest contain the model's numbers; `case` names it.
+/// Asserts that the generated source and the manifest contain the model's numbers; `case` names the
+/// model in messages.
 fn check_generated_texts(model: &DeviceModel, case: &str) {
     let text = rust_files(model).map(|(_, text)| text).concat();
     let manifest = manifest(model);

@@ -1,4 +1,4 @@
-//! Calls each kernel of the encoder alone, with the built-in network's weights, to be counted.
+//! Calls each kernel of the encoder alone, with the built-in weights, to count its instructions.
 
 use core::hint::black_box;
 

@@ -74,7 +74,8 @@ enum Benchmark {
         #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(20..=100_000))]
         windows: u32,
     },
-    /// Cost, as of `model`, of one model with random weights for each file in `files/montages/`.
+    /// Cost, measured as by `model`, of models with random weights: one for each file in
+    /// `files/montages/`.
     Montages {
         /// Measure only the montage of this name.
         #[arg(long)]

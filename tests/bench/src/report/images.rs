@@ -69,7 +69,7 @@ pub(crate) fn different(expected: &[u8], output: &[u8], length: usize) -> usize 
     blocks.filter(|(block, expected)| block != expected).count()
 }
 
-/// Range over all inputs of the instructions of one contender, or of one time step of a hop.
+/// Fewest and most instructions over all inputs, for one contender or for one time step of a hop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Range {
     pub(crate) fewest: u32,

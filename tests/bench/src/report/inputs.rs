@@ -56,7 +56,8 @@ impl<T> Inputs<T> {
     /// Returns the inputs if each has `length` elements (blocks, samples or time steps).
     ///
     /// # Errors
-    /// The file `recording` is too short; `next` says what to do.
+    /// The recording is too short. The message contains its name `recording`, and `next`, what to
+    /// do.
     fn of_length(self, length: usize, recording: &str, next: &str) -> anyhow::Result<Self> {
         ensure!(
             self.data.iter().all(|input| input.len() == length),

@@ -35,11 +35,11 @@ const FOLDER: &str = "CORTICODE_PROGRAMS";
 const ANY_PORT: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 0);
 /// Longest permitted time until the first code has arrived at each subscriber, on a busy machine.
 const START: Duration = Duration::from_secs(30);
-/// Time before each measurement that does not count: connections are new, and caches are cold.
+/// Time before each measurement that is not measured, for connections and caches to settle.
 const WARM_UP: Duration = Duration::from_secs(3);
 /// Longest time to wait after a measurement for its last codes to arrive, on a busy machine.
 const STRAGGLERS: Duration = Duration::from_secs(10);
-/// Last part of a wait, without sleep: a sleep may end up to this much late.
+/// Time before the end of a wait in which the thread spins, because a sleep may end that much late.
 const BUSY: Duration = Duration::from_millis(2);
 
 /// Folder that contains the programs to be measured.

@@ -65,7 +65,7 @@ async fn run(programs: &Programs, seconds: u32) -> anyhow::Result<[Part; 2]> {
     let rospy = super::find_rospy();
     let rospy = rospy.map(|python| ros.start_script(python, "rospy_bridge.py", &arguments));
     let rospy = rospy.transpose()?;
-    // Look for a free port, which is free again once the listener is dropped; host-sim takes it.
+    // Find a free port: dropping the listener frees it again, and host-sim then takes it.
     let port = TcpListener::bind(ANY_PORT)?.local_addr()?.port();
     let signal = Duration::from_secs(2 * u64::from(seconds)) + START + 3 * WARM_UP;
     let duration = format!("--duration={}", signal.as_secs());
