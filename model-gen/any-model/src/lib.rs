@@ -156,7 +156,8 @@ impl Size {
         let [rows, columns] = self.grid;
         let cells = rows * columns;
         let is_electrode = |cell: usize| {
-            // Cell k has an electrode if k * electrodes / cells reaches an integer: an even spread.
+            // Spread electrodes evenly: cell k has one if k * electrodes / cells reaches an
+            // integer.
             (cell + 1) * self.electrodes / cells > cell * self.electrodes / cells
         };
         let label = |cell: usize| {

@@ -73,7 +73,7 @@ fn check_generated_texts(model: &DeviceModel, case: &str) {
             filter.description.contains(&format!("notch {mains_hz}")),
             "{case}"
         );
-        // The wire limits the text about the filters to 256 bytes.
+        // The wire format limits the text about the filters to 256 bytes.
         assert!(filter.description.len() < 256, "{case}");
     }
 }

@@ -21,7 +21,7 @@ mod image {
     use model::HOP;
     use pipeline::{ELECTRODES, PackedEncoder, PackedMemory, Step};
 
-    /// Instruction counts of one input: a tally for each time step of a hop, and one for hops.
+    /// Instruction counts of one input: a tally for each time step of a hop, one for whole hops.
     struct Counts {
         places: [Tally; HOP],
         hops: Tally,

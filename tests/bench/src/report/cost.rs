@@ -117,8 +117,8 @@ fn described(name: &str, artifact: &Artifact) -> Map<String, Json> {
     object.as_object().cloned().unwrap_or_default()
 }
 
-/// Builds the images that link only if no path from sample to code panics or allocates. Returns the
-/// flash that this path takes, bytes.
+/// Builds images to check that no path from sample to code panics or allocates. Returns the flash
+/// that acquisition and encoder take, bytes.
 ///
 /// # Errors
 /// A path panics or allocates.

@@ -13,7 +13,7 @@ use serde::de::DeserializeOwned;
 use crate::block::{INPUTS, OUTPUTS};
 use crate::tally::Tally;
 
-/// Longest permitted time in which an image prints nothing; measured are 3 s on one busy core.
+/// Longest permitted time in which an image prints nothing; the longest measured one is 3 s.
 const SILENCE: Duration = Duration::from_mins(2);
 
 /// Virtual time per instruction, which the images' counter assumes, as a power of two: 2^10 ns.
