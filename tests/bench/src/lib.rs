@@ -3,8 +3,8 @@
 //!
 //! An image reads `inputs.bin` through semihosting, runs the functions under test on these inputs,
 //! prints the number of their instructions and writes their outputs to `outputs.bin`. On the PC,
-//! `report` runs the same functions on the same inputs, compares the outputs bit for bit, and checks
-//! all figures against `tests/bench/limits.toml`.
+//! `report` runs the same functions on the same inputs, compares the outputs bit for bit, and
+//! checks all figures against `tests/bench/limits.toml`.
 //!
 //! ```text
 //!            inputs.bin              counts as TOML ─────┐
