@@ -184,8 +184,7 @@ pub enum ModelGenError {
     /// value.
     #[error("the calibrated range of {0} is {1}: run the calibration again")]
     Calibration(&'static str, f64),
-    /// The description states other mains frequencies than those that this version supports: its
-    /// list.
+    /// The description states other mains frequencies than this version supports: the stated list.
     #[error("[filters] mains_hz is {0}, but this version supports only [50, 60]")]
     MainsFrequencies(String),
     /// A generated file could not be written.

@@ -1,5 +1,5 @@
-//! Tests of the quantised cascades: compared with scipy's transfer functions. `scipy_response.py`
-//! in this folder printed the golden numbers.
+//! Compares the quantised cascades with scipy's transfer functions. `scipy_response.py` in this
+//! folder printed the golden numbers.
 
 use model_gen::{
     FilterSpec, butterworth_band_pass, cascade, headroom, notch, response::frequency_response,
